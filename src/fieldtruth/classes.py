@@ -1,0 +1,69 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The ontology: one table of id, name and flat colour (paper, Table 3), used by every sensor and every format.
+
+Ids 1 to 13 are the paper's reflectivities. Water, sky and void are ours: neither water nor sky returns a laser pulse, so
+the paper gives them none. Table is (0, 0, 0); void has no colour, because no pixel is ever void.
+"""
+
+from enum import IntEnum
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Label(IntEnum):
+    """Class id of a point or pixel; the LiDAR's intensity (reflectivity) is the same number."""
+
+    VOID = 0
+    GROUND = 1
+    TRUNK = 2
+    TREETOP = 3
+    BUSH = 4
+    ROCK = 5
+    HIGH_GRASS = 6
+    TRAIL = 7
+    LAMP_POST = 8
+    TRASH_BIN = 9
+    TABLE = 10
+    BENCH = 11
+    POST = 12
+    CABLE = 13
+    WATER = 14
+    SKY = 15
+
+
+class SemanticClass(NamedTuple):
+    """One row of the table: the id, its name for people, and its flat colour (None for void)."""
+
+    label: Label
+    name: str
+    rgb: tuple[int, int, int] | None
+
+
+CLASSES: Final[tuple[SemanticClass, ...]] = (
+    SemanticClass(Label.VOID, "void", None),
+    SemanticClass(Label.GROUND, "ground", (0, 255, 0)),
+    SemanticClass(Label.TRUNK, "trunk and branch", (255, 0, 255)),
+    SemanticClass(Label.TREETOP, "treetop", (255, 255, 0)),
+    SemanticClass(Label.BUSH, "bush", (0, 0, 255)),
+    SemanticClass(Label.ROCK, "rock", (255, 0, 0)),
+    SemanticClass(Label.HIGH_GRASS, "high grass", (97, 127, 56)),
+    SemanticClass(Label.TRAIL, "trail", (76, 57, 48)),
+    SemanticClass(Label.LAMP_POST, "lamp post", (204, 97, 20)),
+    SemanticClass(Label.TRASH_BIN, "trash bin", (102, 0, 102)),
+    SemanticClass(Label.TABLE, "table", (0, 0, 0)),
+    SemanticClass(Label.BENCH, "bench", (255, 255, 255)),
+    SemanticClass(Label.POST, "post", (61, 59, 112)),
+    SemanticClass(Label.CABLE, "cable", (255, 153, 153)),
+    SemanticClass(Label.WATER, "water", (33, 112, 178)),
+    SemanticClass(Label.SKY, "sky", (127, 127, 127)),
+)
+
+PALETTE: Final[NDArray[np.uint8]] = np.array([c.rgb or (0, 0, 0) for c in CLASSES], np.uint8)
+"""(16, 3) flat colour per class id; row 0 (void) is never written."""
+PALETTE.setflags(write=False)
+
+NO_RETURN: Final[frozenset[Label]] = frozenset({Label.WATER, Label.SKY})
+"""Classes that return no laser pulse."""

@@ -1,0 +1,82 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a drive leaves behind: the true motion at the physics rate, and the readings of the sensors that feel it."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+WHEELS: Final = ("front_left", "front_right", "rear_left", "rear_right")
+
+F8 = NDArray[np.float64]
+I8 = NDArray[np.int64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """True motion of base_link at the physics rate; row k is the state at ``stamps_ns[k]``, the first stamp is one step.
+
+    ``position`` (n, 3) [m] and ``quaternion_wxyz`` (n, 4) are world_from_base; ``linear_velocity`` (n, 3) [m/s] and
+    ``angular_velocity`` (n, 3) [rad/s] are of base_link's origin, expressed in the world frame as gazebo_msgs has them.
+    """
+
+    stamps_ns: I8
+    position: F8
+    quaternion_wxyz: F8
+    linear_velocity: F8
+    angular_velocity: F8
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImuReadings:
+    """Readings in imu_link (REP-145): orientation is world_from_imu; at rest the acceleration shows +g upwards."""
+
+    stamps_ns: I8
+    quaternion_wxyz: F8  # (n, 4)
+    angular_velocity: F8  # (n, 3) [rad/s], in imu_link
+    linear_acceleration: F8  # (n, 3) [m/s^2], specific force in imu_link
+
+
+@dataclass(frozen=True, kw_only=True)
+class GnssReadings:
+    """Position of the antenna (GNSS_link): ``geodetic`` (n, 3) latitude [deg], longitude [deg], ellipsoidal height [m]."""
+
+    stamps_ns: I8
+    geodetic: F8
+
+
+@dataclass(frozen=True, kw_only=True)
+class TachometerReadings:
+    """Angular speed of each wheel (n, 4) [rad/s], positive forwards, columns as in ``WHEELS``."""
+
+    stamps_ns: I8
+    wheel_speed: F8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Track:
+    """A whole drive. Every sensor of rate r reads at k / r for k = 1, 2, ..., up to and including the end."""
+
+    motion: Motion
+    imu: ImuReadings
+    gnss: GnssReadings
+    tachometers: TachometerReadings
+
+    @property
+    def duration_s(self) -> float:
+        """Simulated time [s] from 0 to the last state."""
+        return float(self.motion.stamps_ns[-1]) / 1e9
+
+    @property
+    def length_m(self) -> float:
+        """Driven length [m]: base_link's path sampled at 10 Hz, so that the wheels' jitter does not add to it."""
+        corners = self.motion.position[:: max(1, round(1e8 / float(self.motion.stamps_ns[0])))]
+        return float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum())
+
+
+def stamps_at_rate(rate_hz: float, duration_ns: int) -> I8:
+    """Stamps [ns] of a sensor of ``rate_hz``: k / rate for k = 1, 2, ... up to and including ``duration_ns``."""
+    count = int(duration_ns * rate_hz / 1e9 + 1e-9)
+    return np.rint(np.arange(1, count + 1) * (1e9 / rate_hz)).astype(np.int64)

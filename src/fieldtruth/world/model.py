@@ -1,0 +1,187 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a world is: terrain, meshes that are shared, objects that are instances of them, materials. Plain data, no behaviour.
+
+A triangle's class is its material's class; the terrain's class follows from the signed distance to the nearest trail's edge.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fieldtruth.classes import Label
+
+ROBOT_ID: Final = 0
+"""Object id of the robot, which no sensor of its own sees; so an id of 0 in a cloud or an image means nothing was hit."""
+GROUND_ID: Final = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Material:
+    """How a surface looks, and which class it is.
+
+    ``texture`` names an image in ``World.textures``; its mean colour is multiplied by ``tint`` (linear, 1 = unchanged).
+    """
+
+    name: str
+    label: Label
+    texture: str
+    tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    translucency: float = 0.0
+    """Share of the light on the far side that shines through (leaves: about 0.4)."""
+    gloss: float = 0.0
+    """Strength of the highlight, 0 (matt) to 1 (wet or lacquered)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Collider:
+    """A primitive that stands for a mesh in the physics, in the object's frame, upright.
+
+    ``size`` [m] is (radius, height) of a cylinder or (length, width, height) of a box; ``position`` is the centre of its foot.
+    """
+
+    shape: Literal["cylinder", "box"]
+    size: tuple[float, ...]
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    yaw_deg: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mesh:
+    """Triangles in the object's frame: origin on the ground below the middle, z up, x forward (furniture faces +x).
+
+    ``vertices`` (v, 3) float32 [m]; ``normals`` (v, 3) float32 of unit length; ``uv`` (v, 2) float32 in repeats of the
+    texture; ``faces`` (f, 3) int32; ``material`` (f,) int32, a row of ``materials``. What stands in the soil reaches
+    below z = 0 so that it does not float on a slope. ``footprint`` [m] is the radius about the origin that other things keep.
+    """
+
+    name: str
+    vertices: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    uv: NDArray[np.float32]
+    faces: NDArray[np.int32]
+    material: NDArray[np.int32]
+    materials: tuple[str, ...]
+    colliders: tuple[Collider, ...] = ()
+    footprint: float = 0.5
+
+
+def merge_meshes(name: str, parts: Sequence[Mesh], *, footprint: float) -> Mesh:
+    """One mesh of several in the same frame; equal material names become one, colliders are kept in order."""
+    names = tuple(dict.fromkeys(n for part in parts for n in part.materials))
+    offsets = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
+    rows = [np.array([names.index(n) for n in part.materials], np.int32)[part.material] for part in parts]
+    return Mesh(
+        name=name,
+        vertices=np.concatenate([part.vertices for part in parts]),
+        normals=np.concatenate([part.normals for part in parts]),
+        uv=np.concatenate([part.uv for part in parts]),
+        faces=np.concatenate([part.faces + np.int32(o) for part, o in zip(parts, offsets, strict=True)]),
+        material=np.concatenate(rows),
+        materials=names,
+        colliders=tuple(c for part in parts for c in part.colliders),
+        footprint=footprint,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Instance:
+    """An object: a mesh at a pose. ``object_id`` is its row in /gazebo/model_states and the cloud's ``instance``."""
+
+    name: str
+    kind: str
+    mesh: str
+    object_id: int
+    world_from_object: NDArray[np.float64]  # (4, 4), rotation times a uniform scale, and translation [m]
+    tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Heightfield:
+    """A regular grid of heights: ``heights[i, j]`` [m] stands at x = x0 + i * spacing, y = y0 + j * spacing.
+
+    Each cell is two triangles, divided from (i, j) to (i + 1, j + 1).
+    """
+
+    heights: NDArray[np.float32]  # (nx, ny)
+    spacing: float  # [m]
+    x0: float
+    y0: float
+
+    def height_at(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+        """Height [m] of the triangles at world x, y [m] (any shape); beyond the edge the edge's height holds."""
+        nx, ny = self.heights.shape
+        u = np.clip((np.asarray(x, np.float64) - self.x0) / self.spacing, 0, nx - 1)
+        v = np.clip((np.asarray(y, np.float64) - self.y0) / self.spacing, 0, ny - 1)
+        i, j = np.minimum(u.astype(int), nx - 2), np.minimum(v.astype(int), ny - 2)
+        fu, fv = u - i, v - j
+        h = self.heights.astype(np.float64)
+        h00, h11 = h[i, j], h[i + 1, j + 1]
+        corner = np.where(fu >= fv, h[i + 1, j], h[i, j + 1])
+        first, second = np.where(fu >= fv, fu, fv), np.where(fu >= fv, fv, fu)
+        return h00 + first * (corner - h00) + second * (h11 - corner)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Raster:
+    """A value per node of a regular grid over the world, (nx, ny) or (nx, ny, channels), read bilinearly."""
+
+    values: NDArray[np.float32]
+    spacing: float  # [m]
+    x0: float
+    y0: float
+
+    def at(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+        """Bilinear value at world x, y [m]; beyond the edge the edge's value holds."""
+        nx, ny = self.values.shape[:2]
+        u = np.clip((np.asarray(x, np.float64) - self.x0) / self.spacing, 0, nx - 1)
+        v = np.clip((np.asarray(y, np.float64) - self.y0) / self.spacing, 0, ny - 1)
+        i, j = np.minimum(u.astype(int), nx - 2), np.minimum(v.astype(int), ny - 2)
+        fu, fv = u - i, v - j
+        if self.values.ndim == 3:
+            fu, fv = fu[..., None], fv[..., None]
+        g = self.values.astype(np.float64)
+        low = g[i, j] * (1 - fv) + g[i, j + 1] * fv
+        high = g[i + 1, j] * (1 - fv) + g[i + 1, j + 1] * fv
+        return np.asarray(low * (1 - fu) + high * fu)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Terrain:
+    """The ground. ``trail_distance`` [m] is signed: below 0 inside a trail. The class is trail there, ground elsewhere.
+
+    ``cover`` holds one channel per name in ``ground_materials``: the weights with which these are mixed off the trails.
+    """
+
+    field: Heightfield
+    trail_distance: Raster
+    cover: Raster
+    ground_materials: tuple[str, ...]
+    trail_material: str
+    border_material: str
+    border_width: float = 0.0  # [m], measured inwards from the trail's edge
+
+    def label_at(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.uint8]:
+        """Class id of the ground at world x, y [m]."""
+        return np.where(self.trail_distance.at(x, y) < 0, Label.TRAIL, Label.GROUND).astype(np.uint8)
+
+
+@dataclass(frozen=True, kw_only=True)
+class World:
+    """A place: everything that a sensor can see and a wheel can touch. Frame: x north, y west, z up, origin in the middle."""
+
+    name: str
+    seed: int
+    size: tuple[float, float]  # [m] along x and y
+    terrain: Terrain
+    meshes: Mapping[str, Mesh]
+    instances: tuple[Instance, ...]
+    materials: Mapping[str, Material]
+    textures: Mapping[str, NDArray[np.uint8]]  # (n, n, 3) sRGB, tileable, n a power of two
+    backdrop: Mesh | None = None
+    """Land beyond the world's edge down to the horizon, class ground, seen by cameras and the LiDAR alike."""
+    object_names: tuple[str, ...] = field(default=())
+    """Name of each object id; row 0 is the robot, row 1 the ground."""
