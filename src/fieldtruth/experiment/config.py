@@ -6,30 +6,36 @@ from typing import Annotated
 
 from pydantic import Field
 
-from fieldtruth.experiment.rig import Frozen, Positive, Rig
+from fieldtruth.experiment.rig import Frozen, Number, Positive, Rig, Whole
 
-Latitude = Annotated[float, Field(ge=-90, le=90)]
-Longitude = Annotated[float, Field(ge=-180, le=180)]
+Latitude = Annotated[Number, Field(ge=-90, le=90)]
+Longitude = Annotated[Number, Field(ge=-180, le=180)]
+Name = Annotated[
+    str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$", description="a word of at most 64 letters, digits, - and _")
+]
+OneLine = Annotated[
+    str, Field(max_length=200, pattern=r"^[^\r\n]*$", description="one line of text, at most 200 characters")
+]
 
 
 class LightConfig(Frozen):
     """The sun: azimuth clockwise from north, elevation above the horizon [deg]. Defaults: a summer's morning."""
 
-    sun_azimuth_deg: Annotated[float, Field(ge=-360, le=360)] = 118.0
-    sun_elevation_deg: Annotated[float, Field(ge=5, le=90)] = 41.0
+    sun_azimuth_deg: Annotated[Number, Field(ge=-360, le=360)] = 118.0
+    sun_elevation_deg: Annotated[Number, Field(ge=5, le=90)] = 41.0
 
 
 class ControlConfig(Frozen):
     """Way-point following (paper, section 3): constant speed, turn rate proportional to the heading error."""
 
-    speed: Annotated[float, Field(gt=0, le=1.0)] = 0.3  # [m/s]; the Husky's maximum is 1 m/s
+    speed: Annotated[Number, Field(gt=0, le=1.0)] = 0.3  # [m/s]; the Husky's maximum is 1 m/s
     heading_gain: Positive = 1.0  # [(rad/s) / rad]
     max_turn_rate: Positive = 0.6  # [rad/s]
     arrival_distance: Positive = 2.0  # [m]; below it the next way-point is taken
 
 
 class RouteConfig(Frozen):
-    """Where to drive. Geodetic (latitude, longitude) [deg]; the robot starts at ``start`` and heads for the first way-point."""
+    """Where to drive: (latitude, longitude) [deg]; the robot starts at ``start`` and heads for the first way-point."""
 
     start: tuple[Latitude, Longitude]
     waypoints: Annotated[tuple[tuple[Latitude, Longitude], ...], Field(min_length=1)]
@@ -38,11 +44,13 @@ class RouteConfig(Frozen):
 class Experiment(Frozen):
     """One drive through one environment: the whole input of a data set. Same experiment, same bytes."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
-    environment: str
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
-    seconds: Positive | None = None
-    """End after this much simulated time [s]; None drives to the last way-point."""
+    name: Name
+    description: OneLine = ""
+    """What it is, for people."""
+    environment: Name
+    seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 0
+    seconds: Annotated[Number, Field(ge=0.001, le=86_400)] | None = None
+    """End after this much simulated time [s], one physics step to one day; None drives to the last way-point."""
     route: RouteConfig
     control: ControlConfig = ControlConfig()
     rig: Rig = Rig()

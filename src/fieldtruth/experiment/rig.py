@@ -1,28 +1,34 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The robot and its sensors as numbers: frames (paper, Table 2), rates, resolutions and fields of view (Tables 1 and 5)."""
+"""The robot and its sensors as numbers: frames (paper, Table 2); rates, resolutions, fields of view (Tables 1, 5)."""
 
-from typing import Annotated
+from typing import Annotated, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
 
 from fieldtruth import frames
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Rate = Annotated[float, Field(gt=0, le=1000, allow_inf_nan=False)]  # [Hz]; the physics runs at 1 kHz
+# Strict: a text or a yes/no is no number, so that a slip of the pen is not read as 1.
+Number = Annotated[float, Strict()]
+Whole = Annotated[int, Strict()]
+Switch = Annotated[bool, Strict()]
+Positive = Annotated[Number, Field(gt=0)]
+Reach = Annotated[Number, Field(gt=0, le=100_000)]  # [m]; single precision still tells 1 cm there
+Rate = Annotated[Number, Field(ge=0.01, le=1000)]  # [Hz]; the physics runs at 1 kHz
 
 
 class Frozen(BaseModel):
-    """Base of all configuration: immutable, and a key that it does not know is an error."""
+    """Base of all configuration: immutable, finite, and a key that it does not know is an error."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class Mount(Frozen):
     """Pose of a frame in base_link: ``xyz`` [m]; ``rpy_deg`` roll, pitch, yaw about fixed axes [deg]."""
 
-    xyz: tuple[float, float, float]
-    rpy_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    xyz: tuple[Number, Number, Number]
+    rpy_deg: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
 
     @property
     def base_from_sensor(self) -> frames.Array:
@@ -53,31 +59,51 @@ class GnssConfig(Frozen):
 class CameraConfig(Frozen):
     """Stereo pair of equal pinhole cameras (ZED-2). The mounts are the paper's frames: z forward, x down, y left."""
 
-    enabled: bool = True
+    enabled: Switch = True
     rate_hz: Rate = 25.0
-    width: Annotated[int, Field(ge=8, le=8192, multiple_of=8)] = 1280  # [pixel]
-    height: Annotated[int, Field(ge=8, le=8192, multiple_of=8)] = 720  # [pixel]
-    horizontal_fov_deg: Annotated[float, Field(gt=1, lt=170)] = 69.0
-    vertical_fov_deg: Annotated[float, Field(gt=1, lt=170)] = 42.0
-    far: Positive = 2000.0  # [m]; farther is sky
-    jpeg_quality: Annotated[int, Field(ge=1, le=100)] = 90
+    width: Annotated[Whole, Field(ge=8, le=8192, multiple_of=8)] = 1280  # [pixel]
+    height: Annotated[Whole, Field(ge=8, le=8192, multiple_of=8)] = 720  # [pixel]
+    horizontal_fov_deg: Annotated[Number, Field(gt=1, lt=170)] = 69.0
+    vertical_fov_deg: Annotated[Number, Field(gt=1, lt=170)] = 42.0
+    far: Reach = 2000.0  # [m]; farther is sky
+    jpeg_quality: Annotated[Whole, Field(ge=1, le=100)] = 90
     left: Mount = Mount(xyz=(0.15, 0.06, 0.720), rpy_deg=(0.0, 90.0, 0.0))
     right: Mount = Mount(xyz=(0.15, -0.06, 0.720), rpy_deg=(0.0, 90.0, 0.0))
+
+    @model_validator(mode="after")
+    def _rectified(self) -> Self:
+        left_from_right = frames.inverse(self.left.base_from_sensor) @ self.right.base_from_sensor
+        x, y, z = left_from_right[:3, 3]
+        # CameraInfo can say one baseline along the image rows and nothing else; y points left in the paper's frames.
+        if not np.allclose(left_from_right[:3, :3], np.eye(3), atol=1e-9) or abs(x) > 1e-9 or abs(z) > 1e-9 or y >= 0:
+            raise ValueError("left and right must look the same way, right beside left along the image rows")
+        return self
+
+    @property
+    def baseline(self) -> float:
+        """Distance between the cameras [m]."""
+        return float(np.linalg.norm(np.subtract(self.left.xyz, self.right.xyz)))
 
 
 class LidarConfig(Frozen):
     """Rotating multi-beam LiDAR (Ouster OS1-64) in os1_lidar."""
 
-    enabled: bool = True
+    enabled: Switch = True
     rate_hz: Rate = 10.0
-    columns: Annotated[int, Field(ge=8, le=4096)] = 512
-    rings: Annotated[int, Field(ge=1, le=256)] = 64
-    vertical_fov_deg: Annotated[float, Field(gt=0, lt=180)] = 45.0
-    min_range: Annotated[float, Field(ge=0)] = 0.3  # [m]; data sheet of the OS1
-    max_range: Positive = 120.0  # [m]; data sheet of the OS1
-    spinning: bool = False
+    columns: Annotated[Whole, Field(ge=8, le=4096)] = 512
+    rings: Annotated[Whole, Field(ge=1, le=256)] = 64
+    vertical_fov_deg: Annotated[Number, Field(gt=0, lt=180)] = 45.0
+    min_range: Annotated[Number, Field(ge=0)] = 0.3  # [m]; data sheet of the OS1
+    max_range: Reach = 120.0  # [m]; data sheet of the OS1
+    spinning: Switch = False
     """False: all rays leave at the stamp, as in the paper (Gazebo). True: columns are swept over one period."""
     mount: Mount = Mount(xyz=(0.09, 0.0, 0.826))
+
+    @model_validator(mode="after")
+    def _some_range(self) -> Self:
+        if self.min_range >= self.max_range:
+            raise ValueError(f"min_range {self.min_range!r} must be below max_range {self.max_range!r}")
+        return self
 
 
 class WheelConfig(Frozen):
@@ -85,7 +111,7 @@ class WheelConfig(Frozen):
 
     half_wheelbase: Positive = 0.256  # [m]
     half_track: Positive = 0.2854  # [m]
-    axle_height: float = 0.03282  # [m] above base_link
+    axle_height: Number = 0.03282  # [m] above base_link
     radius: Positive = 0.1651  # [m] = 0.03282 + 0.13228
 
 
@@ -120,3 +146,6 @@ class Rig(Frozen):
 
 CAMERA_FROM_OPTICAL = frames.pose((0.0, 0.0, 0.0), (0.0, 0.0, -90.0))
 """The paper's camera frames (x down, y left, z forward) from REP-103 optical frames (x right, y down, z forward)."""
+
+OPTICAL = frames.pose((0.0, 0.0, 0.0), (-90.0, 0.0, -90.0))
+"""A body frame (x forward, y left, z up) from the optical frame of a camera that looks along the body's x."""

@@ -1,0 +1,225 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The command ``fieldtruth``: a thin coat. Each sub-command is one call of the library; a user's mistake is one line.
+
+Exit codes: 0 done; 2 something the user can repair; 130 interrupted. Only light modules are imported at the top, so
+that ``--help``, ``list`` and every mistake answer at once.
+"""
+
+import argparse
+import os
+import shlex
+import sys
+import time
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Final, NoReturn
+
+import fieldtruth
+from fieldtruth.errors import FieldtruthError, UnknownNameError, nearest_first
+
+INTERRUPTED: Final = 130
+MISTAKE: Final = 2
+
+EXAMPLES: Final = """\
+examples:
+  fieldtruth list                                  what there is
+  fieldtruth generate park_1 --seconds 5           five seconds of the first experiment, in data/park_1
+  fieldtruth generate park_1 --no-cameras          LiDAR, IMU, GNSS and tachometers alone: minutes, not hours
+  fieldtruth generate data/park_1/experiment.yaml --out again     the same bag once more
+"""
+
+
+class UsageError(FieldtruthError):
+    """The command line itself is wrong."""
+
+
+class _Parser(argparse.ArgumentParser):
+    """Reports a mistake as an exception instead of printing its usage and ending the process."""
+
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(message)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line (by default the process's) and return its exit code."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    try:
+        command, options = _parse(arguments)
+        command(options)
+    except FieldtruthError as error:
+        return _fail(str(error), MISTAKE)
+    except KeyboardInterrupt:
+        return _fail(_how_to_resume(arguments), INTERRUPTED)
+    return 0
+
+
+def available_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _fail(message: str, code: int) -> int:
+    print("fieldtruth:", " ".join(message.split()), file=sys.stderr)
+    return code
+
+
+def _how_to_resume(arguments: Sequence[str]) -> str:
+    if arguments[:1] != ["generate"]:
+        return "interrupted"
+    # --overwrite would throw away what is to be kept.
+    again = shlex.join(["fieldtruth", *(a for a in arguments if a != "--overwrite")])
+    return f"interrupted; what is finished is kept, the same command goes on from there: {again}"
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Sub-commands
+
+
+def _generate(options: argparse.Namespace) -> None:
+    from fieldtruth.experiment.files import load_experiment, with_overrides
+
+    experiment = with_overrides(
+        load_experiment(options.experiment),
+        seconds=options.seconds,
+        seed=options.seed,
+        cameras=False if options.no_cameras else None,
+        lidar=False if options.no_lidar else None,
+    )
+    start = time.monotonic()
+    generate = import_module("fieldtruth.pipeline").generate
+    bag: Path = generate(experiment, options.out, workers=options.workers, overwrite=options.overwrite)
+    size_mb = bag.stat().st_size / 1e6
+    print(f"{bag}: {size_mb:.1f} MB in {time.monotonic() - start:.0f} s")
+
+
+def _list(options: argparse.Namespace) -> None:
+    from fieldtruth.experiment.catalogue import list_environments, list_experiments
+
+    for title, entries in (("experiments", list_experiments()), ("environments", list_environments())):
+        width = max(map(len, entries), default=0)
+        print(f"{title}:")
+        for name, description in entries.items():
+            print(f"  {name:<{width}}  {description}".rstrip())
+
+
+def _bench(options: argparse.Namespace) -> None:
+    import json
+
+    figures: dict[str, float] = import_module("fieldtruth.bench").run()
+    if options.json:
+        print(json.dumps(figures))
+        return
+    for name, value in figures.items():
+        print(f"{name:<32}{value:>12.4g}")
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Arguments
+
+Command = Callable[[argparse.Namespace], None]
+
+
+def _parse(arguments: Sequence[str]) -> tuple[Command, argparse.Namespace]:
+    parser, commands = _build_parser()
+    if not arguments:
+        raise UsageError(f"no command; there is: {', '.join(commands)} (fieldtruth --help tells more)")
+    if not arguments[0].startswith("-") and arguments[0] not in commands:
+        raise UnknownNameError("command", arguments[0], commands)
+    options, unknown = parser.parse_known_args(arguments)
+    if unknown:
+        _refuse(unknown[0], commands.get(arguments[0], parser))
+    run: Command = options.run
+    return run, options
+
+
+def _refuse(argument: str, parser: argparse.ArgumentParser) -> NoReturn:
+    if argument.startswith("-"):
+        name = argument.partition("=")[0]
+        known = [o for action in parser._actions for o in action.option_strings if o.startswith("--")]
+        raise UsageError(f"no option {name!r}; there is: {', '.join(nearest_first(name, known))}")
+    raise UsageError(f"one argument too many: {argument!r}")
+
+
+def _build_parser() -> tuple[_Parser, dict[str, _Parser]]:
+    layout = argparse.RawDescriptionHelpFormatter
+    parser = _Parser(
+        prog="fieldtruth",
+        description="Make automatically annotated data sets of a ground robot in natural environments.",
+        epilog=EXAMPLES,
+        formatter_class=layout,
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action=_Version)
+    subparsers = parser.add_subparsers(title="commands", metavar="COMMAND")
+
+    def command(name: str, run: Command, help_text: str, epilog: str | None = None) -> _Parser:
+        made: _Parser = subparsers.add_parser(
+            name, help=help_text, description=help_text, epilog=epilog, formatter_class=layout, allow_abbrev=False
+        )
+        made.set_defaults(run=run)
+        return made
+
+    generate = command("generate", _generate, "Drive, sense, label and write the bag.", EXAMPLES)
+    generate.add_argument(
+        "experiment", metavar="EXPERIMENT", help="a name that `fieldtruth list` shows, or a YAML file"
+    )
+    generate.add_argument("--out", metavar="DIR", type=Path, default=Path("data"), help="folder of data sets (data)")
+    generate.add_argument("--seconds", metavar="S", type=_number, help="end after this much simulated time")
+    generate.add_argument(
+        "--seed", metavar="N", type=_whole_number, help="of everything random; another seed, another world"
+    )
+    generate.add_argument(
+        "--workers",
+        metavar="N",
+        type=_count,
+        default=available_cores(),
+        help="threads (all cores); the bag is the same",
+    )
+    generate.add_argument("--no-cameras", action="store_true", help="leave the stereo pair out")
+    generate.add_argument("--no-lidar", action="store_true", help="leave the LiDAR out")
+    generate.add_argument(
+        "--overwrite", action="store_true", help="throw away what the output folder holds of this run"
+    )
+
+    command("list", _list, "Show the experiments and the environments.")
+    bench = command("bench", _bench, "Measure the speed on this machine.")
+    bench.add_argument("--json", action="store_true", help="one JSON object instead of a table")
+    return parser, {"generate": generate, "list": subparsers.choices["list"], "bench": bench}
+
+
+class _Version(argparse.Action):
+    """Prints the version; asks for it late, because the metadata take time to read."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str) -> None:
+        super().__init__(option_strings, dest, nargs=0, help="show the version and exit")
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        print(f"fieldtruth {fieldtruth.__version__}")
+        parser.exit()
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
+
+
+def _whole_number(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number") from None
+
+
+def _count(text: str) -> int:
+    number = _whole_number(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"{text} is below 1")
+    return number
+
+
+if __name__ == "__main__":
+    sys.exit(main())

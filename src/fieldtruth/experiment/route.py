@@ -1,0 +1,48 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Routes thought out in metres, written down in degrees: way-points of an experiment are geodetic, as in the paper.
+
+To move a route, write its points in metres and paste what this prints into the experiment's file::
+
+    print(fieldtruth.route_yaml(fieldtruth.route_from_metres((-33, -6), [(-22, -3), (-10, 2)])))
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from fieldtruth import geodesy
+from fieldtruth.experiment.config import RouteConfig
+
+DECIMALS: Final = 9
+"""Of a degree: a step of 0.1 mm on the ground."""
+
+
+def route_from_metres(start: Sequence[float], waypoints: Sequence[Sequence[float]]) -> RouteConfig:
+    """Make a route of points (x north, y west) [m] in the world frame, at the height of its origin."""
+    points = np.array([start, *waypoints], np.float64)
+    geodetic = geodesy.geodetic_from_world(np.column_stack([points, np.zeros(len(points))]))
+    pairs = [
+        (round(float(latitude), DECIMALS), round(float(longitude), DECIMALS)) for latitude, longitude, _ in geodetic
+    ]
+    return RouteConfig(start=pairs[0], waypoints=tuple(pairs[1:]))
+
+
+def metres_from_route(route: RouteConfig) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    """Points (1 + n, 2) x, y [m] in the world frame of a route's start and its n way-points."""
+    points = np.array([route.start, *route.waypoints], np.float64)
+    return geodesy.world_from_geodetic(np.column_stack([points, np.zeros(len(points))]))[:, :2]
+
+
+def route_yaml(route: RouteConfig) -> str:
+    """Write the ``route:`` part of an experiment's file, each point with its place in metres as a comment."""
+    pairs = [route.start, *route.waypoints]
+    metres = np.round(metres_from_route(route), 1) + 0.0  # no -0.0
+    texts = [
+        f"[{latitude:.{DECIMALS}f}, {longitude:.{DECIMALS}f}]  # x {x:5.1f} m, y {y:5.1f} m"
+        for (latitude, longitude), (x, y) in zip(pairs, metres, strict=True)
+    ]
+    return (
+        "\n".join(["route:", f"  start: {texts[0]}", "  waypoints:", *(f"    - {text}" for text in texts[1:])]) + "\n"
+    )

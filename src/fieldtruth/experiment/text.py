@@ -1,0 +1,68 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""YAML in and out, without surprises: safe types only, no key twice, ``1e3`` is a number, floats keep every bit."""
+
+import re
+from collections.abc import Hashable, Mapping, Sequence
+from typing import Any
+
+import yaml
+
+from fieldtruth.errors import ConfigurationError
+
+
+class _Loader(yaml.SafeLoader):
+    """Safe YAML 1.1, and two of its traps closed: a repeated key is an error, ``1e3`` is a number as in YAML 1.2."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        keys = [key.value for key, _ in node.value if key.tag != "tag:yaml.org,2002:merge"]
+        for i, (key, _) in enumerate(node.value):
+            if isinstance(key, yaml.ScalarNode) and key.value in keys[:i]:
+                raise yaml.constructor.ConstructorError(None, None, f"key {key.value!r} stands twice", key.start_mark)
+        return super().construct_mapping(node, deep)
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"^[-+]?[0-9]+(?:\.[0-9]*)?[eE][-+]?[0-9]+$"), list("-+0123456789")
+)
+
+
+class _Dumper(yaml.SafeDumper):
+    """Block style, but a list of plain values stands on one line."""
+
+
+def _represent_list(dumper: yaml.SafeDumper, data: Sequence[object]) -> yaml.Node:
+    plain = not any(isinstance(item, list | dict) for item in data)
+    return dumper.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=plain)
+
+
+_Dumper.add_representer(list, _represent_list)
+
+
+def parse_mapping(text: str, source: str) -> dict[str, Any]:
+    """Read one mapping with text keys.
+
+    Raises:
+        ConfigurationError: broken YAML (with line and column), or not a mapping of names. ``source`` stands in front.
+    """
+    try:
+        data = yaml.load(text, Loader=_Loader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        place = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+        raise ConfigurationError(f"{source}: broken YAML{place}: {error.problem or error.context}") from error
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        raise ConfigurationError(f"{source}: broken YAML at line {line}: {error.reason}") from error
+    except RecursionError as error:
+        raise ConfigurationError(f"{source}: broken YAML: nested too deeply") from error
+    except ValueError as error:  # a date or a number that cannot be
+        raise ConfigurationError(f"{source}: broken YAML: {error}") from error
+    if not isinstance(data, dict):
+        raise ConfigurationError(f"{source}: an experiment is a mapping (name: ..., environment: ...), this is none")
+    return data
+
+
+def write_mapping(data: Mapping[str, object]) -> str:
+    """Write a mapping of plain values in its own order; what :func:`parse_mapping` reads back is equal."""
+    return yaml.dump(dict(data), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120)
