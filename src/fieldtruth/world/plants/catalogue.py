@@ -1,0 +1,12 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""All plants by name. A new one is a `Species` in a family's file and a word here."""
+
+from collections.abc import Mapping
+from typing import Final
+
+from fieldtruth.world.plants.broadleaves import BIRCH, LIME, OAK
+from fieldtruth.world.plants.species import Species
+
+SPECIES: Final[Mapping[str, Species]] = {s.name: s for s in (LIME, BIRCH, OAK)}
+"""Trees by name."""

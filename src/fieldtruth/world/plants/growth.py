@@ -1,0 +1,214 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Growth of the skeleton: every stem of a plant as a tapering polyline, order after order, all of an order at once.
+
+After Weber and Penn (1995): a stem sprouts from its parent at an angle, its length follows from the crown's outline or
+from its parent's, its radius from its length. We depart where they use fixed curvature: the direction of a stem does a
+random walk with a pull up or down, which gives crooked limbs and hanging twigs; and stems that would dip below
+the clear height are pruned, as gardeners do.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.world.plants.species import Habit, Order, outline_ratio
+
+Array = NDArray[np.float64]
+
+TIP_RADIUS: Final = 0.0015  # [m]
+ROOT_DEPTH: Final = 0.2  # [m] by which stems reach into the soil
+JOINT_RATIO: Final = 0.85  # largest radius of a stem relative to its parent's where it sprouts
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stems:
+    """The ``n`` stems of one order, each a polyline of ``k`` segments of equal length, in the plant's frame."""
+
+    axis: Array  # (n, k + 1, 3) [m]
+    radius: Array  # (n, k + 1) [m], never growing along the stem
+    length: Array  # (n,) [m]
+    parent: NDArray[np.intp]  # (n,) row in the order before; -1 from the ground
+    joint: Array  # (n,) where along the parent, as a fraction of its length
+    limb: NDArray[np.intp]  # (n,) row of the order-1 stem that bears it; -1 for the trunk
+
+    def at(self, row: NDArray[np.intp], fraction: Array) -> tuple[Array, Array, Array]:
+        """Position [m], unit tangent and radius [m] of stem ``row`` at a fraction of its length (all of shape (m,))."""
+        segments = self.axis.shape[1] - 1
+        place = np.clip(fraction, 0, 1) * segments
+        i = np.minimum(place.astype(np.intp), segments - 1)
+        f = (place - i)[:, None]
+        a, b = self.axis[row, i], self.axis[row, i + 1]
+        radius = self.radius[row, i] * (1 - f[:, 0]) + self.radius[row, i + 1] * f[:, 0]
+        return a + f * (b - a), unit(b - a), radius
+
+
+def unit(v: Array) -> Array:
+    """Vectors of unit length along the last axis."""
+    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12))
+
+
+def grow_skeleton(habit: Habit, height: float, rng: np.random.Generator) -> tuple[Stems, ...]:
+    """All stems of a plant of the given height [m], trunk first; the result's row is the stems' order."""
+    orders = [_trunks(habit, height, rng)]
+    light = rng.uniform(0, 2 * np.pi)
+    for number, order in enumerate(habit.orders, start=1):
+        stems = _sprout(orders[-1], order, number, habit, height, light, rng)
+        orders.append(_pruned(stems, habit.clear if number > 0 else -np.inf))
+    return _fitted(orders, habit.clear, height)
+
+
+def _trunks(habit: Habit, height: float, rng: np.random.Generator) -> Stems:
+    """The stems that come out of the ground; they start in the soil."""
+    n = habit.stems
+    turn = 2 * np.pi * (np.arange(n) + rng.uniform(-0.3, 0.3, n)) * 0.381966 + rng.uniform(0, 2 * np.pi)
+    out = np.sqrt((np.arange(n) + 0.5) / n) if n > 1 else np.zeros(1)
+    tilt = np.radians(habit.stem_splay * out + rng.normal(0, habit.trunk_lean, n))
+    outward = np.stack([np.cos(turn), np.sin(turn), np.zeros(n)], 1)
+    direction = np.sin(tilt)[:, None] * outward + np.cos(tilt)[:, None] * [0, 0, 1]
+    foot = habit.stem_circle * out[:, None] * outward - [0, 0, ROOT_DEPTH]
+    length = height * habit.leader * (1 if n == 1 else rng.uniform(0.75, 1.0, n)) * np.ones(n) + ROOT_DEPTH
+    # A short radius rule: thinner stems are the shorter ones.
+    radius = habit.trunk_radius * length
+    form = Order(
+        spacing=1,
+        start=0,
+        length=1,
+        angle=(0, 0),
+        lift=(0.15, 0.3) if n == 1 else (0.2, -0.1),
+        bend=0.5 * habit.trunk_wander,
+        wander=habit.trunk_wander,
+        segments=habit.trunk_segments,
+    )
+    axis = _extend(foot, direction, length, form, rng)
+    none = np.full(n, -1, np.intp)
+    return Stems(axis=axis, radius=_taper(radius, form), length=length, parent=none, joint=np.zeros(n), limb=none)
+
+
+def _sprout(
+    parents: Stems, order: Order, number: int, habit: Habit, height: float, light: float, rng: np.random.Generator
+) -> Stems:
+    """The next order of stems, before pruning."""
+    start = np.full(len(parents.length), order.start)
+    if number == 1:
+        start = np.maximum(start, (habit.clear + ROOT_DEPTH) / parents.length)
+    parent, rank, joint = spread_along(parents, start, order.spacing, rng)
+    position, tangent, radius = parents.at(parent, joint)
+    depth = (joint - start[parent]) / (1 - start[parent])
+    direction = _directions(tangent, parent, rank, depth, order, rng)
+
+    if number == 1:
+        length = order.length * height * outline_ratio(habit.outline, 1 - depth)
+        azimuth = np.arctan2(direction[:, 1], direction[:, 0]) - light
+        length *= 1 + habit.lopsided * (np.cos(azimuth) + 0.6 * np.cos(3 * azimuth + light))
+    else:
+        length = order.length * parents.length[parent] * (1 - 0.6 * joint)  # Weber and Penn, section 4.3
+    length *= np.exp(rng.normal(0, order.length_spread, len(length)))
+
+    thickness = parents.radius[parent, 0] * (length / parents.length[parent]) ** order.thickness
+    thickness = np.maximum(np.minimum(thickness, JOINT_RATIO * radius), np.minimum(1.2 * TIP_RADIUS, radius))
+    return Stems(
+        axis=_extend(position, direction, length, order, rng),
+        radius=_taper(thickness, order),
+        length=length,
+        parent=parent,
+        joint=joint,
+        limb=np.arange(len(parent), dtype=np.intp) if number == 1 else parents.limb[parent],
+    )
+
+
+def spread_along(
+    stems: Stems, start: Array, spacing: float, rng: np.random.Generator
+) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+    """Places for shoots or leaves: the stem's row, the place's rank on that stem, and its fraction of the length."""
+    count = np.floor(np.maximum(1 - start, 0) * stems.length / spacing + rng.random(len(start))).astype(np.intp)
+    parent = np.repeat(np.arange(len(count), dtype=np.intp), count)
+    rank = np.arange(len(parent), dtype=np.intp) - np.repeat(np.cumsum(count) - count, count)
+    within = (rank + rng.uniform(0.15, 0.85, len(rank))) / count[parent]
+    return parent, rank, start[parent] + (1 - start[parent]) * within
+
+
+def sideways(
+    tangent: Array,
+    parent: NDArray[np.intp],
+    rank: NDArray[np.intp],
+    divergence: float,
+    spread: float,
+    rng: np.random.Generator,
+) -> Array:
+    """Unit vectors (m, 3) across the ``tangent``, turning from rank to rank; two ranks lie in the horizontal plane."""
+    across = np.cross(tangent, [0.0, 0.0, 1.0])
+    across[:, 0] += 1e-6  # an upright stem has no horizontal plane of its own: any will do
+    across = unit(across)
+    over = np.cross(across, tangent)
+    stems = int(parent.max()) + 1 if len(parent) else 0
+    first = rng.normal(0, 0.3, stems) if divergence == 180 else rng.uniform(0, 2 * np.pi, stems)
+    turn = first[parent] + np.radians(divergence * rank + rng.normal(0, spread, len(rank)))
+    return np.asarray(np.cos(turn)[:, None] * across + np.sin(turn)[:, None] * over)
+
+
+def _directions(
+    tangent: Array,
+    parent: NDArray[np.intp],
+    rank: NDArray[np.intp],
+    depth: Array,
+    order: Order,
+    rng: np.random.Generator,
+) -> Array:
+    """Initial unit directions of shoots."""
+    side = sideways(tangent, parent, rank, order.divergence, order.divergence_spread, rng)
+    low, high = order.angle
+    angle = np.radians(low + (high - low) * depth + rng.normal(0, order.angle_spread, len(depth)))[:, None]
+    return np.asarray(np.cos(angle) * tangent + np.sin(angle) * side)
+
+
+def _extend(foot: Array, direction: Array, length: Array, order: Order, rng: np.random.Generator) -> Array:
+    """Polylines (n, k + 1, 3) [m] from ``foot`` along ``direction``, turned by the order's lift, bend and wander."""
+    n, k = len(foot), order.segments
+    axis = np.empty((n, k + 1, 3))
+    axis[:, 0] = foot
+    steady = rng.normal(0, order.bend / k, (n, 3))
+    steps = rng.normal(0, order.wander / np.sqrt(k), (n, k, 3))
+    heading = direction
+    for i in range(k):
+        axis[:, i + 1] = axis[:, i] + heading * (length / k)[:, None]
+        lift = np.interp((i + 0.5) / k, [0, 1], order.lift) / k
+        heading = unit(heading + steady + steps[:, i] + [0, 0, lift])
+    return axis
+
+
+def _taper(radius: Array, order: Order) -> Array:
+    """Radii (n, k + 1) [m] that fall in a straight line to the tip's (Weber and Penn's taper 1)."""
+    s = np.linspace(0, 1, order.segments + 1)
+    tip = np.minimum(TIP_RADIUS, 0.9 * radius)[:, None]
+    return np.asarray(radius[:, None] + (tip - radius[:, None]) * s)
+
+
+def _pruned(stems: Stems, clear: float) -> Stems:
+    """The stems that stay above the clear height [m]."""
+    keep = stems.axis[:, :, 2].min(1) >= clear
+    rows = np.flatnonzero(keep)
+    return Stems(
+        axis=stems.axis[rows],
+        radius=stems.radius[rows],
+        length=stems.length[rows],
+        parent=stems.parent[rows],
+        joint=stems.joint[rows],
+        limb=stems.limb[rows],
+    )
+
+
+def _fitted(orders: list[Stems], clear: float, height: float) -> tuple[Stems, ...]:
+    """The skeleton stretched above the clear height so that its top is at ``height`` [m]; joints stay joined."""
+    top = max(float(stems.axis[:, :, 2].max()) for stems in orders if len(stems.axis))
+    stretch = (height - clear) / (top - clear)
+
+    def fit(stems: Stems) -> Stems:
+        axis = stems.axis.copy()
+        z = axis[:, :, 2]
+        axis[:, :, 2] = np.where(z > clear, clear + (z - clear) * stretch, z)
+        return replace(stems, axis=axis)
+
+    return tuple(fit(stems) for stems in orders)
