@@ -76,4 +76,4 @@ def _bushes() -> tuple[Material, ...]:
 MATERIALS: Final[Mapping[str, Material]] = MappingProxyType(
     {m.name: m for m in (*GROUND, *_trees(), *_bushes(), *FURNITURE)}
 )
-"""Every material of the park by name; :func:`fieldtruth.world.textures.make_textures` makes every texture named here."""
+"""Every material of the park by name; :func:`fieldtruth.world.textures.make_textures` makes the textures."""

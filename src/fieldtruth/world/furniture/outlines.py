@@ -75,3 +75,18 @@ def _is_ear(outline: Array, ear: tuple[int, int, int], left: list[int]) -> bool:
         edge, to_point = b - a, others - a
         inside &= edge[0] * to_point[:, 1] - edge[1] * to_point[:, 0] >= 0
     return not inside.any()
+
+
+def at_length(path: Array, lengths: ArrayLike) -> tuple[Array, Array]:
+    """Points (k, 2) at given lengths (k,) [m] along a plane path (p, 2), and the path's slope there (k,) [rad]."""
+    steps = np.diff(path, axis=0)
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=1))])
+    wanted = np.asarray(lengths, np.float64)
+    points = np.stack([np.interp(wanted, along, path[:, k]) for k in range(2)], axis=1)
+    piece = np.clip(np.searchsorted(along, wanted, side="right") - 1, 0, len(steps) - 1)
+    return points, np.arctan2(steps[piece, 1], steps[piece, 0])
+
+
+def path_length(path: Array) -> float:
+    """Length [m] of a polyline (p, d)."""
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())

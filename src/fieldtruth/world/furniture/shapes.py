@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The few shapes that street furniture is made of: bevelled box, tube along a path, lathe profile, extruded outline.
 
-Each is closed and returned as a :class:`Mesh` of one material. Texture coordinates are in repeats: metres over ``TILE``.
+Each is closed and is a :class:`Mesh` of one material. Texture coordinates are in repeats: metres over ``TILE``.
 On boxes u runs along the longest side, which is the direction of a plank's grain.
 """
 
