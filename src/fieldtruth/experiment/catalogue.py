@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What there is, by name: the experiments that ship with the package, and the environments. Light: lists come at once."""
+"""What there is, by name: the experiments that ship with the package, and the environments. Light: a list is quick."""
 
 from collections.abc import Mapping
 from functools import cache

@@ -11,6 +11,7 @@ from pydantic.fields import FieldInfo
 
 from fieldtruth.errors import ConfigurationError, nearest_first
 
+UNKNOWN_KEY: Final = ("extra_forbidden", "invalid_key")
 KINDS: Final = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
 RULES: Final = {"ge": "from {}", "gt": "above {}", "le": "up to {}", "lt": "below {}", "multiple_of": "in steps of {}"}
 LONGEST_VALUE: Final = 60  # characters
@@ -18,7 +19,8 @@ LONGEST_VALUE: Final = 60  # characters
 
 def configuration_error(model: type[BaseModel], report: ValidationError, source: str = "") -> ConfigurationError:
     """Make one line of the first complaint about ``model``; ``source`` (a file, say) is put in front."""
-    complaints = report.errors()
+    # A misspelt key is also a missing one: tell the cause before its consequence.
+    complaints = sorted(report.errors(), key=lambda c: c["type"] not in UNKNOWN_KEY)
     first = complaints[0]
     rest = f" (and {len(complaints) - 1} more)" if len(complaints) > 1 else ""
     line = _complaint(model, first["type"], first["loc"], first["input"], first["msg"])
@@ -29,7 +31,8 @@ def _complaint(model: type[BaseModel], kind: str, loc: Sequence[int | str], valu
     key = dotted(loc)
     if kind == "missing":
         return f"{key} is missing; needed is {_allowed(model, loc)}"
-    if kind in ("extra_forbidden", "invalid_key"):
+    if kind in UNKNOWN_KEY:
+        key = dotted((*loc[:-1], str(loc[-1])))
         parent, _ = _field(model, loc[:-1])
         keys = nearest_first(str(loc[-1]), parent.model_fields) if _is_model(parent) else []
         return f"no key {key!r}; there is: {', '.join(dotted((*loc[:-1], k)) for k in keys)}"

@@ -1,0 +1,177 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The command line: a mistake is one line and exit code 2, and what it does is one call of the library."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+import fieldtruth
+from fieldtruth import cli
+from fieldtruth.errors import OutputError
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+class Recorder:
+    """Stands for the pipeline: keeps what it was called with, and writes a bag of 1500 bytes."""
+
+    def __init__(self, error: BaseException | None = None) -> None:
+        self.error = error
+        self.calls: list[tuple[fieldtruth.Experiment, Path, dict[str, Any]]] = []
+
+    def generate(self, experiment: fieldtruth.Experiment, out: Path, **options: Any) -> Path:
+        self.calls.append((experiment, out, options))
+        if self.error is not None:
+            raise self.error
+        bag = out / experiment.name / f"{experiment.name}.bag"
+        bag.parent.mkdir(parents=True)
+        bag.write_bytes(bytes(1500))
+        return bag
+
+
+def with_pipeline(monkeypatch: pytest.MonkeyPatch, recorder: Recorder) -> Recorder:
+    modules = {"fieldtruth.pipeline": recorder, "fieldtruth.bench": SimpleNamespace(run=lambda: {"lidar": 2.5})}
+    monkeypatch.setattr(cli, "import_module", modules.__getitem__)
+    return recorder
+
+
+MISTAKES = [
+    ([], "no command; there is: generate, list, bench (fieldtruth --help tells more)"),
+    (["generat"], "no command 'generat'; there is: generate, bench, list"),
+    (["--versoin"], "no option '--versoin'; there is: --version, --help"),
+    (["list", "--jsn"], "no option '--jsn'; there is: --help"),
+    (["bench", "--jsn"], "no option '--jsn'; there is: --json, --help"),
+    (["list", "park_1"], "one argument too many: 'park_1'"),
+    (["generate"], "the following arguments are required: EXPERIMENT"),
+    (["generate", "park1"], "no experiment 'park1'; there is: park_1, park_2"),
+    (["generate", "park_1", "park_2"], "one argument too many: 'park_2'"),
+    (["generate", "park_1", "--sec=5"], "no option '--sec'; there is: --seed, --seconds, "),
+    (["generate", "park_1", "--seconds", "five"], "argument --seconds: 'five' is no number"),
+    (["generate", "park_1", "--seconds", "-5"], "seconds is -5.0; allowed is a number from 0.001 up to 86400"),
+    (["generate", "park_1", "--seconds", "nan"], "seconds is nan; allowed is a number from 0.001 up to 86400"),
+    (["generate", "park_1", "--seconds"], "argument --seconds: expected one argument"),
+    (["generate", "park_1", "--seed", "1.5"], "argument --seed: '1.5' is no whole number"),
+    (["generate", "park_1", "--seed", "-1"], "seed is -1; allowed is a whole number from 0 "),
+    (["generate", "park_1", "--workers", "0"], "argument --workers: 0 is below 1"),
+    (["generate", "run.yaml"], "cannot read run.yaml: No such file or directory"),
+    (["generate", "two\nlines"], "no experiment 'two\\nlines'; there is: "),
+]
+
+
+@pytest.mark.parametrize(("argv", "line"), MISTAKES, ids=[" ".join(argv) for argv, _ in MISTAKES])
+def test_a_mistake_is_one_line_and_nothing_is_written(
+    argv: list[str], line: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert cli.main(argv) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith(f"fieldtruth: {line}")
+    assert err.count("\n") == 1
+    assert not any(tmp_path.iterdir())
+
+
+def test_generate_hands_everything_to_one_call(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    pipeline = with_pipeline(monkeypatch, Recorder())
+    words = "generate park_1 --out sets --seconds 5 --seed 7 --workers 3 --no-cameras --no-lidar --overwrite"
+    assert cli.main(words.split()) == 0
+    [(experiment, out, options)] = pipeline.calls
+    assert (experiment.name, experiment.seconds, experiment.seed) == ("park_1", 5.0, 7)
+    assert not experiment.rig.cameras.enabled
+    assert not experiment.rig.lidar.enabled
+    assert out == Path("sets")
+    assert (options["workers"], options["overwrite"]) == (3, True)
+    text = capsys.readouterr().out
+    assert text.startswith("sets/park_1/park_1.bag")
+    assert text.count("\n") == 1
+
+
+def test_generate_by_default_takes_the_experiment_as_it_is_and_all_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    pipeline = with_pipeline(monkeypatch, Recorder())
+    assert cli.main(["generate", "park_2"]) == 0
+    [(experiment, out, options)] = pipeline.calls
+    assert experiment == fieldtruth.load_experiment("park_2")
+    assert out == Path("data")
+    assert (options["workers"], options["overwrite"]) == (len(os.sched_getaffinity(0)), False)
+
+
+def test_what_the_library_refuses_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with_pipeline(monkeypatch, Recorder(OutputError("data/park_1 holds a finished run;\nsay --overwrite")))
+    assert cli.main(["generate", "park_1"]) == 2
+    assert capsys.readouterr().err == "fieldtruth: data/park_1 holds a finished run; say --overwrite\n"
+
+
+def test_an_interrupt_says_how_to_go_on(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    with_pipeline(monkeypatch, Recorder(KeyboardInterrupt()))
+    assert cli.main(["generate", "park_1", "--out", "my sets", "--overwrite"]) == 130
+    err = capsys.readouterr().err
+    assert err.endswith(" goes on from there: fieldtruth generate park_1 --out 'my sets'\n")
+    assert err.count("\n") == 1
+
+
+def test_a_fault_of_ours_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+    with_pipeline(monkeypatch, Recorder(ZeroDivisionError()))
+    with pytest.raises(ZeroDivisionError):
+        cli.main(["generate", "park_1"])
+
+
+def test_bench_prints_a_table_or_one_json_object(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with_pipeline(monkeypatch, Recorder())
+    assert cli.main(["bench", "--json"]) == 0
+    assert capsys.readouterr().out == '{"lidar": 2.5}\n'
+    assert cli.main(["bench"]) == 0
+    assert capsys.readouterr().out.split() == ["lidar", "2.5"]
+
+
+def test_list_shows_every_experiment_and_environment(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["list"]) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    shown = [words[0] for words in lines]
+    assert shown == ["experiments:", *fieldtruth.list_experiments(), "environments:", *fieldtruth.list_environments()]
+    assert all(len(words) > 1 for words in lines if words[0] in fieldtruth.list_experiments())
+
+
+@pytest.mark.parametrize("argv", [["--help"], ["generate", "--help"]])
+def test_help_holds_examples_that_parse(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        cli.main(argv)
+    assert end.value.code == 0
+    examples = [line.split("  ")[1].split() for line in capsys.readouterr().out.splitlines() if "  fieldtruth" in line]
+    assert len(examples) == 4
+    for words in examples:
+        assert callable(cli._parse(words[1:])[0])
+
+
+def run_cli(*argv: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "fieldtruth.cli", *argv], capture_output=True, text=True, check=False)
+
+
+def test_the_process_ends_with_the_code_and_the_line() -> None:
+    version = run_cli("--version")
+    assert (version.returncode, version.stdout) == (0, f"fieldtruth {fieldtruth.__version__}\n")
+    mistake = run_cli("generate", "no_such", "--out", "x")
+    assert (mistake.returncode, mistake.stdout, mistake.stderr.count("\n")) == (2, "", 1)
+    assert mistake.stderr.startswith("fieldtruth: no experiment 'no_such'; there is: ")
+
+
+def test_light_commands_import_nothing_heavy() -> None:
+    code = (
+        "import sys; from fieldtruth import cli; cli.main(['list']); cli.main(['nonsense']); "
+        "print(*({'numba', 'mujoco', 'scipy', 'pydantic', 'numpy', 'rosbags'} & set(sys.modules)), file=sys.stderr)"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ended.stderr.splitlines()[-1] == ""
