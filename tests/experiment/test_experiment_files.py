@@ -171,11 +171,6 @@ BAD_VALUES = [
     ("width", "width: 1281", r"rig\.cameras\.width is 1281; allowed is .* in steps of 8"),
     ("spinning", "spinning: 1", r"rig\.lidar\.spinning is 1; allowed is true or false"),
     ("min_range", "min_range: 120", r"rig\.lidar: min_range 120\.0 must be below max_range 120\.0"),
-    (
-        "wheels",
-        "wheels: 4\n  whels:",
-        r"rig\.wheels is 4; allowed is a mapping with the keys half_wheelbase, half_track",
-    ),
     ("rings", "ring: 64", r"no key 'rig\.lidar\.ring'; there is: rig\.lidar\.rings, "),
     ("name", "nme: park_1", r"no key 'nme'; there is: name, .* \(and 1 more\)"),
     ("light", "lights:", r"no key 'lights'; there is: light, "),
