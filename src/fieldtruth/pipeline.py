@@ -1,0 +1,75 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""From an experiment to its bag: build the place, drive through it, look at it from there, write it down.
+
+The stages are those of the paper's sections 3 and 4; each hands plain data to the next.
+"""
+
+import os
+from pathlib import Path
+
+from fieldtruth.drive import drive
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.files import dump_experiment
+from fieldtruth.record.folder import fingerprint, run_folder
+from fieldtruth.record.slices import Slices
+from fieldtruth.record.streams import Sensors, streams_of
+from fieldtruth.record.topics import topics_of
+from fieldtruth.report.progress import Progress, Silent
+from fieldtruth.sense import Camera, Lidar, Scene
+from fieldtruth.world import load_world
+
+
+def generate(
+    experiment: Experiment,
+    out: Path,
+    *,
+    workers: int | None = None,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> Path:
+    """Make a data set: ``out/NAME/NAME.bag`` and ``out/NAME/experiment.yaml``, the same bytes however it is made.
+
+    A run that was stopped, by Ctrl-C, a kill or a full disk, goes on where it stopped when it is called again.
+
+    Args:
+        experiment: what to do.
+        out: folder of data sets; nothing outside ``out/NAME`` is written.
+        workers: threads that make slices; None takes every core that the process may use.
+        overwrite: replace a finished bag, or another experiment, of the same name.
+        progress: is told how far the work has come.
+
+    Returns:
+        Path of the bag.
+
+    Raises:
+        OutputError: the folder is occupied, in use, unwritable or full.
+        DriveError: the robot cannot drive this route.
+        EngineError: the ray engine is not the one that the kernels were written for.
+    """
+    workers = len(os.sched_getaffinity(0)) if workers is None else workers
+    progress = Silent() if progress is None else progress
+    rig = experiment.rig
+
+    with run_folder(experiment, out, overwrite=overwrite) as run:
+        with progress.stage("build the world"):
+            world = load_world(experiment.environment, experiment.seed)
+        with progress.stage("drive"):
+            track = drive(world, experiment)
+        with progress.stage("prepare the scene"):
+            scene = Scene(world, experiment.light)
+
+        def sensors() -> Sensors:
+            lidar = Lidar(rig.lidar, scene) if rig.lidar.enabled else None
+            camera = Camera(rig.cameras, scene) if rig.cameras.enabled else None
+            return Sensors(lidar, camera)
+
+        work = run.work(fingerprint(dump_experiment(experiment), world, track))
+        slices = Slices(work, streams_of(world, track, rig), topics_of(rig), sensors)
+        done = track.duration_s - sum(map(slices.seconds, slices.missing()))
+        with progress.stage("sense and label", track.duration_s, done) as advance:
+            slices.make(workers, advance)
+        with progress.stage("write the bag", track.duration_s) as advance:
+            slices.join(run.bag, advance)
+        run.clean()
+    return run.bag

@@ -1,0 +1,138 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The folder of a run: what may be written there, what is there already, and what a run that was stopped left behind.
+
+OUT/NAME/NAME.bag appears when the run is complete; OUT/NAME/experiment.yaml says at once what the folder is for;
+OUT/NAME/.slices holds the finished slices until then. Nothing else is ever touched.
+"""
+
+import dataclasses
+import fcntl
+import hashlib
+import os
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from fieldtruth.errors import FieldtruthError, OutputError
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.files import dump_experiment, parse_experiment
+from fieldtruth.record.bag import output_errors
+
+_WORK: Final = ".slices"
+_EXPERIMENT: Final = "experiment.yaml"
+
+
+class RunFolder(NamedTuple):
+    """The files of one run."""
+
+    path: Path
+    bag: Path
+
+    def work(self, fingerprint: str) -> Path:
+        """Make the folder for slices of exactly this input; those of any other input are stale and go."""
+        work = self.path / _WORK / fingerprint[:16]
+        with output_errors(work):
+            work.mkdir(parents=True, exist_ok=True)
+            for other in work.parent.iterdir():
+                if other != work:
+                    shutil.rmtree(other)
+        return work
+
+    def clean(self) -> None:
+        """Remove the slices; the bag holds them all."""
+        shutil.rmtree(self.path / _WORK, ignore_errors=True)
+
+
+@contextmanager
+def run_folder(experiment: Experiment, out: Path, *, overwrite: bool = False) -> Iterator[RunFolder]:
+    """Open OUT/NAME for a run; no other process gets it until this one is done. An unfinished run is taken up again.
+
+    Raises:
+        OutputError: the folder holds a finished bag or another experiment and ``overwrite`` is off, is in use, lies
+            outside ``out`` through a link, or cannot be written.
+    """
+    path = out / experiment.name
+    with output_errors(path):
+        path.mkdir(parents=True, exist_ok=True)
+    if not path.resolve().is_relative_to(out.resolve()) or (path / _WORK).is_symlink():
+        raise OutputError(f"{path} leads out of {out} through a link; remove the link or choose another folder")
+    run = RunFolder(path, path / f"{experiment.name}.bag")
+    with _locked(path):
+        if not overwrite:
+            _refuse_occupied(run, experiment)
+        with output_errors(path):
+            run.bag.unlink(missing_ok=True)
+            _write_whole(path / _EXPERIMENT, dump_experiment(experiment))
+        yield run
+
+
+def fingerprint(*parts: object) -> str:
+    """SHA-256 of dataclasses, mappings, sequences and arrays, value by value: equal inputs have equal ones."""
+    digest = hashlib.sha256()
+    _feed(digest, parts)
+    return digest.hexdigest()
+
+
+def _feed(digest: "hashlib._Hash", value: object) -> None:
+    if isinstance(value, np.ndarray):
+        digest.update(f"{value.dtype}{value.shape}".encode())
+        digest.update(np.ascontiguousarray(value).data)
+    elif dataclasses.is_dataclass(value):
+        _feed(digest, [(field.name, getattr(value, field.name)) for field in dataclasses.fields(value)])
+    elif isinstance(value, Mapping):
+        _feed(digest, list(value.items()))
+    elif isinstance(value, Sequence) and not isinstance(value, str):
+        digest.update(f"{len(value)}:".encode())
+        for item in value:
+            _feed(digest, item)
+    else:
+        digest.update(repr(value).encode())
+
+
+def _refuse_occupied(run: RunFolder, experiment: Experiment) -> None:
+    differences = _differences(run.path / _EXPERIMENT, experiment)
+    if differences:
+        raise OutputError(
+            f"{run.path} holds another experiment ({differences}); choose another --out, or --overwrite replaces it"
+        )
+    if run.bag.exists():
+        run.clean()
+        raise OutputError(f"{run.bag} is finished already; choose another --out, or --overwrite makes it again")
+
+
+def _differences(path: Path, experiment: Experiment) -> str:
+    """In which keys the experiment in a file differs from this one; empty if in none, or if there is no file."""
+    if not path.exists():
+        return ""
+    try:
+        theirs = parse_experiment(path.read_text(encoding="utf-8")).model_dump()
+    except (FieldtruthError, OSError, ValueError):
+        return f"its {path.name} cannot be read"
+    keys = [key for key, value in experiment.model_dump().items() if theirs[key] != value]
+    return f"other: {', '.join(keys)}" if keys else ""
+
+
+def _write_whole(path: Path, text: str) -> None:
+    part = path.with_name(path.name + ".part")
+    part.write_text(text, encoding="utf-8")
+    part.replace(path)
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """Hold the folder; the system lets go of it when the process ends, however it ends."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(handle)
+        raise OutputError(f"{path} is in use: another run is writing there; wait for it or stop it") from None
+    try:
+        yield
+    finally:
+        os.close(handle)

@@ -1,0 +1,124 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""From world, track and rig to streams of messages: each stream knows its stamps and can make any of its readings.
+
+A reading depends on nothing but its number, so any part of a recording can be made alone, in any order, by any thread.
+"""
+
+from collections.abc import Callable, Iterable
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.drive.track import I8, Track, stamps_at_rate
+from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, Rig
+from fieldtruth.record import images, messages, topics
+from fieldtruth.record.ros import F8
+from fieldtruth.record.state import state_at
+from fieldtruth.world.model import World
+
+
+class Picture(Protocol):
+    """What a camera hands over: ``photo`` (h, w, 3) RGB and ``label`` (h, w) of the same pixels."""
+
+    @property
+    def photo(self) -> NDArray[np.uint8]: ...  # noqa: D102
+    @property
+    def label(self) -> NDArray[np.uint8]: ...  # noqa: D102
+
+
+class Lidar(Protocol):
+    """A LiDAR in a scene."""
+
+    def scan(self, world_from_lidar: F8) -> images.Scan:
+        """Scan from a pose (4, 4)."""
+        ...
+
+
+class Camera(Protocol):
+    """A camera in a scene."""
+
+    def shoot(self, world_from_optical: F8) -> Picture:
+        """Picture from a pose (4, 4)."""
+        ...
+
+
+class Sensors(NamedTuple):
+    """The sensors of one worker: they own buffers, so no two threads share them."""
+
+    lidar: Lidar | None = None
+    camera: Camera | None = None
+
+
+class Stream(NamedTuple):
+    """Readings of one source: reading k was taken at ``stamps_ns[k]`` and gives one message to each of ``topics``."""
+
+    topics: tuple[str, ...]
+    stamps_ns: I8
+    messages: Callable[[int, Sensors], Iterable[bytes]]
+
+
+def streams_of(world: World, track: Track, rig: Rig) -> list[Stream]:
+    """Every stream of a recording, in the topic table's order."""
+    streams = [*_truth(world, track, rig), *_felt(track)]
+    if rig.lidar.enabled:
+        streams.append(_lidar(track, rig))
+    if rig.cameras.enabled:
+        streams += [_camera(track, rig, "left"), _camera(track, rig, "right")]
+    return streams
+
+
+def _truth(world: World, track: Track, rig: Rig) -> list[Stream]:
+    motion = track.motion
+    states = messages.ModelStatesWriter(world)
+    fixed = messages.static_transforms(rig)
+    every_step = motion.stamps_ns
+    poses = stamps_at_rate(topics.POSE_RATE, int(every_step[-1]))
+    return [
+        Stream((topics.CLOCK,), every_step, lambda k, _: [messages.clock(every_step[k])]),
+        Stream((topics.TF_STATIC,), every_step[:1], lambda k, _: [messages.tf_static(every_step[k], fixed)]),
+        Stream((topics.MODEL_STATES,), every_step, lambda k, _: [states.message(k, motion)]),
+        Stream(
+            (topics.ODOMETRY,), poses, lambda k, _: [messages.odometry(k, poses[k], state_at(motion, int(poses[k])))]
+        ),
+        Stream((topics.TF,), poses, lambda k, _: [messages.tf(k, poses[k], state_at(motion, int(poses[k])))]),
+    ]
+
+
+def _felt(track: Track) -> list[Stream]:
+    imu, gnss, wheels = track.imu, track.gnss, track.tachometers
+    return [
+        Stream((topics.IMU,), imu.stamps_ns, lambda k, _: [messages.imu(k, imu)]),
+        Stream((topics.NAVSAT,), gnss.stamps_ns, lambda k, _: [messages.navsat(k, gnss)]),
+        Stream(topics.WHEEL_SPEEDS, wheels.stamps_ns, lambda k, _: map(messages.wheel_speed, wheels.wheel_speed[k])),
+    ]
+
+
+def _lidar(track: Track, rig: Rig) -> Stream:
+    stamps = stamps_at_rate(rig.lidar.rate_hz, int(track.motion.stamps_ns[-1]))
+    base_from_lidar = rig.lidar.mount.base_from_sensor
+
+    def scan(k: int, sensors: Sensors) -> Iterable[bytes]:
+        assert sensors.lidar is not None
+        state = state_at(track.motion, int(stamps[k]))
+        yield images.point_cloud(k, stamps[k], sensors.lidar.scan(state.world_from_base @ base_from_lidar))
+
+    return Stream((topics.POINTS,), stamps, scan)
+
+
+def _camera(track: Track, rig: Rig, side: images.Side) -> Stream:
+    config = rig.cameras
+    stamps = stamps_at_rate(config.rate_hz, int(track.motion.stamps_ns[-1]))
+    mount = config.left if side == "left" else config.right
+    base_from_optical = mount.base_from_sensor @ CAMERA_FROM_OPTICAL
+
+    def shoot(k: int, sensors: Sensors) -> Iterable[bytes]:
+        assert sensors.camera is not None
+        state = state_at(track.motion, int(stamps[k]))
+        picture = sensors.camera.shoot(state.world_from_base @ base_from_optical)
+        yield images.camera_info(k, stamps[k], side, config)
+        yield images.photograph(k, stamps[k], side, picture.photo, config.jpeg_quality)
+        yield images.tag(k, stamps[k], side, picture.label)
+
+    return Stream((topics.camera_info(side), topics.photograph(side), topics.tag(side)), stamps, shoot)

@@ -1,0 +1,87 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a bag holds: one table of topic, message type and rate (paper, Table 5, and what its users miss there).
+
+The table's order is the order in the bag of messages with the same stamp, and the connection number.
+"""
+
+from collections.abc import Callable
+from typing import Final, Literal, NamedTuple
+
+from fieldtruth.drive.track import WHEELS
+from fieldtruth.experiment.rig import Rig
+
+TRUTH_RATE: Final = 1000.0  # [Hz]; the physics rate
+POSE_RATE: Final = 50.0  # [Hz]; /tf and odometry have a pose at every default stamp of IMU, cameras and LiDAR
+SIDES: Final = ("left", "right")
+
+CLOCK: Final = "/clock"
+TF_STATIC: Final = "/tf_static"
+MODEL_STATES: Final = "/gazebo/model_states"
+ODOMETRY: Final = "/ground_truth/odom"
+TF: Final = "/tf"
+IMU: Final = "/imu/data"
+NAVSAT: Final = "/navsat/fix"
+WHEEL_SPEEDS: Final = tuple(f"/gazebo_client/{wheel}_speed" for wheel in WHEELS)
+POINTS: Final = "/os1_cloud_node/points"
+
+
+class Topic(NamedTuple):
+    """A row of the table; ``rate_hz`` reads the rate [Hz] from the rig and is None for one message a bag."""
+
+    name: str
+    msgtype: str
+    rate_hz: Callable[[Rig], float] | None
+    sensor: Literal["robot", "lidar", "cameras"] = "robot"
+
+    @property
+    def latched(self) -> bool:
+        """Whether a late subscriber gets the last message: so it is with what is published once."""
+        return self.rate_hz is None
+
+    def exists(self, rig: Rig) -> bool:
+        """Whether this rig publishes it."""
+        return {"robot": True, "lidar": rig.lidar.enabled, "cameras": rig.cameras.enabled}[self.sensor]
+
+
+def camera_info(side: str) -> str:
+    """Topic of a camera's calibration."""
+    return f"/stereo/camera/{side}/camera_info"
+
+
+def photograph(side: str) -> str:
+    """Topic of a camera's realistic images."""
+    return f"/stereo/camera/{side}/real/compressed"
+
+
+def tag(side: str) -> str:
+    """Topic of a camera's tag images: the flat colour of the class of what each pixel's centre sees."""
+    return f"/stereo/camera/{side}/tag/img_raw"
+
+
+def _camera_topics(side: str) -> tuple[Topic, ...]:
+    return (
+        Topic(camera_info(side), "sensor_msgs/msg/CameraInfo", lambda rig: rig.cameras.rate_hz, "cameras"),
+        Topic(photograph(side), "sensor_msgs/msg/CompressedImage", lambda rig: rig.cameras.rate_hz, "cameras"),
+        Topic(tag(side), "sensor_msgs/msg/Image", lambda rig: rig.cameras.rate_hz, "cameras"),
+    )
+
+
+TOPICS: Final[tuple[Topic, ...]] = (
+    Topic(CLOCK, "rosgraph_msgs/msg/Clock", lambda rig: TRUTH_RATE),
+    Topic(TF_STATIC, "tf2_msgs/msg/TFMessage", None),
+    Topic(MODEL_STATES, "gazebo_msgs/msg/ModelStates", lambda rig: TRUTH_RATE),
+    Topic(ODOMETRY, "nav_msgs/msg/Odometry", lambda rig: POSE_RATE),
+    Topic(TF, "tf2_msgs/msg/TFMessage", lambda rig: POSE_RATE),
+    Topic(IMU, "sensor_msgs/msg/Imu", lambda rig: rig.imu.rate_hz),
+    Topic(NAVSAT, "sensor_msgs/msg/NavSatFix", lambda rig: rig.gnss.rate_hz),
+    *(Topic(name, "std_msgs/msg/Float32", lambda rig: rig.tachometers.rate_hz) for name in WHEEL_SPEEDS),
+    Topic(POINTS, "sensor_msgs/msg/PointCloud2", lambda rig: rig.lidar.rate_hz, "lidar"),
+    *_camera_topics("left"),
+    *_camera_topics("right"),
+)
+
+
+def topics_of(rig: Rig) -> tuple[Topic, ...]:
+    """Rows that this rig publishes, in the table's order."""
+    return tuple(topic for topic in TOPICS if topic.exists(rig))

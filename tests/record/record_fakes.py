@@ -1,0 +1,186 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A world, a drive and sensors that cost nothing and whose every value is known beforehand."""
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from fieldtruth import frames, geodesy, pipeline
+from fieldtruth.classes import Label
+from fieldtruth.drive.track import (
+    GnssReadings,
+    ImuReadings,
+    Motion,
+    TachometerReadings,
+    Track,
+    stamps_at_rate,
+)
+from fieldtruth.experiment.config import Experiment, RouteConfig
+from fieldtruth.experiment.rig import CameraConfig, LidarConfig, Rig
+from fieldtruth.record.slices import Slices
+from fieldtruth.record.streams import Sensors, streams_of
+from fieldtruth.record.topics import topics_of
+from fieldtruth.world.model import Heightfield, Instance, Raster, Terrain, World
+
+SMALL = Rig(cameras=CameraConfig(width=64, height=48))
+
+
+def make_experiment(seconds: float = 2.5, seed: int = 0, rig: Rig = SMALL, name: str = "tiny") -> Experiment:
+    start, end = geodesy.geodetic_from_world([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0]])[:, :2]
+    route = RouteConfig(start=(start[0], start[1]), waypoints=((end[0], end[1]),))
+    return Experiment(name=name, environment="park", seed=seed, seconds=seconds, route=route, rig=rig)
+
+
+def make_world(environment: str = "park", seed: int = 0, objects: int = 5) -> World:
+    """A square metre of ground with things on it: object i stands at (i, seed, 0), scaled by 1 + i / 10."""
+    raster = Raster(values=np.ones((2, 2), np.float32), spacing=1.0, x0=0.0, y0=0.0)
+    field = Heightfield(heights=np.zeros((2, 2), np.float32), spacing=1.0, x0=0.0, y0=0.0)
+    instances = []
+    for i in range(2, 2 + objects):
+        matrix = frames.pose((float(i), float(seed), 0.0), (0.0, 0.0, 20.0 * i))
+        matrix[:3, :3] *= 1.0 + i / 10.0
+        instances.append(Instance(name=f"tree_{i}", kind="tree", mesh="tree", object_id=i, world_from_object=matrix))
+    return World(
+        name=environment,
+        seed=seed,
+        size=(1.0, 1.0),
+        terrain=Terrain(
+            field=field,
+            trail_distance=raster,
+            cover=raster,
+            ground_materials=("grass",),
+            trail_material="sand",
+            border_material="kerb",
+        ),
+        meshes={},
+        instances=tuple(instances),
+        materials={},
+        textures={},
+        object_names=("husky", "ground", *(instance.name for instance in instances)),
+    )
+
+
+def make_track(world: World, experiment: Experiment) -> Track:
+    """A circle at 0.3 m/s on a slope, with a rolling and pitching robot; every row differs from its neighbours."""
+    rig = experiment.rig
+    duration_ns = round((experiment.seconds or 1.0) * 1e9)
+    stamps = stamps_at_rate(1000.0, duration_ns)
+    t = stamps / 1e9
+    heading = 0.1 * t
+    position = np.stack([3.0 * np.sin(heading), 3.0 * (1.0 - np.cos(heading)), 0.13 + 0.01 * t], axis=-1)
+    rpy = np.stack([0.1 * np.sin(t), 0.05 * np.cos(t), heading], axis=-1)
+    rotation = np.stack([frames.pose((0, 0, 0), np.degrees(row).tolist())[:3, :3] for row in rpy])
+    speed = np.stack([0.3 * np.cos(heading), 0.3 * np.sin(heading), np.full_like(t, 0.01)], axis=-1)
+    turn = np.stack([0.1 * np.cos(t), -0.05 * np.sin(t), np.full_like(t, 0.1)], axis=-1)
+    motion = Motion(
+        stamps_ns=stamps,
+        position=position,
+        quaternion_wxyz=frames.quaternion_wxyz_from_rotation(rotation),
+        linear_velocity=speed,
+        angular_velocity=turn,
+    )
+    imu_stamps = stamps_at_rate(rig.imu.rate_hz, duration_ns)
+    rows = np.searchsorted(stamps, imu_stamps)
+    world_from_imu = rotation[rows] @ rig.imu.mount.base_from_sensor[:3, :3]
+    gnss_stamps = stamps_at_rate(rig.gnss.rate_hz, duration_ns)
+    wheel_stamps = stamps_at_rate(rig.tachometers.rate_hz, duration_ns)
+    return Track(
+        motion=motion,
+        imu=ImuReadings(
+            stamps_ns=imu_stamps,
+            quaternion_wxyz=frames.quaternion_wxyz_from_rotation(world_from_imu),
+            angular_velocity=turn[rows],
+            linear_acceleration=speed[rows] + [0.0, 0.0, 9.81],
+        ),
+        gnss=GnssReadings(
+            stamps_ns=gnss_stamps,
+            geodetic=geodesy.geodetic_from_world(position[np.searchsorted(stamps, gnss_stamps)]),
+        ),
+        tachometers=TachometerReadings(
+            stamps_ns=wheel_stamps, wheel_speed=np.arange(4 * len(wheel_stamps)).reshape(-1, 4) / 8.0
+        ),
+    )
+
+
+@dataclass(frozen=True)
+class FakeScan:
+    xyz: NDArray[np.float32]
+    label: NDArray[np.uint8]
+    instance: NDArray[np.uint16]
+    ring: NDArray[np.uint16]
+    column: NDArray[np.uint16]
+    t_ns: NDArray[np.uint32]
+
+
+@dataclass(frozen=True)
+class FakePicture:
+    photo: NDArray[np.uint8]
+    label: NDArray[np.uint8]
+
+
+class FakeScene:
+    def __init__(self, world: World, light: object = None) -> None:
+        self.world = world
+
+
+class FakeLidar:
+    """Returns a number of points that changes from scan to scan; the first is the LiDAR's place in the world."""
+
+    def __init__(self, config: LidarConfig, scene: FakeScene) -> None:
+        self.config = config
+
+    def scan(self, world_from_lidar: NDArray[np.float64]) -> FakeScan:
+        n = 50 + int(world_from_lidar[0, 3] * 1e4) % 50
+        k = np.arange(n)
+        return FakeScan(
+            xyz=(world_from_lidar[:3, 3] + k[:, None]).astype(np.float32),
+            label=(k % 13 + 1).astype(np.uint8),
+            instance=(k * 600).astype(np.uint16),
+            ring=(k % 64).astype(np.uint16),
+            column=(k // 64).astype(np.uint16),
+            t_ns=(k * 100_000_000).astype(np.uint32),
+        )
+
+
+class FakeCamera:
+    """A gradient whose corner is the camera's place, and stripes of all classes; ``pause`` [s] makes it slow."""
+
+    pause = 0.0
+
+    def __init__(self, config: CameraConfig, scene: FakeScene) -> None:
+        self.config = config
+
+    def shoot(self, world_from_optical: NDArray[np.float64]) -> FakePicture:
+        time.sleep(self.pause)
+        height, width = self.config.height, self.config.width
+        shade = np.add.outer(np.arange(height), np.arange(width)) + world_from_optical[:3, 3].sum() * 1000
+        label = (np.arange(width) % int(Label.SKY) + 1).astype(np.uint8)
+        return FakePicture(
+            photo=np.repeat((shade.astype(int) % 200).astype(np.uint8)[..., None], 3, axis=-1),
+            label=np.broadcast_to(label, (height, width)),
+        )
+
+
+def make_slices(folder: Path, experiment: Experiment) -> Slices:
+    """Slices of the fake recording."""
+    world = make_world(seed=experiment.seed)
+    track, rig, scene = make_track(world, experiment), experiment.rig, FakeScene(world)
+
+    def sensors() -> Sensors:
+        return Sensors(FakeLidar(rig.lidar, scene), FakeCamera(rig.cameras, scene))
+
+    return Slices(folder, streams_of(world, track, rig), topics_of(rig), sensors)
+
+
+def use_fakes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the pipeline build, drive and sense with these."""
+    monkeypatch.setattr(pipeline, "load_world", make_world)
+    monkeypatch.setattr(pipeline, "drive", make_track)
+    monkeypatch.setattr(pipeline, "Scene", FakeScene)
+    monkeypatch.setattr(pipeline, "Lidar", FakeLidar)
+    monkeypatch.setattr(pipeline, "Camera", FakeCamera)
