@@ -6,7 +6,11 @@ from collections.abc import Mapping
 from typing import Final
 
 from fieldtruth.world.plants.broadleaves import BIRCH, LIME, OAK
+from fieldtruth.world.plants.shrubs import BOX, HAZEL
 from fieldtruth.world.plants.species import Species
 
 SPECIES: Final[Mapping[str, Species]] = {s.name: s for s in (LIME, BIRCH, OAK)}
 """Trees by name."""
+
+BUSHES: Final[Mapping[str, Species]] = {s.name: s for s in (BOX, HAZEL)}
+"""Bushes by name."""

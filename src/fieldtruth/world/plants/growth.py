@@ -56,7 +56,9 @@ def grow_skeleton(habit: Habit, height: float, rng: np.random.Generator) -> tupl
     light = rng.uniform(0, 2 * np.pi)
     for number, order in enumerate(habit.orders, start=1):
         stems = _sprout(orders[-1], order, number, habit, height, light, rng)
-        orders.append(_pruned(stems, habit.clear if number > 0 else -np.inf))
+        orders.append(_pruned(stems, habit.clear))
+    if habit.sheared > 0:
+        return _sheared(orders, habit.sheared * height, height, rng)
     return _fitted(orders, habit.clear, height)
 
 
@@ -70,17 +72,16 @@ def _trunks(habit: Habit, height: float, rng: np.random.Generator) -> Stems:
     direction = np.sin(tilt)[:, None] * outward + np.cos(tilt)[:, None] * [0, 0, 1]
     foot = habit.stem_circle * out[:, None] * outward - [0, 0, ROOT_DEPTH]
     length = height * habit.leader * (1 if n == 1 else rng.uniform(0.75, 1.0, n)) * np.ones(n) + ROOT_DEPTH
-    # A short radius rule: thinner stems are the shorter ones.
     radius = habit.trunk_radius * length
     form = Order(
-        spacing=1,
-        start=0,
+        number=n,
         length=1,
         angle=(0, 0),
         lift=(0.15, 0.3) if n == 1 else (0.2, -0.1),
         bend=0.5 * habit.trunk_wander,
         wander=habit.trunk_wander,
         segments=habit.trunk_segments,
+        collar=0,
     )
     axis = _extend(foot, direction, length, form, rng)
     none = np.full(n, -1, np.intp)
@@ -93,8 +94,8 @@ def _sprout(
     """The next order of stems, before pruning."""
     start = np.full(len(parents.length), order.start)
     if number == 1:
-        start = np.maximum(start, (habit.clear + ROOT_DEPTH) / parents.length)
-    parent, rank, joint = spread_along(parents, start, order.spacing, rng)
+        start = np.maximum(start, (max(habit.clear, habit.crown_base * height) + ROOT_DEPTH) / parents.length)
+    parent, rank, joint = spread_along(parents, start, order.number, rng)
     position, tangent, radius = parents.at(parent, joint)
     depth = (joint - start[parent]) / (1 - start[parent])
     direction = _directions(tangent, parent, rank, depth, order, rng)
@@ -102,10 +103,11 @@ def _sprout(
     if number == 1:
         length = order.length * height * outline_ratio(habit.outline, 1 - depth)
         azimuth = np.arctan2(direction[:, 1], direction[:, 0]) - light
-        length *= 1 + habit.lopsided * (np.cos(azimuth) + 0.6 * np.cos(3 * azimuth + light))
+        length *= 1 + habit.lopsided * (np.cos(azimuth) + 0.5 * np.cos(3 * azimuth + light))
     else:
         length = order.length * parents.length[parent] * (1 - 0.6 * joint)  # Weber and Penn, section 4.3
-    length *= np.exp(rng.normal(0, order.length_spread, len(length)))
+    length *= 1 + 0.5 * np.minimum(direction[:, 2], 0)  # shoots in the shade of their parent stay short
+    length *= np.exp(order.length_spread * rng.normal(0, 1, len(length)).clip(-1.5, 1.5))
 
     thickness = parents.radius[parent, 0] * (length / parents.length[parent]) ** order.thickness
     thickness = np.maximum(np.minimum(thickness, JOINT_RATIO * radius), np.minimum(1.2 * TIP_RADIUS, radius))
@@ -120,10 +122,14 @@ def _sprout(
 
 
 def spread_along(
-    stems: Stems, start: Array, spacing: float, rng: np.random.Generator
+    stems: Stems, start: Array, number: float, rng: np.random.Generator
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
-    """Places for shoots or leaves: the stem's row, the place's rank on that stem, and its fraction of the length."""
-    count = np.floor(np.maximum(1 - start, 0) * stems.length / spacing + rng.random(len(start))).astype(np.intp)
+    """About ``number`` places for shoots or leaves above each stem's ``start``, in proportion to the length there.
+
+    Returns (m,) each: the stem's row, the place's rank on that stem, and its fraction of the length.
+    """
+    usable = np.maximum(1 - start, 0) * stems.length
+    count = np.floor(usable * (number / usable.sum()) + rng.random(len(start))).astype(np.intp)
     parent = np.repeat(np.arange(len(count), dtype=np.intp), count)
     rank = np.arange(len(parent), dtype=np.intp) - np.repeat(np.cumsum(count) - count, count)
     within = (rank + rng.uniform(0.15, 0.85, len(rank))) / count[parent]
@@ -170,7 +176,7 @@ def _extend(foot: Array, direction: Array, length: Array, order: Order, rng: np.
     axis = np.empty((n, k + 1, 3))
     axis[:, 0] = foot
     steady = rng.normal(0, order.bend / k, (n, 3))
-    steps = rng.normal(0, order.wander / np.sqrt(k), (n, k, 3))
+    steps = order.wander / np.sqrt(k) * rng.normal(0, 1, (n, k, 3)).clip(-1.5, 1.5)  # no elbows
     heading = direction
     for i in range(k):
         axis[:, i + 1] = axis[:, i] + heading * (length / k)[:, None]
@@ -180,10 +186,11 @@ def _extend(foot: Array, direction: Array, length: Array, order: Order, rng: np.
 
 
 def _taper(radius: Array, order: Order) -> Array:
-    """Radii (n, k + 1) [m] that fall in a straight line to the tip's (Weber and Penn's taper 1)."""
+    """Radii (n, k + 1) [m]: a collar at the foot, then a straight fall to the tip's (Weber and Penn's taper 1)."""
     s = np.linspace(0, 1, order.segments + 1)
     tip = np.minimum(TIP_RADIUS, 0.9 * radius)[:, None]
-    return np.asarray(radius[:, None] + (tip - radius[:, None]) * s)
+    shape = (1 - s) * (1 + order.collar * np.exp(-10 * s)) / (1 + order.collar)
+    return np.asarray(tip + (radius[:, None] - tip) * shape)
 
 
 def _pruned(stems: Stems, clear: float) -> Stems:
@@ -205,10 +212,23 @@ def _fitted(orders: list[Stems], clear: float, height: float) -> tuple[Stems, ..
     top = max(float(stems.axis[:, :, 2].max()) for stems in orders if len(stems.axis))
     stretch = (height - clear) / (top - clear)
 
-    def fit(stems: Stems) -> Stems:
-        axis = stems.axis.copy()
-        z = axis[:, :, 2]
-        axis[:, :, 2] = np.where(z > clear, clear + (z - clear) * stretch, z)
-        return replace(stems, axis=axis)
+    def fit(axis: Array) -> Array:
+        x, y, z = np.moveaxis(axis, -1, 0)
+        return np.stack([x, y, np.where(z > clear, clear + (z - clear) * stretch, z)], -1)
 
-    return tuple(fit(stems) for stems in orders)
+    return tuple(replace(stems, axis=fit(stems.axis)) for stems in orders)
+
+
+def _sheared(orders: list[Stems], radius: float, height: float, rng: np.random.Generator) -> tuple[Stems, ...]:
+    """The skeleton inside a slightly irregular dome: what would stand out crowds below its surface, as in a hedge."""
+    phase = rng.uniform(0, 2 * np.pi, 3)
+
+    def shear(axis: Array) -> Array:
+        x, y, z = np.moveaxis(axis, -1, 0)
+        azimuth = np.arctan2(y, x)
+        wide = radius * (1 + 0.06 * np.cos(2 * azimuth + phase[0]) + 0.05 * np.cos(3 * azimuth + phase[1]))
+        high = height * (1 + 0.04 * np.cos(azimuth + phase[2]))
+        rho = np.sqrt((x**2 + y**2) / wide**2 + np.maximum(z, 0) ** 2 / high**2)
+        return np.asarray(axis / ((1 + rho**8) ** (1 / 8))[..., None])
+
+    return tuple(replace(stems, axis=shear(stems.axis)) for stems in orders)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.world.plants.growth import Array, Stems, sideways, spread_along, unit
-from fieldtruth.world.plants.species import Habit, Leaf
+from fieldtruth.world.plants.species import Habit, Leaf, Order
 
 OUTWARD_BLEND = 0.55  # weight of the crown's and clump's normal in a leaf's shading normal
 
@@ -32,28 +32,35 @@ class Leaves:
     outward: Array  # (m, 3) unit, away from crown and clump
 
 
-def place_leaves(skeleton: tuple[Stems, ...], habit: Habit, rng: np.random.Generator) -> Leaves:
-    """Leaves along the twigs of all orders that bear some."""
-    twigs, tangents, sides, limbs = [], [], [], []
-    for stems, order in zip(skeleton[1:], habit.orders, strict=True):
-        if order.leaf_spacing == 0 or len(stems.length) == 0:
-            continue
-        start = np.full(len(stems.length), order.leaf_start)
-        parent, rank, joint = spread_along(stems, start, order.leaf_spacing, rng)
-        position, tangent, _ = stems.at(parent, joint)
-        twigs.append(position)
-        tangents.append(tangent)
-        sides.append(sideways(tangent, parent, rank, order.divergence, 40.0, rng))
-        limbs.append(stems.limb[parent])
-    twig, tangent, side = (np.concatenate(part) for part in (twigs, tangents, sides))
-    leaves = _turned(habit.leaf, twig, tangent, side, np.concatenate(limbs), rng)
-    lowest = np.minimum(leaves.base[:, 2], leaves.base[:, 2] + leaves.midrib[:, 2] * leaves.length)
-    rows = np.flatnonzero(lowest - 0.5 * leaves.length * np.abs(leaves.normal[:, :2]).max(1) > habit.clear)
+def place_leaves(skeleton: tuple[Stems, ...], habit: Habit, height: float, rng: np.random.Generator) -> Leaves:
+    """Leaves along the twigs of all orders that bear some; none hangs below the clear height."""
+    bearing = [(s, o) for s, o in zip(skeleton[1:], habit.orders, strict=True) if o.foliage > 0 and len(s.length)]
+    shares = np.array([o.foliage * (1 - o.leaf_start) * s.length.sum() for s, o in bearing])
+    parts = [
+        _along(stems, order, habit.leaf, share, rng)
+        for (stems, order), share in zip(bearing, habit.leaf.number * shares / shares.sum(), strict=True)
+    ]
+    twig, tangent, side = (np.concatenate([part[k] for part in parts]) for k in range(3))
+    limb = np.concatenate([part[3] for part in parts])
+    leaves = _turned(habit.leaf, np.sqrt(height / habit.height), twig, tangent, side, limb, rng)
+    reach = 0.5 * habit.leaf.width * leaves.length
+    lowest = np.minimum(leaves.base[:, 2], leaves.base[:, 2] + leaves.midrib[:, 2] * leaves.length) - reach
+    rows = np.flatnonzero(lowest > habit.clear)
     return Leaves(**{key: value[rows] for key, value in vars(leaves).items()})
 
 
+def _along(
+    stems: Stems, order: Order, form: Leaf, number: float, rng: np.random.Generator
+) -> tuple[Array, Array, Array, NDArray[np.intp]]:
+    """Where leaves leave the stems of an order: position [m], the stem's tangent, the side they point to, the limb."""
+    start = np.full(len(stems.length), order.leaf_start)
+    parent, rank, joint = spread_along(stems, start, number, rng)
+    position, tangent, _ = stems.at(parent, joint)
+    return position, tangent, sideways(tangent, parent, rank, form.arrangement, 40.0, rng), stems.limb[parent]
+
+
 def _turned(
-    form: Leaf, twig: Array, tangent: Array, side: Array, limb: NDArray[np.intp], rng: np.random.Generator
+    form: Leaf, scale: float, twig: Array, tangent: Array, side: Array, limb: NDArray[np.intp], rng: np.random.Generator
 ) -> Leaves:
     """Blades turned to the light."""
     n = len(twig)
@@ -62,7 +69,7 @@ def _turned(
     midrib = unit(reach + 0.35 * outward - [0, 0, form.droop] + rng.normal(0, 0.25, (n, 3)))
     light = form.flatness * np.array([0, 0, 1.0]) + outward + rng.normal(0, 0.45, (n, 3))
     normal = unit(light - (light * midrib).sum(1, keepdims=True) * midrib)
-    length = form.length * np.exp(rng.normal(0, form.size_spread, n).clip(-0.5, 0.4))
+    length = scale * form.length * np.exp(rng.normal(0, form.size_spread, n).clip(-0.5, 0.4))
     return Leaves(
         twig=twig, base=twig + form.stalk * reach, midrib=midrib, normal=normal, length=length, outward=outward
     )
@@ -79,23 +86,29 @@ def _outward(points: Array, limb: NDArray[np.intp]) -> Array:
     return unit(crown + clump)
 
 
-def leaf_mesh(leaves: Leaves, form: Leaf) -> tuple[Array, Array, Array, NDArray[np.int32]]:
-    """Vertices (4 m, 3) [m], normals, uv and faces (2 m, 3), in the order base, left, tip, right; v is along the midrib."""
+def leaf_mesh(leaves: Leaves, form: Leaf, rng: np.random.Generator) -> tuple[Array, Array, Array, NDArray[np.int32]]:
+    """Vertices (4 m, 3) [m], normals, uv and faces (2 m, 3): base, left, tip, right; v is along the midrib.
+
+    No two blades have quite the same outline, and the halves of one differ.
+    """
     m = len(leaves.length)
     left = np.cross(leaves.normal, leaves.midrib)
-    fold = np.radians(form.fold)
+    fold = np.radians(form.fold * rng.uniform(0.2, 1.6, (m, 1)))
     scale = leaves.length[:, None]
-    half = 0.5 * form.width / form.length * scale
-    waist = leaves.base + form.widest * scale * leaves.midrib + half * np.sin(fold) * leaves.normal
-    tip = leaves.base + scale * leaves.midrib
-    reach = half * np.cos(fold) * left
-    vertices = np.stack([leaves.base, waist + reach, tip, waist - reach], 1)
+    vertices = np.empty((m, 4, 3))
+    vertices[:, 0], vertices[:, 2] = leaves.base, leaves.base + scale * leaves.midrib
+    for corner, sign in ((1, 1.0), (3, -1.0)):
+        widest = form.widest + rng.uniform(-0.1, 0.1, (m, 1))
+        half = 0.5 * form.width * scale * rng.uniform(0.85, 1.15, (m, 1))
+        across = sign * np.cos(fold) * left + np.sin(fold) * leaves.normal
+        vertices[:, corner] = leaves.base + widest * scale * leaves.midrib + half * across
 
     tilt = np.sin(fold) * left
-    own = np.stack([leaves.normal, leaves.normal - tilt, leaves.normal, leaves.normal + tilt], 1)
+    own = unit(np.stack([leaves.normal, leaves.normal - tilt, leaves.normal, leaves.normal + tilt], 1))
     outward = leaves.outward[:, None]
-    facing = np.where((own * outward).sum(2, keepdims=True) < -0.3, 0.0, OUTWARD_BLEND)
-    normals = unit((1 - facing) * unit(own) + facing * outward)
+    # A blade turned away from the outside keeps its own normal: a blend would fall on its lower side.
+    blend = np.where((own * outward).sum(2, keepdims=True) < -0.3, 0.0, OUTWARD_BLEND)
+    normals = unit((1 - blend) * own + blend * outward)
     uv = np.broadcast_to([[0.5, 0.03], [0.04, form.widest], [0.5, 0.97], [0.96, form.widest]], (m, 4, 2))
     faces = 4 * np.arange(m)[:, None, None] + np.array([[0, 2, 1], [0, 3, 2]])
     return vertices.reshape(-1, 3), normals.reshape(-1, 3), uv.reshape(-1, 2), faces.reshape(-1, 3).astype(np.int32)

@@ -22,7 +22,7 @@ def grow_tree(species: Species, *, name: str, height: float, rng: np.random.Gene
     """
     habit = species.habit(height)
     skeleton = grow_skeleton(habit, height, rng)
-    surfaces = _skin(skeleton, habit, rng)
+    surfaces = _skin(skeleton, habit, height, rng)
     trunk = skeleton[0]
     _, _, radius = trunk.at(np.zeros(1, np.intp), np.array([1.3 / trunk.length[0]]))
     breast = 1.1 * float(radius[0])
@@ -32,13 +32,29 @@ def grow_tree(species: Species, *, name: str, height: float, rng: np.random.Gene
     return _assembled(name, species, surfaces, (collider,), max(breast + 0.3, crown / 3))
 
 
-def _skin(skeleton: tuple[Stems, ...], habit: Habit, rng: np.random.Generator) -> list[tuple[Surface, int]]:
+def grow_bush(species: Species, *, name: str, height: float, rng: np.random.Generator) -> Mesh:
+    """A bush of the given height [m]; its foliage reaches down to the ground.
+
+    The collider is a cylinder of 0.7 of the bush's radius, so that a wheel may brush the outer twigs; the footprint
+    [m] is the whole radius, within which 98 % of the leaf corners are.
+    """
+    habit = species.habit(height)
+    surfaces = _skin(grow_skeleton(habit, height, rng), habit, height, rng)
+    (foliage, *_), _ = surfaces[-1]
+    radius = float(np.quantile(np.hypot(foliage[:, 0], foliage[:, 1]), 0.98))
+    collider = Collider(shape="cylinder", size=(0.7 * radius, 0.9 * height))
+    return _assembled(name, species, surfaces, (collider,), radius)
+
+
+def _skin(
+    skeleton: tuple[Stems, ...], habit: Habit, height: float, rng: np.random.Generator
+) -> list[tuple[Surface, int]]:
     """Surfaces of all stems and leaves, each with its row of the materials."""
     profile = root_flare(skeleton[0], habit.trunk_sides, habit.flare, rng) if habit.stems == 1 else None
     surfaces = [(tubes(skeleton[0], habit.trunk_sides, profile), WOOD)]
     for stems, order in zip(skeleton[1:], habit.orders, strict=True):
         surfaces.append((tubes(stems, order.sides), WOOD))
-    surfaces.append((leaf_mesh(place_leaves(skeleton, habit, rng), habit.leaf), FOLIAGE))
+    surfaces.append((leaf_mesh(place_leaves(skeleton, habit, height, rng), habit.leaf, rng), FOLIAGE))
     return surfaces
 
 

@@ -3,8 +3,8 @@
 """The numbers that make a kind of plant: how its stems branch, bend and taper, and what its leaves are like.
 
 The parameters are those of Weber and Penn, "Creation and Rendering of Realistic Trees" (SIGGRAPH 1995), reduced to what
-park plants need. Where they count branches per stem, we state the distance between siblings, because that is what one
-sees on a twig, and because a young tree then has fewer branches by itself.
+park plants need. Where they count branches per stem, we count those of the whole plant and give each stem its share by
+length: so the number of triangles hardly differs between individuals.
 """
 
 from collections.abc import Callable, Mapping
@@ -21,7 +21,7 @@ _OUTLINES: Final[Mapping[Outline, Callable[[NDArray[np.float64]], NDArray[np.flo
     "spherical": lambda r: 0.2 + 0.8 * np.sin(np.pi * r),
     "hemispherical": lambda r: 0.2 + 0.8 * np.sin(0.5 * np.pi * r),
     "flame": lambda r: 0.5 + 0.5 * np.where(r <= 0.7, r / 0.7, (1 - r) / 0.3),
-    "domed": lambda r: 0.45 + 0.55 * np.sin(np.pi * np.clip(r, 0, 1) ** 0.8),
+    "domed": lambda r: 0.3 + 0.7 * np.sin(np.pi * (0.12 + 0.68 * r)),
 }
 
 
@@ -40,8 +40,8 @@ class Order:
     Pairs are (value at the foot, value at the tip): of the parent for ``angle``, of the stem itself for ``lift``.
     """
 
-    spacing: float  # [m] along the parent between siblings
-    start: float  # fraction of the parent's length below which none grows (order 1: above the clear trunk)
+    number: int  # stems of this order on the whole plant before pruning, each parent's share by its length
+    start: float = 0.0  # fraction of the parent's length below which none grows (order 1: see Habit.crown_base)
     length: float  # of the longest, relative to the parent's length (order 1: to the plant's height)
     length_spread: float = 0.15  # standard deviation of the logarithm
     angle: tuple[float, float]  # [deg] from the parent's axis
@@ -52,9 +52,10 @@ class Order:
     bend: float = 0.2  # [rad per stem length] standard deviation of one steady bend in any direction
     wander: float = 0.2  # [rad per stem length] standard deviation of the random walk of the direction
     thickness: float = 1.1  # radius relative to the parent's is the length relative to the parent's to this power
+    collar: float = 0.25  # widening at the foot relative to the rest
     segments: int = 4  # per stem
     sides: int = 4  # of the tube
-    leaf_spacing: float = 0.0  # [m] between leaves along the stem; 0: no leaves
+    foliage: float = 0.0  # leaves per length relative to other orders; 0: none
     leaf_start: float = 0.0  # fraction of the stem's length below which no leaf grows
 
 
@@ -62,12 +63,14 @@ class Order:
 class Leaf:
     """The form of a leaf: a kite of two triangles, folded along the midrib."""
 
-    length: float  # [m] of the blade
-    width: float  # [m]
+    number: int  # on the whole plant before pruning
+    length: float  # [m] of the blade, at ``Habit.height``
+    width: float  # relative to the length
     size_spread: float = 0.18  # standard deviation of the logarithm
     widest: float = 0.4  # where along the midrib
     fold: float = 20.0  # [deg] by which each half rises from the plane
     stalk: float = 0.03  # [m]
+    arrangement: float = 180.0  # [deg] about the twig from one leaf to the next
     droop: float = 0.5  # weight of "downwards" in the midrib's direction
     flatness: float = 1.0  # weight of "upwards" in the upper side's direction, against 1 for outwards
 
@@ -76,9 +79,11 @@ class Leaf:
 class Habit:
     """A way of growing at one stage of life."""
 
+    height: float  # [m] of an individual with leaves of ``leaf.length``; they grow with the root of the height
     trunk_radius: float  # relative to the plant's height, at the ground without the root flare
     leader: float = 0.9  # length of the trunk relative to the plant's height
-    clear: float  # [m] height below which only the trunk is
+    clear: float  # [m] height below which only the trunk is: what dips below is pruned
+    crown_base: float  # height of the lowest limb's foot relative to the plant's height
     outline: Outline
     lopsided: float = 0.15  # how much longer limbs are on the side of the light, relative
     trunk_lean: float = 2.0  # [deg] standard deviation
@@ -89,6 +94,7 @@ class Habit:
     stems: int = 1  # trunks from one root
     stem_splay: float = 0.0  # [deg] from upright of the outermost of several stems
     stem_circle: float = 0.0  # [m] radius of the circle in which several stems stand
+    sheared: float = 0.0  # radius, relative to the height, of the dome to which it is clipped; 0: grows freely
     orders: tuple[Order, ...]
     leaf: Leaf
 
