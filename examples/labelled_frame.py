@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""One LiDAR scan and one photograph of the park, labelled, from a pose of your choice. Run: python labelled_frame.py."""
+"""One LiDAR scan and one photograph of the park, labelled, from a pose of your choice."""
 
 import numpy as np
 

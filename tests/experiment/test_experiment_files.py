@@ -164,7 +164,7 @@ BAD_VALUES = [
     ("name", "name: ../x", r"name is '\.\./x'; allowed is a word of at most 64 letters, digits, - and _"),
     ("start", "start: [91, 0]", r"route\.start\[0\] is 91; allowed is a number from -90 up to 90"),
     ("start", "start: [0]", r"route\.start\[1\] is missing; needed is a number from -180 up to 180"),
-    ("start", "start: [0, 1, 2]", r"route\.start is \[0, 1, 2\]; allowed is a list of 2 numbers"),
+    ("start", "start: [0, 1, 2]", r"route\.start is \[0, 1, 2\]; allowed is \[latitude, longitude\] in degrees"),
     ("speed", "speed: .nan", r"control\.speed is nan; allowed is a number above 0 up to 1"),
     ("speed", "speed: yes", r"control\.speed is True; allowed is a number"),
     ("columns", "columns: 7", r"rig\.lidar\.columns is 7; allowed is a whole number from 8 up to 4096"),

@@ -37,8 +37,11 @@ class ControlConfig(Frozen):
 class RouteConfig(Frozen):
     """Where to drive: (latitude, longitude) [deg]; the robot starts at ``start`` and heads for the first way-point."""
 
-    start: tuple[Latitude, Longitude]
-    waypoints: Annotated[tuple[tuple[Latitude, Longitude], ...], Field(min_length=1)]
+    start: Annotated[tuple[Latitude, Longitude], Field(description="[latitude, longitude] in degrees")]
+    waypoints: Annotated[
+        tuple[tuple[Latitude, Longitude], ...],
+        Field(min_length=1, description="a list of at least one [latitude, longitude] in degrees"),
+    ]
 
 
 class Experiment(Frozen):

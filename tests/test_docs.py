@@ -1,0 +1,123 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the documents say is so: tables against the code, snippets against the examples, links against the files."""
+
+import itertools
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+from pydantic import BaseModel
+
+from fieldtruth.classes import CLASSES, Label
+from fieldtruth.experiment.catalogue import environment_names
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.files import parse_experiment
+from fieldtruth.experiment.problems import allowed_at
+from fieldtruth.experiment.rig import Mount, Rig
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+EXPERIMENTS = (ROOT / "docs/experiments.md").read_text(encoding="utf-8")
+DOCUMENTS = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]
+
+
+def table_rows(text: str) -> Iterator[list[str]]:
+    """Cells of every table row."""
+    for line in text.splitlines():
+        if line.startswith("|") and not line.startswith("|--"):
+            yield [cell.strip() for cell in line.strip("|").split("|")]
+
+
+def expanded(text: str) -> list[str]:
+    """Expand braces as a shell does: /{a,b}_{c,d} is four names."""
+    parts = [part[1:-1].split(",") if part.startswith("{") else [part] for part in re.split(r"(\{[^}]*\})", text)]
+    return ["".join(choice) for choice in itertools.product(*parts)]
+
+
+def configuration_keys(model: type[BaseModel], prefix: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    """Every key of a configuration that holds a value; a mount is one value."""
+    for name, field in model.model_fields.items():
+        kind = field.annotation
+        if isinstance(kind, type) and issubclass(kind, BaseModel) and kind is not Mount:
+            yield from configuration_keys(kind, (*prefix, name))
+        else:
+            yield (*prefix, name)
+
+
+def default_of(key: tuple[str, ...]) -> object:
+    """Value of an experiment that says nothing but what is required."""
+    value: object = parse_experiment(
+        "{name: a, environment: park, route: {start: [49.9, 8.9], waypoints: [[49.9001, 8.9]]}}"
+    ).model_dump(mode="json")
+    for step in key:
+        assert isinstance(value, dict)
+        value = value[step]
+    return value
+
+
+def test_the_reference_names_every_value_with_its_default_and_what_is_allowed() -> None:
+    described = {cells[0].strip("`"): cells for cells in table_rows(EXPERIMENTS) if cells[0].startswith("`")}
+    keys = list(configuration_keys(Experiment))
+    assert [".".join(key) for key in keys] == sorted(described, key=[".".join(k) for k in keys].index)
+    for key in keys:
+        _, default, allowed, meaning = described[".".join(key)]
+        if default != "(required)":
+            assert yaml.safe_load(default.strip("`")) == default_of(key), key
+        assert allowed in (allowed_at(Experiment, key), "a mount"), key
+        assert meaning
+
+
+def test_the_example_of_the_reference_is_an_experiment() -> None:
+    [text] = re.findall(r"```yaml\n(.*?)```", EXPERIMENTS, flags=re.S)
+    experiment = parse_experiment(text)
+    assert (experiment.seed, experiment.rig.lidar.columns, experiment.rig.cameras.enabled) == (7, 1024, False)
+
+
+def test_the_readme_lists_the_classes() -> None:
+    rows = [cells for cells in table_rows(README.partition("## Classes")[2]) if cells[0].isdigit()]
+    listed = {int(c[i]): (c[i + 1], c[i + 2]) for c in rows for i in (0, 4) if c[i]}
+    for label, name, rgb in CLASSES:
+        if label is not Label.VOID and rgb is not None:
+            assert listed[label][0].removesuffix(" (images only)") == name
+            assert listed[label][1] == " ".join(map(str, rgb))
+    assert len(listed) == len(CLASSES) - 1
+
+
+def test_the_readme_lists_the_topics_with_types_and_rates() -> None:
+    topics = pytest.importorskip("fieldtruth.record.topics")
+    listed: dict[str, tuple[str, str]] = {}
+    for names, kind, rate in (c for c in table_rows(README) if c[0].startswith("`/")):
+        patterns = re.findall(r"`([^`]+)`", names)
+        rates = rate.split(", ") if "," in rate else [rate] * len(patterns)
+        for pattern, own_rate in zip(patterns, rates, strict=True):
+            listed |= {name: (re.split(r"[:,]", kind)[0], own_rate) for name in expanded(pattern)}
+    true = {
+        topic.name: (topic.msgtype.replace("/msg/", "/"), f"{topic.rate_hz(Rig()):g}" if topic.rate_hz else "once")
+        for topic in topics.TOPICS
+    }
+    assert {name: (kind.partition(" ")[0], rate) for name, (kind, rate) in listed.items()} == true
+
+
+def test_the_readmes_script_is_the_example() -> None:
+    [snippet] = re.findall(r"```python\n(.*?)```", README, flags=re.S)
+    example = {line.strip() for line in (ROOT / "examples/labelled_frame.py").read_text(encoding="utf-8").splitlines()}
+    lines = [line for line in snippet.splitlines() if line]
+    assert len(lines) <= 10
+    for line in lines:
+        assert line in example
+
+
+def test_the_readme_names_the_environments_that_there_are() -> None:
+    status = README.partition("## Where it stands")[2].partition("\n## ")[0]
+    assert all(name in status for name in environment_names())
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_links_lead_to_files(document: Path) -> None:
+    text = document.read_text(encoding="utf-8")
+    targets = [t for t in re.findall(r"\]\(([^)#]+)\)", text) if not t.startswith("http")]
+    missing = [target for target in targets if not (document.parent / target).exists()]
+    assert not missing
