@@ -1,0 +1,204 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""What all textures are drawn with: noise, cells and scattered pieces on a square that continues at the opposite edge.
+
+An image is (n, n) or (n, n, 3): axis 0 is v, axis 1 is u. Light is linear until :func:`finish` encodes it as sRGB.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import fft, ndimage
+
+Image = NDArray[np.float32]
+Rng = np.random.Generator
+
+
+def linear(rgb8: ArrayLike) -> Image:
+    """Linear light of sRGB values 0 to 255 (IEC 61966-2-1)."""
+    s = np.asarray(rgb8, np.float32) / np.float32(255)
+    return np.where(s <= 0.04045, s / 12.92, ((s + 0.055) / 1.055) ** 2.4).astype(np.float32)
+
+
+def noise(rng: Rng, n: int, low: float, high: float, *, slope: float = 1.0, stretch: float = 1.0) -> Image:
+    """Smooth noise (n, n), mean 0, deviation 1, of ``low`` to ``high`` cycles a tile, falling as frequency^-slope.
+
+    ``stretch`` above 1 draws it out along v by that factor, below 1 along u.
+    """
+    spectrum = fft.rfft2(rng.standard_normal((n, n), np.float32))
+    v = (fft.fftfreq(n, 1 / n) * np.sqrt(stretch))[:, None]
+    u = (fft.rfftfreq(n, 1 / n) / np.sqrt(stretch))[None, :]
+    k = np.maximum(np.hypot(u, v), 1e-6).astype(np.float32)
+    gain = (
+        k ** np.float32(-slope) * np.exp(-((k / np.float32(high)) ** 4)) * (1 - np.exp(-((k / np.float32(low)) ** 4)))
+    )
+    gain[0, 0] = 0.0
+    field = fft.irfft2(spectrum * gain, (n, n)).astype(np.float32)
+    return np.asarray(field / field.std(), np.float32)
+
+
+class Cells(NamedTuple):
+    """For each pixel: distance to the nearest and second nearest seed [spacings], and the nearest one's number."""
+
+    nearest: Image
+    second: Image
+    owner: NDArray[np.int32]
+
+
+def cells(rng: Rng, n: int, across: int, along: int, *, jitter: float = 0.8, shift: Sequence[Image] = ()) -> Cells:
+    """Worley's cells (SIGGRAPH 1996) of across x along seeds, one in each field of a grid, moved by ``jitter`` of it.
+
+    ``shift`` (u, v) [spacings] bends the borders.
+    """
+    offset = (rng.random((2, along, across)).astype(np.float32) - 0.5) * jitter
+    grid = (np.arange(n, dtype=np.float32) + 0.5) / n
+    u, v = np.broadcast_to(grid * across, (n, n)), np.broadcast_to((grid * along)[:, None], (n, n))
+    if shift:
+        u, v = u + shift[0], v + shift[1]
+    column, row = np.floor(u).astype(np.int32), np.floor(v).astype(np.int32)
+    nearest, second = np.full((n, n), 9, np.float32), np.full((n, n), 9, np.float32)
+    owner = np.zeros((n, n), np.int32)
+    for di in (-1, 0, 1):
+        for dj in (-1, 0, 1):
+            i, j = (row + di) % along, (column + dj) % across
+            du = u - (column + dj) - np.float32(0.5) - offset[0, i, j]
+            dv = v - (row + di) - np.float32(0.5) - offset[1, i, j]
+            distance = np.hypot(du, dv)
+            closer = distance < nearest
+            second = np.where(closer, nearest, np.minimum(second, distance))
+            owner = np.where(closer, i * across + j, owner)
+            nearest = np.where(closer, distance, nearest)
+    return Cells(nearest, second, owner)
+
+
+class Samples(NamedTuple):
+    """Points of scattered pieces, each (m,): place [pixels], height, the piece's number, place within the piece."""
+
+    x: Image
+    y: Image
+    height: Image
+    owner: NDArray[np.int32]
+    a: Image
+    b: Image
+
+
+class Relief(NamedTuple):
+    """The pieces seen from above, each (n, n): height, number (-1 where there is none), place within the piece."""
+
+    height: Image
+    owner: NDArray[np.int32]
+    a: Image
+    b: Image
+
+
+def settle(n: int, pieces: Sequence[Samples]) -> Relief:
+    """Look at the pieces from above: at each pixel the highest sample is seen; heights lie within 0 to 1."""
+    x, y, height, owner, a, b = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
+    pixel = (np.floor(y).astype(np.int64) % n) * n + np.floor(x).astype(np.int64) % n
+    key = (np.clip(height * 65535, 0, 65535).astype(np.int64) << 32) | np.arange(len(x))
+    top = np.full(n * n, -1, np.int64)
+    np.maximum.at(top, pixel, key)
+    seen = (top & 0xFFFFFFFF) * (top >= 0)
+    empty = top < 0
+    return Relief(
+        np.where(empty, 0, height[seen]).reshape(n, n).astype(np.float32),
+        np.where(empty, -1, owner[seen]).reshape(n, n).astype(np.int32),
+        a[seen].reshape(n, n),
+        b[seen].reshape(n, n),
+    )
+
+
+def strokes(rng: Rng, n: int, count: int, length: tuple[float, float], width: float, bend: float) -> Samples:
+    """Blades: bent lines of ``length`` and ``width`` [pixels] that rise from a root (a = 0) to a tip (a = 1)."""
+    steps, across = int(np.ceil(length[1] * 0.9)), int(np.ceil(width * 1.2))
+    a = ((np.arange(steps, dtype=np.float32) + 0.5) / steps)[None, :, None]
+    b = (((np.arange(across, dtype=np.float32) + 0.5) / across - 0.5) * 2)[None, None, :]
+    x, y, angle, share, top = (f.astype(np.float32)[:, None, None] for f in rng.random((5, count)))
+    reach = np.float32(length[0]) + share * np.float32(length[1] - length[0])
+    turn = np.float32(2 * np.pi) * angle + a * rng.normal(0, bend, (count, 1, 1)).astype(np.float32)
+    c, s = np.cos(turn), np.sin(turn)
+    side = b * np.float32(width / 2) * (1 - np.float32(0.7) * a)
+    along = reach * a
+    # Short blades are those that stand upright: they reach highest.
+    height = (np.float32(0.35) + np.float32(0.65) * top) * (1 - np.float32(0.4) * share) * a * (1.6 - 0.6 * a)
+    owner = np.arange(count, dtype=np.int32)[:, None, None]
+    full = (count, steps, across)
+    fields = (x * n + along * c - side * s, y * n + along * s + side * c, height, owner, a, b)
+    return Samples(*(np.broadcast_to(f, full).ravel() for f in fields))
+
+
+Profile = Callable[[Image, Image, NDArray[np.intp]], Image]
+"""Height 0 to 1 at places (m,) a, b within -1 to 1 of the pieces numbered by the third argument; below 0 is outside."""
+
+
+def stamps(
+    rng: Rng, n: int, length: ArrayLike, width: ArrayLike, profile: Profile, rise: ArrayLike, *, turn: float = np.pi
+) -> Samples:
+    """Pieces of half ``length`` and half ``width`` (k,) [pixels], strewn and turned up to ``turn``; top at ``rise``."""
+    half_a, half_b = np.asarray(length, np.float32), np.asarray(width, np.float32)
+    top = np.broadcast_to(np.asarray(rise, np.float32), half_a.shape)
+    centre = rng.uniform(0, n, (2, len(half_a))).astype(np.float32)
+    angle = rng.uniform(-turn, turn, len(half_a)).astype(np.float32)
+    size_class = np.ceil(np.log2(np.maximum(np.hypot(half_a, half_b), 1.0)) * 2).astype(int)
+    found: list[Samples] = []
+    for step in np.unique(size_class):
+        rows = np.flatnonzero(size_class == step)
+        reach = int(np.ceil(2.0 ** (step / 2)))
+        grid = np.arange(-reach, reach + 1, dtype=np.float32)
+        dx, dy = (g.ravel()[None, :] for g in np.meshgrid(grid, grid))
+        c, s = np.cos(angle[rows])[:, None], np.sin(angle[rows])[:, None]
+        a, b = (c * dx + s * dy) / half_a[rows, None], (c * dy - s * dx) / half_b[rows, None]
+        piece, place = np.nonzero((np.abs(a) <= 1) & (np.abs(b) <= 1))
+        at_a, at_b = a[piece, place].astype(np.float32), b[piece, place].astype(np.float32)
+        owner = rows[piece]
+        shape = profile(at_a, at_b, owner)
+        inside = shape >= 0
+        x, y = centre[0, owner] + dx[0, place], centre[1, owner] + dy[0, place]
+        height = top[owner] * (np.float32(0.6) + np.float32(0.4) * shape)
+        number = owner.astype(np.int32)
+        found.append(Samples(x[inside], y[inside], height[inside], number[inside], at_a[inside], at_b[inside]))
+    return Samples(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+
+
+def blur(image: Image, sigma: float) -> Image:
+    """Gaussian blur [pixels] over u and v."""
+    return np.asarray(ndimage.gaussian_filter(image, (sigma, sigma) + (0,) * (image.ndim - 2), mode="wrap"), np.float32)
+
+
+def crevices(height: Image, sigma: float, strength: float) -> Image:
+    """Light that reaches the surface, about 1: less where it lies below its surroundings within ``sigma`` [pixels]."""
+    below = blur(height, sigma) - height
+    return np.asarray(np.clip(1 - strength * below, 0.15, 1.3), np.float32)
+
+
+def mix(colours: ArrayLike, where: NDArray[np.floating[Any]]) -> Image:
+    """Colours (k, 3), sRGB 0 to 255, read along ``where`` (n, n) from 0 to 1."""
+    table = linear(colours)
+    place = np.linspace(0, len(table) - 1, 1024)
+    fine = np.stack([np.interp(place, np.arange(len(table)), channel) for channel in table.T], axis=1)
+    return np.asarray(fine.astype(np.float32)[np.clip(where * 1023, 0, 1023).astype(np.int32)])
+
+
+def halve(image: Image) -> Image:
+    """Mean of each 2 x 2 pixels."""
+    n = len(image) // 2
+    return np.asarray(image.reshape(n, 2, n, 2, -1).mean((1, 3)), np.float32)
+
+
+def even_out(image: Image, *, cycles: float = 3.0) -> Image:
+    """Divide by the image's own slow changes, below ``cycles`` a tile, whose repetition the eye would find."""
+    grey = image.mean(2)
+    slow = blur(grey, len(grey) / (2 * np.pi * cycles))
+    return np.asarray(image * (grey.mean() / slow)[..., None], np.float32)
+
+
+def finish(image: Image, albedo: Sequence[float]) -> NDArray[np.uint8]:
+    """Scale each channel to its mean ``albedo`` (linear) and encode as sRGB bytes."""
+    light = np.clip(image, 0, None)
+    light = np.minimum(light * (np.asarray(albedo, np.float32) / light.mean((0, 1))), 1.0)
+    # Clipped highlights take from the mean; a second pass gives it back.
+    light = np.minimum(light * (np.asarray(albedo, np.float32) / light.mean((0, 1))), 1.0)
+    s = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    return np.asarray(np.round(s * 255), np.uint8)
