@@ -3,6 +3,7 @@
 """The command line: a mistake is one line and exit code 2, and what it does is one call of the library."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,10 +11,13 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from rosbags.rosbag1 import Writer
 
 import fieldtruth
 from fieldtruth import cli
 from fieldtruth.errors import OutputError
+
+CLOCK = "rosgraph_msgs/msg/Clock"
 
 
 @pytest.fixture(autouse=True)
@@ -22,7 +26,7 @@ def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class Recorder:
-    """Stands for the pipeline: keeps what it was called with, and writes a bag of 1500 bytes."""
+    """Stands for the pipeline: keeps what it was called with, and writes a bag of three messages of two topics."""
 
     def __init__(self, error: BaseException | None = None) -> None:
         self.error = error
@@ -34,13 +38,16 @@ class Recorder:
             raise self.error
         bag = out / experiment.name / f"{experiment.name}.bag"
         bag.parent.mkdir(parents=True)
-        bag.write_bytes(bytes(1500))
+        with Writer(bag) as writer:
+            clock, tick = (writer.add_connection(topic, CLOCK, msgdef="time clock", md5sum="0" * 32) for topic in "ab")
+            for connection in (clock, tick, tick):
+                writer.write(connection, 1, bytes(8))
         return bag
 
 
 def with_pipeline(monkeypatch: pytest.MonkeyPatch, recorder: Recorder) -> Recorder:
-    modules = {"fieldtruth.pipeline": recorder, "fieldtruth.bench": SimpleNamespace(run=lambda: {"lidar": 2.5})}
-    monkeypatch.setattr(cli, "import_module", modules.__getitem__)
+    monkeypatch.setitem(sys.modules, "fieldtruth.pipeline", recorder)
+    monkeypatch.setitem(sys.modules, "fieldtruth.bench", SimpleNamespace(run=lambda: {"lidar": 2.5}))
     return recorder
 
 
@@ -92,8 +99,9 @@ def test_generate_hands_everything_to_one_call(
     assert out == Path("sets")
     assert (options["workers"], options["overwrite"]) == (3, True)
     text = capsys.readouterr().out
-    assert text.startswith("sets/park_1/park_1.bag")
-    assert text.count("\n") == 1
+    size = (tmp_path / "sets/park_1/park_1.bag").stat().st_size / 1e6
+    expected = rf"sets/park_1/park_1\.bag: 3 messages of 2 topics, {size:.1f} MB; this run took \d+ s\n"
+    assert re.fullmatch(expected, text)
 
 
 def test_generate_by_default_takes_the_experiment_as_it_is_and_all_cores(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -168,10 +176,13 @@ def test_the_process_ends_with_the_code_and_the_line() -> None:
     assert mistake.stderr.startswith("fieldtruth: no experiment 'no_such'; there is: ")
 
 
-def test_light_commands_import_nothing_heavy() -> None:
-    code = (
-        "import sys; from fieldtruth import cli; cli.main(['list']); cli.main(['nonsense']); "
-        "print(*({'numba', 'mujoco', 'scipy', 'pydantic', 'numpy', 'rosbags'} & set(sys.modules)), file=sys.stderr)"
-    )
+def modules_after(*argv: str) -> set[str]:
+    """Names of the modules that a command leaves loaded."""
+    code = f"import sys; from fieldtruth import cli; cli.main({list(argv)!r}); print(*sys.modules, file=sys.stderr)"
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert ended.stderr.splitlines()[-1] == ""
+    return set(ended.stderr.splitlines()[-1].split())
+
+
+def test_light_commands_import_nothing_heavy() -> None:
+    assert modules_after("nonsense").isdisjoint({"numpy", "scipy", "pydantic", "numba", "mujoco"})
+    assert modules_after("list").isdisjoint({"pydantic", "numba", "mujoco", "rosbags", "rich"})

@@ -12,7 +12,6 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Sequence
-from importlib import import_module
 from pathlib import Path
 from typing import Final, NoReturn
 
@@ -88,10 +87,19 @@ def _generate(options: argparse.Namespace) -> None:
         lidar=False if options.no_lidar else None,
     )
     start = time.monotonic()
-    generate = import_module("fieldtruth.pipeline").generate
-    bag: Path = generate(experiment, options.out, workers=options.workers, overwrite=options.overwrite)
-    size_mb = bag.stat().st_size / 1e6
-    print(f"{bag}: {size_mb:.1f} MB in {time.monotonic() - start:.0f} s")
+    # After the checks: compiled kernels and physics take a second to load.
+    from fieldtruth.pipeline import generate
+    from fieldtruth.record.read import count_messages
+    from fieldtruth.report.progress import show_progress
+
+    with show_progress() as progress:
+        bag = generate(experiment, options.out, workers=options.workers, overwrite=options.overwrite, progress=progress)
+    took = time.monotonic() - start
+    counts = count_messages(bag)
+    print(
+        f"{bag}: {sum(counts.values())} messages of {len(counts)} topics, {bag.stat().st_size / 1e6:.1f} MB; "
+        f"this run took {took:.0f} s"
+    )
 
 
 def _list(options: argparse.Namespace) -> None:
@@ -106,6 +114,7 @@ def _list(options: argparse.Namespace) -> None:
 
 def _bench(options: argparse.Namespace) -> None:
     import json
+    from importlib import import_module
 
     figures: dict[str, float] = import_module("fieldtruth.bench").run()
     if options.json:

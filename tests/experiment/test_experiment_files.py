@@ -116,8 +116,11 @@ def test_overrides_make_a_checked_copy_and_leave_the_original_alone(park: Experi
         with_overrides(park, seconds=-5)
 
 
-def test_a_number_with_an_exponent_is_a_number() -> None:
+def test_a_number_with_an_exponent_is_a_number_and_a_text_stays_a_text() -> None:
     assert parse_experiment(SMALL + "seconds: 1e1\n").seconds == 10.0
+    for text in ("0E0", "1e3", "1.0e+3", "null", "yes", "1:30", "0x1F", "~", "2024-01-01", " a", "#"):
+        experiment = parse_experiment(SMALL).model_copy(update={"description": text})
+        assert parse_experiment(dump_experiment(experiment)).description == text
 
 
 def test_a_file_is_read_by_its_path(tmp_path: Path) -> None:

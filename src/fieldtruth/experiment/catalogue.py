@@ -2,9 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What there is, by name: the experiments that ship with the package, and the environments. Light: a list is quick."""
 
-from collections.abc import Mapping
 from functools import cache
-from importlib import import_module
 from importlib.resources import files
 
 from fieldtruth.errors import UnknownNameError
@@ -40,19 +38,13 @@ def list_experiments() -> dict[str, str]:
     return {name: str(parse_mapping(text, name).get("description", "")) for name, text in _texts().items()}
 
 
-def _environments() -> Mapping[str, object]:
-    # Late: the builders bring geometry along.
-    environments: Mapping[str, object] = getattr(
-        import_module("fieldtruth.world.environments"), "ENVIRONMENTS", {"park": None}
-    )
-    return environments
-
-
 def environment_names() -> tuple[str, ...]:
-    """Names of the environments, in the paper's order."""
-    return tuple(_environments())
+    """Names of the environments."""
+    return tuple(list_environments())
 
 
 def list_environments() -> dict[str, str]:
-    """Name and one descriptive line of each environment: the first line of its builder's docstring."""
-    return {name: (builder.__doc__ or "").strip().partition("\n")[0] for name, builder in _environments().items()}
+    """Name and one descriptive line of each environment."""
+    from fieldtruth.world.environments import ENVIRONMENTS  # late: it brings array libraries along
+
+    return {name: environment.description for name, environment in ENVIRONMENTS.items()}

@@ -4,11 +4,14 @@
 
 import re
 from collections.abc import Hashable, Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import yaml
 
 from fieldtruth.errors import ConfigurationError
+
+
+_EXPONENT: Final = re.compile(r"^[-+]?[0-9]+(?:\.[0-9]*)?[eE][-+]?[0-9]+$")
 
 
 class _Loader(yaml.SafeLoader):
@@ -22,11 +25,6 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(r"^[-+]?[0-9]+(?:\.[0-9]*)?[eE][-+]?[0-9]+$"), list("-+0123456789")
-)
-
-
 class _Dumper(yaml.SafeDumper):
     """Block style, but a list of plain values stands on one line."""
 
@@ -36,6 +34,8 @@ def _represent_list(dumper: yaml.SafeDumper, data: Sequence[object]) -> yaml.Nod
     return dumper.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=plain)
 
 
+for _side in (_Loader, _Dumper):  # the writer must know as well: it then quotes a text such as "1e3"
+    _side.add_implicit_resolver("tag:yaml.org,2002:float", _EXPONENT, list("-+0123456789"))
 _Dumper.add_representer(list, _represent_list)
 
 
