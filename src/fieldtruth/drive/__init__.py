@@ -1,2 +1,29 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
+"""The drive: a Husky in MuJoCo on the terrain among its obstacles, the way-point follower, the robot's own sensors."""
+
+from fieldtruth.drive.controller import WaypointFollower
+from fieldtruth.drive.husky import Command
+from fieldtruth.drive.simulate import drive
+from fieldtruth.drive.track import (
+    WHEELS,
+    GnssReadings,
+    ImuReadings,
+    Motion,
+    TachometerReadings,
+    Track,
+    stamps_at_rate,
+)
+
+__all__ = [
+    "WHEELS",
+    "Command",
+    "GnssReadings",
+    "ImuReadings",
+    "Motion",
+    "TachometerReadings",
+    "Track",
+    "WaypointFollower",
+    "drive",
+    "stamps_at_rate",
+]

@@ -16,7 +16,7 @@ I8 = NDArray[np.int64]
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """True motion of base_link at the physics rate; row k is the state at ``stamps_ns[k]``, the first stamp is one step.
+    """True motion of base_link at the physics rate; row k is the state at ``stamps_ns[k]``, the first after one step.
 
     ``position`` (n, 3) [m] and ``quaternion_wxyz`` (n, 4) are world_from_base; ``linear_velocity`` (n, 3) [m/s] and
     ``angular_velocity`` (n, 3) [rad/s] are of base_link's origin, expressed in the world frame as gazebo_msgs has them.
@@ -41,7 +41,7 @@ class ImuReadings:
 
 @dataclass(frozen=True, kw_only=True)
 class GnssReadings:
-    """Position of the antenna (GNSS_link): ``geodetic`` (n, 3) latitude [deg], longitude [deg], ellipsoidal height [m]."""
+    """Position of the antenna (GNSS_link): ``geodetic`` (n, 3) latitude, longitude [deg], ellipsoidal height [m]."""
 
     stamps_ns: I8
     geodetic: F8
@@ -79,4 +79,5 @@ class Track:
 def stamps_at_rate(rate_hz: float, duration_ns: int) -> I8:
     """Stamps [ns] of a sensor of ``rate_hz``: k / rate for k = 1, 2, ... up to and including ``duration_ns``."""
     count = int(duration_ns * rate_hz / 1e9 + 1e-9)
-    return np.rint(np.arange(1, count + 1) * (1e9 / rate_hz)).astype(np.int64)
+    stamps: I8 = np.rint(np.arange(1, count + 1) * (1e9 / rate_hz)).astype(np.int64)
+    return stamps

@@ -1,0 +1,64 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The way-point follower of the paper's section 3: constant speed, turn rate proportional to the heading error.
+
+It sees the latest fix of the GNSS antenna and the heading of the IMU and nothing else; between two fixes it aims from
+where the last one was.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fieldtruth.drive.husky import STOP, Command
+from fieldtruth.experiment.config import ControlConfig
+from fieldtruth.frames import Array
+from fieldtruth.geodesy import world_from_geodetic
+
+
+class WaypointFollower:
+    """Drives to each way-point in turn, and stops at the last one.
+
+    ``waypoints`` (n, 2) are latitude and longitude [deg]. ``target`` is the row of the way-point that it heads for; it
+    equals the number of way-points once the last one is reached.
+    """
+
+    def __init__(self, waypoints: ArrayLike, control: ControlConfig) -> None:
+        self.waypoints_xy: Array = horizontal_from_geodetic(waypoints)  # (n, 2) [m]
+        self.target = 0
+        self._control = control
+        self._antenna_xy = self.waypoints_xy[0]
+
+    @property
+    def finished(self) -> bool:
+        """True once the last way-point is reached."""
+        return self.target == len(self.waypoints_xy)
+
+    def see_fix(self, latitude_deg: float, longitude_deg: float) -> None:
+        """Take a fix of the GNSS; below the arrival distance the next way-point becomes the target."""
+        self._antenna_xy = horizontal_from_geodetic((latitude_deg, longitude_deg))
+        while not self.finished and self.distance < self._control.arrival_distance:
+            self.target += 1
+
+    @property
+    def distance(self) -> float:
+        """Distance [m] from the last fix to the target."""
+        return math.dist(self._antenna_xy, self.waypoints_xy[self.target])
+
+    def command(self, heading: float) -> Command:
+        """What to do at this ``heading`` [rad]: 0 is north, positive towards west."""
+        if self.finished:
+            return STOP
+        north, west = self.waypoints_xy[self.target] - self._antenna_xy
+        error = math.remainder(math.atan2(west, north) - heading, math.tau)
+        limit = self._control.max_turn_rate
+        turn_rate = min(max(self._control.heading_gain * error, -limit), limit)
+        return Command(self._control.speed, turn_rate)
+
+
+def horizontal_from_geodetic(geodetic: ArrayLike) -> Array:
+    """World x, y (..., 2) [m] of latitude and longitude (..., 2) [deg], taken to lie at height 0."""
+    latitude_longitude = np.asarray(geodetic, np.float64)
+    height = np.zeros((*latitude_longitude.shape[:-1], 1))
+    return world_from_geodetic(np.concatenate([latitude_longitude, height], axis=-1))[..., :2]

@@ -1,0 +1,144 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The world as MuJoCo feels it: the heightfield, the obstacles, and how a tyre grips.
+
+Contact of tyre and soil. Friction 0.68 is the peak value of a tyre on a dry earth road (Wong, Theory of Ground
+Vehicles, table of average coefficients of road adhesion, quoted from memory), isotropic. MuJoCo's contact is soft and
+convex, and a sliding contact is pushed apart by mu * b_t * slip (b_t: the damping that its friction aims at). Beyond
+g (1 - d) / d (d: the impedance) the wheel takes off: with the default values a skidding robot chattered at 4 m/s^2. So
+the friction aims slowly (time constant 0.5 s, b_t = 4 / s), and ``impratio`` keeps it stiff against creeping. The
+normal force aims fast (10 ms), and is felt ``margin`` above the ground, by as much as the soft contact sinks in under
+the robot's weight, so that base_link stands at its nominal height.
+Measured on 501 x 251 heights with 120 obstacles: elliptic cones, Newton; pyramidal ones are a third faster and chatter.
+"""
+
+from typing import Any, Final, NamedTuple
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from fieldtruth.drive.husky import CHASSIS_BIT, OUTLINE_BIT, WHEEL_GEOMS, add_husky
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.frames import Array, pose, quaternion_wxyz_from_rotation
+from fieldtruth.world.model import Collider, Heightfield, World
+
+STEP_NS: Final = 1_000_000  # [ns]
+STEP_S: Final = STEP_NS / 1e9
+GRAVITY: Final = 9.81  # [m/s^2]
+FRICTION: Final = 0.68
+
+_NORMAL_REFERENCE: Final = (0.01, 1.0)  # time constant [s], damping ratio
+_FRICTION_REFERENCE: Final = (0.5, 1.0)
+_IMPEDANCE: Final = (0.9, 0.9, 0.001, 0.5, 2.0)
+_STATIC_DEPTH: Final = 0.00018  # [m], measured
+_FRICTION_STIFFNESS: Final = 100.0
+_SOLVER_ITERATIONS: Final = 100  # 20 are too few now and then, which shows as spikes of one step in the acceleration
+_BEDROCK: Final = 1.0  # [m] of solid ground below the lowest point
+
+
+class Physics(NamedTuple):
+    """A compiled MuJoCo model; ``obstacles`` gives the object's name for the id of each obstacle's shape."""
+
+    model: Any
+    obstacles: dict[int, str]
+
+
+def build_physics(world: World, rig: Rig) -> Physics:
+    """The robot of ``rig`` on the terrain of ``world``, with every object that has colliders as a fixed obstacle."""
+    spec = mujoco.MjSpec()
+    option = spec.option
+    option.timestep, option.gravity = STEP_S, [0.0, 0.0, -GRAVITY]
+    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST  # the servos are too stiff for an explicit one
+    option.cone, option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, _FRICTION_STIFFNESS
+    option.iterations, option.ls_iterations = _SOLVER_ITERATIONS, 50
+    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    add_terrain(spec, world.terrain.field)
+    names = _add_obstacles(spec, world)
+    add_husky(spec, rig)
+    for geom in WHEEL_GEOMS:
+        spec.add_pair(
+            geomname1="ground",
+            geomname2=geom,
+            condim=3,
+            friction=[FRICTION, FRICTION, 0.0, 0.0, 0.0],
+            solref=_NORMAL_REFERENCE,
+            solreffriction=_FRICTION_REFERENCE,
+            solimp=_IMPEDANCE,
+            margin=_STATIC_DEPTH,
+        )
+    model = spec.compile()
+    return Physics(model, {model.geom(geom).id: name for geom, name in names.items()})
+
+
+def add_terrain(spec: Any, field: Heightfield) -> None:
+    """Add ``field`` to ``spec`` (mujoco.MjSpec) as a shape named "ground" with the very same triangles.
+
+    MuJoCo's rows run along y and its columns along x; its cells are divided from (x, y) to (x + 1, y + 1) as ours are.
+    Its heights are numbers from 0 to 1 times a scale, above the shape's origin.
+    """
+    nx, ny = field.heights.shape
+    low = float(field.heights.min())
+    scale = max(float(field.heights.max()) - low, 1e-3)
+    half = np.array([nx - 1, ny - 1]) * field.spacing / 2
+    terrain = spec.add_hfield(name="terrain", nrow=ny, ncol=nx, size=[*half, scale, _BEDROCK])
+    terrain.userdata = ((field.heights.astype(np.float64) - low) / scale).T.astype(np.float32).ravel()
+    spec.worldbody.add_geom(
+        name="ground",
+        type=mujoco.mjtGeom.mjGEOM_HFIELD,
+        hfieldname="terrain",
+        pos=[field.x0 + half[0], field.y0 + half[1], low],
+        contype=0,
+        conaffinity=CHASSIS_BIT,
+        friction=[FRICTION, 0.0, 0.0],
+    )
+
+
+def _add_obstacles(spec: Any, world: World) -> dict[str, str]:
+    """Add the colliders of all instances; returns the object's name for each shape's name."""
+    names: dict[str, str] = {}
+    for instance in world.instances:
+        for collider in world.meshes[instance.mesh].colliders:
+            geom = f"obstacle_{len(names)}"
+            names[geom] = instance.name
+            _add_collider(spec, geom, collider, instance.world_from_object)
+    return names
+
+
+def _add_collider(spec: Any, name: str, collider: Collider, world_from_object: Array) -> None:
+    height = collider.size[-1]
+    scale = float(np.cbrt(np.linalg.det(world_from_object[:3, :3])))
+    x, y, z = collider.position
+    world_from_collider = world_from_object @ pose((x, y, z + height / 2), (0.0, 0.0, collider.yaw_deg))
+    if collider.shape == "cylinder":
+        shape, size = mujoco.mjtGeom.mjGEOM_CYLINDER, [collider.size[0], height / 2, 0.0]
+    else:
+        shape, size = mujoco.mjtGeom.mjGEOM_BOX, [s / 2 for s in collider.size]
+    spec.worldbody.add_geom(
+        name=name,
+        type=shape,
+        size=np.array(size) * scale,
+        pos=world_from_collider[:3, 3],
+        quat=quaternion_wxyz_from_rotation(world_from_collider[:3, :3] / scale),
+        contype=0,
+        conaffinity=OUTLINE_BIT,
+    )
+
+
+def resting_pose(field: Heightfield, xy: Array, yaw: float, rig: Rig) -> tuple[Array, Array]:
+    """Position [m] and quaternion_wxyz of base_link just above the plane through the terrain below the four wheels."""
+    wheels = rig.wheels
+    corners = np.array([(i, j) for i in (1, -1) for j in (1, -1)]) * (wheels.half_wheelbase, wheels.half_track)
+    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    ground_xy = corners @ turn.T + xy
+    heights = field.height_at(ground_xy[:, 0], ground_xy[:, 1])
+    along, across, middle = np.linalg.lstsq(np.column_stack([corners, np.ones(4)]), heights, rcond=None)[0]
+    normal = np.array([-along, -across, 1.0]) / np.hypot(1.0, np.hypot(along, across))
+    forward = np.array([1.0, 0.0, along])
+    forward /= np.linalg.norm(forward)
+    attitude = np.column_stack([forward, np.cross(normal, forward), normal])
+    rotation = Rotation.from_euler("z", yaw).as_matrix() @ attitude
+    residual = float(np.max(heights - np.column_stack([corners, np.ones(4)]) @ (along, across, middle)))
+    clearance = -rig.base_footprint.xyz[2] + residual
+    position = np.array([*xy, middle]) + rotation[:, 2] * clearance
+    return position, quaternion_wxyz_from_rotation(rotation)

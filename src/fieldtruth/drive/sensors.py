@@ -1,0 +1,80 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the robot's own sensors read, as pure functions of its true motion: IMU, GNSS, tachometers. All free of noise.
+
+A reading is the state at the physics step nearest to the sensor's due time, and carries that step's own stamp; for
+rates that divide 1000 Hz both are the same. The accelerometer reads the change of the IMU's velocity over the physics
+step that ends at the stamp: its sum over all steps is the velocity, and a short drive is the beginning of a long one.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.drive.physics import GRAVITY, STEP_NS, STEP_S
+from fieldtruth.drive.track import I8, GnssReadings, ImuReadings, Motion, TachometerReadings, stamps_at_rate
+from fieldtruth.experiment.rig import GnssConfig, ImuConfig, Mount, TachometerConfig
+from fieldtruth.frames import Array, quaternion_wxyz_from_rotation, rotation_from_quaternion_wxyz
+from fieldtruth.geodesy import geodetic_from_world
+
+
+def steps_at_rate(rate_hz: float, duration_ns: int) -> I8:
+    """Physics steps (n,), counted from 1, at which a sensor of ``rate_hz`` reads, ``duration_ns`` included."""
+    return np.rint(stamps_at_rate(rate_hz, duration_ns) / STEP_NS).astype(np.int64)
+
+
+def read_imu(motion: Motion, config: ImuConfig) -> ImuReadings:
+    """Attitude, angular velocity and specific force in imu_link (REP-145), lever arm included."""
+    steps = steps_at_rate(config.rate_hz, int(motion.stamps_ns[-1]))
+    base_from_imu = config.mount.base_from_sensor
+    rows = steps - 1
+    world_from_imu = rotation_from_quaternion_wxyz(motion.quaternion_wxyz[rows]) @ base_from_imu[:3, :3]
+    # The first step has no step before it; the robot starts at rest, so its neighbour's change stands for it.
+    later = np.clip(rows, 1, len(motion.stamps_ns) - 1)
+    lever = base_from_imu[:3, 3]
+    velocity, velocity_before = (point_velocity(motion, k, lever) for k in (later, np.maximum(later - 1, 0)))
+    specific_force = (velocity - velocity_before) / STEP_S + (0.0, 0.0, GRAVITY)
+    return ImuReadings(
+        stamps_ns=motion.stamps_ns[rows],
+        quaternion_wxyz=quaternion_wxyz_from_rotation(world_from_imu).reshape(-1, 4),
+        angular_velocity=_into_frame(world_from_imu, motion.angular_velocity[rows]),
+        linear_acceleration=_into_frame(world_from_imu, specific_force),
+    )
+
+
+def read_gnss(motion: Motion, config: GnssConfig) -> GnssReadings:
+    """Geodetic position of the antenna."""
+    rows = steps_at_rate(config.rate_hz, int(motion.stamps_ns[-1])) - 1
+    geodetic = antenna_geodetic(motion.position[rows], motion.quaternion_wxyz[rows], config.mount)
+    return GnssReadings(stamps_ns=motion.stamps_ns[rows], geodetic=geodetic)
+
+
+def read_tachometers(motion: Motion, wheel_speed: Array, config: TachometerConfig) -> TachometerReadings:
+    """Wheel speeds out of those of every physics step, (n, 4) [rad/s]."""
+    rows = steps_at_rate(config.rate_hz, int(motion.stamps_ns[-1])) - 1
+    return TachometerReadings(stamps_ns=motion.stamps_ns[rows], wheel_speed=wheel_speed[rows])
+
+
+def antenna_geodetic(position: Array, quaternion_wxyz: Array, mount: Mount) -> Array:
+    """Latitude [deg], longitude [deg], height [m] (n, 3) of the antenna for poses of base_link (n, 3) and (n, 4)."""
+    lever = rotation_from_quaternion_wxyz(quaternion_wxyz) @ np.array(mount.xyz)
+    return geodetic_from_world(position + lever)
+
+
+def heading(quaternion_wxyz: Array) -> float:
+    """Heading [rad] of base_link (the IMU's attitude, turned by its mount): 0 north, positive towards west."""
+    w, x, y, z = quaternion_wxyz
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+def point_velocity(motion: Motion, rows: NDArray[np.int64], lever_base: Array) -> Array:
+    """World velocity (n, 3) [m/s] at ``rows`` of the point that is fixed at ``lever_base`` (3,) [m] in base_link."""
+    lever = rotation_from_quaternion_wxyz(motion.quaternion_wxyz[rows]) @ lever_base
+    velocity: Array = motion.linear_velocity[rows] + np.cross(motion.angular_velocity[rows], lever)
+    return velocity
+
+
+def _into_frame(world_from_frame: Array, vectors_world: Array) -> Array:
+    vectors: Array = np.einsum("nji,nj->ni", world_from_frame, vectors_world)
+    return vectors

@@ -1,0 +1,155 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Drives an experiment's route: physics at 1 kHz, the follower at the IMU's rate, and the whole motion on record.
+
+The receiver and the IMU run before the recording begins, so the follower has a fix and a heading at time 0, when the
+robot starts to move. The drive ends half a second after the fix that reaches the last way-point, the robot standing.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Final
+
+import mujoco
+import numpy as np
+
+from fieldtruth.drive import sensors
+from fieldtruth.drive.controller import WaypointFollower, horizontal_from_geodetic
+from fieldtruth.drive.husky import STOP, Command, ramp, wheel_speeds
+from fieldtruth.drive.physics import STEP_NS, STEP_S, build_physics, resting_pose
+from fieldtruth.drive.track import Motion, Track
+from fieldtruth.drive.watch import Watch
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.frames import Array, rotation_from_quaternion_wxyz
+from fieldtruth.world.model import World
+
+STOP_SECONDS: Final = 0.5
+"""From the fix that reaches the last way-point to the end of the drive; braking from 0.3 m/s takes 0.1 s of it."""
+SETTLE_SECONDS: Final = 2.0
+"""The robot stands this long before time 0, so that its first reading is quiet."""
+
+# A state is one row: base_link's position and attitude, velocity in the world, turn rate in itself; the wheels' speeds.
+_POSITION, _QUATERNION, _VELOCITY, _TURN_RATE, _WHEELS = np.split(np.arange(17), [3, 7, 10, 13])
+
+
+def drive(world: World, experiment: Experiment, *, progress: Callable[[float], None] | None = None) -> Track:
+    """Drive the experiment's route through ``world`` to its last way-point, or for ``experiment.seconds``.
+
+    ``progress`` is called after every simulated second with the simulated time [s]. Equal input gives equal bytes, and
+    a shorter drive is the beginning of a longer one. Raises ``DriveError`` when the robot gets stuck, tips over,
+    touches an obstacle or leaves the world.
+    """
+    rig, route = experiment.rig, experiment.route
+    follower = WaypointFollower(route.waypoints, experiment.control)
+    watch = Watch(world.size, follower, experiment.control)
+    robot = SimulatedHusky(world, rig, watch)
+    state = robot.place(world, horizontal_from_geodetic(route.start), follower.waypoints_xy[0])
+    _show_fix(follower, state, rig)
+
+    end = math.inf if experiment.seconds is None else max(1, round(experiment.seconds / STEP_S))
+    imu_due, gnss_due = _DueSteps(rig.imu.rate_hz), _DueSteps(rig.gnss.rate_hz)
+    arrived = False
+    blocks: list[Array] = []
+    while robot.step < end:
+        if follower.finished and not arrived:
+            arrived, end = True, min(end, robot.step + round(STOP_SECONDS / STEP_S))
+        command = follower.command(sensors.heading(state[_QUATERNION]))
+        began = robot.step
+        block = robot.advance(command, int(min(imu_due.pop(), end)) - began)
+        blocks.append(block)
+        state = block[-1]
+        while gnss_due.next <= robot.step:
+            _show_fix(follower, block[gnss_due.pop() - began - 1], rig)
+        if progress is not None and int(robot.seconds) > int(began * STEP_S):
+            progress(robot.seconds)
+    return _track(np.concatenate(blocks), rig)
+
+
+class SimulatedHusky:
+    """The robot in the physics. ``step`` counts the physics steps since the recording began."""
+
+    def __init__(self, world: World, rig: Rig, watch: Watch) -> None:
+        self.step = 0
+        self._model, self._obstacles = build_physics(world, rig)
+        self._data = mujoco.MjData(self._model)
+        self._wheels = rig.wheels
+        self._rig = rig
+        self._watch = watch
+        self._command = STOP
+
+    @property
+    def seconds(self) -> float:
+        """Simulated time [s]; 0 while the robot settles."""
+        return max(0, self.step) * STEP_NS / 1e9
+
+    def place(self, world: World, start_xy: Array, ahead_xy: Array) -> Array:
+        """Set the robot down at ``start_xy`` [m], facing ``ahead_xy``, let it settle; returns the state at time 0."""
+        north, west = ahead_xy - start_xy
+        pose = resting_pose(world.terrain.field, start_xy, math.atan2(west, north), self._rig)
+        self._data.qpos[:3], self._data.qpos[3:7] = pose
+        self.step = -round(SETTLE_SECONDS / STEP_S)
+        settled: Array = self.advance(STOP, -self.step)[-1]
+        return settled
+
+    def advance(self, command: Command, count: int) -> Array:
+        """Drive ``count`` physics steps towards ``command``; returns the state after each, (count, 17)."""
+        model, data = self._model, self._data
+        commands = ramp(self._command, command, np.arange(1, count + 1) * STEP_S)
+        states = np.empty((count, 17))
+        for state, speeds in zip(states, wheel_speeds(commands, self._wheels), strict=True):
+            data.ctrl[:] = speeds
+            mujoco.mj_step(model, data)
+            state[:7] = data.qpos[:7]
+            state[7:] = data.qvel
+        self.step += count
+        self._command = Command(*commands[-1])
+        self._check(states[-1])
+        return states
+
+    def _check(self, state: Array) -> None:
+        for pair in self._data.contact.geom[: self._data.ncon]:
+            for geom in pair:
+                if int(geom) in self._obstacles:
+                    self._watch.fail(f"touched {self._obstacles[int(geom)]}", self.seconds, state[0], state[1])
+        self._watch.check(self.seconds, state[_POSITION], state[_QUATERNION])
+
+
+class _DueSteps:
+    """The physics steps at which a sensor reads, one after the other; the same as ``sensors.steps_at_rate``."""
+
+    def __init__(self, rate_hz: float) -> None:
+        self._period = 1e9 / rate_hz
+        self._count = 0
+        self.next = 0
+        self.pop()
+
+    def pop(self) -> int:
+        """Return ``next`` and go on to the one after it."""
+        due = self.next
+        self._count += 1
+        self.next = round(round(self._count * self._period) / STEP_NS)
+        return due
+
+
+def _show_fix(follower: WaypointFollower, state: Array, rig: Rig) -> None:
+    latitude, longitude, _ = sensors.antenna_geodetic(state[_POSITION], state[_QUATERNION], rig.gnss.mount)
+    follower.see_fix(float(latitude), float(longitude))
+
+
+def _track(states: Array, rig: Rig) -> Track:
+    quaternion = states[:, _QUATERNION]
+    turn_rate = np.einsum("nij,nj->ni", rotation_from_quaternion_wxyz(quaternion), states[:, _TURN_RATE])
+    motion = Motion(
+        stamps_ns=np.arange(1, len(states) + 1, dtype=np.int64) * STEP_NS,
+        position=states[:, _POSITION],
+        quaternion_wxyz=quaternion,
+        linear_velocity=states[:, _VELOCITY],
+        angular_velocity=turn_rate,
+    )
+    return Track(
+        motion=motion,
+        imu=sensors.read_imu(motion, rig.imu),
+        gnss=sensors.read_gnss(motion, rig.gnss),
+        tachometers=sensors.read_tachometers(motion, states[:, _WHEELS], rig.tachometers),
+    )

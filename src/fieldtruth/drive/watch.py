@@ -1,0 +1,57 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Ends a drive that cannot succeed, and says why, when, where and on the way to which way-point."""
+
+import math
+from typing import Final
+
+from fieldtruth.drive.controller import WaypointFollower
+from fieldtruth.errors import DriveError
+from fieldtruth.experiment.config import ControlConfig
+from fieldtruth.frames import Array
+
+MAX_TILT_DEG: Final = 60.0  # beyond it a Husky does not come back: half track 0.29 m over a centre of mass 0.19 m high
+STUCK_SECONDS: Final = 5.0
+STUCK_SHARE: Final = 0.2  # of the way that the commanded speed makes in that time
+PATIENCE_SECONDS: Final = 30.0  # without coming nearer to the way-point, beside the time for one full turn
+
+
+class Watch:
+    """Looks at the state once per control step; each method raises ``DriveError``."""
+
+    def __init__(self, size: tuple[float, float], follower: WaypointFollower, control: ControlConfig) -> None:
+        self._half_size = (size[0] / 2, size[1] / 2)
+        self._follower = follower
+        self._least_way = STUCK_SHARE * control.speed * STUCK_SECONDS
+        self._patience = PATIENCE_SECONDS + math.tau / control.max_turn_rate
+        self._moved_at, self._moved_from = 0.0, (math.inf, math.inf)
+        self._nearer_at, self._nearest, self._target = 0.0, math.inf, -1
+
+    def check(self, time_s: float, position: Array, quaternion_wxyz: Array) -> None:
+        """Raise if the robot at this pose of base_link has left the world, tipped over or makes no headway."""
+        x, y = float(position[0]), float(position[1])
+        if not (abs(x) <= self._half_size[0] and abs(y) <= self._half_size[1]):  # also true for nan
+            self.fail("outside the world", time_s, x, y)
+        up = 1 - 2 * float(quaternion_wxyz[1] ** 2 + quaternion_wxyz[2] ** 2)
+        if up < math.cos(math.radians(MAX_TILT_DEG)):
+            self.fail("tipped over", time_s, x, y)
+        if not self._follower.finished:
+            self._check_headway(time_s, x, y)
+
+    def _check_headway(self, time_s: float, x: float, y: float) -> None:
+        if math.dist((x, y), self._moved_from) > self._least_way:
+            self._moved_at, self._moved_from = time_s, (x, y)
+        elif time_s - self._moved_at > STUCK_SECONDS:
+            self.fail(f"stuck (moved less than {self._least_way:.2g} m in {STUCK_SECONDS:.0f} s)", time_s, x, y)
+        distance = math.dist((x, y), self._follower.waypoints_xy[self._follower.target])
+        if self._follower.target != self._target or distance < self._nearest - 0.1:
+            self._nearer_at, self._nearest, self._target = time_s, distance, self._follower.target
+        elif time_s - self._nearer_at > self._patience:
+            self.fail(f"stuck (came no nearer to its way-point in {self._patience:.0f} s)", time_s, x, y)
+
+    def fail(self, what: str, time_s: float, x: float, y: float) -> None:
+        """Raise ``DriveError``: the robot is ``what`` at this time [s] and place [m]."""
+        count = len(self._follower.waypoints_xy)
+        number = min(self._follower.target + 1, count)
+        where = f"at {time_s:.2f} s, x, y = {x:.2f}, {y:.2f} m"
+        raise DriveError(f"robot {what} {where}, on the way to way-point {number} of {count}")
