@@ -10,7 +10,7 @@ from typing import Final
 
 from fieldtruth.world.plants.species import Habit, Leaf, Order, Species
 
-_LIME_LEAF: Final = Leaf(number=18500, length=0.135, width=0.9, widest=0.36, droop=0.7)
+_LIME_LEAF: Final = Leaf(number=18500, length=0.145, width=0.76, widest=0.31, droop=0.7)
 LIME: Final = Species(
     name="lime",
     latin="Tilia platyphyllos",
@@ -139,7 +139,7 @@ BIRCH: Final = Species(
 )  # fmt: skip
 
 _OAK_LEAF: Final = Leaf(
-    number=19000, length=0.148, width=0.74, widest=0.6, fold=12, stalk=0.015, droop=0.1, arrangement=137.5
+    number=19000, length=0.155, width=0.62, widest=0.6, fold=12, stalk=0.015, droop=0.1, arrangement=137.5
 )
 OAK: Final = Species(
     name="oak",

@@ -32,7 +32,7 @@ class Stems:
     length: Array  # (n,) [m]
     parent: NDArray[np.intp]  # (n,) row in the order before; -1 from the ground
     joint: Array  # (n,) where along the parent, as a fraction of its length
-    limb: NDArray[np.intp]  # (n,) row of the order-1 stem that bears it; -1 for the trunk
+    limb: NDArray[np.intp]  # (n,) number of the order-1 stem that bears it; -1 for the trunk
 
     def at(self, row: NDArray[np.intp], fraction: Array) -> tuple[Array, Array, Array]:
         """Position [m], unit tangent and radius [m] of stem ``row`` at a fraction of its length (all of shape (m,))."""

@@ -98,8 +98,8 @@ def leaf_mesh(leaves: Leaves, form: Leaf, rng: np.random.Generator) -> tuple[Arr
     vertices = np.empty((m, 4, 3))
     vertices[:, 0], vertices[:, 2] = leaves.base, leaves.base + scale * leaves.midrib
     for corner, sign in ((1, 1.0), (3, -1.0)):
-        widest = form.widest + rng.uniform(-0.1, 0.1, (m, 1))
-        half = 0.5 * form.width * scale * rng.uniform(0.85, 1.15, (m, 1))
+        widest = form.widest + rng.uniform(-0.07, 0.07, (m, 1))
+        half = 0.5 * form.width * scale * rng.uniform(0.8, 1.15, (m, 1))
         across = sign * np.cos(fold) * left + np.sin(fold) * leaves.normal
         vertices[:, corner] = leaves.base + widest * scale * leaves.midrib + half * across
 

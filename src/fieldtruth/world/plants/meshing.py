@@ -15,50 +15,72 @@ SMALLEST_REPEAT: Final = 0.12  # [m] along thin twigs, where the repeat around i
 Surface = tuple[Array, Array, Array, NDArray[np.int32]]
 
 
-def tubes(stems: Stems, sides: int, profile: Array | None = None) -> Surface:
-    """Vertices (v, 3) [m], unit normals pointing out, uv and faces of one tube per stem; the tip is a point.
+def tubes(stems: Stems, sides: int) -> Surface:
+    """Vertices (v, 3) [m], unit normals pointing out, uv and faces (f, 3) of one round pointed tube per stem.
 
-    ``profile`` (k + 1, sides + 1) multiplies the radius around and along the stems. The seam's vertices are doubled: u
-    runs from 0 to a whole number of repeats, v along the stem at the scale that u has at its foot.
+    The seam's vertices are doubled: u runs from 0 to a whole number of repeats, v along the stem at the scale that u
+    has at its foot.
     """
-    n, rings, _ = stems.axis.shape
-    tangent, across, over = _frames(stems.axis)
-    turn = np.linspace(0, 2 * np.pi, sides + 1)
-    turn[-1] = 0  # bit-equal ends close the seam
-    spoke = np.cos(turn)[:, None] * across[:, :, None] + np.sin(turn)[:, None] * over[:, :, None]
-    reach = (
-        stems.radius[:, :, None, None] * (np.ones((rings, sides + 1)) if profile is None else profile)[None, :, :, None]
-    )
-    reach[:, -1] = 0
-    vertices = stems.axis[:, :, None] + reach * spoke
-
-    normals = _smooth_normals(vertices) if profile is not None else _cone_normals(stems, spoke, tangent)
-    around = np.maximum(np.rint(2 * np.pi * stems.radius[:, 0] / BARK_REPEAT), 1)
-    repeat = np.clip(2 * np.pi * stems.radius[:, 0] / around, SMALLEST_REPEAT, 1.4 * BARK_REPEAT)
-    u = around[:, None, None] * np.linspace(0, 1, sides + 1)
-    v = (stems.length / repeat)[:, None, None] * np.linspace(0, 1, rings)[:, None]
-    uv = np.stack(np.broadcast_arrays(u, v), -1)
-
-    i, j = np.arange(rings - 1)[:, None], np.arange(sides)
-    a = i * (sides + 1) + j
-    b, c = a + 1, a + sides + 1
-    lower, upper = np.stack([a, b, c], -1).reshape(-1, 3), np.stack([b, c + 1, c], -1)[:-1].reshape(-1, 3)
-    faces = (np.arange(n) * rings * (sides + 1))[:, None, None] + np.concatenate([lower, upper])
-    flat = vertices.reshape(-1, 3), normals.reshape(-1, 3), uv.reshape(-1, 2)
-    return *flat, faces.reshape(-1, 3).astype(np.int32)
+    rings = stems.axis.shape[1]
+    tangent, spoke = _spokes(stems.axis, sides)
+    vertices = stems.axis[:, :, None] + _pointed(stems.radius)[:, :, None, None] * spoke
+    slope = (stems.radius[:, 0] - stems.radius[:, -1]) / stems.length
+    normals = unit(spoke + slope[:, None, None, None] * tangent[:, :, None])
+    return _sewn(vertices, normals, stems, np.linspace(0, 1, rings))
 
 
-def root_flare(stems: Stems, sides: int, flare: float, rng: np.random.Generator) -> Array:
-    """A profile for `tubes` of a trunk (k + 1, sides + 1): wide at the ground, with root ridges, hardly round above."""
-    z = np.maximum(np.linspace(0, stems.length[0], stems.axis.shape[1]) - ROOT_DEPTH, -0.1)[:, None]
+def trunk(stems: Stems, sides: int, flare: float, rng: np.random.Generator) -> Surface:
+    """As `tubes` for a single trunk: wide at the ground with root ridges, hardly round above.
+
+    ``flare`` is the widening at the ground relative to the radius there.
+    """
+    near_ground = (ROOT_DEPTH + np.array([-0.08, 0.02, 0.1, 0.2, 0.32, 0.5, 0.75])) / stems.length[0]
+    nodes = np.linspace(0, 1, stems.axis.shape[1])
+    apart = np.abs(near_ground[:, None] - nodes).min(1) * stems.length[0] > 0.04  # [m]; no slivers
+    fraction = np.union1d(nodes, near_ground[apart])
+    axis, _, radius = stems.at(np.zeros(len(fraction), np.intp), fraction)
+    z = np.maximum(fraction * stems.length[0] - ROOT_DEPTH, -0.08)[:, None]
     turn = np.linspace(0, 2 * np.pi, sides + 1)
     phase = rng.uniform(0, 2 * np.pi, 4)
     ridges = 0.5 * np.cos(3 * turn + phase[0]) + 0.5 * np.cos(5 * turn + phase[1])
-    flutes = 0.05 * np.cos(2 * turn + phase[2] + 0.5 * z) + 0.035 * np.cos(5 * turn + phase[3] - 0.4 * z)
-    foot = 1.4 * float(stems.radius[0, 0])
-    profile = 1 + flutes + flare * np.exp(-z / foot) * (1 + 0.5 * ridges)
+    flutes = 0.05 * np.cos(2 * turn + phase[2] + 0.5 * z) + 0.03 * np.cos(5 * turn + phase[3] - 0.4 * z)
+    profile = 1 + flutes + flare * np.exp(-z / (1.4 * stems.radius[0, 0])) * (1 + 0.5 * ridges)
     profile[:, -1] = profile[:, 0]
-    return np.asarray(profile)
+
+    _, spoke = _spokes(axis[None], sides)
+    normals = _grid_normals(axis[None, :, None] + (radius[:, None] * profile)[None, ..., None] * spoke)
+    vertices = axis[None, :, None] + (_pointed(radius[None])[:, :, None] * profile)[..., None] * spoke
+    return _sewn(vertices, normals, stems, fraction)
+
+
+def _pointed(radius: Array) -> Array:
+    """Radii (n, k + 1) [m] with 0 at the tip."""
+    return np.concatenate([radius[:, :-1], np.zeros_like(radius[:, :1])], 1)
+
+
+def _spokes(axis: Array, sides: int) -> tuple[Array, Array]:
+    """Unit tangents (n, k + 1, 3) and unit spokes (n, k + 1, sides + 1, 3) across them; the last spoke is the first."""
+    tangent, across, over = _frames(axis)
+    turn = np.linspace(0, 2 * np.pi, sides + 1)
+    turn[-1] = 0  # bit-equal ends close the seam
+    return tangent, np.cos(turn)[:, None] * across[:, :, None] + np.sin(turn)[:, None] * over[:, :, None]
+
+
+def _sewn(vertices: Array, normals: Array, stems: Stems, fraction: Array) -> Surface:
+    """The surface over (n, rings, sides + 1, 3) vertices, with bark coordinates; ``fraction`` of the length a ring."""
+    n, rings, columns, _ = vertices.shape
+    around = np.maximum(np.rint(2 * np.pi * stems.radius[:, 0] / BARK_REPEAT), 1)
+    repeat = np.clip(2 * np.pi * stems.radius[:, 0] / around, SMALLEST_REPEAT, 1.4 * BARK_REPEAT)
+    u = around[:, None, None] * np.linspace(0, 1, columns)
+    v = (stems.length / repeat)[:, None, None] * fraction[:, None]
+    uv = np.stack(np.broadcast_arrays(u, v), -1)
+
+    a = np.arange(rings - 1)[:, None] * columns + np.arange(columns - 1)
+    b, c = a + 1, a + columns
+    # The last ring is a point: of its quads only one triangle has an area.
+    quads = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([b, c + 1, c], -1)[:-1].reshape(-1, 3)])
+    faces = (np.arange(n) * rings * columns)[:, None, None] + quads
+    return vertices.reshape(-1, 3), normals.reshape(-1, 3), uv.reshape(-1, 2), faces.reshape(-1, 3).astype(np.int32)
 
 
 def _frames(axis: Array) -> tuple[Array, Array, Array]:
@@ -74,16 +96,7 @@ def _frames(axis: Array) -> tuple[Array, Array, Array]:
     return tangent, across, np.cross(tangent, across)
 
 
-def _cone_normals(stems: Stems, spoke: Array, tangent: Array) -> Array:
-    """Normals of round tapered tubes: the spoke, tilted by the taper."""
-    rings = stems.axis.shape[1]
-    slope = (stems.radius[:, 0] - stems.radius[:, -1]) / np.maximum(stems.length, 1e-9)
-    return (
-        unit(spoke + slope[:, None, None, None] * np.broadcast_to(tangent[:, :, None], spoke.shape)) if rings else spoke
-    )
-
-
-def _smooth_normals(vertices: Array) -> Array:
+def _grid_normals(vertices: Array) -> Array:
     """Normals of tubes of any cross-section by central differences on the (ring, side) grid, around the seam."""
     around = np.roll(vertices[:, :, :-1], -1, 2) - np.roll(vertices[:, :, :-1], 1, 2)
     along = np.gradient(vertices[:, :, :-1], axis=1)

@@ -60,9 +60,9 @@ HAZEL: Final = Species(
         trunk_segments=9,
         trunk_sides=5,
         stems=14,
-        stem_splay=38,
+        stem_splay=29,
         stem_circle=0.22,
-        leaf=Leaf(number=5200, length=0.1, width=0.85, widest=0.5, droop=0.6),
+        leaf=Leaf(number=5200, length=0.105, width=0.76, widest=0.45, droop=0.6),
         orders=(
             Order(
                 number=110, start=0.15, length=0.3, length_spread=0.25, angle=(55, 35), lift=(0.2, -0.2), bend=0.3,

@@ -111,6 +111,9 @@ class Species:
     young: Habit | None = None
     young_below: float = 6.5  # [m] height below which the young habit applies
 
+    def __str__(self) -> str:
+        return self.name
+
     def habit(self, height: float) -> Habit:
         """The habit of an individual of this height [m]."""
         return self.young if self.young is not None and height < self.young_below else self.grown
