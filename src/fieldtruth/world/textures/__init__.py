@@ -38,18 +38,16 @@ RECIPES: Final[Mapping[str, Recipe]] = MappingProxyType(
         "soil": Recipe(ground.soil, (0.105, 0.075, 0.048)),
         "mulch": Recipe(ground.mulch, (0.105, 0.060, 0.034)),
         "litter": Recipe(ground.litter, (0.150, 0.085, 0.040)),
-        "gravel": Recipe(ground.gravel, (0.345, 0.300, 0.228)),
+        "gravel": Recipe(ground.gravel, (0.305, 0.270, 0.214)),
         "setts": Recipe(ground.setts, (0.205, 0.192, 0.172)),
         "meadow": Recipe(ground.meadow, (0.115, 0.130, 0.050)),
         "bark_lime": Recipe(plants.bark_lime, (0.150, 0.128, 0.103)),
         "bark_birch": Recipe(plants.bark_birch, (0.540, 0.515, 0.470)),
         "bark_oak": Recipe(plants.bark_oak, (0.125, 0.106, 0.084)),
-        "bark_maple": Recipe(plants.bark_maple, (0.170, 0.154, 0.132)),
         "bark_bush": Recipe(plants.bark_bush, (0.140, 0.110, 0.080)),
         "leaf_lime": Recipe(partial(plants.leaf, pairs=8, slope=0.75, vein=0.30, tones=_GREEN), (0.062, 0.105, 0.026)),
         "leaf_birch": Recipe(partial(plants.leaf, pairs=9, slope=0.9, vein=0.28, tones=_GREEN), (0.068, 0.112, 0.026)),
         "leaf_oak": Recipe(partial(plants.leaf, pairs=7, slope=0.9, vein=0.30, tones=_DARK), (0.050, 0.085, 0.024)),
-        "leaf_maple": Recipe(partial(plants.palmate_leaf, vein=0.30, tones=_GREEN), (0.058, 0.098, 0.025)),
         "leaf_box": Recipe(partial(plants.leaf, pairs=16, slope=0.8, vein=0.10, tones=_DARK), (0.042, 0.072, 0.022)),
         "leaf_hazel": Recipe(partial(plants.leaf, pairs=7, slope=0.8, vein=0.35, tones=_GREEN), (0.066, 0.108, 0.028)),
         "wood": Recipe(works.wood, (0.250, 0.137, 0.062)),
@@ -70,5 +68,5 @@ def make_texture(name: str, seed: np.random.SeedSequence) -> NDArray[np.uint8]:
 
 
 def make_textures(seed: np.random.SeedSequence) -> dict[str, NDArray[np.uint8]]:
-    """Every texture by name: (n, n, 3) sRGB, n a power of two; axis 0 is v, axis 1 is u."""
+    """Every texture by name: (n, n, 3) sRGB, n a power of two; u runs along axis 1, v up axis 0."""
     return {name: make_texture(name, seed) for name in RECIPES}

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What all textures are drawn with: noise, cells and scattered pieces on a square that continues at the opposite edge.
 
-An image is (n, n) or (n, n, 3): axis 0 is v, axis 1 is u. Light is linear until :func:`finish` encodes it as sRGB.
+An image is (n, n) or (n, n, 3): u runs along axis 1, v up axis 0 (v = 0 is the lower edge). Light is linear until
+:func:`finish` encodes it as sRGB.
 """
 
 from collections.abc import Callable, Sequence

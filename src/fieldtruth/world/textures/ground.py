@@ -34,22 +34,22 @@ FINE = 2 * N
 
 def lawn(rng: Rng) -> Image:
     """Mown grass in summer: green blades, a tenth of straw, clover leaves, soil in the gaps."""
-    return _grass(rng, blades=26_000, straw=0.07, clover=260, greens=_FRESH)
+    return _grass(rng, blades=36_000, straw=0.06, clover=260, greens=_FRESH)
 
 
 def lawn_dry(rng: Rng) -> Image:
     """Mown grass after weeks without rain: half straw, more soil."""
-    return _grass(rng, blades=20_000, straw=0.5, clover=60, greens=_TIRED)
+    return _grass(rng, blades=28_000, straw=0.5, clover=60, greens=_TIRED)
 
 
 _FRESH = [(70, 84, 40), (92, 108, 53), (110, 124, 64), (132, 140, 80)]
 _TIRED = [(84, 90, 48), (110, 112, 64), (132, 128, 80), (148, 142, 96)]
-_STRAW = [(120, 104, 66), (168, 152, 104), (190, 176, 130)]
+_STRAW = [(116, 102, 64), (152, 138, 92), (176, 162, 116)]
 
 
 def _grass(rng: Rng, *, blades: int, straw: float, clover: int, greens: list[tuple[int, int, int]]) -> Image:
     patches = noise(rng, FINE, 3, 24, slope=0.8)
-    grass = strokes(rng, FINE, blades, (9.0, 30.0), 2.4, 0.5)
+    grass = strokes(rng, FINE, blades, (7.0, 24.0), 2.2, 0.5)
     leaves = stamps(
         rng, FINE, rng.uniform(5, 8, clover), rng.uniform(4, 6, clover), _clover_leaf, rng.uniform(0.4, 0.8, clover)
     )

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Barks and leaves. A bark's u runs around the trunk and v along it; a tile is about 0.5 m.
 
-A leaf's image is its upper side without outline: u = 0.5 is the midrib, v runs from the stalk to the tip.
+A leaf's image is its upper side without outline: u = 0.5 is the midrib, v runs from the stalk (0) to the tip (1).
 """
 
 import numpy as np
@@ -36,12 +36,6 @@ def bark_lime(rng: Rng) -> Image:
     """Shallow, interlaced ridges."""
     tones = [(54, 47, 41), (92, 83, 73), (120, 111, 98), (142, 134, 121)]
     return _furrowed(rng, width=11, stretch=7.0, depth=0.9, cracks=0.2, tones=tones)
-
-
-def bark_maple(rng: Rng) -> Image:
-    """Grey bark with narrow fissures that close to a net of small plates."""
-    tones = [(58, 53, 48), (100, 94, 86), (126, 120, 111), (148, 143, 134)]
-    return _furrowed(rng, width=12, stretch=4.5, depth=0.5, cracks=0.35, tones=tones)
 
 
 def _furrowed(
@@ -122,25 +116,9 @@ def leaf(rng: Rng, *, pairs: float, slope: float, vein: float, tones: list[tuple
     return _blade(rng, np.maximum(ribs, _midrib(side, v)), gap * pairs, vein, tones)
 
 
-def palmate_leaf(rng: Rng, *, vein: float, tones: list[tuple[int, int, int]]) -> Image:
-    """Hand-shaped leaf: five main veins spread from the stalk."""
-    u, v = _leaf_grid()
-    side = np.abs(u - 0.5)
-    turn, far = np.degrees(np.arctan2(side, v)), np.hypot(side, v)
-    ribs = np.zeros_like(u)
-    for angle in (0.0, 38.0, 78.0):
-        across = far * np.abs(np.radians(turn - angle))
-        ribs = np.maximum(ribs, np.exp(-((across / (0.012 * (1.2 - 0.8 * far))) ** 2)))
-    nearest = np.min([np.abs(turn - angle) for angle in (0.0, 38.0, 78.0)], axis=0)
-    phase = 11 * (far - 0.006 * nearest)
-    gap = np.abs(phase - np.round(phase))
-    fine = 0.5 * np.exp(-((gap / 0.08) ** 2))
-    return _blade(rng, np.maximum(ribs, fine).astype(np.float32), gap.astype(np.float32), vein, tones)
-
-
 def _leaf_grid() -> tuple[Image, Image]:
     grid = ((np.arange(LEAF) + 0.5) / LEAF).astype(np.float32)
-    return np.broadcast_to(grid, (LEAF, LEAF)), np.broadcast_to(grid[:, None], (LEAF, LEAF))
+    return np.broadcast_to(grid, (LEAF, LEAF)), np.broadcast_to(1 - grid[:, None], (LEAF, LEAF))
 
 
 def _midrib(side: Image, v: Image) -> Image:
