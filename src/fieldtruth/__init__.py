@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from fieldtruth import frames, geodesy
     from fieldtruth.classes import CLASSES, NO_RETURN, PALETTE, Label, SemanticClass
+    from fieldtruth.drive.track import Track
     from fieldtruth.errors import (
         ConfigurationError,
         DriveError,
@@ -37,17 +38,28 @@ if TYPE_CHECKING:
         WheelConfig,
     )
     from fieldtruth.experiment.route import route_from_metres, route_yaml
+    from fieldtruth.pipeline import generate
+    from fieldtruth.record.read import BagError, Reading, count_messages, read_bag
+    from fieldtruth.report.progress import Progress, show_progress
+    from fieldtruth.sense import Camera, LabelImage, Lidar, Picture, Scan, Scene, tag_image
+    from fieldtruth.world import World, load_world
 
     __version__ = version("fieldtruth")
 
 _HOMES: Final = {
     "classes": "CLASSES NO_RETURN PALETTE Label SemanticClass",
+    "drive.track": "Track",
     "errors": "ConfigurationError DriveError EngineError FieldtruthError OutputError UnknownNameError",
     "experiment.catalogue": "list_environments list_experiments",
     "experiment.config": "ControlConfig Experiment LightConfig RouteConfig",
     "experiment.files": "dump_experiment load_experiment parse_experiment with_overrides",
     "experiment.rig": "OPTICAL CameraConfig GnssConfig ImuConfig LidarConfig Mount Rig TachometerConfig WheelConfig",
     "experiment.route": "route_from_metres route_yaml",
+    "pipeline": "generate",
+    "record.read": "BagError Reading count_messages read_bag",
+    "report.progress": "Progress show_progress",
+    "sense": "Camera LabelImage Lidar Picture Scan Scene tag_image",
+    "world": "World load_world",
 }
 _MODULES: Final = ("frames", "geodesy")
 _MODULE_OF: Final = {name: f"fieldtruth.{module}" for module, names in _HOMES.items() for name in names.split()}
@@ -57,6 +69,8 @@ __all__ = [
     "NO_RETURN",
     "OPTICAL",
     "PALETTE",
+    "BagError",
+    "Camera",
     "CameraConfig",
     "ConfigurationError",
     "ControlConfig",
@@ -67,26 +81,41 @@ __all__ = [
     "GnssConfig",
     "ImuConfig",
     "Label",
+    "LabelImage",
+    "Lidar",
     "LidarConfig",
     "LightConfig",
     "Mount",
     "OutputError",
+    "Picture",
+    "Progress",
+    "Reading",
     "Rig",
     "RouteConfig",
+    "Scan",
+    "Scene",
     "SemanticClass",
     "TachometerConfig",
+    "Track",
     "UnknownNameError",
     "WheelConfig",
+    "World",
     "__version__",
+    "count_messages",
     "dump_experiment",
     "frames",
+    "generate",
     "geodesy",
     "list_environments",
     "list_experiments",
     "load_experiment",
+    "load_world",
     "parse_experiment",
+    "read_bag",
     "route_from_metres",
     "route_yaml",
+    "show_progress",
+    "tag_image",
     "with_overrides",
 ]
 

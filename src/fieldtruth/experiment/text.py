@@ -10,7 +10,6 @@ import yaml
 
 from fieldtruth.errors import ConfigurationError
 
-
 _EXPONENT: Final = re.compile(r"^[-+]?[0-9]+(?:\.[0-9]*)?[eE][-+]?[0-9]+$")
 
 
