@@ -36,7 +36,7 @@ def generate(
         experiment: what to do.
         out: folder of data sets; nothing outside ``out/NAME`` is written.
         workers: threads that make slices; None takes every core that the process may use.
-        overwrite: replace a finished bag, or another experiment, of the same name.
+        overwrite: throw away what the folder holds of a run: its bag, or finished parts of one.
         progress: is told how far the work has come.
 
     Returns:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fieldtruth import frames, geodesy, pipeline
+from fieldtruth import frames, geodesy
 from fieldtruth.classes import Label
 from fieldtruth.drive.track import (
     GnssReadings,
@@ -179,6 +179,8 @@ def make_slices(folder: Path, experiment: Experiment) -> Slices:
 
 def use_fakes(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the pipeline build, drive and sense with these."""
+    from fieldtruth import pipeline
+
     monkeypatch.setattr(pipeline, "load_world", make_world)
     monkeypatch.setattr(pipeline, "drive", make_track)
     monkeypatch.setattr(pipeline, "Scene", FakeScene)

@@ -18,6 +18,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+import fieldtruth
 from fieldtruth.errors import FieldtruthError, OutputError
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
@@ -66,14 +67,21 @@ def run_folder(experiment: Experiment, out: Path, *, overwrite: bool = False) ->
         if not overwrite:
             _refuse_occupied(run, experiment)
         with output_errors(path):
+            if overwrite:
+                run.clean()
             run.bag.unlink(missing_ok=True)
             _write_whole(path / _EXPERIMENT, dump_experiment(experiment))
         yield run
 
 
 def fingerprint(*parts: object) -> str:
-    """SHA-256 of dataclasses, mappings, sequences and arrays, value by value: equal inputs have equal ones."""
+    """SHA-256 of this package's code and of dataclasses, mappings, sequences and arrays, value by value.
+
+    Equal inputs to equal code have equal fingerprints; so slices are never joined with those of another version.
+    """
     digest = hashlib.sha256()
+    package = Path(fieldtruth.__file__).parent
+    _feed(digest, [(str(path.relative_to(package)), path.read_bytes()) for path in sorted(package.rglob("*.py"))])
     _feed(digest, parts)
     return digest.hexdigest()
 
@@ -86,6 +94,8 @@ def _feed(digest: "hashlib._Hash", value: object) -> None:
         _feed(digest, [(field.name, getattr(value, field.name)) for field in dataclasses.fields(value)])
     elif isinstance(value, Mapping):
         _feed(digest, list(value.items()))
+    elif isinstance(value, bytes):
+        digest.update(f"{len(value)}:".encode() + value)
     elif isinstance(value, Sequence) and not isinstance(value, str):
         digest.update(f"{len(value)}:".encode())
         for item in value:

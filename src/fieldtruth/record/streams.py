@@ -32,7 +32,7 @@ class Lidar(Protocol):
     """A LiDAR in a scene."""
 
     def scan(self, world_from_lidar: F8) -> images.Scan:
-        """Scan from a pose (4, 4)."""
+        """Scan from a pose (4, 4), or from a pose for each column, (columns, 4, 4)."""
         ...
 
 
@@ -98,11 +98,16 @@ def _felt(track: Track) -> list[Stream]:
 def _lidar(track: Track, rig: Rig) -> Stream:
     stamps = stamps_at_rate(rig.lidar.rate_hz, int(track.motion.stamps_ns[-1]))
     base_from_lidar = rig.lidar.mount.base_from_sensor
+    sweep_ns = np.rint(np.arange(rig.lidar.columns) * (1e9 / rig.lidar.rate_hz / rig.lidar.columns))
+
+    def pose_at(stamp_ns: int) -> F8:
+        return state_at(track.motion, stamp_ns).world_from_base @ base_from_lidar
 
     def scan(k: int, sensors: Sensors) -> Iterable[bytes]:
         assert sensors.lidar is not None
-        state = state_at(track.motion, int(stamps[k]))
-        yield images.point_cloud(k, stamps[k], sensors.lidar.scan(state.world_from_base @ base_from_lidar))
+        stamp = int(stamps[k])
+        pose = np.stack([pose_at(stamp + int(t)) for t in sweep_ns]) if rig.lidar.spinning else pose_at(stamp)
+        yield images.point_cloud(k, stamp, sensors.lidar.scan(pose))
 
     return Stream((topics.POINTS,), stamps, scan)
 

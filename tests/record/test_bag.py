@@ -1,0 +1,84 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+import errno
+from pathlib import Path
+
+import pytest
+from rosbags.rosbag1 import Reader
+
+from fieldtruth.errors import OutputError
+from fieldtruth.record.bag import BagWriter, output_errors
+from fieldtruth.record.messages import clock, wheel_speed
+from fieldtruth.record.read import read_bag
+from fieldtruth.record.topics import CLOCK, TOPICS, WHEEL_SPEEDS
+
+TOPIC = WHEEL_SPEEDS[0]
+
+
+def write(path: Path, stamps: range) -> Path:
+    with BagWriter(path, TOPICS) as bag:
+        for stamp in stamps:
+            bag.write(CLOCK, stamp, clock(stamp))
+            bag.write(TOPIC, stamp, wheel_speed(stamp))
+    return path
+
+
+def test_joined_bags_read_as_one(tmp_path: Path) -> None:
+    first, second = write(tmp_path / "a.bag", range(1, 300)), write(tmp_path / "b.bag", range(300, 700))
+    with BagWriter(tmp_path / "c.bag", TOPICS) as bag:
+        bag.append(first)
+        bag.append(second)
+    whole = [(r.stamp_ns, r.topic) for r in read_bag(tmp_path / "c.bag")]
+    assert whole == [(stamp, topic) for stamp in range(1, 700) for topic in (CLOCK, TOPIC)]
+    with Reader(tmp_path / "c.bag") as reader:
+        assert (reader.start_time, reader.end_time) == (1, 700)
+
+
+def test_messages_may_be_written_before_and_after_a_joined_bag(tmp_path: Path) -> None:
+    middle = write(tmp_path / "m.bag", range(10, 20))
+    with BagWriter(tmp_path / "c.bag", TOPICS) as bag:
+        for stamp in range(1, 10):
+            bag.write(TOPIC, stamp, wheel_speed(stamp))
+        bag.append(middle)
+        for stamp in range(20, 30):
+            bag.write(TOPIC, stamp, wheel_speed(stamp))
+    values = [r.message.data for r in read_bag(tmp_path / "c.bag", [TOPIC])]
+    assert values == list(range(1, 30))
+
+
+def test_a_crashed_recording_is_no_bag(tmp_path: Path) -> None:
+    def crash() -> None:
+        with BagWriter(tmp_path / "c.bag", TOPICS) as bag:
+            bag.write(TOPIC, 1, wheel_speed(1.0))
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        crash()
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_bag_is_not_overwritten(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.bag", range(1, 3))
+    before = path.read_bytes()
+    with pytest.raises(OutputError, match=r"a\.bag exists already"):
+        write(path, range(5, 9))
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("number", "text"),
+    [
+        (errno.ENOSPC, "no space left; make room"),
+        (errno.EACCES, "no permission"),
+        (errno.EROFS, "the file system is read-only"),
+        (errno.EDQUOT, "no space left in your quota; make room"),
+    ],
+)
+def test_errors_of_the_system_are_one_line(number: int, text: str) -> None:
+    with pytest.raises(OutputError, match=f"^cannot write there: {text}[^\n]*$"), output_errors(Path("there")):
+        raise OSError(number, "as the system says it")
+
+
+def test_other_errors_of_the_system_stay_what_they_are() -> None:
+    with pytest.raises(ConnectionError), output_errors(Path("there")):
+        raise ConnectionError(errno.ECONNRESET, "reset")

@@ -1,0 +1,254 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A whole recording with sensors that cost nothing: what is in the bag, when, and how it agrees with the drive."""
+
+from collections import defaultdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+from record_fakes import (
+    SMALL,
+    FakeCamera,
+    FakeLidar,
+    FakeScan,
+    FakeScene,
+    make_experiment,
+    make_slices,
+    make_track,
+    make_world,
+)
+from rosbags.rosbag1 import Reader
+
+from fieldtruth import frames
+from fieldtruth.classes import PALETTE
+from fieldtruth.drive.track import stamps_at_rate
+from fieldtruth.errors import UnknownNameError
+from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, LidarConfig, Rig
+from fieldtruth.record import topics
+from fieldtruth.record.read import (
+    BagError,
+    Reading,
+    count_messages,
+    image,
+    matrix,
+    points,
+    pose_matrix,
+    read_bag,
+    stamp_ns,
+    static_transforms,
+)
+from fieldtruth.record.streams import Sensors, streams_of
+from fieldtruth.record.topics import SIDES, TOPICS
+
+SECONDS = 2.5
+EXPERIMENT = make_experiment(SECONDS, seed=3)
+WORLD = make_world(seed=3)
+TRACK = make_track(WORLD, EXPERIMENT)
+
+SPEC = {  # topic: type and rate [Hz]
+    "/gazebo/model_states": ("gazebo_msgs/msg/ModelStates", 1000),
+    "/imu/data": ("sensor_msgs/msg/Imu", 50),
+    "/navsat/fix": ("sensor_msgs/msg/NavSatFix", 2),
+    "/os1_cloud_node/points": ("sensor_msgs/msg/PointCloud2", 10),
+    "/gazebo_client/front_left_speed": ("std_msgs/msg/Float32", 10),
+    "/gazebo_client/front_right_speed": ("std_msgs/msg/Float32", 10),
+    "/gazebo_client/rear_left_speed": ("std_msgs/msg/Float32", 10),
+    "/gazebo_client/rear_right_speed": ("std_msgs/msg/Float32", 10),
+    "/stereo/camera/left/real/compressed": ("sensor_msgs/msg/CompressedImage", 25),
+    "/stereo/camera/right/real/compressed": ("sensor_msgs/msg/CompressedImage", 25),
+    "/stereo/camera/left/tag/img_raw": ("sensor_msgs/msg/Image", 25),
+    "/stereo/camera/right/tag/img_raw": ("sensor_msgs/msg/Image", 25),
+    "/stereo/camera/left/camera_info": ("sensor_msgs/msg/CameraInfo", 25),
+    "/stereo/camera/right/camera_info": ("sensor_msgs/msg/CameraInfo", 25),
+    "/tf": ("tf2_msgs/msg/TFMessage", 50),
+    "/ground_truth/odom": ("nav_msgs/msg/Odometry", 50),
+    "/clock": ("rosgraph_msgs/msg/Clock", 1000),
+}
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("recording")
+    slices = make_slices(folder, EXPERIMENT)
+    slices.make(2)
+    slices.join(folder / "tiny.bag")
+    return folder / "tiny.bag"
+
+
+@pytest.fixture(scope="module")
+def readings(bag: Path) -> dict[str, list[Reading]]:
+    result = defaultdict(list)
+    for reading in read_bag(bag):
+        result[reading.topic].append(reading)
+    return result
+
+
+def test_topics_types_and_counts(bag: Path) -> None:
+    counts = count_messages(bag)
+    assert counts.pop("/tf_static") == 1
+    assert counts.keys() == SPEC.keys()
+    for topic, (_, rate) in SPEC.items():
+        assert abs(counts[topic] - SECONDS * rate) < 1, topic
+    with Reader(bag) as reader:
+        assert {t: i.msgtype for t, i in reader.topics.items() if t in SPEC} == {t: s[0] for t, s in SPEC.items()}
+
+
+def test_the_table_states_the_same_rates() -> None:
+    assert {t.name: t.rate_hz(Rig()) for t in TOPICS if t.rate_hz} == {t: rate for t, (_, rate) in SPEC.items()}
+
+
+def test_definitions_are_in_the_bag_and_tf_static_is_latched(bag: Path) -> None:
+    with Reader(bag) as reader:
+        assert len(reader.connections) == len(TOPICS)
+        for connection in reader.connections:
+            assert connection.msgdef.data.strip()
+            latching = getattr(connection.ext, "latching", None)
+            assert latching == (1 if connection.topic == "/tf_static" else None)
+
+
+def test_stamps_are_those_of_the_rate_and_headers_agree(readings: dict[str, list[Reading]]) -> None:
+    for topic, (_, rate) in SPEC.items():
+        stamps = [r.stamp_ns for r in readings[topic]]
+        assert stamps[0] > 0
+        assert stamps == stamps_at_rate(rate, round(SECONDS * 1e9)).tolist(), topic
+        for k, reading in enumerate(readings[topic]):
+            if hasattr(reading.message, "header"):
+                assert stamp_ns(reading.message.header) == reading.stamp_ns
+                assert reading.message.header.seq == k
+
+
+def test_messages_lie_in_the_file_in_time_order_and_ties_in_the_tables(bag: Path) -> None:
+    # heapq.merge in the reader sorts by time; the places in the file tell the order in which they were written
+    with Reader(bag) as reader:
+        order = {topic.name: k for k, topic in enumerate(TOPICS)}
+        entries = [
+            (entry.chunk_pos, entry.offset, entry.time, order[connection.topic])
+            for connection in reader.connections
+            for entry in reader.indexes[connection.id]
+        ]
+    written = [(time, place) for _, _, time, place in sorted(entries)]
+    assert written == sorted(written)
+
+
+def test_tf_static_holds_every_frame_of_the_paper(bag: Path) -> None:
+    fixed = static_transforms(bag)
+    table = {  # paper, Table 2: x y z [m], roll pitch yaw [deg]
+        "GNSS_link": (0.10, 0, 0.890, 0, 0, 0),
+        "os1_lidar": (0.09, 0, 0.826, 0, 0, 0),
+        "right_camera": (0.15, -0.06, 0.720, 0, 90, 0),
+        "left_camera": (0.15, 0.06, 0.720, 0, 90, 0),
+        "imu_link": (0.19, 0, 0.149, 0, -90, 180),
+        "front_right_wheel": (0.256, -0.2854, 0.03282, 0, 0, 0),
+        "rear_right_wheel": (-0.256, -0.2854, 0.03282, 0, 0, 0),
+        "front_left_wheel": (0.256, 0.2854, 0.03282, 0, 0, 0),
+        "rear_left_wheel": (-0.256, 0.2854, 0.03282, 0, 0, 0),
+        "base_footprint": (0, 0, -0.13228, 0, 0, 0),
+    }
+    for name, (x, y, z, roll, pitch, yaw) in table.items():
+        expected = frames.pose((x, y, z), (roll, pitch, yaw))
+        np.testing.assert_allclose(fixed.pop(("base_link", name)), expected, atol=1e-12, err_msg=name)
+    for side in SIDES:
+        np.testing.assert_allclose(fixed.pop((f"{side}_camera", f"{side}_camera_optical")), CAMERA_FROM_OPTICAL, atol=1e-15)
+    assert not fixed
+
+
+def test_model_states_odometry_and_tf_are_the_motion_at_their_stamp(readings: dict[str, list[Reading]]) -> None:
+    truth = frames.pose_from_quaternion_wxyz(TRACK.motion.position, TRACK.motion.quaternion_wxyz)
+    for k, reading in enumerate(readings["/gazebo/model_states"]):
+        assert reading.message.name[0] == "husky"
+        np.testing.assert_allclose(pose_matrix(reading.message.pose[0]), truth[k], atol=1e-15)
+    for odometry, tf in zip(readings["/ground_truth/odom"], readings["/tf"], strict=True):
+        expected = truth[odometry.stamp_ns // 10**6 - 1]
+        np.testing.assert_allclose(pose_matrix(odometry.message.pose.pose), expected, atol=1e-15)
+        np.testing.assert_allclose(matrix(tf.message.transforms[0].transform), expected, atol=1e-15)
+
+
+def test_a_scan_and_an_image_are_taken_from_the_pose_at_their_stamp(readings: dict[str, list[Reading]]) -> None:
+    rig, scene = EXPERIMENT.rig, FakeScene(WORLD)
+    lidar, camera = FakeLidar(rig.lidar, scene), FakeCamera(rig.cameras, scene)
+    truth = frames.pose_from_quaternion_wxyz(TRACK.motion.position, TRACK.motion.quaternion_wxyz)
+    for reading in readings["/os1_cloud_node/points"]:
+        cloud = points(reading.message)
+        scan = lidar.scan(truth[reading.stamp_ns // 10**6 - 1] @ rig.lidar.mount.base_from_sensor)
+        np.testing.assert_array_equal(np.stack([cloud["x"], cloud["y"], cloud["z"]], -1), scan.xyz)
+        np.testing.assert_array_equal(cloud["intensity"], cloud["label"])
+    for side, mount in (("left", rig.cameras.left), ("right", rig.cameras.right)):
+        for photo, tag in zip(
+            readings[topics.photograph(side)], readings[topics.tag(side)], strict=True
+        ):  # the fake's photograph is brighter by a step for each millimetre
+            base_from_optical = mount.base_from_sensor @ CAMERA_FROM_OPTICAL
+            picture = camera.shoot(truth[photo.stamp_ns // 10**6 - 1] @ base_from_optical)
+            assert np.abs(image(photo.message).astype(int) - picture.photo).mean() < 1.5
+            np.testing.assert_array_equal(image(tag.message), PALETTE[picture.label])
+
+
+def test_readings_of_the_drive_are_in_the_bag(readings: dict[str, list[Reading]]) -> None:
+    for name, column in (("front_left", 0), ("front_right", 1), ("rear_left", 2), ("rear_right", 3)):
+        speeds = [r.message.data for r in readings[f"/gazebo_client/{name}_speed"]]
+        assert speeds == TRACK.tachometers.wheel_speed[:, column].tolist()
+    heights = [r.message.altitude for r in readings["/navsat/fix"]]
+    assert heights == TRACK.gnss.geodetic[:, 2].tolist()
+
+
+@pytest.mark.parametrize(
+    ("rig", "gone"),
+    [
+        (Rig(cameras=CameraConfig(enabled=False)), "/stereo"),
+        (Rig(lidar=LidarConfig(enabled=False), cameras=SMALL.cameras), "/os1_cloud_node"),
+    ],
+)
+def test_a_disabled_sensor_has_no_topic(tmp_path: Path, rig: Rig, gone: str) -> None:
+    slices = make_slices(tmp_path, make_experiment(0.5, rig=rig))
+    slices.make(1)
+    slices.join(tmp_path / "x.bag")
+    counts = count_messages(tmp_path / "x.bag")
+    assert counts.keys() == {t.name for t in TOPICS if not t.name.startswith(gone)}
+    assert all(counts.values())
+
+
+def test_rates_that_do_not_divide_the_physics(tmp_path: Path) -> None:
+    rig = Rig(cameras=CameraConfig(width=64, height=48, rate_hz=30.0), lidar=LidarConfig(rate_hz=7.0))
+    slices = make_slices(tmp_path, make_experiment(1.5, rig=rig))
+    slices.make(1)
+    slices.join(tmp_path / "x.bag")
+    stamps = [r.stamp_ns for r in read_bag(tmp_path / "x.bag", ["/stereo/camera/left/tag/img_raw"])]
+    assert stamps == [round(k * 1e9 / 30) for k in range(1, 46)]
+    assert count_messages(tmp_path / "x.bag")["/os1_cloud_node/points"] == 10
+
+
+def test_a_spinning_lidar_gets_the_pose_of_each_column() -> None:
+    rig = Rig(lidar=LidarConfig(columns=20, spinning=True), cameras=CameraConfig(enabled=False))
+    track = make_track(WORLD, make_experiment(1.0, rig=rig))
+    seen = []
+
+    class Watch(FakeLidar):
+        def scan(self, world_from_lidar: np.typing.NDArray[np.float64]) -> FakeScan:
+            seen.append(world_from_lidar)
+            return super().scan(world_from_lidar[0])
+
+    stream = next(s for s in streams_of(WORLD, track, rig) if s.topics == (topics.POINTS,))
+    list(stream.messages(3, Sensors(lidar=Watch(rig.lidar, FakeScene(WORLD)))))
+    motion = track.motion
+    truth = frames.pose_from_quaternion_wxyz(motion.position, motion.quaternion_wxyz) @ rig.lidar.mount.base_from_sensor
+    np.testing.assert_allclose(seen[0], truth[399:499:5], atol=1e-15)  # 0.4 s and every 5 ms of its 0.1 s
+
+
+def test_slices_hold_what_lies_after_their_start_up_to_their_end(tmp_path: Path) -> None:
+    slices = make_slices(tmp_path, EXPERIMENT)
+    slices.make(1)
+    assert slices.count == 3
+    assert [slices.seconds(k) for k in range(3)] == [1.0, 1.0, 0.5]
+    for k in range(3):
+        stamps = [r.stamp_ns for r in read_bag(slices.path(k), ["/clock"])]
+        assert (stamps[0], stamps[-1]) == (k * 10**9 + 10**6, min((k + 1) * 10**9, 2_500_000_000))
+
+
+def test_reading_what_is_no_bag(tmp_path: Path, bag: Path) -> None:
+    with pytest.raises(BagError, match=r"none\.bag"):
+        list(read_bag(tmp_path / "none.bag"))
+    (tmp_path / "text.bag").write_text("no bag at all")
+    with pytest.raises(BagError, match="magic"):
+        list(read_bag(tmp_path / "text.bag"))
+    with pytest.raises(UnknownNameError, match="/imu/data"):
+        list(read_bag(bag, ["/imu/date"]))

@@ -1,0 +1,109 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+import errno
+import threading
+from pathlib import Path
+
+import pytest
+from record_fakes import FakeCamera, make_experiment, make_slices
+from rosbags.rosbag1 import Writer
+
+from fieldtruth.errors import OutputError
+
+EXPERIMENT = make_experiment(3.2)
+
+
+def joined(folder: Path, workers: int, seed: int = 0) -> bytes:
+    folder.mkdir()
+    slices = make_slices(folder, make_experiment(3.2, seed))
+    slices.make(workers)
+    slices.join(folder / "x.bag")
+    return (folder / "x.bag").read_bytes()
+
+
+def test_same_bytes_whoever_made_them_and_others_for_another_seed(tmp_path: Path) -> None:
+    alone = joined(tmp_path / "one", 1)
+    assert joined(tmp_path / "two", 2) == alone
+    assert joined(tmp_path / "three", 3) == alone
+    assert joined(tmp_path / "other", 2, seed=1) != alone
+
+
+def test_missing_slices_alone_are_made(tmp_path: Path) -> None:
+    whole = joined(tmp_path / "whole", 2)
+    slices = make_slices(tmp_path / "again", EXPERIMENT)
+    slices.folder.mkdir()
+    slices.make(1)
+    kept = slices.path(0).stat().st_mtime_ns
+    slices.path(2).unlink()
+    slices.path(1).rename(slices.path(1).with_suffix(".bag.part"))  # as a kill leaves it
+    assert slices.missing() == [1, 2]
+    slices.make(2)
+    assert slices.path(0).stat().st_mtime_ns == kept
+    slices.join(tmp_path / "again.bag")
+    assert (tmp_path / "again.bag").read_bytes() == whole
+    assert sorted(p.name for p in slices.folder.iterdir()) == [slices.path(k).name for k in range(4)]
+
+
+def test_progress_adds_up_to_the_simulated_time(tmp_path: Path) -> None:
+    told: list[float] = []
+    slices = make_slices(tmp_path, EXPERIMENT)
+    slices.make(2, told.append)
+    assert sum(told) == pytest.approx(3.2, abs=1e-9)
+    assert len(told) > 20
+    told.clear()
+    slices.join(tmp_path / "x.bag", told.append)
+    assert sum(told) == pytest.approx(3.2, abs=1e-9)
+
+
+def test_every_worker_has_its_own_sensors(tmp_path: Path) -> None:
+    owners: dict[int, set[int]] = {}
+
+    class Watch(FakeCamera):
+        pause = 0.001
+
+        def shoot(self, world_from_optical):  # type: ignore[no-untyped-def]
+            owners.setdefault(id(self), set()).add(threading.get_ident())
+            return super().shoot(world_from_optical)
+
+    slices = make_slices(tmp_path, EXPERIMENT)
+    make = slices._make_sensors
+    cameras = []
+
+    def sensors():  # type: ignore[no-untyped-def]
+        cameras.append(Watch(EXPERIMENT.rig.cameras, None))  # type: ignore[arg-type]
+        return make()._replace(camera=cameras[-1])
+
+    slices._make_sensors = sensors
+    slices.make(2)
+    assert len(cameras) == 2
+    assert all(len(threads) == 1 for threads in owners.values())
+
+
+def test_an_error_in_one_worker_ends_all_and_keeps_what_is_done(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slices = make_slices(tmp_path, EXPERIMENT)
+    write_chunk = Writer.write_chunk
+
+    def full(self: Writer, chunk: object) -> None:
+        if self.path.name.startswith("000001"):
+            raise OSError(errno.ENOSPC, "No space left on device")
+        write_chunk(self, chunk)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Writer, "write_chunk", full)
+    with pytest.raises(OutputError, match=r"cannot write .*000001\.bag: no space left; make room and run the same"):
+        slices.make(1)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["000000.bag"]
+
+
+def test_no_space_for_the_joined_bag(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    slices = make_slices(tmp_path, make_experiment(0.2))
+    slices.make(1)
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("fieldtruth.record.bag._copy", full)
+    with pytest.raises(OutputError, match=r"x\.bag: no space left"):
+        slices.join(tmp_path / "x.bag")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["000000.bag"]
