@@ -34,6 +34,8 @@ class Material:
     """Share of the light on the far side that shines through (leaves: about 0.4)."""
     gloss: float = 0.0
     """Strength of the highlight, 0 (matt) to 1 (wet or lacquered)."""
+    repeat: float = 1.0
+    """Length [m] that the texture covers on the ground; meshes say it by their own uv."""
 
 
 @dataclass(frozen=True, kw_only=True)

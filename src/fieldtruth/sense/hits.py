@@ -1,0 +1,76 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""From what a ray hit to what it means: the one function that gives every sensor its class and object id.
+
+Camera, LiDAR and every export call ``classify`` on the hit of the same scene, so their labels cannot disagree.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from fieldtruth.classes import Label
+from fieldtruth.sense import embree
+from fieldtruth.world.model import GROUND_ID
+
+TERRAIN: Final = 0
+"""Id of the terrain among the scene's top-level things; ``classify`` treats it specially."""
+
+_GROUND, _TRAIL, _SKY = int(Label.GROUND), int(Label.TRAIL), int(Label.SKY)
+_MISS = embree.MISS
+_INST, _GEOM, _PRIM = embree.INST_ID, embree.GEOM_ID, embree.PRIM_ID
+
+
+class Grid(NamedTuple):
+    """A raster as kernels take it: values (nx, ny), and the grid's corner and inverse spacing."""
+
+    values: NDArray[np.float32]
+    x0: float
+    y0: float
+    per_metre: float
+
+
+class HitTable(NamedTuple):
+    """What kernels need to name a hit. ``top`` is a row: 0 the terrain, then the backdrop and every instance."""
+
+    top_object: NDArray[np.uint16]  # (tops,) object id
+    top_mesh: NDArray[np.int32]  # (tops,) row of mesh_face; -1 for the terrain
+    mesh_face: NDArray[np.int64]  # (meshes,) first row in the tables by face
+    face_label: NDArray[np.uint8]  # (faces of all meshes,)
+    trail_distance: Grid
+
+
+@njit(nogil=True, cache=True, inline="always")
+def read_grid(grid: Grid, x: float, y: float) -> float:
+    """Bilinear value of a grid at world x, y [m]; beyond the edge the edge's value holds (as ``Raster.at``)."""
+    nx, ny = grid.values.shape
+    u = min(max((x - grid.x0) * grid.per_metre, 0.0), nx - 1.0)
+    v = min(max((y - grid.y0) * grid.per_metre, 0.0), ny - 1.0)
+    i, j = min(int(u), nx - 2), min(int(v), ny - 2)
+    fu, fv = u - i, v - j
+    low = grid.values[i, j] * (1.0 - fv) + grid.values[i, j + 1] * fv
+    high = grid.values[i + 1, j] * (1.0 - fv) + grid.values[i + 1, j + 1] * fv
+    return low * (1.0 - fu) + high * fu  # type: ignore[no-any-return]
+
+
+@njit(nogil=True, cache=True, inline="always")
+def hit_top(words: NDArray[np.uint32], lane: int) -> int:
+    """Row of the thing that a lane hit, -1 for nothing. ``words`` is the packet seen as uint32."""
+    instance = words[_INST + lane]
+    geometry = words[_GEOM + lane]
+    if geometry == _MISS:
+        return -1
+    return np.int64(geometry) if instance == _MISS else np.int64(instance)  # type: ignore[return-value]
+
+
+@njit(nogil=True, cache=True, inline="always")
+def classify(table: HitTable, top: int, primitive: int, x: float, y: float) -> tuple[int, int]:
+    """Class and object id of a hit on face ``primitive`` of ``top`` at world x, y [m]; (sky, 0) where nothing was hit."""
+    if top < 0:
+        return _SKY, 0
+    if top == TERRAIN:
+        return (_TRAIL if read_grid(table.trail_distance, x, y) < 0.0 else _GROUND), GROUND_ID
+    face = table.mesh_face[table.top_mesh[top]] + primitive
+    return np.int64(table.face_label[face]), np.int64(table.top_object[top])  # type: ignore[return-value]

@@ -1,0 +1,176 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Light that does not change while a robot drives, computed once per scene: shadows on the ground, and open sky everywhere.
+
+The world stands still and so does the sun. Whether a patch of ground sees the sun, and how much sky a leaf or a corner
+sees, is therefore traced once (by as many threads as there are) and costs nothing per frame. Only objects' own shadows
+are traced per pixel, because they need finer detail than a table can hold.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from fieldtruth.sense import embree
+from fieldtruth.sense.hits import Grid
+from fieldtruth.sense.packets import Packet, new_packet, set_ray
+from fieldtruth.sense.scene import Scene
+from fieldtruth.sense.sky import Dome, make_dome, sun_direction
+
+SUN_RADIUS_DEG: Final = 0.27
+SUN_RGB: Final = np.array([1.0, 0.93, 0.80], np.float32)
+SUN_TEXEL: Final = 0.05  # [m]
+SKY_TEXEL: Final = 0.25  # [m]
+REACH: Final = 80.0  # [m]; what stands farther away casts no shadow
+BOUNCE: Final = np.array([0.10, 0.10, 0.05], np.float32)
+"""Light from below: albedo of a sunlit meadow times the sun's irradiance, divided by pi."""
+
+_LANES = embree.LANES
+_FAR = embree.TFAR
+_occluded: Any = embree.occluded
+
+
+class LightTable(NamedTuple):
+    """Light as kernels take it. Irradiances are relative to the sun's on a surface that faces it (1)."""
+
+    sun: NDArray[np.float64]  # (3,) unit vector towards the sun
+    sun_rgb: NDArray[np.float32]  # (3,) irradiance
+    dome: Dome
+    bounce: NDArray[np.float32]  # (3,) radiance from below
+    ground_sun: Grid  # share of the sun's disc that the ground sees
+    ground_sky: Grid  # share of the sky's light that reaches the ground
+    vertex_sky: NDArray[np.float32]  # (v,) the same for every vertex of every mesh, standing alone
+
+
+def bake(scene: Scene, *, workers: int = 2) -> LightTable:
+    """Compute the light of a scene. The result does not depend on ``workers``."""
+    sun = sun_direction(scene.light.sun_azimuth_deg, scene.light.sun_elevation_deg)
+    disc, dome_rays = _disc(sun, 8), _hemisphere(24)
+    with ThreadPoolExecutor(workers) as pool:
+        ground_sun = _ground_grid(scene, pool, SUN_TEXEL, disc, facing=False)
+        ground_sky = _ground_grid(scene, pool, SKY_TEXEL, _hemisphere(64), facing=True)
+        vertex_sky = _vertex_sky(scene, pool, dome_rays)
+    return LightTable(
+        sun=sun,
+        sun_rgb=SUN_RGB,
+        dome=make_dome(sun, np.random.default_rng([scene.world.seed, 7])),
+        bounce=BOUNCE,
+        ground_sun=ground_sun,
+        ground_sky=ground_sky,
+        vertex_sky=vertex_sky,
+    )
+
+
+def _disc(sun: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Directions (count, 3) spread evenly over the sun's disc."""
+    k = np.arange(count) + 0.5
+    radius, angle = np.radians(SUN_RADIUS_DEG) * np.sqrt(k / count), k * np.pi * (3.0 - np.sqrt(5.0))
+    side = np.cross(sun, [0.0, 0.0, 1.0] if abs(sun[2]) < 0.99 else [1.0, 0.0, 0.0])
+    side /= np.linalg.norm(side)
+    rays = sun + np.outer(radius * np.cos(angle), side) + np.outer(radius * np.sin(angle), np.cross(sun, side))
+    return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
+
+
+def _hemisphere(count: int) -> NDArray[np.float64]:
+    """Directions (count, 3) spread evenly over the upper half (spherical Fibonacci)."""
+    k = np.arange(count) + 0.5
+    z, angle = k / count, k * np.pi * (3.0 - np.sqrt(5.0))
+    radius = np.sqrt(1.0 - z * z)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=-1)
+
+
+def _ground_grid(
+    scene: Scene, pool: ThreadPoolExecutor, spacing: float, directions: NDArray[np.float64], *, facing: bool
+) -> Grid:
+    """Visibility of ``directions`` on a grid over the terrain, strip by strip."""
+    field, (length, width) = scene.world.terrain.field, scene.world.size
+    x = np.arange(-length / 2, length / 2 + spacing / 2, spacing)
+    y = np.arange(-width / 2, width / 2 + spacing / 2, spacing)
+    normal = np.array([0.0, 0.0, 1.0 if facing else 0.0], np.float32)
+
+    def strip(rows: NDArray[np.float64]) -> NDArray[np.float32]:
+        px, py = np.meshgrid(rows, y, indexing="ij")
+        points = np.stack([px, py, field.height_at(px, py) + 0.005], axis=-1).reshape(-1, 3).astype(np.float32)
+        normals = np.broadcast_to(normal, points.shape)
+        return visibility(scene.rays.handle, points, normals, directions, 0.01).reshape(px.shape)
+
+    strips = pool.map(strip, np.array_split(x, max(1, len(x) // 50)))
+    return Grid(np.concatenate(list(strips)), float(x[0]), float(y[0]), 1.0 / spacing)
+
+
+def _vertex_sky(scene: Scene, pool: ThreadPoolExecutor, directions: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Open sky at every vertex of every mesh, each standing alone: objects are moved and shared, so neighbours do not count."""
+    starts, normals = scene.surfaces.mesh_vertex, scene.surfaces.vertex_normal
+    meshes = [*scene.world.meshes.values(), *([scene.world.backdrop] if scene.world.backdrop is not None else [])]
+
+    def one(row: int) -> NDArray[np.float32]:
+        mesh = meshes[row]
+        if mesh is scene.world.backdrop:
+            return np.ones(len(mesh.vertices), np.float32)
+        normal = normals[starts[row] : starts[row + 1]].copy()
+        leaf = np.zeros(len(normal), np.bool_)
+        thin = np.array([scene.world.materials[n].translucency > 0 for n in mesh.materials])
+        leaf[mesh.faces[thin[mesh.material]].ravel()] = True
+        points = mesh.vertices + 0.004 * normal
+        points[:, 2] = np.maximum(points[:, 2], 0.01)
+        normal[leaf] = 0.0  # light falls on, and shines through, both sides of a leaf
+        return visibility(scene.mesh_rays[row].handle, points, normal, directions, 0.004)
+
+    return np.concatenate([*pool.map(one, range(len(meshes))), np.zeros(0, np.float32)])
+
+
+def visibility(
+    scene: np.uint64,
+    points: NDArray[np.float32],
+    normals: NDArray[np.float32],
+    directions: NDArray[np.float64],
+    near: float,
+) -> NDArray[np.float32]:
+    """Share (n,) of ``directions`` (k, 3) that leave each point (n, 3) freely, weighted by the cosine to its normal.
+
+    A normal of length 0 weighs all directions alike. Where no direction lies before the surface, the share is 0.5.
+    """
+    result = np.empty(len(points), np.float32)
+    _visibility(scene, new_packet(coherent=True), points, normals, directions, near, REACH, result)
+    return result
+
+
+@njit(nogil=True, cache=True)
+def _visibility(
+    scene: np.uint64, packet: Packet, points: NDArray[np.float32], normals: NDArray[np.float32],
+    directions: NDArray[np.float64], near: float, far: float, result: NDArray[np.float32],
+) -> None:  # fmt: skip
+    """Trace packets of neighbouring points in one direction at a time, which keeps the rays parallel."""
+    free, total = np.zeros(_LANES, np.float32), np.zeros(_LANES, np.float32)
+    for first in range(0, len(points), _LANES):
+        free[:], total[:] = 0.0, 0.0
+        for k in range(len(directions)):
+            dx, dy, dz = directions[k, 0], directions[k, 1], directions[k, 2]
+            for lane in range(_LANES):
+                packet.valid[lane] = 0
+                row = first + lane
+                if row >= len(points):
+                    continue
+                n = normals[row]
+                weight = n[0] * dx + n[1] * dy + n[2] * dz
+                if n[0] == 0.0 and n[1] == 0.0 and n[2] == 0.0:
+                    weight = 1.0
+                if weight <= 0.0:
+                    continue
+                p = points[row]
+                set_ray(packet, lane, p[0], p[1], p[2], dx, dy, dz, near, far)
+                total[lane] += weight
+                free[lane] += weight
+            _occluded(packet.valid.ctypes, scene, packet.ray.ctypes, packet.arguments.ctypes)
+            for lane in range(_LANES):
+                if packet.valid[lane] != 0 and packet.ray[_FAR + lane] < 0.0:
+                    n = normals[first + lane]
+                    weight = n[0] * dx + n[1] * dy + n[2] * dz
+                    if n[0] == 0.0 and n[1] == 0.0 and n[2] == 0.0:
+                        weight = 1.0
+                    free[lane] -= weight
+        for lane in range(min(_LANES, len(points) - first)):
+            result[first + lane] = free[lane] / total[lane] if total[lane] > 0.0 else 0.5

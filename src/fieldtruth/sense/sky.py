@@ -1,0 +1,122 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The sky as a picture of the dome: Preetham, Shirley and Smits, "A Practical Analytic Model for Daylight" (1999), and clouds."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates, zoom
+
+ROWS, COLUMNS = 384, 1536
+TURBIDITY: Final = 3.0
+SKY_OVER_SUN: Final = 0.27
+"""Irradiance of the ground by the clear sky over that by the sun, with the sun at 40 deg (about 1 : 4)."""
+
+
+class Dome(NamedTuple):
+    """Radiance ``rgb`` (ROWS, COLUMNS, 3) of the upper half: row by sine of elevation, column by angle from x to y."""
+
+    rgb: NDArray[np.float32]
+    mean: NDArray[np.float32]  # (3,) irradiance of level ground, divided by pi
+
+
+def sun_direction(azimuth_deg: float, elevation_deg: float) -> NDArray[np.float64]:
+    """Unit vector (3,) towards the sun in the world frame (x north, y west, z up); azimuth clockwise from north."""
+    azimuth, elevation = np.radians(azimuth_deg), np.radians(elevation_deg)
+    return np.array(
+        [np.cos(azimuth) * np.cos(elevation), -np.sin(azimuth) * np.cos(elevation), np.sin(elevation)]
+    )
+
+
+def make_dome(sun: NDArray[np.float64], rng: np.random.Generator) -> Dome:
+    """Paint the dome for a sun's direction; ``rng`` shapes the clouds. Irradiance of the sun is 1 by convention."""
+    sine = (np.arange(ROWS) + 0.5) / ROWS
+    angle = 2.0 * np.pi * (np.arange(COLUMNS) + 0.5) / COLUMNS
+    cosine = np.sqrt(1.0 - sine**2)[:, None]
+    x, y = cosine * np.cos(angle), cosine * np.sin(angle)
+    z = np.broadcast_to(sine[:, None], x.shape)
+    rgb = _preetham(z, x * sun[0] + y * sun[1] + z * sun[2], float(sun[2]))
+    weight = z / z.sum()
+    rgb *= SKY_OVER_SUN / np.pi / (rgb.mean(axis=-1) * weight).sum()
+    cover, lit = _clouds(x, y, z, sun, rng)
+    cloud = np.array([1.0, 0.985, 0.96]) * (0.42 * lit[..., None]) + np.array([0.055, 0.06, 0.07])
+    rgb = rgb * (1.0 - cover[..., None]) + cloud * cover[..., None]
+    return Dome(rgb.astype(np.float32), (rgb * weight[..., None]).sum(axis=(0, 1)).astype(np.float32))
+
+
+def _preetham(z: NDArray[np.float64], cos_gamma: NDArray[np.float64], sun_z: float) -> NDArray[np.float64]:
+    """Sky radiance, any scale, linear sRGB; equations 3 to 5 and the appendix's zenith values."""
+    t, theta_s = TURBIDITY, np.arccos(np.clip(sun_z, -1.0, 1.0))
+    gamma = np.arccos(np.clip(cos_gamma, -1.0, 1.0))
+    coefficients = {
+        "Y": (0.1787 * t - 1.4630, -0.3554 * t + 0.4275, -0.0227 * t + 5.3251, 0.1206 * t - 2.5771, -0.0670 * t + 0.3703),
+        "x": (-0.0193 * t - 0.2592, -0.0665 * t + 0.0008, -0.0004 * t + 0.2125, -0.0641 * t - 0.8989, -0.0033 * t + 0.0452),
+        "y": (-0.0167 * t - 0.2608, -0.0950 * t + 0.0092, -0.0079 * t + 0.2102, -0.0441 * t - 1.6537, -0.0109 * t + 0.0529),
+    }  # fmt: skip
+    chi = (4.0 / 9.0 - t / 120.0) * (np.pi - 2.0 * theta_s)
+    powers = np.array([theta_s**3, theta_s**2, theta_s, 1.0])
+    matrix_x = np.array(
+        [[0.00166, -0.00375, 0.00209, 0.0], [-0.02903, 0.06377, -0.03202, 0.00394], [0.11693, -0.21196, 0.06052, 0.25886]]
+    )
+    matrix_y = np.array(
+        [[0.00275, -0.00610, 0.00317, 0.0], [-0.04214, 0.08970, -0.04153, 0.00516], [0.15346, -0.26756, 0.06670, 0.26688]]
+    )
+    zenith = {
+        "Y": (4.0453 * t - 4.9710) * np.tan(chi) - 0.2155 * t + 2.4192,
+        "x": np.array([t * t, t, 1.0]) @ matrix_x @ powers,
+        "y": np.array([t * t, t, 1.0]) @ matrix_y @ powers,
+    }
+
+    def perez(key: str, cos_theta: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArray[np.float64]:
+        a, b, c, d, e = coefficients[key]
+        return np.asarray(
+            (1.0 + a * np.exp(b / np.maximum(cos_theta, 0.03))) * (1.0 + c * np.exp(d * angle) + e * np.cos(angle) ** 2)
+        )
+
+    above, at_sun = np.array(1.0), np.array(theta_s)
+    luminance, cx, cy = (zenith[k] * perez(k, z, gamma) / perez(k, above, at_sun) for k in ("Y", "x", "y"))
+    xyz = np.stack([luminance * cx / cy, luminance, luminance * (1.0 - cx - cy) / cy], axis=-1)
+    to_rgb = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
+    return np.maximum(xyz @ to_rgb.T, 0.0)
+
+
+def _clouds(
+    x: NDArray[np.float64], y: NDArray[np.float64], z: NDArray[np.float64], sun: NDArray[np.float64],
+    rng: np.random.Generator,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
+    """Opacity and brightness [0, 1] of fair-weather clouds: noise on a plane overhead, lit from the sun's side."""
+    field = np.zeros((1024, 1024))
+    for octave in range(7):
+        coarse = rng.standard_normal((2 ** (octave + 2),) * 2)
+        field += zoom(coarse, 1024 // len(coarse), order=3, mode="grid-wrap", grid_mode=True) * 0.56**octave
+    field = (field - field.mean()) / field.std()
+    stretch = 155.0 / (z + 0.10)
+    u, v = x * stretch, y * stretch
+    density = map_coordinates(field, [u, v], order=1, mode="grid-wrap")
+    towards_sun = map_coordinates(field, [u + 14.0 * sun[0], v + 14.0 * sun[1]], order=1, mode="grid-wrap")
+    cover = np.clip((density - 0.55) / 1.1, 0.0, 1.0) ** 0.8 * 0.92
+    cover *= np.clip(z / 0.10, 0.0, 1.0) ** 0.7
+    lit = np.clip(0.72 - 0.30 * (towards_sun - density) - 0.10 * density, 0.25, 1.0)
+    return cover, lit
+
+
+@njit(nogil=True, cache=True)
+def sky_radiance(dome: Dome, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Radiance of the sky in a unit direction; below the horizon the horizon's value holds."""
+    rows, columns, _ = dome.rgb.shape
+    v = min(max(z * rows - 0.5, 0.0), rows - 1.001)
+    u = np.arctan2(y, x) * (columns / (2.0 * np.pi)) - 0.5
+    u = u + columns if u < 0.0 else u
+    i, j = int(v), int(u)
+    fv, fu = np.float32(v - i), np.float32(u - j)
+    k = 0 if j + 1 >= columns else j + 1
+    one = np.float32(1.0)
+    a, b, c, d = (one - fv) * (one - fu), (one - fv) * fu, fv * (one - fu), fv * fu
+    g = dome.rgb
+    return (
+        g[i, j, 0] * a + g[i, k, 0] * b + g[i + 1, j, 0] * c + g[i + 1, k, 0] * d,
+        g[i, j, 1] * a + g[i, k, 1] * b + g[i + 1, j, 1] * c + g[i + 1, k, 1] * d,
+        g[i, j, 2] * a + g[i, k, 2] * b + g[i + 1, j, 2] * c + g[i + 1, k, 2] * d,
+    )

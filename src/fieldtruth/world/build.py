@@ -1,0 +1,72 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Worlds by name and seed, built by rules or taken from the cache."""
+
+import hashlib
+import os
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+from fieldtruth.errors import UnknownNameError
+from fieldtruth.world.environments import ENVIRONMENTS
+from fieldtruth.world.model import World
+from fieldtruth.world.store import read_world, save_world
+from fieldtruth.world.trails import Line
+
+
+def build_world(environment: str, seed: int = 0) -> World:
+    """Build an environment by its rules. Same name and seed, same world.
+
+    The lines of the built-in experiments of this environment stay free of obstacles, whichever of them is driven, so that
+    all its experiments share one world. Raises UnknownNameError.
+    """
+    if environment not in ENVIRONMENTS:
+        raise UnknownNameError("environment", environment, ENVIRONMENTS)
+    return ENVIRONMENTS[environment].build(seed, _corridors(environment))
+
+
+def load_world(environment: str, seed: int = 0, *, cache_folder: Path | None = None) -> World:
+    """Return the world from the cache, or build it and put it there. Raises UnknownNameError.
+
+    The cache is ``$XDG_CACHE_HOME/fieldtruth`` (or ``~/.cache/fieldtruth``) unless a folder is given; its key covers the
+    code that builds worlds, so that a changed rule never meets an old world. A cache that cannot be written is skipped.
+    """
+    folder = cache_folder if cache_folder is not None else default_cache()
+    path = folder / f"{environment}-{seed}-{_code_key()}.npz"
+    if environment in ENVIRONMENTS and path.is_file():
+        try:
+            return read_world(path)
+        except (OSError, ValueError, KeyError, EOFError):
+            path.unlink(missing_ok=True)  # cut short or foreign: build it anew
+    world = build_world(environment, seed)
+    try:
+        save_world(path, world)
+    except OSError:
+        pass
+    return world
+
+
+def default_cache() -> Path:
+    """Folder of built worlds."""
+    root = os.environ.get("XDG_CACHE_HOME")
+    return (Path(root) if root else Path.home() / ".cache") / "fieldtruth"
+
+
+def _corridors(environment: str) -> list[Line]:
+    from fieldtruth.experiment.catalogue import list_experiments
+    from fieldtruth.experiment.files import load_experiment
+    from fieldtruth.experiment.route import metres_from_route
+
+    routes = [load_experiment(name).route for name in list_experiments() if load_experiment(name).environment == environment]
+    return [Line.through([tuple(p) for p in metres_from_route(route)], smooth=False) for route in routes]
+
+
+@cache
+def _code_key() -> str:
+    """Digest of everything that shapes a world: this package's world and built-in routes, and NumPy's and SciPy's version."""
+    digest = hashlib.blake2b(f"{version('numpy')} {version('scipy')}".encode(), digest_size=8)
+    root = Path(__file__).parent
+    for path in sorted([*root.rglob("*.py"), *(root.parent / "experiment" / "builtin").glob("*.yaml")]):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()

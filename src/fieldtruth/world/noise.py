@@ -1,0 +1,31 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Fractal noise on a grid: sums of smooth random fields of halving wavelength."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+
+
+def fractal_noise(
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    *,
+    wavelength: float,
+    octaves: int,
+    rng: np.random.Generator,
+    gain: float = 0.5,
+) -> NDArray[np.float64]:
+    """Noise (len(x), len(y)) of about unit deviation; the longest ``wavelength`` [m] halves ``octaves`` - 1 times.
+
+    Each octave is a grid of independent normal numbers, half a wavelength apart, joined by cubic splines, and weighs
+    ``gain`` times the one before (Perlin 1985 calls the same sum turbulence without the absolute value).
+    """
+    total, energy = np.zeros((len(x), len(y))), 0.0
+    for octave in range(octaves):
+        step, weight = wavelength / 2 ** (octave + 1), gain**octave
+        nodes = rng.standard_normal((int(np.ptp(x) / step) + 5, int(np.ptp(y) / step) + 5))
+        u, v = np.meshgrid((x - x[0]) / step + 2.0, (y - y[0]) / step + 2.0, indexing="ij")
+        total += weight * map_coordinates(nodes, [u, v], order=3, mode="nearest")
+        energy += weight**2
+    return total / np.sqrt(0.45 * energy)  # cubic interpolation keeps about 0.45 of the nodes' variance

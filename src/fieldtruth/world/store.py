@@ -1,0 +1,125 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Worlds on disk: one uncompressed ``.npz`` of plain arrays and a JSON text, so that a built world loads in a second."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.classes import Label
+from fieldtruth.world.model import Collider, Heightfield, Instance, Material, Mesh, Raster, Terrain, World
+
+_MESH_ARRAYS = ("vertices", "normals", "uv", "faces", "material")
+Arrays = dict[str, NDArray[Any]]
+
+
+def save_world(path: Path, world: World) -> None:
+    """Write a world; the file appears whole or not at all."""
+    arrays: Arrays = {}
+    meshes = {**world.meshes, **({world.backdrop.name: world.backdrop} if world.backdrop is not None else {})}
+    text = {
+        "name": world.name,
+        "seed": world.seed,
+        "size": world.size,
+        "backdrop": world.backdrop.name if world.backdrop is not None else None,
+        "object_names": world.object_names,
+        "materials": [asdict(m) for m in world.materials.values()],
+        "textures": list(world.textures),
+        "meshes": [_mesh_text(m) for m in meshes.values()],
+        "instances": [
+            {"name": i.name, "kind": i.kind, "mesh": i.mesh, "object_id": i.object_id, "tint": i.tint}
+            for i in world.instances
+        ],
+        "terrain": _terrain_text(world.terrain),
+    }
+    for k, texture in enumerate(world.textures.values()):
+        arrays[f"texture_{k}"] = texture
+    for k, mesh in enumerate(meshes.values()):
+        arrays |= {f"mesh_{k}_{name}": getattr(mesh, name) for name in _MESH_ARRAYS}
+    arrays["instance_poses"] = np.array([i.world_from_object for i in world.instances]).reshape(-1, 4, 4)
+    terrain = world.terrain
+    arrays |= {"heights": terrain.field.heights, "trail": terrain.trail_distance.values, "cover": terrain.cover.values}
+    arrays["text"] = np.frombuffer(json.dumps(text).encode(), np.uint8)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_suffix(".part.npz")
+    with partial.open("wb") as stream:
+        np.savez(stream, **arrays)
+    partial.replace(path)
+
+
+def read_world(path: Path) -> World:
+    """Read what ``save_world`` wrote."""
+    with np.load(path, allow_pickle=False) as arrays:
+        text = json.loads(arrays["text"].tobytes())
+        meshes = {m["name"]: _mesh(m, k, arrays) for k, m in enumerate(text["meshes"])}
+        backdrop = meshes.pop(text["backdrop"]) if text["backdrop"] is not None else None
+        poses = arrays["instance_poses"]
+        return World(
+            name=text["name"],
+            seed=text["seed"],
+            size=tuple(text["size"]),
+            terrain=_terrain(text["terrain"], arrays),
+            meshes=meshes,
+            instances=tuple(
+                Instance(**(i | {"tint": tuple(i["tint"])}), world_from_object=pose)
+                for i, pose in zip(text["instances"], poses, strict=True)
+            ),
+            materials={m["name"]: _material(m) for m in text["materials"]},
+            textures={name: arrays[f"texture_{k}"] for k, name in enumerate(text["textures"])},
+            backdrop=backdrop,
+            object_names=tuple(text["object_names"]),
+        )
+
+
+def _mesh_text(mesh: Mesh) -> dict[str, Any]:
+    return {
+        "name": mesh.name,
+        "materials": mesh.materials,
+        "footprint": mesh.footprint,
+        "colliders": [asdict(c) for c in mesh.colliders],
+    }
+
+
+def _mesh(text: dict[str, Any], row: int, arrays: Any) -> Mesh:
+    colliders = tuple(
+        Collider(**(c | {"size": tuple(c["size"]), "position": tuple(c["position"])})) for c in text["colliders"]
+    )
+    return Mesh(
+        name=text["name"],
+        materials=tuple(text["materials"]),
+        footprint=text["footprint"],
+        colliders=colliders,
+        **{name: arrays[f"mesh_{row}_{name}"] for name in _MESH_ARRAYS},
+    )
+
+
+def _material(text: dict[str, Any]) -> Material:
+    return Material(**(text | {"label": Label(text["label"]), "tint": tuple(text["tint"])}))
+
+
+def _terrain_text(terrain: Terrain) -> dict[str, Any]:
+    grids = {"field": terrain.field, "trail_distance": terrain.trail_distance, "cover": terrain.cover}
+    return {
+        "grids": {name: [grid.spacing, grid.x0, grid.y0] for name, grid in grids.items()},
+        "ground_materials": terrain.ground_materials,
+        "trail_material": terrain.trail_material,
+        "border_material": terrain.border_material,
+        "border_width": terrain.border_width,
+    }
+
+
+def _terrain(text: dict[str, Any], arrays: Any) -> Terrain:
+    grids = {name: dict(zip(("spacing", "x0", "y0"), grid, strict=True)) for name, grid in text["grids"].items()}
+    return Terrain(
+        field=Heightfield(heights=arrays["heights"], **grids["field"]),
+        trail_distance=Raster(values=arrays["trail"], **grids["trail_distance"]),
+        cover=Raster(values=arrays["cover"], **grids["cover"]),
+        ground_materials=tuple(text["ground_materials"]),
+        trail_material=text["trail_material"],
+        border_material=text["border_material"],
+        border_width=text["border_width"],
+    )

@@ -1,0 +1,70 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Trails as smooth lines with a width, and the distance of every place to them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
+from scipy.spatial import cKDTree
+
+Array = NDArray[np.float64]
+_STEP = 0.05  # [m] between the points of a line
+
+
+@dataclass(frozen=True)
+class Line:
+    """A smooth line through points: ``points`` (n, 2) [m] about 5 cm apart and its unit ``tangents`` (n, 2)."""
+
+    points: Array
+    tangents: Array
+
+    @classmethod
+    def through(cls, corners: Sequence[tuple[float, float]], *, smooth: bool = True) -> Self:
+        """Join corners (m, 2) [m] by a cubic spline over the chord's length, or by straight lines."""
+        knots = np.asarray(corners, np.float64)
+        chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(knots, axis=0), axis=1))])
+        s = np.linspace(0.0, chord[-1], max(2, int(chord[-1] / _STEP) + 1))
+        if smooth and len(knots) > 2:
+            points = CubicSpline(chord, knots)(s)
+        else:
+            points = np.stack([np.interp(s, chord, knots[:, k]) for k in range(2)], axis=-1)
+        tangents = np.gradient(points, axis=0)
+        return cls(points, tangents / np.linalg.norm(tangents, axis=1, keepdims=True))
+
+    @property
+    def length(self) -> float:
+        """Length [m]."""
+        return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
+
+    def distance(self, places: ArrayLike) -> Array:
+        """Distance [m], (n,), of places (n, 2) to the line."""
+        places = np.asarray(places, np.float64)
+        _, nearest = cKDTree(self.points).query(places)
+        best = np.full(len(places), np.inf)
+        for step in (-1, 0):  # the two pieces that meet in the nearest point
+            a = self.points[np.clip(nearest + step, 0, len(self.points) - 2)]
+            b = self.points[np.clip(nearest + step, 0, len(self.points) - 2) + 1]
+            along = np.clip(((places - a) * (b - a)).sum(1) / ((b - a) ** 2).sum(1), 0.0, 1.0)
+            best = np.minimum(best, np.linalg.norm(places - a - along[:, None] * (b - a), axis=1))
+        return best
+
+
+@dataclass(frozen=True)
+class Trail:
+    """A trail: its middle line and its width [m]."""
+
+    line: Line
+    width: float
+
+
+def signed_distance(trails: Sequence[Trail], x: Array, y: Array) -> NDArray[np.float32]:
+    """Distance [m], (len(x), len(y)), of grid nodes to the nearest trail's edge, below 0 inside a trail."""
+    nodes = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    nearest = np.full(len(nodes), np.inf)
+    for trail in trails:
+        nearest = np.minimum(nearest, trail.line.distance(nodes) - trail.width / 2.0)
+    return nearest.reshape(len(x), len(y)).astype(np.float32)
