@@ -185,7 +185,8 @@ def _band(material: str, ends: Array, outward: Array, along: Array, sides: int, 
         faces = faces[(np.arange(len(faces)) // 2) % 2 == 0]
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     solid = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-12
-    return make_part(material, vertices, normals, uv, faces[solid])
+    used, renumbered = np.unique(faces[solid], return_inverse=True)
+    return make_part(material, vertices[used], normals[used], uv[used], renumbered.reshape(-1, 3))
 
 
 def make_extrusion(material: str, outline: ArrayLike, width: float) -> Mesh:

@@ -28,7 +28,7 @@ def make_table(variant: int) -> Mesh:
 
 def _crossed_legs() -> list[Mesh]:
     parts = []
-    planks, gap, thickness = 6, 0.008, 0.042
+    planks, gap, thickness = 6, 0.012, 0.042
     pitch = (0.8 + gap) / planks
     for k in range(planks):
         plank = make_box("table_wood", (pitch - gap, 1.8, thickness), bevel=0.005)

@@ -28,16 +28,18 @@ def _slatted() -> list[Mesh]:
     foot = [(0.0, -SUNK), (0.16, -SUNK), (0.16, 0.015), (0.07, 0.03), (0.06, 0.10), (0.0, 0.10)]
     tray = [(0.0, 0.09), (0.2, 0.09), (0.235, 0.11), (0.235, 0.13), (0.0, 0.13)]
     drum = [(0.0, 0.13), (0.205, 0.13), (0.215, 0.83), (0.222, 0.84), (0.212, 0.84), (0.2, 0.15), (0.0, 0.15)]
-    rim = rounded([(0.21, 0.87), (0.24, 0.845), (0.275, 0.845), (0.29, 0.87), (0.275, 0.895), (0.235, 0.895)], 0.015)
+    rim = rounded(
+        [(0.21, 0.87), (0.24, 0.845), (0.275, 0.845), (0.29, 0.87), (0.275, 0.895), (0.235, 0.895)], 0.015, steps=4
+    )
     parts = [
         make_lathe("bin_iron", foot, sides=24),
         make_lathe("bin_iron", tray, sides=32),
         make_lathe("bin_inside", drum, sides=32),
-        make_lathe("bin_iron", [*rim, rim[0]], sides=36),
+        make_lathe("bin_iron", [*rim, rim[0]], sides=32),
     ]
     for z, radius in ((0.28, 0.25), (0.70, 0.254)):
         hoop = [(radius, z - 0.015), (radius, z + 0.015), (radius - 0.006, z + 0.015), (radius - 0.006, z - 0.015)]
-        parts.append(make_lathe("bin_iron", [*hoop, hoop[0]], sides=36))
+        parts.append(make_lathe("bin_iron", [*hoop, hoop[0]], sides=24))
     path = rounded([(0.215, 0.11), (0.25, 0.16), (0.262, 0.45), (0.262, 0.74), (0.285, 0.865)], 0.12, steps=2)
     slat = make_extrusion("bin_iron", bar_outline(path, 0.008), 0.036)
     count = 24

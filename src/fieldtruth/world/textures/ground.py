@@ -39,7 +39,7 @@ def lawn(rng: Rng) -> Image:
 
 def lawn_dry(rng: Rng) -> Image:
     """Mown grass after weeks without rain: half straw, more soil."""
-    return _grass(rng, blades=28_000, straw=0.5, clover=60, greens=_TIRED)
+    return _grass(rng, blades=34_000, straw=0.5, clover=60, greens=_TIRED)
 
 
 _FRESH = [(70, 84, 40), (92, 108, 53), (110, 124, 64), (132, 140, 80)]

@@ -1,0 +1,128 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Furniture has real dimensions, stands in the ground, has one class, and its colliders fit."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from fieldtruth.classes import Label
+from fieldtruth.world.furniture import make_bench, make_lamp_post, make_table, make_trash_bin
+from fieldtruth.world.materials import MATERIALS
+from fieldtruth.world.model import Collider, Mesh
+
+MAKERS: dict[str, tuple[Callable[[int], Mesh], int, Label]] = {
+    "bench": (make_bench, 3, Label.BENCH),
+    "table": (make_table, 2, Label.TABLE),
+    "lamp_post": (make_lamp_post, 2, Label.LAMP_POST),
+    "trash_bin": (make_trash_bin, 2, Label.TRASH_BIN),
+}
+PIECES = {f"{kind}_{k}": (make(k), label) for kind, (make, count, label) in MAKERS.items() for k in range(count)}
+
+# Height, then extent along x and y [m]: least and most.
+SIZES = {
+    "bench_0": ((0.82, 0.90), (0.55, 0.75), (1.6, 1.8)),
+    "bench_1": ((0.82, 0.90), (0.55, 0.75), (1.6, 1.8)),
+    "bench_2": ((0.42, 0.48), (0.40, 0.55), (1.6, 1.8)),
+    "table_0": ((0.72, 0.78), (0.75, 0.85), (1.7, 1.9)),
+    "table_1": ((0.72, 0.78), (0.9, 1.1), (0.9, 1.1)),
+    "lamp_post_0": ((4.0, 5.0), (0.3, 0.6), (0.3, 0.6)),
+    "lamp_post_1": ((4.0, 5.0), (0.3, 0.7), (0.3, 0.7)),
+    "trash_bin_0": ((0.85, 0.95), (0.5, 0.65), (0.5, 0.65)),
+    "trash_bin_1": ((0.85, 1.05), (0.4, 0.6), (0.38, 0.5)),
+}
+
+
+def inside(collider: Collider, points: NDArray[np.float32], margin: float) -> NDArray[np.bool_]:
+    """Which points (n, 3) lie in the collider grown by a margin [m]; colliders of furniture are not turned."""
+    assert collider.yaw_deg == 0.0
+    x, y, z = (points - np.array(collider.position)).T
+    tall = (z > -margin) & (z < collider.size[-1] + margin)
+    if collider.shape == "cylinder":
+        return np.asarray(tall & (np.hypot(x, y) < collider.size[0] + margin))
+    return np.asarray(tall & (np.abs(x) < collider.size[0] / 2 + margin) & (np.abs(y) < collider.size[1] / 2 + margin))
+
+
+@pytest.mark.parametrize("name", PIECES)
+def test_dimensions(name: str) -> None:
+    mesh, _ = PIECES[name]
+    height, along, across = SIZES[name]
+    assert mesh.name == name
+    assert height[0] < mesh.vertices[:, 2].max() < height[1]
+    assert along[0] < np.ptp(mesh.vertices[:, 0]) < along[1]
+    assert across[0] < np.ptp(mesh.vertices[:, 1]) < across[1]
+    assert 400 < len(mesh.faces) < 5_000
+    # Bevels and rims are at most 3 cm wider than said; the footprint keeps others clear of every vertex.
+    assert mesh.footprint >= np.hypot(mesh.vertices[:, 0], mesh.vertices[:, 1]).max() - 0.03
+
+
+@pytest.mark.parametrize("name", PIECES)
+def test_feet_stand_below_the_ground(name: str) -> None:
+    mesh, _ = PIECES[name]
+    assert -0.11 < mesh.vertices[:, 2].min() <= -0.05
+
+
+@pytest.mark.parametrize("name", PIECES)
+def test_arrays(name: str) -> None:
+    mesh, _ = PIECES[name]
+    count = len(mesh.vertices)
+    assert {a.dtype.str for a in (mesh.vertices, mesh.normals, mesh.uv)} == {"<f4"}
+    assert {a.dtype.str for a in (mesh.faces, mesh.material)} == {"<i4"}
+    assert mesh.normals.shape == (count, 3)
+    assert mesh.uv.shape == (count, 2)
+    assert mesh.material.shape == (len(mesh.faces),)
+    np.testing.assert_array_equal(np.unique(mesh.faces), np.arange(count))
+    np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-5)
+    a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2).astype(np.float64)
+    facing = np.cross(b - a, c - a)
+    assert np.linalg.norm(facing, axis=1).min() > 0
+    assert (np.einsum("ij,ij->i", facing, mesh.normals[mesh.faces].sum(axis=1)) > 0).all()
+
+
+@pytest.mark.parametrize("name", PIECES)
+def test_every_triangle_has_the_class_of_its_kind(name: str) -> None:
+    mesh, label = PIECES[name]
+    assert {MATERIALS[m].label for m in mesh.materials} == {label}
+    assert set(np.unique(mesh.material)) == set(range(len(mesh.materials)))
+
+
+@pytest.mark.parametrize("name", PIECES)
+def test_colliders_enclose_what_a_robot_can_touch(name: str) -> None:
+    mesh, _ = PIECES[name]
+    low = mesh.vertices[mesh.vertices[:, 2] < 1.0]
+    enclosed = np.any([inside(c, low, 0.05) for c in mesh.colliders], axis=0)
+    assert enclosed.all()
+
+
+@pytest.mark.parametrize("name", PIECES)
+def test_colliders_are_not_much_bigger(name: str) -> None:
+    mesh, _ = PIECES[name]
+    for c in mesh.colliders:
+        half = np.array((c.size[0],) * 2 if c.shape == "cylinder" else (c.size[0] / 2, c.size[1] / 2))
+        bottom, top = c.position[2], c.position[2] + c.size[-1]
+        near = mesh.vertices[(mesh.vertices[:, 2] > bottom - 0.05) & (mesh.vertices[:, 2] < top + 0.05)]
+        assert (np.array(c.position[:2]) + half < near[:, :2].max(axis=0) + 0.05).all()
+        assert (np.array(c.position[:2]) - half > near[:, :2].min(axis=0) - 0.05).all()
+        assert top < mesh.vertices[:, 2].max() + 0.05
+
+
+@pytest.mark.parametrize(("name", "width"), [("bench_0", 1.7), ("bench_1", 1.7)])
+def test_benches_face_forward_with_the_back_behind(name: str, width: float) -> None:
+    mesh, _ = PIECES[name]
+    wood = mesh.vertices[mesh.faces[mesh.material == mesh.materials.index("bench_wood")]].reshape(-1, 3)
+    seat, back = wood[wood[:, 2] < 0.47], wood[wood[:, 2] > 0.52]
+    assert seat[:, 0].max() > 0.2
+    assert back[:, 0].max() < -0.1
+    assert 0.42 < seat[:, 2].max() < 0.47
+    assert np.ptp(wood[:, 1]) == pytest.approx(width, abs=1e-3)
+
+
+@pytest.mark.parametrize("kind", MAKERS)
+def test_unknown_variant_is_refused(kind: str) -> None:
+    make, count, _ = MAKERS[kind]
+    with pytest.raises(ValueError, match=f"variant is {count}"):
+        make(count)
+    with pytest.raises(ValueError, match="variant is -1"):
+        make(-1)

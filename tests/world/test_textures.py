@@ -1,0 +1,184 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Textures tile, have the albedo that is said of them, follow the seed, and serve every material."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from fieldtruth.classes import Label
+from fieldtruth.world.materials import BUSH_KINDS, MATERIALS, TREE_SPECIES
+from fieldtruth.world.plants import BUSHES, SPECIES
+from fieldtruth.world.textures import RECIPES, make_texture, make_textures
+from fieldtruth.world.textures.canvas import cells, even_out, finish, halve, linear, mix, noise, settle, stamps, strokes
+
+SEED = np.random.SeedSequence(3)
+TEXTURES = make_textures(SEED)
+
+# Least and most mean linear albedo of red, green and blue.
+ALBEDO = {
+    "lawn": ((0.06, 0.13), (0.08, 0.14), (0.02, 0.06)),
+    "lawn_dry": ((0.12, 0.22), (0.12, 0.20), (0.04, 0.10)),
+    "soil": ((0.08, 0.13), (0.06, 0.10), (0.03, 0.07)),
+    "gravel": ((0.25, 0.35), (0.25, 0.35), (0.15, 0.30)),
+    "bark_oak": ((0.10, 0.20), (0.08, 0.18), (0.06, 0.15)),
+    "bark_lime": ((0.10, 0.20), (0.08, 0.18), (0.06, 0.15)),
+    "bark_birch": ((0.45, 0.60), (0.45, 0.60), (0.40, 0.55)),
+    "leaf_lime": ((0.04, 0.09), (0.06, 0.12), (0.01, 0.05)),
+    "leaf_box": ((0.03, 0.09), (0.06, 0.12), (0.01, 0.05)),
+    "wood_grey": ((0.20, 0.30), (0.20, 0.30), (0.15, 0.25)),
+    "concrete": ((0.30, 0.40), (0.30, 0.40), (0.27, 0.38)),
+}
+
+
+def mean_albedo(texture: NDArray[np.uint8]) -> NDArray[np.float64]:
+    return np.asarray(linear(texture).astype(np.float64).mean(axis=(0, 1)))
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_shape_and_mean_albedo(name: str) -> None:
+    texture = TEXTURES[name]
+    n = len(texture)
+    assert texture.dtype == np.uint8
+    assert texture.shape == (n, n, 3)
+    assert n in (128, 256, 512)
+    np.testing.assert_allclose(mean_albedo(texture), RECIPES[name].albedo, atol=0.003)
+    for value, (least, most) in zip(mean_albedo(texture), ALBEDO.get(name, ((0.02, 0.8),) * 3), strict=True):
+        assert least <= value <= most
+
+
+@pytest.mark.parametrize("name", [n for n in RECIPES if not n.startswith("leaf_")])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_no_seam(name: str, axis: int) -> None:
+    """Neighbours across the edge differ no more than neighbours inside do from line to line."""
+    image = np.moveaxis(TEXTURES[name].astype(np.float64), axis, 0)
+    steps = np.abs(image - np.roll(image, 1, axis=0)).mean(axis=(1, 2))
+    assert steps[0] <= steps[1:].mean() + 4 * steps[1:].std()
+
+
+@pytest.mark.parametrize("name", ["lawn", "lawn_dry", "soil", "mulch", "litter", "gravel", "meadow"])
+def test_no_patch_that_shows_the_repetition(name: str) -> None:
+    """The four quarters of a ground are equally bright, within a twentieth."""
+    light = linear(TEXTURES[name]).mean(axis=2)
+    quarters = light.reshape(2, len(light) // 2, 2, len(light) // 2).mean(axis=(1, 3))
+    assert np.ptp(quarters) < 0.05 * quarters.mean()
+
+
+def test_same_seed_same_bytes_other_seed_others() -> None:
+    for name in ("gravel", "bark_birch", "leaf_oak"):
+        again = make_texture(name, np.random.SeedSequence(3))
+        assert again.tobytes() == TEXTURES[name].tobytes()
+        assert make_texture(name, np.random.SeedSequence(4)).tobytes() != again.tobytes()
+
+
+def test_a_texture_depends_on_its_name_and_not_on_the_others() -> None:
+    assert make_texture("concrete", SEED).tobytes() == TEXTURES["concrete"].tobytes()
+    parent = np.random.SeedSequence(3).spawn(2)
+    assert make_texture("glass", parent[0]).tobytes() != make_texture("glass", parent[1]).tobytes()
+    assert TEXTURES["leaf_lime"].tobytes() != TEXTURES["leaf_birch"].tobytes()
+
+
+def test_every_material_has_its_texture_and_every_texture_a_material() -> None:
+    assert {m.texture for m in MATERIALS.values()} == set(RECIPES) == set(TEXTURES)
+    assert all(name == material.name for name, material in MATERIALS.items())
+
+
+def test_labels_of_materials() -> None:
+    prefixes = {"bench": Label.BENCH, "table": Label.TABLE, "lamp": Label.LAMP_POST, "bin": Label.TRASH_BIN}
+    grounds = dict.fromkeys(("lawn", "lawn_dry", "soil", "mulch", "litter", "meadow"), Label.GROUND)
+    expected = {**grounds, "gravel": Label.TRAIL, "setts": Label.TRAIL, "wood_bush": Label.BUSH}
+    expected |= {f"bark_{s}": Label.TRUNK for s in TREE_SPECIES} | {f"leaf_{s}": Label.TREETOP for s in TREE_SPECIES}
+    expected |= {f"leaf_{b}": Label.BUSH for b in BUSH_KINDS}
+    expected |= {n: prefixes[n.split("_")[0]] for n in MATERIALS if n.split("_")[0] in prefixes}
+    assert {name: m.label for name, m in MATERIALS.items()} == expected
+
+
+def test_materials_of_all_plants_exist() -> None:
+    assert set(TREE_SPECIES) == set(SPECIES)
+    assert set(BUSH_KINDS) == set(BUSHES)
+
+
+def test_only_leaves_let_light_through() -> None:
+    assert {n for n, m in MATERIALS.items() if m.translucency > 0} == {n for n in MATERIALS if n.startswith("leaf_")}
+
+
+def test_tinted_albedo_stays_below_one() -> None:
+    for material in MATERIALS.values():
+        assert (np.array(material.tint) * RECIPES[material.texture].albedo).max() < 0.85
+
+
+def test_leaf_shows_its_midrib() -> None:
+    for name in ("leaf_lime", "leaf_birch", "leaf_oak", "leaf_hazel"):
+        column = linear(TEXTURES[name]).mean(axis=(0, 2))
+        assert 0.47 < (column.argmax() + 0.5) / len(column) < 0.53
+
+
+def test_linear_follows_the_standard() -> None:
+    np.testing.assert_allclose(linear([0, 255, 118, 188]), [0, 1, 0.1812, 0.5029], atol=2e-4)
+
+
+def test_noise_has_its_scale_and_wraps() -> None:
+    rng = np.random.default_rng(1)
+    field = noise(rng, 128, 8, 16, slope=0.0)
+    assert abs(field.mean()) < 1e-5
+    assert field.std() == pytest.approx(1, abs=1e-5)
+    power = np.abs(np.fft.fft2(field)) ** 2
+    k = np.hypot(*np.meshgrid(np.fft.fftfreq(128, 1 / 128), np.fft.fftfreq(128, 1 / 128)))
+    assert power[(k > 5) & (k < 20)].sum() > 0.98 * power.sum()
+    drawn = noise(rng, 128, 4, 60, slope=0.0, stretch=16.0)
+    assert np.abs(np.diff(drawn, axis=0)).mean() < 0.3 * np.abs(np.diff(drawn, axis=1)).mean()
+
+
+def test_cells_agree_with_brute_force() -> None:
+    n, across, along = 48, 4, 3
+    found = cells(np.random.default_rng(5), n, across, along, jitter=0.6)
+    offset = (np.random.default_rng(5).random((2, along, across)).astype(np.float32) - 0.5) * 0.6
+    grid = (np.arange(n) + 0.5) / n
+    u, v = np.meshgrid(grid * across, grid * along)
+    distances = []
+    for i in range(along):
+        for j in range(across):
+            du = (u - j - 0.5 - offset[0, i, j] + across / 2) % across - across / 2
+            dv = (v - i - 0.5 - offset[1, i, j] + along / 2) % along - along / 2
+            distances.append(np.hypot(du, dv))
+    ranked = np.sort(distances, axis=0)
+    np.testing.assert_allclose(found.nearest, ranked[0], atol=1e-5)
+    np.testing.assert_allclose(found.second, ranked[1], atol=1e-5)
+    assert (found.owner == np.argmin(distances, axis=0)).all()
+
+
+def test_the_highest_piece_is_seen() -> None:
+    rng = np.random.default_rng(2)
+    low = stamps(rng, 64, [20.0], [20.0], lambda a, b, _: 1 - a**2 - b**2, 0.3)
+    high = stamps(rng, 64, [9.0], [9.0], lambda a, b, _: 1 - a**2 - b**2, 0.9)
+    for pieces in ([low, high._replace(owner=high.owner + 1)], [high._replace(owner=high.owner + 1), low]):
+        relief = settle(64, pieces)
+        assert np.count_nonzero(relief.owner == 1) == pytest.approx(np.pi * 81, rel=0.05)
+        assert np.count_nonzero(relief.owner >= 0) >= np.count_nonzero(relief.owner == 1)
+        assert (relief.height[relief.owner < 0] == 0).all()
+    alone = settle(64, [low])
+    assert np.count_nonzero(alone.owner == 0) == pytest.approx(np.pi * 400, rel=0.03)
+
+
+def test_strokes_keep_their_length() -> None:
+    blades = strokes(np.random.default_rng(4), 256, 50, (10.0, 20.0), 2.0, 0.0)
+    for k in range(50):
+        own = blades.owner == k
+        extent = np.hypot(np.ptp(blades.x[own]), np.ptp(blades.y[own]))
+        assert 8 < extent < 23
+    assert blades.a.min() > 0
+    assert blades.a.max() < 1
+    assert blades.height.max() <= 1
+
+
+def test_colours_are_mixed_halved_evened_and_finished() -> None:
+    ends = mix([(0, 0, 0), (255, 255, 255)], np.array([[0.0, 0.5], [1.0, 2.0]]))
+    np.testing.assert_allclose(ends[..., 0], [[0.0, 0.5], [1.0, 1.0]], atol=1e-3)
+    image = np.zeros((4, 4, 3), np.float32)
+    image[:2, :2] = [[[4], [0]], [[0], [0]]]
+    assert halve(image)[0, 0, 0] == 1.0
+    wave = 1 + 0.3 * np.cos(2 * np.pi * np.arange(64) / 64)
+    flat = even_out(np.broadcast_to(wave[:, None, None], (64, 64, 3)).astype(np.float32))
+    assert np.ptp(flat) < 0.2 * np.ptp(wave)
+    done = finish(np.ones((8, 8, 3), np.float32), (0.5, 0.2, 0.05))
+    np.testing.assert_allclose(linear(done)[0, 0], (0.5, 0.2, 0.05), atol=0.003)
