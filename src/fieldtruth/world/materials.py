@@ -13,7 +13,7 @@ from typing import Final
 from fieldtruth.classes import Label
 from fieldtruth.world.model import Material
 
-TREE_SPECIES: Final = ("lime", "birch", "oak", "maple")
+TREE_SPECIES: Final = ("lime", "birch", "oak")
 BUSH_KINDS: Final = ("box", "hazel")
 
 LEAF_TRANSLUCENCY: Final = 0.35
@@ -21,14 +21,14 @@ LEAF_TRANSLUCENCY: Final = 0.35
 Baret 1990, PROSPECT)."""
 
 GROUND: Final = (
-    Material(name="lawn", label=Label.GROUND, texture="lawn"),
-    Material(name="lawn_dry", label=Label.GROUND, texture="lawn_dry"),
-    Material(name="soil", label=Label.GROUND, texture="soil"),
-    Material(name="mulch", label=Label.GROUND, texture="mulch"),
-    Material(name="litter", label=Label.GROUND, texture="litter"),
-    Material(name="meadow", label=Label.GROUND, texture="meadow"),
-    Material(name="gravel", label=Label.TRAIL, texture="gravel"),
-    Material(name="setts", label=Label.TRAIL, texture="setts"),
+    Material(name="lawn", label=Label.GROUND, texture="lawn", repeat=1.5),
+    Material(name="lawn_dry", label=Label.GROUND, texture="lawn_dry", repeat=1.5),
+    Material(name="soil", label=Label.GROUND, texture="soil", repeat=1.5),
+    Material(name="mulch", label=Label.GROUND, texture="mulch", repeat=1.5),
+    Material(name="litter", label=Label.GROUND, texture="litter", repeat=1.5),
+    Material(name="meadow", label=Label.GROUND, texture="meadow", repeat=40.0),
+    Material(name="gravel", label=Label.TRAIL, texture="gravel", repeat=1.5),
+    Material(name="setts", label=Label.TRAIL, texture="setts", repeat=0.5),
 )
 
 FURNITURE: Final = (
