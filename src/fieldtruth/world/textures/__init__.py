@@ -43,7 +43,7 @@ RECIPES: Final[Mapping[str, Recipe]] = MappingProxyType(
         "meadow": Recipe(ground.meadow, (0.115, 0.130, 0.050)),
         "bark_lime": Recipe(plants.bark_lime, (0.150, 0.128, 0.103)),
         "bark_birch": Recipe(plants.bark_birch, (0.540, 0.515, 0.470)),
-        "bark_oak": Recipe(plants.bark_oak, (0.125, 0.106, 0.084)),
+        "bark_oak": Recipe(plants.bark_oak, (0.112, 0.094, 0.073)),
         "bark_bush": Recipe(plants.bark_bush, (0.140, 0.110, 0.080)),
         "leaf_lime": Recipe(partial(plants.leaf, pairs=8, slope=0.75, vein=0.30, tones=_GREEN), (0.062, 0.105, 0.026)),
         "leaf_birch": Recipe(partial(plants.leaf, pairs=9, slope=0.9, vein=0.28, tones=_GREEN), (0.068, 0.112, 0.026)),

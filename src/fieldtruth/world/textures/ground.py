@@ -185,7 +185,7 @@ def setts(rng: Rng) -> Image:
     joint = cells(rng, N, 6, 6, jitter=0.5, shift=bend)
     gap = joint.second - joint.nearest + 0.012 * noise(rng, N, 20, 120)
     crown = np.clip((gap - 0.06) / 0.4, 0, 1) ** 0.5
-    tone = rng.uniform(0, 1, 36).astype(np.float32)[joint.owner]
+    tone = rng.beta(4, 4, 36).astype(np.float32)[joint.owner]
     grain, hollow = noise(rng, N, 60, 256, slope=0.0), noise(rng, N, 8, 60)
     stone = mix([(104, 100, 96), (132, 128, 122), (156, 150, 142), (148, 137, 126)], tone)
     stone *= ((1 + 0.12 * grain) * (0.66 + 0.34 * crown + 0.06 * hollow))[..., None]
