@@ -42,7 +42,7 @@ OUTLINE: Final = (0.99, 0.67, 0.39)  # [m]
 CHASSIS_WIDTH: Final = 0.5709  # [m], between the wheels
 
 SERVO_INTEGRAL_GAIN: Final = 5000.0  # [N m/rad]
-SERVO_DAMPING: Final = 100.0  # [N m s/rad]
+SERVO_DAMPING: Final = 60.0  # [N m s/rad]
 ROTOR_INERTIA: Final = 0.1  # [kg m^2], felt on the axle
 MAX_TORQUE: Final = 40.0  # [N m] of one wheel
 MAX_ACCELERATION: Final = 3.0  # [m/s^2]

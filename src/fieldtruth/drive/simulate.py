@@ -73,6 +73,7 @@ class SimulatedHusky:
         self.step = 0
         self._model, self._obstacles = build_physics(world, rig)
         self._data = mujoco.MjData(self._model)
+        self._ground = self._model.geom("ground").id
         self._wheels = rig.wheels
         self._rig = rig
         self._watch = watch
@@ -100,19 +101,18 @@ class SimulatedHusky:
         for state, speeds in zip(states, wheel_speeds(commands, self._wheels), strict=True):
             data.ctrl[:] = speeds
             mujoco.mj_step(model, data)
+            self.step += 1
             state[:7] = data.qpos[:7]
             state[7:] = data.qvel
-        self.step += count
+            # A heightfield comes first in every contact of its own.
+            if (data.contact.geom1 != self._ground).any():
+                self._watch.fail(f"touched {self._touched()}", self.seconds, *state[:2])
         self._command = Command(*commands[-1])
-        self._check(states[-1])
+        self._watch.check(self.seconds, state[_POSITION], state[_QUATERNION])
         return states
 
-    def _check(self, state: Array) -> None:
-        for pair in self._data.contact.geom[: self._data.ncon]:
-            for geom in pair:
-                if int(geom) in self._obstacles:
-                    self._watch.fail(f"touched {self._obstacles[int(geom)]}", self.seconds, state[0], state[1])
-        self._watch.check(self.seconds, state[_POSITION], state[_QUATERNION])
+    def _touched(self) -> str:
+        return next(self._obstacles[g] for g in self._data.contact.geom.ravel().tolist() if g in self._obstacles)
 
 
 class _DueSteps:

@@ -1,0 +1,131 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Small worlds to drive in: a heightfield by a function of x and y, and boxes and cylinders to run into."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth import frames
+from fieldtruth.drive.controller import WaypointFollower
+from fieldtruth.drive.simulate import SimulatedHusky
+from fieldtruth.drive.watch import Watch
+from fieldtruth.experiment.config import Experiment, RouteConfig
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.geodesy import geodetic_from_world
+from fieldtruth.world.model import Collider, Heightfield, Instance, Mesh, Raster, Terrain, World
+
+F8 = NDArray[np.float64]
+HeightFunction = Callable[[F8, F8], F8]
+WorldMaker = Callable[..., World]
+ExperimentMaker = Callable[..., Experiment]
+
+
+def flat(x: F8, y: F8) -> F8:
+    return np.zeros_like(x + y)
+
+
+def make_field(
+    height: HeightFunction = flat, size: tuple[float, float] = (40.0, 20.0), spacing: float = 0.2
+) -> Heightfield:
+    nx, ny = (round(s / spacing) + 1 for s in size)
+    x0, y0 = -size[0] / 2, -size[1] / 2
+    x, y = np.meshgrid(x0 + spacing * np.arange(nx), y0 + spacing * np.arange(ny), indexing="ij")
+    return Heightfield(heights=height(x, y).astype(np.float32), spacing=spacing, x0=x0, y0=y0)
+
+
+def make_world(
+    height: HeightFunction = flat,
+    *,
+    size: tuple[float, float] = (40.0, 20.0),
+    spacing: float = 0.2,
+    obstacles: Sequence[tuple[str, Collider, F8]] = (),
+) -> World:
+    """``obstacles`` are name, collider and world_from_object."""
+    field = make_field(height, size, spacing)
+    grid = Raster(values=np.ones((2, 2), np.float32), spacing=100.0, x0=-50.0, y0=-50.0)
+    empty = np.zeros((0, 3), np.float32)
+    meshes = {
+        name: Mesh(
+            name=name,
+            vertices=empty,
+            normals=empty,
+            uv=empty[:, :2],
+            faces=np.zeros((0, 3), np.int32),
+            material=np.zeros(0, np.int32),
+            materials=(),
+            colliders=(collider,),
+        )
+        for name, collider, _ in obstacles
+    }
+    instances = tuple(
+        Instance(name=name, kind="thing", mesh=name, object_id=k + 2, world_from_object=world_from_object)
+        for k, (name, _, world_from_object) in enumerate(obstacles)
+    )
+    return World(
+        name="test",
+        seed=0,
+        size=size,
+        terrain=Terrain(
+            field=field,
+            trail_distance=grid,
+            cover=Raster(values=np.ones((2, 2, 1), np.float32), spacing=100.0, x0=-50.0, y0=-50.0),
+            ground_materials=("soil",),
+            trail_material="soil",
+            border_material="soil",
+        ),
+        meshes=meshes,
+        instances=instances,
+        materials={},
+        textures={},
+    )
+
+
+def make_experiment(
+    waypoints: Sequence[tuple[float, float]],
+    *,
+    start: tuple[float, float] = (0.0, 0.0),
+    seconds: float | None = None,
+    **changes: object,
+) -> Experiment:
+    """``start`` and ``waypoints`` are world x, y [m]."""
+    points = np.array([start, *waypoints], float)
+    geodetic = geodetic_from_world(np.column_stack([points, np.zeros(len(points))]))
+    (latitude, longitude), *rest = [(float(p[0]), float(p[1])) for p in geodetic]
+    route = RouteConfig(start=(latitude, longitude), waypoints=tuple(rest))
+    values = {"name": "test", "environment": "test", "route": route, "seconds": seconds, **changes}
+    return Experiment.model_validate(values)
+
+
+def obstacle(
+    name: str, shape: str, size: tuple[float, ...], x: float, y: float, **pose: float
+) -> tuple[str, Collider, F8]:
+    """A collider at x, y on level ground; ``pose``: yaw [deg] and scale of the object."""
+    world_from_object = frames.pose((x, y, 0.0), (0.0, 0.0, pose.get("yaw", 0.0)))
+    world_from_object[:3, :3] *= pose.get("scale", 1.0)
+    return name, Collider(shape=shape, size=size), world_from_object  # type: ignore[arg-type]
+
+
+def make_robot(world: World, start: tuple[float, float] = (0.0, 0.0), *, yaw_deg: float = 0.0) -> SimulatedHusky:
+    """The settled robot without a route."""
+    ahead = np.array(start) + 100 * np.array([np.cos(np.deg2rad(yaw_deg)), np.sin(np.deg2rad(yaw_deg))])
+    experiment = make_experiment([(float(ahead[0]), float(ahead[1]))])
+    watch = Watch(world.size, WaypointFollower(experiment.route.waypoints, experiment.control), experiment.control)
+    robot = SimulatedHusky(world, Rig(), watch)
+    robot.place(world, np.array(start), ahead)
+    return robot
+
+
+def tilted(along_deg: float, across_deg: float) -> HeightFunction:
+    """A plane that rises along x and along y."""
+    slope_x, slope_y = np.tan(np.deg2rad([along_deg, across_deg]))
+    return lambda x, y: slope_x * x + slope_y * y
+
+
+def hills(x: F8, y: F8) -> F8:
+    """Gently rolling: 0.1 m high, 5 to 30 m long."""
+    waves = [(5.0, 0.3, 1.0), (8.0, 2.0, 4.0), (13.0, 4.0, 2.0), (21.0, 5.5, 0.5), (30.0, 1.2, 3.0)]
+    return np.asarray(
+        sum(0.02 * np.sqrt(w / 5) * np.sin(2 * np.pi / w * (x * np.cos(a) + y * np.sin(a)) + p) for w, a, p in waves)
+    )
