@@ -72,7 +72,7 @@ def test_triangles(species: Species, height: float) -> None:
     if height > 6:
         assert 50_000 < count < 65_000
     else:
-        assert 5_000 < count < 30_000
+        assert 5_000 < count < 40_000
 
 
 @kinds

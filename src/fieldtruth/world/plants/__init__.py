@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Grown plants: trees and bushes as meshes of trunk, branches and single leaves."""
 
-from fieldtruth.world.plants.catalogue import BUSHES as BUSHES
-from fieldtruth.world.plants.catalogue import SPECIES as SPECIES
-from fieldtruth.world.plants.plant import grow_bush as grow_bush
-from fieldtruth.world.plants.plant import grow_tree as grow_tree
-from fieldtruth.world.plants.species import Species as Species
+from fieldtruth.world.plants.catalogue import BUSHES, SPECIES
+from fieldtruth.world.plants.plant import grow_bush, grow_tree
+from fieldtruth.world.plants.species import Species
+
+__all__ = ["BUSHES", "SPECIES", "Species", "grow_bush", "grow_tree"]

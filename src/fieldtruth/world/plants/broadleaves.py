@@ -10,7 +10,7 @@ from typing import Final
 
 from fieldtruth.world.plants.species import Habit, Leaf, Order, Species
 
-_LIME_LEAF: Final = Leaf(number=18500, length=0.145, width=0.76, widest=0.31, droop=0.7)
+_LIME_LEAF: Final = Leaf(number=23500, length=0.145, width=0.8, widest=0.31, droop=0.7)
 LIME: Final = Species(
     name="lime",
     latin="Tilia platyphyllos",
@@ -31,12 +31,12 @@ LIME: Final = Species(
             ),
             Order(
                 number=240, start=0.2, length=0.55, length_spread=0.25, angle=(62, 38), divergence=180,
-                divergence_spread=35, lift=(0.1, -0.1), bend=0.4, wander=0.4, segments=4, sides=4,
+                divergence_spread=35, lift=(0.1, -0.1), bend=0.4, wander=0.4, segments=4, sides=3,
                 foliage=0.7, leaf_start=0.5,
             ),
             Order(
-                number=1400, start=0.15, length=0.6, length_spread=0.25, angle=(60, 40), divergence=180,
-                divergence_spread=35, lift=(0.1, -0.4), bend=0.4, wander=0.4, thickness=1.0, segments=2, sides=3,
+                number=1500, start=0.15, length=0.6, length_spread=0.25, angle=(60, 40), divergence=180,
+                divergence_spread=35, lift=(0.1, -0.4), bend=0.4, wander=0.4, thickness=1.0, segments=1, sides=3,
                 foliage=1, leaf_start=0.05,
             ),
         ),
@@ -72,7 +72,7 @@ LIME: Final = Species(
 )  # fmt: skip
 
 _BIRCH_LEAF: Final = Leaf(
-    number=20000, length=0.09, width=0.82, widest=0.33, droop=0.9, flatness=0.6, arrangement=137.5
+    number=20500, length=0.097, width=0.82, widest=0.33, droop=0.9, flatness=0.6, arrangement=137.5
 )
 BIRCH: Final = Species(
     name="birch",
@@ -139,7 +139,7 @@ BIRCH: Final = Species(
 )  # fmt: skip
 
 _OAK_LEAF: Final = Leaf(
-    number=19000, length=0.155, width=0.62, widest=0.6, fold=12, stalk=0.015, droop=0.1, arrangement=137.5
+    number=23500, length=0.155, width=0.65, widest=0.6, fold=12, stalk=0.015, droop=0.1, arrangement=137.5
 )
 OAK: Final = Species(
     name="oak",
@@ -170,8 +170,8 @@ OAK: Final = Species(
                 foliage=0.8, leaf_start=0.5,
             ),
             Order(
-                number=1350, start=0.2, length=0.55, length_spread=0.25, angle=(60, 40), lift=(0.3, 0.0), bend=0.5,
-                wander=0.6, thickness=1.0, segments=2, sides=3, foliage=1, leaf_start=0.1,
+                number=1450, start=0.2, length=0.55, length_spread=0.25, angle=(60, 40), lift=(0.3, 0.0), bend=0.5,
+                wander=0.6, thickness=1.0, segments=1, sides=3, foliage=1, leaf_start=0.1,
             ),
         ),
     ),

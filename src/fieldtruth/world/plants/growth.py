@@ -106,7 +106,7 @@ def _sprout(
         length *= 1 + habit.lopsided * (np.cos(azimuth) + 0.5 * np.cos(3 * azimuth + light))
     else:
         length = order.length * parents.length[parent] * (1 - 0.6 * joint)  # Weber and Penn, section 4.3
-    length *= 1 + 0.5 * np.minimum(direction[:, 2], 0)  # shoots in the shade of their parent stay short
+    length *= 1 + 0.7 * np.minimum(direction[:, 2], 0)  # shoots in the shade of their parent stay short
     length *= np.exp(order.length_spread * rng.normal(0, 1, len(length)).clip(-1.5, 1.5))
 
     thickness = parents.radius[parent, 0] * (length / parents.length[parent]) ** order.thickness

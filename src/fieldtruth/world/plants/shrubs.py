@@ -28,7 +28,7 @@ BOX: Final = Species(
         stem_circle=0.16,
         sheared=0.58,
         leaf=Leaf(
-            number=9500, length=0.056, width=0.62, widest=0.5, fold=15, stalk=0.004, droop=-0.2, arrangement=90
+            number=13500, length=0.047, width=0.62, widest=0.5, fold=15, stalk=0.004, droop=-0.2, arrangement=90
         ),
         orders=(
             Order(
