@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Broadleaved park trees: lime (tall dense dome), birch (slim, airy, hanging twigs) and oak (low, wide, crooked).
 
-Sizes of leaves are up to twice nature's (see `leaves`). Forms follow field guides; the numbers were set by eye.
+Leaves are up to twice as long as nature's (see `leaves`). Forms follow field guides; the numbers were set by eye.
 """
 
 from dataclasses import replace
