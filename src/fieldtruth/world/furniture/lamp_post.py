@@ -24,7 +24,7 @@ def make_lamp_post(variant: int) -> Mesh:
         colliders = [_cylinder(0.15, -SUNK, 0.05), _cylinder(0.08, 0.05, 4.0)]
     else:
         raise ValueError(f"lamp post variant is {variant}; there are 0 and 1")
-    return replace(merge_meshes(f"lamp_post_{variant}", parts, footprint=0.3), colliders=tuple(colliders))
+    return replace(merge_meshes(f"lamp_post_{variant}", parts, footprint=0.33), colliders=tuple(colliders))
 
 
 def _cylinder(radius: float, bottom: float, top: float) -> Collider:
