@@ -1,0 +1,28 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Examples run, and what they print is sane."""
+
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+def test_labelled_frame_counts_every_point_and_every_pixel_once(capsys: pytest.CaptureFixture[str]) -> None:
+    runpy.run_path(str(EXAMPLES / "labelled_frame.py"), run_name="__main__")
+    rows = [re.split(r"\s{2,}", line) for line in capsys.readouterr().out.splitlines()]
+    shares = {row[0]: (float(row[1].rstrip("%")), float(row[2].rstrip("%"))) for row in rows[1:]}
+    assert rows[0] == ["class", "points", "pixels"]
+    for column in (0, 1):
+        assert sum(share[column] for share in shares.values()) == pytest.approx(100, abs=0.05 * len(shares))
+    assert shares["sky"][0] == 0
+    assert shares["sky"][1] > 5
+    assert min(shares["ground"]) > 5
+
+
+def test_every_example_is_run_here() -> None:
+    text = Path(__file__).read_text(encoding="utf-8")
+    assert [path.name for path in EXAMPLES.glob("*.py") if path.name not in text] == []
