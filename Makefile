@@ -7,7 +7,7 @@
 check:  ## lint, format and types
 	ruff check .
 	ruff format --check .
-	mypy
+	mypy src tests examples
 
 test:
 	pytest
