@@ -101,8 +101,8 @@ def make_experiment(
 def obstacle(
     name: str, shape: str, size: tuple[float, ...], x: float, y: float, **pose: float
 ) -> tuple[str, Collider, F8]:
-    """A collider at x, y on level ground; ``pose``: yaw [deg] and scale of the object."""
-    world_from_object = frames.pose((x, y, 0.0), (0.0, 0.0, pose.get("yaw", 0.0)))
+    """A collider at x, y; ``pose``: height z [m] of its foot, yaw [deg] and scale of the object."""
+    world_from_object = frames.pose((x, y, pose.get("z", 0.0)), (0.0, 0.0, pose.get("yaw", 0.0)))
     world_from_object[:3, :3] *= pose.get("scale", 1.0)
     return name, Collider(shape=shape, size=size), world_from_object  # type: ignore[arg-type]
 

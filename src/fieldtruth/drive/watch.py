@@ -17,7 +17,7 @@ PATIENCE_SECONDS: Final = 30.0  # without coming nearer to the way-point, beside
 
 
 class Watch:
-    """Looks at the state once per control step; each method raises ``DriveError``."""
+    """Looks at the state once per control step, and raises ``DriveError``."""
 
     def __init__(self, size: tuple[float, float], follower: WaypointFollower, control: ControlConfig) -> None:
         self._half_size = (size[0] / 2, size[1] / 2)
