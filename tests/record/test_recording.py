@@ -149,7 +149,9 @@ def test_tf_static_holds_every_frame_of_the_paper(bag: Path) -> None:
         expected = frames.pose((x, y, z), (roll, pitch, yaw))
         np.testing.assert_allclose(fixed.pop(("base_link", name)), expected, atol=1e-12, err_msg=name)
     for side in SIDES:
-        np.testing.assert_allclose(fixed.pop((f"{side}_camera", f"{side}_camera_optical")), CAMERA_FROM_OPTICAL, atol=1e-15)
+        np.testing.assert_allclose(
+            fixed.pop((f"{side}_camera", f"{side}_camera_optical")), CAMERA_FROM_OPTICAL, atol=1e-15
+        )
     assert not fixed
 
 

@@ -28,6 +28,9 @@ from fieldtruth.record.topics import Topic
 CHUNK_SIZE: Final = 4 * 2**20  # [byte]; also LZ4's block size: the larger, the better model states shrink
 COPY_SIZE: Final = 8 * 2**20  # [byte]
 
+_MAGIC: Final = b"#ROSBAG V2.0\n"
+_PADDING: Final = 8  # [byte]
+
 _REASONS: Final = {
     errno.ENOSPC: "no space left",
     errno.EDQUOT: "no space left in your quota",
@@ -81,6 +84,8 @@ class BagWriter:
 
     def __enter__(self) -> Self:
         self._writer.open()
+        assert self._writer.bio is not None
+        self._writer.bio.write(b" " * _PADDING)
         for topic in self._topics:
             self._connections[topic.name] = self._writer.add_connection(
                 topic.name, topic.msgtype, typestore=STORE, latching=1 if topic.latched else None
@@ -117,7 +122,8 @@ class BagWriter:
         try:
             if kind is None:
                 self._writer.close()
-                with self._part.open("rb") as whole:
+                with self._part.open("r+b") as whole:
+                    _pad_header(whole)
                     os.fsync(whole.fileno())
                 self._part.replace(self.path)
         finally:
@@ -134,9 +140,20 @@ def _compress(data: bytes) -> bytes:
     return packed
 
 
+def _pad_header(bag: BinaryIO) -> None:
+    """Make the file's header as long as ROS makes it, or ROS's append and reindex overwrite the first chunk.
+
+    ROS pads header and padding to 4096 bytes without their two lengths, the writer with them.
+    """
+    bag.seek(len(_MAGIC))
+    size = int.from_bytes(bag.read(4), "little")
+    bag.seek(size, os.SEEK_CUR)
+    bag.write((4096 - size).to_bytes(4, "little"))
+
+
 def _index_position(bag: BinaryIO) -> int:
     """Where a bag's index starts, which is where its chunks end."""
-    bag.seek(len(b"#ROSBAG V2.0\n"))
+    bag.seek(len(_MAGIC))
     return Header.read(bag, RecordType.BAGHEADER).get_uint64("index_pos")
 
 

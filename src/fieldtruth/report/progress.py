@@ -85,15 +85,17 @@ class _Lines:
 
     @contextmanager
     def stage(self, name: str, total: float | None = None, done: float = 0.0) -> Iterator[Advance]:
-        start, lock, made, told = monotonic(), Lock(), 0.0, 0
+        start, lock, made = monotonic(), Lock(), 0.0
+        told = int(10 * done / total) if total else 0
 
         def advance(amount: float) -> None:
             nonlocal made, told
             with lock:
                 made += amount
-                if total is None or made <= 0 or int(10 * (done + made) / total) <= told:
+                tenths = int(10 * (done + made) / total) if total else 0
+                if total is None or not told < tenths < 10:
                     return
-                told = int(10 * (done + made) / total)
+                told = tenths
                 left = (monotonic() - start) * max(0.0, total - done - made) / made
                 self._console.print(f"{name}: {10 * told} %, {left:.0f} s left", highlight=False)
 

@@ -1,0 +1,272 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The whole run with fakes: what it writes, what it refuses, and that no interruption shows in the result."""
+
+import fcntl
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+import record_slow_run
+from record_fakes import make_experiment, make_world, use_fakes
+
+from fieldtruth import pipeline
+from fieldtruth.errors import DriveError, OutputError
+from fieldtruth.experiment.files import load_experiment
+from fieldtruth.pipeline import generate
+from fieldtruth.record.folder import RunFolder, fingerprint
+
+
+@pytest.fixture(autouse=True)
+def _fakes(monkeypatch: pytest.MonkeyPatch) -> None:
+    use_fakes(monkeypatch)
+
+
+def listing(folder: Path) -> list[str]:
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+
+
+def test_writes_the_bag_and_the_experiment_and_nothing_else(tmp_path: Path) -> None:
+    bag = generate(make_experiment(1.5), tmp_path / "data", workers=2)
+    assert bag == tmp_path / "data" / "tiny" / "tiny.bag"
+    assert listing(tmp_path) == ["data/tiny/experiment.yaml", "data/tiny/tiny.bag"]
+    assert not (bag.parent / ".slices").exists()
+
+
+def test_the_written_experiment_gives_the_same_bag(tmp_path: Path) -> None:
+    first = generate(make_experiment(1.5, seed=7), tmp_path / "one", workers=1)
+    again = load_experiment(first.with_name("experiment.yaml"))
+    assert again == make_experiment(1.5, seed=7)
+    assert generate(again, tmp_path / "two", workers=2).read_bytes() == first.read_bytes()
+
+
+def test_another_seed_gives_another_bag(tmp_path: Path) -> None:
+    one, two = (generate(make_experiment(0.5, seed=s), tmp_path / str(s), workers=1) for s in (0, 1))
+    assert one.read_bytes() != two.read_bytes()
+
+
+def start(out: Path) -> subprocess.Popen[bytes]:
+    """Start a run of 4 s that takes about 4 s, and wait until it has finished its first slice."""
+    process = subprocess.Popen(
+        [sys.executable, record_slow_run.__file__, str(out), "4.0", "0.04"], stderr=subprocess.PIPE
+    )
+    end = time.monotonic() + 60
+    while not list(out.glob("tiny/.slices/*/*.bag")):
+        assert process.poll() is None, process.communicate()[1].decode()
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    return process
+
+
+@pytest.mark.parametrize("sign", [signal.SIGKILL, signal.SIGINT])
+def test_a_stopped_run_goes_on_and_ends_with_the_same_bytes(tmp_path: Path, sign: signal.Signals) -> None:
+    whole = generate(make_experiment(4.0), tmp_path / "whole", workers=1).read_bytes()
+    process = start(tmp_path)
+    stopped = time.monotonic()
+    process.send_signal(sign)
+    process.communicate()
+    assert time.monotonic() - stopped < 3.0
+    assert process.returncode != 0
+    kept = {path: path.stat().st_mtime_ns for path in tmp_path.glob("tiny/.slices/*/*.bag")}
+    assert 0 < len(kept) < 4
+    assert not (tmp_path / "tiny" / "tiny.bag").exists()
+    if sign == signal.SIGINT:  # a killed one cannot clean up
+        assert not list(tmp_path.glob("tiny/.slices/*/*.part"))
+
+    with watch(tmp_path / "tiny") as seen:
+        bag = generate(make_experiment(4.0), tmp_path, workers=2)
+    assert bag.read_bytes() == whole
+    assert listing(tmp_path / "tiny") == ["experiment.yaml", "tiny.bag"]
+    assert {path: seen[path] for path in kept} == kept
+
+
+@contextmanager
+def watch(folder: Path) -> Iterator[dict[Path, int]]:
+    """Note when each slice was written, at the moment at which the slices are thrown away."""
+    seen: dict[Path, int] = {}
+    clean = RunFolder.clean
+
+    def note(run: RunFolder) -> None:
+        seen.update({path: path.stat().st_mtime_ns for path in folder.glob(".slices/*/*.bag")})
+        clean(run)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(RunFolder, "clean", note)
+        yield seen
+
+
+def test_slices_of_another_world_are_not_taken_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = generate(make_experiment(1.5), tmp_path / "whole", workers=1).read_bytes()
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(pipeline, "load_world", lambda name, seed: make_world(name, seed, objects=9))
+        patch.setattr("fieldtruth.record.slices.Slices.join", stop)
+        with pytest.raises(KeyboardInterrupt):
+            generate(make_experiment(1.5), tmp_path, workers=1)
+    assert len(list(tmp_path.glob("tiny/.slices/*/*.bag"))) == 2
+    assert generate(make_experiment(1.5), tmp_path, workers=1).read_bytes() == whole
+
+
+def test_a_finished_bag_is_kept_unless_told(tmp_path: Path) -> None:
+    bag = generate(make_experiment(0.5), tmp_path, workers=1)
+    before = bag.stat().st_mtime_ns
+    with pytest.raises(OutputError, match=r"tiny\.bag is finished already; .*--overwrite"):
+        generate(make_experiment(0.5), tmp_path, workers=1)
+    assert bag.stat().st_mtime_ns == before
+    content = bag.read_bytes()
+    assert generate(make_experiment(0.5), tmp_path, workers=1, overwrite=True).read_bytes() == content
+    assert bag.stat().st_mtime_ns != before
+
+
+def test_another_experiment_is_kept_unless_told(tmp_path: Path) -> None:
+    bag = generate(make_experiment(0.5), tmp_path, workers=1)
+    before = {path: path.read_bytes() for path in bag.parent.iterdir()}
+    other = make_experiment(1.5, seed=4)
+    with pytest.raises(OutputError, match=r"another experiment \(other: seed, seconds\).*--overwrite"):
+        generate(other, tmp_path, workers=1)
+    assert {path: path.read_bytes() for path in bag.parent.iterdir()} == before
+    generate(other, tmp_path, workers=1, overwrite=True)
+    assert load_experiment(bag.with_name("experiment.yaml")) == other
+    assert bag.read_bytes() == generate(other, tmp_path / "fresh", workers=1).read_bytes()
+
+
+def test_a_broken_experiment_file_is_kept_unless_told(tmp_path: Path) -> None:
+    folder = tmp_path / "tiny"
+    folder.mkdir()
+    (folder / "experiment.yaml").write_text("seed: [")
+    with pytest.raises(OutputError, match="cannot be read"):
+        generate(make_experiment(0.5), tmp_path, workers=1)
+    assert (folder / "experiment.yaml").read_text() == "seed: ["
+
+
+def test_files_of_the_user_are_never_touched(tmp_path: Path) -> None:
+    (tmp_path / "tiny" / "mine").mkdir(parents=True)
+    (tmp_path / "tiny" / "mine" / "notes.txt").write_text("keep")
+    generate(make_experiment(0.5), tmp_path, workers=1)
+    generate(make_experiment(0.6), tmp_path, workers=1, overwrite=True)
+    assert (tmp_path / "tiny" / "mine" / "notes.txt").read_text() == "keep"
+
+
+def test_a_file_where_the_folder_should_be(tmp_path: Path) -> None:
+    (tmp_path / "data").write_text("")
+    with pytest.raises(OutputError, match=r"cannot write .*tiny: a (part of the path|file stands)"):
+        generate(make_experiment(0.5), tmp_path / "data", workers=1)
+    (tmp_path / "tiny").write_text("")
+    with pytest.raises(OutputError, match=r"cannot write .*tiny: a file stands where a folder should be"):
+        generate(make_experiment(0.5), tmp_path, workers=1)
+
+
+def refuse(*_: object, **__: object) -> None:
+    raise PermissionError(13, "Permission denied")
+
+
+@pytest.mark.parametrize("method", ["mkdir", "write_text"])
+def test_an_unwritable_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str) -> None:
+    monkeypatch.setattr(Path, method, refuse)  # root may write anywhere
+    with pytest.raises(OutputError, match=r"cannot write .*tiny: no permission to write there$"):
+        generate(make_experiment(0.5), tmp_path, workers=1)
+
+
+def test_no_link_leads_out_of_the_output_folder(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "tiny").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(OutputError, match="leads out of"):
+        generate(make_experiment(0.5), tmp_path / "data", workers=1)
+    (tmp_path / "data" / "tiny").unlink()
+    (tmp_path / "data" / "tiny").mkdir()
+    (tmp_path / "data" / "tiny" / ".slices").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(OutputError, match="leads out of"):
+        generate(make_experiment(0.5), tmp_path / "data", workers=1)
+    assert not list((tmp_path / "elsewhere").iterdir())
+
+
+def test_the_output_folder_itself_may_be_a_link(tmp_path: Path) -> None:
+    (tmp_path / "disk").mkdir()
+    (tmp_path / "data").symlink_to(tmp_path / "disk")
+    generate(make_experiment(0.5), tmp_path / "data", workers=1)
+    assert listing(tmp_path / "disk") == ["tiny/experiment.yaml", "tiny/tiny.bag"]
+
+
+def test_two_runs_do_not_share_a_folder(tmp_path: Path) -> None:
+    (tmp_path / "tiny").mkdir()
+    handle = os.open(tmp_path / "tiny", os.O_RDONLY)
+    fcntl.flock(handle, fcntl.LOCK_EX)
+    with pytest.raises(OutputError, match="is in use"):
+        generate(make_experiment(0.5), tmp_path, workers=1)
+    os.close(handle)
+    generate(make_experiment(0.5), tmp_path, workers=1)
+
+
+def test_an_error_of_the_drive_leaves_a_folder_that_can_be_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stuck(*_: object) -> None:
+        raise DriveError("stuck at 3 s before way-point 1")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(pipeline, "drive", stuck)
+        with pytest.raises(DriveError):
+            generate(make_experiment(0.5), tmp_path, workers=1)
+    generate(make_experiment(0.5), tmp_path, workers=1)
+
+
+class Notes:
+    """Notes what a run tells."""
+
+    def __init__(self) -> None:
+        self.stages: dict[str, tuple[float | None, float]] = {}
+        self.done: dict[str, float] = {}
+
+    @contextmanager
+    def stage(self, name: str, total: float | None = None, done: float = 0.0) -> Iterator[Callable[[float], None]]:
+        self.stages[name] = (total, done)
+        self.done[name] = 0.0
+
+        def advance(amount: float) -> None:
+            self.done[name] += amount
+
+        yield advance
+
+
+def test_progress_is_told_stage_by_stage(tmp_path: Path) -> None:
+    notes = Notes()
+    generate(make_experiment(2.5), tmp_path, workers=1, progress=notes)
+    assert list(notes.stages) == ["build the world", "drive", "prepare the scene", "sense and label", "write the bag"]
+    assert notes.stages["sense and label"] == (2.5, 0.0)
+    assert notes.done["sense and label"] == pytest.approx(2.5)
+    assert notes.done["write the bag"] == pytest.approx(2.5)
+
+
+def test_what_an_earlier_run_has_done_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("fieldtruth.record.slices.Slices.join", stop)
+        with pytest.raises(KeyboardInterrupt):
+            generate(make_experiment(2.5), tmp_path, workers=1)
+    next(tmp_path.glob("tiny/.slices/*/000001.bag")).unlink()
+    notes = Notes()
+    generate(make_experiment(2.5), tmp_path, workers=1, progress=notes)
+    assert notes.stages["sense and label"] == (2.5, 1.5)
+    assert notes.done["sense and label"] == pytest.approx(1.0)
+
+
+def test_a_fingerprint_sees_every_value() -> None:
+    world = make_world()
+    assert fingerprint(world, 1) == fingerprint(make_world(), 1)
+    assert fingerprint(world, 1) != fingerprint(world, 2)
+    changed = make_world()
+    changed.terrain.field.heights[1, 1] += 1e-6
+    assert fingerprint(changed, 1) != fingerprint(world, 1)
+    assert fingerprint(["ab", "c"]) != fingerprint(["a", "bc"])

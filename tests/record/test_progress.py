@@ -1,0 +1,42 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+import io
+import re
+import threading
+
+from rich.console import Console
+
+from fieldtruth.report.progress import show_progress
+
+
+def test_lines_for_a_log_file() -> None:
+    out = io.StringIO()
+    with show_progress(Console(file=out)) as progress:
+        with progress.stage("drive"):
+            pass
+        with progress.stage("sense", total=10.0, done=5.0) as advance:
+            for _ in range(50):
+                advance(0.1)
+    lines = out.getvalue().splitlines()
+    assert re.fullmatch(r"drive: done in \d+\.\d s", lines[0])
+    shares = [re.fullmatch(r"sense: (\d+) %, 0 s left", line) for line in lines[1:-1]]
+    assert [share and share[1] for share in shares] == ["60", "70", "80", "90"]
+    assert re.fullmatch(r"sense: done in \d+\.\d s", lines[-1])
+    assert "\x1b" not in out.getvalue()
+
+
+def test_bars_on_a_terminal_from_several_threads() -> None:
+    out = io.StringIO()
+    with show_progress(Console(file=out, force_terminal=True, width=100)) as progress:
+        with progress.stage("drive"):
+            pass
+        with progress.stage("sense", total=8.0) as advance:
+            workers = [threading.Thread(target=lambda: [advance(0.5) for _ in range(8)]) for _ in range(2)]
+            for worker in workers:
+                worker.start()
+            for worker in workers:
+                worker.join()
+    text = out.getvalue()
+    assert "drive" in text
+    assert "of 8.0 s simulated" in text
+    assert text.count("✓") >= 2
