@@ -129,7 +129,7 @@ class FakeScene:
 
 
 class FakeLidar:
-    """Returns a number of points that changes from scan to scan; the first is the LiDAR's place in the world."""
+    """Returns a number of points that changes from scan to scan, on a line that tells the LiDAR's pose."""
 
     def __init__(self, config: LidarConfig, scene: FakeScene) -> None:
         self.config = config
@@ -138,7 +138,7 @@ class FakeLidar:
         n = 50 + int(world_from_lidar[0, 3] * 1e4) % 50
         k = np.arange(n)
         return FakeScan(
-            xyz=(world_from_lidar[:3, 3] + k[:, None]).astype(np.float32),
+            xyz=frames.transform(world_from_lidar, np.stack([k, 2.0 * k, np.ones(n)], axis=-1)).astype(np.float32),
             label=(k % 13 + 1).astype(np.uint8),
             instance=(k * 600).astype(np.uint16),
             ring=(k % 64).astype(np.uint16),
@@ -148,7 +148,7 @@ class FakeLidar:
 
 
 class FakeCamera:
-    """A gradient whose corner is the camera's place, and stripes of all classes; ``pause`` [s] makes it slow."""
+    """A gradient that tells the camera's pose, and stripes of all classes; ``pause`` [s] makes it slow."""
 
     pause = 0.0
 
@@ -158,7 +158,8 @@ class FakeCamera:
     def shoot(self, world_from_optical: NDArray[np.float64]) -> FakePicture:
         time.sleep(self.pause)
         height, width = self.config.height, self.config.width
-        shade = np.add.outer(np.arange(height), np.arange(width)) + world_from_optical[:3, 3].sum() * 1000
+        x, y, z = frames.transform(world_from_optical, [[0.2, 0.4, 1.0]])[0]
+        shade = np.add.outer(np.arange(height), np.arange(width)) + 1000 * (x + 2 * y + 3 * z)
         label = (np.arange(width) % int(Label.SKY) + 1).astype(np.uint8)
         return FakePicture(
             photo=np.repeat((shade.astype(int) % 200).astype(np.uint8)[..., None], 3, axis=-1),

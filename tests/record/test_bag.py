@@ -46,6 +46,23 @@ def test_messages_may_be_written_before_and_after_a_joined_bag(tmp_path: Path) -
     assert values == list(range(1, 30))
 
 
+def test_records_follow_each_other_without_a_gap(tmp_path: Path) -> None:
+    # whoever reads a bag from front to back, without its index, needs this
+    with BagWriter(tmp_path / "c.bag", TOPICS) as bag:
+        bag.append(write(tmp_path / "a.bag", range(1, 300)))
+        bag.append(write(tmp_path / "b.bag", range(300, 700)))
+    data = (tmp_path / "c.bag").read_bytes()
+    kinds, at = [], len(b"#ROSBAG V2.0\n")
+    while at < len(data):
+        for part in ("header", "body"):
+            size = int.from_bytes(data[at : at + 4], "little")
+            if part == "header":
+                kinds.append(data[data.index(b"op=", at, at + 4 + size) + 3])
+            at += 4 + size
+    assert at == len(data)
+    assert kinds == [3, 5, 4, 4, 5, 4, 4, *[7] * len(TOPICS), 6, 6]  # file, 2 x (chunk, indices), topics, chunk infos
+
+
 def test_a_crashed_recording_is_no_bag(tmp_path: Path) -> None:
     def crash() -> None:
         with BagWriter(tmp_path / "c.bag", TOPICS) as bag:

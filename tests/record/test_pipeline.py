@@ -107,12 +107,13 @@ def test_slices_of_another_world_are_not_taken_over(tmp_path: Path, monkeypatch:
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
-    with monkeypatch.context() as patch:
-        patch.setattr(pipeline, "load_world", lambda name, seed: make_world(name, seed, objects=9))
-        patch.setattr("fieldtruth.record.slices.Slices.join", stop)
-        with pytest.raises(KeyboardInterrupt):
-            generate(make_experiment(1.5), tmp_path, workers=1)
-    assert len(list(tmp_path.glob("tiny/.slices/*/*.bag"))) == 2
+    for objects in (9, 10):
+        with monkeypatch.context() as patch:
+            patch.setattr(pipeline, "load_world", lambda name, seed, n=objects: make_world(name, seed, objects=n))
+            patch.setattr("fieldtruth.record.slices.Slices.join", stop)
+            with pytest.raises(KeyboardInterrupt):
+                generate(make_experiment(1.5), tmp_path, workers=1)
+        assert len(list(tmp_path.glob("tiny/.slices/*/*.bag"))) == 2  # those of before are gone
     assert generate(make_experiment(1.5), tmp_path, workers=1).read_bytes() == whole
 
 
