@@ -61,7 +61,7 @@ def make_atlas(textures: Sequence[NDArray[np.uint8]]) -> Atlas:
     )
 
 
-@njit(nogil=True, cache=True)
+@njit(error_model="numpy", nogil=True, cache=True)
 def sample(atlas: Atlas, texture: int, u: float, v: float, level: int) -> tuple[float, float, float]:
     """Linear colour at (u, v) in repeats, bilinear within one level; u runs along columns, v up the rows."""
     level = min(max(level, 0), LEVELS - 1)

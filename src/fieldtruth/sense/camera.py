@@ -3,28 +3,21 @@
 """The camera: a pinhole whose photograph, labels and depth come from the same hit of the ray through each pixel's centre."""
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from fieldtruth.classes import PALETTE
 from fieldtruth.experiment.rig import CameraConfig
-from fieldtruth.sense import embree, photo
-from fieldtruth.sense.hits import HitTable, classify, hit_top
-from fieldtruth.sense.packets import Packet, new_packet
-from fieldtruth.sense.pinhole import Pinhole, pinhole, set_pixel_ray
+from fieldtruth.sense.packets import new_packet
+from fieldtruth.sense.photo import Darkroom, new_darkroom, take
+from fieldtruth.sense.pinhole import pinhole
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sense.strip import STRIP_ROWS, label_image, new_strip
 
 EXTRA_SAMPLES: Final = 3
 """Rays that an edge's pixel gets beyond the one through its centre."""
-
-_LANES, _WIDTH, _HEIGHT = embree.LANES, embree.TILE_WIDTH, embree.TILE_HEIGHT
-_OX, _OY, _DX, _DY, _FAR, _PRIM = (
-    embree.ORG_X, embree.ORG_Y, embree.DIR_X, embree.DIR_Y, embree.TFAR, embree.PRIM_ID,
-)  # fmt: skip
-_intersect: Any = embree.intersect
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,31 +51,28 @@ class Camera:
         self.config = config
         self.scene = scene
         self.pinhole = pinhole(config)
-        self._packet, self._shadow = new_packet(coherent=True), new_packet(coherent=True)
-        self._linear = np.zeros((0, 0, 3), np.float32)
-        self._edges = np.zeros((0, 2), np.int32)
+        self._packet, self._strip = new_packet(coherent=True), new_strip(STRIP_ROWS * config.width)
+        self._darkroom: Darkroom | None = None
 
     def label(self, world_from_optical: NDArray[np.float64]) -> LabelImage:
         """Labels, object ids and depth as seen from a pose (4, 4)."""
         seen = self._blank()
-        _label(
+        label_image(
             self.scene.rays.handle, self.scene.hits, self._packet, _pose(world_from_optical), self.pinhole,
-            self.config.far, seen.label, seen.instance, seen.depth,
+            self.config.far, self._strip, seen.label, seen.instance, seen.depth,
         )  # fmt: skip
         return seen
 
     def shoot(self, world_from_optical: NDArray[np.float64]) -> Picture:
         """Take the photograph with its labels, object ids and depth from a pose (4, 4)."""
-        seen, pose, studio = self._blank(), _pose(world_from_optical), self.scene.studio
-        if not self._linear.size:
-            self._linear = np.empty((*seen.label.shape, 3), np.float32)
-            self._edges = np.empty((seen.label.size, 2), np.int32)
-        rays = (studio, self._packet, self._shadow, pose, self.pinhole, self.config.far)
-        photo.first_hits(*rays, seen.label, seen.instance, seen.depth, self._linear)
-        count = photo.find_edges(self._linear, seen.instance, self._edges)
-        photo.refine(*rays, self._edges, count, EXTRA_SAMPLES, self._linear)
+        if self._darkroom is None:
+            self._darkroom = new_darkroom(self.config.height, self.config.width)
+        seen = self._blank()
         image = np.empty((*seen.label.shape, 3), np.uint8)
-        photo.develop(studio.curve, self._linear, image)
+        take(
+            self.scene.studio, self._darkroom, _pose(world_from_optical), self.pinhole, self.config.far,
+            EXTRA_SAMPLES, seen.label, seen.instance, seen.depth, image,
+        )  # fmt: skip
         return Picture(label=seen.label, instance=seen.instance, depth=seen.depth, photo=image)
 
     def _blank(self) -> LabelImage:
@@ -99,27 +89,3 @@ def tag_image(label: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 def _pose(world_from_optical: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.ascontiguousarray(world_from_optical, np.float64)
-
-
-@njit(nogil=True, cache=True)
-def _label(
-    scene: np.uint64, hits: HitTable, packet: Packet, pose: NDArray[np.float64], lens: Pinhole, far: float,
-    label: NDArray[np.uint8], instance: NDArray[np.uint16], depth: NDArray[np.float32],
-) -> None:  # fmt: skip
-    """Trace the ray through every pixel's centre, tile by tile."""
-    height, width = label.shape
-    cosine = np.zeros(_LANES)
-    for upper in range(0, height, _HEIGHT):
-        for left in range(0, width, _WIDTH):
-            for lane in range(_LANES):
-                u, v = left + lane % _WIDTH, upper + lane // _WIDTH
-                cosine[lane] = set_pixel_ray(packet, lane, pose, lens, u, v, far)
-            _intersect(packet.valid.ctypes, scene, packet.ray.ctypes, packet.arguments.ctypes)
-            for lane in range(_LANES):
-                u, v = left + lane % _WIDTH, upper + lane // _WIDTH
-                top, reach = hit_top(packet.words, lane), packet.ray[_FAR + lane]
-                x = packet.ray[_OX + lane] + reach * packet.ray[_DX + lane]
-                y = packet.ray[_OY + lane] + reach * packet.ray[_DY + lane]
-                kind, thing = classify(hits, top, packet.words[_PRIM + lane], x, y)
-                label[v, u], instance[v, u] = kind, thing
-                depth[v, u] = reach * cosine[lane] if top >= 0 else 0.0

@@ -57,12 +57,15 @@ _SIGNATURES: Final[dict[str, tuple[Any, tuple[Any, ...]]]] = {
     "rtcAttachGeometry": (c.c_uint, (c.c_void_p, c.c_void_p)),
 }
 
+
 @cache
 def _library() -> c.CDLL:
     """Load the Embree and TBB libraries that the wheel carries, once, and give the kernels their symbols."""
     shipped = {stem: f for f in files("embreex") or () for stem in ("libtbb", "libembree4") if f.name.startswith(stem)}
     if len(shipped) != 2:
-        raise EngineError("the installed embreex carries no Embree 4 library; run: pip install --force-reinstall embreex")
+        raise EngineError(
+            "the installed embreex carries no Embree 4 library; run: pip install --force-reinstall embreex"
+        )
     c.CDLL(str(shipped["libtbb"].locate()), c.RTLD_GLOBAL)
     library = c.CDLL(str(shipped["libembree4"].locate()))
     for name, (result, arguments) in _SIGNATURES.items():
@@ -109,7 +112,9 @@ class Engine:
         self.device = self._api.rtcNewDevice(b"threads=1")
         found = self._api.rtcGetDeviceProperty(self.device, 0)
         if found != VERSION:
-            raise EngineError(f"Embree is version {found}; this fieldtruth knows {VERSION}: pip install 'embreex>=4.4,<4.5'")
+            raise EngineError(
+                f"Embree is version {found}; this fieldtruth knows {VERSION}: pip install 'embreex>=4.4,<4.5'"
+            )
         self._check_layout()
 
     def _check_layout(self) -> None:

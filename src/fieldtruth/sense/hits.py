@@ -42,7 +42,7 @@ class HitTable(NamedTuple):
     trail_distance: Grid
 
 
-@njit(nogil=True, cache=True, inline="always")
+@njit(error_model="numpy", nogil=True, cache=True, inline="always")
 def read_grid(grid: Grid, x: float, y: float) -> float:
     """Bilinear value of a grid at world x, y [m]; beyond the edge the edge's value holds (as ``Raster.at``)."""
     nx, ny = grid.values.shape
@@ -55,7 +55,7 @@ def read_grid(grid: Grid, x: float, y: float) -> float:
     return low * (1.0 - fu) + high * fu  # type: ignore[no-any-return]
 
 
-@njit(nogil=True, cache=True, inline="always")
+@njit(error_model="numpy", nogil=True, cache=True, inline="always")
 def hit_top(words: NDArray[np.uint32], lane: int) -> int:
     """Row of the thing that a lane hit, -1 for nothing. ``words`` is the packet seen as uint32."""
     instance = words[_INST + lane]
@@ -65,7 +65,7 @@ def hit_top(words: NDArray[np.uint32], lane: int) -> int:
     return np.int64(geometry) if instance == _MISS else np.int64(instance)  # type: ignore[return-value]
 
 
-@njit(nogil=True, cache=True, inline="always")
+@njit(error_model="numpy", nogil=True, cache=True, inline="always")
 def classify(table: HitTable, top: int, primitive: int, x: float, y: float) -> tuple[int, int]:
     """Class and object id of a hit on face ``primitive`` of ``top`` at world x, y [m]; (sky, 0) where nothing was hit."""
     if top < 0:

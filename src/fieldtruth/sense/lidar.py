@@ -104,7 +104,7 @@ class Lidar:
         )
 
 
-@njit(nogil=True, cache=True)
+@njit(error_model="numpy", nogil=True, cache=True)
 def _scan(
     scene: np.uint64, hits: HitTable, packet: Packet, poses: NDArray[np.float64], directions: NDArray[np.float64],
     min_range: float, max_range: float, returns: NDArray[np.bool_],

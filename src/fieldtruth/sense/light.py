@@ -19,6 +19,7 @@ from fieldtruth.sense.hits import Grid
 from fieldtruth.sense.packets import Packet, new_packet, set_ray
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sense.sky import Dome, make_dome, sun_direction
+from fieldtruth.world.model import Mesh
 
 SUN_RADIUS_DEG: Final = 0.27
 SUN_RGB: Final = np.array([1.0, 0.93, 0.80], np.float32)
@@ -27,6 +28,8 @@ SKY_TEXEL: Final = 0.25  # [m]
 REACH: Final = 80.0  # [m]; what stands farther away casts no shadow
 BOUNCE: Final = np.array([0.10, 0.10, 0.05], np.float32)
 """Light from below: albedo of a sunlit meadow times the sun's irradiance, divided by pi."""
+
+_LEAF_LIFT: Final = 0.012  # [m], so that a folded leaf does not shade itself
 
 _LANES = embree.LANES
 _FAR = embree.TFAR
@@ -43,6 +46,8 @@ class LightTable(NamedTuple):
     ground_sun: Grid  # share of the sun's disc that the ground sees
     ground_sky: Grid  # share of the sky's light that reaches the ground
     vertex_sky: NDArray[np.float32]  # (v,) the same for every vertex of every mesh, standing alone
+    leaf_sun: NDArray[np.uint8]  # one per face of each object with leaves: 1 where a leaf sees the sun
+    top_leaf: NDArray[np.int64]  # (tops,) first row of leaf_sun, -1 for things without leaves
 
 
 def bake(scene: Scene, *, workers: int = 2) -> LightTable:
@@ -53,6 +58,7 @@ def bake(scene: Scene, *, workers: int = 2) -> LightTable:
         ground_sun = _ground_grid(scene, pool, SUN_TEXEL, disc, facing=False)
         ground_sky = _ground_grid(scene, pool, SKY_TEXEL, _hemisphere(64), facing=True)
         vertex_sky = _vertex_sky(scene, pool, dome_rays)
+        leaf_sun, top_leaf = _leaf_sun(scene, pool, sun)
     return LightTable(
         sun=sun,
         sun_rgb=SUN_RGB,
@@ -61,6 +67,8 @@ def bake(scene: Scene, *, workers: int = 2) -> LightTable:
         ground_sun=ground_sun,
         ground_sky=ground_sky,
         vertex_sky=vertex_sky,
+        leaf_sun=leaf_sun,
+        top_leaf=top_leaf,
     )
 
 
@@ -122,6 +130,35 @@ def _vertex_sky(scene: Scene, pool: ThreadPoolExecutor, directions: NDArray[np.f
     return np.concatenate([*pool.map(one, range(len(meshes))), np.zeros(0, np.float32)])
 
 
+def _leaf_sun(
+    scene: Scene, pool: ThreadPoolExecutor, sun: NDArray[np.float64]
+) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+    """Whether each leaf of each object sees the sun past everything else, from just above its middle."""
+    world, top_leaf, jobs, end = scene.world, [], [], 0
+    thin = {m.name: np.array([world.materials[n].translucency > 0 for n in m.materials]) for m in world.meshes.values()}
+    leafy = {name: np.flatnonzero(rows[world.meshes[name].material]) for name, rows in thin.items()}
+    for top, mesh, pose in scene.tops:
+        if mesh is None or not len(leafy.get(mesh.name, ())):
+            top_leaf.append(-1)
+            continue
+        top_leaf.append(end)
+        jobs.append((end, mesh, pose))
+        end += len(mesh.faces)
+        assert top + 1 == len(top_leaf)
+    result = np.zeros(end, np.uint8)
+
+    def one(job: tuple[int, Mesh, NDArray[np.float64]]) -> None:
+        start, mesh, pose = job
+        faces = leafy[mesh.name]
+        middle = mesh.vertices[mesh.faces[faces]].mean(axis=1) @ pose[:3, :3].T + pose[:3, 3]
+        points = (middle + _LEAF_LIFT * sun).astype(np.float32)
+        seen = visibility(scene.rays.handle, points, np.zeros_like(points), sun[None], 0.0)
+        result[start + faces] = seen > 0.5
+
+    list(pool.map(one, jobs))
+    return result, np.array(top_leaf, np.int64)
+
+
 def visibility(
     scene: np.uint64,
     points: NDArray[np.float32],
@@ -138,7 +175,7 @@ def visibility(
     return result
 
 
-@njit(nogil=True, cache=True)
+@njit(error_model="numpy", nogil=True, cache=True)
 def _visibility(
     scene: np.uint64, packet: Packet, points: NDArray[np.float32], normals: NDArray[np.float32],
     directions: NDArray[np.float64], near: float, far: float, result: NDArray[np.float32],

@@ -34,7 +34,7 @@ def new_packet(*, coherent: bool) -> Packet:
     return Packet(ray, ray.view(np.uint32), embree.aligned(LANES, np.int32), embree.arguments_block(coherent=coherent))
 
 
-@njit(nogil=True, cache=True, inline="always")
+@njit(error_model="numpy", nogil=True, cache=True, inline="always")
 def set_ray(
     packet: Packet, lane: int, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, near: float, far: float
 ) -> None:

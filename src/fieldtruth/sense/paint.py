@@ -9,23 +9,17 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import zoom
 
-from fieldtruth.sense import embree
 from fieldtruth.sense.atlas import Atlas, make_atlas, sample
 from fieldtruth.sense.hits import TERRAIN, Grid, HitTable, read_grid
 from fieldtruth.sense.light import LightTable
-from fieldtruth.sense.packets import Packet
 from fieldtruth.sense.scene import SurfaceTable
+from fieldtruth.sense.strip import Strip
 from fieldtruth.world.model import Material, Terrain, World
 
 RED, GREEN, BLUE, NX, NY, NZ, SKY, SUN, THROUGH, GLOSS = range(10)
 FIELDS: Final = 10
 TRACE_SUN: Final = -1.0
 """Value of SUN that asks for a shadow ray; other values are the share of the sun that is known to arrive."""
-
-_NGX, _NGY, _NGZ, _U, _V, _PRIM = (
-    embree.NG_X, embree.NG_Y, embree.NG_Z, embree.HIT_U, embree.HIT_V, embree.PRIM_ID,
-)  # fmt: skip
-_DX, _DY, _DZ = embree.DIR_X, embree.DIR_Y, embree.DIR_Z
 
 
 class PaintTable(NamedTuple):
@@ -102,104 +96,129 @@ def _ground(
     return np.ascontiguousarray(rgb, np.float32), choice
 
 
-@njit(nogil=True, cache=True, inline="always")
-def _level(atlas: Atlas, texture: int, footprint: float, repeat: float, dither: float) -> int:
+@njit(error_model="numpy", nogil=True, cache=True, inline="always")
+def _level(size: int, footprint: float, repeat: float, dither: float) -> int:
     """Mip level whose texels are as large as a pixel's footprint [m]; dithered so that no seam shows between levels."""
-    texels = footprint * atlas.size[texture, 0] / repeat
-    return int(np.log2(max(texels, 1e-3)) + dither) if texels > 1.0 else 0
+    texels = footprint * size / repeat
+    return int(np.log2(texels) + dither) if texels > 1.0 else 0
 
 
-@njit(nogil=True, cache=True)
+@njit(error_model="numpy", nogil=True, cache=True, inline="always")
+def _dither(u: float, v: float) -> float:
+    """A fixed pattern in [0, 1) over the image (interleaved gradient noise, Jimenez 2014)."""
+    inner = np.float32(0.06711056) * u + np.float32(0.00583715) * v
+    value = np.float32(52.9829189) * (inner - np.floor(inner))
+    return value - np.floor(value)
+
+
+@njit(error_model="numpy", nogil=True, cache=True)
 def paint_ground(
-    packet: Packet, lane: int, x: float, y: float, footprint: float, dither: float,
-    hits: HitTable, paint: PaintTable, light: LightTable, out: NDArray[np.float32],
+    strip: Strip, count: int, pixel: float, hits: HitTable, paint: PaintTable, light: LightTable,
+    out: NDArray[np.float32],
 ) -> None:  # fmt: skip
-    """Fill ``out`` (FIELDS,) for a hit on the terrain at world x, y [m]."""
-    sx, sy = read_grid(paint.slope_x, x, y), read_grid(paint.slope_y, x, y)
-    scale = 1.0 / np.sqrt(1.0 + sx * sx + sy * sy)
-    out[NX], out[NY], out[NZ] = -sx * scale, -sy * scale, scale
-    out[SKY], out[SUN] = read_grid(light.ground_sky, x, y), read_grid(light.ground_sun, x, y)
-    out[THROUGH] = 0.0
-    trail = read_grid(hits.trail_distance, x, y)
-    grazing = -(packet.ray[_DX + lane] * out[NX] + packet.ray[_DY + lane] * out[NY] + packet.ray[_DZ + lane] * out[NZ])
-    footprint = footprint / np.sqrt(max(grazing, 0.05))
-    if trail < 0.0:
-        row = paint.border if trail > -paint.border_width else paint.trail
-        texture = paint.texture[row]
-        repeat = paint.repeat[row]
-        r, g, b = sample(
-            paint.atlas, texture, x / repeat, y / repeat, _level(paint.atlas, texture, footprint, repeat, dither)
-        )
-        tint = paint.tint[row]
-        out[RED], out[GREEN], out[BLUE] = r * tint[0], g * tint[1], b * tint[2]
-        out[GLOSS] = paint.gloss[row]
-        return
-    mx, my = paint.ground_material.shape
-    i = min(max(int((x - paint.corner[0]) * paint.per_metre_material + 0.5), 0), mx - 1)
-    j = min(max(int((y - paint.corner[1]) * paint.per_metre_material + 0.5), 0), my - 1)
-    row = paint.ground_material[i, j]
-    texture = paint.texture[row]
-    repeat = paint.repeat[row]
-    r, g, b = sample(
-        paint.atlas, texture, x / repeat, y / repeat, _level(paint.atlas, texture, footprint, repeat, dither)
-    )
-    mean = paint.atlas.mean[texture]
-    nx, ny, _ = paint.ground_rgb.shape
-    u = min(max((x - paint.corner[0]) * paint.per_metre_rgb, 0.0), nx - 1.001)
-    v = min(max((y - paint.corner[1]) * paint.per_metre_rgb, 0.0), ny - 1.001)
-    i, j = int(u), int(v)
-    fu, fv = u - i, v - j
-    for channel in range(3):
-        c = paint.ground_rgb
-        low = c[i, j, channel] * (1.0 - fv) + c[i, j + 1, channel] * fv
-        high = c[i + 1, j, channel] * (1.0 - fv) + c[i + 1, j + 1, channel] * fv
-        grain = (r, g, b)[channel] / mean[channel]
-        out[RED + channel] = (low * (1.0 - fu) + high * fu) * grain
-    out[GLOSS] = paint.gloss[row]
+    """Fill rows of ``out`` (n, FIELDS) for the points that lie on the terrain; ``pixel`` is the angle [rad] of one.
+
+    Tables are unpacked before the loop: Numba counts what is unpacked within up and down for each point, which was
+    measured to cost more than everything else.
+    """
+    tops, points, directions, reach, image = strip.top, strip.point, strip.direction, strip.reach, strip.image
+    atlas, rgb, grain = paint.atlas, paint.ground_rgb, paint.ground_material
+    textures, tints, repeats, glosses, means = paint.texture, paint.tint, paint.repeat, paint.gloss, paint.atlas.mean
+    slope_x, slope_y, open_sky, sunlit, edge = (
+        paint.slope_x, paint.slope_y, light.ground_sky, light.ground_sun, hits.trail_distance,
+    )  # fmt: skip
+    sizes = atlas.size
+    x0, y0 = paint.corner
+    for k in range(count):
+        if tops[k] != TERRAIN:
+            continue
+        x, y, s = points[k, 0], points[k, 1], out[k]
+        sx, sy = read_grid(slope_x, x, y), read_grid(slope_y, x, y)
+        scale = 1.0 / np.sqrt(1.0 + sx * sx + sy * sy)
+        s[NX], s[NY], s[NZ] = -sx * scale, -sy * scale, scale
+        s[SKY], s[SUN], s[THROUGH] = read_grid(open_sky, x, y), read_grid(sunlit, x, y), 0.0
+        grazing = (directions[k, 0] * sx + directions[k, 1] * sy - directions[k, 2]) * scale
+        footprint = reach[k] * pixel / np.sqrt(max(grazing, 0.05))
+        trail = read_grid(edge, x, y)
+        if trail < 0.0:
+            row = paint.border if trail > -paint.border_width else paint.trail
+        else:
+            i = min(max(int((x - x0) * paint.per_metre_material + 0.5), 0), grain.shape[0] - 1)
+            j = min(max(int((y - y0) * paint.per_metre_material + 0.5), 0), grain.shape[1] - 1)
+            row = np.int64(grain[i, j])
+        texture, per_metre = textures[row], 1.0 / repeats[row]
+        level = _level(sizes[texture, 0], footprint, repeats[row], _dither(image[k, 0], image[k, 1]))
+        r, g, b = sample(atlas, texture, x * per_metre, y * per_metre, level)
+        s[GLOSS] = glosses[row]
+        if trail < 0.0:
+            s[RED], s[GREEN], s[BLUE] = r * tints[row, 0], g * tints[row, 1], b * tints[row, 2]
+            continue
+        u = min(max((x - x0) * paint.per_metre_rgb, 0.0), rgb.shape[0] - 1.001)
+        v = min(max((y - y0) * paint.per_metre_rgb, 0.0), rgb.shape[1] - 1.001)
+        i, j = int(u), int(v)
+        fu, fv = np.float32(u - i), np.float32(v - j)
+        one = np.float32(1.0)
+        a, c, d, e = (one - fu) * (one - fv), (one - fu) * fv, fu * (one - fv), fu * fv
+        p, q, m, n = rgb[i, j], rgb[i, j + 1], rgb[i + 1, j], rgb[i + 1, j + 1]
+        s[RED] = (p[0] * a + q[0] * c + m[0] * d + n[0] * e) * r / means[texture, 0]
+        s[GREEN] = (p[1] * a + q[1] * c + m[1] * d + n[1] * e) * g / means[texture, 1]
+        s[BLUE] = (p[2] * a + q[2] * c + m[2] * d + n[2] * e) * b / means[texture, 2]
 
 
-@njit(nogil=True, cache=True)
-def paint_object(
-    packet: Packet, lane: int, top: int, footprint: float, dither: float,
-    hits: HitTable, surfaces: SurfaceTable, paint: PaintTable, light: LightTable, out: NDArray[np.float32],
+@njit(error_model="numpy", nogil=True, cache=True)
+def paint_objects(
+    strip: Strip, count: int, pixel: float, hits: HitTable, surfaces: SurfaceTable, paint: PaintTable,
+    light: LightTable, out: NDArray[np.float32],
 ) -> None:  # fmt: skip
-    """Fill ``out`` (FIELDS,) for a hit on a mesh."""
-    mesh = hits.top_mesh[top]
-    face = hits.mesh_face[mesh] + packet.words[_PRIM + lane]
-    a, b, c = surfaces.face_vertices[face]
-    fu, fv = packet.ray[_U + lane], packet.ray[_V + lane]
-    fw = np.float32(1.0) - fu - fv
-    n, uv, sky = surfaces.vertex_normal, surfaces.vertex_uv, light.vertex_sky
-    nx = n[a, 0] * fw + n[b, 0] * fu + n[c, 0] * fv
-    ny = n[a, 1] * fw + n[b, 1] * fu + n[c, 1] * fv
-    nz = n[a, 2] * fw + n[b, 2] * fu + n[c, 2] * fv
-    m = surfaces.top_rotation[top]
-    wx = m[0, 0] * nx + m[0, 1] * ny + m[0, 2] * nz
-    wy = m[1, 0] * nx + m[1, 1] * ny + m[1, 2] * nz
-    wz = m[2, 0] * nx + m[2, 1] * ny + m[2, 2] * nz
-    scale = np.float32(1.0) / np.sqrt(max(wx * wx + wy * wy + wz * wz, np.float32(1e-12)))
-    row = surfaces.face_material[face]
-    through = paint.translucency[row]
-    facing = packet.ray[_DX + lane] * wx + packet.ray[_DY + lane] * wy + packet.ray[_DZ + lane] * wz
-    if through > 0.0 and facing > 0.0:  # a leaf is seen from whichever side it shows
-        scale = -scale
-    out[NX], out[NY], out[NZ] = wx * scale, wy * scale, wz * scale
-    out[SKY] = sky[a] * fw + sky[b] * fu + sky[c] * fv
-    out[SUN], out[THROUGH], out[GLOSS] = TRACE_SUN, through, paint.gloss[row]
-    texture, repeat = paint.texture[row], surfaces.face_repeat[face]
-    u = uv[a, 0] * fw + uv[b, 0] * fu + uv[c, 0] * fv
-    v = uv[a, 1] * fw + uv[b, 1] * fu + uv[c, 1] * fv
-    level = _level(paint.atlas, texture, footprint, repeat, dither)
-    red, green, blue = sample(paint.atlas, texture, u, v, level)
-    tint, own = paint.tint[row], surfaces.top_tint[top]
-    shade, warmth = np.float32(1.0), np.float32(0.0)
-    if through > 0.0:  # no two leaves have the same green
-        key = np.uint32(a // 4 + 7919 * top) * np.uint32(2654435761)
-        shade = np.float32(0.78) + np.float32(0.44) * np.float32((key >> np.uint32(8)) & np.uint32(255)) / np.float32(255.0)
-        warmth = np.float32((key >> np.uint32(16)) & np.uint32(255)) / np.float32(255.0) - np.float32(0.5)
-    out[RED] = red * tint[0] * own[0] * shade * (np.float32(1.0) + np.float32(0.35) * warmth)
-    out[GREEN] = green * tint[1] * own[1] * shade
-    out[BLUE] = blue * tint[2] * own[2] * shade * (np.float32(1.0) - np.float32(0.25) * warmth)
-
-
-__all__ = ["FIELDS", "TERRAIN", "PaintTable", "paint_ground", "paint_object", "paint_table"]
+    """Fill rows of ``out`` (n, FIELDS) for the points that lie on meshes; SUN asks for a shadow ray except on leaves."""
+    tops, directions, reach, image, atlas = strip.top, strip.direction, strip.reach, strip.image, paint.atlas
+    primitives, barycentric = strip.primitive, strip.barycentric
+    sizes, textures, tints, glosses, translucency = (
+        atlas.size, paint.texture, paint.tint, paint.gloss, paint.translucency,
+    )  # fmt: skip
+    top_mesh, mesh_face, corners = hits.top_mesh, hits.mesh_face, surfaces.face_vertices
+    normals, uvs, sky, materials, repeats = (
+        surfaces.vertex_normal, surfaces.vertex_uv, light.vertex_sky, surfaces.face_material, surfaces.face_repeat,
+    )  # fmt: skip
+    leaf_sun, top_leaf = light.leaf_sun, light.top_leaf
+    rotations, own_tints = surfaces.top_rotation, surfaces.top_tint
+    one, half = np.float32(1.0), np.float32(0.5)
+    for k in range(count):
+        top = tops[k]
+        if top <= TERRAIN:
+            continue
+        s = out[k]
+        face = mesh_face[top_mesh[top]] + primitives[k]
+        a, b, c = corners[face, 0], corners[face, 1], corners[face, 2]
+        fu, fv = barycentric[k, 0], barycentric[k, 1]
+        fw = one - fu - fv
+        nx = normals[a, 0] * fw + normals[b, 0] * fu + normals[c, 0] * fv
+        ny = normals[a, 1] * fw + normals[b, 1] * fu + normals[c, 1] * fv
+        nz = normals[a, 2] * fw + normals[b, 2] * fu + normals[c, 2] * fv
+        m = rotations[top]
+        wx = m[0, 0] * nx + m[0, 1] * ny + m[0, 2] * nz
+        wy = m[1, 0] * nx + m[1, 1] * ny + m[1, 2] * nz
+        wz = m[2, 0] * nx + m[2, 1] * ny + m[2, 2] * nz
+        scale = one / np.sqrt(max(wx * wx + wy * wy + wz * wz, np.float32(1e-12)))
+        row = materials[face]
+        through = translucency[row]
+        facing = directions[k, 0] * wx + directions[k, 1] * wy + directions[k, 2] * wz
+        if through > 0.0 and facing > 0.0:  # a leaf is seen from whichever side it shows
+            scale = -scale
+        s[NX], s[NY], s[NZ] = wx * scale, wy * scale, wz * scale
+        s[SKY] = sky[a] * fw + sky[b] * fu + sky[c] * fv
+        s[THROUGH], s[GLOSS] = through, glosses[row]
+        s[SUN] = np.float32(leaf_sun[top_leaf[top] + primitives[k]]) if through > 0.0 else np.float32(TRACE_SUN)
+        texture = textures[row]
+        u = uvs[a, 0] * fw + uvs[b, 0] * fu + uvs[c, 0] * fv
+        v = uvs[a, 1] * fw + uvs[b, 1] * fu + uvs[c, 1] * fv
+        level = _level(sizes[texture, 0], reach[k] * pixel, repeats[face], _dither(image[k, 0], image[k, 1]))
+        red, green, blue = sample(atlas, texture, u, v, level)
+        shade, warmth = one, np.float32(0.0)
+        if through > 0.0:  # no two leaves have the same green
+            key = np.uint32(a // 4 + 7919 * top) * np.uint32(2654435761)
+            shade = np.float32(0.78) + np.float32(0.44 / 255.0) * np.float32((key >> np.uint32(8)) & np.uint32(255))
+            warmth = np.float32((key >> np.uint32(16)) & np.uint32(255)) / np.float32(255.0) - half
+        s[RED] = red * tints[row, 0] * own_tints[top, 0] * shade * (one + np.float32(0.35) * warmth)
+        s[GREEN] = green * tints[row, 1] * own_tints[top, 1] * shade
+        s[BLUE] = blue * tints[row, 2] * own_tints[top, 2] * shade * (one - np.float32(0.25) * warmth)

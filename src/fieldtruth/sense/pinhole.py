@@ -31,7 +31,7 @@ def pinhole(config: CameraConfig) -> Pinhole:
     )
 
 
-@njit(nogil=True, cache=True, inline="always")
+@njit(error_model="numpy", nogil=True, cache=True, inline="always")
 def set_pixel_ray(
     packet: Packet, lane: int, pose: NDArray[np.float64], lens: Pinhole, u: float, v: float, far: float
 ) -> float:

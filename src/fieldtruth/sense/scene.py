@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.sense.embree import Engine, RayScene
-from fieldtruth.sense.hits import TERRAIN, Grid, HitTable
+from fieldtruth.sense.hits import Grid, HitTable
 from fieldtruth.world.model import GROUND_ID, Heightfield, Mesh, Raster, World
 
 if TYPE_CHECKING:
@@ -63,17 +63,27 @@ class Scene:
         rows = {mesh.name: row for row, mesh in enumerate(meshes)}
         self.mesh_rays = [self._committed(mesh) for mesh in meshes]
         self.rays = RayScene(self.engine)
-        assert self.rays.add_mesh(*terrain_triangles(world.terrain.field)) == TERRAIN
-        tops = [(-1, GROUND_ID, np.eye(4), (1.0, 1.0, 1.0))]
+        self.tops: list[tuple[int, Mesh | None, NDArray[np.float64]]] = []
+        """Everything at the top level: its row, its mesh (None for the terrain) and its world_from_object."""
+        objects, tints = [GROUND_ID], [(1.0, 1.0, 1.0)]
+        self._add(self.rays.add_mesh(*terrain_triangles(world.terrain.field)), None, np.eye(4))
         if world.backdrop is not None:
-            self.rays.add_mesh(world.backdrop.vertices, world.backdrop.faces)
-            tops.append((rows[world.backdrop.name], GROUND_ID, np.eye(4), (1.0, 1.0, 1.0)))
+            self._add(self.rays.add_mesh(world.backdrop.vertices, world.backdrop.faces), world.backdrop, np.eye(4))
+            objects.append(GROUND_ID)
+            tints.append((1.0, 1.0, 1.0))
         for instance in world.instances:
-            row = rows[instance.mesh]
-            self.rays.add_instance(self.mesh_rays[row], instance.world_from_object)
-            tops.append((row, instance.object_id, instance.world_from_object, instance.tint))
+            mesh, pose = world.meshes[instance.mesh], instance.world_from_object
+            self._add(self.rays.add_instance(self.mesh_rays[rows[mesh.name]], pose), mesh, pose)
+            objects.append(instance.object_id)
+            tints.append(instance.tint)
         self.rays.commit()
-        self.hits, self.surfaces = _tables(world, meshes, tops)
+        top_mesh = [-1 if mesh is None else rows[mesh.name] for _, mesh, _ in self.tops]
+        self.hits, self.surfaces = _tables(world, meshes, top_mesh, objects, [t[2] for t in self.tops], tints)
+
+    def _add(self, row: int, mesh: Mesh | None, pose: NDArray[np.float64]) -> None:
+        if row != len(self.tops):
+            raise AssertionError(f"Embree numbered a thing {row} instead of {len(self.tops)}")
+        self.tops.append((row, mesh, pose))
 
     @cached_property
     def studio(self) -> "Studio":
@@ -91,8 +101,9 @@ class Scene:
 
 
 def _tables(
-    world: World, meshes: list[Mesh], tops: list[tuple[int, int, NDArray[np.float64], tuple[float, float, float]]]
-) -> tuple[HitTable, SurfaceTable]:
+    world: World, meshes: list[Mesh], top_mesh: list[int], objects: list[int], poses: list[NDArray[np.float64]],
+    tints: list[tuple[float, float, float]],
+) -> tuple[HitTable, SurfaceTable]:  # fmt: skip
     """Concatenate the meshes' arrays into tables that kernels index."""
     material_rows = {name: row for row, name in enumerate(world.materials)}
     labels = np.array([m.label for m in world.materials.values()], np.uint8)
@@ -101,13 +112,13 @@ def _tables(
     materials = [np.array([material_rows[n] for n in m.materials], np.int32)[m.material] for m in meshes]
     material = np.concatenate([*materials, np.zeros(0, np.int32)])
     hits = HitTable(
-        top_object=np.array([t[1] for t in tops], np.uint16),
-        top_mesh=np.array([t[0] for t in tops], np.int32),
+        top_object=np.array(objects, np.uint16),
+        top_mesh=np.array(top_mesh, np.int32),
         mesh_face=face_starts[:-1].astype(np.int64),
         face_label=labels[material] if len(labels) else np.zeros(0, np.uint8),
         trail_distance=grid_of(world.terrain.trail_distance),
     )
-    rotations = np.array([t[2][:3, :3] / np.cbrt(np.linalg.det(t[2][:3, :3])) for t in tops])
+    rotations = np.array([pose[:3, :3] / np.cbrt(np.linalg.det(pose[:3, :3])) for pose in poses])
     surfaces = SurfaceTable(
         vertex_normal=np.concatenate([*(m.normals for m in meshes), np.zeros((0, 3), np.float32)]),
         vertex_uv=np.concatenate([*(m.uv for m in meshes), np.zeros((0, 2), np.float32)]),
@@ -117,7 +128,7 @@ def _tables(
         face_material=material,
         face_repeat=np.concatenate([*(_metres_per_repeat(m) for m in meshes), np.zeros(0, np.float32)]),
         top_rotation=rotations.astype(np.float32),
-        top_tint=np.array([t[3] for t in tops], np.float32),
+        top_tint=np.array(tints, np.float32),
         mesh_vertex=vertex_starts.astype(np.int64),
     )
     return hits, surfaces

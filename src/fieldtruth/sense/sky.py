@@ -25,9 +25,7 @@ class Dome(NamedTuple):
 def sun_direction(azimuth_deg: float, elevation_deg: float) -> NDArray[np.float64]:
     """Unit vector (3,) towards the sun in the world frame (x north, y west, z up); azimuth clockwise from north."""
     azimuth, elevation = np.radians(azimuth_deg), np.radians(elevation_deg)
-    return np.array(
-        [np.cos(azimuth) * np.cos(elevation), -np.sin(azimuth) * np.cos(elevation), np.sin(elevation)]
-    )
+    return np.array([np.cos(azimuth) * np.cos(elevation), -np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
 
 
 def make_dome(sun: NDArray[np.float64], rng: np.random.Generator) -> Dome:
@@ -58,10 +56,18 @@ def _preetham(z: NDArray[np.float64], cos_gamma: NDArray[np.float64], sun_z: flo
     chi = (4.0 / 9.0 - t / 120.0) * (np.pi - 2.0 * theta_s)
     powers = np.array([theta_s**3, theta_s**2, theta_s, 1.0])
     matrix_x = np.array(
-        [[0.00166, -0.00375, 0.00209, 0.0], [-0.02903, 0.06377, -0.03202, 0.00394], [0.11693, -0.21196, 0.06052, 0.25886]]
+        [
+            [0.00166, -0.00375, 0.00209, 0.0],
+            [-0.02903, 0.06377, -0.03202, 0.00394],
+            [0.11693, -0.21196, 0.06052, 0.25886],
+        ]
     )
     matrix_y = np.array(
-        [[0.00275, -0.00610, 0.00317, 0.0], [-0.04214, 0.08970, -0.04153, 0.00516], [0.15346, -0.26756, 0.06670, 0.26688]]
+        [
+            [0.00275, -0.00610, 0.00317, 0.0],
+            [-0.04214, 0.08970, -0.04153, 0.00516],
+            [0.15346, -0.26756, 0.06670, 0.26688],
+        ]
     )
     zenith = {
         "Y": (4.0453 * t - 4.9710) * np.tan(chi) - 0.2155 * t + 2.4192,
@@ -102,10 +108,10 @@ def _clouds(
     return cover, lit
 
 
-@njit(nogil=True, cache=True)
-def sky_radiance(dome: Dome, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Radiance of the sky in a unit direction; below the horizon the horizon's value holds."""
-    rows, columns, _ = dome.rgb.shape
+@njit(error_model="numpy", nogil=True, cache=True)
+def sky_radiance(g: NDArray[np.float32], x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Radiance in a unit direction of a dome's picture ``g``; below the horizon the horizon's value holds."""
+    rows, columns, _ = g.shape
     v = min(max(z * rows - 0.5, 0.0), rows - 1.001)
     u = np.arctan2(y, x) * (columns / (2.0 * np.pi)) - 0.5
     u = u + columns if u < 0.0 else u
@@ -114,7 +120,6 @@ def sky_radiance(dome: Dome, x: float, y: float, z: float) -> tuple[float, float
     k = 0 if j + 1 >= columns else j + 1
     one = np.float32(1.0)
     a, b, c, d = (one - fv) * (one - fu), (one - fv) * fu, fv * (one - fu), fv * fu
-    g = dome.rgb
     return (
         g[i, j, 0] * a + g[i, k, 0] * b + g[i + 1, j, 0] * c + g[i + 1, k, 0] * d,
         g[i, j, 1] * a + g[i, k, 1] * b + g[i + 1, j, 1] * c + g[i + 1, k, 1] * d,
