@@ -36,20 +36,21 @@ def srgb_from_linear(value: NDArray[np.floating]) -> NDArray[np.float64]:
 
 def make_atlas(textures: Sequence[NDArray[np.uint8]]) -> Atlas:
     """Pack square textures (n, n, 3) sRGB, n a power of two; smaller copies are averaged in linear light."""
-    linear = linear_from_srgb(np.arange(256) / 255.0)
+    linear = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)
+    code_of = np.rint(srgb_from_linear(np.arange(65536) / 65535.0) * 255.0).astype(np.uint32)
     texels, starts, sizes, means, end = [], [], [], [], 0
     for texture in textures:
         level = linear[texture]
-        means.append(level.mean(axis=(0, 1)))
+        means.append(level.mean(axis=(0, 1), dtype=np.float64))
         start, size = [], []
         for _ in range(LEVELS):
-            code = np.rint(srgb_from_linear(level) * 255.0).astype(np.uint32)
+            code = code_of[np.rint(level * np.float32(65535.0)).astype(np.uint16)]
             texels.append((code[..., 0] | code[..., 1] << 8 | code[..., 2] << 16).ravel())
             start.append(end)
             size.append(len(level))
             end += level.shape[0] * level.shape[1]
             if len(level) > 1:
-                level = (level[::2, ::2] + level[1::2, ::2] + level[::2, 1::2] + level[1::2, 1::2]) / 4.0
+                level = (level[::2, ::2] + level[1::2, ::2] + level[::2, 1::2] + level[1::2, 1::2]) * np.float32(0.25)
         starts.append(start)
         sizes.append(size)
     return Atlas(
@@ -57,7 +58,7 @@ def make_atlas(textures: Sequence[NDArray[np.uint8]]) -> Atlas:
         start=np.array(starts, np.int64),
         size=np.array(sizes, np.int64),
         mean=np.array(means, np.float32),
-        linear=linear.astype(np.float32),
+        linear=linear,
     )
 
 

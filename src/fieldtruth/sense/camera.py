@@ -16,7 +16,7 @@ from fieldtruth.sense.pinhole import pinhole
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sense.strip import STRIP_ROWS, label_image, new_strip
 
-EXTRA_SAMPLES: Final = 3
+EXTRA_SAMPLES: Final = 2
 """Rays that an edge's pixel gets beyond the one through its centre."""
 
 

@@ -53,11 +53,11 @@ class LightTable(NamedTuple):
 def bake(scene: Scene, *, workers: int = 2) -> LightTable:
     """Compute the light of a scene. The result does not depend on ``workers``."""
     sun = sun_direction(scene.light.sun_azimuth_deg, scene.light.sun_elevation_deg)
-    disc, dome_rays = _disc(sun, 8), _hemisphere(24)
+    disc = _disc(sun, 8)
     with ThreadPoolExecutor(workers) as pool:
         ground_sun = _ground_grid(scene, pool, SUN_TEXEL, disc, facing=False)
         ground_sky = _ground_grid(scene, pool, SKY_TEXEL, _hemisphere(64), facing=True)
-        vertex_sky = _vertex_sky(scene, pool, dome_rays)
+        vertex_sky = _vertex_sky(scene, pool)
         leaf_sun, top_leaf = _leaf_sun(scene, pool, sun)
     return LightTable(
         sun=sun,
@@ -109,23 +109,26 @@ def _ground_grid(
     return Grid(np.concatenate(list(strips)), float(x[0]), float(y[0]), 1.0 / spacing)
 
 
-def _vertex_sky(scene: Scene, pool: ThreadPoolExecutor, directions: NDArray[np.float64]) -> NDArray[np.float32]:
+def _vertex_sky(scene: Scene, pool: ThreadPoolExecutor) -> NDArray[np.float32]:
     """Open sky at every vertex of every mesh, each standing alone: objects are moved and shared, so neighbours do not count."""
-    starts, normals = scene.surfaces.mesh_vertex, scene.surfaces.vertex_normal
-    meshes = [*scene.world.meshes.values(), *([scene.world.backdrop] if scene.world.backdrop is not None else [])]
+    world = scene.world
+    meshes = [*world.meshes.values(), *([world.backdrop] if world.backdrop is not None else [])]
+    wood_rays, leaf_rays = _hemisphere(24), _hemisphere(11)
 
     def one(row: int) -> NDArray[np.float32]:
-        mesh = meshes[row]
-        if mesh is scene.world.backdrop:
-            return np.ones(len(mesh.vertices), np.float32)
-        normal = normals[starts[row] : starts[row + 1]].copy()
-        leaf = np.zeros(len(normal), np.bool_)
-        thin = np.array([scene.world.materials[n].translucency > 0 for n in mesh.materials])
+        mesh, open_sky = meshes[row], np.ones(len(meshes[row].vertices), np.float32)
+        if mesh is world.backdrop:
+            return open_sky
+        leaf = np.zeros(len(mesh.vertices), np.bool_)
+        thin = np.array([world.materials[n].translucency > 0 for n in mesh.materials])
         leaf[mesh.faces[thin[mesh.material]].ravel()] = True
-        points = mesh.vertices + 0.004 * normal
+        points = mesh.vertices + np.float32(0.004) * mesh.normals
         points[:, 2] = np.maximum(points[:, 2], 0.01)
-        normal[leaf] = 0.0  # light falls on, and shines through, both sides of a leaf
-        return visibility(scene.mesh_rays[row].handle, points, normal, directions, 0.004)
+        rays = scene.mesh_rays[row].handle
+        open_sky[~leaf] = visibility(rays, points[~leaf], mesh.normals[~leaf], wood_rays, 0.004)
+        # Light falls on, and shines through, both sides of a leaf: no side counts more.
+        open_sky[leaf] = visibility(rays, points[leaf], np.zeros((leaf.sum(), 3), np.float32), leaf_rays, 0.004)
+        return open_sky
 
     return np.concatenate([*pool.map(one, range(len(meshes))), np.zeros(0, np.float32)])
 

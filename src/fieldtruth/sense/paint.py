@@ -75,7 +75,7 @@ def paint_table(world: World) -> PaintTable:
     )
 
 
-_FINER: Final = 4
+_FINER: Final = 2
 
 
 def _ground(

@@ -21,9 +21,9 @@ from fieldtruth.sense.scene import SurfaceTable
 from fieldtruth.sense.sky import sky_radiance
 from fieldtruth.sense.strip import STRIP_ROWS, Strip, name_pixels, new_strip, pixel_row_points, trace
 
-EXPOSURE: Final = 3.1
+EXPOSURE: Final = 3.9
 HAZE_PER_METRE: Final = 1.0 / 1800.0
-EDGE_CONTRAST: Final = 0.12
+EDGE_CONTRAST: Final = 0.15
 """Difference of the square roots of neighbours' luminance above which a pixel at an edge is refined."""
 EDGE_STEP: Final = 0.01
 """Step in depth, relative, that makes an edge."""
@@ -33,7 +33,7 @@ _LENS: Final = 0.07
 """Share of a pixel's light that a good lens spills into each of its four neighbours."""
 
 _EXPOSURE, _PER_PI, _HAZE = np.float32(EXPOSURE), np.float32(1.0 / np.pi), np.float32(HAZE_PER_METRE)
-_GLOW_R, _GLOW_G, _GLOW_B = np.float32(1.35), np.float32(1.45), np.float32(0.55)  # light through a leaf is yellower
+_GLOW_R, _GLOW_G, _GLOW_B = np.float32(2.6), np.float32(2.8), np.float32(1.0)  # light through a leaf is yellower
 _EDGE, _STEP = np.float32(EDGE_CONTRAST), np.float32(EDGE_STEP)
 _LIFT, _REACH = 0.002, 80.0  # [m] between a surface and its shadow ray, and how far that looks
 

@@ -14,6 +14,9 @@ TURBIDITY: Final = 3.0
 SKY_OVER_SUN: Final = 0.27
 """Irradiance of the ground by the clear sky over that by the sun, with the sun at 40 deg (about 1 : 4)."""
 
+HAZE_RGB: Final = np.array([0.93, 1.0, 1.09])
+"""Colour of the air near the horizon, where the model turns pink: white, a little blue."""
+
 
 class Dome(NamedTuple):
     """Radiance ``rgb`` (ROWS, COLUMNS, 3) of the upper half: row by sine of elevation, column by angle from x to y."""
@@ -36,6 +39,8 @@ def make_dome(sun: NDArray[np.float64], rng: np.random.Generator) -> Dome:
     x, y = cosine * np.cos(angle), cosine * np.sin(angle)
     z = np.broadcast_to(sine[:, None], x.shape)
     rgb = _preetham(z, x * sun[0] + y * sun[1] + z * sun[2], float(sun[2]))
+    veil = 0.85 * np.exp(-z / 0.13)[..., None]
+    rgb = rgb * (1.0 - veil) + veil * HAZE_RGB * rgb.mean(axis=-1, keepdims=True) * 1.3
     weight = z / z.sum()
     rgb *= SKY_OVER_SUN / np.pi / (rgb.mean(axis=-1) * weight).sum()
     cover, lit = _clouds(x, y, z, sun, rng)
