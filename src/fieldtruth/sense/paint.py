@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import zoom
 
 from fieldtruth.sense.atlas import Atlas, make_atlas, sample
-from fieldtruth.sense.hits import TERRAIN, Grid, HitTable, read_grid
+from fieldtruth.sense.hits import TERRAIN, HitTable, read_grid
 from fieldtruth.sense.light import LightTable
 from fieldtruth.sense.scene import SurfaceTable
 from fieldtruth.sense.strip import Strip
-from fieldtruth.world.model import Material, Terrain, World
+from fieldtruth.world.model import Material, Raster, Terrain, World
 
 RED, GREEN, BLUE, NX, NY, NZ, SKY, SUN, THROUGH, GLOSS = range(10)
 FIELDS: Final = 10
@@ -31,10 +31,8 @@ class PaintTable(NamedTuple):
     translucency: NDArray[np.float32]
     gloss: NDArray[np.float32]
     repeat: NDArray[np.float32]  # (materials,) [m] per repeat, used for the ground
-    ground_rgb: NDArray[np.float32]  # (nx, ny, 3) linear colour of the ground off the trails
+    ground: NDArray[np.float32]  # (nx, ny, 5) linear colour off the trails, and the terrain's slope along x and y
     ground_material: NDArray[np.uint8]  # (mx, my) row of the material whose grain shows
-    slope_x: Grid
-    slope_y: Grid
     corner: tuple[float, float]  # [m] x and y of both grids' first node
     per_metre_rgb: float
     per_metre_material: float
@@ -51,8 +49,6 @@ def paint_table(world: World) -> PaintTable:
     terrain = world.terrain
     texture = np.array([textures.index(m.texture) for m in materials], np.int32)
     tint = np.array([m.tint for m in materials], np.float32)
-    slope_x, slope_y = np.gradient(terrain.field.heights.astype(np.float64), terrain.field.spacing)
-    grid = (terrain.field.x0, terrain.field.y0, 1.0 / terrain.field.spacing)
     rows = [names.index(n) for n in terrain.ground_materials]
     rgb, material = _ground(terrain, rows, atlas.mean[texture] * tint, materials)
     return PaintTable(
@@ -62,10 +58,8 @@ def paint_table(world: World) -> PaintTable:
         translucency=np.array([m.translucency for m in materials], np.float32),
         gloss=np.array([m.gloss for m in materials], np.float32),
         repeat=np.array([m.repeat for m in materials], np.float32),
-        ground_rgb=rgb,
+        ground=np.ascontiguousarray(np.concatenate([rgb, _slopes(terrain)], axis=-1), np.float32),
         ground_material=material,
-        slope_x=Grid(slope_x.astype(np.float32), *grid),
-        slope_y=Grid(slope_y.astype(np.float32), *grid),
         corner=(terrain.cover.x0, terrain.cover.y0),
         per_metre_rgb=1.0 / terrain.cover.spacing,
         per_metre_material=_FINER / terrain.cover.spacing,
@@ -76,6 +70,16 @@ def paint_table(world: World) -> PaintTable:
 
 
 _FINER: Final = 2
+
+
+def _slopes(terrain: Terrain) -> NDArray[np.float64]:
+    """Slope of the terrain along x and y at the cover's nodes, (nx, ny, 2), smooth across the heightfield's triangles."""
+    field, cover = terrain.field, terrain.cover
+    slopes = np.stack(np.gradient(field.heights.astype(np.float64), field.spacing), axis=-1)
+    smooth = Raster(values=slopes.astype(np.float32), spacing=field.spacing, x0=field.x0, y0=field.y0)
+    nx, ny = cover.values.shape[:2]
+    x, y = cover.x0 + cover.spacing * np.arange(nx), cover.y0 + cover.spacing * np.arange(ny)
+    return smooth.at(*np.meshgrid(x, y, indexing="ij"))
 
 
 def _ground(
@@ -98,9 +102,16 @@ def _ground(
 
 @njit(error_model="numpy", nogil=True, cache=True, inline="always")
 def _level(size: int, footprint: float, repeat: float, dither: float) -> int:
-    """Mip level whose texels are as large as a pixel's footprint [m]; dithered so that no seam shows between levels."""
-    texels = footprint * size / repeat
-    return int(np.log2(texels) + dither) if texels > 1.0 else 0
+    """Mip level whose texels are as large as a pixel's footprint [m], dithered so that no seam shows between levels.
+
+    It is the integer part of log2(texels) + dither; log2(1 + dither) is close enough to dither.
+    """
+    texels = footprint * size * (1.0 + dither) / repeat
+    level = 0
+    while texels >= 2.0 and level < 16:
+        texels *= 0.5
+        level += 1
+    return level
 
 
 @njit(error_model="numpy", nogil=True, cache=True, inline="always")
@@ -122,47 +133,53 @@ def paint_ground(
     measured to cost more than everything else.
     """
     tops, points, directions, reach, image = strip.top, strip.point, strip.direction, strip.reach, strip.image
-    atlas, rgb, grain = paint.atlas, paint.ground_rgb, paint.ground_material
+    atlas, ground, grain = paint.atlas, paint.ground, paint.ground_material
     textures, tints, repeats, glosses, means = paint.texture, paint.tint, paint.repeat, paint.gloss, paint.atlas.mean
-    slope_x, slope_y, open_sky, sunlit, edge = (
-        paint.slope_x, paint.slope_y, light.ground_sky, light.ground_sun, hits.trail_distance,
-    )  # fmt: skip
-    sizes = atlas.size
+    open_sky, sunlit, edge, sizes = light.ground_sky, light.ground_sun, hits.trail_distance, atlas.size
     x0, y0 = paint.corner
+    one = np.float32(1.0)
     for k in range(count):
         if tops[k] != TERRAIN:
             continue
-        x, y, s = points[k, 0], points[k, 1], out[k]
-        sx, sy = read_grid(slope_x, x, y), read_grid(slope_y, x, y)
-        scale = 1.0 / np.sqrt(1.0 + sx * sx + sy * sy)
-        s[NX], s[NY], s[NZ] = -sx * scale, -sy * scale, scale
-        s[SKY], s[SUN], s[THROUGH] = read_grid(open_sky, x, y), read_grid(sunlit, x, y), 0.0
+        x, y = points[k, 0], points[k, 1]
+        u = min(max((x - x0) * paint.per_metre_rgb, 0.0), ground.shape[0] - 1.001)
+        v = min(max((y - y0) * paint.per_metre_rgb, 0.0), ground.shape[1] - 1.001)
+        i, j = int(u), int(v)
+        fu, fv = np.float32(u - i), np.float32(v - j)
+        a, b, c, d = (one - fu) * (one - fv), (one - fu) * fv, fu * (one - fv), fu * fv
+        sx = ground[i, j, 3] * a + ground[i, j + 1, 3] * b + ground[i + 1, j, 3] * c + ground[i + 1, j + 1, 3] * d
+        sy = ground[i, j, 4] * a + ground[i, j + 1, 4] * b + ground[i + 1, j, 4] * c + ground[i + 1, j + 1, 4] * d
+        scale = one / np.sqrt(one + sx * sx + sy * sy)
+        out[k, NX], out[k, NY], out[k, NZ] = -sx * scale, -sy * scale, scale
+        out[k, SKY], out[k, SUN], out[k, THROUGH] = read_grid(open_sky, x, y), read_grid(sunlit, x, y), 0.0
         grazing = (directions[k, 0] * sx + directions[k, 1] * sy - directions[k, 2]) * scale
-        footprint = reach[k] * pixel / np.sqrt(max(grazing, 0.05))
+        footprint = reach[k] * pixel / np.sqrt(max(grazing, np.float32(0.05)))
         trail = read_grid(edge, x, y)
         if trail < 0.0:
             row = paint.border if trail > -paint.border_width else paint.trail
         else:
-            i = min(max(int((x - x0) * paint.per_metre_material + 0.5), 0), grain.shape[0] - 1)
-            j = min(max(int((y - y0) * paint.per_metre_material + 0.5), 0), grain.shape[1] - 1)
-            row = np.int64(grain[i, j])
+            gi = min(max(int((x - x0) * paint.per_metre_material + 0.5), 0), grain.shape[0] - 1)
+            gj = min(max(int((y - y0) * paint.per_metre_material + 0.5), 0), grain.shape[1] - 1)
+            row = np.int64(grain[gi, gj])
         texture, per_metre = textures[row], 1.0 / repeats[row]
         level = _level(sizes[texture, 0], footprint, repeats[row], _dither(image[k, 0], image[k, 1]))
-        r, g, b = sample(atlas, texture, x * per_metre, y * per_metre, level)
-        s[GLOSS] = glosses[row]
+        red, green, blue = sample(atlas, texture, x * per_metre, y * per_metre, level)
+        out[k, GLOSS] = glosses[row]
         if trail < 0.0:
-            s[RED], s[GREEN], s[BLUE] = r * tints[row, 0], g * tints[row, 1], b * tints[row, 2]
-            continue
-        u = min(max((x - x0) * paint.per_metre_rgb, 0.0), rgb.shape[0] - 1.001)
-        v = min(max((y - y0) * paint.per_metre_rgb, 0.0), rgb.shape[1] - 1.001)
-        i, j = int(u), int(v)
-        fu, fv = np.float32(u - i), np.float32(v - j)
-        one = np.float32(1.0)
-        a, c, d, e = (one - fu) * (one - fv), (one - fu) * fv, fu * (one - fv), fu * fv
-        p, q, m, n = rgb[i, j], rgb[i, j + 1], rgb[i + 1, j], rgb[i + 1, j + 1]
-        s[RED] = (p[0] * a + q[0] * c + m[0] * d + n[0] * e) * r / means[texture, 0]
-        s[GREEN] = (p[1] * a + q[1] * c + m[1] * d + n[1] * e) * g / means[texture, 1]
-        s[BLUE] = (p[2] * a + q[2] * c + m[2] * d + n[2] * e) * b / means[texture, 2]
+            out[k, RED], out[k, GREEN], out[k, BLUE] = red * tints[row, 0], green * tints[row, 1], blue * tints[row, 2]
+        else:
+            mixed = (
+                ground[i, j, 0] * a + ground[i, j + 1, 0] * b + ground[i + 1, j, 0] * c + ground[i + 1, j + 1, 0] * d
+            )
+            out[k, RED] = mixed * red / means[texture, 0]
+            mixed = (
+                ground[i, j, 1] * a + ground[i, j + 1, 1] * b + ground[i + 1, j, 1] * c + ground[i + 1, j + 1, 1] * d
+            )
+            out[k, GREEN] = mixed * green / means[texture, 1]
+            mixed = (
+                ground[i, j, 2] * a + ground[i, j + 1, 2] * b + ground[i + 1, j, 2] * c + ground[i + 1, j + 1, 2] * d
+            )
+            out[k, BLUE] = mixed * blue / means[texture, 2]
 
 
 @njit(error_model="numpy", nogil=True, cache=True)
@@ -187,7 +204,6 @@ def paint_objects(
         top = tops[k]
         if top <= TERRAIN:
             continue
-        s = out[k]
         face = mesh_face[top_mesh[top]] + primitives[k]
         a, b, c = corners[face, 0], corners[face, 1], corners[face, 2]
         fu, fv = barycentric[k, 0], barycentric[k, 1]
@@ -195,20 +211,19 @@ def paint_objects(
         nx = normals[a, 0] * fw + normals[b, 0] * fu + normals[c, 0] * fv
         ny = normals[a, 1] * fw + normals[b, 1] * fu + normals[c, 1] * fv
         nz = normals[a, 2] * fw + normals[b, 2] * fu + normals[c, 2] * fv
-        m = rotations[top]
-        wx = m[0, 0] * nx + m[0, 1] * ny + m[0, 2] * nz
-        wy = m[1, 0] * nx + m[1, 1] * ny + m[1, 2] * nz
-        wz = m[2, 0] * nx + m[2, 1] * ny + m[2, 2] * nz
+        wx = rotations[top, 0, 0] * nx + rotations[top, 0, 1] * ny + rotations[top, 0, 2] * nz
+        wy = rotations[top, 1, 0] * nx + rotations[top, 1, 1] * ny + rotations[top, 1, 2] * nz
+        wz = rotations[top, 2, 0] * nx + rotations[top, 2, 1] * ny + rotations[top, 2, 2] * nz
         scale = one / np.sqrt(max(wx * wx + wy * wy + wz * wz, np.float32(1e-12)))
         row = materials[face]
         through = translucency[row]
         facing = directions[k, 0] * wx + directions[k, 1] * wy + directions[k, 2] * wz
         if through > 0.0 and facing > 0.0:  # a leaf is seen from whichever side it shows
             scale = -scale
-        s[NX], s[NY], s[NZ] = wx * scale, wy * scale, wz * scale
-        s[SKY] = sky[a] * fw + sky[b] * fu + sky[c] * fv
-        s[THROUGH], s[GLOSS] = through, glosses[row]
-        s[SUN] = np.float32(leaf_sun[top_leaf[top] + primitives[k]]) if through > 0.0 else np.float32(TRACE_SUN)
+        out[k, NX], out[k, NY], out[k, NZ] = wx * scale, wy * scale, wz * scale
+        out[k, SKY] = sky[a] * fw + sky[b] * fu + sky[c] * fv
+        out[k, THROUGH], out[k, GLOSS] = through, glosses[row]
+        out[k, SUN] = np.float32(leaf_sun[top_leaf[top] + primitives[k]]) if through > 0.0 else np.float32(TRACE_SUN)
         texture = textures[row]
         u = uvs[a, 0] * fw + uvs[b, 0] * fu + uvs[c, 0] * fv
         v = uvs[a, 1] * fw + uvs[b, 1] * fu + uvs[c, 1] * fv
@@ -219,6 +234,6 @@ def paint_objects(
             key = np.uint32(a // 4 + 7919 * top) * np.uint32(2654435761)
             shade = np.float32(0.78) + np.float32(0.44 / 255.0) * np.float32((key >> np.uint32(8)) & np.uint32(255))
             warmth = np.float32((key >> np.uint32(16)) & np.uint32(255)) / np.float32(255.0) - half
-        s[RED] = red * tints[row, 0] * own_tints[top, 0] * shade * (one + np.float32(0.35) * warmth)
-        s[GREEN] = green * tints[row, 1] * own_tints[top, 1] * shade
-        s[BLUE] = blue * tints[row, 2] * own_tints[top, 2] * shade * (one - np.float32(0.25) * warmth)
+        out[k, RED] = red * tints[row, 0] * own_tints[top, 0] * shade * (one + np.float32(0.35) * warmth)
+        out[k, GREEN] = green * tints[row, 1] * own_tints[top, 1] * shade
+        out[k, BLUE] = blue * tints[row, 2] * own_tints[top, 2] * shade * (one - np.float32(0.25) * warmth)

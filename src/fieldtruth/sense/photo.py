@@ -35,6 +35,9 @@ _LENS: Final = 0.07
 _EXPOSURE, _PER_PI, _HAZE = np.float32(EXPOSURE), np.float32(1.0 / np.pi), np.float32(HAZE_PER_METRE)
 _GLOW_R, _GLOW_G, _GLOW_B = np.float32(2.6), np.float32(2.8), np.float32(1.0)  # light through a leaf is yellower
 _EDGE, _STEP = np.float32(EDGE_CONTRAST), np.float32(EDGE_STEP)
+_TURNS, _TILE = 12, 4
+_ANGLES = 2.0 * np.pi * np.arange(_TURNS) / _TURNS + 0.3
+_OFFSETS = (0.38 * np.stack((np.cos(_ANGLES), np.sin(_ANGLES)), axis=-1)).astype(np.float32)  # [pixel]
 _LIFT, _REACH = 0.002, 80.0  # [m] between a surface and its shadow ray, and how far that looks
 
 _LANES, _FAR = embree.LANES, embree.TFAR
@@ -69,6 +72,7 @@ class Darkroom(NamedTuple):
     surface: NDArray[np.float32]  # (n, FIELDS)
     colour: NDArray[np.float32]  # (n, 3) linear and exposed
     linear: NDArray[np.float32]  # (h, w, 3) the same for the whole image
+    marked: NDArray[np.bool_]  # (h, w) edges
     edges: NDArray[np.int32]  # (h * w, 2) row and column
 
 
@@ -83,6 +87,7 @@ def new_darkroom(height: int, width: int) -> Darkroom:
         surface=np.zeros((count, FIELDS), np.float32),
         colour=np.zeros((count, 3), np.float32),
         linear=np.zeros((height, width, 3), np.float32),
+        marked=np.zeros((height, width), np.bool_),
         edges=np.zeros((height * width, 2), np.int32),
     )
 
@@ -103,7 +108,7 @@ def take(
         name_pixels(studio.hits, room.strip, count, label, instance, depth)
         _colour(studio, room, count, 1.0 / lens.fx)
         _keep(room.strip.image, room.colour, count, room.linear)
-    edges = find_edges(room.linear, instance, depth, room.edges)
+    edges = find_edges(room.linear, instance, depth, room.marked, room.edges)
     _refine(studio, room, pose, lens, far, edges, samples)
     _develop(studio.curve, room.linear, photo)
 
@@ -133,12 +138,15 @@ def _trace_sun(
     sx, sy, sz, filled = sun[0], sun[1], sun[2], 0
     top, point, far = strip.top, strip.point, shadow.ray
     for k in range(count):
-        s = surface[k]
-        if top[k] > TERRAIN and s[SUN] == TRACE_SUN:
-            facing = s[NX] * sx + s[NY] * sy + s[NZ] * sz
-            s[SUN] = 0.0
+        if top[k] > TERRAIN and surface[k, SUN] == TRACE_SUN:
+            facing = surface[k, NX] * sx + surface[k, NY] * sy + surface[k, NZ] * sz
+            surface[k, SUN] = 0.0
             if facing > 0.0:
-                x, y, z = point[k, 0] + _LIFT * s[NX], point[k, 1] + _LIFT * s[NY], point[k, 2] + _LIFT * s[NZ]
+                x, y, z = (
+                    point[k, 0] + _LIFT * surface[k, NX],
+                    point[k, 1] + _LIFT * surface[k, NY],
+                    point[k, 2] + _LIFT * surface[k, NZ],
+                )
                 set_ray(shadow, filled, x, y, z, sx, sy, sz, _LIFT, _REACH)
                 rows[filled] = k
                 filled += 1
@@ -158,84 +166,86 @@ def _shine(
 ) -> None:
     """Light that comes back along each ray: sun, sky, the ground's reflection, highlight, and haze on the way."""
     top, direction, reach = strip.top, strip.direction, strip.reach
-    dome, sun_rgb, bounce, mean = light.dome.rgb, light.sun_rgb, light.bounce, light.dome.mean
+    dome, sun_rgb, bounce, mean, mist = light.dome.rgb, light.sun_rgb, light.bounce, light.dome.mean, light.dome.mist
     sx, sy, sz = np.float32(light.sun[0]), np.float32(light.sun[1]), np.float32(light.sun[2])
     zero, one, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
     for k in range(count):
-        dx, dy, dz, out = direction[k, 0], direction[k, 1], direction[k, 2], colour[k]
+        dx, dy, dz = direction[k, 0], direction[k, 1], direction[k, 2]
         if top[k] < 0:
             r, g, b = sky_radiance(dome, dx, dy, dz)
-            out[0], out[1], out[2] = _EXPOSURE * r, _EXPOSURE * g, _EXPOSURE * b
+            colour[k, 0], colour[k, 1], colour[k, 2] = _EXPOSURE * r, _EXPOSURE * g, _EXPOSURE * b
             continue
-        s = surface[k]
-        nx, ny, nz, sun = s[NX], s[NY], s[NZ], s[SUN]
+        nx, ny, nz, sun = surface[k, NX], surface[k, NY], surface[k, NZ], surface[k, SUN]
         facing = nx * sx + ny * sy + nz * sz
         front = max(facing, zero) * sun * _PER_PI
-        behind = max(-facing, zero) * sun * s[THROUGH] * _PER_PI
+        behind = max(-facing, zero) * sun * surface[k, THROUGH] * _PER_PI
         up = half + half * nz
-        sky = s[SKY] * up
-        below = (np.float32(0.35) + np.float32(0.65) * s[SKY]) * (one - up)
+        sky = surface[k, SKY] * up
+        below = (np.float32(0.35) + np.float32(0.65) * surface[k, SKY]) * (one - up)
         shine = zero
-        if s[GLOSS] > zero and sun > zero and facing > zero:
+        if surface[k, GLOSS] > zero and sun > zero and facing > zero:
             hx, hy, hz = sx - dx, sy - dy, sz - dz
             cosine = max((nx * hx + ny * hy + nz * hz) / np.sqrt(hx * hx + hy * hy + hz * hz), zero)
             power = cosine * cosine
             power *= power
             power *= power
             power *= power
-            shine = np.float32(0.25) * s[GLOSS] * sun * power * power  # cosine to the 32nd
+            shine = np.float32(0.25) * surface[k, GLOSS] * sun * power * power  # cosine to the 32nd
         red = (
-            s[RED] * (sun_rgb[0] * (front + behind * _GLOW_R) + mean[0] * sky + bounce[0] * below) + shine * sun_rgb[0]
+            surface[k, RED] * (sun_rgb[0] * (front + behind * _GLOW_R) + mean[0] * sky + bounce[0] * below)
+            + shine * sun_rgb[0]
         )
         green = (
-            s[GREEN] * (sun_rgb[1] * (front + behind * _GLOW_G) + mean[1] * sky + bounce[1] * below)
+            surface[k, GREEN] * (sun_rgb[1] * (front + behind * _GLOW_G) + mean[1] * sky + bounce[1] * below)
             + shine * sun_rgb[1]
         )
         blue = (
-            s[BLUE] * (sun_rgb[2] * (front + behind * _GLOW_B) + mean[2] * sky + bounce[2] * below) + shine * sun_rgb[2]
+            surface[k, BLUE] * (sun_rgb[2] * (front + behind * _GLOW_B) + mean[2] * sky + bounce[2] * below)
+            + shine * sun_rgb[2]
         )
         haze = min(reach[k] * _HAZE, half)  # the first terms of 1 - exp(-x)
         haze -= half * haze * haze
         if haze > np.float32(0.01):
-            r, g, b = sky_radiance(dome, dx, dy, np.float32(0.04))
-            red, green, blue = red + (r - red) * haze, green + (g - green) * haze, blue + (b - blue) * haze
-        out[0], out[1], out[2] = _EXPOSURE * red, _EXPOSURE * green, _EXPOSURE * blue
+            red, green, blue = (
+                red + (mist[0] - red) * haze, green + (mist[1] - green) * haze, blue + (mist[2] - blue) * haze,
+            )  # fmt: skip
+        colour[k, 0], colour[k, 1], colour[k, 2] = _EXPOSURE * red, _EXPOSURE * green, _EXPOSURE * blue
 
 
 @njit(error_model="numpy", nogil=True, cache=True)
 def find_edges(
-    linear: NDArray[np.float32], instance: NDArray[np.uint16], depth: NDArray[np.float32], edges: NDArray[np.int32]
-) -> int:
+    linear: NDArray[np.float32], instance: NDArray[np.uint16], depth: NDArray[np.float32],
+    marked: NDArray[np.bool_], edges: NDArray[np.int32],
+) -> int:  # fmt: skip
     """List pixels (row, column) that differ in brightness from a neighbour which lies elsewhere; returns how many.
 
-    Elsewhere is another object, or a step in depth of more than 1 %: a texture's own contrast is no edge.
+    Elsewhere is another object, or a step in depth of more than EDGE_STEP: a texture's own contrast is no edge. The list
+    goes tile by tile, so that rays that are traced together stay neighbours.
     """
     height, width = instance.shape
     bright = np.empty((2, width), np.float32)
-    marked = np.zeros((2, width), np.bool_)
-    count = 0
-    for v in range(height + 1):
+    marked[:] = False
+    for v in range(height):
         row, above = v & 1, (v + 1) & 1
-        marked[row, :] = False
-        if v < height:
-            for u in range(width):
-                r, g, b = linear[v, u, 0], linear[v, u, 1], linear[v, u, 2]
-                value = np.sqrt(min(np.float32(0.2) * r + np.float32(0.7) * g + np.float32(0.1) * b, np.float32(1.0)))
-                bright[row, u] = value
-                here = depth[v, u]
-                if u > 0 and abs(value - bright[row, u - 1]) > _EDGE:
-                    step = abs(here - depth[v, u - 1]) > _STEP * here
-                    if step or instance[v, u] != instance[v, u - 1]:
-                        marked[row, u], marked[row, u - 1] = True, True
-                if v > 0 and abs(value - bright[above, u]) > _EDGE:
-                    step = abs(here - depth[v - 1, u]) > _STEP * here
-                    if step or instance[v, u] != instance[v - 1, u]:
-                        marked[row, u], marked[above, u] = True, True
-        if v > 0:
-            for u in range(width):
-                if marked[above, u]:
-                    edges[count, 0], edges[count, 1] = v - 1, u
-                    count += 1
+        for u in range(width):
+            r, g, b = linear[v, u, 0], linear[v, u, 1], linear[v, u, 2]
+            value = np.sqrt(min(np.float32(0.2) * r + np.float32(0.7) * g + np.float32(0.1) * b, np.float32(1.0)))
+            bright[row, u] = value
+            here, thing = depth[v, u], instance[v, u]
+            if u > 0 and abs(value - bright[row, u - 1]) > _EDGE:
+                if thing != instance[v, u - 1] or abs(here - depth[v, u - 1]) > _STEP * here:
+                    marked[v, u], marked[v, u - 1] = True, True
+            if v > 0 and abs(value - bright[above, u]) > _EDGE:
+                if thing != instance[v - 1, u] or abs(here - depth[v - 1, u]) > _STEP * here:
+                    marked[v, u], marked[v - 1, u] = True, True
+    count = 0
+    for upper in range(0, height, _TILE):
+        for left in range(0, width, _TILE):
+            for v in range(upper, min(upper + _TILE, height)):
+                for u in range(left, min(left + _TILE, width)):
+                    if marked[v, u]:
+                        edges[count, 0], edges[count, 1] = v, u
+                        count += 1
     return count
 
 
@@ -254,11 +264,11 @@ def _refine(
         pixels = min(batch, count - first)
         for k in range(pixels):
             v, u = edges[first + k, 0], edges[first + k, 1]
-            turn = 0.7 * ((3 * u + 5 * v) % 7)
+            turn = (3 * u + 5 * v) % _TURNS
             for s in range(samples):
-                angle = 2.0 * np.pi * s / samples + turn
-                image[k * samples + s, 0] = u + 0.38 * np.cos(angle)
-                image[k * samples + s, 1] = v + 0.38 * np.sin(angle)
+                row = (turn + s * _TURNS // samples) % _TURNS
+                image[k * samples + s, 0] = u + _OFFSETS[row, 0]
+                image[k * samples + s, 1] = v + _OFFSETS[row, 1]
         trace(studio.scene, room.packet, pose, lens, far, room.strip, pixels * samples)
         _colour(studio, room, pixels * samples, 1.0 / lens.fx)
         for k in range(pixels):

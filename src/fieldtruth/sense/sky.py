@@ -23,6 +23,7 @@ class Dome(NamedTuple):
 
     rgb: NDArray[np.float32]
     mean: NDArray[np.float32]  # (3,) irradiance of level ground, divided by pi
+    mist: NDArray[np.float32]  # (3,) radiance near the horizon, which the air between takes on
 
 
 def sun_direction(azimuth_deg: float, elevation_deg: float) -> NDArray[np.float64]:
@@ -46,7 +47,8 @@ def make_dome(sun: NDArray[np.float64], rng: np.random.Generator) -> Dome:
     cover, lit = _clouds(x, y, z, sun, rng)
     cloud = np.array([1.0, 0.985, 0.96]) * (0.42 * lit[..., None]) + np.array([0.055, 0.06, 0.07])
     rgb = rgb * (1.0 - cover[..., None]) + cloud * cover[..., None]
-    return Dome(rgb.astype(np.float32), (rgb * weight[..., None]).sum(axis=(0, 1)).astype(np.float32))
+    irradiance, horizon = (rgb * weight[..., None]).sum(axis=(0, 1)), rgb[: ROWS // 25].mean(axis=(0, 1))
+    return Dome(rgb.astype(np.float32), irradiance.astype(np.float32), horizon.astype(np.float32))
 
 
 def _preetham(z: NDArray[np.float64], cos_gamma: NDArray[np.float64], sun_z: float) -> NDArray[np.float64]:

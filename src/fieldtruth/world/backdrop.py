@@ -25,9 +25,7 @@ def make_backdrop(field: Heightfield, size: tuple[float, float], material: str, 
     y0 = field.y0 + field.spacing * edge[:, 1]
     h0 = field.heights[edge[:, 0], edge[:, 1]].astype(np.float64)
     angle = np.arctan2(y0 / size[1], x0 / size[0])
-    hills = sum(
-        (rng.normal() * np.cos(k * angle) + rng.normal() * np.sin(k * angle)) / k**0.7 for k in range(2, 18)
-    )
+    hills = sum((rng.normal() * np.cos(k * angle) + rng.normal() * np.sin(k * angle)) / k**0.7 for k in range(2, 18))
     far = np.hypot(x0, y0)
     rows = []
     for distance in RINGS:

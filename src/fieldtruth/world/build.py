@@ -58,7 +58,9 @@ def _corridors(environment: str) -> list[Line]:
     from fieldtruth.experiment.files import load_experiment
     from fieldtruth.experiment.route import metres_from_route
 
-    routes = [load_experiment(name).route for name in list_experiments() if load_experiment(name).environment == environment]
+    routes = [
+        load_experiment(name).route for name in list_experiments() if load_experiment(name).environment == environment
+    ]
     return [Line.through([tuple(p) for p in metres_from_route(route)], smooth=False) for route in routes]
 
 

@@ -8,8 +8,6 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
-from scipy.spatial import cKDTree
 
 Array = NDArray[np.float64]
 _STEP = 0.05  # [m] between the points of a line
@@ -29,6 +27,8 @@ class Line:
         chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(knots, axis=0), axis=1))])
         s = np.linspace(0.0, chord[-1], max(2, int(chord[-1] / _STEP) + 1))
         if smooth and len(knots) > 2:
+            from scipy.interpolate import CubicSpline  # late: a list of environments needs no splines
+
             points = CubicSpline(chord, knots)(s)
         else:
             points = np.stack([np.interp(s, chord, knots[:, k]) for k in range(2)], axis=-1)
@@ -42,12 +42,14 @@ class Line:
 
     def distance(self, places: ArrayLike) -> Array:
         """Distance [m], (n,), of places (n, 2) to the line."""
+        from scipy.spatial import cKDTree
+
         places = np.asarray(places, np.float64)
         _, nearest = cKDTree(self.points).query(places)
         best = np.full(len(places), np.inf)
         for step in (-1, 0):  # the two pieces that meet in the nearest point
-            a = self.points[np.clip(nearest + step, 0, len(self.points) - 2)]
-            b = self.points[np.clip(nearest + step, 0, len(self.points) - 2) + 1]
+            first = np.clip(nearest + step, 0, len(self.points) - 2)
+            a, b = self.points[first], self.points[first + 1]
             along = np.clip(((places - a) * (b - a)).sum(1) / ((b - a) ** 2).sum(1), 0.0, 1.0)
             best = np.minimum(best, np.linalg.norm(places - a - along[:, None] * (b - a), axis=1))
         return best

@@ -131,9 +131,7 @@ def _plant_trees(site: Site, config: ParkConfig, rng: np.random.Generator, growt
             for k in range(config.individuals)
             for species in SPECIES.values()
         ]
-        site.scatter(
-            kind, trees, count, rng=rng, allowed=off_trails, spacing=spacing, scales=(0.9, 1.12), tint=0.07
-        )
+        site.scatter(kind, trees, count, rng=rng, allowed=off_trails, spacing=spacing, scales=(0.9, 1.12), tint=0.07)
 
 
 def _plant_bushes(site: Site, config: ParkConfig, rng: np.random.Generator) -> None:
