@@ -1,0 +1,156 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Worlds so small that every range and every pixel in them is known in closed form."""
+
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fieldtruth.classes import Label
+from fieldtruth.experiment.rig import LidarConfig
+from fieldtruth.sense import Lidar, Scene
+from fieldtruth.world import load_world
+from fieldtruth.world.model import Heightfield, Instance, Material, Mesh, Raster, Terrain, World
+
+F8 = NDArray[np.float64]
+Thing = tuple[Mesh, F8]
+
+MATERIALS = {
+    "soil": Label.GROUND,
+    "gravel": Label.TRAIL,
+    "stone": Label.ROCK,
+    "bark": Label.TRUNK,
+    "leaf": Label.TREETOP,
+    "wood": Label.BENCH,
+    "water": Label.WATER,
+}
+BOX_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+BOX_FACES = np.array(
+    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4],
+     [1, 5, 7], [1, 7, 3]]
+)  # fmt: skip
+"""Two triangles for each of -x, +x, -y, +y, -z, +z."""
+
+
+def make_mesh(
+    name: str, vertices: ArrayLike, faces: ArrayLike, material: str | Sequence[str] = "stone", *, footprint: float = 0.5
+) -> Mesh:
+    """Flat triangles; ``material`` is one name, or a name for each face."""
+    corners = np.asarray(vertices, np.float64)[np.asarray(faces)]
+    count = len(corners)
+    names = [material] * count if isinstance(material, str) else list(material)
+    unique = tuple(dict.fromkeys(names))
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    return Mesh(
+        name=name,
+        vertices=corners.reshape(-1, 3).astype(np.float32),
+        normals=np.repeat(across, 3, axis=0).astype(np.float32),
+        uv=corners.reshape(-1, 3)[:, :2].astype(np.float32),
+        faces=np.arange(3 * count, dtype=np.int32).reshape(-1, 3),
+        material=np.array([unique.index(n) for n in names], np.int32),
+        materials=unique,
+        footprint=footprint,
+    )
+
+
+def box(name: str, half: Sequence[float], material: str | Sequence[str] = "stone") -> Mesh:
+    """A box about its origin, by half its edges [m]."""
+    return make_mesh(name, BOX_CORNERS * half, BOX_FACES, material)
+
+
+def quad(name: str, corners: ArrayLike, material: str = "stone") -> Mesh:
+    """A plane piece through four corners (4, 3) in a turn."""
+    return make_mesh(name, corners, [[0, 1, 2], [0, 2, 3]], material)
+
+
+def at(x: float, y: float, z: float) -> F8:
+    """A pose that only moves."""
+    pose = np.eye(4)
+    pose[:3, 3] = x, y, z
+    return pose
+
+
+def make_world(
+    things: Sequence[Thing] = (), *, height: float | Callable[[F8, F8], F8] = 0.0, side: float = 40.0,
+    spacing: float = 0.5, trail: Raster | None = None,
+) -> World:  # fmt: skip
+    """A square of ground about the origin, without trails unless a raster of distances says so, and things on it."""
+    count = round(side / spacing) + 1
+    x, y = np.meshgrid(*2 * [-side / 2 + spacing * np.arange(count)], indexing="ij")
+    heights = height(x, y) if callable(height) else np.full_like(x, height)
+    texture = np.full((4, 4, 3), 120, np.uint8)
+    return World(
+        name="tiny",
+        seed=0,
+        size=(side, side),
+        terrain=Terrain(
+            field=Heightfield(heights=heights.astype(np.float32), spacing=spacing, x0=-side / 2, y0=-side / 2),
+            trail_distance=trail
+            or Raster(values=np.ones((2, 2), np.float32), spacing=side, x0=-side / 2, y0=-side / 2),
+            cover=Raster(values=np.ones((2, 2, 1), np.float32), spacing=side, x0=-side / 2, y0=-side / 2),
+            ground_materials=("soil",),
+            trail_material="gravel",
+            border_material="gravel",
+        ),
+        meshes={mesh.name: mesh for mesh, _ in things},
+        instances=tuple(
+            Instance(name=f"thing_{k}", kind="thing", mesh=mesh.name, object_id=k + 2, world_from_object=pose)
+            for k, (mesh, pose) in enumerate(things)
+        ),
+        materials={
+            name: Material(name=name, label=label, texture="grey", translucency=0.4 * (name == "leaf"))
+            for name, label in MATERIALS.items()
+        },
+        textures={"grey": texture},
+        object_names=("husky", "ground", *(f"thing_{k}" for k in range(len(things)))),
+    )
+
+
+def abyss(*things: Thing) -> Scene:
+    """Things alone: the ground is too far below to be seen by a LiDAR."""
+    return Scene(make_world(things, height=-900.0))
+
+
+class Rays(NamedTuple):
+    """What single rays hit: range [m] (0 for nothing), class and object id."""
+
+    range_m: F8
+    label: NDArray[np.uint8]
+    instance: NDArray[np.uint16]
+
+
+def trace_rays(scene: Scene, origins: F8, directions: F8, *, max_range: float = 200.0) -> Rays:
+    """Send rays (n, 3) of our choice through the LiDAR: one ring, and for each column the pose that aims it."""
+    out = Rays(np.zeros(len(origins)), np.zeros(len(origins), np.uint8), np.zeros(len(origins), np.uint16))
+    for first in range(0, len(origins), 4096):
+        rows = slice(first, first + 4096)
+        count = max(8, len(origins[rows]))
+        config = LidarConfig(columns=count, rings=1, min_range=0.0, max_range=max_range)
+        azimuth = -2.0 * np.pi * np.arange(len(origins[rows])) / count
+        ahead = directions[rows] / np.linalg.norm(directions[rows], axis=1, keepdims=True)
+        side = np.cross(ahead, np.where(np.abs(ahead[:, 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]))
+        side /= np.linalg.norm(side, axis=1, keepdims=True)
+        frame = np.stack([ahead, side, np.cross(ahead, side)], axis=-1)
+        turn = np.zeros_like(frame)
+        turn[:, 0, 0], turn[:, 1, 1], turn[:, 2, 2] = np.cos(azimuth), np.cos(azimuth), 1.0
+        turn[:, 0, 1], turn[:, 1, 0] = -np.sin(azimuth), np.sin(azimuth)
+        poses = np.tile(np.eye(4), (count, 1, 1))
+        poses[len(ahead) :, 2, 3] = 1e6  # spare columns look at nothing
+        poses[: len(ahead), :3, :3] = frame @ np.swapaxes(turn, 1, 2)
+        poses[: len(ahead), :3, 3] = origins[rows]
+        scan = Lidar(config, scene).scan(poses)
+        out.range_m[first + scan.column] = scan.range_m
+        out.label[first + scan.column] = scan.label
+        out.instance[first + scan.column] = scan.instance
+    return out
+
+
+@cache
+def park_scene(folder: Path) -> Scene:
+    """The park of seed 0, built once per session: ``folder`` is the session's own."""
+    return Scene(load_world("park", 0, cache_folder=folder / "worlds"))
