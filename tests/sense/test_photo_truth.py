@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from sense_worlds import at, box, make_world, quad
+from sense_worlds import F8, Thing, at, box, make_world, quad
 
 from fieldtruth import frames
 from fieldtruth.experiment.config import LightConfig
@@ -21,7 +21,7 @@ SUNS = [(118.0, 41.0), (250.0, 30.0), (0.0, 45.0), (-40.0, 60.0)]
 def cluttered() -> Scene:
     """Hilly ground, boxes at all angles, a roof of leaves."""
     rng = np.random.default_rng(5)
-    things = [
+    things: list[Thing] = [
         (box(f"box_{k}", rng.uniform(0.1, 0.8, 3).tolist(), ["stone", "bark", "wood"][k % 3]),
          frames.pose((rng.uniform(3, 12), rng.uniform(-5, 5), rng.uniform(0, 2)), rng.uniform(0, 90, 3).tolist()))
         for k in range(25)
@@ -69,7 +69,7 @@ def test_another_scene_of_the_same_world_gives_the_same_picture(scene: Scene) ->
     assert same(Camera(SMALL, scene).shoot(POSE), Camera(SMALL, cluttered()).shoot(POSE))
 
 
-def overhead(azimuth: float, elevation: float) -> tuple[NDArray[np.float64], NDArray[np.float64], Picture]:
+def overhead(azimuth: float, elevation: float) -> tuple[F8, F8, Picture]:
     """World x, y [m] of the ground in each pixel, and the picture of a box 0.6 x 0.6 x 1.5 m from 20 m above it."""
     light = LightConfig(sun_azimuth_deg=azimuth, sun_elevation_deg=elevation)
     scene = Scene(make_world([(box("box", (0.3, 0.3, 0.75)), at(0, 0, 0.75))], side=24.0), light)
@@ -82,9 +82,7 @@ def overhead(azimuth: float, elevation: float) -> tuple[NDArray[np.float64], NDA
     return x, y, Camera(config, scene).shoot(pose)
 
 
-def in_shadow(
-    x: NDArray[np.float64], y: NDArray[np.float64], azimuth: float, elevation: float, grow: float
-) -> NDArray[np.bool_]:
+def in_shadow(x: F8, y: F8, azimuth: float, elevation: float, grow: float) -> NDArray[np.bool_]:
     """Ground whose ray to the sun meets the box, grown by ``grow`` [m]: slabs of the box along that ray."""
     # Azimuth runs clockwise from north; x is north and y is west, so that an eastern sun (90 deg) stands at -y.
     a, e = np.radians([azimuth, elevation])
@@ -92,8 +90,8 @@ def in_shadow(
     s = np.linspace(0, 1.5 / slope, 400)[
         :, None, None
     ]  # horizontal way towards the sun until it is higher than the box
-    inside = (np.abs(x + s * sx) < 0.3 + grow) & (np.abs(y + s * sy) < 0.3 + grow)
-    return np.asarray(inside.any(axis=0))
+    inside = [(np.abs(x + s * sx) < 0.3 + grow) & (np.abs(y + s * sy) < 0.3 + grow) for s in way]
+    return np.asarray(np.any(inside, axis=0))
 
 
 @pytest.mark.parametrize(("azimuth", "elevation"), SUNS)
@@ -124,28 +122,19 @@ def test_the_side_towards_the_sun_is_the_bright_one(azimuth: float, elevation: f
 
 
 def test_an_object_shades_another_object() -> None:
-    """A wall in the west stands in the shadow of a box in the east while the sun stands in the east, else not."""
-    things = [
-        (quad("wall", [[-3, 2, 0], [3, 2, 0], [3, 2, 3], [-3, 2, 3]]), at(0, 0, 0)),
-        (box("box", (0.5, 0.2, 0.5)), at(0, 0, 1.655)),
-    ]
-    config = CameraConfig(width=320, height=184)
-    pose = frames.pose((0, -0.5, 1.0), (0, 0, 90)) @ OPTICAL  # below the box and before the wall
+    """A wall in the west carries the shadow of a box before it while the sun stands in the east."""
+    wall = quad("wall", [[-3, 2, 0], [3, 2, 0], [3, 2, 3], [-3, 2, 3]])
+    things: list[Thing] = [(wall, at(0, 0, 0)), (box("box", (0.5, 0.2, 0.5)), at(0, 0, 1.655))]
     scene = Scene(make_world(things, side=30.0), LightConfig(sun_azimuth_deg=90.0, sun_elevation_deg=20.0))
-    picture = Camera(config, scene).shoot(pose)
+    # 2.5 m before the wall and below the box, looking west: image right is north (+x).
+    picture = Camera(SMALL, scene).shoot(frames.pose((0, -0.5, 1.0), (0, 0, 90)) @ OPTICAL)
     v, u = np.nonzero(picture.instance == 2)
-    points = np.stack(
-        [(2 * (u + 0.5) / 320 - 1) * np.tan(np.radians(34.5)) * 2.5, 1.0 - (2 * (v + 0.5) / 184 - 1) * np.tan(np.radians(21)) * 2.5], axis=-1
-    )  # fmt: skip
+    x = 2.5 * np.tan(np.radians(34.5)) * (2 * (u + 0.5) / 320 - 1)
+    z = 1.0 - 2.5 * np.tan(np.radians(21.0)) * (2 * (v + 0.5) / 184 - 1)
     bright = picture.photo[v, u].astype(float).mean(axis=-1)
-    # Looking west, image right is north (+x). The sun drops tan 20 deg from the box at y = -0.2..0.2 to the wall at y = 2.
-    drop = np.tan(np.radians(20.0))
-    shaded = (
-        (np.abs(points[:, 0]) < 0.45)
-        & (points[:, 1] > 1.155 - 1.8 * drop + 0.05)
-        & (points[:, 1] < 2.155 - 2.2 * drop - 0.05)
-    )
-    clear = (np.abs(points[:, 0]) > 0.6) & (np.abs(points[:, 0]) < 1.2) & (points[:, 1] > 0.4)
+    drop = np.tan(np.radians(20.0))  # of the sun's rays from the box at y = -0.2 .. 0.2 to the wall at y = 2
+    shaded = (np.abs(x) < 0.45) & (z > 1.155 - 1.8 * drop + 0.05) & (z < 2.155 - 2.2 * drop - 0.05)
+    clear = (np.abs(x) > 0.6) & (np.abs(x) < 1.2) & (z > 0.4)
     assert shaded.sum() > 200
     assert clear.sum() > 200
     assert bright[shaded].max() < 0.8 * bright[clear].min()
