@@ -114,14 +114,13 @@ def _list(options: argparse.Namespace) -> None:
 
 def _bench(options: argparse.Namespace) -> None:
     import json
-    from importlib import import_module
 
-    figures: dict[str, float] = import_module("fieldtruth.bench").run()
-    if options.json:
-        print(json.dumps(figures))
-        return
-    for name, value in figures.items():
-        print(f"{name:<32}{value:>12.4g}")
+    from fieldtruth.bench import run, table
+    from fieldtruth.report.progress import show_progress
+
+    with show_progress() as progress:
+        figures = run(progress=progress)
+    print(json.dumps(figures) if options.json else table(figures))
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -27,7 +27,7 @@ class OutputError(FieldtruthError):
 
 
 class DriveError(FieldtruthError):
-    """The robot is stuck, tipped, has touched an obstacle or has left the world; says when, where, at which way-point."""
+    """The robot is stuck, tipped, touched an obstacle or left the world; says when, where, at which way-point."""
 
 
 class EngineError(FieldtruthError):

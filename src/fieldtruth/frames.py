@@ -4,7 +4,8 @@
 
 A transform is a 4 x 4 float64 matrix named ``a_from_b``: it takes points of frame b to frame a, so that products read
 like a chain, ``world_from_lidar = world_from_base @ base_from_lidar``. Frames follow REP-103 (x forward, y left, z up;
-optical frames: x right, y down, z forward). Inside the package quaternions are (w, x, y, z); ROS messages are (x, y, z, w).
+optical frames: x right, y down, z forward). Quaternions are (w, x, y, z) inside the package; in ROS's messages they are
+(x, y, z, w).
 """
 
 from collections.abc import Sequence

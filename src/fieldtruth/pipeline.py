@@ -58,6 +58,8 @@ def generate(
             track = drive(world, experiment)
         with progress.stage("prepare the scene"):
             scene = Scene(world, experiment.light)
+            if rig.cameras.enabled:
+                scene.studio  # noqa: B018  (light is baked now, before the threads ask for it)
 
         def sensors() -> Sensors:
             lidar = Lidar(rig.lidar, scene) if rig.lidar.enabled else None

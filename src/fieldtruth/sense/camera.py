@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The camera: a pinhole whose photograph, labels and depth come from the same hit of the ray through each pixel's centre."""
+"""The camera: a pinhole whose photograph, labels and depth come from one hit of the ray through each pixel's centre."""
 
 from dataclasses import dataclass
 from typing import Final

@@ -67,7 +67,7 @@ def hit_top(words: NDArray[np.uint32], lane: int) -> int:
 
 @njit(error_model="numpy", nogil=True, cache=True, inline="always")
 def classify(table: HitTable, top: int, primitive: int, x: float, y: float) -> tuple[int, int]:
-    """Class and object id of a hit on face ``primitive`` of ``top`` at world x, y [m]; (sky, 0) where nothing was hit."""
+    """Class and object id of a hit on triangle ``primitive`` of ``top`` at world x, y [m]; (sky, 0) for none."""
     if top < 0:
         return _SKY, 0
     if top == TERRAIN:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Light that does not change while a robot drives, computed once per scene: shadows on the ground, and open sky everywhere.
+"""Light that does not change while a robot drives, computed once per scene: shadows on the ground, open sky everywhere.
 
 The world stands still and so does the sun. Whether a patch of ground sees the sun, and how much sky a leaf or a corner
 sees, is therefore traced once (by as many threads as there are) and costs nothing per frame. Only objects' own shadows
@@ -110,7 +110,7 @@ def _ground_grid(
 
 
 def _vertex_sky(scene: Scene, pool: ThreadPoolExecutor) -> NDArray[np.float32]:
-    """Open sky at every vertex of every mesh, each standing alone: objects are moved and shared, so neighbours do not count."""
+    """Open sky at every vertex of every mesh, each standing alone: objects share meshes, so neighbours do not count."""
     world = scene.world
     meshes = [*world.meshes.values(), *([world.backdrop] if world.backdrop is not None else [])]
     wood_rays, leaf_rays = _hemisphere(24), _hemisphere(11)

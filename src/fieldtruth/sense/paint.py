@@ -73,9 +73,10 @@ _FINER: Final = 2
 
 
 def _slopes(terrain: Terrain) -> NDArray[np.float64]:
-    """Slope of the terrain along x and y at the cover's nodes, (nx, ny, 2), smooth across the heightfield's triangles."""
+    """Slope of the terrain along x and y at the cover's nodes, (nx, ny, 2), smooth across the triangles."""
     field, cover = terrain.field, terrain.cover
-    slopes = np.stack(np.gradient(field.heights.astype(np.float64), field.spacing), axis=-1)
+    along_x, along_y = np.gradient(field.heights.astype(np.float64), field.spacing)
+    slopes = np.stack([np.asarray(along_x), np.asarray(along_y)], axis=-1)
     smooth = Raster(values=slopes.astype(np.float32), spacing=field.spacing, x0=field.x0, y0=field.y0)
     nx, ny = cover.values.shape[:2]
     x, y = cover.x0 + cover.spacing * np.arange(nx), cover.y0 + cover.spacing * np.arange(ny)
@@ -85,7 +86,7 @@ def _slopes(terrain: Terrain) -> NDArray[np.float64]:
 def _ground(
     terrain: Terrain, rows: list[int], mean: NDArray[np.float32], materials: list[Material]
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-    """Mixed colour per node of the cover, and on a finer grid the one material whose grain shows, with ragged borders."""
+    """Mixed colour per node of the cover; on a finer grid the one material whose grain shows, with ragged borders."""
     weights = terrain.cover.values / np.maximum(terrain.cover.values.sum(axis=-1, keepdims=True), 1e-6)
     rgb = weights @ mean[rows]
     nx, ny = weights.shape[:2]
@@ -119,7 +120,7 @@ def _dither(u: float, v: float) -> float:
     """A fixed pattern in [0, 1) over the image (interleaved gradient noise, Jimenez 2014)."""
     inner = np.float32(0.06711056) * u + np.float32(0.00583715) * v
     value = np.float32(52.9829189) * (inner - np.floor(inner))
-    return value - np.floor(value)
+    return float(value - np.floor(value))
 
 
 @njit(error_model="numpy", nogil=True, cache=True)
@@ -160,7 +161,7 @@ def paint_ground(
         else:
             gi = min(max(int((x - x0) * paint.per_metre_material + 0.5), 0), grain.shape[0] - 1)
             gj = min(max(int((y - y0) * paint.per_metre_material + 0.5), 0), grain.shape[1] - 1)
-            row = np.int64(grain[gi, gj])
+            row = int(grain[gi, gj])
         texture, per_metre = textures[row], 1.0 / repeats[row]
         level = _level(sizes[texture, 0], footprint, repeats[row], _dither(image[k, 0], image[k, 1]))
         red, green, blue = sample(atlas, texture, x * per_metre, y * per_metre, level)
@@ -187,7 +188,7 @@ def paint_objects(
     strip: Strip, count: int, pixel: float, hits: HitTable, surfaces: SurfaceTable, paint: PaintTable,
     light: LightTable, out: NDArray[np.float32],
 ) -> None:  # fmt: skip
-    """Fill rows of ``out`` (n, FIELDS) for the points that lie on meshes; SUN asks for a shadow ray except on leaves."""
+    """Fill rows of ``out`` (n, FIELDS) for the points that lie on meshes; SUN asks for shadow rays except on leaves."""
     tops, directions, reach, image, atlas = strip.top, strip.direction, strip.reach, strip.image, paint.atlas
     primitives, barycentric = strip.primitive, strip.barycentric
     sizes, textures, tints, glosses, translucency = (

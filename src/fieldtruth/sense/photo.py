@@ -9,17 +9,29 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fieldtruth.sense import embree
-from fieldtruth.sense.atlas import srgb_from_linear
-from fieldtruth.sense.hits import TERRAIN, HitTable
+from fieldtruth.sense.hits import TERRAIN
 from fieldtruth.sense.light import LightTable
 from fieldtruth.sense.packets import Packet, new_packet, set_ray
 from fieldtruth.sense.paint import (
-    BLUE, FIELDS, GLOSS, GREEN, NX, NY, NZ, RED, SKY, SUN, THROUGH, TRACE_SUN, PaintTable, paint_ground, paint_objects,
+    BLUE,
+    FIELDS,
+    GLOSS,
+    GREEN,
+    NX,
+    NY,
+    NZ,
+    RED,
+    SKY,
+    SUN,
+    THROUGH,
+    TRACE_SUN,
+    paint_ground,
+    paint_objects,
 )  # fmt: skip
 from fieldtruth.sense.pinhole import Pinhole
-from fieldtruth.sense.scene import SurfaceTable
 from fieldtruth.sense.sky import sky_radiance
 from fieldtruth.sense.strip import STRIP_ROWS, Strip, name_pixels, new_strip, pixel_row_points, trace
+from fieldtruth.sense.studio import CURVE_STEPS, CURVE_TOP, Studio
 
 EXPOSURE: Final = 3.9
 HAZE_PER_METRE: Final = 1.0 / 1800.0
@@ -27,8 +39,6 @@ EDGE_CONTRAST: Final = 0.15
 """Difference of the square roots of neighbours' luminance above which a pixel at an edge is refined."""
 EDGE_STEP: Final = 0.01
 """Step in depth, relative, that makes an edge."""
-CURVE_TOP: Final = 16.0
-_CURVE_STEPS: Final = 4096
 _LENS: Final = 0.07
 """Share of a pixel's light that a good lens spills into each of its four neighbours."""
 
@@ -42,24 +52,6 @@ _LIFT, _REACH = 0.002, 80.0  # [m] between a surface and its shadow ray, and how
 
 _LANES, _FAR = embree.LANES, embree.TFAR
 _occluded: Any = embree.occluded
-
-
-class Studio(NamedTuple):
-    """Everything that a photograph needs to know of a scene; only read."""
-
-    scene: np.uint64
-    hits: HitTable
-    surfaces: SurfaceTable
-    paint: PaintTable
-    light: LightTable
-    curve: NDArray[np.uint8]
-
-
-def film_curve() -> NDArray[np.uint8]:
-    """SRGB byte by the square root of linear light in [0, CURVE_TOP]: a filmic curve (Narkowicz 2015, ACES fit)."""
-    light = np.linspace(0.0, np.sqrt(CURVE_TOP), _CURVE_STEPS) ** 2
-    film = light * (2.51 * light + 0.03) / (light * (2.43 * light + 0.59) + 0.14)
-    return np.rint(255.0 * srgb_from_linear(film)).astype(np.uint8)
 
 
 class Darkroom(NamedTuple):
@@ -219,8 +211,8 @@ def find_edges(
 ) -> int:  # fmt: skip
     """List pixels (row, column) that differ in brightness from a neighbour which lies elsewhere; returns how many.
 
-    Elsewhere is another object, or a step in depth of more than EDGE_STEP: a texture's own contrast is no edge. The list
-    goes tile by tile, so that rays that are traced together stay neighbours.
+    Elsewhere is another object, or a step in depth of more than EDGE_STEP: a texture's own contrast is no edge. The
+    list goes tile by tile, so that rays that are traced together stay neighbours.
     """
     height, width = instance.shape
     bright = np.empty((2, width), np.float32)
@@ -232,12 +224,12 @@ def find_edges(
             value = np.sqrt(min(np.float32(0.2) * r + np.float32(0.7) * g + np.float32(0.1) * b, np.float32(1.0)))
             bright[row, u] = value
             here, thing = depth[v, u], instance[v, u]
-            if u > 0 and abs(value - bright[row, u - 1]) > _EDGE:
-                if thing != instance[v, u - 1] or abs(here - depth[v, u - 1]) > _STEP * here:
-                    marked[v, u], marked[v, u - 1] = True, True
-            if v > 0 and abs(value - bright[above, u]) > _EDGE:
-                if thing != instance[v - 1, u] or abs(here - depth[v - 1, u]) > _STEP * here:
-                    marked[v, u], marked[v - 1, u] = True, True
+            apart = u > 0 and (thing != instance[v, u - 1] or abs(here - depth[v, u - 1]) > _STEP * here)
+            if apart and abs(value - bright[row, u - 1]) > _EDGE:
+                marked[v, u], marked[v, u - 1] = True, True
+            apart = v > 0 and (thing != instance[v - 1, u] or abs(here - depth[v - 1, u]) > _STEP * here)
+            if apart and abs(value - bright[above, u]) > _EDGE:
+                marked[v, u], marked[v - 1, u] = True, True
     count = 0
     for upper in range(0, height, _TILE):
         for left in range(0, width, _TILE):
@@ -284,7 +276,7 @@ def _refine(
 def _develop(curve: NDArray[np.uint8], linear: NDArray[np.float32], photo: NDArray[np.uint8]) -> None:
     """Spill a little light into neighbours, as a lens does, and apply the film's curve."""
     height, width, _ = linear.shape
-    scale = np.float32((_CURVE_STEPS - 1) / np.sqrt(CURVE_TOP))
+    scale = np.float32((CURVE_STEPS - 1) / np.sqrt(CURVE_TOP))
     keep, spill, top = np.float32(1.0 - 4.0 * _LENS), np.float32(_LENS), np.float32(CURVE_TOP)
     for v in range(height):
         up, down = max(v - 1, 0), min(v + 1, height - 1)

@@ -35,9 +35,9 @@ def pinhole(config: CameraConfig) -> Pinhole:
 def set_pixel_ray(
     packet: Packet, lane: int, pose: NDArray[np.float64], lens: Pinhole, u: float, v: float, far: float
 ) -> float:
-    """Put the ray through image point (u, v) [pixel] into a lane; returns the cosine of its angle to the optical axis."""
+    """Put the ray through image point (u, v) [pixel] into a lane; return the cosine of its angle to the axis."""
     a, b = (u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy
-    cosine = 1.0 / np.sqrt(1.0 + a * a + b * b)
+    cosine = float(1.0 / np.sqrt(1.0 + a * a + b * b))
     set_ray(
         packet, lane, pose[0, 3], pose[1, 3], pose[2, 3],
         (pose[0, 0] * a + pose[0, 1] * b + pose[0, 2]) * cosine,

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""One ray scene for all sensors: the world's triangles in Embree, and the tables that name and paint what a ray hits."""
+"""One ray scene for all sensors: the world's triangles in Embree, and the tables that name what a ray hits."""
 
-from functools import cached_property
+from threading import Lock
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -14,11 +14,11 @@ from fieldtruth.sense.hits import Grid, HitTable
 from fieldtruth.world.model import GROUND_ID, Heightfield, Mesh, Raster, World
 
 if TYPE_CHECKING:
-    from fieldtruth.sense.photo import Studio
+    from fieldtruth.sense.studio import Studio
 
 
 class SurfaceTable(NamedTuple):
-    """Geometry of all meshes, one behind the other, for kernels that paint: rows by vertex, face and top-level thing."""
+    """Geometry of all meshes, one behind the other, for kernels that paint: rows by vertex, face and thing."""
 
     vertex_normal: NDArray[np.float32]  # (v, 3) unit, in the object's frame
     vertex_uv: NDArray[np.float32]  # (v, 2) repeats of the texture
@@ -50,12 +50,14 @@ def grid_of(raster: Raster) -> Grid:
 class Scene:
     """A world that can be looked at. Threads share it: after construction it is only read.
 
-    ``rays`` is the Embree scene, ``hits`` names what was hit, ``surfaces`` says how it lies; ``light`` is kept for cameras.
+    ``rays`` is the Embree scene, ``hits`` names what was hit, ``surfaces`` says how it lies; ``light`` serves cameras.
     """
 
     def __init__(self, world: World, light: LightConfig | None = None) -> None:
         self.world = world
         self.light = light if light is not None else LightConfig()
+        self._lock = Lock()
+        self._studio: Studio | None = None
         self.engine = Engine()
         meshes = list(world.meshes.values())
         if world.backdrop is not None:
@@ -85,14 +87,15 @@ class Scene:
             raise AssertionError(f"Embree numbered a thing {row} instead of {len(self.tops)}")
         self.tops.append((row, mesh, pose))
 
-    @cached_property
+    @property
     def studio(self) -> "Studio":
-        """Light, colours and film for photographs: made when the first photograph asks for it, and shared by threads."""
-        from fieldtruth.sense.light import bake
-        from fieldtruth.sense.paint import paint_table
-        from fieldtruth.sense.photo import Studio, film_curve
+        """Light, colours and film: made when the first photograph asks for them, and shared by threads."""
+        from fieldtruth.sense.studio import make_studio  # late: a LiDAR alone needs no light
 
-        return Studio(self.rays.handle, self.hits, self.surfaces, paint_table(self.world), bake(self), film_curve())
+        with self._lock:
+            if self._studio is None:
+                self._studio = make_studio(self)
+            return self._studio
 
     def _committed(self, mesh: Mesh) -> RayScene:
         scene = RayScene(self.engine)
@@ -140,4 +143,4 @@ def _metres_per_repeat(mesh: Mesh) -> NDArray[np.float32]:
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=-1)
     s, t = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
     area_uv = np.abs(s[:, 0] * t[:, 1] - s[:, 1] * t[:, 0])
-    return np.sqrt(area / np.maximum(area_uv, 1e-9)).clip(1e-3, 1e3).astype(np.float32)
+    return np.asarray(np.sqrt(area / np.maximum(area_uv, 1e-9)).clip(1e-3, 1e3), np.float32)

@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The sky as a picture of the dome: Preetham, Shirley and Smits, "A Practical Analytic Model for Daylight" (1999), and clouds."""
+"""The sky as a picture of the dome, with clouds.
+
+Preetham, Shirley and Smits, "A Practical Analytic Model for Daylight" (1999).
+"""
 
 from typing import Final, NamedTuple
 
@@ -56,9 +59,9 @@ def _preetham(z: NDArray[np.float64], cos_gamma: NDArray[np.float64], sun_z: flo
     t, theta_s = TURBIDITY, np.arccos(np.clip(sun_z, -1.0, 1.0))
     gamma = np.arccos(np.clip(cos_gamma, -1.0, 1.0))
     coefficients = {
-        "Y": (0.1787 * t - 1.4630, -0.3554 * t + 0.4275, -0.0227 * t + 5.3251, 0.1206 * t - 2.5771, -0.0670 * t + 0.3703),
-        "x": (-0.0193 * t - 0.2592, -0.0665 * t + 0.0008, -0.0004 * t + 0.2125, -0.0641 * t - 0.8989, -0.0033 * t + 0.0452),
-        "y": (-0.0167 * t - 0.2608, -0.0950 * t + 0.0092, -0.0079 * t + 0.2102, -0.0441 * t - 1.6537, -0.0109 * t + 0.0529),
+        "Y": np.array([0.1787, -0.3554, -0.0227, 0.1206, -0.0670]) * t + [-1.4630, 0.4275, 5.3251, -2.5771, 0.3703],
+        "x": np.array([-0.0193, -0.0665, -0.0004, -0.0641, -0.0033]) * t + [-0.2592, 0.0008, 0.2125, -0.8989, 0.0452],
+        "y": np.array([-0.0167, -0.0950, -0.0079, -0.0441, -0.0109]) * t + [-0.2608, 0.0092, 0.2102, -1.6537, 0.0529],
     }  # fmt: skip
     chi = (4.0 / 9.0 - t / 120.0) * (np.pi - 2.0 * theta_s)
     powers = np.array([theta_s**3, theta_s**2, theta_s, 1.0])
@@ -92,7 +95,7 @@ def _preetham(z: NDArray[np.float64], cos_gamma: NDArray[np.float64], sun_z: flo
     luminance, cx, cy = (zenith[k] * perez(k, z, gamma) / perez(k, above, at_sun) for k in ("Y", "x", "y"))
     xyz = np.stack([luminance * cx / cy, luminance, luminance * (1.0 - cx - cy) / cy], axis=-1)
     to_rgb = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
-    return np.maximum(xyz @ to_rgb.T, 0.0)
+    return np.asarray(np.maximum(xyz @ to_rgb.T, 0.0))
 
 
 def _clouds(

@@ -1,8 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The land beyond a world's edge: a ring of rising meadow that hides where the world ends. Class ground, without objects."""
+"""The land beyond a world's edge: a ring of rising meadow that hides where the world ends. Class ground, no objects."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fieldtruth.world.model import Heightfield, Mesh
 
@@ -53,11 +54,11 @@ def make_backdrop(field: Heightfield, size: tuple[float, float], material: str, 
     )
 
 
-def _vertex_normals(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+def _vertex_normals(vertices: NDArray[np.float32], triangles: NDArray[np.int32]) -> NDArray[np.float32]:
     corners = vertices[triangles].astype(np.float64)
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     across *= np.sign(across[:, 2:])
     normals = np.zeros_like(vertices, np.float64)
     for corner in range(3):
         np.add.at(normals, triangles[:, corner], across)
-    return (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
+    return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True), np.float32)

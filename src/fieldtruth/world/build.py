@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Worlds by name and seed, built by rules or taken from the cache."""
 
+import contextlib
 import hashlib
 import os
 from functools import cache
@@ -18,8 +19,8 @@ from fieldtruth.world.trails import Line
 def build_world(environment: str, seed: int = 0) -> World:
     """Build an environment by its rules. Same name and seed, same world.
 
-    The lines of the built-in experiments of this environment stay free of obstacles, whichever of them is driven, so that
-    all its experiments share one world. Raises UnknownNameError.
+    The lines of the built-in experiments of this environment stay free of obstacles, whichever of them is driven, so
+    that all its experiments share one world. Raises UnknownNameError.
     """
     if environment not in ENVIRONMENTS:
         raise UnknownNameError("environment", environment, ENVIRONMENTS)
@@ -29,8 +30,8 @@ def build_world(environment: str, seed: int = 0) -> World:
 def load_world(environment: str, seed: int = 0, *, cache_folder: Path | None = None) -> World:
     """Return the world from the cache, or build it and put it there. Raises UnknownNameError.
 
-    The cache is ``$XDG_CACHE_HOME/fieldtruth`` (or ``~/.cache/fieldtruth``) unless a folder is given; its key covers the
-    code that builds worlds, so that a changed rule never meets an old world. A cache that cannot be written is skipped.
+    The cache is ``$XDG_CACHE_HOME/fieldtruth`` (or ``~/.cache/fieldtruth``) unless a folder is given; its key covers
+    the code that builds worlds, so that a changed rule never meets an old world. Where it cannot be written, it is not.
     """
     folder = cache_folder if cache_folder is not None else default_cache()
     path = folder / f"{environment}-{seed}-{_code_key()}.npz"
@@ -40,10 +41,10 @@ def load_world(environment: str, seed: int = 0, *, cache_folder: Path | None = N
         except (OSError, ValueError, KeyError, EOFError):
             path.unlink(missing_ok=True)  # cut short or foreign: build it anew
     world = build_world(environment, seed)
-    try:
+    with contextlib.suppress(OSError):
+        for stale in folder.glob(f"{environment}-{seed}-*.npz"):
+            stale.unlink()
         save_world(path, world)
-    except OSError:
-        pass
     return world
 
 
@@ -66,7 +67,7 @@ def _corridors(environment: str) -> list[Line]:
 
 @cache
 def _code_key() -> str:
-    """Digest of everything that shapes a world: this package's world and built-in routes, and NumPy's and SciPy's version."""
+    """Digest of all that shapes a world: this package's rules and built-in routes, NumPy's and SciPy's version."""
     digest = hashlib.blake2b(f"{version('numpy')} {version('scipy')}".encode(), digest_size=8)
     root = Path(__file__).parent
     for path in sorted([*root.rglob("*.py"), *(root.parent / "experiment" / "builtin").glob("*.yaml")]):

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a world is: terrain, meshes that are shared, objects that are instances of them, materials. Plain data, no behaviour.
+"""What a world is: terrain, shared meshes, objects that are instances of them, materials. Plain data, no behaviour.
 
-A triangle's class is its material's class; the terrain's class follows from the signed distance to the nearest trail's edge.
+A triangle's class is its material's; the terrain's class follows from the signed distance to the nearest trail's edge.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from fieldtruth.classes import Label
 
 ROBOT_ID: Final = 0
-"""Object id of the robot, which no sensor of its own sees; so an id of 0 in a cloud or an image means nothing was hit."""
+"""Object id of the robot, which none of its sensors sees; so an id of 0 in an image means that nothing was hit."""
 GROUND_ID: Final = 1
 
 
@@ -42,7 +42,7 @@ class Material:
 class Collider:
     """A primitive that stands for a mesh in the physics, in the object's frame, upright.
 
-    ``size`` [m] is (radius, height) of a cylinder or (length, width, height) of a box; ``position`` is the centre of its foot.
+    ``size`` [m] is (radius, height) of a cylinder or (length, width, height) of a box; ``position``: its foot's centre.
     """
 
     shape: Literal["cylinder", "box"]
@@ -57,7 +57,7 @@ class Mesh:
 
     ``vertices`` (v, 3) float32 [m]; ``normals`` (v, 3) float32 of unit length; ``uv`` (v, 2) float32 in repeats of the
     texture; ``faces`` (f, 3) int32; ``material`` (f,) int32, a row of ``materials``. What stands in the soil reaches
-    below z = 0 so that it does not float on a slope. ``footprint`` [m] is the radius about the origin that other things keep.
+    below z = 0 so that it does not float on a slope. ``footprint`` [m] is the radius about the origin that others keep.
     """
 
     name: str
@@ -124,7 +124,7 @@ class Heightfield:
         h00, h11 = h[i, j], h[i + 1, j + 1]
         corner = np.where(fu >= fv, h[i + 1, j], h[i, j + 1])
         first, second = np.where(fu >= fv, fu, fv), np.where(fu >= fv, fv, fu)
-        return h00 + first * (corner - h00) + second * (h11 - corner)
+        return np.asarray(h00 + first * (corner - h00) + second * (h11 - corner))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,7 +173,7 @@ class Terrain:
 
 @dataclass(frozen=True, kw_only=True)
 class World:
-    """A place: everything that a sensor can see and a wheel can touch. Frame: x north, y west, z up, origin in the middle."""
+    """A place: all that a sensor can see and a wheel can touch. Frame: x north, y west, z up, origin in the middle."""
 
     name: str
     seed: int

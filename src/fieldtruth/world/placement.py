@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Putting things into a world by rules: what stands where is kept, so that nothing overlaps and the routes stay free."""
+"""Putting things into a world by rules: what stands where is kept, so nothing overlaps and the routes stay free."""
 
+import dataclasses
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ class CrowdedWorldError(FieldtruthError):
     """The rules leave no room for what was asked for; says how many of what found a place."""
 
 
-@dataclass
+@dataclasses.dataclass
 class Site:
     """A world while it is filled. Every placed thing keeps a circle of its mesh's footprint to itself."""
 
@@ -29,17 +29,17 @@ class Site:
     corridors: Sequence[Line]
     """Lines that robots drive; their middle keeps ``corridor_width`` / 2 [m] free of everything that stands."""
     corridor_width: float = 2.0
-    meshes: dict[str, Mesh] = field(default_factory=dict)
-    instances: list[Instance] = field(default_factory=list)
-    _circles: list[tuple[float, float, float]] = field(default_factory=list)
-    _counts: dict[str, int] = field(default_factory=dict)
+    meshes: dict[str, Mesh] = dataclasses.field(default_factory=dict)
+    instances: list[Instance] = dataclasses.field(default_factory=list)
+    _circles: list[tuple[float, float, float]] = dataclasses.field(default_factory=list)
+    _counts: dict[str, int] = dataclasses.field(default_factory=dict)
 
     def trail_distance(self, places: Array) -> Array:
         """Distance [m], (n,), of places (n, 2) to the nearest trail's edge, below 0 inside."""
-        return np.min([t.line.distance(places) - t.width / 2.0 for t in self.trails], axis=0)
+        return np.asarray(np.min([t.line.distance(places) - t.width / 2.0 for t in self.trails], axis=0))
 
     def is_free(self, x: float, y: float, radius: float, *, margin: float = 0.0) -> bool:
-        """Tell whether a circle lies inside the world and off the corridors and everything placed, ``margin`` [m] apart."""
+        """Tell whether a circle lies in the world, off the corridors and ``margin`` [m] off everything placed."""
         length, width = self.size
         if abs(x) + radius > length / 2 - 0.5 or abs(y) + radius > width / 2 - 0.5:
             return False
@@ -104,7 +104,7 @@ class Site:
         self, kind: str, meshes: Sequence[Mesh], count: int, *, rng: np.random.Generator, offset: float,
         spacing: float, tint: float = 0.0,
     ) -> list[Instance]:  # fmt: skip
-        """Line the trails with ``count`` things, facing the trail from ``offset`` [m] beyond its edge, ``spacing`` apart."""
+        """Line the trails with ``count`` things that face the trail from ``offset`` [m] beyond its edge."""
         length, width = self.size
         candidates = []
         for trail in self.trails:

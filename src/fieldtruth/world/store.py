@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Worlds on disk: one uncompressed ``.npz`` of plain arrays and a JSON text, so that a built world loads in a second."""
+"""Worlds on disk: one uncompressed ``.npz`` of plain arrays and a JSON text, so that a world loads in a second."""
 
 import json
 from dataclasses import asdict
@@ -47,7 +47,7 @@ def save_world(path: Path, world: World) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_suffix(".part.npz")
     with partial.open("wb") as stream:
-        np.savez(stream, **arrays)
+        np.savez(stream, allow_pickle=False, **arrays)
     partial.replace(path)
 
 
@@ -102,7 +102,11 @@ def _material(text: dict[str, Any]) -> Material:
 
 
 def _terrain_text(terrain: Terrain) -> dict[str, Any]:
-    grids = {"field": terrain.field, "trail_distance": terrain.trail_distance, "cover": terrain.cover}
+    grids: dict[str, Heightfield | Raster] = {
+        "field": terrain.field,
+        "trail_distance": terrain.trail_distance,
+        "cover": terrain.cover,
+    }
     return {
         "grids": {name: [grid.spacing, grid.x0, grid.y0] for name, grid in grids.items()},
         "ground_materials": terrain.ground_materials,

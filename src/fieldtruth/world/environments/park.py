@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The urban park (paper, 2.2.1): almost plane ground, two trails for pedestrians, trees, bushes, lamps, benches, tables, bins."""
+"""The urban park (paper, 2.2.1): almost plane ground, two trails, trees, bushes, lamps, benches, tables, bins."""
 
 from collections.abc import Sequence
 from typing import Annotated
@@ -50,7 +50,7 @@ def build_park(seed: int, corridors: Sequence[Line], config: ParkConfig | None =
     """Lay out a park; ``corridors`` are lines that robots drive and that stay free. Same arguments, same world."""
     config = config if config is not None else ParkConfig()
     seeds = np.random.SeedSequence(seed).spawn(8)
-    relief, plants, woods, shrubs, furniture, cover, land, paint = (np.random.default_rng(s) for s in seeds)
+    relief, plants, woods, shrubs, furniture, cover, land = (np.random.default_rng(s) for s in seeds[:-1])
     trails = [Trail(Line.through(corners), config.trail_width) for corners in config.trails]
     field = _terrain(config, relief)
     site = Site(field, config.size, trails, corridors)

@@ -1,0 +1,135 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The order of the measurements: world, light, drive, sensors, recording; then memory; then what needs a second world.
+
+Kernels are compiled on a corner of the world first, so that no figure but the first frame's depends on what the disk
+remembers of them.
+"""
+
+import os
+import resource
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import perf_counter
+
+from fieldtruth import frames
+from fieldtruth.bench.figures import FIGURES
+from fieldtruth.bench.recording import pairs_per_second
+from fieldtruth.bench.sensing import measure_cameras, measure_lidar, poses_along
+from fieldtruth.drive import drive
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.files import load_experiment, with_overrides
+from fieldtruth.experiment.rig import OPTICAL, CameraConfig, LidarConfig
+from fieldtruth.report.progress import Progress, Silent
+from fieldtruth.sense import Camera, Lidar, Scene
+from fieldtruth.world import World, load_world
+
+FIRST_FRAME = """
+import sys
+from pathlib import Path
+import fieldtruth as ft
+world = ft.load_world(sys.argv[1], int(sys.argv[2]), cache_folder=Path(sys.argv[3]))
+pose = ft.frames.pose((0, 0, float(world.terrain.field.height_at(0, 0)) + 0.8)) @ ft.OPTICAL
+ft.Camera(ft.CameraConfig(), ft.Scene(world)).shoot(pose)
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """How much is measured."""
+
+    experiment: Experiment = field(default_factory=lambda: load_experiment("park_1"))
+    views: int = 12
+    """Poses along the route from which each sensor looks."""
+    repeats: int = 3
+    """Tries of each view, the best of which counts."""
+    drive_seconds: float = 60.0
+    """Simulated time [s] of the drive."""
+    pairs: int = 16
+    """Stereo pairs that are recorded, spread over the drive."""
+
+
+def run(settings: Settings | None = None, progress: Progress | None = None) -> dict[str, float]:
+    """Measure everything, in about two minutes; keys and units are those of ``FIGURES``.
+
+    Nothing is kept on disk, and no cache of an earlier run is used but that of compiled kernels.
+    """
+    settings = Settings() if settings is None else settings
+    progress = Silent() if progress is None else progress
+    with TemporaryDirectory() as cache:
+        found = _measure_run(settings, Path(cache), progress)
+        # ru_maxrss: kilobytes on Linux, bytes on macOS (getrusage(2)).
+        unit = 1e6 if sys.platform == "darwin" else 1e6 / 1024
+        found["peak_rss_mb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
+        with progress.stage("load the world"):
+            experiment = settings.experiment
+            found["world_load_s"] = _seconds(lambda: Scene(_load(experiment, Path(cache)), experiment.light))
+        with progress.stage("first frame"):
+            place = [experiment.environment, str(experiment.seed), cache]
+            start_python = [sys.executable, "-c", FIRST_FRAME, *place]
+            found["first_frame_s"] = _seconds(lambda: subprocess.run(start_python, check=True))
+    return {figure.key: found[figure.key] for figure in FIGURES}
+
+
+def _measure_run(settings: Settings, cache: Path, progress: Progress) -> dict[str, float]:
+    """Everything that a run does, in its order; world, scene and track go when it is done."""
+    experiment = settings.experiment
+    rig, found = experiment.rig, {}
+    with progress.stage("build the world"):
+        start = perf_counter()
+        world = _load(experiment, cache)
+        build_s = perf_counter() - start
+    with progress.stage("compile"):
+        _compile(world)
+    with progress.stage("bake the light"):
+        start = perf_counter()
+        scene = Scene(world, experiment.light)
+        build_s += perf_counter() - start
+        found["light_bake_s"] = _seconds(lambda: scene.studio)
+        found["world_build_s"] = build_s + found["light_bake_s"]
+    with progress.stage("drive"):
+        start = perf_counter()
+        track = drive(world, with_overrides(experiment, seconds=settings.drive_seconds))
+        found["drive_realtime_factor"] = track.duration_s / (perf_counter() - start)
+    poses = poses_along(experiment.route, world, rig, settings.views)
+    with progress.stage("LiDAR"):
+        found |= measure_lidar(scene, rig, poses, settings.repeats)
+    with progress.stage("cameras"):
+        found |= measure_cameras(scene, rig, poses, settings.repeats)
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    rates = dict.fromkeys((1, 2, cores), 0.0)
+    with progress.stage("stereo pairs"):
+        for _ in range(2):
+            for workers in rates:
+                rate = pairs_per_second(scene, track, rig, pairs=settings.pairs, workers=workers)
+                rates[workers] = max(rates[workers], rate)
+    found["stereo_pairs_per_s"] = rates[cores]
+    found["two_workers_speedup"] = rates[2] / rates[1]
+    return found
+
+
+def _load(experiment: Experiment, cache: Path) -> World:
+    return load_world(experiment.environment, experiment.seed, cache_folder=cache)
+
+
+def _compile(world: World) -> None:
+    """Use every kernel once: on a square metre, with the smallest object of each kind."""
+    by_size = sorted(world.instances, key=lambda instance: -len(world.meshes[instance.mesh].faces))
+    some = tuple({instance.kind: instance for instance in by_size}.values())
+    meshes = {instance.mesh: world.meshes[instance.mesh] for instance in some}
+    scene = Scene(replace(world, size=(1.0, 1.0), meshes=meshes, instances=some, backdrop=None))
+    pose = frames.pose((0.0, 0.0, float(world.terrain.field.height_at(0, 0)) + 1.0))
+    Lidar(LidarConfig(), scene).scan(pose)
+    camera = Camera(CameraConfig(width=64, height=48), scene)
+    camera.label(pose @ OPTICAL)
+    camera.shoot(pose @ OPTICAL)
+
+
+def _seconds(work: Callable[[], object]) -> float:
+    start = perf_counter()
+    work()
+    return perf_counter() - start
