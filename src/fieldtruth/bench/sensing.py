@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 
 from fieldtruth import frames
-from fieldtruth.bench.bare import MODES, BareTracer, Rays, best_mode
+from fieldtruth.bench.bare import BareTracer, Rays, best_mode
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.experiment.config import RouteConfig
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, Rig
@@ -19,7 +19,7 @@ from fieldtruth.sense.lidar import ray_directions
 from fieldtruth.sense.pinhole import pinhole
 from fieldtruth.world import World
 
-_TRIAL_POSES = 3
+_TRIAL_POSES = 4
 
 
 def poses_along(route: RouteConfig, world: World, rig: Rig, count: int) -> list[Array]:
@@ -86,7 +86,7 @@ def _against_bare(
     """Time [s] of bare Embree in its best mode and of each sensor, over all poses; of each pose the best try counts."""
     some = poses[:: -(-len(poses) // _TRIAL_POSES)]
     handle = scene.rays.handle
-    tracer = BareTracer(handle, directions, far, best_mode(handle, directions, far, some, MODES))
+    tracer = BareTracer(handle, directions, far, best_mode(handle, directions, far, some))
     total = np.zeros(1 + len(sensors))
     for pose in poses:
         tries = [[_seconds(look, pose) for look in (tracer.trace, *sensors)] for _ in range(repeats)]

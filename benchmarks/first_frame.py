@@ -1,0 +1,43 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""From nothing to the first labelled photograph: a fresh environment, pip install, and the first frame, twice.
+
+Run: python benchmarks/first_frame.py. The second frame finds the world and the compiled kernels cached.
+"""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import perf_counter
+
+REPOSITORY = Path(__file__).parents[1]
+FRAME = """
+import fieldtruth as ft
+scene = ft.Scene(ft.load_world("park"))
+pose = ft.frames.pose((0, 0, float(scene.world.terrain.field.height_at(0, 0)) + 0.8)) @ ft.OPTICAL
+print(ft.Camera(ft.CameraConfig(), scene).shoot(pose).label.shape)
+"""
+
+
+def main() -> None:
+    with TemporaryDirectory() as folder:
+        python = str(Path(folder, "venv", "bin", "python"))
+        environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "NUMBA"))}
+        environment["XDG_CACHE_HOME"] = str(Path(folder, "cache"))
+
+        def tell(what: str, *command: str, env: dict[str, str]) -> None:
+            start = perf_counter()
+            subprocess.run(command, check=True, stdout=subprocess.DEVNULL, cwd=folder, env=env)
+            print(f"{what:<16}{perf_counter() - start:>7.1f} s", flush=True)
+
+        # pip may keep what it has downloaded: the time of the network is not ours.
+        tell("environment", sys.executable, "-m", "venv", "venv", env=dict(os.environ))
+        tell("pip install", python, "-m", "pip", "install", "--quiet", str(REPOSITORY), env=dict(os.environ))
+        tell("first frame", python, "-c", FRAME, env=environment)
+        tell("second frame", python, "-c", FRAME, env=environment)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,49 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Bare Embree on the rays of camera and LiDAR in the park, in every packet mode. Run: python benchmarks/rays.py"""
+
+from time import perf_counter
+
+import numpy as np
+
+import fieldtruth as ft
+from fieldtruth.bench.bare import MODES, BareTracer, Rays
+from fieldtruth.bench.sensing import pixel_directions, poses_along
+from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL
+from fieldtruth.sense.lidar import ray_directions
+
+VIEWS, TRIES = 6, 3
+
+
+def main() -> None:
+    experiment = ft.load_experiment("park_1")
+    world = ft.load_world(experiment.environment, experiment.seed)
+    scene, rig = ft.Scene(world), experiment.rig
+    poses = poses_along(experiment.route, world, rig, VIEWS)
+    from_camera = [pose @ rig.cameras.left.base_from_sensor @ CAMERA_FROM_OPTICAL for pose in poses]
+    from_lidar = [pose @ rig.lidar.mount.base_from_sensor for pose in poses]
+    pixels, beams = pixel_directions(rig.cameras), ray_directions(rig.lidar).astype(np.float32)
+
+    def mrays_per_s(tracer: BareTracer, directions: Rays, poses: list[ft.frames.Array]) -> float:
+        total = 0.0
+        for pose in poses:
+            tries = []
+            for _ in range(TRIES):
+                start = perf_counter()
+                tracer.trace(pose)
+                tries.append(perf_counter() - start)
+            total += min(tries)
+        return len(poses) * directions.size / 3 / total / 1e6
+
+    print("Mrays/s; a tile is rows x columns of pixels, or columns x rings of the LiDAR")
+    print(f"{'lanes':>5}{'tile':>8}{'coherent':>10}{'camera':>9}{'LiDAR':>9}")
+    for mode in MODES:
+        camera = BareTracer(scene.rays.handle, pixels, rig.cameras.far, mode)
+        lidar = BareTracer(scene.rays.handle, beams, rig.lidar.max_range, mode)
+        tile = f"{mode.rows} x {mode.lanes // mode.rows}"
+        camera_rate, lidar_rate = mrays_per_s(camera, pixels, from_camera), mrays_per_s(lidar, beams, from_lidar)
+        print(f"{mode.lanes:>5}{tile:>8}{mode.coherent!s:>10}{camera_rate:>9.2f}{lidar_rate:>9.2f}")
+
+
+if __name__ == "__main__":
+    main()

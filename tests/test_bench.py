@@ -1,0 +1,148 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The benchmark: its bare rays are the sensors' own rays, and it tells every figure. Nothing here depends on speed."""
+
+import json
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from fieldtruth import frames
+from fieldtruth.bench import FIGURES, Figure, Settings, run, table
+from fieldtruth.bench.bare import MODES, BareTracer, Mode, best_mode
+from fieldtruth.bench.sensing import pixel_directions, poses_along
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.rig import OPTICAL, CameraConfig, LidarConfig, Rig
+from fieldtruth.experiment.route import metres_from_route, route_from_metres
+from fieldtruth.sense import Camera, Lidar, Scene
+from fieldtruth.sense.embree import Engine, RayScene
+from fieldtruth.sense.lidar import ray_directions
+from fieldtruth.world.environments import ENVIRONMENTS, Environment
+from fieldtruth.world.environments.park import ParkConfig, build_park
+from fieldtruth.world.model import World
+
+RIG = Rig(cameras=CameraConfig(width=64, height=48), lidar=LidarConfig(columns=64, rings=16))
+EXPERIMENT = Experiment(
+    name="small", environment="park", rig=RIG, route=route_from_metres((-6.0, 0.0), [(2.0, 0.0), (2.0, 8.0)])
+)
+PARK = ParkConfig(
+    size=(24.0, 24.0), trails=(((-14, -6), (14, -6)),), large_trees=1, small_trees=1, bushes=2, benches=1, lamp_posts=1,
+    tables=1, trash_bins=1, individuals=1,
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return build_park(0, [], PARK)
+
+
+@pytest.fixture
+def _small_park(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(ENVIRONMENTS, "park", Environment("small", lambda seed, corridors: world))
+
+
+def spread(rows: int, columns: int) -> NDArray[np.float32]:
+    """Directions that fan out about -z and +z, every one another."""
+    v, u = np.meshgrid(np.linspace(-0.8, 0.8, rows), np.linspace(-0.9, 0.9, columns), indexing="ij")
+    rays = np.stack([u, v, np.where(np.arange(columns) % 5 == 0, 1.0, -1.0) * np.ones_like(u)], axis=-1)
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    return np.asarray(rays, np.float32)
+
+
+@pytest.mark.parametrize("mode", MODES, ids=str)
+def test_bare_rays_meet_a_plane_where_they_must_in_every_mode(mode: Mode) -> None:
+    engine = Engine()
+    scene, far = RayScene(engine), 500.0
+    scene.add_mesh([[-900, -900, 1], [900, -900, 1], [900, 900, 1], [-900, 900, 1]], [[0, 1, 2], [0, 2, 3]])
+    scene.commit()
+    directions = spread(32, 48)
+    tracer = BareTracer(scene.handle, directions, far, mode)
+    for pose in (frames.pose((3, -2, 5), (10, -20, 30)), frames.pose((1, 1, 8))):
+        tracer.trace(pose)
+        down = -(directions.astype(float) @ pose[2, :3])
+        expected = np.where(down > 0, (pose[2, 3] - 1) / down, far).clip(max=far)
+        np.testing.assert_allclose(tracer.distances, expected, rtol=2e-5)
+
+
+def test_the_best_mode_is_one_of_them_and_tiles_must_fit() -> None:
+    engine = Engine()
+    scene = RayScene(engine)
+    scene.add_mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    scene.commit()
+    assert best_mode(scene.handle, spread(16, 16), 9.0, [frames.pose((0, 0, 1))] * 2) in MODES
+    with pytest.raises(ValueError, match="tiles of 4 x 2 do not divide 6 x 16 rays"):
+        BareTracer(scene.handle, spread(6, 16), 9.0, Mode(8, 4, True))
+
+
+def test_bare_rays_are_those_of_camera_and_lidar(world: World) -> None:
+    scene = Scene(world, EXPERIMENT.light)
+    pose = poses_along(EXPERIMENT.route, world, RIG, 3)[1]
+    camera, world_from_optical = RIG.cameras, pose @ RIG.cameras.left.base_from_sensor @ OPTICAL
+    directions = pixel_directions(camera)
+    bare = BareTracer(scene.rays.handle, directions, camera.far, Mode(8, 2, True))
+    bare.trace(world_from_optical)
+    depth = Camera(camera, scene).label(world_from_optical).depth
+    seen = np.where(bare.distances < camera.far, bare.distances * directions[..., 2], 0.0)
+    assert 0.2 < (depth > 0).mean() <= 1.0
+    assert (np.abs(seen - depth) < 1e-3 + 1e-3 * depth).mean() > 0.998
+
+    world_from_lidar = pose @ RIG.lidar.mount.base_from_sensor
+    bare = BareTracer(
+        scene.rays.handle, ray_directions(RIG.lidar).astype(np.float32), RIG.lidar.max_range, Mode(16, 4, False)
+    )
+    bare.trace(world_from_lidar)
+    scan = Lidar(RIG.lidar, scene).scan(world_from_lidar)
+    assert len(scan.range_m) == (bare.distances < RIG.lidar.max_range).sum() > 300
+    assert (np.abs(bare.distances[scan.column, scan.ring] - scan.range_m) < 2e-3).mean() > 0.998
+
+
+def test_poses_stand_evenly_on_the_route_and_face_along_it(world: World) -> None:
+    poses = np.stack(poses_along(EXPERIMENT.route, world, RIG, 4))
+    np.testing.assert_allclose(metres_from_route(EXPERIMENT.route), [(-6, 0), (2, 0), (2, 8)], atol=1e-3)
+    np.testing.assert_allclose(poses[:, :2, 3], [(-4, 0), (0, 0), (2, 2), (2, 6)], atol=0.05)
+    yaw = np.degrees(frames.yaw_from_rotation(poses[:, :3, :3]))
+    np.testing.assert_allclose(yaw, [0, 0, 90, 90], atol=0.1)
+    ground = world.terrain.field.height_at(poses[:, 0, 3], poses[:, 1, 3])
+    np.testing.assert_allclose(poses[:, 2, 3] - ground, 0.13228, atol=0.03)
+
+
+def test_the_table_shows_value_unit_target_and_whether_it_is_met() -> None:
+    lines = table({"lidar_mrays_per_s": 1.5, "lidar_over_bare": 1.41, "stereo_pairs_per_s": 2.0, "peak_rss_mb": 1200.4})
+    assert [line.split() for line in lines.splitlines()] == [
+        ["figure", "value", "unit", "target", "met"],
+        ["lidar_mrays_per_s", "1.50", "Mrays/s", ">=", "1.5", "yes"],
+        ["lidar_over_bare", "1.41", "x", "<=", "1.4", "no"],
+        ["stereo_pairs_per_s", "2.00", "pairs/s"],
+        ["peak_rss_mb", "1200", "MB", "<=", "1200", "no"],
+    ]
+    assert Figure("any", "s").met(1e9)
+
+
+@pytest.mark.usefixtures("_small_park")
+def test_a_reduced_run_gives_every_figure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.chdir(tmp_path)
+    figures = run(Settings(experiment=EXPERIMENT, views=2, repeats=1, drive_seconds=2.0, pairs=2))
+    assert list(json.loads(json.dumps(figures))) == [figure.key for figure in FIGURES]
+    assert all(type(value) is float and math.isfinite(value) and value > 0 for value in figures.values())
+    assert os.environ["XDG_CACHE_HOME"] == str(tmp_path / "cache")
+    assert not (tmp_path / "cache" / "fieldtruth").exists()
+    assert capfd.readouterr() == ("", "")
+
+
+def test_the_document_explains_every_figure_with_its_unit_and_target() -> None:
+    text = (Path(__file__).parents[1] / "docs" / "benchmarks.md").read_text(encoding="utf-8")
+    rows = {
+        cells[1].strip().strip("`"): cells for cells in (line.split("|") for line in text.splitlines()) if cells[2:]
+    }
+    for figure in FIGURES:
+        _, _, unit, target, _, meaning, _ = (cell.strip() for cell in rows[figure.key])
+        assert unit == figure.unit
+        assert target == ("" if figure.target is None else f"{'≥' if figure.at_least else '≤'} {figure.target:g}")
+        assert meaning
