@@ -1,0 +1,68 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Same experiment, same bytes, with the real world, drive and senses: for any number of workers, and after a kill."""
+
+import hashlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.files import dump_experiment, load_experiment
+from fieldtruth.pipeline import generate
+
+RUN = "import sys; from fieldtruth.cli import main; sys.exit(main(sys.argv[1:]))"
+
+
+def small(seed: int = 0) -> Experiment:
+    """Three seconds of park_1 through small sensors."""
+    plain = load_experiment("park_1")
+    cameras = plain.rig.cameras.model_copy(update={"width": 160, "height": 88})
+    rig = plain.rig.model_copy(update={"cameras": cameras})
+    return plain.model_copy(update={"seconds": 3.0, "seed": seed, "rig": rig})
+
+
+def digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@pytest.fixture(scope="module")
+def once(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return digest(generate(small(), tmp_path_factory.mktemp("once"), workers=1))
+
+
+def test_two_workers_write_the_same_bytes(once: str, tmp_path: Path) -> None:
+    assert digest(generate(small(), tmp_path, workers=2)) == once
+
+
+def test_a_killed_run_goes_on_and_ends_with_the_same_bytes(once: str, tmp_path: Path) -> None:
+    source = tmp_path / "small.yaml"
+    source.write_text(dump_experiment(small()))
+    out = tmp_path / "data"
+    command = [sys.executable, "-c", RUN, "generate", str(source), "--out", str(out), "--workers", "1"]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 300
+    slices = out / "park_1" / ".slices"
+    while not list(slices.rglob("*.bag")):  # the first slice that is whole
+        assert process.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    assert not (out / "park_1" / "park_1.bag").exists()
+    assert digest(generate(load_experiment(str(source)), out, workers=2)) == once
+
+
+def test_the_written_experiment_gives_the_same_bag(once: str, tmp_path: Path) -> None:
+    bag = generate(small(), tmp_path / "first", workers=2)
+    again = load_experiment(str(bag.parent / "experiment.yaml"))
+    assert digest(generate(again, tmp_path / "second", workers=2)) == once
+
+
+def test_another_seed_is_another_world(once: str, tmp_path: Path) -> None:
+    assert digest(generate(small(seed=1), tmp_path, workers=2)) != once
