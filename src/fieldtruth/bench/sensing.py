@@ -20,6 +20,7 @@ from fieldtruth.sense.pinhole import pinhole
 from fieldtruth.world import World
 
 _TRIAL_POSES = 4
+_LIDAR_TRIES = 4  # for one of a camera: a scan is so short that one disturbance spoils it
 
 
 def poses_along(route: RouteConfig, world: World, rig: Rig, count: int) -> list[Array]:
@@ -52,7 +53,7 @@ def measure_lidar(scene: Scene, rig: Rig, poses: Sequence[Array], repeats: int) 
     config = rig.lidar
     lidar, directions = Lidar(config, scene), ray_directions(config).astype(np.float32)
     seen_from = [pose @ config.mount.base_from_sensor for pose in poses]
-    bare, scan = _against_bare(scene, directions, config.max_range, seen_from, [lidar.scan], repeats)
+    bare, scan = _against_bare(scene, directions, config.max_range, seen_from, [lidar.scan], _LIDAR_TRIES * repeats)
     mrays = len(seen_from) * directions.size / 3 / 1e6
     return {
         "lidar_mrays_per_s": mrays / scan,
