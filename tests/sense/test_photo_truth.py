@@ -26,7 +26,7 @@ def cluttered() -> Scene:
          frames.pose((rng.uniform(3, 12), rng.uniform(-5, 5), rng.uniform(0, 2)), rng.uniform(0, 90, 3).tolist()))
         for k in range(25)
     ]  # fmt: skip
-    things.append((quad("roof", [[4, -3, 3], [9, -3, 3.5], [9, 3, 3.5], [4, 3, 3]], "leaf"), at(0, 0, 0)))
+    things.append((quad("roof", [(4, -3, 3), (9, -3, 3.5), (9, 3, 3.5), (4, 3, 3)], "leaf"), at(0, 0, 0)))
     return Scene(make_world(things, height=lambda x, y: 0.1 * np.sin(x) * np.cos(y), side=30.0))
 
 
@@ -87,9 +87,7 @@ def in_shadow(x: F8, y: F8, azimuth: float, elevation: float, grow: float) -> ND
     # Azimuth runs clockwise from north; x is north and y is west, so that an eastern sun (90 deg) stands at -y.
     a, e = np.radians([azimuth, elevation])
     sx, sy, slope = np.cos(a), -np.sin(a), np.tan(e)
-    s = np.linspace(0, 1.5 / slope, 400)[
-        :, None, None
-    ]  # horizontal way towards the sun until it is higher than the box
+    way = np.linspace(0, 1.5 / slope, 200)  # level way towards the sun until its ray is higher than the box
     inside = [(np.abs(x + s * sx) < 0.3 + grow) & (np.abs(y + s * sy) < 0.3 + grow) for s in way]
     return np.asarray(np.any(inside, axis=0))
 

@@ -1,0 +1,75 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The built park seen by a second, independent ray tracer: class, object and range agree for every ray."""
+
+import numpy as np
+import pytest
+from oracle import judge, pieces
+from sense_worlds import F8, box, make_world, park_scene, trace_rays
+
+from fieldtruth import frames
+from fieldtruth.classes import Label
+from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.route import metres_from_route
+from fieldtruth.sense import Scene
+
+RAYS = 3000
+
+
+def unit(vectors: F8) -> F8:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
+
+
+def robot_rays(scene: Scene, rng: np.random.Generator) -> tuple[F8, F8]:
+    """Rays from places along the routes, 0.3 to 1.2 m above the ground, to all sides, from 25 deg down to 35 deg up."""
+    corners = np.concatenate([metres_from_route(load_experiment(n).route) for n in ("park_1", "park_2")])
+    spots = corners[rng.integers(len(corners), size=RAYS)] + rng.uniform(-0.5, 0.5, (RAYS, 2))
+    z = scene.world.terrain.field.height_at(*spots.T) + rng.uniform(0.3, 1.2, RAYS)
+    azimuth, elevation = rng.uniform(0, 2 * np.pi, RAYS), np.radians(rng.uniform(-25, 35, RAYS))
+    flat = np.cos(elevation)
+    directions = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)], axis=-1)
+    return np.column_stack([spots, z]), directions
+
+
+def test_the_oracle_itself_on_a_box() -> None:
+    """It must know a turned box of half edges 1, 2, 3 m, and call rays along its edges doubtful."""
+    pose = frames.pose((10, 0, 5), (0, 0, 90))
+    world = make_world([(box("box", (1, 2, 3), "bark"), pose)])
+    origins = np.array([[0, 0.1, 5.2], [0, 1.5, 5.0], [0, 0.999999, 5.3], [3.1, 3.2, 2.0], [0, 0.5, 5.5]])
+    directions = np.array([[1.0, 0, 0], [1, 0, 0], [1, 0, 0], [0, 0, -1], [0, 0, 1]])
+    verdict = judge(world, origins, directions)
+    assert verdict.label.tolist()[:2] + verdict.label.tolist()[3:] == [Label.TRUNK, Label.SKY, Label.GROUND, Label.SKY]
+    assert verdict.range_m[[0, 1, 3, 4]] == pytest.approx([8.0, 0.0, 2.0, 0.0])  # turned by 90 deg, 2 m reach along x
+    assert verdict.instance[[0, 1, 3, 4]].tolist() == [2, 0, 1, 0]
+    assert verdict.doubtful.tolist() == [False, False, True, False, False]  # the third runs 1 um inside an edge
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    return park_scene(tmp_path_factory.getbasetemp())
+
+
+def test_every_triangle_is_known_to_the_oracle(scene: Scene) -> None:
+    world = scene.world
+    nx, ny = world.terrain.field.heights.shape
+    assert world.backdrop is not None
+    objects = sum(len(world.meshes[i.mesh].faces) for i in world.instances)
+    expected = 2 * (nx - 1) * (ny - 1) + len(world.backdrop.faces) + objects
+    assert sum(len(piece.corners) for piece in pieces(world)) == expected > 2_000_000
+
+
+def test_class_object_and_range_agree_with_the_oracle(scene: Scene) -> None:
+    origins, directions = robot_rays(scene, np.random.default_rng(20))
+    seen = trace_rays(scene, origins, directions, max_range=3000.0)
+    verdict = judge(scene.world, origins, unit(directions))
+    sure = ~verdict.doubtful
+    excluded = f"{np.count_nonzero(~sure)} of {RAYS} rays graze a border and were left out"
+    assert np.count_nonzero(~sure) < 0.03 * RAYS, excluded
+    assert len(np.unique(verdict.label[sure])) >= 9, "the rays must meet nearly every class of the park"
+    label = np.where(seen.range_m > 0, seen.label, Label.SKY)
+    wrong = np.flatnonzero(sure & ((label != verdict.label) | (seen.instance != verdict.instance)))
+    assert len(wrong) == 0, f"class or object differ for rays {wrong.tolist()}; {excluded}"
+    # Single precision places a surface to about 10 um; along a ray that skims it, that shows as so much more.
+    allowed = 2e-5 / verdict.cosine + 1e-6 * verdict.range_m
+    off = np.flatnonzero(sure & (np.abs(seen.range_m - verdict.range_m) > allowed))
+    assert len(off) == 0, f"range differs for rays {off.tolist()}; {excluded}"
