@@ -17,8 +17,10 @@ TURBIDITY: Final = 3.0
 SKY_OVER_SUN: Final = 0.27
 """Irradiance of the ground by the clear sky over that by the sun, with the sun at 40 deg (about 1 : 4)."""
 
-HAZE_RGB: Final = np.array([0.93, 1.0, 1.09])
-"""Colour of the air near the horizon, where the model turns pink: white, a little blue."""
+ZENITH_RGB: Final = np.array([0.46, 0.98, 2.30])
+HORIZON_RGB: Final = np.array([0.90, 1.00, 1.14])
+"""Linear colours of luminance 1 overhead and in the hazy air near the horizon; the paper's own chromaticity turns the
+lower sky pink at this turbidity, so only its luminance is used."""
 
 
 class Dome(NamedTuple):
@@ -42,9 +44,9 @@ def make_dome(sun: NDArray[np.float64], rng: np.random.Generator) -> Dome:
     cosine = np.sqrt(1.0 - sine**2)[:, None]
     x, y = cosine * np.cos(angle), cosine * np.sin(angle)
     z = np.broadcast_to(sine[:, None], x.shape)
-    rgb = _preetham(z, x * sun[0] + y * sun[1] + z * sun[2], float(sun[2]))
-    veil = 0.85 * np.exp(-z / 0.13)[..., None]
-    rgb = rgb * (1.0 - veil) + veil * HAZE_RGB * rgb.mean(axis=-1, keepdims=True) * 1.3
+    veil = np.exp(-z / 0.24)[..., None]
+    colour = ZENITH_RGB * (1.0 - veil) + HORIZON_RGB * veil
+    rgb = colour * _luminance(z, x * sun[0] + y * sun[1] + z * sun[2])[..., None]
     weight = z / z.sum()
     rgb *= SKY_OVER_SUN / np.pi / (rgb.mean(axis=-1) * weight).sum()
     cover, lit = _clouds(x, y, z, sun, rng)
@@ -54,48 +56,14 @@ def make_dome(sun: NDArray[np.float64], rng: np.random.Generator) -> Dome:
     return Dome(rgb.astype(np.float32), irradiance.astype(np.float32), horizon.astype(np.float32))
 
 
-def _preetham(z: NDArray[np.float64], cos_gamma: NDArray[np.float64], sun_z: float) -> NDArray[np.float64]:
-    """Sky radiance, any scale, linear sRGB; equations 3 to 5 and the appendix's zenith values."""
-    t, theta_s = TURBIDITY, np.arccos(np.clip(sun_z, -1.0, 1.0))
+def _luminance(z: NDArray[np.float64], cos_gamma: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Luminance of the clear sky, any scale: equation 3 with the appendix's coefficients of Y."""
+    a, b, c, d, e = np.array([0.1787, -0.3554, -0.0227, 0.1206, -0.0670]) * TURBIDITY + [
+        -1.4630, 0.4275, 5.3251, -2.5771, 0.3703,
+    ]  # fmt: skip
     gamma = np.arccos(np.clip(cos_gamma, -1.0, 1.0))
-    coefficients = {
-        "Y": np.array([0.1787, -0.3554, -0.0227, 0.1206, -0.0670]) * t + [-1.4630, 0.4275, 5.3251, -2.5771, 0.3703],
-        "x": np.array([-0.0193, -0.0665, -0.0004, -0.0641, -0.0033]) * t + [-0.2592, 0.0008, 0.2125, -0.8989, 0.0452],
-        "y": np.array([-0.0167, -0.0950, -0.0079, -0.0441, -0.0109]) * t + [-0.2608, 0.0092, 0.2102, -1.6537, 0.0529],
-    }  # fmt: skip
-    chi = (4.0 / 9.0 - t / 120.0) * (np.pi - 2.0 * theta_s)
-    powers = np.array([theta_s**3, theta_s**2, theta_s, 1.0])
-    matrix_x = np.array(
-        [
-            [0.00166, -0.00375, 0.00209, 0.0],
-            [-0.02903, 0.06377, -0.03202, 0.00394],
-            [0.11693, -0.21196, 0.06052, 0.25886],
-        ]
-    )
-    matrix_y = np.array(
-        [
-            [0.00275, -0.00610, 0.00317, 0.0],
-            [-0.04214, 0.08970, -0.04153, 0.00516],
-            [0.15346, -0.26756, 0.06670, 0.26688],
-        ]
-    )
-    zenith = {
-        "Y": (4.0453 * t - 4.9710) * np.tan(chi) - 0.2155 * t + 2.4192,
-        "x": np.array([t * t, t, 1.0]) @ matrix_x @ powers,
-        "y": np.array([t * t, t, 1.0]) @ matrix_y @ powers,
-    }
-
-    def perez(key: str, cos_theta: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArray[np.float64]:
-        a, b, c, d, e = coefficients[key]
-        return np.asarray(
-            (1.0 + a * np.exp(b / np.maximum(cos_theta, 0.03))) * (1.0 + c * np.exp(d * angle) + e * np.cos(angle) ** 2)
-        )
-
-    above, at_sun = np.array(1.0), np.array(theta_s)
-    luminance, cx, cy = (zenith[k] * perez(k, z, gamma) / perez(k, above, at_sun) for k in ("Y", "x", "y"))
-    xyz = np.stack([luminance * cx / cy, luminance, luminance * (1.0 - cx - cy) / cy], axis=-1)
-    to_rgb = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
-    return np.asarray(np.maximum(xyz @ to_rgb.T, 0.0))
+    towards_horizon = 1.0 + a * np.exp(b / np.maximum(z, 0.03))
+    return np.asarray(towards_horizon * (1.0 + c * np.exp(d * gamma) + e * cos_gamma**2))
 
 
 def _clouds(

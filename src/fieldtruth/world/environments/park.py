@@ -173,14 +173,14 @@ def _ground(site: Site, config: ParkConfig, rng: np.random.Generator) -> Terrain
     bed, litter = np.zeros_like(patch), np.zeros_like(patch)
     for instance in site.instances:
         ix, iy, _ = instance.world_from_object[:3, 3]
-        radius = {"bush": 0.9, "large_tree": 1.0, "small_tree": 0.55}.get(instance.kind)
+        radius = {"bush": 0.9, "large_tree": 1.1, "small_tree": 0.5}.get(instance.kind)
         if radius is None:
             continue
         away = np.hypot(*np.meshgrid(x - ix, y - iy, indexing="ij"))
-        here = np.clip((radius - away) / 0.12 + 1.2 * fine, 0.0, 1.0) * (away < radius + 1.0)
-        (litter if instance.kind == "large_tree" else bed)[...] = np.maximum(
-            litter if instance.kind == "large_tree" else bed, here
-        )
+        under = litter if instance.kind == "large_tree" else bed
+        ragged = (0.5, 0.35) if instance.kind == "large_tree" else (0.12, 0.1)
+        here = np.clip((radius - away) / ragged[0] + ragged[1] * 2.4 * fine, 0.0, 1.0) * (away < radius + 1.0)
+        under[...] = np.maximum(under, here)
     dry = np.clip(0.32 + 0.28 * patch + 0.20 * fine, 0.0, 0.95)
     soil = np.clip(0.9 * worn * (0.5 + 0.3 * fine), 0.0, 1.0)
     free = (1.0 - bed) * (1.0 - litter)

@@ -37,7 +37,7 @@ RECIPES: Final[Mapping[str, Recipe]] = MappingProxyType(
         "lawn_dry": Recipe(ground.lawn_dry, (0.170, 0.155, 0.072)),
         "soil": Recipe(ground.soil, (0.105, 0.075, 0.048)),
         "mulch": Recipe(ground.mulch, (0.105, 0.060, 0.034)),
-        "litter": Recipe(ground.litter, (0.150, 0.085, 0.040)),
+        "litter": Recipe(ground.litter, (0.105, 0.075, 0.044)),
         "gravel": Recipe(ground.gravel, (0.305, 0.270, 0.214)),
         "setts": Recipe(ground.setts, (0.205, 0.192, 0.172)),
         "meadow": Recipe(ground.meadow, (0.115, 0.130, 0.050)),

@@ -200,7 +200,7 @@ def meadow(rng: Rng) -> Image:
     """Rough grassland from afar: tussocks, paler dry patches, darker weeds; one pixel is 8 cm."""
     tussock = noise(rng, N, 30, 250, slope=0.3)
     patch = noise(rng, N, 5, 60, slope=0.9)
-    colour = mix([(70, 82, 46), (98, 108, 62), (122, 126, 78), (152, 146, 102)], 0.45 + 0.16 * patch + 0.13 * tussock)
-    weeds = np.clip(noise(rng, N, 12, 120, slope=0.6) - 1.3, 0, 1)[..., None]
+    colour = mix([(70, 82, 46), (98, 108, 62), (122, 126, 78), (152, 146, 102)], 0.45 + 0.12 * patch + 0.07 * tussock)
+    weeds = 0.5 * np.clip(noise(rng, N, 12, 120, slope=0.6) - 1.3, 0, 1)[..., None]
     colour = colour * (1 - weeds) + linear((62, 72, 40)) * weeds
-    return even_out(colour * (1 + 0.12 * blur(tussock, 0.7))[..., None], cycles=5)
+    return even_out(colour * (1 + 0.06 * blur(tussock, 0.7))[..., None], cycles=5)
