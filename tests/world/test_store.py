@@ -1,0 +1,134 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A world read back is the world that was written; a broken or foreign file in the cache is built anew."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from park_worlds import digest, park_variant, real_park
+
+from fieldtruth.errors import UnknownNameError
+from fieldtruth.world import World, build, load_world
+from fieldtruth.world.store import read_world, save_world
+
+
+@pytest.fixture(scope="module")
+def park(tmp_path_factory: pytest.TempPathFactory) -> World:
+    return real_park(tmp_path_factory.getbasetemp())
+
+
+@pytest.fixture
+def builds(monkeypatch: pytest.MonkeyPatch, park: World) -> list[tuple[str, int]]:
+    """What was built, by a builder that takes no time."""
+    calls: list[tuple[str, int]] = []
+
+    def quick(environment: str, seed: int = 0) -> World:
+        calls.append((environment, seed))
+        return replace(small(park), seed=seed)
+
+    monkeypatch.setattr(build, "build_world", quick)
+    return calls
+
+
+def small(park: World) -> World:
+    """Two objects of the park and one texture: quick to write."""
+    kept = (park.instances[0], park.instances[-1])
+    return replace(
+        park,
+        instances=kept,
+        meshes={i.mesh: park.meshes[i.mesh] for i in kept},
+        textures=dict(list(park.textures.items())[:1]),
+    )
+
+
+def test_round_trip_of_the_park_keeps_every_field_and_byte(park: World, tmp_path: Path) -> None:
+    save_world(tmp_path / "park.npz", park)
+    again = read_world(tmp_path / "park.npz")
+    assert digest(again) == digest(park)
+    assert again.size == park.size
+    assert again.object_names == park.object_names
+    assert list(again.meshes) == list(park.meshes)
+    assert list(again.materials.values()) == list(park.materials.values())
+    assert [i.name for i in again.instances] == [i.name for i in park.instances]
+    for name, mesh in park.meshes.items():
+        assert again.meshes[name].colliders == mesh.colliders
+        assert again.meshes[name].vertices.dtype == mesh.vertices.dtype
+    assert [p.name for p in tmp_path.iterdir()] == ["park.npz"]
+
+
+def test_the_digest_sees_a_change_of_one_bit(park: World) -> None:
+    """Guards the test above."""
+    heights = park.terrain.field.heights.copy()
+    heights[7, 9] = np.nextafter(heights[7, 9], np.float32(99))
+    terrain = replace(park.terrain, field=replace(park.terrain.field, heights=heights))
+    assert digest(replace(park, terrain=terrain)) != digest(park)
+    first = replace(park.instances[0], tint=(1.0, 1.0, 0.5))
+    assert digest(replace(park, instances=(first, *park.instances[1:]))) != digest(park)
+
+
+def test_round_trip_without_backdrop_objects_and_textures(park: World, tmp_path: Path) -> None:
+    bare = replace(park, backdrop=None, instances=(), meshes={}, textures={}, object_names=("husky", "ground"))
+    save_world(tmp_path / "folder" / "bare.npz", bare)
+    assert digest(read_world(tmp_path / "folder" / "bare.npz")) == digest(bare)
+
+
+def test_the_cache_is_used(builds: list[tuple[str, int]], tmp_path: Path) -> None:
+    first = load_world("park", 3, cache_folder=tmp_path)
+    again = load_world("park", 3, cache_folder=tmp_path)
+    assert builds == [("park", 3)]
+    assert digest(first) == digest(again)
+    load_world("park", 4, cache_folder=tmp_path)
+    assert builds == [("park", 3), ("park", 4)]
+
+
+@pytest.mark.parametrize("keep", [0, 1, 100, 0.5, 0.999])
+def test_a_truncated_file_is_built_anew(builds: list[tuple[str, int]], tmp_path: Path, keep: float) -> None:
+    whole = load_world("park", 0, cache_folder=tmp_path)
+    (path,) = tmp_path.iterdir()
+    data = path.read_bytes()
+    path.write_bytes(data[: int(keep * len(data)) if isinstance(keep, float) else keep])
+    assert digest(load_world("park", 0, cache_folder=tmp_path)) == digest(whole)
+    assert len(builds) == 2
+    assert path.read_bytes() == data
+    load_world("park", 0, cache_folder=tmp_path)
+    assert len(builds) == 2
+
+
+@pytest.mark.parametrize("place", [0.1, 0.3, 0.6, 0.9])
+def test_damaged_bytes_never_pass_for_a_world(builds: list[tuple[str, int]], tmp_path: Path, place: float) -> None:
+    whole = load_world("park", 0, cache_folder=tmp_path)
+    (path,) = tmp_path.iterdir()
+    data = bytearray(path.read_bytes())
+    start = int(place * len(data))
+    data[start : start + 64] = bytes(b ^ 0x55 for b in data[start : start + 64])
+    path.write_bytes(data)
+    assert digest(load_world("park", 0, cache_folder=tmp_path)) == digest(whole)
+
+
+def test_a_foreign_file_is_built_anew(builds: list[tuple[str, int]], tmp_path: Path) -> None:
+    load_world("park", 0, cache_folder=tmp_path)
+    (path,) = tmp_path.iterdir()
+    for write in (lambda: np.savez(path, other=np.zeros(3)), lambda: path.write_text("not a world")):
+        write()
+        assert load_world("park", 0, cache_folder=tmp_path).name == "park"
+    assert len(builds) == 3
+
+
+def test_a_cache_that_cannot_be_written_is_skipped(builds: list[tuple[str, int]], tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    assert load_world("park", 0, cache_folder=tmp_path / "file" / "worlds").name == "park"
+    assert builds == [("park", 0)]
+
+
+def test_an_unknown_environment_lists_the_known_ones(tmp_path: Path) -> None:
+    with pytest.raises(UnknownNameError, match=r"no environment 'bark'; there is: park"):
+        load_world("bark", 0, cache_folder=tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_variant_can_be_stored_too(tmp_path: Path) -> None:
+    world = park_variant(1)
+    save_world(tmp_path / "w.npz", world)
+    assert digest(read_world(tmp_path / "w.npz")) == digest(world)
