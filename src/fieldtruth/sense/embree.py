@@ -208,8 +208,8 @@ class RayScene:
 def arguments_block(*, coherent: bool) -> NDArray[np.uint64]:
     """RTCIntersectArguments (or RTCOccludedArguments) with its context behind it, as one block that kernels pass on.
 
-    The flag ``coherent`` doubles the speed of a camera's rays and slows a LiDAR's by a third. The block holds its own
-    address, so it must stay alive, and must not be copied, while it is used.
+    The flag ``coherent`` doubles the speed of neighbouring rays, a LiDAR's too if its tiles are wide and low.
+    The block holds its own address, so it must stay alive, and must not be copied, while it is used.
     """
     block = np.zeros(24, np.uint64)
     words = block.view(np.uint32)

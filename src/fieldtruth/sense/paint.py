@@ -142,7 +142,7 @@ def paint_ground(
     for k in range(count):
         if tops[k] != TERRAIN:
             continue
-        x, y = points[k, 0], points[k, 1]
+        x, y = points[0, k], points[1, k]
         u = min(max((x - x0) * paint.per_metre_rgb, 0.0), ground.shape[0] - 1.001)
         v = min(max((y - y0) * paint.per_metre_rgb, 0.0), ground.shape[1] - 1.001)
         i, j = int(u), int(v)
@@ -153,7 +153,7 @@ def paint_ground(
         scale = one / np.sqrt(one + sx * sx + sy * sy)
         out[k, NX], out[k, NY], out[k, NZ] = -sx * scale, -sy * scale, scale
         out[k, SKY], out[k, SUN], out[k, THROUGH] = read_grid(open_sky, x, y), read_grid(sunlit, x, y), 0.0
-        grazing = (directions[k, 0] * sx + directions[k, 1] * sy - directions[k, 2]) * scale
+        grazing = (directions[0, k] * sx + directions[1, k] * sy - directions[2, k]) * scale
         footprint = reach[k] * pixel / np.sqrt(max(grazing, np.float32(0.05)))
         trail = read_grid(edge, x, y)
         if trail < 0.0:
@@ -163,7 +163,7 @@ def paint_ground(
             gj = min(max(int((y - y0) * paint.per_metre_material + 0.5), 0), grain.shape[1] - 1)
             row = int(grain[gi, gj])
         texture, per_metre = textures[row], 1.0 / repeats[row]
-        level = _level(sizes[texture, 0], footprint, repeats[row], _dither(image[k, 0], image[k, 1]))
+        level = _level(sizes[texture, 0], footprint, repeats[row], _dither(image[0, k], image[1, k]))
         red, green, blue = sample(atlas, texture, x * per_metre, y * per_metre, level)
         out[k, GLOSS] = glosses[row]
         if trail < 0.0:
@@ -207,7 +207,7 @@ def paint_objects(
             continue
         face = mesh_face[top_mesh[top]] + primitives[k]
         a, b, c = corners[face, 0], corners[face, 1], corners[face, 2]
-        fu, fv = barycentric[k, 0], barycentric[k, 1]
+        fu, fv = barycentric[0, k], barycentric[1, k]
         fw = one - fu - fv
         nx = normals[a, 0] * fw + normals[b, 0] * fu + normals[c, 0] * fv
         ny = normals[a, 1] * fw + normals[b, 1] * fu + normals[c, 1] * fv
@@ -218,7 +218,7 @@ def paint_objects(
         scale = one / np.sqrt(max(wx * wx + wy * wy + wz * wz, np.float32(1e-12)))
         row = materials[face]
         through = translucency[row]
-        facing = directions[k, 0] * wx + directions[k, 1] * wy + directions[k, 2] * wz
+        facing = directions[0, k] * wx + directions[1, k] * wy + directions[2, k] * wz
         if through > 0.0 and facing > 0.0:  # a leaf is seen from whichever side it shows
             scale = -scale
         out[k, NX], out[k, NY], out[k, NZ] = wx * scale, wy * scale, wz * scale
@@ -228,7 +228,7 @@ def paint_objects(
         texture = textures[row]
         u = uvs[a, 0] * fw + uvs[b, 0] * fu + uvs[c, 0] * fv
         v = uvs[a, 1] * fw + uvs[b, 1] * fu + uvs[c, 1] * fv
-        level = _level(sizes[texture, 0], reach[k] * pixel, repeats[face], _dither(image[k, 0], image[k, 1]))
+        level = _level(sizes[texture, 0], reach[k] * pixel, repeats[face], _dither(image[0, k], image[1, k]))
         red, green, blue = sample(atlas, texture, u, v, level)
         shade, warmth = one, np.float32(0.0)
         if through > 0.0:  # no two leaves have the same green

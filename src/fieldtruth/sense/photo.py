@@ -108,7 +108,7 @@ def take(
 @njit(error_model="numpy", nogil=True, cache=True)
 def _keep(image: NDArray[np.float32], colour: NDArray[np.float32], count: int, linear: NDArray[np.float32]) -> None:
     for k in range(count):
-        u, v = int(image[k, 0]), int(image[k, 1])
+        u, v = int(image[0, k]), int(image[1, k])
         linear[v, u, 0], linear[v, u, 1], linear[v, u, 2] = colour[k, 0], colour[k, 1], colour[k, 2]
 
 
@@ -135,9 +135,9 @@ def _trace_sun(
             surface[k, SUN] = 0.0
             if facing > 0.0:
                 x, y, z = (
-                    point[k, 0] + _LIFT * surface[k, NX],
-                    point[k, 1] + _LIFT * surface[k, NY],
-                    point[k, 2] + _LIFT * surface[k, NZ],
+                    point[0, k] + _LIFT * surface[k, NX],
+                    point[1, k] + _LIFT * surface[k, NY],
+                    point[2, k] + _LIFT * surface[k, NZ],
                 )
                 set_ray(shadow, filled, x, y, z, sx, sy, sz, _LIFT, _REACH)
                 rows[filled] = k
@@ -162,7 +162,7 @@ def _shine(
     sx, sy, sz = np.float32(light.sun[0]), np.float32(light.sun[1]), np.float32(light.sun[2])
     zero, one, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
     for k in range(count):
-        dx, dy, dz = direction[k, 0], direction[k, 1], direction[k, 2]
+        dx, dy, dz = direction[0, k], direction[1, k], direction[2, k]
         if top[k] < 0:
             r, g, b = sky_radiance(dome, dx, dy, dz)
             colour[k, 0], colour[k, 1], colour[k, 2] = _EXPOSURE * r, _EXPOSURE * g, _EXPOSURE * b
@@ -251,7 +251,7 @@ def _refine(
     """
     image, colour, linear, edges = room.strip.image, room.colour, room.linear, room.edges
     white, share = np.float32(2.0), np.float32(1.0 / (samples + 1))
-    batch = len(image) // samples
+    batch = image.shape[1] // samples
     for first in range(0, count, batch):
         pixels = min(batch, count - first)
         for k in range(pixels):
@@ -259,8 +259,8 @@ def _refine(
             turn = (3 * u + 5 * v) % _TURNS
             for s in range(samples):
                 row = (turn + s * _TURNS // samples) % _TURNS
-                image[k * samples + s, 0] = u + _OFFSETS[row, 0]
-                image[k * samples + s, 1] = v + _OFFSETS[row, 1]
+                image[0, k * samples + s] = u + _OFFSETS[row, 0]
+                image[1, k * samples + s] = v + _OFFSETS[row, 1]
         trace(studio.scene, room.packet, pose, lens, far, room.strip, pixels * samples)
         _colour(studio, room, pixels * samples, 1.0 / lens.fx)
         for k in range(pixels):

@@ -12,14 +12,15 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fieldtruth.sense import embree
-from fieldtruth.sense.hits import HitTable, classify, hit_top
-from fieldtruth.sense.packets import Packet
-from fieldtruth.sense.pinhole import Pinhole, set_pixel_ray
+from fieldtruth.sense.hits import HitTable, classify
+from fieldtruth.sense.packets import Packet, set_ray
+from fieldtruth.sense.pinhole import Pinhole
 
 STRIP_ROWS: Final = embree.TILE_HEIGHT
 
 _LANES, _WIDTH, _HEIGHT = embree.LANES, embree.TILE_WIDTH, embree.TILE_HEIGHT
-_OX, _OY, _OZ, _DX, _DY, _DZ = embree.ORG_X, embree.ORG_Y, embree.ORG_Z, embree.DIR_X, embree.DIR_Y, embree.DIR_Z
+_DX, _DY, _DZ, _GEOM, _INST = embree.DIR_X, embree.DIR_Y, embree.DIR_Z, embree.GEOM_ID, embree.INST_ID
+_MISS = np.uint32(embree.MISS)
 _FAR, _PRIM, _U, _V = embree.TFAR, embree.PRIM_ID, embree.HIT_U, embree.HIT_V
 _intersect: Any = embree.intersect
 
@@ -27,22 +28,22 @@ _intersect: Any = embree.intersect
 class Strip(NamedTuple):
     """What the rays of n image points hit. Where ``top`` is -1 they hit nothing and only ``direction`` counts."""
 
-    image: NDArray[np.float32]  # (n, 2) image point (u, v) [pixel]
-    direction: NDArray[np.float32]  # (n, 3) unit, world frame
+    image: NDArray[np.float32]  # (2, n) image point (u, v) [pixel]
+    direction: NDArray[np.float32]  # (3, n) unit, world frame
     cosine: NDArray[np.float64]  # (n,) of the angle to the optical axis
     top: NDArray[np.int32]  # (n,) row of the thing that was hit
     primitive: NDArray[np.int32]  # (n,) its triangle
-    barycentric: NDArray[np.float32]  # (n, 2) weights of the triangle's second and third corner
+    barycentric: NDArray[np.float32]  # (2, n) weights of the triangle's second and third corner
     reach: NDArray[np.float32]  # (n,) [m] along the ray
-    point: NDArray[np.float32]  # (n, 3) [m] world frame
+    point: NDArray[np.float32]  # (3, n) [m] world frame
 
 
 def new_strip(count: int) -> Strip:
     """Room for ``count`` image points; a thread owns its own."""
-    f4 = np.float32
+    f4, count = np.float32, -(-count // _LANES) * _LANES
     return Strip(
-        np.zeros((count, 2), f4), np.zeros((count, 3), f4), np.zeros(count), np.zeros(count, np.int32),
-        np.zeros(count, np.int32), np.zeros((count, 2), f4), np.zeros(count, f4), np.zeros((count, 3), f4),
+        np.zeros((2, count), f4), np.zeros((3, count), f4), np.zeros(count), np.zeros(count, np.int32),
+        np.zeros(count, np.int32), np.zeros((2, count), f4), np.zeros(count, f4), np.zeros((3, count), f4),
     )  # fmt: skip
 
 
@@ -52,7 +53,7 @@ def pixel_row_points(first_row: int, width: int, image: NDArray[np.float32]) -> 
     k = 0
     for left in range(0, width, _WIDTH):
         for lane in range(_LANES):
-            image[k, 0], image[k, 1] = left + lane % _WIDTH, first_row + lane // _WIDTH
+            image[0, k], image[1, k] = left + lane % _WIDTH, first_row + lane // _WIDTH
             k += 1
 
 
@@ -60,28 +61,49 @@ def pixel_row_points(first_row: int, width: int, image: NDArray[np.float32]) -> 
 def trace(
     scene: np.uint64, packet: Packet, pose: NDArray[np.float64], lens: Pinhole, far: float, strip: Strip, count: int
 ) -> None:
-    """Trace the rays through the first ``count`` image points of a strip, LANES neighbours at a time."""
+    """Trace the rays through the first ``count`` image points of a strip, LANES neighbours at a time.
+
+    Loops run over one field of the packet at a time, so that they become vector instructions; what all rays share is
+    written once.
+    """
     ray, words, valid = packet.ray, packet.words, packet.valid
     image, direction, cosine, top, primitive, barycentric, reach, point = strip
+    m00, m01, m02, m10, m11, m12, m20, m21, m22 = (
+        pose[0, 0], pose[0, 1], pose[0, 2], pose[1, 0], pose[1, 1], pose[1, 2], pose[2, 0], pose[2, 1], pose[2, 2],
+    )  # fmt: skip
+    x0, y0, z0 = np.float32(pose[0, 3]), np.float32(pose[1, 3]), np.float32(pose[2, 3])
+    per_fx, per_fy, cx, cy = 1.0 / lens.fx, 1.0 / lens.fy, lens.cx, lens.cy
+    for lane in range(_LANES):
+        set_ray(packet, lane, float(x0), float(y0), float(z0), 0.0, 0.0, 1.0, 0.0, far)
     for first in range(0, count, _LANES):
         for lane in range(_LANES):
-            k = first + lane
-            if k < count:
-                cosine[k] = set_pixel_ray(packet, lane, pose, lens, image[k, 0], image[k, 1], far)
-            else:
-                valid[lane] = 0
+            a, b = (image[0, first + lane] - cx) * per_fx, (image[1, first + lane] - cy) * per_fy
+            scale = 1.0 / np.sqrt(1.0 + a * a + b * b)
+            cosine[first + lane] = scale
+            direction[0, first + lane] = (m00 * a + m01 * b + m02) * scale
+            direction[1, first + lane] = (m10 * a + m11 * b + m12) * scale
+            direction[2, first + lane] = (m20 * a + m21 * b + m22) * scale
+        for lane in range(_LANES):
+            ray[_DX + lane] = direction[0, first + lane]
+            ray[_DY + lane] = direction[1, first + lane]
+            ray[_DZ + lane] = direction[2, first + lane]
+            ray[_FAR + lane] = far
+            words[_GEOM + lane] = _MISS
+            words[_INST + lane] = _MISS
+        for lane in range(count - first, _LANES):
+            valid[lane] = 0
         _intersect(valid.ctypes, scene, ray.ctypes, packet.arguments.ctypes)
-        for lane in range(min(_LANES, count - first)):
+        for lane in range(_LANES):
             k = first + lane
-            dx, dy, dz, t = ray[_DX + lane], ray[_DY + lane], ray[_DZ + lane], ray[_FAR + lane]
-            direction[k, 0], direction[k, 1], direction[k, 2] = dx, dy, dz
-            top[k], reach[k] = hit_top(words, lane), t
-            if top[k] >= 0:
-                primitive[k] = words[_PRIM + lane]
-                barycentric[k, 0], barycentric[k, 1] = ray[_U + lane], ray[_V + lane]
-                point[k, 0], point[k, 1], point[k, 2] = (
-                    ray[_OX + lane] + t * dx, ray[_OY + lane] + t * dy, ray[_OZ + lane] + t * dz,
-                )  # fmt: skip
+            t = ray[_FAR + lane]
+            reach[k] = t
+            point[0, k] = x0 + t * direction[0, k]
+            point[1, k] = y0 + t * direction[1, k]
+            point[2, k] = z0 + t * direction[2, k]
+            barycentric[0, k], barycentric[1, k] = ray[_U + lane], ray[_V + lane]
+            primitive[k] = np.int32(words[_PRIM + lane])
+            geometry, instance = words[_GEOM + lane], words[_INST + lane]
+            top[k] = np.int32(geometry if instance == _MISS else instance)  # MISS for both becomes -1
 
 
 @njit(error_model="numpy", nogil=True, cache=True)
@@ -91,8 +113,8 @@ def name_pixels(
 ) -> None:  # fmt: skip
     """Write class, object and depth [m] of a strip of pixel centres into the images (h, w)."""
     for k in range(count):
-        u, v, top = int(strip.image[k, 0]), int(strip.image[k, 1]), strip.top[k]
-        kind, thing = classify(hits, top, strip.primitive[k], strip.point[k, 0], strip.point[k, 1])
+        u, v, top = int(strip.image[0, k]), int(strip.image[1, k]), strip.top[k]
+        kind, thing = classify(hits, top, strip.primitive[k], strip.point[0, k], strip.point[1, k])
         label[v, u], instance[v, u] = kind, thing
         depth[v, u] = strip.reach[k] * strip.cosine[k] if top >= 0 else 0.0
 

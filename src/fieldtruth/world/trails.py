@@ -45,7 +45,7 @@ class Line:
         from scipy.spatial import cKDTree
 
         places = np.asarray(places, np.float64)
-        _, nearest = cKDTree(self.points).query(places)
+        _, nearest = cKDTree(self.points).query(places, workers=-1)
         best = np.full(len(places), np.inf)
         for step in (-1, 0):  # the two pieces that meet in the nearest point
             first = np.clip(nearest + step, 0, len(self.points) - 2)
