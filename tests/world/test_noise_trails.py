@@ -16,7 +16,7 @@ def test_a_line_passes_its_corners_5_cm_by_5_cm() -> None:
     for smooth in (True, False):
         line = Line.through(corners, smooth=smooth)
         steps = np.linalg.norm(np.diff(line.points, axis=0), axis=1)
-        assert 0.04 < steps.min() < steps.max() < 0.1  # a spline is longer than its chords
+        assert 0.035 < steps.min() < steps.max() < 0.1  # a spline is longer than its chords
         assert line.points[0] == pytest.approx(corners[0])
         assert line.points[-1] == pytest.approx(corners[-1])
         for corner in corners:

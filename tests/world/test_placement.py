@@ -50,7 +50,7 @@ def spots(instances: list[Instance]) -> F8:
 
 
 def test_a_thing_stands_on_the_lowest_ground_of_its_footprint() -> None:
-    """On a slope of 10 % that lies downhill by the footprint's radius, or by 0.9 m where a crown is wider than its foot."""
+    """On a slope of 10 % it lies downhill by the footprint's radius, at most 0.9 m: a crown is wider than its foot."""
     lawn = site(slope=0.1)
     narrow = lawn.place("a", thing("a", 0.5), 3.0, -5.0, yaw=0.0)
     wide = lawn.place("b", thing("b", 3.0), 10.0, -5.0, yaw=0.0)
