@@ -11,12 +11,21 @@ from numpy.typing import NDArray
 
 from fieldtruth import frames, geodesy
 from fieldtruth.classes import CLASSES, PALETTE, Label
+from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.pipeline import generate
 from fieldtruth.record.read import image, points, pose_matrix, read_bag, stamp_ns, static_transforms
 from fieldtruth.sense import Camera, Scene
 from fieldtruth.world import load_world
 
 Array = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def park_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the first simulated second of park_1, with every sensor at full resolution."""
+    experiment = with_overrides(load_experiment("park_1"), seconds=1.0)
+    return generate(experiment, tmp_path_factory.mktemp("park_bag"))
 
 
 def messages(bag: Path, topic: str) -> dict[int, Any]:

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from fieldtruth.sense.kernel import kernel
 
 LEVELS: Final = 10
 
@@ -62,7 +63,7 @@ def make_atlas(textures: Sequence[NDArray[np.uint8]]) -> Atlas:
     )
 
 
-@njit(error_model="numpy", nogil=True, cache=True)
+@kernel
 def sample(atlas: Atlas, texture: int, u: float, v: float, level: int) -> tuple[float, float, float]:
     """Linear colour at (u, v) in repeats, bilinear within one level; u runs along columns, v up the rows."""
     level = min(max(level, 0), LEVELS - 1)

@@ -118,9 +118,13 @@ class Engine:
         self._check_layout()
 
     def _check_layout(self) -> None:
-        """Trace one triangle whose hit is known in closed form, through an instance, in the last lane of a packet."""
+        """Trace one slanted triangle, whose hit follows from a 3 x 3 system, through an instance, in the last lane."""
+        corners = np.array([[0.0, 0.0, 0.5], [4.0, 0.5, 1.0], [0.5, 4.0, 1.5]])
+        origin, direction = np.array([1.0, 2.0, 7.0]), np.array([0.1, -0.2, -1.0])
+        first, second = corners[1:] - corners[0]
+        reach, u, v = np.linalg.solve(np.stack([-direction, first, second], axis=-1), origin - corners[0] - [0, 0, 2])
         triangle, scene = RayScene(self), RayScene(self)
-        triangle.add_mesh([[0, 0, 9], [4, 0, 0], [0, 4, 0], [0, 0, 0]], [[3, 0, 1], [3, 1, 2]])
+        triangle.add_mesh([[9.0, 9.0, 9.0], *corners], [[0, 0, 1], [1, 2, 3]])
         scene.add_mesh([[50, 50, 50], [51, 50, 50], [50, 51, 50]], [[0, 1, 2]])
         matrix = np.eye(4)
         matrix[2, 3] = 2.0
@@ -129,14 +133,17 @@ class Engine:
         ray, valid, arguments = aligned(RAYHIT_WORDS), aligned(LANES, np.int32), arguments_block(coherent=False)
         lane, words = LANES - 1, ray.view(np.uint32)
         valid[lane] = -1
-        ray[[ORG_X + lane, ORG_Y + lane, ORG_Z + lane, DIR_Z + lane, TFAR + lane]] = 1.0, 2.0, 7.0, -1.0, 100.0
+        ray[[ORG_X + lane, ORG_Y + lane, ORG_Z + lane]] = origin
+        ray[[DIR_X + lane, DIR_Y + lane, DIR_Z + lane]] = direction
+        ray[TFAR + lane] = 100.0
         words[[MASK + lane, GEOM_ID + lane, INST_ID + lane, INST_PRIM_ID + lane]] = MISS
         trace = getattr(self._api, f"rtcIntersect{LANES}")
         trace.restype, trace.argtypes = None, (c.c_void_p,) * 4
         trace(valid.ctypes.data, scene._pointer, ray.ctypes.data, arguments.ctypes.data)
         floats = ray[[TFAR + lane, NG_X + lane, NG_Y + lane, NG_Z + lane, HIT_U + lane, HIT_V + lane]]
         ids = words[[PRIM_ID + lane, GEOM_ID + lane, INST_ID + lane]]
-        if not (np.allclose(floats, [5, 0, 0, 16, 0.25, 0.5]) and ids.tolist() == [1, 0, 1]):
+        expected = [reach, *np.cross(first, second), u, v]
+        if not (np.allclose(floats, expected, rtol=1e-5) and ids.tolist() == [1, 0, 1]):
             raise EngineError(f"Embree's packets of {LANES} rays are laid out otherwise than this fieldtruth expects")
 
     def check(self) -> None:

@@ -8,11 +8,11 @@ Camera, LiDAR and every export call ``classify`` on the hit of the same scene, s
 from typing import Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from fieldtruth.classes import Label
 from fieldtruth.sense import embree
+from fieldtruth.sense.kernel import inlined
 from fieldtruth.world.model import GROUND_ID
 
 TERRAIN: Final = 0
@@ -42,7 +42,7 @@ class HitTable(NamedTuple):
     trail_distance: Grid
 
 
-@njit(error_model="numpy", nogil=True, cache=True, inline="always")
+@inlined
 def read_grid(grid: Grid, x: float, y: float) -> float:
     """Bilinear value of a grid at world x, y [m]; beyond the edge the edge's value holds (as ``Raster.at``)."""
     nx, ny = grid.values.shape
@@ -55,7 +55,7 @@ def read_grid(grid: Grid, x: float, y: float) -> float:
     return low * (1.0 - fu) + high * fu  # type: ignore[no-any-return]
 
 
-@njit(error_model="numpy", nogil=True, cache=True, inline="always")
+@inlined
 def hit_top(words: NDArray[np.uint32], lane: int) -> int:
     """Row of the thing that a lane hit, -1 for nothing. ``words`` is the packet seen as uint32."""
     instance = words[_INST + lane]
@@ -65,7 +65,7 @@ def hit_top(words: NDArray[np.uint32], lane: int) -> int:
     return np.int64(geometry) if instance == _MISS else np.int64(instance)  # type: ignore[return-value]
 
 
-@njit(error_model="numpy", nogil=True, cache=True, inline="always")
+@inlined
 def classify(table: HitTable, top: int, primitive: int, x: float, y: float) -> tuple[int, int]:
     """Class and object id of a hit on triangle ``primitive`` of ``top`` at world x, y [m]; (sky, 0) for none."""
     if top < 0:

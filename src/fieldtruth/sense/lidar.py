@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from fieldtruth.classes import NO_RETURN
 from fieldtruth.experiment.rig import LidarConfig
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import HitTable, classify, hit_top
+from fieldtruth.sense.kernel import kernel
 from fieldtruth.sense.packets import Packet, new_packet, set_ray
 from fieldtruth.sense.scene import Scene
 
@@ -104,7 +104,7 @@ class Lidar:
         )
 
 
-@njit(error_model="numpy", nogil=True, cache=True)
+@kernel
 def _scan(
     scene: np.uint64, hits: HitTable, packet: Packet, poses: NDArray[np.float64], directions: NDArray[np.float64],
     min_range: float, max_range: float, returns: NDArray[np.bool_],

@@ -11,11 +11,11 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import Grid
+from fieldtruth.sense.kernel import kernel
 from fieldtruth.sense.packets import Packet, new_packet, set_ray
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sense.sky import Dome, make_dome, sun_direction
@@ -111,8 +111,7 @@ def _ground_grid(
 
 def _vertex_sky(scene: Scene, pool: ThreadPoolExecutor) -> NDArray[np.float32]:
     """Open sky at every vertex of every mesh, each standing alone: objects share meshes, so neighbours do not count."""
-    world = scene.world
-    meshes = [*world.meshes.values(), *([world.backdrop] if world.backdrop is not None else [])]
+    world, meshes = scene.world, scene.meshes
     wood_rays, leaf_rays = _hemisphere(24), _hemisphere(11)
 
     def one(row: int) -> NDArray[np.float32]:
@@ -178,7 +177,7 @@ def visibility(
     return result
 
 
-@njit(error_model="numpy", nogil=True, cache=True)
+@kernel
 def _visibility(
     scene: np.uint64, packet: Packet, points: NDArray[np.float32], normals: NDArray[np.float32],
     directions: NDArray[np.float64], near: float, far: float, result: NDArray[np.float32],

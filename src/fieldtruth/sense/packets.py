@@ -5,10 +5,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from fieldtruth.sense import embree
+from fieldtruth.sense.kernel import inlined
 
 LANES = embree.LANES
 _OX, _OY, _OZ, _DX, _DY, _DZ = embree.ORG_X, embree.ORG_Y, embree.ORG_Z, embree.DIR_X, embree.DIR_Y, embree.DIR_Z
@@ -34,7 +34,7 @@ def new_packet(*, coherent: bool) -> Packet:
     return Packet(ray, ray.view(np.uint32), embree.aligned(LANES, np.int32), embree.arguments_block(coherent=coherent))
 
 
-@njit(error_model="numpy", nogil=True, cache=True, inline="always")
+@inlined
 def set_ray(
     packet: Packet, lane: int, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, near: float, far: float
 ) -> None:

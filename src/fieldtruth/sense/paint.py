@@ -5,15 +5,27 @@
 from typing import Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import zoom
 
 from fieldtruth.sense.atlas import Atlas, make_atlas, sample
 from fieldtruth.sense.hits import TERRAIN, HitTable, read_grid
+from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.light import LightTable
-from fieldtruth.sense.scene import SurfaceTable
 from fieldtruth.sense.strip import Strip
+from fieldtruth.sense.surfaces import (
+    FIRST,
+    MATERIAL,
+    NORMAL_X,
+    NORMAL_Y,
+    NORMAL_Z,
+    OPEN_SKY,
+    SECOND,
+    TEX_U,
+    TEX_V,
+    THIRD,
+    SurfaceTable,
+)  # fmt: skip
 from fieldtruth.world.model import Material, Raster, Terrain, World
 
 RED, GREEN, BLUE, NX, NY, NZ, SKY, SUN, THROUGH, GLOSS = range(10)
@@ -101,7 +113,7 @@ def _ground(
     return np.ascontiguousarray(rgb, np.float32), choice
 
 
-@njit(error_model="numpy", nogil=True, cache=True, inline="always")
+@inlined
 def _level(size: int, footprint: float, repeat: float, dither: float) -> int:
     """Mip level whose texels are as large as a pixel's footprint [m], dithered so that no seam shows between levels.
 
@@ -115,7 +127,7 @@ def _level(size: int, footprint: float, repeat: float, dither: float) -> int:
     return level
 
 
-@njit(error_model="numpy", nogil=True, cache=True, inline="always")
+@inlined
 def _dither(u: float, v: float) -> float:
     """A fixed pattern in [0, 1) over the image (interleaved gradient noise, Jimenez 2014)."""
     inner = np.float32(0.06711056) * u + np.float32(0.00583715) * v
@@ -123,7 +135,7 @@ def _dither(u: float, v: float) -> float:
     return float(value - np.floor(value))
 
 
-@njit(error_model="numpy", nogil=True, cache=True)
+@kernel
 def paint_ground(
     strip: Strip, count: int, pixel: float, hits: HitTable, paint: PaintTable, light: LightTable,
     out: NDArray[np.float32],
@@ -183,7 +195,7 @@ def paint_ground(
             out[k, BLUE] = mixed * blue / means[texture, 2]
 
 
-@njit(error_model="numpy", nogil=True, cache=True)
+@kernel
 def paint_objects(
     strip: Strip, count: int, pixel: float, hits: HitTable, surfaces: SurfaceTable, paint: PaintTable,
     light: LightTable, out: NDArray[np.float32],
@@ -194,10 +206,8 @@ def paint_objects(
     sizes, textures, tints, glosses, translucency = (
         atlas.size, paint.texture, paint.tint, paint.gloss, paint.translucency,
     )  # fmt: skip
-    top_mesh, mesh_face, corners = hits.top_mesh, hits.mesh_face, surfaces.face_vertices
-    normals, uvs, sky, materials, repeats = (
-        surfaces.vertex_normal, surfaces.vertex_uv, light.vertex_sky, surfaces.face_material, surfaces.face_repeat,
-    )  # fmt: skip
+    top_mesh, mesh_face = hits.top_mesh, hits.mesh_face
+    vertices, faces, repeats = surfaces.vertex, surfaces.face, surfaces.face_repeat
     leaf_sun, top_leaf = light.leaf_sun, light.top_leaf
     rotations, own_tints = surfaces.top_rotation, surfaces.top_tint
     one, half = np.float32(1.0), np.float32(0.5)
@@ -206,28 +216,27 @@ def paint_objects(
         if top <= TERRAIN:
             continue
         face = mesh_face[top_mesh[top]] + primitives[k]
-        a, b, c = corners[face, 0], corners[face, 1], corners[face, 2]
+        a, b, c, row = faces[face, FIRST], faces[face, SECOND], faces[face, THIRD], faces[face, MATERIAL]
         fu, fv = barycentric[0, k], barycentric[1, k]
         fw = one - fu - fv
-        nx = normals[a, 0] * fw + normals[b, 0] * fu + normals[c, 0] * fv
-        ny = normals[a, 1] * fw + normals[b, 1] * fu + normals[c, 1] * fv
-        nz = normals[a, 2] * fw + normals[b, 2] * fu + normals[c, 2] * fv
+        nx = vertices[a, NORMAL_X] * fw + vertices[b, NORMAL_X] * fu + vertices[c, NORMAL_X] * fv
+        ny = vertices[a, NORMAL_Y] * fw + vertices[b, NORMAL_Y] * fu + vertices[c, NORMAL_Y] * fv
+        nz = vertices[a, NORMAL_Z] * fw + vertices[b, NORMAL_Z] * fu + vertices[c, NORMAL_Z] * fv
         wx = rotations[top, 0, 0] * nx + rotations[top, 0, 1] * ny + rotations[top, 0, 2] * nz
         wy = rotations[top, 1, 0] * nx + rotations[top, 1, 1] * ny + rotations[top, 1, 2] * nz
         wz = rotations[top, 2, 0] * nx + rotations[top, 2, 1] * ny + rotations[top, 2, 2] * nz
         scale = one / np.sqrt(max(wx * wx + wy * wy + wz * wz, np.float32(1e-12)))
-        row = materials[face]
         through = translucency[row]
         facing = directions[0, k] * wx + directions[1, k] * wy + directions[2, k] * wz
         if through > 0.0 and facing > 0.0:  # a leaf is seen from whichever side it shows
             scale = -scale
         out[k, NX], out[k, NY], out[k, NZ] = wx * scale, wy * scale, wz * scale
-        out[k, SKY] = sky[a] * fw + sky[b] * fu + sky[c] * fv
+        out[k, SKY] = vertices[a, OPEN_SKY] * fw + vertices[b, OPEN_SKY] * fu + vertices[c, OPEN_SKY] * fv
         out[k, THROUGH], out[k, GLOSS] = through, glosses[row]
         out[k, SUN] = np.float32(leaf_sun[top_leaf[top] + primitives[k]]) if through > 0.0 else np.float32(TRACE_SUN)
         texture = textures[row]
-        u = uvs[a, 0] * fw + uvs[b, 0] * fu + uvs[c, 0] * fv
-        v = uvs[a, 1] * fw + uvs[b, 1] * fu + uvs[c, 1] * fv
+        u = vertices[a, TEX_U] * fw + vertices[b, TEX_U] * fu + vertices[c, TEX_U] * fv
+        v = vertices[a, TEX_V] * fw + vertices[b, TEX_V] * fu + vertices[c, TEX_V] * fv
         level = _level(sizes[texture, 0], reach[k] * pixel, repeats[face], _dither(image[0, k], image[1, k]))
         red, green, blue = sample(atlas, texture, u, v, level)
         shade, warmth = one, np.float32(0.0)

@@ -5,11 +5,11 @@
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import TERRAIN
+from fieldtruth.sense.kernel import kernel
 from fieldtruth.sense.light import LightTable
 from fieldtruth.sense.packets import Packet, new_packet, set_ray
 from fieldtruth.sense.paint import (
@@ -35,7 +35,7 @@ from fieldtruth.sense.studio import CURVE_STEPS, CURVE_TOP, Studio
 
 EXPOSURE: Final = 3.9
 HAZE_PER_METRE: Final = 1.0 / 1800.0
-EDGE_CONTRAST: Final = 0.15
+EDGE_CONTRAST: Final = 0.2
 """Difference of the square roots of neighbours' luminance above which a pixel at an edge is refined."""
 EDGE_STEP: Final = 0.01
 """Step in depth, relative, that makes an edge."""
@@ -84,7 +84,7 @@ def new_darkroom(height: int, width: int) -> Darkroom:
     )
 
 
-@njit(error_model="numpy", nogil=True, cache=True)
+@kernel
 def take(
     studio: Studio, room: Darkroom, pose: NDArray[np.float64], lens: Pinhole, far: float, samples: int,
     label: NDArray[np.uint8], instance: NDArray[np.uint16], depth: NDArray[np.float32], photo: NDArray[np.uint8],
@@ -105,14 +105,14 @@ def take(
     _develop(studio.curve, room.linear, photo)
 
 
-@njit(error_model="numpy", nogil=True, cache=True)
+@kernel
 def _keep(image: NDArray[np.float32], colour: NDArray[np.float32], count: int, linear: NDArray[np.float32]) -> None:
     for k in range(count):
         u, v = int(image[0, k]), int(image[1, k])
         linear[v, u, 0], linear[v, u, 1], linear[v, u, 2] = colour[k, 0], colour[k, 1], colour[k, 2]
 
 
-@njit(error_model="numpy", nogil=True, cache=True)
+@kernel
 def _colour(studio: Studio, room: Darkroom, count: int, pixel: float) -> None:
     """Colour the traced points of the strip; ``pixel`` is the angle [rad] that one pixel spans."""
     paint_ground(room.strip, count, pixel, studio.hits, studio.paint, studio.light, room.surface)
@@ -121,7 +121,7 @@ def _colour(studio: Studio, room: Darkroom, count: int, pixel: float) -> None:
     _shine(room.strip, count, room.surface, studio.light, room.colour)
 
 
-@njit(error_model="numpy", nogil=True, cache=True)
+@kernel
 def _trace_sun(
     scene: np.uint64, shadow: Packet, rows: NDArray[np.int32], sun: NDArray[np.float64], strip: Strip, count: int,
     surface: NDArray[np.float32],
@@ -152,7 +152,7 @@ def _trace_sun(
             filled = 0
 
 
-@njit(error_model="numpy", nogil=True, cache=True)
+@kernel
 def _shine(
     strip: Strip, count: int, surface: NDArray[np.float32], light: LightTable, colour: NDArray[np.float32]
 ) -> None:
@@ -204,7 +204,7 @@ def _shine(
         colour[k, 0], colour[k, 1], colour[k, 2] = _EXPOSURE * red, _EXPOSURE * green, _EXPOSURE * blue
 
 
-@njit(error_model="numpy", nogil=True, cache=True)
+@kernel
 def find_edges(
     linear: NDArray[np.float32], instance: NDArray[np.uint16], depth: NDArray[np.float32],
     marked: NDArray[np.bool_], edges: NDArray[np.int32],
@@ -241,7 +241,7 @@ def find_edges(
     return count
 
 
-@njit(error_model="numpy", nogil=True, cache=True)
+@kernel
 def _refine(
     studio: Studio, room: Darkroom, pose: NDArray[np.float64], lens: Pinhole, far: float, count: int, samples: int
 ) -> None:
@@ -272,7 +272,7 @@ def _refine(
                 linear[v, u, channel] = total * share
 
 
-@njit(error_model="numpy", nogil=True, cache=True)
+@kernel
 def _develop(curve: NDArray[np.uint8], linear: NDArray[np.float32], photo: NDArray[np.uint8]) -> None:
     """Spill a little light into neighbours, as a lens does, and apply the film's curve."""
     height, width, _ = linear.shape

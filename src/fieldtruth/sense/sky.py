@@ -8,9 +8,10 @@ Preetham, Shirley and Smits, "A Practical Analytic Model for Daylight" (1999).
 from typing import Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, zoom
+
+from fieldtruth.sense.kernel import kernel
 
 ROWS, COLUMNS = 384, 1536
 TURBIDITY: Final = 3.0
@@ -86,7 +87,7 @@ def _clouds(
     return cover, lit
 
 
-@njit(error_model="numpy", nogil=True, cache=True)
+@kernel
 def sky_radiance(g: NDArray[np.float32], x: float, y: float, z: float) -> tuple[float, float, float]:
     """Radiance in a unit direction of a dome's picture ``g``; below the horizon the horizon's value holds."""
     rows, columns, _ = g.shape

@@ -8,11 +8,11 @@ Passes over some thousand points let each kernel unpack its tables once, and let
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import HitTable, classify
+from fieldtruth.sense.kernel import kernel
 from fieldtruth.sense.packets import Packet, set_ray
 from fieldtruth.sense.pinhole import Pinhole
 
@@ -47,7 +47,7 @@ def new_strip(count: int) -> Strip:
     )  # fmt: skip
 
 
-@njit(error_model="numpy", nogil=True, cache=True)
+@kernel
 def pixel_row_points(first_row: int, width: int, image: NDArray[np.float32]) -> None:
     """Fill the image points of STRIP_ROWS whole rows of pixel centres, tile by tile."""
     k = 0
@@ -57,7 +57,7 @@ def pixel_row_points(first_row: int, width: int, image: NDArray[np.float32]) -> 
             k += 1
 
 
-@njit(error_model="numpy", nogil=True, cache=True)
+@kernel
 def trace(
     scene: np.uint64, packet: Packet, pose: NDArray[np.float64], lens: Pinhole, far: float, strip: Strip, count: int
 ) -> None:
@@ -106,7 +106,7 @@ def trace(
             top[k] = np.int32(geometry if instance == _MISS else instance)  # MISS for both becomes -1
 
 
-@njit(error_model="numpy", nogil=True, cache=True)
+@kernel
 def name_pixels(
     hits: HitTable, strip: Strip, count: int,
     label: NDArray[np.uint8], instance: NDArray[np.uint16], depth: NDArray[np.float32],
@@ -119,7 +119,7 @@ def name_pixels(
         depth[v, u] = strip.reach[k] * strip.cosine[k] if top >= 0 else 0.0
 
 
-@njit(error_model="numpy", nogil=True, cache=True)
+@kernel
 def label_image(
     scene: np.uint64, hits: HitTable, packet: Packet, pose: NDArray[np.float64], lens: Pinhole, far: float,
     strip: Strip, label: NDArray[np.uint8], instance: NDArray[np.uint16], depth: NDArray[np.float32],

@@ -7,6 +7,7 @@ import os
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final, NamedTuple
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +18,14 @@ from fieldtruth.sense.atlas import srgb_from_linear
 from fieldtruth.sense.hits import Grid, HitTable
 from fieldtruth.sense.light import LightTable, bake
 from fieldtruth.sense.paint import PaintTable, paint_table
-from fieldtruth.sense.scene import Scene, SurfaceTable
+from fieldtruth.sense.scene import Scene
 from fieldtruth.sense.sky import Dome
+from fieldtruth.sense.surfaces import SurfaceTable, surface_table
 from fieldtruth.world.build import default_cache
 
 CURVE_TOP: Final = 16.0
 CURVE_STEPS: Final = 4096
+_KEPT: Final = 8  # lights in the cache, about 20 MB each; the oldest goes first
 
 
 class Studio(NamedTuple):
@@ -51,7 +54,8 @@ def make_studio(scene: Scene, *, cache_folder: Path | None = None) -> Studio:
     if light is None:
         light = bake(scene, workers=len(os.sched_getaffinity(0)))
         _save_light(path, light)
-    return Studio(scene.rays.handle, scene.hits, scene.surfaces, paint_table(scene.world), light, film_curve())
+    surfaces = surface_table(scene, light.vertex_sky)
+    return Studio(scene.rays.handle, scene.hits, surfaces, paint_table(scene.world), light, film_curve())
 
 
 def _light_key(scene: Scene) -> str:
@@ -84,6 +88,9 @@ def _save_light(path: Path, light: LightTable) -> None:
         with partial.open("wb") as stream:
             np.savez(stream, allow_pickle=False, **arrays)
         partial.replace(path)
+        kept = sorted(path.parent.glob("light-*.npz"), key=lambda p: p.stat().st_mtime)[-_KEPT:]
+        for stale in set(path.parent.glob("light-*.npz")) - {*kept, path}:
+            stale.unlink(missing_ok=True)
     except OSError:
         partial.unlink(missing_ok=True)
 
@@ -98,5 +105,5 @@ def _read_light(path: Path) -> LightTable | None:
         }
         dome = Dome(**{n: arrays.pop(f"dome_{n}") for n in Dome._fields})
         return LightTable(dome=dome, **grids, **arrays)
-    except (OSError, ValueError, KeyError, EOFError, TypeError):
+    except (OSError, ValueError, KeyError, EOFError, TypeError, NotImplementedError, BadZipFile):
         return None

@@ -8,6 +8,7 @@ import os
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from zipfile import BadZipFile
 
 from fieldtruth.errors import UnknownNameError
 from fieldtruth.world.environments import ENVIRONMENTS
@@ -38,13 +39,13 @@ def load_world(environment: str, seed: int = 0, *, cache_folder: Path | None = N
     if environment in ENVIRONMENTS and path.is_file():
         try:
             return read_world(path)
-        except (OSError, ValueError, KeyError, EOFError):
+        except (OSError, ValueError, KeyError, EOFError, TypeError, NotImplementedError, BadZipFile):
             path.unlink(missing_ok=True)  # cut short or foreign: build it anew
     world = build_world(environment, seed)
     with contextlib.suppress(OSError):
-        for stale in folder.glob(f"{environment}-{seed}-*.npz"):
-            stale.unlink()
         save_world(path, world)
+        for stale in set(folder.glob(f"{environment}-{seed}-*.npz")) - {path}:
+            stale.unlink()
     return world
 
 

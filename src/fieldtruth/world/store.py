@@ -3,6 +3,7 @@
 """Worlds on disk: one uncompressed ``.npz`` of plain arrays and a JSON text, so that a world loads in a second."""
 
 import json
+import os
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -45,10 +46,13 @@ def save_world(path: Path, world: World) -> None:
     arrays |= {"heights": terrain.field.heights, "trail": terrain.trail_distance.values, "cover": terrain.cover.values}
     arrays["text"] = np.frombuffer(json.dumps(text).encode(), np.uint8)
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(".part.npz")
-    with partial.open("wb") as stream:
-        np.savez(stream, allow_pickle=False, **arrays)
-    partial.replace(path)
+    partial = path.with_suffix(f".{os.getpid()}.part")
+    try:
+        with partial.open("wb") as stream:
+            np.savez(stream, allow_pickle=False, **arrays)
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
 
 
 def read_world(path: Path) -> World:

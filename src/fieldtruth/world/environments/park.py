@@ -29,7 +29,7 @@ class ParkConfig(Frozen):
 
     size: tuple[Positive, Positive] = (100.0, 50.0)  # [m] along x (north) and y (west)
     grid: Positive = 0.2  # [m] between the terrain's nodes
-    relief: float = 0.16  # [m], standard deviation of the ground's height
+    relief: float = 0.21  # [m], standard deviation of the ground's height
     trails: tuple[tuple[tuple[float, float], ...], ...] = (
         ((-58, -7), (-33, -6), (-17, -3), (0, 3.5), (12, 8.5), (26, 12), (40, 14.5), (58, 20)),
         ((-31, 34), (-22, 18), (-12, 8), (-3.5, 1.2), (4, -6), (16, -12), (32, -15), (58, -18)),
@@ -81,7 +81,7 @@ def _terrain(config: ParkConfig, rng: np.random.Generator) -> Heightfield:
     x, y = _axes(config.size, config.grid)
     swell = fractal_noise(x, y, wavelength=46.0, octaves=3, rng=rng, gain=0.35)
     bumps = fractal_noise(x, y, wavelength=2.4, octaves=2, rng=rng)
-    heights = config.relief * swell + 0.006 * bumps
+    heights = config.relief * swell + 0.008 * bumps
     return Heightfield(
         heights=(heights - heights.mean()).astype(np.float32), spacing=config.grid, x0=float(x[0]), y0=float(y[0])
     )
@@ -169,7 +169,7 @@ def _ground(site: Site, config: ParkConfig, rng: np.random.Generator) -> Terrain
     distance = signed_distance(site.trails, x, y)
     patch = fractal_noise(x, y, wavelength=14.0, octaves=4, rng=rng, gain=0.6)
     fine = fractal_noise(x, y, wavelength=1.6, octaves=3, rng=rng, gain=0.7)
-    worn = np.clip(1.1 - distance / 0.45 + 0.6 * fine, 0.0, 1.0)
+    worn = np.clip(1.1 - distance / 0.45 + 0.8 * fine, 0.0, 1.0)
     bed, litter = np.zeros_like(patch), np.zeros_like(patch)
     for instance in site.instances:
         ix, iy, _ = instance.world_from_object[:3, 3]
@@ -179,10 +179,10 @@ def _ground(site: Site, config: ParkConfig, rng: np.random.Generator) -> Terrain
         away = np.hypot(*np.meshgrid(x - ix, y - iy, indexing="ij"))
         under = litter if instance.kind == "large_tree" else bed
         ragged = (0.5, 0.35) if instance.kind == "large_tree" else (0.12, 0.1)
-        here = np.clip((radius - away) / ragged[0] + ragged[1] * 2.4 * fine, 0.0, 1.0) * (away < radius + 1.0)
+        here = np.clip((radius - away) / ragged[0] + ragged[1] * 3.1 * fine, 0.0, 1.0) * (away < radius + 1.0)
         under[...] = np.maximum(under, here)
-    dry = np.clip(0.32 + 0.28 * patch + 0.20 * fine, 0.0, 0.95)
-    soil = np.clip(0.9 * worn * (0.5 + 0.3 * fine), 0.0, 1.0)
+    dry = np.clip(0.32 + 0.36 * patch + 0.26 * fine, 0.0, 0.95)
+    soil = np.clip(0.9 * worn * (0.5 + 0.4 * fine), 0.0, 1.0)
     free = (1.0 - bed) * (1.0 - litter)
     cover = np.stack(
         [free * (1 - soil) * (1 - dry), free * (1 - soil) * dry, free * soil, bed, litter * (1 - bed)], axis=-1
