@@ -63,7 +63,7 @@ def generate(
 
         def sensors() -> Sensors:
             lidar = Lidar(rig.lidar, scene) if rig.lidar.enabled else None
-            camera = Camera(rig.cameras, scene) if rig.cameras.enabled else None
+            camera = Camera(rig.cameras, scene, reuse=True) if rig.cameras.enabled else None
             return Sensors(lidar, camera)
 
         work = run.work(fingerprint(dump_experiment(experiment), world, track))

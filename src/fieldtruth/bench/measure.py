@@ -48,8 +48,8 @@ class Settings:
     """Tries of each view, the best of which counts."""
     drive_seconds: float = 60.0
     """Simulated time [s] of the drive."""
-    pairs: int = 16
-    """Stereo pairs that are recorded, spread over the drive."""
+    pairs: int = 24
+    """Stereo pairs that are recorded in the drive's first seconds."""
 
 
 def run(settings: Settings | None = None, progress: Progress | None = None) -> dict[str, float]:

@@ -5,6 +5,9 @@
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
+from typing import Final
+
+import numpy as np
 
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.rig import Rig
@@ -13,16 +16,27 @@ from fieldtruth.record.streams import Sensors, streams_of
 from fieldtruth.record.topics import topics_of
 from fieldtruth.sense import Camera, Scene
 
+SECONDS: Final = 4
+"""Simulated time [s], so slices, that is recorded: a multiple of the usual numbers of workers."""
+
 
 def pairs_per_second(scene: Scene, track: Track, rig: Rig, *, pairs: int, workers: int) -> float:
-    """Rate at which so many threads make about ``pairs`` stereo pairs, spread evenly over the track."""
-    cameras = rig.cameras.model_copy(update={"rate_hz": pairs / track.duration_s})
+    """Rate at which so many threads make about ``pairs`` stereo pairs of the drive's first seconds."""
+    seconds = min(SECONDS, track.duration_s)
+    cameras = rig.cameras.model_copy(update={"rate_hz": max(1.0, pairs / seconds)})
     rig = rig.model_copy(update={"cameras": cameras})
     topics = [topic for topic in topics_of(rig) if topic.sensor == "cameras"]
     names = {topic.name for topic in topics}
-    streams = [stream for stream in streams_of(scene.world, track, rig) if names.issuperset(stream.topics)]
+    streams = [
+        stream._replace(stamps_ns=stream.stamps_ns[stream.stamps_ns <= seconds * 1e9])
+        for stream in streams_of(scene.world, track, rig)
+        if names.issuperset(stream.topics)
+    ]
+    ready = [Camera(cameras, scene, reuse=True) for _ in range(workers)]
+    for camera in ready:
+        camera.shoot(np.eye(4))  # a long run pays once for a worker's memory, so this short one must not
     with TemporaryDirectory() as folder:
-        slices = Slices(Path(folder), streams, topics, lambda: Sensors(camera=Camera(cameras, scene)))
+        slices = Slices(Path(folder), streams, topics, lambda: Sensors(camera=ready.pop()))
         start = perf_counter()
         slices.make(workers)
         took = perf_counter() - start

@@ -65,7 +65,7 @@ def measure_lidar(scene: Scene, rig: Rig, poses: Sequence[Array], repeats: int) 
 def measure_cameras(scene: Scene, rig: Rig, poses: Sequence[Array], repeats: int) -> dict[str, float]:
     """Label images, and photographs with labels, of both cameras against bare rays, from poses world_from_base."""
     config = rig.cameras
-    camera, directions = Camera(config, scene), pixel_directions(config)
+    camera, directions = Camera(config, scene, reuse=True), pixel_directions(config)
     mounts = [mount.base_from_sensor @ CAMERA_FROM_OPTICAL for mount in (config.left, config.right)]
     seen_from = [pose @ mount for pose in poses for mount in mounts]
     bare, label, photo = _against_bare(scene, directions, config.far, seen_from, [camera.label, camera.shoot], repeats)

@@ -29,6 +29,7 @@ REACH: Final = 80.0  # [m]; what stands farther away casts no shadow
 BOUNCE: Final = np.array([0.10, 0.10, 0.05], np.float32)
 """Light from below: albedo of a sunlit meadow times the sun's irradiance, divided by pi."""
 
+NO_SHADOW: Final = -2
 _LEAF_LIFT: Final = 0.012  # [m], so that a folded leaf does not shade itself
 
 _LANES = embree.LANES
@@ -47,7 +48,7 @@ class LightTable(NamedTuple):
     ground_sky: Grid  # share of the sky's light that reaches the ground
     vertex_sky: NDArray[np.float32]  # (v,) the same for every vertex of every mesh, standing alone
     leaf_sun: NDArray[np.uint8]  # one per face of each object with leaves: 1 where a leaf sees the sun
-    top_leaf: NDArray[np.int64]  # (tops,) first row of leaf_sun, -1 for things without leaves
+    top_leaf: NDArray[np.int64]  # (tops,) first row of leaf_sun; -1: without leaves, NO_SHADOW: beyond all shadows
 
 
 def bake(scene: Scene, *, workers: int = 2) -> LightTable:
@@ -141,7 +142,7 @@ def _leaf_sun(
     leafy = {name: np.flatnonzero(rows[world.meshes[name].material]) for name, rows in thin.items()}
     for top, mesh, pose in scene.tops:
         if mesh is None or not len(leafy.get(mesh.name, ())):
-            top_leaf.append(-1)
+            top_leaf.append(-1 if mesh is not world.backdrop or mesh is None else NO_SHADOW)
             continue
         top_leaf.append(end)
         jobs.append((end, mesh, pose))

@@ -11,7 +11,7 @@ from scipy.ndimage import zoom
 from fieldtruth.sense.atlas import Atlas, make_atlas, sample
 from fieldtruth.sense.hits import TERRAIN, HitTable, read_grid
 from fieldtruth.sense.kernel import inlined, kernel
-from fieldtruth.sense.light import LightTable
+from fieldtruth.sense.light import NO_SHADOW, LightTable
 from fieldtruth.sense.strip import Strip
 from fieldtruth.sense.surfaces import (
     FIRST,
@@ -233,7 +233,10 @@ def paint_objects(
         out[k, NX], out[k, NY], out[k, NZ] = wx * scale, wy * scale, wz * scale
         out[k, SKY] = vertices[a, OPEN_SKY] * fw + vertices[b, OPEN_SKY] * fu + vertices[c, OPEN_SKY] * fv
         out[k, THROUGH], out[k, GLOSS] = through, glosses[row]
-        out[k, SUN] = np.float32(leaf_sun[top_leaf[top] + primitives[k]]) if through > 0.0 else np.float32(TRACE_SUN)
+        if through > 0.0:
+            out[k, SUN] = np.float32(leaf_sun[top_leaf[top] + primitives[k]])
+        else:
+            out[k, SUN] = one if top_leaf[top] == NO_SHADOW else np.float32(TRACE_SUN)
         texture = textures[row]
         u = vertices[a, TEX_U] * fw + vertices[b, TEX_U] * fu + vertices[c, TEX_U] * fv
         v = vertices[a, TEX_V] * fw + vertices[b, TEX_V] * fu + vertices[c, TEX_V] * fv

@@ -13,7 +13,7 @@ from scipy.ndimage import map_coordinates, zoom
 
 from fieldtruth.sense.kernel import kernel
 
-ROWS, COLUMNS = 384, 1536
+SIZE: Final = 1024
 TURBIDITY: Final = 3.0
 SKY_OVER_SUN: Final = 0.27
 """Irradiance of the ground by the clear sky over that by the sun, with the sun at 40 deg (about 1 : 4)."""
@@ -25,7 +25,11 @@ lower sky pink at this turbidity, so only its luminance is used."""
 
 
 class Dome(NamedTuple):
-    """Radiance ``rgb`` (ROWS, COLUMNS, 3) of the upper half: row by sine of elevation, column by angle from x to y."""
+    """Radiance ``rgb`` (SIZE, SIZE, 3) of the upper half of the sky.
+
+    It is painted as a paraboloid reflects it (Heidrich and Seidel 1998): the direction (x, y, z) stands in row
+    x / (1 + z) and column y / (1 + z), both from -1 to 1, so that no angle is computed to look it up.
+    """
 
     rgb: NDArray[np.float32]
     mean: NDArray[np.float32]  # (3,) irradiance of level ground, divided by pi
@@ -40,20 +44,20 @@ def sun_direction(azimuth_deg: float, elevation_deg: float) -> NDArray[np.float6
 
 def make_dome(sun: NDArray[np.float64], rng: np.random.Generator) -> Dome:
     """Paint the dome for a sun's direction; ``rng`` shapes the clouds. Irradiance of the sun is 1 by convention."""
-    sine = (np.arange(ROWS) + 0.5) / ROWS
-    angle = 2.0 * np.pi * (np.arange(COLUMNS) + 0.5) / COLUMNS
-    cosine = np.sqrt(1.0 - sine**2)[:, None]
-    x, y = cosine * np.cos(angle), cosine * np.sin(angle)
-    z = np.broadcast_to(sine[:, None], x.shape)
+    place = (np.arange(SIZE) - (SIZE - 1) / 2) / (SIZE / 2 * 0.998)
+    p, q = np.meshgrid(place, place, indexing="ij")
+    radius = np.minimum(p * p + q * q, 1.0)  # outside the disc nothing is looked up, but neighbours are mixed in
+    x, y, z = 2.0 * p / (1.0 + radius), 2.0 * q / (1.0 + radius), (1.0 - radius) / (1.0 + radius)
     veil = np.exp(-z / 0.24)[..., None]
     colour = ZENITH_RGB * (1.0 - veil) + HORIZON_RGB * veil
     rgb = colour * _luminance(z, x * sun[0] + y * sun[1] + z * sun[2])[..., None]
-    weight = z / z.sum()
+    weight = np.where(p * p + q * q < 1.0, z * (1.0 + z) ** 2, 0.0)  # cosine times the solid angle of a texel
+    weight /= weight.sum()
     rgb *= SKY_OVER_SUN / np.pi / (rgb.mean(axis=-1) * weight).sum()
     cover, lit = _clouds(x, y, z, sun, rng)
     cloud = np.array([1.0, 0.985, 0.96]) * (0.42 * lit[..., None]) + np.array([0.055, 0.06, 0.07])
     rgb = rgb * (1.0 - cover[..., None]) + cloud * cover[..., None]
-    irradiance, horizon = (rgb * weight[..., None]).sum(axis=(0, 1)), rgb[: ROWS // 25].mean(axis=(0, 1))
+    irradiance, horizon = (rgb * weight[..., None]).sum(axis=(0, 1)), rgb[(z > 0.005) & (z < 0.04)].mean(axis=0)
     return Dome(rgb.astype(np.float32), irradiance.astype(np.float32), horizon.astype(np.float32))
 
 
@@ -90,17 +94,15 @@ def _clouds(
 @kernel
 def sky_radiance(g: NDArray[np.float32], x: float, y: float, z: float) -> tuple[float, float, float]:
     """Radiance in a unit direction of a dome's picture ``g``; below the horizon the horizon's value holds."""
-    rows, columns, _ = g.shape
-    v = min(max(z * rows - 0.5, 0.0), rows - 1.001)
-    u = np.arctan2(y, x) * (columns / (2.0 * np.pi)) - 0.5
-    u = u + columns if u < 0.0 else u
-    i, j = int(v), int(u)
-    fv, fu = np.float32(v - i), np.float32(u - j)
-    k = 0 if j + 1 >= columns else j + 1
-    one = np.float32(1.0)
-    a, b, c, d = (one - fv) * (one - fu), (one - fv) * fu, fv * (one - fu), fv * fu
+    half, one = np.float32(SIZE / 2), np.float32(1.0)
+    flat = max(np.float32(z), np.float32(0.0))
+    scale = half * np.float32(0.998) / (flat + np.sqrt(x * x + y * y + flat * flat))
+    u, v = half - np.float32(0.5) + x * scale, half - np.float32(0.5) + y * scale
+    i, j = int(u), int(v)
+    fu, fv = u - np.float32(i), v - np.float32(j)
+    a, b, c, d = (one - fu) * (one - fv), (one - fu) * fv, fu * (one - fv), fu * fv
     return (
-        g[i, j, 0] * a + g[i, k, 0] * b + g[i + 1, j, 0] * c + g[i + 1, k, 0] * d,
-        g[i, j, 1] * a + g[i, k, 1] * b + g[i + 1, j, 1] * c + g[i + 1, k, 1] * d,
-        g[i, j, 2] * a + g[i, k, 2] * b + g[i + 1, j, 2] * c + g[i + 1, k, 2] * d,
+        g[i, j, 0] * a + g[i, j + 1, 0] * b + g[i + 1, j, 0] * c + g[i + 1, j + 1, 0] * d,
+        g[i, j, 1] * a + g[i, j + 1, 1] * b + g[i + 1, j, 1] * c + g[i + 1, j + 1, 1] * d,
+        g[i, j, 2] * a + g[i, j + 1, 2] * b + g[i + 1, j, 2] * c + g[i + 1, j + 1, 2] * d,
     )
