@@ -37,7 +37,6 @@ _COHERENT = 1 << 16
 
 _SIGNATURES: Final[dict[str, tuple[Any, tuple[Any, ...]]]] = {
     "rtcNewDevice": (c.c_void_p, (c.c_char_p,)),
-    "rtcReleaseDevice": (None, (c.c_void_p,)),
     "rtcGetDeviceProperty": (c.c_ssize_t, (c.c_void_p, c.c_int)),
     "rtcGetDeviceError": (c.c_int, (c.c_void_p,)),
     "rtcNewScene": (c.c_void_p, (c.c_void_p,)),
@@ -76,13 +75,19 @@ def _library() -> c.CDLL:
     return library
 
 
+@cache
+def _device() -> int:
+    """Return the one Embree device of this process.
+
+    It builds with one thread, so that a tree of boxes, and with it a tie, never depends on timing. It is never
+    released: after a second device was, one of TBB's threads was seen to spin for good and take a core.
+    """
+    return int(_library().rtcNewDevice(b"threads=1"))
+
+
 def _native_lanes() -> int:
     """16 if Embree traces packets of 16 natively on this processor, else 8."""
-    api = _library()  # gives the kernels their symbols too: cached ones look them up while they load
-    device = api.rtcNewDevice(b"threads=1")
-    wide = api.rtcGetDeviceProperty(device, _NATIVE_RAY16)
-    api.rtcReleaseDevice(device)
-    return 16 if wide else 8
+    return 16 if _library().rtcGetDeviceProperty(_device(), _NATIVE_RAY16) else 8
 
 
 LANES: Final = _native_lanes()
@@ -102,14 +107,14 @@ occluded = types.ExternalFunction(f"rtcOccluded{LANES}", _TRACE)
 
 
 class Engine:
-    """An Embree device. It builds with one thread, so that a tree of boxes, and with it a tie, never depends on timing.
+    """Embree, checked.
 
     Raises EngineError if the library is not the version, or its packets not the layout, that the kernels expect.
     """
 
     def __init__(self) -> None:
         self._api = _library()
-        self.device = self._api.rtcNewDevice(b"threads=1")
+        self.device = _device()
         found = self._api.rtcGetDeviceProperty(self.device, 0)
         if found != VERSION:
             raise EngineError(
@@ -151,10 +156,6 @@ class Engine:
         code = self._api.rtcGetDeviceError(self.device)
         if code:
             raise EngineError(f"Embree reports error {code} (rtcore_device.h, RTCError)")
-
-    def __del__(self) -> None:
-        if getattr(self, "device", None):
-            self._api.rtcReleaseDevice(self.device)
 
 
 class RayScene:
