@@ -7,7 +7,7 @@
 check:  ## lint, format and types
 	ruff check .
 	ruff format --check .
-	mypy src tests examples
+	mypy src tests examples benchmarks
 
 test:
 	pytest

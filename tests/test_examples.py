@@ -7,6 +7,7 @@ import runpy
 from pathlib import Path
 
 import pytest
+import simplejpeg
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -21,6 +22,17 @@ def test_labelled_frame_counts_every_point_and_every_pixel_once(capsys: pytest.C
     assert shares["sky"][0] == 0
     assert shares["sky"][1] > 5
     assert min(shares["ground"]) > 5
+
+
+def test_park_picture_writes_a_picture_of_two_images_and_a_cloud(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "park.jpg"
+    monkeypatch.setattr("sys.argv", ["park_picture.py", str(path)])
+    runpy.run_path(str(EXAMPLES / "park_picture.py"), run_name="__main__")
+    picture = simplejpeg.decode_jpeg(path.read_bytes(), "RGB")
+    assert picture.shape == (720, 1200, 3)
+    assert picture[:180, :640, 2].mean() > picture[200:360, :640, 2].mean()  # sky above ground
 
 
 def test_every_example_is_run_here() -> None:

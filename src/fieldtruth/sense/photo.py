@@ -35,7 +35,7 @@ from fieldtruth.sense.studio import CURVE_STEPS, CURVE_TOP, Studio
 
 EXPOSURE: Final = 3.9
 HAZE_PER_METRE: Final = 1.0 / 1800.0
-EDGE_CONTRAST: Final = 0.24
+EDGE_CONTRAST: Final = 0.27
 """Difference of the square roots of neighbours' luminance above which a pixel at an edge is refined."""
 EDGE_STEP: Final = 0.01
 """Step in depth, relative, that makes an edge."""

@@ -112,11 +112,14 @@ def name_pixels(
     label: NDArray[np.uint8], instance: NDArray[np.uint16], depth: NDArray[np.float32],
 ) -> None:  # fmt: skip
     """Write class, object and depth [m] of a strip of pixel centres into the images (h, w)."""
+    image, tops, primitive, point, reach, cosine = (
+        strip.image, strip.top, strip.primitive, strip.point, strip.reach, strip.cosine,
+    )  # fmt: skip
     for k in range(count):
-        u, v, top = int(strip.image[0, k]), int(strip.image[1, k]), strip.top[k]
-        kind, thing = classify(hits, top, strip.primitive[k], strip.point[0, k], strip.point[1, k])
+        u, v, top = int(image[0, k]), int(image[1, k]), tops[k]
+        kind, thing = classify(hits, top, primitive[k], point[0, k], point[1, k])
         label[v, u], instance[v, u] = kind, thing
-        depth[v, u] = strip.reach[k] * strip.cosine[k] if top >= 0 else 0.0
+        depth[v, u] = reach[k] * cosine[k] if top >= 0 else 0.0
 
 
 @kernel

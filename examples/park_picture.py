@@ -1,0 +1,51 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Make the README's picture: what the robot sees in the park as photograph, tag image and labelled cloud.
+
+Run: python examples/park_picture.py [docs/park.jpg]
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import simplejpeg
+from numpy.typing import NDArray
+
+import fieldtruth as ft
+
+CELL = 0.04  # [m] of ground that one pixel of the cloud's plan shows
+
+
+def plan(scan: "ft.Scan", height: int, width: int) -> NDArray[np.uint8]:
+    """Points of a scan from above in their classes' flat colours, north-east up, (height, width, 3)."""
+    picture = np.full((height, width, 3), 60, np.uint8)
+    order = np.argsort(scan.xyz[:, 2])  # what is higher hides what is lower
+    rows = np.rint(height / 2 - scan.xyz[order, 0] / CELL).astype(int)
+    columns = np.rint(width / 2 - scan.xyz[order, 1] / CELL).astype(int)
+    colours = ft.PALETTE[scan.label[order]]
+    for down in (0, 1):
+        for right in (0, 1):
+            inside = (rows + down >= 0) & (rows + down < height) & (columns + right >= 0) & (columns + right < width)
+            picture[rows[inside] + down, columns[inside] + right] = colours[inside]
+    return picture
+
+
+def main(path: Path) -> None:
+    """Shoot, scan, put side by side, write."""
+    world = ft.load_world("park", seed=0)
+    scene = ft.Scene(world, ft.LightConfig())
+    x, y = -12.0, -1.5
+    ground = float(world.terrain.field.height_at(x, y))
+    world_from_base = ft.frames.pose((x, y, ground + 0.13228), (0.0, 0.0, 22.0))
+    rig = ft.Rig()
+    picture = ft.Camera(rig.cameras, scene).shoot(world_from_base @ ft.frames.pose(rig.cameras.left.xyz) @ ft.OPTICAL)
+    scan = ft.Lidar(rig.lidar, scene).scan(world_from_base @ rig.lidar.mount.base_from_sensor)
+    tags = ft.tag_image(picture.label)
+    left = np.concatenate([picture.photo, tags])[::2, ::2]
+    both = np.concatenate([left, plan(scan, left.shape[0], 560)], axis=1)
+    path.write_bytes(simplejpeg.encode_jpeg(np.ascontiguousarray(both), quality=78, colorspace="RGB"))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "park.jpg"))
