@@ -126,6 +126,7 @@ class FakePicture:
 class FakeScene:
     def __init__(self, world: World, light: object = None) -> None:
         self.world = world
+        self.studio = None
 
 
 class FakeLidar:
@@ -152,7 +153,7 @@ class FakeCamera:
 
     pause = 0.0
 
-    def __init__(self, config: CameraConfig, scene: FakeScene) -> None:
+    def __init__(self, config: CameraConfig, scene: FakeScene, *, reuse: bool = False) -> None:
         self.config = config
 
     def shoot(self, world_from_optical: NDArray[np.float64]) -> FakePicture:
