@@ -56,6 +56,8 @@ def output_errors(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         reason = _REASONS.get(error.errno or 0)
+        if reason is None and error.filename is not None and error.strerror:
+            reason = error.strerror.lower()  # about a file, in the system's own words
         if reason is None:
             raise
         hint = "; make room and run the same command again: it goes on where it stopped" if "space" in reason else ""
