@@ -97,7 +97,7 @@ def test_errors_of_the_system_are_one_line(number: int, text: str) -> None:
 
 
 def test_other_errors_of_the_system_stay_what_they_are() -> None:
-    with pytest.raises(OutputError, match="^cannot write there: no such device$"), output_errors(Path("there")):
+    with pytest.raises(OutputError, match=r"^cannot write there: no such device$"), output_errors(Path("there")):
         raise OSError(errno.ENODEV, "No such device", "there/file")
     with pytest.raises(ConnectionError), output_errors(Path("there")):
         raise ConnectionError(errno.ECONNRESET, "reset")
