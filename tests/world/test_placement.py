@@ -141,6 +141,19 @@ def test_things_along_a_trail_stand_at_their_offset_and_face_it() -> None:
     assert apart.min() >= 4.0
 
 
+def test_spacing_eases_where_things_take_each_others_room() -> None:
+    def nearest(count: int) -> float:
+        lamps = site().along_trails("lamp", [thing()], count, rng=np.random.default_rng(3), offset=0.6, spacing=4.0)
+        where = spots(lamps)
+        return float((np.linalg.norm(where[:, None] - where, axis=-1) + 99 * np.eye(count)).min())
+
+    count = 8
+    while nearest(count) >= 4.0:
+        count += 1
+    assert count > 8
+    assert 2.0 <= nearest(count) < 4.0
+
+
 def test_distance_to_the_trails_edge() -> None:
     lawn = site()
     assert lawn.trail_distance(np.array([[0.0, 0.0], [5.0, 1.0], [5.0, -3.0]])) == pytest.approx([-1.0, 0.0, 2.0])

@@ -14,6 +14,9 @@ from fieldtruth.world.trails import Line, Trail
 
 Array = NDArray[np.float64]
 
+_EASES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
+"""Shares of the wished spacing, tried in turn: things that are strewn at random may take each other's room."""
+
 
 class CrowdedWorldError(FieldtruthError):
     """The rules leave no room for what was asked for; says how many of what found a place."""
@@ -81,17 +84,18 @@ class Site:
         """Scatter ``count`` things, at least ``spacing`` [m] from their own kind (dart throwing, Cook 1986).
 
         ``allowed`` says for places (n, 2) where they may stand. Meshes are taken in turn, so that all are used alike.
-        Raises CrowdedWorldError when ``tries`` darts a thing find no room.
+        Where too few of the ``tries`` darts find room, the spacing eases down to a half. Raises CrowdedWorldError when
+        even that does not help.
         """
         placed: list[Instance] = []
         length, width = self.size
         darts = rng.uniform(-0.5, 0.5, (tries, 2)) * [length, width]
-        for x, y in darts[allowed(darts)]:
+        hits = darts[allowed(darts)]
+        for apart, (x, y) in ((ease * spacing, dart) for ease in _EASES for dart in hits):
             if len(placed) == count:
                 break
             mesh, scale = meshes[len(placed) % len(meshes)], float(rng.uniform(*scales))
-            others = (i.world_from_object[:2, 3] for i in placed)
-            if any((x - a) ** 2 + (y - b) ** 2 < spacing**2 for a, b in others):
+            if not _keeps_apart(x, y, placed, apart):
                 continue
             if self.is_free(x, y, mesh.footprint * scale):
                 yaw = float(rng.uniform(0.0, 2.0 * np.pi))
@@ -104,7 +108,10 @@ class Site:
         self, kind: str, meshes: Sequence[Mesh], count: int, *, rng: np.random.Generator, offset: float,
         spacing: float, tint: float = 0.0,
     ) -> list[Instance]:  # fmt: skip
-        """Line the trails with ``count`` things that face the trail from ``offset`` [m] beyond its edge."""
+        """Line the trails with ``count`` things that face the trail from ``offset`` [m] beyond its edge.
+
+        ``spacing`` [m] eases, and CrowdedWorldError is raised, as in ``scatter``.
+        """
         length, width = self.size
         candidates = []
         for trail in self.trails:
@@ -118,13 +125,12 @@ class Site:
                     place = trail.line.points[row] + outwards * (trail.width / 2 + offset)
                     candidates.append((*place, float(np.arctan2(-outwards[1], -outwards[0]))))
         placed: list[Instance] = []
-        for row in rng.permutation(len(candidates)):
-            x, y, yaw = candidates[row]
+        order = rng.permutation(len(candidates))
+        for apart, (x, y, yaw) in ((ease * spacing, candidates[row]) for ease in _EASES for row in order):
             if len(placed) == count:
                 break
             mesh = meshes[len(placed) % len(meshes)]
-            others = (i.world_from_object[:2, 3] for i in placed)
-            if any((x - a) ** 2 + (y - b) ** 2 < spacing**2 for a, b in others):
+            if not _keeps_apart(x, y, placed, apart):
                 continue
             clear_of_trails = self.trail_distance(np.array([[x, y]]))[0] >= min(mesh.footprint, offset) - 1e-6
             if clear_of_trails and self.is_free(x, y, mesh.footprint):
@@ -132,6 +138,10 @@ class Site:
         if len(placed) < count:
             raise CrowdedWorldError(f"only {len(placed)} of {count} {kind} find room along the trails; ask for fewer")
         return placed
+
+
+def _keeps_apart(x: float, y: float, placed: Sequence[Instance], spacing: float) -> bool:
+    return all(np.hypot(*(i.world_from_object[:2, 3] - (x, y))) >= spacing for i in placed)
 
 
 def random_tint(rng: np.random.Generator, spread: float) -> tuple[float, float, float]:

@@ -15,7 +15,7 @@ from fieldtruth.world.furniture import make_bench, make_lamp_post, make_table, m
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Heightfield, Raster, Terrain, World
 from fieldtruth.world.noise import fractal_noise
-from fieldtruth.world.placement import Site, random_tint
+from fieldtruth.world.placement import CrowdedWorldError, Site, random_tint
 from fieldtruth.world.plants import BUSHES, SPECIES, grow_bush, grow_tree
 from fieldtruth.world.textures import make_textures
 from fieldtruth.world.trails import Line, Trail, signed_distance
@@ -161,6 +161,8 @@ def _plant_bushes(site: Site, config: ParkConfig, rng: np.random.Generator) -> N
                 yaw = float(rng.uniform(0, 2 * np.pi))
                 site.place("bush", mesh, x, y, yaw=yaw, scale=scale, tint=random_tint(rng, 0.08))
                 remaining -= 1
+    if remaining:
+        raise CrowdedWorldError(f"{remaining} of {config.bushes} bushes find no bed in the park; ask for fewer")
 
 
 def _ground(site: Site, config: ParkConfig, rng: np.random.Generator) -> Terrain:
