@@ -34,6 +34,8 @@ class Material:
     """Share of the light on the far side that shines through (leaves: about 0.4)."""
     gloss: float = 0.0
     """Strength of the highlight, 0 (matt) to 1 (wet or lacquered)."""
+    mirror: float = 0.0
+    """Share of the light that a slightly rippled surface mirrors at normal incidence (water: 0.02); 0 is no mirror."""
     repeat: float = 1.0
     """Length [m] that the texture covers on the ground; meshes say it by their own uv."""
 
@@ -99,6 +101,22 @@ class Instance:
     object_id: int
     world_from_object: NDArray[np.float64]  # (4, 4), rotation times a uniform scale, and translation [m]
     tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Swarm:
+    """Many things of a kind that nobody asks for one by one: tufts of grass, pebbles, the trees beyond the edge.
+
+    They share one object id, and the robot passes through them: they have no colliders.
+    """
+
+    name: str
+    kind: str
+    object_id: int
+    meshes: tuple[str, ...]
+    mesh: NDArray[np.int32]  # (n,) row of ``meshes``
+    world_from_object: NDArray[np.float64]  # (n, 4, 4), rotation times a uniform scale, and translation [m]
+    tint: NDArray[np.float32]  # (n, 3)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,6 +201,9 @@ class World:
     instances: tuple[Instance, ...]
     materials: Mapping[str, Material]
     textures: Mapping[str, NDArray[np.uint8]]  # (n, n, 3) sRGB, tileable, n a power of two
+    swarms: tuple[Swarm, ...] = ()
+    water_level: float | None = None
+    """Height [m] of the water's surface, itself an instance of kind "water"; ground below it is under water."""
     backdrop: Mesh | None = None
     """Land beyond the world's edge down to the horizon, class ground, seen by cameras and the LiDAR alike."""
     object_names: tuple[str, ...] = field(default=())

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.classes import Label
-from fieldtruth.world.model import Collider, Heightfield, Instance, Material, Mesh, Raster, Terrain, World
+from fieldtruth.world.model import Collider, Heightfield, Instance, Material, Mesh, Raster, Swarm, Terrain, World
 
 _MESH_ARRAYS = ("vertices", "normals", "uv", "faces", "material")
+_SWARM_ARRAYS = ("mesh", "world_from_object", "tint")
 Arrays = dict[str, NDArray[Any]]
 
 
@@ -35,6 +36,10 @@ def save_world(path: Path, world: World) -> None:
             {"name": i.name, "kind": i.kind, "mesh": i.mesh, "object_id": i.object_id, "tint": i.tint}
             for i in world.instances
         ],
+        "swarms": [
+            {"name": s.name, "kind": s.kind, "object_id": s.object_id, "meshes": s.meshes} for s in world.swarms
+        ],
+        "water_level": world.water_level,
         "terrain": _terrain_text(world.terrain),
     }
     for k, texture in enumerate(world.textures.values()):
@@ -42,6 +47,8 @@ def save_world(path: Path, world: World) -> None:
     for k, mesh in enumerate(meshes.values()):
         arrays |= {f"mesh_{k}_{name}": getattr(mesh, name) for name in _MESH_ARRAYS}
     arrays["instance_poses"] = np.array([i.world_from_object for i in world.instances]).reshape(-1, 4, 4)
+    for k, swarm in enumerate(world.swarms):
+        arrays |= {f"swarm_{k}_{name}": getattr(swarm, name) for name in _SWARM_ARRAYS}
     terrain = world.terrain
     arrays |= {"heights": terrain.field.heights, "trail": terrain.trail_distance.values, "cover": terrain.cover.values}
     arrays["text"] = np.frombuffer(json.dumps(text).encode(), np.uint8)
@@ -74,6 +81,8 @@ def read_world(path: Path) -> World:
             ),
             materials={m["name"]: _material(m) for m in text["materials"]},
             textures={name: arrays[f"texture_{k}"] for k, name in enumerate(text["textures"])},
+            swarms=tuple(_swarm(s, k, arrays) for k, s in enumerate(text["swarms"])),
+            water_level=text["water_level"],
             backdrop=backdrop,
             object_names=tuple(text["object_names"]),
         )
@@ -99,6 +108,11 @@ def _mesh(text: dict[str, Any], row: int, arrays: Any) -> Mesh:
         colliders=colliders,
         **{name: arrays[f"mesh_{row}_{name}"] for name in _MESH_ARRAYS},
     )
+
+
+def _swarm(text: dict[str, Any], row: int, arrays: Any) -> Swarm:
+    own = {name: arrays[f"swarm_{row}_{name}"] for name in _SWARM_ARRAYS}
+    return Swarm(**(text | {"meshes": tuple(text["meshes"])}), **own)
 
 
 def _material(text: dict[str, Any]) -> Material:

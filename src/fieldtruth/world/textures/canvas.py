@@ -205,3 +205,10 @@ def finish(image: Image, albedo: Sequence[float]) -> NDArray[np.uint8]:
     light = np.minimum(light * (np.asarray(albedo, np.float32) / light.mean((0, 1))), 1.0)
     s = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
     return np.asarray(np.round(s * 255), np.uint8)
+
+
+class Recipe(NamedTuple):
+    """How a texture is drawn, and its mean linear albedo (red, green, blue)."""
+
+    draw: Callable[[Rng], Image]
+    albedo: tuple[float, float, float]

@@ -6,12 +6,17 @@ A tile is 1.5 m of lawn, soil, mulch, litter and gravel, 0.5 m of setts, 40 m of
 twice the resolution and averaged, so that a blade of grass covers part of a pixel.
 """
 
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.world.textures.canvas import (
     Image,
     Profile,
+    Recipe,
     Relief,
     Rng,
     Samples,
@@ -204,3 +209,17 @@ def meadow(rng: Rng) -> Image:
     weeds = 0.5 * np.clip(noise(rng, N, 12, 120, slope=0.6) - 1.3, 0, 1)[..., None]
     colour = colour * (1 - weeds) + linear((62, 72, 40)) * weeds
     return even_out(colour * (1 + 0.06 * blur(tussock, 0.7))[..., None], cycles=5)
+
+
+RECIPES: Final[Mapping[str, Recipe]] = MappingProxyType(
+    {
+        "lawn": Recipe(lawn, (0.105, 0.126, 0.041)),
+        "lawn_dry": Recipe(lawn_dry, (0.170, 0.155, 0.072)),
+        "soil": Recipe(soil, (0.105, 0.075, 0.048)),
+        "mulch": Recipe(mulch, (0.105, 0.060, 0.034)),
+        "litter": Recipe(litter, (0.105, 0.075, 0.044)),
+        "gravel": Recipe(gravel, (0.305, 0.270, 0.214)),
+        "setts": Recipe(setts, (0.205, 0.192, 0.172)),
+        "meadow": Recipe(meadow, (0.115, 0.130, 0.050)),
+    }
+)

@@ -2,9 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Made materials: planks (grain along u), painted iron, galvanised steel, concrete, milky glass. A tile is 0.5 m."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
 import numpy as np
 
-from fieldtruth.world.textures.canvas import Image, Rng, cells, even_out, linear, mix, noise, settle, stamps
+from fieldtruth.world.textures.canvas import Image, Recipe, Rng, cells, even_out, linear, mix, noise, settle, stamps
 
 N = 512
 
@@ -74,3 +78,15 @@ def glass(rng: Rng) -> Image:
     """Opal glass of a lantern: almost even, a little dusty."""
     n = 128
     return np.asarray(mix([(205, 203, 194), (236, 234, 226)], 0.55 + 0.10 * noise(rng, n, 2, 30)), np.float32)
+
+
+RECIPES: Final[Mapping[str, Recipe]] = MappingProxyType(
+    {
+        "wood": Recipe(wood, (0.250, 0.137, 0.062)),
+        "wood_grey": Recipe(wood_grey, (0.265, 0.238, 0.200)),
+        "iron": Recipe(iron, (0.030, 0.045, 0.036)),
+        "steel": Recipe(steel, (0.400, 0.410, 0.420)),
+        "concrete": Recipe(concrete, (0.365, 0.350, 0.318)),
+        "glass": Recipe(glass, (0.760, 0.750, 0.700)),
+    }
+)

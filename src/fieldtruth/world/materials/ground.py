@@ -1,0 +1,19 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the ground and the trails are covered with; ``repeat`` is the length that the texture covers."""
+
+from typing import Final
+
+from fieldtruth.classes import Label
+from fieldtruth.world.model import Material
+
+MATERIALS: Final = (
+    Material(name="lawn", label=Label.GROUND, texture="lawn", repeat=1.5),
+    Material(name="lawn_dry", label=Label.GROUND, texture="lawn_dry", repeat=1.5),
+    Material(name="soil", label=Label.GROUND, texture="soil", repeat=1.5),
+    Material(name="mulch", label=Label.GROUND, texture="mulch", repeat=1.5),
+    Material(name="litter", label=Label.GROUND, texture="litter", repeat=1.5),
+    Material(name="meadow", label=Label.GROUND, texture="meadow", repeat=40.0),
+    Material(name="gravel", label=Label.TRAIL, texture="gravel", repeat=1.5),
+    Material(name="setts", label=Label.TRAIL, texture="setts", repeat=0.5),
+)
