@@ -13,8 +13,7 @@ import pytest
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.world import load_world
-from fieldtruth.world.environments import park as park_module
+from fieldtruth.world import assembly, load_world
 from fieldtruth.world.environments.park import ParkConfig, build_park
 from fieldtruth.world.model import World
 from fieldtruth.world.trails import Line
@@ -38,7 +37,7 @@ def park_variant(seed: int, **changes: int) -> World:
     lines = [Line.through([(float(x), float(y)) for x, y in corners], smooth=False) for corners in routes().values()]
     config = ParkConfig.model_validate({"individuals": 1, **changes})
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(park_module, "make_textures", lambda *_: {})
+        patch.setattr(assembly, "make_textures", lambda *_: {})
         return build_park(seed, lines, config)
 
 

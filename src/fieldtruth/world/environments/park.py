@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from fieldtruth.experiment.rig import Frozen, Positive
+from fieldtruth.world.assembly import assemble
 from fieldtruth.world.backdrop import make_backdrop
 from fieldtruth.world.furniture import make_bench, make_lamp_post, make_table, make_trash_bin
-from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Heightfield, Raster, Terrain, World
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import CrowdedWorldError, Site, random_tint
 from fieldtruth.world.plants import BUSHES, SPECIES, grow_bush, grow_tree
-from fieldtruth.world.textures import make_textures
 from fieldtruth.world.trails import Line, Trail, signed_distance
 
 Array = NDArray[np.float64]
@@ -57,17 +56,13 @@ def build_park(seed: int, corridors: Sequence[Line], config: ParkConfig | None =
     _furnish(site, config, furniture)
     _plant_trees(site, config, plants, woods)
     _plant_bushes(site, config, shrubs)
-    return World(
+    return assemble(
+        site,
+        _ground(site, config, cover),
         name="park",
         seed=seed,
-        size=config.size,
-        terrain=_ground(site, config, cover),
-        meshes=site.meshes,
-        instances=tuple(site.instances),
-        materials=MATERIALS,
-        textures=make_textures(seeds[-1]),
+        textures=seeds[-1],
         backdrop=make_backdrop(field, config.size, "meadow", land),
-        object_names=("husky", "park_ground", *(i.name for i in site.instances)),
     )
 
 
