@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Furniture: the wood of a bench and that of a table are two materials, because they are two classes."""
+"""Furniture and the power line: the wood of a bench and that of a table are two materials, being two classes."""
 
 from typing import Final
 
@@ -22,4 +22,11 @@ MATERIALS: Final = (
     Material(name="bin_iron", label=Label.TRASH_BIN, texture="iron", tint=(0.85, 1.15, 0.9), gloss=0.3),
     Material(name="bin_steel", label=Label.TRASH_BIN, texture="steel", gloss=0.35),
     Material(name="bin_inside", label=Label.TRASH_BIN, texture="steel", tint=(0.3, 0.3, 0.3)),
+    Material(name="post_wood", label=Label.POST, texture="pole"),
+    Material(name="post_concrete", label=Label.POST, texture="concrete"),
+    Material(name="post_steel", label=Label.POST, texture="steel", tint=(0.7, 0.72, 0.75), gloss=0.35),
+    Material(name="post_brown", label=Label.POST, texture="glass", tint=(0.11, 0.045, 0.03), gloss=0.8),
+    Material(name="post_grey", label=Label.POST, texture="glass", tint=(0.62, 0.65, 0.68), gloss=0.7),
+    Material(name="post_yellow", label=Label.POST, texture="glass", tint=(1.0, 0.72, 0.06), gloss=0.3),
+    Material(name="cable", label=Label.CABLE, texture="steel", tint=(0.45, 0.46, 0.47), gloss=0.3),
 )

@@ -41,6 +41,15 @@ def _planks(rng: Rng, tones: list[tuple[int, int, int]], *, cracks: float) -> Im
     return even_out(colour * (1 - split)[..., None])
 
 
+def pole(rng: Rng) -> Image:
+    """A trunk impregnated and left to the weather: brown grey, split along the grain as it dried."""
+    fibre = noise(rng, N, 12, 256, slope=0.3, stretch=0.006)
+    bleached = noise(rng, N, 4, 40, slope=0.8, stretch=0.05)
+    colour = mix([(84, 70, 54), (116, 100, 80), (138, 124, 104), (152, 141, 124)], 0.5 + 0.13 * fibre + 0.12 * bleached)
+    split = np.clip(1.6 * noise(rng, N, 8, 120, slope=0.5, stretch=0.003) - 2.9, 0, 0.85)
+    return even_out(colour * (1 - split)[..., None])
+
+
 def iron(rng: Rng) -> Image:
     """Cast iron under dark green paint, chipped to primer and rust in places."""
     coat = mix(
@@ -84,6 +93,7 @@ RECIPES: Final[Mapping[str, Recipe]] = MappingProxyType(
     {
         "wood": Recipe(wood, (0.250, 0.137, 0.062)),
         "wood_grey": Recipe(wood_grey, (0.265, 0.238, 0.200)),
+        "pole": Recipe(pole, (0.168, 0.135, 0.102)),
         "iron": Recipe(iron, (0.030, 0.045, 0.036)),
         "steel": Recipe(steel, (0.400, 0.410, 0.420)),
         "concrete": Recipe(concrete, (0.365, 0.350, 0.318)),
