@@ -26,8 +26,12 @@ class OutputError(FieldtruthError):
     """The output folder cannot be used: occupied, unwritable, or full."""
 
 
+class RouteError(FieldtruthError):
+    """A route that cannot be driven, or cannot be found; names the way-point, the place and what is in the way."""
+
+
 class DriveError(FieldtruthError):
-    """The robot is stuck, tipped, touched an obstacle or left the world; says when, where, at which way-point."""
+    """The robot is stuck, tipped, touched an obstacle, drove into water or left the world; says when and where."""
 
 
 class EngineError(FieldtruthError):

@@ -2,14 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """What to do: environment, route, rig, light and seed, as frozen data that can be written down and run again."""
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Final
 
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 
 from fieldtruth.experiment.rig import Frozen, Number, Positive, Rig, Whole
 
 Latitude = Annotated[Number, Field(ge=-90, le=90)]
 Longitude = Annotated[Number, Field(ge=-180, le=180)]
+Metre = Annotated[Number, Field(ge=-10_000, le=10_000)]
+ROUTE_FORMS: Final = (
+    "one of {start: ..., waypoints: ...}, {metres: {start: ..., waypoints: ...}}, {random: {length_m: ..., seed: ...}}"
+)
 Name = Annotated[
     str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$", description="a word of at most 64 letters, digits, - and _")
 ]
@@ -44,6 +49,46 @@ class RouteConfig(Frozen):
     ]
 
 
+class MetresConfig(Frozen):
+    """A start and way-points (x north, y west) [m] in the world frame, whose origin is the middle of the place."""
+
+    start: Annotated[tuple[Metre, Metre], Field(description="[x, y] in metres")]
+    waypoints: Annotated[
+        tuple[tuple[Metre, Metre], ...], Field(min_length=1, description="a list of at least one [x, y] in metres")
+    ]
+
+
+class MetresRouteConfig(Frozen):
+    """A route in metres: ``metres: {start: [x, y], waypoints: [[x, y], ...]}``."""
+
+    metres: MetresConfig
+
+
+class WanderConfig(Frozen):
+    """A route that the program finds: how far to drive [m], and which of the many ways of that length."""
+
+    length_m: Annotated[Number, Field(ge=10, le=5000)]
+    seed: Annotated[Whole, Field(ge=0, lt=2**63)]
+
+
+class RandomRouteConfig(Frozen):
+    """A route by the program: ``random: {length_m: 150, seed: 3}``; the world decides where it can run."""
+
+    random: WanderConfig
+
+
+def _form(route: object) -> str | None:
+    keys = set(route if isinstance(route, Mapping) else type(route).model_fields if isinstance(route, Frozen) else ())
+    other = keys & {"metres", "random"}
+    if len(other) == 0 and isinstance(route, Mapping | Frozen):
+        return "degrees"
+    return other.pop() if len(keys) == 1 else None
+
+
+Route = RouteConfig | MetresRouteConfig | RandomRouteConfig
+"""The three forms; ``fieldtruth.plan_route`` makes a ``RouteConfig`` of any of them."""
+
+
 class Experiment(Frozen):
     """One drive through one environment: the whole input of a data set. Same experiment, same bytes."""
 
@@ -54,7 +99,13 @@ class Experiment(Frozen):
     seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 0
     seconds: Annotated[Number, Field(ge=0.001, le=86_400)] | None = None
     """End after this much simulated time [s], one physics step to one day; None drives to the last way-point."""
-    route: RouteConfig
+    route: Annotated[
+        Annotated[RouteConfig, Tag("degrees")]
+        | Annotated[MetresRouteConfig, Tag("metres")]
+        | Annotated[RandomRouteConfig, Tag("random")],
+        Discriminator(_form),
+        Field(description=ROUTE_FORMS),
+    ]
     control: ControlConfig = ControlConfig()
     rig: Rig = Rig()
     light: LightConfig = LightConfig()

@@ -3,8 +3,8 @@
 """One line out of a validation report: which key, which value, and what is allowed there."""
 
 from collections.abc import Sequence
-from types import NoneType
-from typing import Any, Final, get_args, get_origin
+from types import NoneType, UnionType
+from typing import Annotated, Any, Final, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
@@ -23,7 +23,8 @@ def configuration_error(model: type[BaseModel], report: ValidationError, source:
     complaints = sorted(report.errors(), key=lambda c: c["type"] not in UNKNOWN_KEY)
     first = complaints[0]
     rest = f" (and {len(complaints) - 1} more)" if len(complaints) > 1 else ""
-    line = _complaint(model, first["type"], first["loc"], first["input"], first["msg"])
+    place = _without_tags(model, first["loc"])
+    line = _complaint(model, first["type"], place, first["input"], first["msg"])
     return ConfigurationError(f"{source}: {line}{rest}" if source else f"{line}{rest}")
 
 
@@ -34,7 +35,7 @@ def _complaint(model: type[BaseModel], kind: str, loc: Sequence[int | str], valu
     if kind in UNKNOWN_KEY:
         key = dotted((*loc[:-1], str(loc[-1])))
         parent, _ = _field(model, loc[:-1])
-        keys = nearest_first(str(loc[-1]), parent.model_fields) if _is_model(parent) else []
+        keys = nearest_first(str(loc[-1]), [name for home in _models(parent) for name in home.model_fields])
         return f"no key {key!r}; there is: {', '.join(dotted((*loc[:-1], k)) for k in keys)}"
     if kind == "value_error":  # a rule across fields, which says itself what is right
         text = message.removeprefix("Value error, ")
@@ -54,16 +55,33 @@ def shortened(value: object) -> str:
     return text if len(text) <= LONGEST_VALUE else f"{text[:LONGEST_VALUE]}..."
 
 
-def _is_model(annotation: Any) -> bool:
-    return isinstance(annotation, type) and issubclass(annotation, BaseModel)
+def _models(annotation: Any) -> list[type[BaseModel]]:
+    """The model, or the several ones of which one is chosen; their keys differ."""
+    if get_origin(annotation) is Annotated:
+        return _models(get_args(annotation)[0])
+    if get_origin(annotation) in (Union, UnionType):
+        return [model for choice in get_args(annotation) for model in _models(choice)]
+    return [annotation] if isinstance(annotation, type) and issubclass(annotation, BaseModel) else []
+
+
+def _without_tags(model: type[BaseModel], loc: Sequence[int | str]) -> tuple[int | str, ...]:
+    """The place as people write it: where one of several models is chosen, the report names the choice as well."""
+    place: tuple[int | str, ...] = ()
+    at_choice = False
+    for step in loc:
+        if not at_choice:
+            place = (*place, step)
+        at_choice = not at_choice and len(_models(_field(model, place)[0])) > 1
+    return place
 
 
 def _field(model: Any, loc: Sequence[int | str]) -> tuple[Any, FieldInfo]:
     """Type and constraints of the place ``loc`` below ``model``, as far as it exists."""
     annotation, info = model, FieldInfo()
     for step in loc:
-        if _is_model(annotation) and step in annotation.model_fields:
-            info = annotation.model_fields[str(step)]
+        homes = [home for home in _models(annotation) if step in home.model_fields]
+        if homes:
+            info = homes[0].model_fields[str(step)]
         elif get_origin(annotation) is tuple and isinstance(step, int):
             items = get_args(annotation)
             info = FieldInfo.from_annotation(items[0 if Ellipsis in items else min(step, len(items) - 1)])
@@ -82,8 +100,8 @@ def allowed_at(model: type[BaseModel], loc: Sequence[int | str]) -> str:
     annotation, info = _field(model, loc)
     if info.description:
         return info.description
-    if _is_model(annotation):
-        return f"a mapping with the keys {', '.join(annotation.model_fields)}"
+    if _models(annotation):
+        return f"a mapping with the keys {', '.join(_models(annotation)[0].model_fields)}"
     if get_origin(annotation) is tuple:
         items = get_args(annotation)
         return "a list of at least one" if Ellipsis in items else f"a list of {len(items)} numbers"

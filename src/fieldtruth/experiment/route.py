@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Routes thought out in metres, written down in degrees: way-points of an experiment are geodetic, as in the paper.
+"""The forms of a route, one out of the other; way-points thought out in metres are geodetic in the end (paper).
 
-To move a route, write its points in metres and paste what this prints into the experiment's file::
+To move a route, write its points in metres; ``metres:`` takes them as they are, and this prints them in degrees::
 
     print(fieldtruth.route_yaml(fieldtruth.route_from_metres((-33, -6), [(-22, -3), (-10, 2)])))
 """
@@ -13,7 +13,8 @@ from typing import Final
 import numpy as np
 
 from fieldtruth import geodesy
-from fieldtruth.experiment.config import RouteConfig
+from fieldtruth.errors import RouteError
+from fieldtruth.experiment.config import MetresRouteConfig, RandomRouteConfig, Route, RouteConfig, WanderConfig
 
 DECIMALS: Final = 9
 """Of a degree: a step of 0.1 mm on the ground."""
@@ -29,8 +30,31 @@ def route_from_metres(start: Sequence[float], waypoints: Sequence[Sequence[float
     return RouteConfig(start=pairs[0], waypoints=tuple(pairs[1:]))
 
 
-def metres_from_route(route: RouteConfig) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    """Points (1 + n, 2) x, y [m] in the world frame of a route's start and its n way-points."""
+def random_route(length_m: float, seed: int) -> RandomRouteConfig:
+    """Ask for a free route of this length [m]; another seed is another route through the same place."""
+    return RandomRouteConfig(random=WanderConfig(length_m=length_m, seed=seed))
+
+
+def geodetic_route(route: Route) -> RouteConfig:
+    """The route with its points in degrees. Raises ``RouteError`` for a random one: it has no points before a plan."""
+    if isinstance(route, RandomRouteConfig):
+        raise RouteError(
+            "a random route has no way-points before it is planned: fieldtruth.plan_route(world, experiment)"
+        )
+    if isinstance(route, MetresRouteConfig):
+        return route_from_metres(route.metres.start, route.metres.waypoints)
+    return route
+
+
+def metres_from_route(route: Route) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    """Points (1 + n, 2) x, y [m] in the world frame of a route's start and its n way-points.
+
+    Raises:
+        RouteError: a random route, which has no points before it is planned.
+    """
+    if isinstance(route, MetresRouteConfig):
+        return np.array([route.metres.start, *route.metres.waypoints], np.float64)
+    route = geodetic_route(route)
     points = np.array([route.start, *route.waypoints], np.float64)
     return geodesy.world_from_geodetic(np.column_stack([points, np.zeros(len(points))]))[:, :2]
 

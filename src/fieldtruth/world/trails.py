@@ -4,10 +4,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from functools import cached_property
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 Array = NDArray[np.float64]
 _STEP = 0.05  # [m] between the points of a line
@@ -42,10 +46,8 @@ class Line:
 
     def distance(self, places: ArrayLike) -> Array:
         """Distance [m], (n,), of places (n, 2) to the line."""
-        from scipy.spatial import cKDTree
-
         places = np.asarray(places, np.float64)
-        _, nearest = cKDTree(self.points).query(places, workers=-1)
+        _, nearest = self._tree.query(places, workers=-1)
         best = np.full(len(places), np.inf)
         for step in (-1, 0):  # the two pieces that meet in the nearest point
             first = np.clip(nearest + step, 0, len(self.points) - 2)
@@ -53,6 +55,12 @@ class Line:
             along = np.clip(((places - a) * (b - a)).sum(1) / ((b - a) ** 2).sum(1), 0.0, 1.0)
             best = np.minimum(best, np.linalg.norm(places - a - along[:, None] * (b - a), axis=1))
         return best
+
+    @cached_property
+    def _tree(self) -> "cKDTree[None]":
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self.points)
 
 
 @dataclass(frozen=True)
