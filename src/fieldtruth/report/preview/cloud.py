@@ -1,0 +1,100 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A labelled cloud in perspective: points as small discs in their classes' colours, darkened where something nearer rises.
+
+The darkening is eye-dome lighting (Boucheny 2009), which needs no normals: a pixel is darkened by how much nearer its
+neighbours are. Classes keep their hue.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth import frames
+from fieldtruth.classes import PALETTE
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.frames import Array
+from fieldtruth.sense import Lidar, Scene
+
+_OVERSAMPLED: Final = 2
+_DARKENING: Final = 22.0
+_NEIGHBOURS: Final = tuple((i, j) for i in (-2, 0, 2) for j in (-2, 0, 2) if i or j)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cloud:
+    """Points ``xyz`` (n, 3) [m] in the world and their class ids ``label`` (n,)."""
+
+    xyz: Array
+    label: NDArray[np.uint8]
+
+
+def scan_from(scene: Scene, rig: Rig, poses: Sequence[Array]) -> Cloud:
+    """All points of a scan from each pose world_from_base (4, 4)."""
+    lidar = Lidar(rig.lidar, scene)
+    xyz, label = [np.zeros((0, 3))], [np.zeros(0, np.uint8)]
+    for pose in poses:
+        world_from_lidar = pose @ rig.lidar.mount.base_from_sensor
+        scan = lidar.scan(world_from_lidar)
+        xyz.append(frames.transform(world_from_lidar, scan.xyz))
+        label.append(scan.label)
+    return Cloud(xyz=np.concatenate(xyz), label=np.concatenate(label))
+
+
+def look_at(eye: Sequence[float], target: Sequence[float]) -> Array:
+    """Pose world_from_optical (4, 4) of an upright camera at ``eye`` that looks at ``target`` [m]."""
+    forward = np.subtract(target, eye) / np.linalg.norm(np.subtract(target, eye))
+    right = np.cross(forward, (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    pose = np.eye(4)
+    pose[:3] = np.column_stack([right, np.cross(forward, right), forward, eye])
+    return pose
+
+
+def draw_cloud(
+    cloud: Cloud, world_from_optical: Array, *, width: int, height: int, fov_deg: float, background: Sequence[int],
+    size: float = 0.06,
+) -> NDArray[np.uint8]:  # fmt: skip
+    """Draw the cloud as discs of ``size`` [m] across, (height, width, 3); ``fov_deg`` is the horizontal field of view."""
+    wide, high = width * _OVERSAMPLED, height * _OVERSAMPLED
+    focal = wide / 2 / np.tan(np.radians(fov_deg) / 2)
+    x, y, z = frames.transform(frames.inverse(world_from_optical), cloud.xyz).T
+    seen = np.flatnonzero(z > 0.5)
+    order = seen[np.argsort(-z[seen], kind="stable")]  # what is nearer is drawn later, over what is farther
+    x, y, z = x[order], y[order], z[order]
+    column, row = focal * x / z + wide / 2, focal * y / z + high / 2
+    radius = np.clip(0.5 * size * focal / z, 0.8, 6.0)
+    depth = np.full((high, wide), np.inf, np.float32)
+    label = np.zeros((high, wide), np.uint8)
+    for i, j, inside in _disc(radius):
+        r, c = np.rint(row[inside] + i).astype(int), np.rint(column[inside] + j).astype(int)
+        kept = np.flatnonzero((r >= 0) & (r < high) & (c >= 0) & (c < wide))
+        r, c, which = r[kept], c[kept], inside[kept]
+        nearer = z[which] <= depth[r, c]
+        r, c, which = r[nearer], c[nearer], which[nearer]
+        depth[r, c] = z[which]
+        label[r, c] = cloud.label[order[which]]
+    return _shaded(depth, label, background)
+
+
+def _disc(radius: Array) -> list[tuple[int, int, NDArray[np.intp]]]:
+    """Offsets of a disc's pixels, each with the rows of the points whose disc is that large."""
+    reach = int(np.ceil(radius.max(initial=0.0)))
+    square = [(i, j) for i in range(-reach, reach + 1) for j in range(-reach, reach + 1)]
+    return [(i, j, np.flatnonzero(radius >= np.hypot(i, j))) for i, j in square]
+
+
+def _shaded(depth: NDArray[np.float32], label: NDArray[np.uint8], background: Sequence[int]) -> NDArray[np.uint8]:
+    hit = np.isfinite(depth)
+    log = np.log2(np.where(hit, depth, 1e6))
+    rise = np.zeros_like(log)
+    for i, j in _NEIGHBOURS:
+        rise += np.clip(log - np.roll(log, (i, j), axis=(0, 1)), 0.0, 0.06)
+    shade = np.exp(-_DARKENING * rise / len(_NEIGHBOURS))
+    colour = np.where(hit[..., None], PALETTE[label] * (0.25 + 0.75 * shade[..., None]), np.asarray(background))
+    h, w = (side // _OVERSAMPLED for side in depth.shape)
+    small = colour.reshape(h, _OVERSAMPLED, w, _OVERSAMPLED, 3).mean(axis=(1, 3))
+    return np.rint(small).astype(np.uint8)

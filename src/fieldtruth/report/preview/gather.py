@@ -1,0 +1,116 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a sheet shows, before it is laid out: pictures, lines and counts of one environment as plain data."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.experiment.catalogue import list_experiments
+from fieldtruth.experiment.config import Experiment, LightConfig
+from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, Rig
+from fieldtruth.experiment.route import metres_from_route
+from fieldtruth.frames import Array
+from fieldtruth.report.path import expected_path, stand, stations
+from fieldtruth.report.preview.aerial import Aerial, take_aerial
+from fieldtruth.report.preview.cloud import Cloud, scan_from
+from fieldtruth.report.preview.views import free_stations, most_telling
+from fieldtruth.report.progress import Progress
+from fieldtruth.report.shares import SPACING, ClassShares, count_classes
+from fieldtruth.sense import Camera, Picture, Scene
+from fieldtruth.world import World
+
+VIEWS: Final = 4
+SCANS: Final = 40
+"""Scans in the cloud, spread evenly over the sample."""
+FREE_PLACES: Final = 40
+"""Size of the sample where no experiment drives."""
+
+
+class Route(NamedTuple):
+    """An experiment's route: way-points and line in x, y [m], the start first."""
+
+    name: str
+    waypoints: Array  # (1 + n, 2)
+    path: Array  # (m, 2)
+
+
+class View(NamedTuple):
+    """What the left camera sees from x, y [m] with a heading [rad]."""
+
+    station: Array  # (3,)
+    picture: Picture
+
+
+@dataclass(frozen=True, kw_only=True)
+class Findings:
+    """Everything on a sheet. ``stations`` (n, 3) are the sample's places: x, y [m] and heading [rad]."""
+
+    world: World
+    routes: tuple[Route, ...]
+    stations: Array
+    shares: ClassShares
+    aerial: Aerial
+    views: tuple[View, ...]
+    cloud: Cloud
+
+
+def experiments_of(environment: str) -> list[Experiment]:
+    """Return the experiments that ship with the package and drive in this environment."""
+    experiments = map(load_experiment, list_experiments())
+    return [experiment for experiment in experiments if experiment.environment == environment]
+
+
+def gather(
+    world: World,
+    *,
+    aerial_width: int,
+    rig: Rig | None = None,
+    spacing: float = SPACING,
+    workers: int,
+    progress: Progress,
+) -> Findings:
+    """Look at a world from above, along the routes of its experiments, and from the best four places on them.
+
+    Args:
+        world: the place; its name is the environment's.
+        aerial_width: pixels of the aerial photograph along x.
+        rig: the sensors, by default the paper's.
+        spacing: metres of way from one pose of the sample to the next.
+        workers: threads.
+        progress: is told what happens.
+    """
+    rig, experiments = Rig() if rig is None else rig, experiments_of(world.name)
+    with progress.stage("prepare the scene"):
+        scene = Scene(world, LightConfig())
+        scene.studio  # noqa: B018  (light is baked now, so that the next stage's time is its own)
+    paths = [expected_path(experiment) for experiment in experiments]
+    routes = tuple(
+        Route(experiment.name, metres_from_route(experiment.route), path[:, :2])
+        for experiment, path in zip(experiments, paths, strict=True)
+    )
+    sample = (
+        np.concatenate([stations(path, spacing) for path in paths])
+        if paths
+        else free_stations(world, FREE_PLACES, np.random.default_rng([world.seed, 3]))
+    )
+    poses = [stand(world.terrain.field, station, rig) for station in sample]
+    with progress.stage("count classes"):
+        shares = count_classes(scene, rig, poses, workers=workers)
+    chosen = most_telling(shares.pixels, sample[:, :2], VIEWS)
+    with progress.stage("photographs"):
+        aerial = take_aerial(scene, aerial_width)
+        pictures = _photographs(scene, rig.cameras, [poses[row] for row in chosen])
+    with progress.stage("cloud"):
+        cloud = scan_from(scene, rig, poses[:: max(1, -(-len(poses) // SCANS))])
+    views = tuple(View(sample[row], picture) for row, picture in zip(chosen, pictures, strict=True))
+    return Findings(world=world, routes=routes, stations=sample, shares=shares, aerial=aerial, views=views, cloud=cloud)
+
+
+def _photographs(scene: Scene, config: CameraConfig, poses: Sequence[NDArray[np.float64]]) -> list[Picture]:
+    camera, base_from_optical = Camera(config, scene), config.left.base_from_sensor @ CAMERA_FROM_OPTICAL
+    return [camera.shoot(pose @ base_from_optical) for pose in poses]

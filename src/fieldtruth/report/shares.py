@@ -1,0 +1,132 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Which class how many pixels and points belong to (paper, Figure 21), counted along the line of an experiment.
+
+The sample: a robot that stands every 2 m of the way, which is every 6.7 s at the paper's speed. It scans once and takes
+one label image with its left camera; the right one, 12 cm beside it, sees nearly the same. Every pixel and every point
+of the sample is counted.
+"""
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.classes import CLASSES
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, Rig
+from fieldtruth.frames import Array
+from fieldtruth.report.path import expected_path, stand, stations
+from fieldtruth.report.progress import Progress, Silent
+from fieldtruth.sense import Camera, Lidar, Scene
+from fieldtruth.world import load_world
+
+SPACING: Final = 2.0  # [m]
+
+Counts = NDArray[np.int64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClassShares:
+    """Counts per pose and class id: ``pixels`` and ``points`` are (poses, 16)."""
+
+    pixels: Counts
+    points: Counts
+
+    @property
+    def pixel_share(self) -> Array:
+        """Share of each class (16,) in all pixels; 0 where nothing was counted."""
+        return _share(self.pixels)
+
+    @property
+    def point_share(self) -> Array:
+        """Share of each class (16,) in all points; 0 where nothing was counted."""
+        return _share(self.points)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Number of poses, and the counts of the classes that were seen, by the class's name."""
+        counts = {"pixels": self.pixels.sum(axis=0).tolist(), "points": self.points.sum(axis=0).tolist()}
+        named = {key: {c.name: n for c, n in zip(CLASSES, row, strict=True) if n} for key, row in counts.items()}
+        return {"poses": len(self.pixels), **named}
+
+
+def class_shares(
+    experiment: Experiment, *, spacing: float = SPACING, scene: Scene | None = None, workers: int = 1
+) -> ClassShares:
+    """Count the classes that camera and LiDAR see along the experiment's line.
+
+    Args:
+        experiment: its environment, seed, rig and route; whether a sensor is enabled makes no difference.
+        spacing: metres of way from one pose to the next.
+        scene: of the experiment's world, if there is one already; it needs no light.
+        workers: threads.
+    """
+    if scene is None:
+        scene = Scene(load_world(experiment.environment, experiment.seed), experiment.light)
+    field, rig = scene.world.terrain.field, experiment.rig
+    poses = [stand(field, station, rig) for station in stations(expected_path(experiment), spacing)]
+    return count_classes(scene, rig, poses, workers=workers)
+
+
+def shares_of(
+    experiments: Sequence[Experiment], *, progress: Progress | None = None, workers: int = 1
+) -> dict[str, ClassShares]:
+    """Class shares of experiments by name; those that follow each other in the same world load it once."""
+    progress, found = Silent() if progress is None else progress, {}
+    for (environment, seed), group in groupby(experiments, key=lambda e: (e.environment, e.seed)):
+        with progress.stage(f"load {environment}"):
+            scene = Scene(load_world(environment, seed))
+        for experiment in group:
+            with progress.stage(f"look along {experiment.name}"):
+                found[experiment.name] = class_shares(experiment, scene=scene, workers=workers)
+    return found
+
+
+def count_classes(scene: Scene, rig: Rig, poses: Sequence[Array], *, workers: int = 1) -> ClassShares:
+    """Count what the left camera and the LiDAR see from poses world_from_base (4, 4); rows are in the poses' order."""
+    base_from_optical = rig.cameras.left.base_from_sensor @ CAMERA_FROM_OPTICAL
+    pixels, points = (np.zeros((len(poses), len(CLASSES)), np.int64) for _ in range(2))
+
+    def look(rows: range) -> None:
+        camera, lidar = Camera(rig.cameras, scene, reuse=True), Lidar(rig.lidar, scene)
+        for row in rows:
+            image = camera.label(poses[row] @ base_from_optical)
+            scan = lidar.scan(poses[row] @ rig.lidar.mount.base_from_sensor)
+            pixels[row] = np.bincount(image.label.ravel(), minlength=len(CLASSES))
+            points[row] = np.bincount(scan.label, minlength=len(CLASSES))
+
+    with ThreadPoolExecutor(workers) as pool:
+        list(pool.map(look, [range(first, len(poses), workers) for first in range(workers)]))
+    return ClassShares(pixels=pixels, points=points)
+
+
+def shares_table(shares: Mapping[str, ClassShares]) -> str:
+    """Two tables, of pixels and of points: a line per class that is seen, a column of percent per experiment.
+
+    0.00 is a class that was seen in less than 0.005 %; a dash one that was not seen.
+    """
+    blocks = []
+    for title in ("pixels", "points"):
+        counts = {name: getattr(found, title).sum(axis=0) for name, found in shares.items()}
+        lines = [f"{title + ' [%]':<18}" + "".join(f"{name:>12}" for name in counts)]
+        for row in CLASSES:
+            shown = [_percent(count[row.label], count.sum()) for count in counts.values()]
+            if any(count[row.label] for count in counts.values()):
+                lines.append(f"{row.name:<18}" + "".join(f"{text:>12}" for text in shown))
+        lines.append(f"{'counted':<18}" + "".join(f"{count.sum():>12}" for count in counts.values()))
+        blocks.append("\n".join(lines))
+    return "\n\n".join(blocks)
+
+
+def _percent(count: int, total: int) -> str:
+    return f"{100.0 * count / total:.2f}" if count else "-"
+
+
+def _share(counts: Counts) -> Array:
+    total = counts.sum(axis=0).astype(np.float64)
+    share: Array = total / max(total.sum(), 1.0)
+    return share
