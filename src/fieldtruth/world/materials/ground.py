@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the ground and the trails are covered with; ``repeat`` is the length that the texture covers."""
+"""What the ground and the trails are covered with, and water; ``repeat`` is the length that the texture covers."""
 
 from typing import Final
 
@@ -14,6 +14,10 @@ MATERIALS: Final = (
     Material(name="mulch", label=Label.GROUND, texture="mulch", repeat=1.5),
     Material(name="litter", label=Label.GROUND, texture="litter", repeat=1.5),
     Material(name="meadow", label=Label.GROUND, texture="meadow", repeat=40.0),
+    Material(name="rough_grass", label=Label.GROUND, texture="rough_grass", repeat=1.5),
+    Material(name="mud", label=Label.GROUND, texture="mud", repeat=1.5, gloss=0.35),
+    Material(name="pebbles", label=Label.GROUND, texture="pebbles", repeat=1.5),
+    Material(name="water", label=Label.WATER, texture="water", gloss=0.6, mirror=0.02),
     Material(name="gravel", label=Label.TRAIL, texture="gravel", repeat=1.5),
     Material(name="setts", label=Label.TRAIL, texture="setts", repeat=0.5),
 )

@@ -211,6 +211,61 @@ def meadow(rng: Rng) -> Image:
     return even_out(colour * (1 + 0.06 * blur(tussock, 0.7))[..., None], cycles=5)
 
 
+def rough_grass(rng: Rng) -> Image:
+    """Grass that nobody mows: long blades that lie over each other, last year's straw, herbs' leaves, dark gaps."""
+    count = 15_000
+    patches = noise(rng, FINE, 3, 24, slope=0.8)
+    relief = settle(FINE, [strokes(rng, FINE, count, (16.0, 60.0), 3.0, 0.9)])
+    tone = rng.random(count).astype(np.float32)[relief.owner]
+    dead = rng.random(count).astype(np.float32)[relief.owner] < 0.24 * np.exp(0.4 * patches)
+    green = mix([(62, 76, 36), (88, 102, 48), (110, 120, 62), (136, 138, 82)], 0.8 * tone + 0.08 * patches + 0.1)
+    colour = np.where(dead[..., None], mix(_STRAW, tone), green)
+    gaps = mix([(40, 36, 22), (72, 64, 40)], 0.5 + 0.2 * noise(rng, FINE, 20, 300))
+    colour = np.where((relief.owner < 0)[..., None], gaps, colour)
+    light = (0.32 + 0.72 * relief.height) * crevices(relief.height, 4.0, 0.8)
+    return even_out(halve(colour * light[..., None]))
+
+
+def mud(rng: Rng) -> Image:
+    """Wet mud at the water's edge: smooth silt with ripples, worm casts, bits of reed and a few drowned pebbles."""
+    ripple = noise(rng, N, 10, 40, slope=0.6, stretch=0.35)
+    grain = noise(rng, N, 60, 256, slope=0.2)
+    wet = noise(rng, N, 3, 30, slope=1.0)
+    silt = mix(
+        [(52, 46, 36), (76, 67, 52), (98, 87, 68), (118, 106, 84)], 0.5 + 0.12 * ripple + 0.1 * wet + 0.05 * grain
+    )
+    pieces = 240
+    length = rng.gamma(2.0, 5.0, pieces).clip(3, 34)
+    reed = stamps(rng, N, length, rng.uniform(0.7, 1.6, pieces), lambda a, b, _: 1 - b**2 - 0.2 * a**2, 1.0)
+    relief = settle(N, [reed])
+    straw = mix([(96, 82, 58), (140, 122, 88), (170, 154, 118)], rng.random(pieces).astype(np.float32)[relief.owner])
+    colour = np.where((relief.owner < 0)[..., None], silt, straw * np.float32(0.8))
+    return even_out(colour * crevices(0.12 * ripple + (relief.owner >= 0), 2.0, 0.5)[..., None])
+
+
+def pebbles(rng: Rng) -> Image:
+    """A beach of rounded pebbles of 1 to 7 cm, washed, with coarse sand between them."""
+    count = 9_000
+    relief = settle(FINE, [_pebbles(rng, count, (3.0, 24.0), power=1.5, rise=(0.2, 1.0))])
+    sand = mix([(112, 100, 80), (150, 136, 112), (178, 164, 138)], 0.5 + 0.25 * noise(rng, FINE, 60, 500, slope=0.2))
+    tones = linear([(150, 144, 134), (176, 168, 154), (118, 112, 106), (196, 188, 174), (150, 128, 106), (98, 94, 92)])
+    kind, bright = (
+        rng.choice(len(tones), count, p=[0.28, 0.22, 0.18, 0.1, 0.13, 0.09]),
+        rng.normal(1, 0.14, count).clip(0.6, 1.5),
+    )
+    stone = (tones[kind] * bright[:, None]).astype(np.float32)[relief.owner]
+    stone = stone * (0.62 + 0.38 * _dome(relief) + 0.05 * noise(rng, FINE, 60, 400, slope=0.3))[..., None]
+    colour = np.where((relief.owner < 0)[..., None], sand * np.float32(0.8), stone)
+    return even_out(halve(colour * crevices(relief.height, 4.0, 0.8)[..., None]))
+
+
+def water(rng: Rng) -> Image:
+    """What a lake scatters back from below its surface: murky green and brown, in slow clouds."""
+    n = 128
+    cloud = 0.5 + 0.12 * noise(rng, n, 2, 12, slope=0.8)
+    return np.asarray(mix([(38, 44, 30), (46, 54, 38), (54, 60, 40)], cloud), np.float32)
+
+
 RECIPES: Final[Mapping[str, Recipe]] = MappingProxyType(
     {
         "lawn": Recipe(lawn, (0.105, 0.126, 0.041)),
@@ -221,5 +276,9 @@ RECIPES: Final[Mapping[str, Recipe]] = MappingProxyType(
         "gravel": Recipe(gravel, (0.305, 0.270, 0.214)),
         "setts": Recipe(setts, (0.205, 0.192, 0.172)),
         "meadow": Recipe(meadow, (0.115, 0.130, 0.050)),
+        "rough_grass": Recipe(rough_grass, (0.095, 0.110, 0.038)),
+        "mud": Recipe(mud, (0.085, 0.068, 0.046)),
+        "water": Recipe(water, (0.022, 0.030, 0.017)),
+        "pebbles": Recipe(pebbles, (0.220, 0.195, 0.160)),
     }
 )
