@@ -278,7 +278,7 @@ RECIPES: Final[Mapping[str, Recipe]] = MappingProxyType(
         "meadow": Recipe(meadow, (0.115, 0.130, 0.050)),
         "rough_grass": Recipe(rough_grass, (0.095, 0.110, 0.038)),
         "mud": Recipe(mud, (0.085, 0.068, 0.046)),
-        "water": Recipe(water, (0.022, 0.030, 0.017)),
+        "water": Recipe(water, (0.024, 0.031, 0.021)),
         "pebbles": Recipe(pebbles, (0.220, 0.195, 0.160)),
     }
 )
