@@ -12,18 +12,26 @@ LEAF_TRANSLUCENCY: Final = 0.35
 Baret 1990, PROSPECT)."""
 
 
-def bark(species: str) -> Material:
-    """Bark of a species of tree, from the texture of the same name."""
-    return Material(name=f"bark_{species}", label=Label.TRUNK, texture=f"bark_{species}")
+NEEDLE_TRANSLUCENCY: Final = 0.08
+"""Of a twig with its needles: they are thick and shade each other."""
+
+BROADLEAVES: Final = ("lime", "birch", "oak", "beech", "alder", "willow")
+CONIFERS: Final = ("spruce", "pine")
 
 
-def leaf(species: str) -> Material:
-    """Leaves of a species of tree, from the texture of the same name."""
+def bark(kind: str) -> Material:
+    """Bark from the texture of the same name."""
+    return Material(name=f"bark_{kind}", label=Label.TRUNK, texture=f"bark_{kind}")
+
+
+def leaf(species: str, *, translucency: float = LEAF_TRANSLUCENCY, gloss: float = 0.15) -> Material:
+    """Leaves or needles of a species of tree, from the texture of the same name."""
     name = f"leaf_{species}"
-    return Material(name=name, label=Label.TREETOP, texture=name, translucency=LEAF_TRANSLUCENCY, gloss=0.15)
+    return Material(name=name, label=Label.TREETOP, texture=name, translucency=translucency, gloss=gloss)
 
 
 MATERIALS: Final = (
-    *(bark(species) for species in ("lime", "birch", "oak")),
-    *(leaf(species) for species in ("lime", "birch", "oak")),
+    *(bark(kind) for kind in (*BROADLEAVES, *CONIFERS, "pine_upper", "dead", "moss")),
+    *(leaf(species) for species in BROADLEAVES),
+    *(leaf(species, translucency=NEEDLE_TRANSLUCENCY, gloss=0.08) for species in CONIFERS),
 )

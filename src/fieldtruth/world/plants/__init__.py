@@ -4,6 +4,6 @@
 
 from fieldtruth.world.plants.catalogue import BUSHES, SPECIES
 from fieldtruth.world.plants.plant import grow_bush, grow_tree
-from fieldtruth.world.plants.species import Species
+from fieldtruth.world.plants.species import GrownIn, Species
 
-__all__ = ["BUSHES", "SPECIES", "Species", "grow_bush", "grow_tree"]
+__all__ = ["BUSHES", "SPECIES", "GrownIn", "Species", "grow_bush", "grow_tree"]

@@ -34,6 +34,10 @@ class Stems:
     joint: Array  # (n,) where along the parent, as a fraction of its length
     limb: NDArray[np.intp]  # (n,) number of the order-1 stem that bears it; -1 for the trunk
 
+    def take(self, rows: NDArray[np.intp]) -> "Stems":
+        """Some of the stems."""
+        return Stems(**{key: value[rows] for key, value in vars(self).items()})
+
     def at(self, row: NDArray[np.intp], fraction: Array) -> tuple[Array, Array, Array]:
         """Position [m], unit tangent and radius [m] of stem ``row`` at a fraction of its length (all of shape (m,))."""
         segments = self.axis.shape[1] - 1
@@ -67,7 +71,7 @@ def _trunks(habit: Habit, height: float, rng: np.random.Generator) -> Stems:
     n = habit.stems
     turn = 2 * np.pi * (np.arange(n) + rng.uniform(-0.3, 0.3, n)) * 0.381966 + rng.uniform(0, 2 * np.pi)
     out = np.sqrt((np.arange(n) + 0.5) / n) if n > 1 else np.zeros(1)
-    tilt = np.radians(habit.stem_splay * out + rng.normal(0, habit.trunk_lean, n))
+    tilt = np.radians(habit.stem_splay * out + habit.trunk_lean * rng.normal(0, 1, n).clip(-2, 2))
     outward = np.stack([np.cos(turn), np.sin(turn), np.zeros(n)], 1)
     direction = np.sin(tilt)[:, None] * outward + np.cos(tilt)[:, None] * [0, 0, 1]
     foot = habit.stem_circle * out[:, None] * outward - [0, 0, ROOT_DEPTH]
@@ -84,8 +88,21 @@ def _trunks(habit: Habit, height: float, rng: np.random.Generator) -> Stems:
         collar=0,
     )
     axis = _extend(foot, direction, length, form, rng)
+    if n == 1:
+        axis = _righted(axis, habit.lean_limit)
     none = np.full(n, -1, np.intp)
     return Stems(axis=axis, radius=_taper(radius, form), length=length, parent=none, joint=np.zeros(n), limb=none)
+
+
+def _righted(axis: Array, limit: float) -> Array:
+    """Trunks whose top is at most ``limit`` [deg] off the vertical above the foot: crooked as before, less inclined."""
+    foot = axis[:, :1]
+    rise = axis - foot
+    off = np.hypot(rise[:, -1, 0], rise[:, -1, 1])
+    allowed = np.tan(np.radians(limit)) * rise[:, -1, 2]
+    excess = rise[:, -1:, :2] * np.maximum(1 - allowed / np.maximum(off, 1e-9), 0)[:, None, None]
+    share = (rise[..., 2] / rise[:, -1:, 2])[..., None]
+    return np.concatenate([axis[..., :2] - share * excess, axis[..., 2:]], -1)
 
 
 def _sprout(
@@ -95,7 +112,7 @@ def _sprout(
     start = np.full(len(parents.length), order.start)
     if number == 1:
         start = np.maximum(start, (max(habit.clear, habit.crown_base * height) + ROOT_DEPTH) / parents.length)
-    parent, rank, joint = spread_along(parents, start, order.number, rng)
+    parent, rank, joint = spread_along(parents, start, order.number, rng, whorl=order.whorl)
     position, tangent, radius = parents.at(parent, joint)
     depth = (joint - start[parent]) / (1 - start[parent])
     direction = _directions(tangent, parent, rank, depth, order, rng)
@@ -121,18 +138,47 @@ def _sprout(
     )
 
 
+def dry_branches(trunk: Stems, habit: Habit, height: float, rng: np.random.Generator) -> Stems | None:
+    """Dead branches on the trunk below the crown and in its lowest part, above the clear height."""
+    if habit.dead is None:
+        return None
+    order = habit.dead
+    foot = (max(habit.clear, order.start * height) + ROOT_DEPTH) / trunk.length
+    head = (max(habit.clear, habit.crown_base * height) + ROOT_DEPTH) / trunk.length
+    parent, rank, joint = spread_along(trunk, foot, order.number, rng, whorl=order.whorl)
+    joint = foot + (joint - foot) / (1 - foot) * (1.15 * head - foot)
+    position, tangent, radius = trunk.at(parent, joint)
+    direction = _directions(tangent, parent, rank, joint, order, rng)
+    length = order.length * height * np.exp(order.length_spread * rng.normal(0, 1, len(joint)).clip(-2, 1.5))
+    thickness = trunk.radius[parent, 0] * (length / trunk.length[parent]) ** order.thickness
+    stems = Stems(
+        axis=_extend(position, direction, length, order, rng),
+        radius=_taper(np.clip(thickness, np.minimum(2 * TIP_RADIUS, radius), 0.5 * radius), order),
+        length=length,
+        parent=parent,
+        joint=joint,
+        limb=np.arange(len(parent), dtype=np.intp),
+    )
+    return _pruned(stems, habit.clear)
+
+
 def spread_along(
-    stems: Stems, start: Array, number: float, rng: np.random.Generator
+    stems: Stems, start: Array, number: float, rng: np.random.Generator, *, whorl: int = 1
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
     """About ``number`` places for shoots or leaves above each stem's ``start``, in proportion to the length there.
 
-    Returns (m,) each: the stem's row, the place's rank on that stem, and its fraction of the length.
+    ``whorl`` places share a height, nearly. Returns (m,) each: the stem's row, the place's rank on that stem, and its
+    fraction of the length.
     """
     usable = np.maximum(1 - start, 0) * stems.length
     count = np.floor(usable * (number / usable.sum()) + rng.random(len(start))).astype(np.intp)
     parent = np.repeat(np.arange(len(count), dtype=np.intp), count)
     rank = np.arange(len(parent), dtype=np.intp) - np.repeat(np.cumsum(count) - count, count)
-    within = (rank + rng.uniform(0.15, 0.85, len(rank))) / count[parent]
+    if whorl == 1:
+        within = (rank + rng.uniform(0.15, 0.85, len(rank))) / count[parent]
+    else:
+        ring = np.floor(rank / whorl) * whorl + 0.5 * whorl + rng.normal(0, 0.06 * whorl, len(rank))
+        within = np.clip(ring / count[parent], 0.0, 1.0)
     return parent, rank, start[parent] + (1 - start[parent]) * within
 
 
@@ -196,15 +242,7 @@ def _taper(radius: Array, order: Order) -> Array:
 def _pruned(stems: Stems, clear: float) -> Stems:
     """The stems that stay above the clear height [m]."""
     keep = stems.axis[:, :, 2].min(1) >= clear
-    rows = np.flatnonzero(keep)
-    return Stems(
-        axis=stems.axis[rows],
-        radius=stems.radius[rows],
-        length=stems.length[rows],
-        parent=stems.parent[rows],
-        joint=stems.joint[rows],
-        limb=stems.limb[rows],
-    )
+    return stems.take(np.flatnonzero(keep))
 
 
 def _fitted(orders: list[Stems], clear: float, height: float) -> tuple[Stems, ...]:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Leaves: single blades on stalks along the twigs, each a kite of two triangles folded along its midrib.
+"""Leaves: single blades on stalks along the twigs, each of two or four triangles folded along its midrib.
 
 A real tree of ten metres has some 200,000 leaves of 6 cm; we draw fewer and larger ones of the same form. A blade turns
 its upper side up and outwards to the light and hangs a little. Shading normals are the blade's own, blended with the
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.world.plants.growth import Array, Stems, sideways, spread_along, unit
 from fieldtruth.world.plants.species import Habit, Leaf, Order
+from fieldtruth.world.plants.variation import outline_corners
 
 OUTWARD_BLEND = 0.55  # weight of the crown's and clump's normal in a leaf's shading normal
 
@@ -42,11 +43,19 @@ def place_leaves(skeleton: tuple[Stems, ...], habit: Habit, height: float, rng: 
     ]
     twig, tangent, side = (np.concatenate([part[k] for part in parts]) for k in range(3))
     limb = np.concatenate([part[3] for part in parts])
+    alive = _alive(limb, habit.dead_limbs, rng)
+    twig, tangent, side, limb = twig[alive], tangent[alive], side[alive], limb[alive]
     leaves = _turned(habit.leaf, np.sqrt(height / habit.height), twig, tangent, side, limb, rng)
     reach = 0.5 * habit.leaf.width * leaves.length
     lowest = np.minimum(leaves.base[:, 2], leaves.base[:, 2] + leaves.midrib[:, 2] * leaves.length) - reach
     rows = np.flatnonzero(lowest > habit.clear)
     return Leaves(**{key: value[rows] for key, value in vars(leaves).items()})
+
+
+def _alive(limb: NDArray[np.intp], dead: float, rng: np.random.Generator) -> NDArray[np.bool_]:
+    """Whether the limb that bears a leaf is alive."""
+    count = int(limb.max()) + 1 if len(limb) else 0
+    return np.asarray((rng.random(count) >= dead)[limb])
 
 
 def _along(
@@ -65,7 +74,7 @@ def _turned(
     """Blades turned to the light."""
     n = len(twig)
     outward = _outward(twig, limb)
-    reach = unit(0.5 * tangent + side + rng.normal(0, 0.25, (n, 3)))
+    reach = unit(form.forward * tangent + side + rng.normal(0, 0.25, (n, 3)))
     midrib = unit(reach + 0.35 * outward - [0, 0, form.droop] + rng.normal(0, 0.25, (n, 3)))
     light = form.flatness * np.array([0, 0, 1.0]) + outward + rng.normal(0, 0.45, (n, 3))
     normal = unit(light - (light * midrib).sum(1, keepdims=True) * midrib)
@@ -87,28 +96,39 @@ def _outward(points: Array, limb: NDArray[np.intp]) -> Array:
 
 
 def leaf_mesh(leaves: Leaves, form: Leaf, rng: np.random.Generator) -> tuple[Array, Array, Array, NDArray[np.int32]]:
-    """Vertices (4 m, 3) [m], normals, uv and faces (2 m, 3): base, left, tip, right; v is along the midrib.
+    """Vertices (k m, 3) [m], normals, uv and faces of blades with k corners: base, left, tip, right downwards.
 
-    No two blades have quite the same outline, and the halves of one differ.
+    A kite has 4 corners, a rounded blade 6. v is along the midrib. No two blades have quite the same outline, and the
+    halves of one differ.
     """
-    m = len(leaves.length)
+    m, side = len(leaves.length), outline_corners(form)
+    corners = 2 * len(side) + 2
     left = np.cross(leaves.normal, leaves.midrib)
     fold = np.radians(form.fold * rng.uniform(0.2, 1.6, (m, 1)))
     scale = leaves.length[:, None]
-    vertices = np.empty((m, 4, 3))
-    vertices[:, 0], vertices[:, 2] = leaves.base, leaves.base + scale * leaves.midrib
-    for corner, sign in ((1, 1.0), (3, -1.0)):
-        widest = form.widest + rng.uniform(-0.07, 0.07, (m, 1))
-        half = 0.5 * form.width * scale * rng.uniform(0.8, 1.15, (m, 1))
+    tip = len(side) + 1
+    vertices, uv = np.empty((m, corners, 3)), np.empty((corners, 2))
+    vertices[:, 0], vertices[:, tip] = leaves.base, leaves.base + scale * leaves.midrib
+    uv[0], uv[tip] = (0.5, 0.03), (0.5, 0.97)
+    for sign in (1.0, -1.0):
+        broad, shift = rng.uniform(0.8, 1.15, (m, 1)), rng.uniform(-0.07, 0.07, (m, 1))
         across = sign * np.cos(fold) * left + np.sin(fold) * leaves.normal
-        vertices[:, corner] = leaves.base + widest * scale * leaves.midrib + half * across
+        for k, (along, half) in enumerate(side, start=1):
+            corner = k if sign > 0 else corners - k
+            out = form.width * half * broad * scale
+            vertices[:, corner] = leaves.base + (along + shift) * scale * leaves.midrib + out * across
+            uv[corner] = 0.5 - sign * 0.92 * half, along
 
     tilt = np.sin(fold) * left
-    own = unit(np.stack([leaves.normal, leaves.normal - tilt, leaves.normal, leaves.normal + tilt], 1))
+    inclined = (
+        [leaves.normal] + len(side) * [leaves.normal - tilt] + [leaves.normal] + len(side) * [leaves.normal + tilt]
+    )
+    own = unit(np.stack(inclined, 1))
     outward = leaves.outward[:, None]
     # A blade turned away from the outside keeps its own normal: a blend would fall on its lower side.
     blend = np.where((own * outward).sum(2, keepdims=True) < -0.3, 0.0, OUTWARD_BLEND)
     normals = unit((1 - blend) * own + blend * outward)
-    uv = np.broadcast_to([[0.5, 0.03], [0.04, form.widest], [0.5, 0.97], [0.96, form.widest]], (m, 4, 2))
-    faces = 4 * np.arange(m)[:, None, None] + np.array([[0, 2, 1], [0, 3, 2]])
-    return vertices.reshape(-1, 3), normals.reshape(-1, 3), uv.reshape(-1, 2), faces.reshape(-1, 3).astype(np.int32)
+    fan = [[0, k + 1, k] for k in range(1, corners - 1)]
+    faces = corners * np.arange(m)[:, None, None] + np.array(fan)
+    uvs = np.broadcast_to(uv, (m, corners, 2))
+    return vertices.reshape(-1, 3), normals.reshape(-1, 3), uvs.reshape(-1, 2), faces.reshape(-1, 3).astype(np.int32)

@@ -2,36 +2,64 @@
 # SPDX-License-Identifier: Apache-2.0
 """A plant from its species: skeleton, skin and leaves in one mesh, with its collider and the room it needs."""
 
+from typing import Final
+
 import numpy as np
 
 from fieldtruth.world.model import Collider, Mesh
-from fieldtruth.world.plants.growth import ROOT_DEPTH, Stems, grow_skeleton
+from fieldtruth.world.plants.growth import ROOT_DEPTH, Stems, dry_branches, grow_skeleton
 from fieldtruth.world.plants.leaves import leaf_mesh, place_leaves
 from fieldtruth.world.plants.meshing import Surface, trunk, tubes
-from fieldtruth.world.plants.species import Habit, Species
+from fieldtruth.world.plants.species import GrownIn, Habit, Species
+from fieldtruth.world.plants.variation import at_detail, individual
 
-WOOD, FOLIAGE = 0, 1
+WOOD, FOLIAGE, UPPER_WOOD = 0, 1, 2
+LEAST_DETAIL: Final = 0.03
+REACH_HEIGHT: Final = 1.4  # [m] below which a robot meets branches
+TREE_COLLIDER_HEIGHT: Final = 2.0  # [m]
 
 
-def grow_tree(species: Species, *, name: str, height: float, rng: np.random.Generator) -> Mesh:
+def grow_tree(
+    species: Species, *, name: str, height: float, rng: np.random.Generator, detail: float = 1.0,
+    grown_in: GrownIn = "open",
+) -> Mesh:  # fmt: skip
     """A tree of the given height [m]; below ``species.young_below`` it grows as a young tree.
+
+    ``grown_in`` a "stand" it has a long clear trunk and a narrow crown, "exposed" it is stunted, where the species has
+    such forms. ``detail`` (0.03 to 1) is about the share of the triangles (1: some 60,000 for a large tree): leaves
+    become fewer and larger, with the same area in all. The same ``rng`` gives other individuals at other details.
 
     Raises ValueError below half and above twice the height for which the habit's numbers were set.
 
-    The collider is the trunk at breast height and 10 % more, 2 m high. The footprint [m] is the
-    trunk with 0.3 m about it or a third of the crown's radius, whichever is larger: furniture may stand below a crown,
-    and neighbouring crowns may touch.
+    The collider is the trunk at breast height and 10 % more, 2 m high. The footprint [m] is the trunk with 0.3 m about
+    it or the reach of branches below 1.4 m, and in the open at least a third of the crown's radius: furniture may
+    stand below a crown, neighbouring crowns may touch, and those of a stand interlock.
     """
-    habit = _habit(species, height)
+    if not LEAST_DETAIL <= detail <= 1:
+        raise ValueError(f"detail of a tree = {detail}: must be from {LEAST_DETAIL:g} to 1")
+    habit = at_detail(individual(_habit(species, height, grown_in), rng), detail)
     skeleton = grow_skeleton(habit, height, rng)
     surfaces = _skin(skeleton, habit, height, rng)
+    dry = dry_branches(skeleton[0], habit, height, rng)
+    if dry is not None and len(dry.length) and habit.dead is not None:
+        surfaces.insert(-1, (tubes(_thickest(dry, habit.dead.drawn), habit.dead.sides), WOOD))
     stem = skeleton[0]
     _, _, radius = stem.at(np.zeros(1, np.intp), (1.3 + ROOT_DEPTH) / stem.length[:1])
     breast = 1.1 * float(radius[0])
-    tips = np.concatenate([stems.axis[:, -1, :2] for stems in skeleton[1:]])
-    crown = float(np.quantile(np.hypot(*tips.T), 0.98))
-    collider = Collider(shape="cylinder", size=(breast, 2.0))
-    return _assembled(name, species, surfaces, (collider,), max(breast + 0.3, crown / 3))
+    collider = Collider(shape="cylinder", size=(breast, min(TREE_COLLIDER_HEIGHT, 0.9 * height)))
+    footprint = max(breast + 0.3, _low_reach(surfaces))
+    if grown_in != "stand":
+        tips = np.concatenate([stems.axis[:, -1, :2] for stems in skeleton[1:]])
+        footprint = max(footprint, float(np.quantile(np.hypot(*tips.T), 0.98)) / 3)
+    upper = None if species.upper_wood is None else species.upper_from * height
+    return _assembled(name, species, surfaces, (collider,), footprint, upper, rng)
+
+
+def _low_reach(surfaces: list[tuple[Surface, int]]) -> float:
+    """Radius [m] within which 98 % of what a robot meets of branches and leaves are; 0 if there is none."""
+    vertices = np.concatenate([s[0] for s, _ in surfaces[1:]])
+    low = vertices[vertices[:, 2] < REACH_HEIGHT]
+    return float(np.quantile(np.hypot(low[:, 0], low[:, 1]), 0.98)) if len(low) else 0.0
 
 
 def grow_bush(species: Species, *, name: str, height: float, rng: np.random.Generator) -> Mesh:
@@ -48,9 +76,9 @@ def grow_bush(species: Species, *, name: str, height: float, rng: np.random.Gene
     return _assembled(name, species, surfaces, (collider,), radius)
 
 
-def _habit(species: Species, height: float) -> Habit:
+def _habit(species: Species, height: float, grown_in: GrownIn = "open") -> Habit:
     """The habit at this height [m]; raises ValueError where the species' numbers hold no longer."""
-    habit = species.habit(height)
+    habit = species.habit(height, grown_in)
     low, high = 0.5 * habit.height, 2.0 * habit.height
     if not low <= height <= high:
         raise ValueError(f"height of a {species.name} = {height} m: must be from {low:g} to {high:g} m")
@@ -65,24 +93,41 @@ def _skin(
     single = habit.stems == 1
     surfaces = [(trunk(base, habit.trunk_sides, habit.flare, rng) if single else tubes(base, habit.trunk_sides), WOOD)]
     for stems, order in zip(skeleton[1:], habit.orders, strict=True):
-        surfaces.append((tubes(stems, order.sides), WOOD))
+        surfaces.append((tubes(_thickest(stems, order.drawn), order.sides), WOOD))
     surfaces.append((leaf_mesh(place_leaves(skeleton, habit, height, rng), habit.leaf, rng), FOLIAGE))
     return surfaces
 
 
+def _thickest(stems: Stems, share: float) -> Stems:
+    """The share of the stems that are drawn, in their order."""
+    if share >= 1:
+        return stems
+    order = np.argsort(-stems.radius[:, 0], kind="stable")
+    return stems.take(np.sort(order[: round(share * len(order))]))
+
+
 def _assembled(
-    name: str, species: Species, surfaces: list[tuple[Surface, int]], colliders: tuple[Collider, ...], footprint: float
-) -> Mesh:
-    """One mesh of several surfaces."""
+    name: str, species: Species, surfaces: list[tuple[Surface, int]], colliders: tuple[Collider, ...],
+    footprint: float, upper: float | None = None, rng: np.random.Generator | None = None,
+) -> Mesh:  # fmt: skip
+    """One mesh of several surfaces; wood above a ragged line about ``upper`` [m] has the upper bark."""
     offsets = np.cumsum([0, *(len(s[0]) for s, _ in surfaces)])
+    vertices = np.concatenate([s[0] for s, _ in surfaces])
+    faces = np.concatenate([s[3] + np.int32(o) for (s, _), o in zip(surfaces, offsets, strict=False)])
+    material = np.concatenate([np.full(len(s[3]), row, np.int32) for s, row in surfaces])
+    materials = [species.wood, species.foliage]
+    if upper is not None and rng is not None and species.upper_wood is not None:
+        middle = vertices[faces, 2].mean(1)
+        material[(material == WOOD) & (middle > upper + rng.normal(0, 0.05 * upper, len(faces)))] = UPPER_WOOD
+        materials.append(species.upper_wood)
     return Mesh(
         name=name,
-        vertices=np.concatenate([s[0] for s, _ in surfaces]).astype(np.float32),
+        vertices=vertices.astype(np.float32),
         normals=np.concatenate([s[1] for s, _ in surfaces]).astype(np.float32),
         uv=np.concatenate([s[2] for s, _ in surfaces]).astype(np.float32),
-        faces=np.concatenate([s[3] + np.int32(o) for (s, _), o in zip(surfaces, offsets, strict=False)]),
-        material=np.concatenate([np.full(len(s[3]), row, np.int32) for s, row in surfaces]),
-        materials=(species.wood, species.foliage),
+        faces=faces,
+        material=material,
+        materials=tuple(materials),
         colliders=colliders,
         footprint=footprint,
     )

@@ -14,7 +14,10 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-Outline = Literal["conical", "spherical", "hemispherical", "flame", "domed"]
+Outline = Literal["conical", "spherical", "hemispherical", "flame", "domed", "spire", "flat"]
+
+GrownIn = Literal["open", "stand", "exposed"]
+"""Where a tree grew up: free on all sides, among its like in a forest, or on a windy, stony place."""
 
 _OUTLINES: Final[Mapping[Outline, Callable[[NDArray[np.float64]], NDArray[np.float64]]]] = {
     "conical": lambda r: 0.2 + 0.8 * r,
@@ -22,13 +25,16 @@ _OUTLINES: Final[Mapping[Outline, Callable[[NDArray[np.float64]], NDArray[np.flo
     "hemispherical": lambda r: 0.2 + 0.8 * np.sin(0.5 * np.pi * r),
     "flame": lambda r: 0.5 + 0.5 * np.where(r <= 0.7, r / 0.7, (1 - r) / 0.3),
     "domed": lambda r: 0.3 + 0.7 * np.sin(np.pi * (0.12 + 0.68 * r)),
+    "spire": lambda r: 0.06 + 0.94 * r**0.8,
+    "flat": lambda r: 0.35 + 0.65 * np.sin(np.pi * np.minimum(0.2 + 0.9 * r, 1.0)),
 }
 
 
 def outline_ratio(outline: Outline, ratio: NDArray[np.float64]) -> NDArray[np.float64]:
     """Length of a limb relative to the longest, at ``ratio`` of the crown's depth: 1 at its base, 0 at its top.
 
-    Weber and Penn's ShapeRatio (section 4.3; "flame" is their "tend flame"); "domed" is ours, for tall round crowns.
+    Weber and Penn's ShapeRatio (section 4.3; "flame" is their "tend flame"). "domed" (tall round crowns), "spire"
+    (spruce) and "flat" (old pine) are ours.
     """
     return _OUTLINES[outline](ratio)
 
@@ -48,6 +54,7 @@ class Order:
     angle_spread: float = 8.0  # [deg] standard deviation
     divergence: float = 137.5  # [deg] about the parent from one sibling to the next; 180: two ranks, left and right
     divergence_spread: float = 15.0  # [deg] standard deviation
+    whorl: int = 1  # shoots that sprout at one height, as a year's growth of most conifers does
     lift: tuple[float, float] = (0.0, 0.0)  # [rad per stem length] upward bending (down if negative)
     bend: float = 0.2  # [rad per stem length] standard deviation of one steady bend in any direction
     wander: float = 0.2  # [rad per stem length] standard deviation of the random walk of the direction
@@ -57,11 +64,12 @@ class Order:
     sides: int = 4  # of the tube
     foliage: float = 0.0  # leaves per length relative to other orders; 0: none
     leaf_start: float = 0.0  # fraction of the stem's length below which no leaf grows
+    drawn: float = 1.0  # share of the stems that get a skin: the thinnest twigs hide among large leaves
 
 
 @dataclass(frozen=True, kw_only=True)
 class Leaf:
-    """The form of a leaf: a kite of two triangles, folded along the midrib."""
+    """The form of a leaf, folded along the midrib: a kite of two triangles, or an ellipse with a point of four."""
 
     number: int  # on the whole plant before pruning
     length: float  # [m] of the blade, at ``Habit.height``
@@ -73,6 +81,8 @@ class Leaf:
     arrangement: float = 180.0  # [deg] about the twig from one leaf to the next
     droop: float = 0.5  # weight of "downwards" in the midrib's direction
     flatness: float = 1.0  # weight of "upwards" in the upper side's direction, against 1 for outwards
+    forward: float = 0.5  # weight of the twig's direction in the midrib's, against 1 for sideways
+    rounded: bool = False  # six corners instead of a kite's four
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +96,11 @@ class Habit:
     crown_base: float  # height of the lowest limb's foot relative to the plant's height
     outline: Outline
     lopsided: float = 0.15  # how much longer limbs are on the side of the light, relative
+    vigour: tuple[float, float] = (1.0, 1.0)  # leaves of an individual relative to ``leaf.number``, from and to
+    dead_limbs: float = 0.0  # share of the limbs that bear no leaf
+    dead: Order | None = None  # dry branches on the trunk below the crown; ``start`` is where they begin
     trunk_lean: float = 2.0  # [deg] standard deviation
+    lean_limit: float = 6.0  # [deg] by which the trunk's top is off its foot's vertical at most
     trunk_wander: float = 0.12  # [rad per length]
     trunk_segments: int = 20
     trunk_sides: int = 14
@@ -101,19 +115,27 @@ class Habit:
 
 @dataclass(frozen=True, kw_only=True)
 class Species:
-    """A kind of plant: its materials, and its habits when grown and when young."""
+    """A kind of plant: its materials, and its habits by age and by where it grew up."""
 
     name: str
     latin: str
     wood: str  # name of the material
     foliage: str  # name of the material
+    upper_wood: str | None = None  # name of the bark above ``upper_from``, where it differs from the old bark below
+    upper_from: float = 0.5  # of the height
     grown: Habit
     young: Habit | None = None
     young_below: float = 6.5  # [m] height below which the young habit applies
+    stand: Habit | None = None  # among others: a long clear trunk and a narrow crown; as ``grown`` if None
+    exposed: Habit | None = None  # stunted by wind and drought, of any age; as elsewhere if None
 
     def __str__(self) -> str:
         return self.name
 
-    def habit(self, height: float) -> Habit:
+    def habit(self, height: float, grown_in: GrownIn = "open") -> Habit:
         """The habit of an individual of this height [m]."""
-        return self.young if self.young is not None and height < self.young_below else self.grown
+        if grown_in == "exposed" and self.exposed is not None:
+            return self.exposed
+        if self.young is not None and height < self.young_below:
+            return self.young
+        return self.stand if grown_in == "stand" and self.stand is not None else self.grown

@@ -133,3 +133,102 @@ def _blade(rng: Rng, ribs: Image, gap: Image, vein: float, tones: list[tuple[int
     colour = mix(tones, tone - 0.05 * mesh) * (1 + vein * ribs)[..., None]
     spots = np.clip(noise(rng, LEAF, 6, 60, slope=0.7) - 2.4, 0, 0.6)[..., None]
     return np.asarray(colour * (1 - spots) + linear((120, 96, 54)) * spots, np.float32)
+
+
+def needles(rng: Rng, *, rows: int, slope: float, twig: float, tones: list[tuple[int, int, int]]) -> Image:
+    """Twig with its needles: ``rows`` of them leave the axis (half width ``twig``) on each side and point forwards."""
+    u, v = _leaf_grid()
+    side = np.abs(u - 0.5)
+    wave = 0.25 * noise(rng, LEAF, 2, 24)
+    phase = rows * (v - slope * side) + np.where(u > 0.5, 0.5, 0.0) + wave
+    row = np.floor(phase)
+    across = np.abs(phase - row - 0.5) * 2
+    shade = rng.uniform(-0.2, 0.2, 4096).astype(np.float32)[(row * 2 + (u > 0.5)).astype(np.int64) % 4096]
+    needle = np.clip((0.85 - across) / 0.35, 0, 1)
+    colour = mix(tones, 0.45 + shade + 0.12 * noise(rng, LEAF, 3, 30)) * (0.32 + 0.68 * needle)[..., None]
+    wood = np.clip((twig * (1.2 - v) - side) / 0.012, 0, 1)[..., None]
+    return np.asarray(colour * (1 - wood) + linear((112, 84, 58)) * wood, np.float32)
+
+
+def _plates(
+    rng: Rng, *, across: int, along: int, gap: float, relief: float, tones: list[tuple[int, int, int]]
+) -> Image:
+    """Plates of bark: cells with ragged borders that peel in layers; ``gap`` between them is dark."""
+    bend = [0.28 * noise(rng, N, 4, 90, slope=1.0), 0.28 * noise(rng, N, 4, 90, slope=1.0)]
+    found = cells(rng, N, across, along, jitter=0.9, shift=bend)
+    edge = np.clip((found.second - found.nearest) / gap, 0, 1)
+    layer = noise(rng, N, 6, 120, slope=0.9, stretch=1.6)
+    rough = noise(rng, N, 30, 256, slope=0.4, stretch=2.0)
+    own = rng.uniform(-0.5, 0.5, across * along).astype(np.float32)[found.owner]
+    height = (edge**0.6 * (0.8 + 0.1 * own + 0.1 * np.floor(layer * 1.5) / 1.5)).astype(np.float32)
+    colour = mix(tones, 0.12 + 0.6 * height + 0.14 * own + 0.05 * layer + 0.05 * rough)
+    return even_out(colour * crevices(height, 4.0, relief)[..., None])
+
+
+def bark_spruce(rng: Rng) -> Image:
+    """Thin round scales, grey over brown."""
+    tones = [(38, 30, 25), (84, 68, 57), (110, 96, 84), (128, 117, 106)]
+    return _plates(rng, across=15, along=13, gap=0.24, relief=0.6, tones=tones)
+
+
+def bark_pine(rng: Rng) -> Image:
+    """Old bark of pines: thick long plates, grey outside and red-brown where layers have come off."""
+    tones = [(26, 20, 17), (86, 60, 46), (124, 94, 76), (140, 118, 102)]
+    return _plates(rng, across=7, along=4, gap=0.34, relief=0.75, tones=tones)
+
+
+def bark_pine_upper(rng: Rng) -> Image:
+    """Young bark of pines: orange paper that peels off in small flakes."""
+    sheet = noise(rng, N, 5, 90, slope=1.0, stretch=0.8)
+    flakes = np.clip(noise(rng, N, 10, 160, slope=0.7, stretch=1.4) - 0.7, 0, 1)
+    grain = noise(rng, N, 40, 256, slope=0.3)
+    tones = [(128, 74, 44), (178, 112, 68), (204, 142, 94)]
+    colour = mix(tones, 0.5 + 0.16 * sheet + 0.05 * grain)
+    edge = np.clip(1 - np.abs(noise(rng, N, 6, 60, slope=1.1, stretch=0.7)) / 0.07, 0, 1)[..., None]
+    colour = colour * (1 - 0.45 * edge)
+    return even_out(colour * (1 - 0.6 * flakes[..., None]) + 0.6 * flakes[..., None] * linear((150, 128, 108)))
+
+
+def bark_beech(rng: Rng) -> Image:
+    """Smooth and grey, with fine creases around the trunk, pale lichen blotches and darker damp ones."""
+    blotch = noise(rng, N, 3, 24, slope=1.2, stretch=0.8)
+    fine = noise(rng, N, 40, 256, slope=0.4)
+    creases = np.clip(noise(rng, N, 12, 200, slope=0.8, stretch=0.08) - 1.1, 0, 1)[..., None]
+    colour = mix([(112, 112, 104), (138, 137, 128), (160, 158, 148)], 0.5 + 0.13 * blotch + 0.04 * fine)
+    pale = np.clip(2.5 * (noise(rng, N, 4, 60, slope=1.0) - 1.1), 0, 0.6)[..., None]
+    algae = 0.3 * np.clip(noise(rng, N, 3, 20, stretch=3.0) - 0.4, 0, 1)[..., None]
+    colour = colour * (1 - 0.35 * creases)
+    colour = colour * (1 - pale) + linear((190, 192, 182)) * pale
+    return even_out(colour * (1 - algae) + linear((106, 116, 84)) * algae)
+
+
+def bark_alder(rng: Rng) -> Image:
+    """Dark, cracked into small upright plates."""
+    tones = [(30, 26, 23), (66, 57, 49), (98, 88, 77), (122, 112, 101)]
+    return _plates(rng, across=11, along=6, gap=0.26, relief=0.6, tones=tones)
+
+
+def bark_willow(rng: Rng) -> Image:
+    """Coarse ridges that cross like a net."""
+    tones = [(36, 31, 26), (84, 74, 62), (124, 113, 98), (148, 138, 122)]
+    return _furrowed(rng, width=6, stretch=3.4, depth=0.7, cracks=0.25, tones=tones)
+
+
+def bark_dead(rng: Rng) -> Image:
+    """Bare weathered wood: silver grey, split along the grain, with the galleries of beetles."""
+    grain = noise(rng, N, 20, 256, slope=0.6, stretch=24.0)
+    bands = noise(rng, N, 4, 60, slope=1.0, stretch=14.0)
+    split = np.clip(1 - np.abs(noise(rng, N, 5, 50, slope=1.0, stretch=22.0)) / 0.09, 0, 1)
+    gallery = np.clip(1 - np.abs(noise(rng, N, 8, 60, slope=1.0, stretch=2.0)) / 0.03, 0, 1)
+    colour = mix([(112, 100, 86), (150, 141, 128), (178, 172, 162)], 0.5 + 0.12 * grain + 0.15 * bands)
+    return even_out(colour * (1 - 0.75 * split - 0.12 * gallery)[..., None].clip(0.1, 1))
+
+
+def bark_moss(rng: Rng) -> Image:
+    """Cushions of moss over bark."""
+    cushion = noise(rng, N, 6, 60, slope=1.0)
+    tufts = noise(rng, N, 40, 256, slope=0.2)
+    height = (0.5 + 0.2 * cushion + 0.12 * tufts).astype(np.float32)
+    colour = mix([(38, 44, 16), (74, 88, 28), (112, 124, 46)], height)
+    bare = np.clip(1.6 * (noise(rng, N, 5, 80, slope=0.9) - 1.25), 0, 0.8)[..., None]
+    return even_out((colour * (1 - bare) + linear((84, 70, 54)) * bare) * crevices(height, 5.0, 0.5)[..., None])

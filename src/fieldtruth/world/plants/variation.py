@@ -1,0 +1,122 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""From the habit of a kind to that of one individual, and to one drawn with fewer triangles."""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from fieldtruth.world.plants.species import Habit, Leaf, Order
+
+KITE_AREA: Final = 0.5  # of length times width
+LARGEST_GROWTH: Final = 5.5  # longest leaf of a coarse plant relative to that of a fine one
+FINE_LEAVES: Final = 0.6  # detail below which a leaf is a kite
+
+
+def individual(habit: Habit, rng: np.random.Generator) -> Habit:
+    """One of its kind: a denser or thinner crown that begins higher or lower, more or less bent, longer on one side."""
+    first, *others = habit.orders
+    steeper = float(rng.normal(0, 4))
+    first = replace(
+        first,
+        length=first.length * float(np.exp(np.clip(rng.normal(0, 0.1), -0.15, 0.15))),
+        angle=(first.angle[0] + steeper, first.angle[1] + 0.5 * steeper),
+    )
+    return replace(
+        habit,
+        trunk_radius=habit.trunk_radius * float(rng.uniform(0.88, 1.12)),
+        crown_base=habit.crown_base * float(rng.uniform(0.85, 1.15)),
+        lopsided=habit.lopsided * float(rng.uniform(0.5, 1.6)),
+        trunk_wander=habit.trunk_wander * float(rng.uniform(0.5, 1.4)),
+        leaf=replace(habit.leaf, number=round(habit.leaf.number * float(rng.uniform(*habit.vigour)))),
+        orders=(first, *others),
+    )
+
+
+def in_stand(
+    habit: Habit, *, crown_base: float, reach: float, slim: float, leaves: float, clear: float, height: float = 13.0
+) -> Habit:
+    """The habit of a tree that grew up among others: the crown begins at ``crown_base`` of the height.
+
+    Limbs' ``reach``, the trunk's radius (``slim``) and the number of ``leaves`` are relative to those in the open.
+    Light comes from the gaps between the neighbours: crowns are more one-sided.
+    """
+    first, *others = habit.orders
+    return replace(
+        habit,
+        height=height,
+        trunk_radius=habit.trunk_radius * slim,
+        leader=max(habit.leader, 0.93),
+        clear=clear,
+        crown_base=crown_base,
+        lopsided=1.6 * habit.lopsided,
+        dead_limbs=habit.dead_limbs + 0.05,
+        flare=0.8 * habit.flare,
+        vigour=(0.75, 1.0),
+        leaf=replace(habit.leaf, number=round(leaves * habit.leaf.number)),
+        orders=(replace(first, length=reach * first.length, angle=(0.85 * first.angle[0], first.angle[1])), *others),
+    )
+
+
+def at_detail(habit: Habit, detail: float) -> Habit:
+    """The habit with about ``detail`` times the triangles (0.03 to 1) and the same leaf area.
+
+    Leaves become fewer and larger, most of the thinnest twigs bear leaves but have no skin, tubes have fewer sides.
+    """
+    if detail == 1:
+        return habit
+    *others, last = habit.orders
+    middle = [_coarser(order, detail, min(1.0, 2.5 * detail**0.7)) for order in others[1:]]
+    return replace(
+        habit,
+        trunk_sides=max(5, round(habit.trunk_sides * detail**0.3)),
+        trunk_segments=max(6, round(habit.trunk_segments * detail**0.3)),
+        leaf=_fewer(habit.leaf, detail),
+        orders=(_coarser(others[0], detail, 1.0), *middle, _sparser(last, detail)),
+        dead=None if habit.dead is None else _coarser(habit.dead, detail, min(1.0, 1.5 * detail**0.5)),
+    )
+
+
+def _fewer(leaf: Leaf, detail: float) -> Leaf:
+    """Leaves of the same area in all."""
+    rounded = leaf.rounded and detail > FINE_LEAVES
+    triangles = leaf.number * (4 if leaf.rounded else 2) * detail * (0.6 + 0.4 * detail**0.3)
+    number = triangles / (4 if rounded else 2)
+    growth = np.sqrt(leaf.number * outline_area(leaf) / (number * (outline_area(leaf) if rounded else KITE_AREA)))
+    return replace(
+        leaf,
+        number=max(1, round(number)),
+        rounded=rounded,
+        length=leaf.length * min(float(growth), LARGEST_GROWTH),
+    )
+
+
+def _coarser(order: Order, detail: float, drawn: float) -> Order:
+    return replace(
+        order,
+        segments=max(1, round(order.segments * detail**0.3)),
+        sides=max(3, round(order.sides * detail**0.25)),
+        drawn=drawn,
+    )
+
+
+def _sparser(order: Order, detail: float) -> Order:
+    """Half of the thinning by growing fewer twigs, half by drawing fewer of them."""
+    share = detail**0.5
+    return replace(
+        _coarser(order, detail, share if detail > 0.12 else 0.0), number=max(1, round(order.number * max(share, 0.3)))
+    )
+
+
+def outline_corners(leaf: Leaf) -> list[tuple[float, float]]:
+    """Corners of the blade's left half from base to tip without these two: (along the midrib, half width / width)."""
+    if not leaf.rounded:
+        return [(leaf.widest, 0.5)]
+    return [(0.5 * leaf.widest, 0.4), (leaf.widest + 0.3 * (1 - leaf.widest), 0.46)]
+
+
+def outline_area(leaf: Leaf) -> float:
+    """Area of the flat blade relative to length times width."""
+    along, half = np.array([(0.0, 0.0), *outline_corners(leaf), (1.0, 0.0)]).T
+    return float(np.sum(np.diff(along) * (half[:-1] + half[1:])))
