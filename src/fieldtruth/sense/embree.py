@@ -25,6 +25,10 @@ from numpy.typing import ArrayLike, NDArray
 from fieldtruth.errors import EngineError
 
 MISS: Final = 0xFFFFFFFF
+SOLID: Final = 1
+"""Mask of what casts shadows, and of all geometry unless told otherwise."""
+CLEAR: Final = 2
+"""Mask of what light goes through: water."""
 VERSION: Final = 40400
 
 _TRIANGLES, _INSTANCE = 0, 121
@@ -52,6 +56,7 @@ _SIGNATURES: Final[dict[str, tuple[Any, tuple[Any, ...]]]] = {
     ),
     "rtcSetGeometryInstancedScene": (None, (c.c_void_p, c.c_void_p)),
     "rtcSetGeometryTransform": (None, (c.c_void_p, c.c_uint, c.c_int, c.c_void_p)),
+    "rtcSetGeometryMask": (None, (c.c_void_p, c.c_uint)),
     "rtcCommitGeometry": (None, (c.c_void_p,)),
     "rtcAttachGeometry": (c.c_uint, (c.c_void_p, c.c_void_p)),
 }
@@ -186,12 +191,13 @@ class RayScene:
             c.memmove(buffer, data.ctypes.data, data.nbytes)
         return self._attach(geometry)
 
-    def add_instance(self, scene: Self, this_from_scene: NDArray[np.float64]) -> int:
-        """Attach another, committed scene at a pose (4, 4). Returns the instance's id."""
+    def add_instance(self, scene: Self, this_from_scene: NDArray[np.float64], *, mask: int = SOLID) -> int:
+        """Attach another, committed scene at a pose (4, 4); rays of another ``mask`` miss it. Returns its id."""
         geometry = self._api.rtcNewGeometry(self._engine.device, _INSTANCE)
         self._api.rtcSetGeometryInstancedScene(geometry, scene._pointer)
         columns = np.ascontiguousarray(this_from_scene[:3].T, np.float32)
         self._api.rtcSetGeometryTransform(geometry, 0, _FLOAT3X4_COLUMN_MAJOR, columns.ctypes.data)
+        self._api.rtcSetGeometryMask(geometry, mask)
         self._kept.append(scene)
         return self._attach(geometry)
 

@@ -16,20 +16,24 @@ from numpy.typing import NDArray
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import Grid
 from fieldtruth.sense.kernel import kernel
-from fieldtruth.sense.packets import Packet, new_packet, set_ray
+from fieldtruth.sense.packets import Packet, new_packet, set_light_ray
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sense.sky import Dome, make_dome, sun_direction
-from fieldtruth.world.model import Mesh
 
 SUN_RADIUS_DEG: Final = 0.27
 SUN_RGB: Final = np.array([1.0, 0.93, 0.80], np.float32)
 SUN_TEXEL: Final = 0.05  # [m]
 SKY_TEXEL: Final = 0.25  # [m]
+AIR_TEXEL: Final = 1.0  # [m] along x and y, from the world's corner
+AIR_LAYER: Final = 1.5  # [m] from one layer of air to the next
+AIR_BASE: Final = 0.4  # [m] of the lowest above the ground
+AIR_LAYERS: Final = 14
 REACH: Final = 80.0  # [m]; what stands farther away casts no shadow
 BOUNCE: Final = np.array([0.10, 0.10, 0.05], np.float32)
 """Light from below: albedo of a sunlit meadow times the sun's irradiance, divided by pi."""
 
 NO_SHADOW: Final = -2
+_LEAVES_AT_ONCE: Final = 50_000
 _LEAF_LIFT: Final = 0.012  # [m], so that a folded leaf does not shade itself
 
 _LANES = embree.LANES
@@ -48,6 +52,8 @@ class LightTable(NamedTuple):
     ground_sky: Grid  # share of the sky's light that reaches the ground
     vertex_sky: NDArray[np.float32]  # (v,) the same for every vertex of every mesh, standing alone
     leaf_sun: NDArray[np.uint8]  # one per face of each object with leaves: 1 where a leaf sees the sun
+    air_sky: NDArray[np.float32]  # (nx, ny, nz) share of open sky in the air, past everything: below crowns it is dark
+    top_base: NDArray[np.float32]  # (tops,) [m] height of each thing's foot, from which air_sky is counted
     top_leaf: NDArray[np.int64]  # (tops,) first row of leaf_sun; -1: without leaves, NO_SHADOW: beyond all shadows
 
 
@@ -60,6 +66,7 @@ def bake(scene: Scene, *, workers: int = 2) -> LightTable:
         ground_sky = _ground_grid(scene, pool, SKY_TEXEL, _hemisphere(64), facing=True)
         vertex_sky = _vertex_sky(scene, pool)
         leaf_sun, top_leaf = _leaf_sun(scene, pool, sun)
+        air_sky = _air_sky(scene, pool)
     return LightTable(
         sun=sun,
         sun_rgb=SUN_RGB,
@@ -69,6 +76,8 @@ def bake(scene: Scene, *, workers: int = 2) -> LightTable:
         ground_sky=ground_sky,
         vertex_sky=vertex_sky,
         leaf_sun=leaf_sun,
+        air_sky=air_sky,
+        top_base=np.array([pose[2, 3] for _, _, pose in scene.tops], np.float32),
         top_leaf=top_leaf,
     )
 
@@ -133,32 +142,53 @@ def _vertex_sky(scene: Scene, pool: ThreadPoolExecutor) -> NDArray[np.float32]:
     return np.concatenate([*pool.map(one, range(len(meshes))), np.zeros(0, np.float32)])
 
 
+def _air_sky(scene: Scene, pool: ThreadPoolExecutor) -> NDArray[np.float32]:
+    """Open sky in the air over the ground, column by column, layer by layer."""
+    field, (length, width) = scene.world.terrain.field, scene.world.size
+    x, y = np.arange(-length / 2, length / 2 + 0.5, AIR_TEXEL), np.arange(-width / 2, width / 2 + 0.5, AIR_TEXEL)
+    px, py = np.meshgrid(x, y, indexing="ij")
+    ground, rays = field.height_at(px, py), _hemisphere(32)
+
+    def layer(k: int) -> NDArray[np.float32]:
+        points = np.stack([px, py, ground + AIR_BASE + k * AIR_LAYER], axis=-1).reshape(-1, 3).astype(np.float32)
+        return visibility(scene.rays.handle, points, np.zeros_like(points), rays, 0.0).reshape(px.shape)
+
+    return np.ascontiguousarray(np.stack([*pool.map(layer, range(AIR_LAYERS))], axis=-1))
+
+
 def _leaf_sun(
     scene: Scene, pool: ThreadPoolExecutor, sun: NDArray[np.float64]
 ) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
     """Whether each leaf of each object sees the sun past everything else, from just above its middle."""
-    world, top_leaf, jobs, end = scene.world, [], [], 0
+    world, top_leaf, end = scene.world, [], 0
     thin = {m.name: np.array([world.materials[n].translucency > 0 for n in m.materials]) for m in world.meshes.values()}
     leafy = {name: np.flatnonzero(rows[world.meshes[name].material]) for name, rows in thin.items()}
+    middles = {n: world.meshes[n].vertices[world.meshes[n].faces[rows]].mean(axis=1) for n, rows in leafy.items()}
+    jobs: list[list[tuple[int, str, NDArray[np.float64]]]] = [[]]
+    rays = 0
     for top, mesh, pose in scene.tops:
         if mesh is None or not len(leafy.get(mesh.name, ())):
             top_leaf.append(-1 if mesh is not world.backdrop or mesh is None else NO_SHADOW)
             continue
         top_leaf.append(end)
-        jobs.append((end, mesh, pose))
+        jobs[-1].append((end, mesh.name, pose))
         end += len(mesh.faces)
+        rays += len(leafy[mesh.name])
+        if rays > _LEAVES_AT_ONCE:
+            jobs.append([])
+            rays = 0
         assert top + 1 == len(top_leaf)
     result = np.zeros(end, np.uint8)
 
-    def one(job: tuple[int, Mesh, NDArray[np.float64]]) -> None:
-        start, mesh, pose = job
-        faces = leafy[mesh.name]
-        middle = mesh.vertices[mesh.faces[faces]].mean(axis=1) @ pose[:3, :3].T + pose[:3, 3]
+    def some(job: list[tuple[int, str, NDArray[np.float64]]]) -> None:
+        if not job:
+            return
+        middle = np.concatenate([middles[name] @ pose[:3, :3].T + pose[:3, 3] for _, name, pose in job])
         points = (middle + _LEAF_LIFT * sun).astype(np.float32)
         seen = visibility(scene.rays.handle, points, np.zeros_like(points), sun[None], 0.0)
-        result[start + faces] = seen > 0.5
+        result[np.concatenate([start + leafy[name] for start, name, _ in job])] = seen > 0.5
 
-    list(pool.map(one, jobs))
+    list(pool.map(some, jobs))
     return result, np.array(top_leaf, np.int64)
 
 
@@ -201,7 +231,7 @@ def _visibility(
                 if weight <= 0.0:
                     continue
                 p = points[row]
-                set_ray(packet, lane, p[0], p[1], p[2], dx, dy, dz, near, far)
+                set_light_ray(packet, lane, p[0], p[1], p[2], dx, dy, dz, near, far)
                 total[lane] += weight
                 free[lane] += weight
             _occluded(packet.valid.ctypes, scene, packet.ray.ctypes, packet.arguments.ctypes)

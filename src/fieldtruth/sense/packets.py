@@ -16,7 +16,7 @@ _NEAR, _TIME, _FAR, _MASK, _ID, _FLAGS = (
     embree.TNEAR, embree.TIME, embree.TFAR, embree.MASK, embree.ID, embree.FLAGS,
 )  # fmt: skip
 _GEOM, _INST, _INST_PRIM = embree.GEOM_ID, embree.INST_ID, embree.INST_PRIM_ID
-_MISS = embree.MISS
+_MISS, _SOLID = embree.MISS, embree.SOLID
 
 
 class Packet(NamedTuple):
@@ -46,3 +46,12 @@ def set_ray(
     words[_MASK + lane], words[_ID + lane], words[_FLAGS + lane] = _MISS, 0, 0
     words[_GEOM + lane], words[_INST + lane], words[_INST_PRIM + lane] = _MISS, _MISS, _MISS
     packet.valid[lane] = -1
+
+
+@inlined
+def set_light_ray(
+    packet: Packet, lane: int, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, near: float, far: float
+) -> None:
+    """As ``set_ray``, for a ray that goes through water: it asks whether light arrives."""
+    set_ray(packet, lane, ox, oy, oz, dx, dy, dz, near, far)
+    packet.words[_MASK + lane] = _SOLID

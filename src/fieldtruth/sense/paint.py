@@ -11,7 +11,7 @@ from scipy.ndimage import zoom
 from fieldtruth.sense.atlas import Atlas, make_atlas, sample
 from fieldtruth.sense.hits import TERRAIN, HitTable, read_grid
 from fieldtruth.sense.kernel import inlined, kernel
-from fieldtruth.sense.light import NO_SHADOW, LightTable
+from fieldtruth.sense.light import AIR_BASE, AIR_LAYER, AIR_TEXEL, NO_SHADOW, LightTable
 from fieldtruth.sense.strip import Strip
 from fieldtruth.sense.surfaces import (
     FIRST,
@@ -28,10 +28,15 @@ from fieldtruth.sense.surfaces import (
 )  # fmt: skip
 from fieldtruth.world.model import Material, Raster, Terrain, World
 
-RED, GREEN, BLUE, NX, NY, NZ, SKY, SUN, THROUGH, GLOSS = range(10)
-FIELDS: Final = 10
+RED, GREEN, BLUE, NX, NY, NZ, SKY, SUN, THROUGH, GLOSS, MIRROR = range(11)
+FIELDS: Final = 11
 TRACE_SUN: Final = -1.0
 """Value of SUN that asks for a shadow ray; other values are the share of the sun that is known to arrive."""
+
+
+_PER_AIR, _PER_LAYER = np.float32(1.0 / AIR_TEXEL), np.float32(1.0 / AIR_LAYER)
+_AIR_GAIN, _AIR_LEAST = np.float32(1.35), np.float32(0.04)
+"""A thing stands in its own air; what it takes from it there is given back, roughly."""
 
 
 class PaintTable(NamedTuple):
@@ -42,6 +47,7 @@ class PaintTable(NamedTuple):
     tint: NDArray[np.float32]  # (materials, 3)
     translucency: NDArray[np.float32]
     gloss: NDArray[np.float32]
+    mirror: NDArray[np.float32]
     repeat: NDArray[np.float32]  # (materials,) [m] per repeat, used for the ground
     ground: NDArray[np.float32]  # (nx, ny, 5) linear colour off the trails, and the terrain's slope along x and y
     ground_material: NDArray[np.uint8]  # (mx, my) row of the material whose grain shows
@@ -69,6 +75,7 @@ def paint_table(world: World) -> PaintTable:
         tint=tint,
         translucency=np.array([m.translucency for m in materials], np.float32),
         gloss=np.array([m.gloss for m in materials], np.float32),
+        mirror=np.array([m.mirror for m in materials], np.float32),
         repeat=np.array([m.repeat for m in materials], np.float32),
         ground=np.ascontiguousarray(np.concatenate([rgb, _slopes(terrain)], axis=-1), np.float32),
         ground_material=material,
@@ -135,6 +142,23 @@ def _dither(u: float, v: float) -> float:
     return float(value - np.floor(value))
 
 
+@inlined
+def read_air(air: NDArray[np.float32], x: float, y: float, above: float) -> float:
+    """Share of open sky in the air, x and y [m] from the world's corner and ``above`` [m] a thing's foot."""
+    u = min(max(x * _PER_AIR, 0.0), air.shape[0] - 1.001)
+    v = min(max(y * _PER_AIR, 0.0), air.shape[1] - 1.001)
+    w = min(max((above - AIR_BASE) * _PER_LAYER, 0.0), air.shape[2] - 1.001)
+    i, j, k = int(u), int(v), int(w)
+    fu, fv, fw = np.float32(u - i), np.float32(v - j), np.float32(w - k)
+    near = air[i, j, k] + (air[i, j, k + 1] - air[i, j, k]) * fw
+    left = air[i, j + 1, k] + (air[i, j + 1, k + 1] - air[i, j + 1, k]) * fw
+    ahead = air[i + 1, j, k] + (air[i + 1, j, k + 1] - air[i + 1, j, k]) * fw
+    far = air[i + 1, j + 1, k] + (air[i + 1, j + 1, k + 1] - air[i + 1, j + 1, k]) * fw
+    near += (left - near) * fv
+    ahead += (far - ahead) * fv
+    return near + (ahead - near) * fu  # type: ignore[no-any-return]
+
+
 @kernel
 def paint_ground(
     strip: Strip, count: int, pixel: float, hits: HitTable, paint: PaintTable, light: LightTable,
@@ -177,7 +201,7 @@ def paint_ground(
         texture, per_metre = textures[row], 1.0 / repeats[row]
         level = _level(sizes[texture, 0], footprint, repeats[row], _dither(image[0, k], image[1, k]))
         red, green, blue = sample(atlas, texture, x * per_metre, y * per_metre, level)
-        out[k, GLOSS] = glosses[row]
+        out[k, GLOSS], out[k, MIRROR] = glosses[row], 0.0
         if trail < 0.0:
             out[k, RED], out[k, GREEN], out[k, BLUE] = red * tints[row, 0], green * tints[row, 1], blue * tints[row, 2]
         else:
@@ -208,7 +232,8 @@ def paint_objects(
     )  # fmt: skip
     top_mesh, mesh_face = hits.top_mesh, hits.mesh_face
     vertices, faces, repeats = surfaces.vertex, surfaces.face, surfaces.face_repeat
-    leaf_sun, top_leaf = light.leaf_sun, light.top_leaf
+    leaf_sun, top_leaf, mirrors = light.leaf_sun, light.top_leaf, paint.mirror
+    air, bases, points, ax0, ay0 = light.air_sky, light.top_base, strip.point, light.ground_sky.x0, light.ground_sky.y0
     rotations, own_tints = surfaces.top_rotation, surfaces.top_tint
     one, half = np.float32(1.0), np.float32(0.5)
     for k in range(count):
@@ -231,8 +256,10 @@ def paint_objects(
         if through > 0.0 and facing > 0.0:  # a leaf is seen from whichever side it shows
             scale = -scale
         out[k, NX], out[k, NY], out[k, NZ] = wx * scale, wy * scale, wz * scale
-        out[k, SKY] = vertices[a, OPEN_SKY] * fw + vertices[b, OPEN_SKY] * fu + vertices[c, OPEN_SKY] * fv
-        out[k, THROUGH], out[k, GLOSS] = through, glosses[row]
+        own_sky = vertices[a, OPEN_SKY] * fw + vertices[b, OPEN_SKY] * fu + vertices[c, OPEN_SKY] * fv
+        around = read_air(air, points[0, k] - ax0, points[1, k] - ay0, points[2, k] - bases[top])
+        out[k, SKY] = min(own_sky, _AIR_GAIN * around + _AIR_LEAST)
+        out[k, THROUGH], out[k, GLOSS], out[k, MIRROR] = through, glosses[row], mirrors[row]
         if through > 0.0:
             out[k, SUN] = np.float32(leaf_sun[top_leaf[top] + primitives[k]])
         else:

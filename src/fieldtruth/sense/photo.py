@@ -11,7 +11,7 @@ from fieldtruth.sense import embree
 from fieldtruth.sense.hits import TERRAIN
 from fieldtruth.sense.kernel import kernel
 from fieldtruth.sense.light import LightTable
-from fieldtruth.sense.packets import Packet, new_packet, set_ray
+from fieldtruth.sense.packets import Packet, new_packet, set_light_ray
 from fieldtruth.sense.paint import (
     BLUE,
     FIELDS,
@@ -32,6 +32,7 @@ from fieldtruth.sense.pinhole import Pinhole
 from fieldtruth.sense.sky import sky_radiance
 from fieldtruth.sense.strip import STRIP_ROWS, Strip, name_pixels, new_strip, pixel_row_points, trace
 from fieldtruth.sense.studio import CURVE_STEPS, CURVE_TOP, Studio
+from fieldtruth.sense.water import Second, follow, leave_water, mix_bottom, mix_mirrored, new_second
 
 EXPOSURE: Final = 3.9
 HAZE_PER_METRE: Final = 1.0 / 1800.0
@@ -63,6 +64,7 @@ class Darkroom(NamedTuple):
     strip: Strip
     surface: NDArray[np.float32]  # (n, FIELDS)
     colour: NDArray[np.float32]  # (n, 3) linear and exposed
+    second: Second  # for rays that go on from water
     linear: NDArray[np.float32]  # (h, w, 3) the same for the whole image
     marked: NDArray[np.bool_]  # (h, w) edges
     edges: NDArray[np.int32]  # (h * w, 2) row and column
@@ -78,6 +80,7 @@ def new_darkroom(height: int, width: int) -> Darkroom:
         strip=new_strip(count),
         surface=np.zeros((count, FIELDS), np.float32),
         colour=np.zeros((count, 3), np.float32),
+        second=new_second(count),
         linear=np.zeros((height, width, 3), np.float32),
         marked=np.zeros((height, width), np.bool_),
         edges=np.zeros((height * width, 2), np.int32),
@@ -115,10 +118,30 @@ def _keep(image: NDArray[np.float32], colour: NDArray[np.float32], count: int, l
 @kernel
 def _colour(studio: Studio, room: Darkroom, count: int, pixel: float) -> None:
     """Colour the traced points of the strip; ``pixel`` is the angle [rad] that one pixel spans."""
-    paint_ground(room.strip, count, pixel, studio.hits, studio.paint, studio.light, room.surface)
-    paint_objects(room.strip, count, pixel, studio.hits, studio.surfaces, studio.paint, studio.light, room.surface)
-    _trace_sun(studio.scene, room.shadow, room.shadow_rows, studio.light.sun, room.strip, count, room.surface)
-    _shine(room.strip, count, room.surface, studio.light, room.colour)
+    _light(studio, room, room.strip, count, pixel, room.surface, room.colour)
+    if not studio.has_water:
+        return
+    second = room.second
+    found = leave_water(room.strip, room.surface, count, pixel, False, second)
+    follow(studio.scene, room.packet, second, found)
+    _light(studio, room, second.strip, found, pixel, second.surface, second.colour)
+    mix_bottom(second, found, room.colour)
+    found = leave_water(room.strip, room.surface, count, pixel, True, second)
+    follow(studio.scene, room.packet, second, found)
+    _light(studio, room, second.strip, found, pixel, second.surface, second.colour)
+    mix_mirrored(second, found, room.colour)
+
+
+@kernel
+def _light(
+    studio: Studio, room: Darkroom, strip: Strip, count: int, pixel: float, surface: NDArray[np.float32],
+    colour: NDArray[np.float32],
+) -> None:  # fmt: skip
+    """Paint the points of a strip and let light fall on them."""
+    paint_ground(strip, count, pixel, studio.hits, studio.paint, studio.light, surface)
+    paint_objects(strip, count, pixel, studio.hits, studio.surfaces, studio.paint, studio.light, surface)
+    _trace_sun(studio.scene, room.shadow, room.shadow_rows, studio.light.sun, strip, count, surface)
+    _shine(strip, count, surface, studio.light, colour)
 
 
 @kernel
@@ -139,7 +162,7 @@ def _trace_sun(
                     point[1, k] + _LIFT * surface[k, NY],
                     point[2, k] + _LIFT * surface[k, NZ],
                 )
-                set_ray(shadow, filled, x, y, z, sx, sy, sz, _LIFT, _REACH)
+                set_light_ray(shadow, filled, x, y, z, sx, sy, sz, _LIFT, _REACH)
                 rows[filled] = k
                 filled += 1
         if filled == _LANES or (k == count - 1 and filled > 0):

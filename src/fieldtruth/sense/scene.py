@@ -3,18 +3,20 @@
 """One ray scene for all sensors: the world's triangles in Embree, and the tables that name what a ray hits."""
 
 from threading import Lock
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.experiment.config import LightConfig
-from fieldtruth.sense.embree import Engine, RayScene
+from fieldtruth.sense.embree import CLEAR, SOLID, Engine, RayScene
 from fieldtruth.sense.hits import Grid, HitTable
 from fieldtruth.world.model import GROUND_ID, Heightfield, Mesh, Raster, World
 
 if TYPE_CHECKING:
     from fieldtruth.sense.studio import Studio
+
+_PLAIN: Final = (1.0, 1.0, 1.0)
 
 
 def terrain_triangles(field: Heightfield) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
@@ -52,6 +54,8 @@ class Scene:
         self.rays = RayScene(self.engine)
         self.tops: list[tuple[int, Mesh | None, NDArray[np.float64]]] = []
         """Everything at the top level: its row, its mesh (None for the terrain) and its world_from_object."""
+        self.tints: list[tuple[float, float, float]] = []
+        """Colour factors of everything at the top level."""
         objects = [GROUND_ID]
         self._add(self.rays.add_mesh(*terrain_triangles(world.terrain.field)), None, np.eye(4))
         if world.backdrop is not None:
@@ -59,15 +63,26 @@ class Scene:
             objects.append(GROUND_ID)
         for instance in world.instances:
             mesh, pose = world.meshes[instance.mesh], instance.world_from_object
-            self._add(self.rays.add_instance(self.mesh_rays[rows[mesh.name]], pose), mesh, pose)
+            clear = any(world.materials[name].mirror > 0 for name in mesh.materials)
+            top = self.rays.add_instance(self.mesh_rays[rows[mesh.name]], pose, mask=CLEAR if clear else SOLID)
+            self._add(top, mesh, pose, instance.tint)
             objects.append(instance.object_id)
+        for swarm in world.swarms:
+            own = [world.meshes[name] for name in swarm.meshes]
+            for row, pose, tint in zip(swarm.mesh.tolist(), swarm.world_from_object, swarm.tint.tolist(), strict=True):
+                mesh = own[row]
+                self._add(self.rays.add_instance(self.mesh_rays[rows[mesh.name]], pose), mesh, pose, tint)
+                objects.append(swarm.object_id)
         self.rays.commit()
         self.hits = _hit_table(world, self.meshes, self.tops, objects)
 
-    def _add(self, row: int, mesh: Mesh | None, pose: NDArray[np.float64]) -> None:
+    def _add(
+        self, row: int, mesh: Mesh | None, pose: NDArray[np.float64], tint: tuple[float, float, float] = _PLAIN
+    ) -> None:
         if row != len(self.tops):
             raise AssertionError(f"Embree numbered a thing {row} instead of {len(self.tops)}")
         self.tops.append((row, mesh, pose))
+        self.tints.append(tint)
 
     @property
     def studio(self) -> "Studio":

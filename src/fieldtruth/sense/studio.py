@@ -37,6 +37,7 @@ class Studio(NamedTuple):
     paint: PaintTable
     light: LightTable
     curve: NDArray[np.uint8]
+    has_water: bool
 
 
 def film_curve() -> NDArray[np.uint8]:
@@ -54,8 +55,9 @@ def make_studio(scene: Scene, *, cache_folder: Path | None = None) -> Studio:
     if light is None:
         light = bake(scene, workers=len(os.sched_getaffinity(0)))
         _save_light(path, light)
-    surfaces = surface_table(scene, light.vertex_sky)
-    return Studio(scene.rays.handle, scene.hits, surfaces, paint_table(scene.world), light, film_curve())
+    surfaces, paint = surface_table(scene, light.vertex_sky), paint_table(scene.world)
+    has_water = bool((paint.mirror > 0).any())
+    return Studio(scene.rays.handle, scene.hits, surfaces, paint, light, film_curve(), has_water)
 
 
 def _light_key(scene: Scene) -> str:

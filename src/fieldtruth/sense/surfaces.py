@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How the meshes' surfaces lie: tables by vertex, face and thing, packed so that a hit touches little memory."""
 
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,6 @@ from fieldtruth.world.model import Mesh
 
 NORMAL_X, NORMAL_Y, NORMAL_Z, TEX_U, TEX_V, OPEN_SKY = range(6)
 FIRST, SECOND, THIRD, MATERIAL = range(4)
-_WHITE: Final = (1.0, 1.0, 1.0)
 
 
 class SurfaceTable(NamedTuple):
@@ -33,15 +32,13 @@ def surface_table(scene: Scene, vertex_sky: NDArray[np.float32]) -> SurfaceTable
         rows = np.array([materials[name] for name in mesh.materials], np.int32)[mesh.material]
         vertices.append(np.column_stack([mesh.normals, mesh.uv, vertex_sky[start:end]]))
         faces.append(np.column_stack([mesh.faces + np.int32(start), rows]))
-    rotations = [pose[:3, :3] / np.cbrt(np.linalg.det(pose[:3, :3])) for _, _, pose in scene.tops]
-    instances = scene.world.instances
-    tints = [_WHITE] * (len(scene.tops) - len(instances)) + [i.tint for i in instances]
+    turned = np.array([pose[:3, :3] for _, _, pose in scene.tops])
     return SurfaceTable(
         vertex=np.concatenate([*vertices, np.zeros((0, 6), np.float32)]).astype(np.float32),
         face=np.concatenate([*faces, np.zeros((0, 4), np.int32)]).astype(np.int32),
         face_repeat=np.concatenate([*(_metres_per_repeat(m) for m in meshes), np.zeros(0, np.float32)]),
-        top_rotation=np.array(rotations, np.float32),
-        top_tint=np.array(tints, np.float32),
+        top_rotation=(turned / np.cbrt(np.linalg.det(turned))[:, None, None]).astype(np.float32),
+        top_tint=np.array(scene.tints, np.float32),
     )
 
 
