@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Fractal noise on a grid: sums of smooth random fields of halving wavelength."""
+"""Fractal noise on a grid and in space: sums of smooth random fields of halving wavelength."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,3 +29,17 @@ def fractal_noise(
         total += weight * map_coordinates(nodes, [u, v], order=3, mode="nearest")
         energy += weight**2
     return np.asarray(total / np.sqrt(0.756 * energy))  # cubic splines keep about 0.756 of the nodes' variance
+
+
+def solid_noise(
+    points: NDArray[np.float64], *, wavelength: float, octaves: int, rng: np.random.Generator, gain: float = 0.5
+) -> NDArray[np.float64]:
+    """Noise (n,) of about unit deviation at ``points`` (n, d), in any number d of dimensions; else as on a grid."""
+    total, energy = np.zeros(len(points)), 0.0
+    low, extent = points.min(axis=0), np.ptp(points, axis=0)
+    for octave in range(octaves):
+        step, weight = wavelength / 2 ** (octave + 1), gain**octave
+        nodes = rng.standard_normal(tuple((extent / step).astype(int) + 5))
+        total += weight * map_coordinates(nodes, ((points - low) / step + 2.0).T, order=3, mode="nearest")
+        energy += weight**2
+    return np.asarray(total / np.sqrt(0.87 ** points.shape[1] * energy))  # the splines keep 0.87 a dimension

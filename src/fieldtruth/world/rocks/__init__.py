@@ -1,0 +1,8 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Rocks from fracture and noise, and how they lie in the ground."""
+
+from fieldtruth.world.rocks.laying import lay_rock, scatter_rocks
+from fieldtruth.world.rocks.rock import ROCKS, RockKind, make_rock
+
+__all__ = ["ROCKS", "RockKind", "lay_rock", "make_rock", "scatter_rocks"]

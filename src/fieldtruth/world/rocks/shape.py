@@ -1,0 +1,87 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The body of a rock: what planes of fracture leave of a block, worn at its edges and roughened by fractal noise.
+
+A body is star-shaped: one radius for each direction. Cut by planes with normals n_k at distances d_k, its radius is
+1 / max(n_k . u / d_k). Erosion rounds edges and corners; here the maximum becomes a p-norm, which is the maximum for a
+large p and a smooth ball for a small one. Facets stay flat where p is large, as on freshly broken rock.
+"""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_SNAP: Final = 0.4
+"""Vertices this near to an edge, in lengths of a triangle's side, move onto it, so that edges are not sawn."""
+
+
+def geodesic(frequency: int) -> tuple[Array, NDArray[np.intp]]:
+    """Unit directions (v, 3) and faces (20 * frequency**2, 3), facing outwards, of an icosahedron's finer net."""
+    golden = (1 + 5**0.5) / 2
+    ring = [(0.0, a, b) for a in (-1.0, 1.0) for b in (-golden, golden)]
+    corners = np.array([np.roll(p, k) for k in range(3) for p in ring])
+    apart = np.linalg.norm(corners[:, None] - corners, axis=-1)
+    faces = np.array(
+        [
+            (a, b, c) if np.linalg.det(corners[[a, b, c]]) > 0 else (a, c, b)
+            for a in range(12) for b in range(a) for c in range(b)
+            if max(apart[a, b], apart[b, c], apart[a, c]) < 2.01
+        ]
+    )  # fmt: skip
+    steps = [(i, j) for i in range(frequency + 1) for j in range(frequency + 1 - i)]
+    number = {step: k for k, step in enumerate(steps)}
+    shares = np.array([(frequency - i - j, i, j) for i, j in steps]) / frequency
+    cells = [(number[i, j], number[i + 1, j], number[i, j + 1]) for i, j in steps if i + j < frequency]
+    cells += [(number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]) for i, j in steps if i + j < frequency - 1]
+    points = np.einsum("sk,fkd->fsd", shares, corners[faces]).reshape(-1, 3)
+    triangles = (np.arange(20)[:, None, None] * len(steps) + np.array(cells)).reshape(-1, 3)
+    _, first, owner = np.unique(np.round(points, 6), axis=0, return_index=True, return_inverse=True)
+    unique = points[first]
+    return unique / np.linalg.norm(unique, axis=1, keepdims=True), owner.ravel()[triangles]
+
+
+def fracture_planes(rng: np.random.Generator, count: int, joints: float) -> Array:
+    """Planes (k, 3) as n / d: random cuts, and with ``joints`` (0 to 1) three families at right angles.
+
+    Massive rock breaks along joints into blocks (Hencher, Practical Rock Mechanics, 2015): pairs of parallel planes,
+    here turned at random by up to some degrees, whose corners the random cuts take off.
+    """
+    k = np.arange(count) + 0.5
+    z, turn = 1 - 2 * k / count, k * np.pi * (3 - 5**0.5)
+    around = np.stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z], axis=-1)
+    around += rng.normal(0, 0.28, around.shape)
+    cuts = around / np.linalg.norm(around, axis=1, keepdims=True)
+    distance = rng.uniform(0.82, 1.12, count) + 0.22 * joints
+    if joints > 0:
+        axes = np.concatenate([np.eye(3), -np.eye(3)]) + rng.normal(0, 0.1, (6, 3))
+        cuts = np.concatenate([cuts, axes / np.linalg.norm(axes, axis=1, keepdims=True)])
+        distance = np.concatenate([distance, rng.uniform(0.72, 0.95, 6) / max(joints, 0.3) ** 0.2])
+    return np.asarray(cuts / distance[:, None])
+
+
+def worn_radius(directions: Array, planes: Array, sharpness: float) -> Array:
+    """Radius (v,) of the body along unit ``directions`` (v, 3); ``sharpness`` is the p of the norm."""
+    reach = np.maximum(directions @ planes.T, 0)
+    top = reach.max(axis=1)
+    return np.asarray(1 / (top * ((reach / top[:, None]) ** sharpness).sum(axis=1) ** (1 / sharpness)))
+
+
+def snapped(directions: Array, planes: Array, side: float) -> Array:
+    """Directions moved onto the edges between facets that are nearer than ``_SNAP`` of a triangle's ``side`` [rad]."""
+    moved = directions
+    for _ in range(3):
+        reach = np.maximum(moved @ planes.T, 1e-9)
+        order = np.argsort(-reach, axis=1)[:, :2]
+        first, second = planes[order[:, 0]], planes[order[:, 1]]
+        rows = np.arange(len(moved))
+        gap = reach[rows, order[:, 0]] - reach[rows, order[:, 1]]
+        uphill = first - second
+        uphill = uphill - (uphill * moved).sum(1, keepdims=True) * moved
+        step = -gap[:, None] * uphill / np.maximum((uphill**2).sum(1, keepdims=True), 1e-9)
+        near = np.linalg.norm(moved + step - directions, axis=1) < _SNAP * side
+        moved = np.where(near[:, None], moved + step, moved)
+        moved = moved / np.linalg.norm(moved, axis=1, keepdims=True)
+    return np.asarray(moved)
