@@ -13,7 +13,6 @@ from scipy.sparse.csgraph import connected_components
 from fieldtruth.classes import Label
 from fieldtruth.world import World, build_world
 from fieldtruth.world.model import GROUND_ID, Instance
-from fieldtruth.world.plants import SPECIES
 
 F8 = NDArray[np.float64]
 FURNITURE = {"bench": 16, "lamp_post": 15, "table": 11, "trash_bin": 11}
@@ -231,7 +230,7 @@ def test_a_large_tree_has_20_000_triangles_of_two_classes(world: World) -> None:
 def test_species_and_individuals_of_the_real_park(park: World) -> None:
     """At least two species with four individuals each stand in the park, as shared meshes."""
     used = {i.mesh for i in park.instances if i.kind == "large_tree"}
-    per_species = Counter(species for name in used for species in SPECIES if f"_{species}_" in name)
+    per_species = Counter(species for name in used for species in TREES if f"_{species}_" in name)
     assert sum(count >= 4 for count in per_species.values()) >= 2
     assert len(used) < COUNTS["large_tree"]
     assert set(park.meshes) == {i.mesh for i in park.instances}

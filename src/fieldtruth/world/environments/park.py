@@ -3,7 +3,7 @@
 """The urban park (paper, 2.2.1): almost plane ground, two trails, trees, bushes, lamps, benches, tables, bins."""
 
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,8 @@ from fieldtruth.world.plants import BUSHES, SPECIES, grow_bush, grow_tree
 from fieldtruth.world.trails import Line, Trail, signed_distance
 
 Array = NDArray[np.float64]
+TREES: Final = (SPECIES["lime"], SPECIES["birch"], SPECIES["oak"])
+SHRUBS: Final = (BUSHES["box"], BUSHES["hazel"])
 Count = Annotated[int, Field(ge=0, le=1000)]
 
 
@@ -124,7 +126,7 @@ def _plant_trees(site: Site, config: ParkConfig, rng: np.random.Generator, growt
         trees = [
             grow_tree(species, name=f"{kind}_{species.name}_{k}", height=float(growth.uniform(*heights)), rng=growth)
             for k in range(config.individuals)
-            for species in SPECIES.values()
+            for species in TREES
         ]
         site.scatter(kind, trees, count, rng=rng, allowed=off_trails, spacing=spacing, scales=(0.9, 1.12), tint=0.07)
 
@@ -132,11 +134,11 @@ def _plant_trees(site: Site, config: ParkConfig, rng: np.random.Generator, growt
 def _plant_bushes(site: Site, config: ParkConfig, rng: np.random.Generator) -> None:
     """Bushes stand in beds of three to six of one kind."""
     shrubs = {
-        name: [
-            grow_bush(kind, name=f"bush_{name}_{k}", height=kind.grown.height * float(rng.uniform(0.6, 1.1)), rng=rng)
+        kind.name: [
+            grow_bush(kind, name=f"bush_{kind.name}_{k}", height=kind.grown.height * float(rng.uniform(0.6, 1.1)), rng=rng)
             for k in range(3)
         ]
-        for name, kind in BUSHES.items()
+        for kind in SHRUBS
     }
     remaining, kinds = config.bushes, list(shrubs)
     length, width = site.size
