@@ -14,6 +14,8 @@ from fieldtruth.world.textures.canvas import cells, even_out, finish, halve, lin
 
 SEED = np.random.SeedSequence(3)
 TEXTURES = make_textures(SEED)
+THIN = ("leaf_", "blade_", "frond_", "petal_")
+"""What lets light through is drawn whole, from its base to its tip or from rim to rim, and does not tile."""
 
 # Least and most mean linear albedo of red, green and blue.
 ALBEDO = {
@@ -47,7 +49,7 @@ def test_shape_and_mean_albedo(name: str) -> None:
         assert least <= value <= most
 
 
-@pytest.mark.parametrize("name", [n for n in RECIPES if not n.startswith("leaf_")])
+@pytest.mark.parametrize("name", [n for n in RECIPES if not n.startswith(THIN)])
 @pytest.mark.parametrize("axis", [0, 1])
 def test_no_seam(name: str, axis: int) -> None:
     """Neighbours across the edge differ no more than neighbours inside do from line to line."""
@@ -107,7 +109,7 @@ def test_materials_of_bushes(kind: Species) -> None:
 
 
 def test_only_leaves_let_light_through() -> None:
-    assert {n for n, m in MATERIALS.items() if m.translucency > 0} == {n for n in MATERIALS if n.startswith("leaf_")}
+    assert {n for n, m in MATERIALS.items() if m.translucency > 0} == {n for n in MATERIALS if n.startswith(THIN)}
 
 
 def test_tinted_albedo_stays_below_one() -> None:

@@ -1,9 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Grown plants: trees and bushes as meshes of trunk, branches and single leaves."""
+"""Grown plants: trees and bushes of trunk, branches and single leaves; grass and herbs of single blades."""
 
 from fieldtruth.world.plants.catalogue import BUSHES, SPECIES
 from fieldtruth.world.plants.plant import grow_bush, grow_tree
 from fieldtruth.world.plants.species import GrownIn, Species
+from fieldtruth.world.plants.tufts import Tuft, grow_tuft
+from fieldtruth.world.plants.undergrowth import GRASSES
 
-__all__ = ["BUSHES", "SPECIES", "GrownIn", "Species", "grow_bush", "grow_tree"]
+__all__ = ["BUSHES", "GRASSES", "SPECIES", "GrownIn", "Species", "Tuft", "grow_bush", "grow_tree", "grow_tuft"]

@@ -1,0 +1,193 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Shapes that grass and herbs are made of: bent blades, pairs of pinnae, flower discs and spindles.
+
+Vertices come in groups of four or eight, and the first vertex of every triangle of what is thin is in its shape's first
+four, because cameras give each group of four a shade of its own: a blade is one colour from foot to tip. A blade of
+eight vertices is a chain of root point, three pairs, and tip; one of four is a kite.
+
+Shading normals lean towards the zenith, so that a meadow takes the light as a soft volume and not as a heap of mirrors
+(as leaves do in `leaves`).
+"""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.world.plants.growth import Array, unit
+from fieldtruth.world.plants.meshing import Surface
+
+STEPS: Final = 24
+"""Steps in which a midrib is bent."""
+UPWARD_BLEND: Final = 0.5
+"""Weight of "up" in a blade's shading normal."""
+_UP: Final = np.array([0.0, 0.0, 1.0])
+_LEVELS: Final = np.array([0.3, 0.62, 0.86])  # of the length, where a blade's pairs of vertices are
+_WIDTHS: Final = np.array([1.0, 0.86, 0.5])  # there, relative to the widest
+
+
+def midribs(foot: Array, azimuth: Array, length: Array, lean: Array, bend: Array, drift: Array) -> Array:
+    """Midribs (n, STEPS + 1, 3) [m] from ``foot`` (n, 3), ``length`` (n,) [m] long.
+
+    They leave the ground at ``lean`` [rad] from upright towards ``azimuth`` [rad], and sink: the inclination grows by
+    ``bend`` [rad] until the tip, slowly at first, as that of a thrown particle does (Reeves and Blau, "Approximate and
+    Probabilistic Algorithms for Shading and Rendering Structured Particle Systems", SIGGRAPH 1985), while the azimuth
+    turns by ``drift`` [rad].
+    """
+    s = (np.arange(STEPS) + 0.5) / STEPS
+    tilt = lean[:, None] + bend[:, None] * s**1.5
+    turn = azimuth[:, None] + drift[:, None] * s
+    heading = np.stack([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)], -1)
+    rise = np.cumsum(heading * (length / STEPS)[:, None, None], axis=1)
+    return np.asarray(foot[:, None] + np.concatenate([np.zeros_like(rise[:, :1]), rise], axis=1))
+
+
+def along(path: Array, row: NDArray[np.intp], fraction: Array) -> tuple[Array, Array]:
+    """Position [m] and unit tangent (m, 3) of midrib ``row`` at a fraction of its length (m,)."""
+    place = np.clip(fraction, 0, 1) * STEPS
+    i = np.minimum(place.astype(np.intp), STEPS - 1)
+    f = (place - i)[:, None]
+    a, b = path[row, i], path[row, i + 1]
+    return a + f * (b - a), unit(b - a)
+
+
+def strips(path: Array, width: Array, depth: Array, roll: Array, twist: Array, band: Array, *, kite: bool) -> Surface:
+    """Blades along midribs, ``width`` (n,) [m] wide, rooted ``depth`` (n,) [m] below their feet.
+
+    A blade's upper side faces the middle of the tuft where it is upright; it is turned about the midrib by ``roll``
+    and from foot to tip by ``twist`` (n,) [rad]. ``band`` (n, 2): the u of its left and right edges; v runs from root
+    to tip. A ``kite`` has two triangles in place of six.
+    """
+    n = len(path)
+    levels, widths = (np.array([0.4]), np.array([1.0])) if kite else (_LEVELS, _WIDTHS)
+    k = len(levels)
+    rows = np.arange(n, dtype=np.intp).repeat(k)
+    place, tangent = (a.reshape(n, k, 3) for a in along(path, rows, np.tile(levels, n)))
+    across = np.cross(path[:, -1] - path[:, 0], _UP)
+    across[:, 0] += 1e-9  # a blade that ends above its foot has no side: any will do
+    across = unit(across)[:, None]
+    across = unit(across - (across * tangent).sum(-1, keepdims=True) * tangent)
+    turn = (roll[:, None] + twist[:, None] * levels)[..., None]
+    across = np.cos(turn) * across + np.sin(turn) * np.cross(tangent, across)
+    own = np.cross(across, tangent)
+    own = np.where(own[..., 2:] < 0, -own, own)
+
+    reach = (0.5 * width[:, None] * widths)[..., None] * across
+    root = path[:, :1] - depth[:, None, None] * _UP
+    left, right = place + reach, place - reach
+    bulge = 0.4 * across
+    ends = own[:, :1], own[:, -1:]
+    u_left, u_right = (np.broadcast_to(band[:, i, None], (n, k)) for i in (0, 1))
+    centre = band.mean(1, keepdims=True)
+    v = np.broadcast_to(levels, (n, k))
+    zero, one = np.zeros((n, 1)), np.ones((n, 1))
+    if kite:
+        vertices = np.concatenate([root, left, path[:, -1:], right], 1)
+        normals = np.concatenate([ends[0], own + bulge, ends[1], own - bulge], 1)
+        u, v = np.concatenate([centre, u_left, centre, u_right], 1), np.concatenate([zero, v, one, v], 1)
+        pattern = [[0, 1, 2], [0, 2, 3]]
+    else:
+        vertices = np.concatenate([root, left, right, path[:, -1:]], 1)
+        normals = np.concatenate([ends[0], own + bulge, own - bulge, ends[1]], 1)
+        u, v = np.concatenate([centre, u_left, u_right, centre], 1), np.concatenate([zero, v, v, one], 1)
+        pattern = [[0, 1, 4], [1, 5, 4], [1, 2, 5], [2, 6, 5], [2, 3, 6], [3, 7, 6]]
+    return _gathered(vertices, lifted(normals), np.stack([u, v], -1), pattern)
+
+
+def lifted(normals: Array, blend: float = UPWARD_BLEND) -> Array:
+    """Unit normals with a share of "up"."""
+    return unit((1 - blend) * unit(normals) + blend * _UP)
+
+
+def pinnae(path: Array, number: int, length: Array, start: float, rng: np.random.Generator) -> Surface:
+    """Fronds: ``number`` pairs of pinnae along each midrib from ``start`` on; ``length`` (n,) [m] of the longest.
+
+    A pair is two triangles that share the edge on the midrib. They are longest at a third, shorter to both ends, lean
+    towards the tip, and hang a little. The frond's upper side faces up.
+    """
+    n = len(path)
+    row = np.arange(n, dtype=np.intp).repeat(number)
+    cut = start + (1 - start) * np.linspace(0, 1, number + 1)
+    low, tangent = along(path, row, np.tile(cut[:-1], n))
+    high, _ = along(path, row, np.tile(cut[1:], n))
+    s = np.tile((cut[:-1] - start) / (1 - start), n)
+    size = length[row] * np.where(s < 0.3, 0.55 + 1.5 * s, 1.0 - 0.9 * (np.maximum(s - 0.3, 0) / 0.7) ** 1.3)
+    side = np.cross(path[:, -1] - path[:, 0], _UP)
+    side[:, 0] += 1e-9
+    side = unit(side)[row]
+    side = unit(side - (side * tangent).sum(-1, keepdims=True) * tangent)
+    upper = np.cross(side, tangent)
+    tips, normals = [], []
+    for sign in (1.0, -1.0):
+        jitter = rng.normal(0, [0.06, 0.05, 0.10], (n * number, 3))
+        forward, hang = 0.22 + 0.3 * s + jitter[:, 0], 0.16 + jitter[:, 2]
+        out = sign * side + forward[:, None] * tangent - hang[:, None] * upper
+        tips.append(0.5 * (low + high) + (size * (1 + jitter[:, 1]))[:, None] * unit(out))
+        normals.append(upper + sign * hang[:, None] * side)
+    vertices = np.stack([low, tips[0], high, tips[1]], 1)
+    shading = lifted(np.stack([upper, normals[0], upper, normals[1]], 1), 0.3)
+    v = np.broadcast_to([0.5, 0.02, 0.5, 0.98], (n * number, 4))
+    u = np.stack([s, s + 0.03, s + 0.06, s + 0.03], 1)
+    return _gathered(vertices, shading, np.stack([u, v], -1), [[0, 1, 2], [0, 2, 3]])
+
+
+def kites(base: Array, direction: Array, upper: Array, length: Array, width: Array, widest: float) -> Surface:
+    """Small leaves and spikelets of two triangles, folded a little along the midrib; ``upper`` is about their normal.
+
+    ``base`` and ``direction`` (n, 3), ``length`` and ``width`` (n,) [m]; ``widest`` is a share of the length.
+    """
+    n = len(base)
+    normal = unit(upper - (upper * direction).sum(-1, keepdims=True) * direction)
+    side = np.cross(normal, direction)
+    middle = base + widest * length[:, None] * direction + 0.25 * width[:, None] * normal
+    reach = 0.5 * width[:, None] * side
+    vertices = np.stack([base, middle + reach, base + length[:, None] * direction, middle - reach], 1)
+    normals = lifted(np.stack([normal, normal - 0.35 * side, normal, normal + 0.35 * side], 1), 0.35)
+    uv = np.broadcast_to([[0.5, 0.03], [0.04, widest], [0.5, 0.97], [0.96, widest]], (n, 4, 2))
+    return _gathered(vertices, normals, uv, [[0, 2, 1], [0, 3, 2]])
+
+
+def discs(centre: Array, normal: Array, radius: Array) -> Surface:
+    """Flat octagons: flowers; the texture's square holds the flower."""
+    n = len(centre)
+    across = unit(np.cross(normal, [0.31, 0.95, 0.0]))
+    over = np.cross(normal, across)
+    turn = 2 * np.pi * np.arange(8) / 8
+    c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
+    vertices = centre[:, None] + radius[:, None, None] * (c * across[:, None] + s * over[:, None])
+    normals = np.broadcast_to(lifted(normal, 0.3)[:, None], (n, 8, 3))
+    uv = np.broadcast_to(np.concatenate([0.5 + 0.49 * c, 0.5 + 0.49 * s], 1), (n, 8, 2))
+    return _gathered(vertices, normals, uv, [[0, k, k + 1] for k in range(1, 7)])
+
+
+def spindles(low: Array, high: Array, radius: Array) -> Surface:
+    """Three-sided spindles from ``low`` to ``high`` (n, 3): the spikes of cattails."""
+    n = len(low)
+    axis = unit(high - low)
+    across = unit(np.cross(axis, [0.95, 0.31, 0.1]))
+    over = np.cross(axis, across)
+    turn = 2 * np.pi * np.arange(3) / 3
+    spoke = np.cos(turn)[:, None] * across[:, None] + np.sin(turn)[:, None] * over[:, None]
+    reach = radius[:, None, None] * spoke
+    rise = (high - low)[:, None]
+    vertices = np.concatenate([low[:, None], low[:, None] + 0.06 * rise + reach, low[:, None] + 0.94 * rise + reach,
+                               high[:, None]], 1)  # fmt: skip
+    normals = np.concatenate([-axis[:, None], spoke, spoke, axis[:, None]], 1)
+    u = np.broadcast_to([0.5, 0.0, 0.33, 0.67, 0.0, 0.33, 0.67, 0.5], (n, 8))
+    v = np.broadcast_to([0.0, 0.06, 0.06, 0.06, 0.94, 0.94, 0.94, 1.0], (n, 8))
+    pattern = [
+        [0, 2, 1], [0, 3, 2], [0, 1, 3],
+        [1, 2, 5], [1, 5, 4], [2, 3, 6], [2, 6, 5], [3, 1, 4], [3, 4, 6],
+        [4, 5, 7], [5, 6, 7], [6, 4, 7],
+    ]  # fmt: skip
+    return _gathered(vertices, normals, np.stack([u, v], -1), pattern)
+
+
+def _gathered(vertices: Array, normals: Array, uv: Array, pattern: list[list[int]]) -> Surface:
+    """One surface of ``n`` shapes of ``k`` vertices (n, k, ...), each with the triangles of ``pattern``."""
+    n, k, _ = vertices.shape
+    faces = k * np.arange(n)[:, None, None] + np.array(pattern)
+    return (
+        vertices.reshape(-1, 3), normals.reshape(-1, 3), uv.reshape(-1, 2), faces.reshape(-1, 3).astype(np.int32),
+    )  # fmt: skip
