@@ -18,6 +18,10 @@ MATERIALS: Final = (
     Material(name="mud", label=Label.GROUND, texture="mud", repeat=1.5, gloss=0.35),
     Material(name="pebbles", label=Label.GROUND, texture="pebbles", repeat=1.5),
     Material(name="water", label=Label.WATER, texture="water", gloss=0.6, mirror=0.02),
+    Material(name="needles", label=Label.GROUND, texture="needles", repeat=1.5),
+    Material(name="moss", label=Label.GROUND, texture="moss", repeat=1.5),
+    Material(name="path", label=Label.TRAIL, texture="path", repeat=1.5),
+    Material(name="path_edge", label=Label.TRAIL, texture="needles", repeat=1.5, tint=(1.12, 1.1, 1.08)),
     Material(name="gravel", label=Label.TRAIL, texture="gravel", repeat=1.5),
     Material(name="setts", label=Label.TRAIL, texture="setts", repeat=0.5),
 )
