@@ -7,12 +7,12 @@ from typing import Final
 
 from fieldtruth.world.plants.broadleaves import BIRCH, LIME, OAK
 from fieldtruth.world.plants.conifers import PINE, SPRUCE
-from fieldtruth.world.plants.shrubs import BOX, HAZEL
+from fieldtruth.world.plants.shrubs import BOX, BRAMBLE, GORSE, GREY_WILLOW, HAZEL, HEATHER, JUNIPER
 from fieldtruth.world.plants.species import Species
 from fieldtruth.world.plants.woodland import ALDER, BEECH, WILLOW
 
 SPECIES: Final[Mapping[str, Species]] = {s.name: s for s in (LIME, BIRCH, OAK, BEECH, SPRUCE, PINE, ALDER, WILLOW)}
 """Trees by name."""
 
-BUSHES: Final[Mapping[str, Species]] = {s.name: s for s in (BOX, HAZEL)}
+BUSHES: Final[Mapping[str, Species]] = {s.name: s for s in (BOX, HAZEL, JUNIPER, GORSE, BRAMBLE, GREY_WILLOW, HEATHER)}
 """Bushes by name."""

@@ -81,7 +81,7 @@ def _trunks(habit: Habit, height: float, rng: np.random.Generator) -> Stems:
         number=n,
         length=1,
         angle=(0, 0),
-        lift=(0.15, 0.3) if n == 1 else (0.2, -0.1),
+        lift=(0.15, 0.3) if n == 1 else habit.stem_lift,
         bend=0.5 * habit.trunk_wander,
         wander=habit.trunk_wander,
         segments=habit.trunk_segments,

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.world.model import Collider, Mesh
+from fieldtruth.world.plants.bloom import in_bloom
 from fieldtruth.world.plants.growth import ROOT_DEPTH, Stems, dry_branches, grow_skeleton
 from fieldtruth.world.plants.leaves import leaf_mesh, place_leaves
 from fieldtruth.world.plants.meshing import Surface, trunk, tubes
@@ -35,8 +36,7 @@ def grow_tree(
     it or the reach of branches below 1.4 m, and in the open at least a third of the crown's radius: furniture may
     stand below a crown, neighbouring crowns may touch, and those of a stand interlock.
     """
-    if not LEAST_DETAIL <= detail <= 1:
-        raise ValueError(f"detail of a tree = {detail}: must be from {LEAST_DETAIL:g} to 1")
+    _check_detail(detail, "a tree")
     habit = at_detail(individual(_habit(species, height, grown_in), rng), detail)
     skeleton = grow_skeleton(habit, height, rng)
     surfaces = _skin(skeleton, habit, height, rng)
@@ -62,18 +62,28 @@ def _low_reach(surfaces: list[tuple[Surface, int]]) -> float:
     return float(np.quantile(np.hypot(low[:, 0], low[:, 1]), 0.98)) if len(low) else 0.0
 
 
-def grow_bush(species: Species, *, name: str, height: float, rng: np.random.Generator) -> Mesh:
+def grow_bush(species: Species, *, name: str, height: float, rng: np.random.Generator, detail: float = 1.0) -> Mesh:
     """A bush of the given height [m]; its foliage reaches down to the ground.
+
+    ``detail`` as of `grow_tree` (1: from 8,000 to 40,000 triangles, by species). A share ``species.bloom_share`` of the
+    leaves, most of them in the outermost parts, are flowers where the species blooms.
 
     The collider is a cylinder of 0.7 of the bush's radius, so that a wheel may brush the outer twigs; the footprint
     [m] is the whole radius, within which 98 % of the leaf corners are.
     """
-    habit = _habit(species, height)
+    _check_detail(detail, "a bush")
+    habit = at_detail(_habit(species, height), detail)
     surfaces = _skin(grow_skeleton(habit, height, rng), habit, height, rng)
     (foliage, *_), _ = surfaces[-1]
     radius = float(np.quantile(np.hypot(foliage[:, 0], foliage[:, 1]), 0.98))
     collider = Collider(shape="cylinder", size=(0.7 * radius, 0.9 * height))
-    return _assembled(name, species, surfaces, (collider,), radius)
+    mesh = _assembled(name, species, surfaces, (collider,), radius)
+    return mesh if species.bloom is None else in_bloom(mesh, FOLIAGE, species.bloom, species.bloom_share, rng)
+
+
+def _check_detail(detail: float, what: str) -> None:
+    if not LEAST_DETAIL <= detail <= 1:
+        raise ValueError(f"detail of {what} = {detail}: must be from {LEAST_DETAIL:g} to 1")
 
 
 def _habit(species: Species, height: float, grown_in: GrownIn = "open") -> Habit:

@@ -108,6 +108,7 @@ class Habit:
     stems: int = 1  # trunks from one root
     stem_splay: float = 0.0  # [deg] from upright of the outermost of several stems
     stem_circle: float = 0.0  # [m] radius of the circle in which several stems stand
+    stem_lift: tuple[float, float] = (0.2, -0.1)  # [rad per stem length] of several stems, as ``Order.lift``
     sheared: float = 0.0  # radius, relative to the height, of the dome to which it is clipped; 0: grows freely
     orders: tuple[Order, ...]
     leaf: Leaf
@@ -123,6 +124,8 @@ class Species:
     foliage: str  # name of the material
     upper_wood: str | None = None  # name of the bark above ``upper_from``, where it differs from the old bark below
     upper_from: float = 0.5  # of the height
+    bloom: str | None = None  # name of the flowers' material; None: not in bloom
+    bloom_share: float = 0.1  # of the leaves that are flowers
     grown: Habit
     young: Habit | None = None
     young_below: float = 6.5  # [m] height below which the young habit applies
