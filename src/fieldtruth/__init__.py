@@ -40,7 +40,9 @@ if TYPE_CHECKING:
     from fieldtruth.experiment.route import route_from_metres, route_yaml
     from fieldtruth.pipeline import generate
     from fieldtruth.record.read import BagError, Reading, count_messages, read_bag
+    from fieldtruth.report.preview import preview
     from fieldtruth.report.progress import Progress, show_progress
+    from fieldtruth.report.shares import ClassShares, class_shares
     from fieldtruth.sense import Camera, LabelImage, Lidar, Picture, Scan, Scene, tag_image
     from fieldtruth.world import World, load_world
 
@@ -57,7 +59,9 @@ _HOMES: Final = {
     "experiment.route": "route_from_metres route_yaml",
     "pipeline": "generate",
     "record.read": "BagError Reading count_messages read_bag",
+    "report.preview": "preview",
     "report.progress": "Progress show_progress",
+    "report.shares": "ClassShares class_shares",
     "sense": "Camera LabelImage Lidar Picture Scan Scene tag_image",
     "world": "World load_world",
 }
@@ -72,6 +76,7 @@ __all__ = [
     "BagError",
     "Camera",
     "CameraConfig",
+    "ClassShares",
     "ConfigurationError",
     "ControlConfig",
     "DriveError",
@@ -101,6 +106,7 @@ __all__ = [
     "WheelConfig",
     "World",
     "__version__",
+    "class_shares",
     "count_messages",
     "dump_experiment",
     "frames",
@@ -111,6 +117,7 @@ __all__ = [
     "load_experiment",
     "load_world",
     "parse_experiment",
+    "preview",
     "read_bag",
     "route_from_metres",
     "route_yaml",

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The place from above, by the package's own camera: north to the right, west up. Points of the world find their pixel."""
+"""The place from above, by the package's own camera: north to the right, west up. Points find their pixel."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -55,10 +55,11 @@ def take_aerial(scene: Scene, width: int) -> Aerial:
 
 
 def halved(image: NDArray[np.uint8], by: int = 2) -> NDArray[np.uint8]:
-    """Means over squares of ``by`` x ``by`` pixels, in linear light's stead over bytes."""
+    """Means over squares of ``by`` x ``by`` pixels."""
     h, w = (side // by * by for side in image.shape[:2])
     squares = image[:h, :w].reshape(h // by, by, w // by, by, -1)
-    return np.rint(squares.mean(axis=(1, 3), dtype=np.float32)).astype(np.uint8)
+    means: NDArray[np.uint8] = np.rint(squares.mean(axis=(1, 3), dtype=np.float32)).astype(np.uint8)
+    return means
 
 
 def _levelled(photo: NDArray[np.uint8]) -> NDArray[np.uint8]:

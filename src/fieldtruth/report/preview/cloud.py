@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A labelled cloud in perspective: points as small discs in their classes' colours, darkened where something nearer rises.
+"""A labelled cloud in perspective: points as small discs in their classes' colours, darkened below what is nearer.
 
 The darkening is eye-dome lighting (Boucheny 2009), which needs no normals: a pixel is darkened by how much nearer its
 neighbours are. Classes keep their hue.
@@ -17,6 +17,7 @@ from fieldtruth import frames
 from fieldtruth.classes import PALETTE
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.frames import Array
+from fieldtruth.report.preview.aerial import halved
 from fieldtruth.sense import Lidar, Scene
 
 _OVERSAMPLED: Final = 2
@@ -26,22 +27,25 @@ _NEIGHBOURS: Final = tuple((i, j) for i in (-2, 0, 2) for j in (-2, 0, 2) if i o
 
 @dataclass(frozen=True, kw_only=True)
 class Cloud:
-    """Points ``xyz`` (n, 3) [m] in the world and their class ids ``label`` (n,)."""
+    """Points ``xyz`` (n, 3) [m] in the world and their class ids ``label`` (n,), of so many ``scans``."""
 
     xyz: Array
     label: NDArray[np.uint8]
+    scans: int
 
 
 def scan_from(scene: Scene, rig: Rig, poses: Sequence[Array]) -> Cloud:
-    """All points of a scan from each pose world_from_base (4, 4)."""
+    """All points inside the world's edges of a scan from each pose world_from_base (4, 4)."""
     lidar = Lidar(rig.lidar, scene)
     xyz, label = [np.zeros((0, 3))], [np.zeros(0, np.uint8)]
     for pose in poses:
         world_from_lidar = pose @ rig.lidar.mount.base_from_sensor
         scan = lidar.scan(world_from_lidar)
-        xyz.append(frames.transform(world_from_lidar, scan.xyz))
-        label.append(scan.label)
-    return Cloud(xyz=np.concatenate(xyz), label=np.concatenate(label))
+        points = frames.transform(world_from_lidar, scan.xyz)
+        inside = (np.abs(points[:, :2]) < np.array(scene.world.size) / 2).all(axis=1)
+        xyz.append(points[inside])
+        label.append(scan.label[inside])
+    return Cloud(xyz=np.concatenate(xyz), label=np.concatenate(label), scans=len(poses))
 
 
 def look_at(eye: Sequence[float], target: Sequence[float]) -> Array:
@@ -58,7 +62,7 @@ def draw_cloud(
     cloud: Cloud, world_from_optical: Array, *, width: int, height: int, fov_deg: float, background: Sequence[int],
     size: float = 0.06,
 ) -> NDArray[np.uint8]:  # fmt: skip
-    """Draw the cloud as discs of ``size`` [m] across, (height, width, 3); ``fov_deg`` is the horizontal field of view."""
+    """Draw the cloud as discs of ``size`` [m] across, (height, width, 3); ``fov_deg`` is the horizontal angle."""
     wide, high = width * _OVERSAMPLED, height * _OVERSAMPLED
     focal = wide / 2 / np.tan(np.radians(fov_deg) / 2)
     x, y, z = frames.transform(frames.inverse(world_from_optical), cloud.xyz).T
@@ -95,6 +99,4 @@ def _shaded(depth: NDArray[np.float32], label: NDArray[np.uint8], background: Se
         rise += np.clip(log - np.roll(log, (i, j), axis=(0, 1)), 0.0, 0.06)
     shade = np.exp(-_DARKENING * rise / len(_NEIGHBOURS))
     colour = np.where(hit[..., None], PALETTE[label] * (0.25 + 0.75 * shade[..., None]), np.asarray(background))
-    h, w = (side // _OVERSAMPLED for side in depth.shape)
-    small = colour.reshape(h, _OVERSAMPLED, w, _OVERSAMPLED, 3).mean(axis=(1, 3))
-    return np.rint(small).astype(np.uint8)
+    return halved(np.rint(colour).astype(np.uint8), _OVERSAMPLED)

@@ -25,8 +25,8 @@ from fieldtruth.sense import Camera, Picture, Scene
 from fieldtruth.world import World
 
 VIEWS: Final = 4
-SCANS: Final = 40
-"""Scans in the cloud, spread evenly over the sample."""
+SCANS: Final = 160
+"""At most so many scans make the cloud, spread evenly over the sample."""
 FREE_PLACES: Final = 40
 """Size of the sample where no experiment drives."""
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where to look from: the four places of a sample that together show most; and free places where nobody drives."""
 
-from collections.abc import Sequence
+import math
 from typing import Final
 
 import numpy as np
@@ -62,12 +62,12 @@ def obstacles(world: World) -> Array:
         scale = float(np.cbrt(np.linalg.det(pose[:3, :3])))
         for collider in world.meshes[instance.mesh].colliders:
             x, y, _, _ = pose @ [*collider.position, 1.0]
-            reach = collider.size[0] if collider.shape == "cylinder" else float(np.hypot(*collider.size[:2])) / 2
+            reach = collider.size[0] if collider.shape == "cylinder" else math.hypot(*collider.size[:2]) / 2
             circles.append(np.array([[x, y, reach * scale]]))
     return np.concatenate(circles)
 
 
-def _clearance(xy: Array, circles: Sequence[Array] | Array) -> Array:
+def _clearance(xy: Array, circles: Array) -> Array:
     """Distance [m] of each point (n, 2) from the nearest circle's edge."""
     nearest = np.full(len(xy), np.inf)
     for x, y, radius in circles:

@@ -1,0 +1,69 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A blank sheet measured in inches from its upper left corner, with one typeface and one set of inks.
+
+Matplotlib's figure is used without pyplot, so nothing global changes; its own DejaVu Sans is there on every machine.
+"""
+
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
+
+INK: Final = "#1d2733"
+MUTED: Final = "#697586"
+HAIRLINE: Final = "#d5dbe3"
+NIGHT: Final = (30, 35, 43)
+"""Behind the cloud: dark enough for white benches, light enough for black tables."""
+BLUES: Final = ("#2f80ff", "#35d0ff", "#8f7bff")
+"""Routes; the paper's are blue."""
+RED: Final = "#ff3b30"
+PIXELS: Final = "#2f6fde"
+POINTS: Final = "#dc3f36"
+FONT: Final = "DejaVu Sans"
+
+
+class Paper:
+    """A white sheet of ``width`` x ``height`` [inch] that becomes an image ``pixels`` wide."""
+
+    def __init__(self, width: float, height: float, pixels: int) -> None:
+        self.width, self.height = width, height
+        self.figure = Figure(figsize=(width, height), dpi=pixels / width, facecolor="white")
+        self._canvas = FigureCanvasAgg(self.figure)
+
+    def axes(self, left: float, top: float, width: float, height: float) -> Axes:
+        """Open an empty drawing area; its upper left corner lies at ``left``, ``top``."""
+        box = (left / self.width, 1.0 - (top + height) / self.height, width / self.width, height / self.height)
+        axes = self.figure.add_axes(box)
+        axes.set_axis_off()
+        return axes
+
+    def picture(self, image: NDArray[np.uint8], left: float, top: float, width: float, height: float) -> Axes:
+        """Put an image (h, w, 3) into a box; the axes' unit is then its pixel, (0, 0) the first one's centre."""
+        axes = self.axes(left, top, width, height)
+        axes.imshow(image, aspect="auto", interpolation="antialiased")
+        axes.set_autoscale_on(False)
+        return axes
+
+    def text(self, left: float, baseline: float, words: str, size: float = 8.0, **options: Any) -> float:
+        """Write words of ``size`` [point] and return their width [inch]; options are those of matplotlib's text."""
+        style: dict[str, Any] = {"color": INK, "family": FONT, "va": "baseline"} | options
+        written = self.figure.text(left / self.width, 1.0 - baseline / self.height, words, fontsize=size, **style)
+        renderer = self._canvas.get_renderer()  # type: ignore[no-untyped-call]
+        return float(written.get_window_extent(renderer).width / self.figure.dpi)
+
+    def box(self, left: float, top: float, width: float, height: float, colour: str, **options: Any) -> None:
+        """Fill a rectangle."""
+        corner = (left / self.width, 1.0 - (top + height) / self.height)
+        size = (width / self.width, height / self.height)
+        style: dict[str, Any] = {"facecolor": colour, "linewidth": 0.0} | options
+        self.figure.add_artist(Rectangle(corner, *size, transform=self.figure.transFigure, **style))
+
+    def image(self) -> NDArray[np.uint8]:
+        """Draw everything, (h, w, 3)."""
+        self._canvas.draw()  # type: ignore[no-untyped-call]
+        return np.ascontiguousarray(np.asarray(self._canvas.buffer_rgba())[..., :3])  # type: ignore[no-untyped-call]
