@@ -32,6 +32,8 @@ def leaf(species: str, *, translucency: float = LEAF_TRANSLUCENCY, gloss: float 
 
 MATERIALS: Final = (
     *(bark(kind) for kind in (*BROADLEAVES, *CONIFERS, "pine_upper", "dead", "moss")),
+    Material(name="bark_soil", label=Label.TRUNK, texture="soil"),  # between the roots of a fallen tree
+    Material(name="bark_torn", label=Label.TRUNK, texture="bark_dead", tint=(0.62, 0.46, 0.33)),  # rotten heartwood
     *(leaf(species) for species in BROADLEAVES),
     *(leaf(species, translucency=NEEDLE_TRANSLUCENCY, gloss=0.08) for species in CONIFERS),
 )

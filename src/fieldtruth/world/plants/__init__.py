@@ -3,9 +3,24 @@
 """Grown plants: trees and bushes of trunk, branches and single leaves; grass and herbs of single blades."""
 
 from fieldtruth.world.plants.catalogue import BUSHES, SPECIES
+from fieldtruth.world.plants.deadwood import grow_log, grow_snag, grow_stump, room_along
 from fieldtruth.world.plants.plant import grow_bush, grow_tree
 from fieldtruth.world.plants.species import GrownIn, Species
 from fieldtruth.world.plants.tufts import Tuft, grow_tuft
 from fieldtruth.world.plants.undergrowth import GRASSES
 
-__all__ = ["BUSHES", "GRASSES", "SPECIES", "GrownIn", "Species", "Tuft", "grow_bush", "grow_tree", "grow_tuft"]
+__all__ = [
+    "BUSHES",
+    "GRASSES",
+    "SPECIES",
+    "GrownIn",
+    "Species",
+    "Tuft",
+    "grow_bush",
+    "grow_log",
+    "grow_snag",
+    "grow_stump",
+    "grow_tree",
+    "grow_tuft",
+    "room_along",
+]

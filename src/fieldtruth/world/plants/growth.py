@@ -56,7 +56,7 @@ def unit(v: Array) -> Array:
 
 def grow_skeleton(habit: Habit, height: float, rng: np.random.Generator) -> tuple[Stems, ...]:
     """All stems of a plant of the given height [m], trunk first; the result's row is the stems' order."""
-    orders = [_trunks(habit, height, rng)]
+    orders = [grow_trunks(habit, height, rng)]
     light = rng.uniform(0, 2 * np.pi)
     for number, order in enumerate(habit.orders, start=1):
         stems = _sprout(orders[-1], order, number, habit, height, light, rng)
@@ -66,7 +66,7 @@ def grow_skeleton(habit: Habit, height: float, rng: np.random.Generator) -> tupl
     return _fitted(orders, habit.clear, height)
 
 
-def _trunks(habit: Habit, height: float, rng: np.random.Generator) -> Stems:
+def grow_trunks(habit: Habit, height: float, rng: np.random.Generator) -> Stems:
     """The stems that come out of the ground; they start in the soil."""
     n = habit.stems
     turn = 2 * np.pi * (np.arange(n) + rng.uniform(-0.3, 0.3, n)) * 0.381966 + rng.uniform(0, 2 * np.pi)
@@ -87,11 +87,11 @@ def _trunks(habit: Habit, height: float, rng: np.random.Generator) -> Stems:
         segments=habit.trunk_segments,
         collar=0,
     )
-    axis = _extend(foot, direction, length, form, rng)
+    axis = extend(foot, direction, length, form, rng)
     if n == 1:
         axis = _righted(axis, habit.lean_limit)
     none = np.full(n, -1, np.intp)
-    return Stems(axis=axis, radius=_taper(radius, form), length=length, parent=none, joint=np.zeros(n), limb=none)
+    return Stems(axis=axis, radius=taper(radius, form), length=length, parent=none, joint=np.zeros(n), limb=none)
 
 
 def _righted(axis: Array, limit: float) -> Array:
@@ -129,8 +129,8 @@ def _sprout(
     thickness = parents.radius[parent, 0] * (length / parents.length[parent]) ** order.thickness
     thickness = np.maximum(np.minimum(thickness, JOINT_RATIO * radius), np.minimum(1.2 * TIP_RADIUS, radius))
     return Stems(
-        axis=_extend(position, direction, length, order, rng),
-        radius=_taper(thickness, order),
+        axis=extend(position, direction, length, order, rng),
+        radius=taper(thickness, order),
         length=length,
         parent=parent,
         joint=joint,
@@ -152,8 +152,8 @@ def dry_branches(trunk: Stems, habit: Habit, height: float, rng: np.random.Gener
     length = order.length * height * np.exp(order.length_spread * rng.normal(0, 1, len(joint)).clip(-2, 1.5))
     thickness = trunk.radius[parent, 0] * (length / trunk.length[parent]) ** order.thickness
     stems = Stems(
-        axis=_extend(position, direction, length, order, rng),
-        radius=_taper(np.clip(thickness, np.minimum(2 * TIP_RADIUS, radius), 0.5 * radius), order),
+        axis=extend(position, direction, length, order, rng),
+        radius=taper(np.clip(thickness, np.minimum(2 * TIP_RADIUS, radius), 0.5 * radius), order),
         length=length,
         parent=parent,
         joint=joint,
@@ -216,7 +216,7 @@ def _directions(
     return np.asarray(np.cos(angle) * tangent + np.sin(angle) * side)
 
 
-def _extend(foot: Array, direction: Array, length: Array, order: Order, rng: np.random.Generator) -> Array:
+def extend(foot: Array, direction: Array, length: Array, order: Order, rng: np.random.Generator) -> Array:
     """Polylines (n, k + 1, 3) [m] from ``foot`` along ``direction``, turned by the order's lift, bend and wander."""
     n, k = len(foot), order.segments
     axis = np.empty((n, k + 1, 3))
@@ -231,7 +231,7 @@ def _extend(foot: Array, direction: Array, length: Array, order: Order, rng: np.
     return axis
 
 
-def _taper(radius: Array, order: Order) -> Array:
+def taper(radius: Array, order: Order) -> Array:
     """Radii (n, k + 1) [m]: a collar at the foot, then a straight fall to the tip's (Weber and Penn's taper 1)."""
     s = np.linspace(0, 1, order.segments + 1)
     tip = np.minimum(TIP_RADIUS, 0.9 * radius)[:, None]

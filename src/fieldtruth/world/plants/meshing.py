@@ -22,11 +22,11 @@ def tubes(stems: Stems, sides: int) -> Surface:
     has at its foot.
     """
     rings = stems.axis.shape[1]
-    tangent, spoke = _spokes(stems.axis, sides)
+    tangent, spoke = spokes(stems.axis, sides)
     vertices = stems.axis[:, :, None] + _pointed(stems.radius)[:, :, None, None] * spoke
     slope = (stems.radius[:, 0] - stems.radius[:, -1]) / stems.length
     normals = unit(spoke + slope[:, None, None, None] * tangent[:, :, None])
-    return _sewn(vertices, normals, stems, np.linspace(0, 1, rings))
+    return sewn(vertices, normals, stems, np.linspace(0, 1, rings))
 
 
 def trunk(stems: Stems, sides: int, flare: float, rng: np.random.Generator) -> Surface:
@@ -47,10 +47,10 @@ def trunk(stems: Stems, sides: int, flare: float, rng: np.random.Generator) -> S
     profile = 1 + flutes + flare * np.exp(-z / (1.4 * stems.radius[0, 0])) * (1 + 0.5 * ridges)
     profile[:, -1] = profile[:, 0]
 
-    _, spoke = _spokes(axis[None], sides)
-    normals = _grid_normals(axis[None, :, None] + (radius[:, None] * profile)[None, ..., None] * spoke)
+    _, spoke = spokes(axis[None], sides)
+    normals = grid_normals(axis[None, :, None] + (radius[:, None] * profile)[None, ..., None] * spoke)
     vertices = axis[None, :, None] + (_pointed(radius[None])[:, :, None] * profile)[..., None] * spoke
-    return _sewn(vertices, normals, stems, fraction)
+    return sewn(vertices, normals, stems, fraction)
 
 
 def _pointed(radius: Array) -> Array:
@@ -58,7 +58,7 @@ def _pointed(radius: Array) -> Array:
     return np.concatenate([radius[:, :-1], np.zeros_like(radius[:, :1])], 1)
 
 
-def _spokes(axis: Array, sides: int) -> tuple[Array, Array]:
+def spokes(axis: Array, sides: int) -> tuple[Array, Array]:
     """Unit tangents (n, k + 1, 3) and unit spokes (n, k + 1, sides + 1, 3) across them; the last spoke is the first."""
     tangent, across, over = _frames(axis)
     turn = np.linspace(0, 2 * np.pi, sides + 1)
@@ -66,8 +66,11 @@ def _spokes(axis: Array, sides: int) -> tuple[Array, Array]:
     return tangent, np.cos(turn)[:, None] * across[:, :, None] + np.sin(turn)[:, None] * over[:, :, None]
 
 
-def _sewn(vertices: Array, normals: Array, stems: Stems, fraction: Array) -> Surface:
-    """The surface over (n, rings, sides + 1, 3) vertices, with bark coordinates; ``fraction`` of the length a ring."""
+def sewn(vertices: Array, normals: Array, stems: Stems, fraction: Array, *, pointed: bool = True) -> Surface:
+    """The surface over (n, rings, sides + 1, 3) vertices, with bark coordinates; ``fraction`` of the length a ring.
+
+    The last ring is a point where ``pointed``.
+    """
     n, rings, columns, _ = vertices.shape
     around = np.maximum(np.rint(2 * np.pi * stems.radius[:, 0] / BARK_REPEAT), 1)
     repeat = np.clip(2 * np.pi * stems.radius[:, 0] / around, SMALLEST_REPEAT, 1.4 * BARK_REPEAT)
@@ -77,8 +80,9 @@ def _sewn(vertices: Array, normals: Array, stems: Stems, fraction: Array) -> Sur
 
     a = np.arange(rings - 1)[:, None] * columns + np.arange(columns - 1)
     b, c = a + 1, a + columns
-    # The last ring is a point: of its quads only one triangle has an area.
-    quads = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([b, c + 1, c], -1)[:-1].reshape(-1, 3)])
+    # Where the last ring is a point, only one triangle of its quads has an area.
+    second = np.stack([b, c + 1, c], -1)[: -1 if pointed else None]
+    quads = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), second.reshape(-1, 3)])
     faces = (np.arange(n) * rings * columns)[:, None, None] + quads
     return vertices.reshape(-1, 3), normals.reshape(-1, 3), uv.reshape(-1, 2), faces.reshape(-1, 3).astype(np.int32)
 
@@ -96,7 +100,7 @@ def _frames(axis: Array) -> tuple[Array, Array, Array]:
     return tangent, across, np.cross(tangent, across)
 
 
-def _grid_normals(vertices: Array) -> Array:
+def grid_normals(vertices: Array) -> Array:
     """Normals of tubes of any cross-section by central differences on the (ring, side) grid, around the seam."""
     around = np.roll(vertices[:, :, :-1], -1, 2) - np.roll(vertices[:, :, :-1], 1, 2)
     along = np.gradient(vertices[:, :, :-1], axis=1)

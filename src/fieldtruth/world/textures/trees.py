@@ -29,7 +29,7 @@ RECIPES: Final[Mapping[str, Recipe]] = MappingProxyType(
         "bark_pine_upper": Recipe(plants.bark_pine_upper, (0.290, 0.160, 0.085)),
         "bark_alder": Recipe(plants.bark_alder, (0.088, 0.075, 0.060)),
         "bark_willow": Recipe(plants.bark_willow, (0.140, 0.120, 0.094)),
-        "bark_dead": Recipe(plants.bark_dead, (0.280, 0.262, 0.232)),
+        "bark_dead": Recipe(plants.bark_dead, (0.225, 0.208, 0.180)),
         "bark_moss": Recipe(plants.bark_moss, (0.052, 0.066, 0.018)),
         "leaf_lime": Recipe(partial(plants.leaf, pairs=8, slope=0.75, vein=0.30, tones=_GREEN), (0.062, 0.105, 0.026)),
         "leaf_birch": Recipe(partial(plants.leaf, pairs=9, slope=0.9, vein=0.28, tones=_GREEN), (0.068, 0.112, 0.026)),
