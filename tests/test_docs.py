@@ -15,7 +15,7 @@ from fieldtruth.classes import CLASSES, Label
 from fieldtruth.experiment.catalogue import environment_names
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import parse_experiment
-from fieldtruth.experiment.problems import allowed_at
+from fieldtruth.experiment.problems import allowed_at, models_of
 from fieldtruth.experiment.rig import Mount, Rig
 
 ROOT = Path(__file__).parents[1]
@@ -40,10 +40,10 @@ def expanded(text: str) -> list[str]:
 def configuration_keys(model: type[BaseModel], prefix: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
     """Every key of a configuration that holds a value; a mount is one value."""
     for name, field in model.model_fields.items():
-        kind = field.annotation
-        if isinstance(kind, type) and issubclass(kind, BaseModel) and kind is not Mount:
-            yield from configuration_keys(kind, (*prefix, name))
-        else:
+        homes = [home for home in models_of(field.annotation) if home is not Mount]
+        for home in homes:
+            yield from configuration_keys(home, (*prefix, name))
+        if not homes:
             yield (*prefix, name)
 
 

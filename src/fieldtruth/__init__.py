@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from fieldtruth import frames, geodesy
     from fieldtruth.classes import CLASSES, NO_RETURN, PALETTE, Label, SemanticClass
+    from fieldtruth.drive.plan import plan_route
     from fieldtruth.drive.track import Track
     from fieldtruth.errors import (
         ConfigurationError,
@@ -21,10 +22,18 @@ if TYPE_CHECKING:
         EngineError,
         FieldtruthError,
         OutputError,
+        RouteError,
         UnknownNameError,
     )
     from fieldtruth.experiment.catalogue import list_environments, list_experiments
-    from fieldtruth.experiment.config import ControlConfig, Experiment, LightConfig, RouteConfig
+    from fieldtruth.experiment.config import (
+        ControlConfig,
+        Experiment,
+        LightConfig,
+        MetresRouteConfig,
+        RandomRouteConfig,
+        RouteConfig,
+    )
     from fieldtruth.experiment.files import dump_experiment, load_experiment, parse_experiment, with_overrides
     from fieldtruth.experiment.rig import (
         OPTICAL,
@@ -37,7 +46,7 @@ if TYPE_CHECKING:
         TachometerConfig,
         WheelConfig,
     )
-    from fieldtruth.experiment.route import route_from_metres, route_yaml
+    from fieldtruth.experiment.route import random_route, route_from_metres, route_yaml
     from fieldtruth.pipeline import generate
     from fieldtruth.record.read import BagError, Reading, count_messages, read_bag
     from fieldtruth.report.preview import preview
@@ -50,13 +59,14 @@ if TYPE_CHECKING:
 
 _HOMES: Final = {
     "classes": "CLASSES NO_RETURN PALETTE Label SemanticClass",
+    "drive.plan": "plan_route",
     "drive.track": "Track",
-    "errors": "ConfigurationError DriveError EngineError FieldtruthError OutputError UnknownNameError",
+    "errors": "ConfigurationError DriveError EngineError FieldtruthError OutputError RouteError UnknownNameError",
     "experiment.catalogue": "list_environments list_experiments",
-    "experiment.config": "ControlConfig Experiment LightConfig RouteConfig",
+    "experiment.config": "ControlConfig Experiment LightConfig MetresRouteConfig RandomRouteConfig RouteConfig",
     "experiment.files": "dump_experiment load_experiment parse_experiment with_overrides",
     "experiment.rig": "OPTICAL CameraConfig GnssConfig ImuConfig LidarConfig Mount Rig TachometerConfig WheelConfig",
-    "experiment.route": "route_from_metres route_yaml",
+    "experiment.route": "random_route route_from_metres route_yaml",
     "pipeline": "generate",
     "record.read": "BagError Reading count_messages read_bag",
     "report.preview": "preview",
@@ -90,13 +100,16 @@ __all__ = [
     "Lidar",
     "LidarConfig",
     "LightConfig",
+    "MetresRouteConfig",
     "Mount",
     "OutputError",
     "Picture",
     "Progress",
+    "RandomRouteConfig",
     "Reading",
     "Rig",
     "RouteConfig",
+    "RouteError",
     "Scan",
     "Scene",
     "SemanticClass",
@@ -117,7 +130,9 @@ __all__ = [
     "load_experiment",
     "load_world",
     "parse_experiment",
+    "plan_route",
     "preview",
+    "random_route",
     "read_bag",
     "route_from_metres",
     "route_yaml",

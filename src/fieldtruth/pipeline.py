@@ -8,7 +8,7 @@ The stages are those of the paper's sections 3 and 4; each hands plain data to t
 import os
 from pathlib import Path
 
-from fieldtruth.drive import drive
+from fieldtruth.drive import drive, plan_route
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment
 from fieldtruth.record.folder import fingerprint, run_folder
@@ -44,6 +44,7 @@ def generate(
 
     Raises:
         OutputError: the folder is occupied, in use, unwritable or full.
+        RouteError: the route leads into something, or no free one of the wished length is found.
         DriveError: the robot cannot drive this route.
         EngineError: the ray engine is not the one that the kernels were written for.
     """
@@ -55,7 +56,8 @@ def generate(
         with progress.stage("build the world"):
             world = load_world(experiment.environment, experiment.seed)
         with progress.stage("drive"):
-            track = drive(world, experiment)
+            route = plan_route(world, experiment)
+            track = drive(world, experiment.model_copy(update={"route": route}))
         with progress.stage("prepare the scene"):
             scene = Scene(world, experiment.light)
             if rig.cameras.enabled:

@@ -13,6 +13,7 @@ from fieldtruth.drive.simulate import SimulatedHusky
 from fieldtruth.drive.watch import Watch
 from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.route import geodetic_route
 from fieldtruth.geodesy import geodetic_from_world
 from fieldtruth.world.model import Collider, Heightfield, Instance, Mesh, Raster, Terrain, World
 
@@ -41,6 +42,7 @@ def make_world(
     size: tuple[float, float] = (40.0, 20.0),
     spacing: float = 0.2,
     obstacles: Sequence[tuple[str, Collider, F8]] = (),
+    water_level: float | None = None,
 ) -> World:
     """``obstacles`` are name, collider and world_from_object."""
     field = make_field(height, size, spacing)
@@ -79,6 +81,7 @@ def make_world(
         instances=instances,
         materials={},
         textures={},
+        water_level=water_level,
     )
 
 
@@ -111,7 +114,8 @@ def make_robot(world: World, start: tuple[float, float] = (0.0, 0.0), *, yaw_deg
     """The settled robot without a route."""
     ahead = np.array(start) + 100 * np.array([np.cos(np.deg2rad(yaw_deg)), np.sin(np.deg2rad(yaw_deg))])
     experiment = make_experiment([(float(ahead[0]), float(ahead[1]))])
-    watch = Watch(world.size, WaypointFollower(experiment.route.waypoints, experiment.control), experiment.control)
+    waypoints = geodetic_route(experiment.route).waypoints
+    watch = Watch(world, WaypointFollower(waypoints, experiment.control), experiment.control)
     robot = SimulatedHusky(world, Rig(), watch)
     robot.place(world, np.array(start), ahead)
     return robot

@@ -184,6 +184,7 @@ def use_fakes(monkeypatch: pytest.MonkeyPatch) -> None:
     from fieldtruth import pipeline
 
     monkeypatch.setattr(pipeline, "load_world", make_world)
+    monkeypatch.setattr(pipeline, "plan_route", lambda world, experiment: experiment.route)
     monkeypatch.setattr(pipeline, "drive", make_track)
     monkeypatch.setattr(pipeline, "Scene", FakeScene)
     monkeypatch.setattr(pipeline, "Lidar", FakeLidar)

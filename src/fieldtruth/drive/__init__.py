@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The drive: a Husky in MuJoCo on the terrain among its obstacles, the way-point follower, the robot's own sensors."""
+"""The drive: a Husky in MuJoCo among obstacles, the way-point follower, the route's plan, the robot's own sensors."""
 
 from fieldtruth.drive.controller import WaypointFollower
 from fieldtruth.drive.husky import Command
+from fieldtruth.drive.plan import plan_route
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import (
     WHEELS,
@@ -25,5 +26,6 @@ __all__ = [
     "Track",
     "WaypointFollower",
     "drive",
+    "plan_route",
     "stamps_at_rate",
 ]

@@ -51,10 +51,13 @@ class WaypointFollower:
         if self.finished:
             return STOP
         north, west = self.waypoints_xy[self.target] - self._antenna_xy
-        error = math.remainder(math.atan2(west, north) - heading, math.tau)
-        limit = self._control.max_turn_rate
-        turn_rate = min(max(self._control.heading_gain * error, -limit), limit)
-        return Command(self._control.speed, turn_rate)
+        return Command(self._control.speed, turn_rate(math.atan2(west, north) - heading, self._control))
+
+
+def turn_rate(heading_error: float, control: ControlConfig) -> float:
+    """Turn rate [rad/s], proportional to the heading error [rad] up to the limit."""
+    wanted = control.heading_gain * math.remainder(heading_error, math.tau)
+    return min(max(wanted, -control.max_turn_rate), control.max_turn_rate)
 
 
 def horizontal_from_geodetic(geodetic: ArrayLike) -> Array:

@@ -21,6 +21,7 @@ from fieldtruth.drive.track import Motion, Track
 from fieldtruth.drive.watch import Watch
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.route import geodetic_route
 from fieldtruth.frames import Array, rotation_from_quaternion_wxyz
 from fieldtruth.world.model import World
 
@@ -38,11 +39,11 @@ def drive(world: World, experiment: Experiment, *, progress: Callable[[float], N
 
     ``progress`` is called after every simulated second with the simulated time [s]. Equal input gives equal bytes, and
     a shorter drive is the beginning of a longer one. Raises ``DriveError`` when the robot gets stuck, tips over,
-    touches an obstacle or leaves the world.
+    touches an obstacle, drives into water or leaves the world, and ``RouteError`` for a random route without a plan.
     """
-    rig, route = experiment.rig, experiment.route
+    rig, route = experiment.rig, geodetic_route(experiment.route)
     follower = WaypointFollower(route.waypoints, experiment.control)
-    watch = Watch(world.size, follower, experiment.control)
+    watch = Watch(world, follower, experiment.control)
     robot = SimulatedHusky(world, rig, watch)
     state = robot.place(world, horizontal_from_geodetic(route.start), follower.waypoints_xy[0])
     _show_fix(follower, state, rig)

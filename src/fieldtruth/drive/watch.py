@@ -9,6 +9,7 @@ from fieldtruth.drive.controller import WaypointFollower
 from fieldtruth.errors import DriveError
 from fieldtruth.experiment.config import ControlConfig
 from fieldtruth.frames import Array
+from fieldtruth.world.model import World
 
 MAX_TILT_DEG: Final = 60.0  # beyond it a Husky does not come back: half track 0.29 m over a centre of mass 0.19 m high
 STUCK_SECONDS: Final = 5.0
@@ -19,8 +20,10 @@ PATIENCE_SECONDS: Final = 30.0  # without coming nearer to the way-point, beside
 class Watch:
     """Looks at the state once per control step, and raises ``DriveError``."""
 
-    def __init__(self, size: tuple[float, float], follower: WaypointFollower, control: ControlConfig) -> None:
-        self._half_size = (size[0] / 2, size[1] / 2)
+    def __init__(self, world: World, follower: WaypointFollower, control: ControlConfig) -> None:
+        self._half_size = (world.size[0] / 2, world.size[1] / 2)
+        self._field = world.terrain.field
+        self._wet = None if world.water_level is None else self._field.heights < world.water_level
         self._follower = follower
         self._least_way = STUCK_SHARE * control.speed * STUCK_SECONDS
         self._patience = PATIENCE_SECONDS + math.tau / control.max_turn_rate
@@ -28,15 +31,22 @@ class Watch:
         self._nearer_at, self._nearest, self._target = 0.0, math.inf, -1
 
     def check(self, time_s: float, position: Array, quaternion_wxyz: Array) -> None:
-        """Raise if the robot at this pose of base_link has left the world, tipped over or makes no headway."""
+        """Raise if the robot at this pose of base_link has left the world, is in water, tipped over or stuck."""
         x, y = float(position[0]), float(position[1])
         if not (abs(x) <= self._half_size[0] and abs(y) <= self._half_size[1]):  # also true for nan
             self.fail("outside the world", time_s, x, y)
+        if self._wet is not None and self._wet[self._node(x, y)]:
+            self.fail("in the water", time_s, x, y)
         up = 1 - 2 * float(quaternion_wxyz[1] ** 2 + quaternion_wxyz[2] ** 2)
         if up < math.cos(math.radians(MAX_TILT_DEG)):
             self.fail("tipped over", time_s, x, y)
         if not self._follower.finished:
             self._check_headway(time_s, x, y)
+
+    def _node(self, x: float, y: float) -> tuple[int, int]:
+        """The terrain's node that is nearest; the world does not reach beyond its nodes."""
+        field = self._field
+        return round((x - field.x0) / field.spacing), round((y - field.y0) / field.spacing)
 
     def _check_headway(self, time_s: float, x: float, y: float) -> None:
         if math.dist((x, y), self._moved_from) > self._least_way:

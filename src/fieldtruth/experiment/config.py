@@ -67,7 +67,7 @@ class MetresRouteConfig(Frozen):
 class WanderConfig(Frozen):
     """A route that the program finds: how far to drive [m], and which of the many ways of that length."""
 
-    length_m: Annotated[Number, Field(ge=10, le=5000)]
+    length_m: Annotated[Number, Field(ge=20, le=5000)]
     seed: Annotated[Whole, Field(ge=0, lt=2**63)]
 
 

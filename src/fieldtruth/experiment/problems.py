@@ -35,7 +35,7 @@ def _complaint(model: type[BaseModel], kind: str, loc: Sequence[int | str], valu
     if kind in UNKNOWN_KEY:
         key = dotted((*loc[:-1], str(loc[-1])))
         parent, _ = _field(model, loc[:-1])
-        keys = nearest_first(str(loc[-1]), [name for home in _models(parent) for name in home.model_fields])
+        keys = nearest_first(str(loc[-1]), [name for home in models_of(parent) for name in home.model_fields])
         return f"no key {key!r}; there is: {', '.join(dotted((*loc[:-1], k)) for k in keys)}"
     if kind == "value_error":  # a rule across fields, which says itself what is right
         text = message.removeprefix("Value error, ")
@@ -55,12 +55,12 @@ def shortened(value: object) -> str:
     return text if len(text) <= LONGEST_VALUE else f"{text[:LONGEST_VALUE]}..."
 
 
-def _models(annotation: Any) -> list[type[BaseModel]]:
+def models_of(annotation: Any) -> list[type[BaseModel]]:
     """The model, or the several ones of which one is chosen; their keys differ."""
     if get_origin(annotation) is Annotated:
-        return _models(get_args(annotation)[0])
+        return models_of(get_args(annotation)[0])
     if get_origin(annotation) in (Union, UnionType):
-        return [model for choice in get_args(annotation) for model in _models(choice)]
+        return [model for choice in get_args(annotation) for model in models_of(choice)]
     return [annotation] if isinstance(annotation, type) and issubclass(annotation, BaseModel) else []
 
 
@@ -71,7 +71,7 @@ def _without_tags(model: type[BaseModel], loc: Sequence[int | str]) -> tuple[int
     for step in loc:
         if not at_choice:
             place = (*place, step)
-        at_choice = not at_choice and len(_models(_field(model, place)[0])) > 1
+        at_choice = not at_choice and len(models_of(_field(model, place)[0])) > 1
     return place
 
 
@@ -79,7 +79,7 @@ def _field(model: Any, loc: Sequence[int | str]) -> tuple[Any, FieldInfo]:
     """Type and constraints of the place ``loc`` below ``model``, as far as it exists."""
     annotation, info = model, FieldInfo()
     for step in loc:
-        homes = [home for home in _models(annotation) if step in home.model_fields]
+        homes = [home for home in models_of(annotation) if step in home.model_fields]
         if homes:
             info = homes[0].model_fields[str(step)]
         elif get_origin(annotation) is tuple and isinstance(step, int):
@@ -100,8 +100,8 @@ def allowed_at(model: type[BaseModel], loc: Sequence[int | str]) -> str:
     annotation, info = _field(model, loc)
     if info.description:
         return info.description
-    if _models(annotation):
-        return f"a mapping with the keys {', '.join(_models(annotation)[0].model_fields)}"
+    if models_of(annotation):
+        return f"a mapping with the keys {', '.join(models_of(annotation)[0].model_fields)}"
     if get_origin(annotation) is tuple:
         items = get_args(annotation)
         return "a list of at least one" if Ellipsis in items else f"a list of {len(items)} numbers"

@@ -1,0 +1,91 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A drive without ground: a unicycle that obeys the way-point follower, milliseconds for what physics does in minutes.
+
+The law is the follower's own: the antenna's fixes at their rate, the arrival distance, the turn rate and its limit.
+"""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from fieldtruth.drive.controller import turn_rate
+from fieldtruth.experiment.config import ControlConfig, Experiment
+from fieldtruth.frames import Array
+
+STEP_S: Final = 0.05
+_PATIENCE_S: Final = 30.0
+
+
+class Stage(NamedTuple):
+    """Where the robot is and what it knows: x, y [m], heading [rad], the last fix [m], time since then [s]."""
+
+    x: float
+    y: float
+    heading: float
+    fix: tuple[float, float]
+    fix_age: float = 0.0
+
+
+class Rehearsal:
+    """Drives from way-point to way-point with the controls and the receiver of an experiment."""
+
+    def __init__(self, experiment: Experiment) -> None:
+        self.control: ControlConfig = experiment.control
+        self._fix_period = 1.0 / experiment.rig.gnss.rate_hz
+        self._antenna = experiment.rig.gnss.mount.xyz[:2]
+
+    def start(self, start_xy: Array, ahead_xy: Array) -> Stage:
+        """Stand at ``start_xy`` [m], facing ``ahead_xy``, with a first fix."""
+        x, y = map(float, start_xy)
+        heading = math.atan2(float(ahead_xy[1]) - y, float(ahead_xy[0]) - x)
+        return Stage(x, y, heading, self._seen(x, y, heading))
+
+    def leg(self, stage: Stage, target_xy: Array) -> tuple[Array, Stage | None]:
+        """Drive until a fix lies within the arrival distance of ``target_xy`` [m].
+
+        Returns:
+            Poses (n, 3) of x, y [m] and heading [rad] on the way, the first one ``stage``'s; and the stage on arrival,
+            None if the robot does not get there, but circles about it.
+        """
+        tx, ty = map(float, target_xy)
+        x, y, heading, fix, age = stage
+        poses = [(x, y, heading)]
+        control = self.control
+        longest = _PATIENCE_S + math.tau / control.max_turn_rate + 2 * math.dist((x, y), (tx, ty)) / control.speed
+        for _ in range(int(longest / STEP_S)):
+            if math.dist(fix, (tx, ty)) < control.arrival_distance:
+                return np.array(poses), Stage(x, y, heading, fix, age)
+            turn = turn_rate(math.atan2(ty - fix[1], tx - fix[0]) - heading, control) * STEP_S
+            x += control.speed * STEP_S * math.cos(heading + turn / 2)
+            y += control.speed * STEP_S * math.sin(heading + turn / 2)
+            heading += turn
+            poses.append((x, y, heading))
+            age += STEP_S
+            if age >= self._fix_period - 1e-9:
+                age = max(0.0, age - self._fix_period) if age < 2 * self._fix_period else 0.0
+                fix = self._seen(x, y, heading)
+        return np.array(poses), None
+
+    def legs(self, corners: Array) -> tuple[list[Array], int | None]:
+        """Drive a whole route of (1 + n, 2) [m]: poses of each leg, and the leg that has no end, if there is one."""
+        stage: Stage | None = self.start(corners[0], corners[1])
+        legs = []
+        for row, target in enumerate(corners[1:]):
+            assert stage is not None
+            poses, stage = self.leg(stage, target)
+            legs.append(poses)
+            if stage is None:
+                return legs, row
+        return legs, None
+
+    def _seen(self, x: float, y: float, heading: float) -> tuple[float, float]:
+        forward, left = self._antenna
+        cos, sin = math.cos(heading), math.sin(heading)
+        return x + cos * forward - sin * left, y + sin * forward + cos * left
+
+
+def way_length(poses: Array) -> float:
+    """Length [m] of a path through poses (n, 2 or 3)."""
+    return float(np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1).sum())

@@ -1,0 +1,150 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Where the robot can be, whatever its heading: a grid of what is in its way, and of the room around it."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import distance_transform_edt, maximum_filter, uniform_filter
+
+from fieldtruth.drive.husky import OUTLINE
+from fieldtruth.drive.outlines import Outline, distance_to, obstacle_outlines
+from fieldtruth.frames import Array
+from fieldtruth.world.model import Heightfield, World
+
+ROBOT_RADIUS: Final = float(np.hypot(*OUTLINE[:2])) / 2
+"""[m] from its middle to its corners."""
+CELL: Final = 0.1  # [m]
+MAX_SLOPE_DEG: Final = 20.0
+MAX_BUMP: Final = 0.1  # [m] above or below the mean ground under the robot; its belly is 0.13 m above the ground
+EDGE: Final = 1.5  # [m] from the world's edge that its middle keeps
+FREEBOARD: Final = 0.05  # [m]; ground that is lower above the water counts as water
+
+
+class Bar(IntEnum):
+    """What is in the way at a place."""
+
+    NOTHING = 0
+    OBSTACLE = 1
+    WATER = 2
+    STEEP = 3
+    ROUGH = 4
+    EDGE = 5
+
+
+BAR_TEXTS: Final = {
+    Bar.OBSTACLE: "in an obstacle",
+    Bar.WATER: "in the water",
+    Bar.STEEP: f"on a slope of more than {MAX_SLOPE_DEG:.0f} deg",
+    Bar.ROUGH: f"on ground with a step or bump of more than {MAX_BUMP} m",
+    Bar.EDGE: f"outside the world or nearer than {EDGE} m to its edge",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Traversability:
+    """``bars[i, j]`` (nx, ny), values of ``Bar``, stands at x = x0 + i * CELL, y = y0 + j * CELL [m].
+
+    ``clearance`` (nx, ny) [m]: room that remains around the robot's middle there, over all headings; below 0 where its
+    outline would touch an obstacle or water in some heading, or where it would stand too steep, too rough, too far out.
+    """
+
+    bars: NDArray[np.uint8]
+    clearance: NDArray[np.float32]
+    x0: float
+    y0: float
+    outlines: tuple[Outline, ...]
+
+    def clearance_at(self, places: ArrayLike) -> Array:
+        """Clearance [m], (n,), in the cells of places (n, 2); beyond the grid -inf."""
+        i, j, inside = self._cells(places)
+        return np.where(inside, self.clearance[i, j], -np.inf)
+
+    def bar_at(self, places: ArrayLike) -> NDArray[np.uint8]:
+        """What is in the way, (n,), in the cells of places (n, 2); beyond the grid it is the edge."""
+        i, j, inside = self._cells(places)
+        return np.where(inside, self.bars[i, j], np.uint8(Bar.EDGE)).astype(np.uint8)
+
+    def _cells(self, places: ArrayLike) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+        nx, ny = self.bars.shape
+        places = np.asarray(places, np.float64).reshape(-1, 2)
+        i = np.rint((places[:, 0] - self.x0) / CELL).astype(np.int64)
+        j = np.rint((places[:, 1] - self.y0) / CELL).astype(np.int64)
+        inside = (i >= 0) & (i < nx) & (j >= 0) & (j < ny)
+        return np.clip(i, 0, nx - 1), np.clip(j, 0, ny - 1), inside
+
+    @cached_property
+    def circles(self) -> Array:
+        """Circles (n, 3) about the outlines: x, y, radius [m]."""
+        return np.array([outline.circle for outline in self.outlines]).reshape(-1, 3)
+
+
+def traversability(world: World) -> Traversability:
+    """Look over a world: colliders, water, slope over the robot's length, bumps, the world's edge."""
+    x, y = (np.linspace(-s / 2, s / 2, round(s / CELL) + 1) for s in world.size)
+    outlines = obstacle_outlines(world)
+    bars = np.zeros((len(x), len(y)), np.uint8)
+    _bar_ground(bars, world, x, y)
+    bars[_near_edge(x, y, world.size)] = Bar.EDGE
+    here = bars != Bar.NOTHING
+    solid = bars == Bar.WATER
+    for outline in outlines:
+        _bar_outline(bars, solid, outline, x, y)
+    # Half a cell: both places are known to the nearest cell only.
+    clearance = (
+        distance_transform_edt(~solid) * CELL - ROBOT_RADIUS - CELL / 2 if solid.any() else np.full(bars.shape, np.inf)
+    )
+    if here.any():
+        away = distance_transform_edt(~here) * CELL - CELL / 2
+        clearance = np.minimum(clearance, away)
+    return Traversability(
+        bars=bars, clearance=clearance.astype(np.float32), x0=float(x[0]), y0=float(y[0]), outlines=tuple(outlines)
+    )
+
+
+def _near_edge(x: Array, y: Array, size: tuple[float, float]) -> NDArray[np.bool_]:
+    along, across = (np.abs(axis) > s / 2 - EDGE + 1e-9 for axis, s in zip((x, y), size, strict=True))
+    return np.asarray(along[:, None] | across[None, :])
+
+
+def _bar_ground(bars: NDArray[np.uint8], world: World, x: Array, y: Array) -> None:
+    field = world.terrain.field
+    slope, bump = slope_and_bump(field)
+    i, j = (
+        np.clip(np.rint((axis - start) / field.spacing).astype(int), 0, count - 1)
+        for axis, start, count in zip((x, y), (field.x0, field.y0), field.heights.shape, strict=True)
+    )
+    cells = np.ix_(i, j)
+    bars[(bump > MAX_BUMP)[cells]] = Bar.ROUGH
+    bars[(slope > np.tan(np.radians(MAX_SLOPE_DEG)))[cells]] = Bar.STEEP
+    if world.water_level is not None:
+        bars[(field.heights < world.water_level + FREEBOARD)[cells]] = Bar.WATER
+
+
+def slope_and_bump(field: Heightfield) -> tuple[Array, Array]:
+    """Slope (nx, ny) of the ground over the robot's length, and the greatest bump [m] on it below the robot."""
+    heights = field.heights.astype(np.float64)
+    under = max(3, 2 * round(OUTLINE[0] / 2 / field.spacing) + 1)  # nodes
+    mean = uniform_filter(heights, under, mode="nearest")
+    slope = np.hypot(*np.gradient(mean, field.spacing))
+    # A plane has no bumps, however steep; at the field's edge a window that sticks out would see some.
+    bump = np.abs(heights - mean)
+    for side in range(2):
+        np.moveaxis(bump, side, 0)[: under // 2] = 0.0
+        np.moveaxis(bump, side, 0)[-(under // 2) :] = 0.0
+    width = max(1, 2 * round(OUTLINE[1] / 2 / field.spacing) + 1)
+    return slope, maximum_filter(bump, width, mode="nearest")
+
+
+def _bar_outline(bars: NDArray[np.uint8], solid: NDArray[np.bool_], outline: Outline, x: Array, y: Array) -> None:
+    (low_x, low_y), (high_x, high_y) = outline.corners.min(axis=0) - CELL, outline.corners.max(axis=0) + CELL
+    rows = slice(*np.searchsorted(x, (low_x, high_x)))
+    columns = slice(*np.searchsorted(y, (low_y, high_y)))
+    places = np.stack(np.meshgrid(x[rows], y[columns], indexing="ij"), axis=-1)
+    inside = distance_to(outline, places.reshape(-1, 2)).reshape(places.shape[:2]) <= CELL / np.sqrt(2)
+    bars[rows, columns][inside] = Bar.OBSTACLE
+    solid[rows, columns] |= inside
