@@ -1,0 +1,68 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Bounds on the slope of a heightfield that differ from place to place, as along a route that a robot must drive.
+
+The gradient is cut to what is allowed and summed up again by Poisson's equation (as Fattal, Lischinski and Werman did
+with light, SIGGRAPH 2002). Both "is a gradient" and "is nowhere too steep" are convex, so going back and forth between
+them comes to a surface that is both (von Neumann's alternating projections). A route across a steep flank becomes a
+shelf, with the hill's shape kept on either side, and without an edge anywhere.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import fft
+
+from fieldtruth.world.model import Heightfield
+
+Array = NDArray[np.float64]
+
+
+def slope_limit(distance: Array, *, within: float, beyond: float, near: float, far: float) -> Array:
+    """Steepest slope allowed [rise over run] at ``distance`` [m] from a route.
+
+    ``within`` [deg] up to ``near`` [m], ``beyond`` [deg] from ``far`` [m] on, smooth between.
+    """
+    t = np.clip((distance - near) / (far - near), 0.0, 1.0)
+    return np.asarray(np.tan(np.radians(within + (beyond - within) * t * t * (3.0 - 2.0 * t))))
+
+
+def gentled(heights: Array, spacing: float, limit: ArrayLike, *, rounds: int = 40, tighter: float = 0.96) -> Array:
+    """Heights (nx, ny) [m] whose slope nowhere exceeds ``limit`` [rise over run], a number or one for each node.
+
+    The mean height stays. Each round aims at ``tighter`` times the limit, so that a few rounds come below it.
+    """
+    h = np.array(heights, np.float64)
+    aim = np.broadcast_to(np.asarray(limit, np.float64) * tighter, h.shape)
+    nx, ny = h.shape
+    waves = 2 * np.cos(np.pi * np.arange(nx) / nx)[:, None] + 2 * np.cos(np.pi * np.arange(ny) / ny) - 4
+    waves[0, 0] = 1.0
+    mean = h.mean()
+    for _ in range(rounds):
+        along, across = np.diff(h, axis=0) / spacing, np.diff(h, axis=1) / spacing
+        share = np.minimum(1.0, aim / np.maximum(_steepness(along, across), 1e-9))
+        if share.min() > tighter - 0.005:
+            break
+        along = along * np.minimum(share[1:], share[:-1]) * spacing
+        across = across * np.minimum(share[:, 1:], share[:, :-1]) * spacing
+        divergence = np.zeros_like(h)
+        divergence[:-1] += along
+        divergence[1:] -= along
+        divergence[:, :-1] += across
+        divergence[:, 1:] -= across
+        spectrum = fft.dctn(divergence, type=2) / waves
+        spectrum[0, 0] = 0.0
+        h = fft.idctn(spectrum, type=2) + mean
+    return h
+
+
+def steepest(field: Heightfield) -> Array:
+    """Slope [rise over run] at each node (nx, ny): that of the steeper of the cells' sides that meet there."""
+    h = field.heights.astype(np.float64)
+    return _steepness(np.diff(h, axis=0) / field.spacing, np.diff(h, axis=1) / field.spacing)
+
+
+def _steepness(along: Array, across: Array) -> Array:
+    a, b = np.abs(along), np.abs(across)
+    a = np.maximum(np.pad(a, ((1, 0), (0, 0))), np.pad(a, ((0, 1), (0, 0))))
+    b = np.maximum(np.pad(b, ((0, 0), (1, 0))), np.pad(b, ((0, 0), (0, 1))))
+    return np.asarray(np.hypot(a, b))
