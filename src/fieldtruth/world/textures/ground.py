@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Grounds seen from above: lawns, soil, mulch, leaf litter, gravel, setts, and a meadow from afar.
+"""Grounds seen from above: lawns, soil, mulch, leaf litter, gravel, setts, dry turf, scree; and land from afar.
 
-A tile is 1.5 m of lawn, soil, mulch, litter and gravel, 0.5 m of setts, 40 m of meadow. Fine things are drawn at
+A tile is 1.5 m of ground near by (scree 2.5 m), 0.5 m of setts, 40 m of land from afar. Fine things are drawn at
 twice the resolution and averaged, so that a blade of grass covers part of a pixel.
 """
 
@@ -52,7 +52,10 @@ _TIRED = [(84, 90, 48), (110, 112, 64), (132, 128, 80), (148, 142, 96)]
 _STRAW = [(116, 102, 64), (152, 138, 92), (176, 162, 116)]
 
 
-def _grass(rng: Rng, *, blades: int, straw: float, clover: int, greens: list[tuple[int, int, int]]) -> Image:
+def _grass(
+    rng: Rng, *, blades: int, straw: float, clover: int, greens: list[tuple[int, int, int]],
+    earth: tuple[tuple[int, int, int], tuple[int, int, int]] = ((48, 40, 28), (92, 78, 54)),
+) -> Image:  # fmt: skip
     patches = noise(rng, FINE, 3, 24, slope=0.8)
     grass = strokes(rng, FINE, blades, (7.0, 24.0), 2.2, 0.5)
     leaves = stamps(
@@ -63,7 +66,7 @@ def _grass(rng: Rng, *, blades: int, straw: float, clover: int, greens: list[tup
     dead = np.concatenate([rng.random(blades), np.ones(clover)]).astype(np.float32)[relief.owner]
     green = mix(greens, 0.75 * tone + 0.08 * patches + 0.1)
     colour = np.where((dead < straw * np.exp(0.35 * patches))[..., None], mix(_STRAW, tone), green)
-    soil = mix([(48, 40, 28), (92, 78, 54)], 0.5 + 0.2 * noise(rng, FINE, 20, 300))
+    soil = mix(earth, 0.5 + 0.2 * noise(rng, FINE, 20, 300))
     colour = np.where((relief.owner < 0)[..., None], soil, colour)
     light = (0.42 + 0.62 * relief.height) * crevices(relief.height, 3.0, 0.6)
     return even_out(halve(colour * light[..., None]))
@@ -266,6 +269,94 @@ def water(rng: Rng) -> Image:
     return np.asarray(mix([(38, 44, 30), (46, 54, 38), (54, 60, 40)], cloud), np.float32)
 
 
+def turf_dry(rng: Rng) -> Image:
+    """Turf of a dry mountain in summer: bleached stalks with soil and pebbles between them."""
+    grass = _grass(rng, blades=17_000, straw=0.93, clover=1, greens=_TIRED, earth=((92, 70, 46), (150, 122, 86)))
+    relief = settle(FINE, [_pebbles(rng, 500, (2.0, 11.0), power=1.7, rise=(0.3, 0.9))])
+    tone = rng.random(500).astype(np.float32)[relief.owner]
+    stone = mix([(96, 86, 72), (130, 120, 104), (148, 138, 122)], tone) * (0.6 + 0.4 * _dome(relief))[..., None]
+    bare = np.clip(noise(rng, FINE, 3, 40, slope=0.8) * 1.5 - 0.2, 0, 1)
+    shown = halve(((relief.owner >= 0) * bare)[..., None].astype(np.float32))
+    return even_out(np.asarray(grass * (1 - shown) + halve(stone) * shown, np.float32))
+
+
+_OCHRE = [(108, 84, 58), (148, 120, 86), (176, 148, 110)]
+
+
+def soil_stony(rng: Rng) -> Image:
+    """Thin dry soil of a hillside: ochre dust, full of angular stones up to 8 cm."""
+    count = 9_000
+    relief = settle(FINE, [_shards(rng, count, (1.5, 26.0), power=1.75)])
+    dust = mix(_OCHRE, 0.5 + 0.2 * noise(rng, FINE, 4, 60, slope=0.9) + 0.12 * noise(rng, FINE, 60, 500, slope=0.2))
+    colour = np.where((relief.owner < 0)[..., None], dust, _shard_colour(rng, relief, count))
+    return even_out(halve(np.asarray(colour * crevices(relief.height, 3.0, 0.6)[..., None], np.float32)))
+
+
+def scree(rng: Rng) -> Image:
+    """Broken limestone that covers the ground, splinters of 1 to 20 cm one over the other."""
+    count = 16_000
+    relief = settle(FINE, [_shards(rng, count, (3.0, 60.0), power=2.0)])
+    dust = mix(_OCHRE, 0.35 + 0.2 * noise(rng, FINE, 4, 60, slope=0.9)) * np.float32(0.7)
+    colour = np.where((relief.owner < 0)[..., None], dust, _shard_colour(rng, relief, count))
+    light = (0.55 + 0.45 * relief.height) * crevices(relief.height, 5.0, 0.7)
+    return even_out(halve(np.asarray(colour * light[..., None], np.float32)))
+
+
+def _shards(rng: Rng, count: int, radius: tuple[float, float], *, power: float) -> Samples:
+    """Splinters with straight sides, N(>r) falling as r^-power; large ones lie on top."""
+    low, high = radius[0] ** -power, radius[1] ** -power
+    size = (low + rng.random(count) * (high - low)) ** (-1 / power)
+    turn = (np.arange(6) / 6 * 2 * np.pi + rng.uniform(-0.5, 0.5, (count, 6))).astype(np.float32)
+    reach = rng.uniform(0.55, 0.95, (count, 6)).astype(np.float32)
+
+    def profile(a: Image, b: Image, rows: NDArray[np.intp]) -> Image:
+        edge = np.full(a.shape, 1.0, np.float32)
+        for k in range(6):
+            edge = np.minimum(edge, 1 - (a * np.cos(turn[rows, k]) + b * np.sin(turn[rows, k])) / reach[rows, k])
+        return np.asarray(np.where(edge > 0, np.minimum(1, 0.35 + 3 * edge), -1), np.float32)
+
+    top = 0.25 + 0.7 * (size - radius[0]) / (radius[1] - radius[0]) + 0.25 * rng.random(count)
+    return stamps(rng, FINE, size, size * rng.uniform(0.55, 0.95, count), profile, np.minimum(top, 1.0))
+
+
+def _shard_colour(rng: Rng, relief: Relief, count: int) -> Image:
+    """Each splinter's own tone, and its own light as its face leans."""
+    tone, lean, turn = rng.random(count), rng.uniform(0.05, 0.3, count), rng.uniform(0, 2 * np.pi, count)
+    across = np.cos(turn)[relief.owner] * relief.a + np.sin(turn)[relief.owner] * relief.b
+    light = 1 + lean[relief.owner] * across + 0.07 * noise(rng, FINE, 40, 400, slope=0.4)
+    stone = mix(
+        [(118, 102, 82), (154, 138, 114), (182, 167, 142), (164, 132, 96)], tone.astype(np.float32)[relief.owner]
+    )
+    return np.asarray(stone * light[..., None], np.float32)
+
+
+def garrigue(rng: Rng) -> Image:
+    """Dry mountainside from afar: straw and bare ochre, pale rocks, dark dots of shrubs; one pixel is 8 cm."""
+    patch, fine = noise(rng, N, 4, 50, slope=0.9), noise(rng, N, 40, 256, slope=0.3)
+    colour = mix([(128, 108, 76), (160, 142, 100), (176, 160, 118), (188, 174, 138)], 0.5 + 0.16 * patch + 0.08 * fine)
+    count = 2_600
+    size = rng.gamma(3.0, 1.1, count).clip(1.2, 9)
+    shrubs = settle(N, [stamps(rng, N, size, size * rng.uniform(0.7, 1, count), _stone(
+        rng.uniform(0, 2 * np.pi, (count, 4)).astype(np.float32)), rng.uniform(0.3, 1, count))])  # fmt: skip
+    kind = rng.random(count).astype(np.float32)[shrubs.owner]
+    green = mix([(58, 64, 38), (84, 88, 52), (110, 108, 70)], kind / 0.72) * (0.6 + 0.4 * shrubs.height)[..., None]
+    stone = mix([(150, 144, 132), (190, 184, 172)], (kind - 0.72) / 0.28) * (0.7 + 0.3 * shrubs.height)[..., None]
+    thing = np.where((kind < 0.72)[..., None], green, stone)
+    colour = np.where((shrubs.owner >= 0)[..., None], thing, colour * crevices(shrubs.height, 2.0, 0.5)[..., None])
+    return even_out(np.asarray(colour, np.float32), cycles=5)
+
+
+def crags(rng: Rng) -> Image:
+    """Bare rock of a mountain from afar, broken by ledges and gullies; one pixel is 8 cm."""
+    grain, patch = noise(rng, N, 20, 256, slope=0.6), noise(rng, N, 4, 60, slope=1.0)
+    beds = noise(rng, N, 6, 120, slope=0.9, stretch=0.25)
+    crack = sum(np.exp(-((noise(rng, N, low, 8 * low, slope=0.9) / 0.12) ** 2)) for low in (5, 12))
+    rock = mix([(112, 104, 92), (150, 142, 128), (182, 174, 160)], 0.5 + 0.13 * grain + 0.13 * patch + 0.1 * beds)
+    rock *= (1 - 0.3 * np.minimum(crack, 1))[..., None]
+    ledge = np.clip(noise(rng, N, 8, 90, slope=0.7) - 0.9, 0, 1)[..., None]
+    return even_out(np.asarray(rock * (1 - ledge) + linear((122, 112, 74)) * ledge, np.float32), cycles=5)
+
+
 RECIPES: Final[Mapping[str, Recipe]] = MappingProxyType(
     {
         "lawn": Recipe(lawn, (0.105, 0.126, 0.041)),
@@ -276,6 +367,11 @@ RECIPES: Final[Mapping[str, Recipe]] = MappingProxyType(
         "gravel": Recipe(gravel, (0.305, 0.270, 0.214)),
         "setts": Recipe(setts, (0.205, 0.192, 0.172)),
         "meadow": Recipe(meadow, (0.115, 0.130, 0.050)),
+        "turf_dry": Recipe(turf_dry, (0.235, 0.195, 0.112)),
+        "soil_stony": Recipe(soil_stony, (0.205, 0.163, 0.112)),
+        "scree": Recipe(scree, (0.235, 0.208, 0.168)),
+        "garrigue": Recipe(garrigue, (0.200, 0.168, 0.100)),
+        "crags": Recipe(crags, (0.225, 0.205, 0.170)),
         "rough_grass": Recipe(rough_grass, (0.095, 0.110, 0.038)),
         "mud": Recipe(mud, (0.085, 0.068, 0.046)),
         "water": Recipe(water, (0.024, 0.031, 0.021)),
