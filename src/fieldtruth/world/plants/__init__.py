@@ -3,6 +3,7 @@
 """Grown plants: trees and bushes of trunk, branches and single leaves; grass and herbs of single blades."""
 
 from fieldtruth.world.plants.catalogue import BUSHES, SPECIES
+from fieldtruth.world.plants.clumps import grow_clump
 from fieldtruth.world.plants.deadwood import grow_log, grow_snag, grow_stump, room_along
 from fieldtruth.world.plants.plant import grow_bush, grow_tree
 from fieldtruth.world.plants.species import GrownIn, Species
@@ -17,6 +18,7 @@ __all__ = [
     "Species",
     "Tuft",
     "grow_bush",
+    "grow_clump",
     "grow_log",
     "grow_snag",
     "grow_stump",

@@ -20,7 +20,7 @@ from fieldtruth.world.plants.meshing import Surface
 
 STEPS: Final = 24
 """Steps in which a midrib is bent."""
-UPWARD_BLEND: Final = 0.5
+UPWARD_BLEND: Final = 0.6
 """Weight of "up" in a blade's shading normal."""
 _UP: Final = np.array([0.0, 0.0, 1.0])
 _LEVELS: Final = np.array([0.3, 0.62, 0.86])  # of the length, where a blade's pairs of vertices are
@@ -86,7 +86,7 @@ def strips(path: Array, width: Array, depth: Array, roll: Array, twist: Array, b
         vertices = np.concatenate([root, left, path[:, -1:], right], 1)
         normals = np.concatenate([ends[0], own + bulge, ends[1], own - bulge], 1)
         u, v = np.concatenate([centre, u_left, centre, u_right], 1), np.concatenate([zero, v, one, v], 1)
-        pattern = [[0, 1, 2], [0, 2, 3]]
+        pattern = [[0, 1, 3], [1, 2, 3]]
     else:
         vertices = np.concatenate([root, left, right, path[:, -1:]], 1)
         normals = np.concatenate([ends[0], own + bulge, own - bulge, ends[1]], 1)

@@ -32,13 +32,13 @@ def blade(
     veins = noise(rng, N, 14, 60, slope=0.2, stretch=400.0)
     fleck = noise(rng, N, 3, 40, slope=0.7, stretch=6.0)
     colour = mix(tones, 0.5 + 0.17 * band + 0.07 * fleck) * (1 + 0.10 * veins)[..., None]
-    low = np.clip(1 - v / 0.42 + 0.15 * band, 0, 1)[..., None] ** 1.5
+    low = np.clip(1 - v / 0.55 + 0.15 * band, 0, 1)[..., None]
     colour = colour * (1 - low) + linear(foot) * low
     high = 0.75 * np.clip((v - 0.80 + 0.07 * band) / 0.2, 0, 1)[..., None]
     colour = colour * (1 - high) + linear(tip) * high
     brown = spots * np.clip(fleck - 1.3, 0, 1)[..., None]
     colour = colour * (1 - brown) + linear((116, 92, 52)) * brown
-    return np.asarray(colour * (0.35 + 0.65 * np.clip(v / 0.5, 0, 1))[..., None], np.float32)
+    return np.asarray(colour * (0.5 + 0.5 * np.clip(v / 0.6, 0, 1))[..., None], np.float32)
 
 
 def chaff(rng: Rng, *, tones: Tones) -> Image:

@@ -55,16 +55,16 @@ _BUSHES: Final = {
 
 _HERBS: Final = {
     "blade_green": Recipe(
-        partial(herbage.blade, tones=_GRASS, foot=(112, 104, 62), tip=(150, 136, 84)), (0.074, 0.100, 0.031)
+        partial(herbage.blade, tones=_GRASS, foot=(148, 128, 84), tip=(168, 150, 98)), (0.074, 0.100, 0.031)
     ),
     "blade_fine": Recipe(
-        partial(herbage.blade, tones=_FINE, foot=(84, 82, 46), tip=(112, 116, 62), spots=0.2), (0.050, 0.080, 0.023)
+        partial(herbage.blade, tones=_FINE, foot=(112, 98, 58), tip=(112, 116, 62), spots=0.2), (0.050, 0.080, 0.023)
     ),
     "blade_dry": Recipe(
         partial(herbage.blade, tones=_STRAW, foot=(120, 96, 62), tip=(204, 186, 142)), (0.255, 0.200, 0.108)
     ),
     "blade_reed": Recipe(
-        partial(herbage.blade, tones=_REED, foot=(128, 112, 70), tip=(160, 142, 92)), (0.092, 0.112, 0.044)
+        partial(herbage.blade, tones=_REED, foot=(146, 124, 82), tip=(160, 142, 92)), (0.092, 0.112, 0.044)
     ),
     "blade_seed": Recipe(partial(herbage.chaff, tones=_HUSK), (0.220, 0.160, 0.090)),
     "blade_plume": Recipe(
