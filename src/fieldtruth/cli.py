@@ -27,6 +27,7 @@ examples:
   fieldtruth generate park_1 --seconds 5           five seconds of the first experiment, in data/park_1
   fieldtruth generate park_1 --no-cameras          LiDAR, IMU, GNSS and tachometers alone: minutes, not hours
   fieldtruth generate data/park_1/experiment.yaml --out again     the same bag once more
+  fieldtruth preview park --seed 7                 one picture of the place, its routes, views, cloud and classes
 """
 
 
@@ -112,14 +113,58 @@ def _list(options: argparse.Namespace) -> None:
             print(f"  {name:<{width}}  {description}".rstrip())
 
 
+def _preview(options: argparse.Namespace) -> None:
+    from fieldtruth.experiment.catalogue import environment_names
+    from fieldtruth.report.image_file import check_image_path, is_jpeg, write_image
+
+    if options.environment not in environment_names():
+        raise UnknownNameError("environment", options.environment, environment_names())
+    path = options.out if options.out is not None else Path(f"{options.environment}_{options.seed}_preview.png")
+    check_image_path(path, overwrite=options.overwrite)
+    # After the checks: physics, compiled kernels and the drawing library take seconds to load.
+    from fieldtruth.report.preview import WIDTH, WIDTH_IN_DOCUMENTS, preview
+    from fieldtruth.report.progress import show_progress
+
+    width = WIDTH_IN_DOCUMENTS if is_jpeg(path) else WIDTH
+    with show_progress() as progress:
+        sheet = preview(options.environment, options.seed, width=width, workers=options.workers, progress=progress)
+    write_image(path, sheet, overwrite=options.overwrite)
+    print(f"{path}: {sheet.shape[1]} x {sheet.shape[0]} pixels, {path.stat().st_size / 1e6:.1f} MB")
+
+
+def _shares(options: argparse.Namespace) -> None:
+    import json
+
+    from fieldtruth.experiment.catalogue import experiment_names
+    from fieldtruth.experiment.files import load_experiment, with_overrides
+
+    if options.all == bool(options.experiments):
+        raise UsageError(f"needed is --all or at least one experiment; there is: {', '.join(experiment_names())}")
+    names = experiment_names() if options.all else options.experiments
+    experiments = [with_overrides(load_experiment(name), seed=options.seed) for name in names]
+    from fieldtruth.report.progress import show_progress
+    from fieldtruth.report.shares import shares_of, shares_table
+
+    with show_progress() as progress:
+        shares = shares_of(experiments, workers=options.workers, progress=progress)
+    counts = {name: found.as_dict() for name, found in shares.items()}
+    print(json.dumps(counts) if options.json else shares_table(shares))
+
+
 def _bench(options: argparse.Namespace) -> None:
     import json
 
-    from fieldtruth.bench import run, table
+    from fieldtruth.bench import run, run_all, settings_of, table, table_of_all
     from fieldtruth.report.progress import show_progress
 
+    if options.env == "all":
+        with show_progress() as progress:
+            everything = run_all(progress)
+        print(json.dumps(everything) if options.json else table_of_all(everything))
+        return
+    settings = settings_of(options.env)
     with show_progress() as progress:
-        figures = run(progress=progress)
+        figures = run(settings, progress)
     print(json.dumps(figures) if options.json else table(figures))
 
 
@@ -178,23 +223,44 @@ def _build_parser() -> tuple[_Parser, dict[str, _Parser]]:
     generate.add_argument(
         "--seed", metavar="N", type=_whole_number, help="of everything random; another seed, another world"
     )
-    generate.add_argument(
-        "--workers",
-        metavar="N",
-        type=_count,
-        default=available_cores(),
-        help="threads (all cores); the bag is the same",
-    )
+    _add_workers(generate, "threads (all cores); the bag is the same")
     generate.add_argument("--no-cameras", action="store_true", help="leave the stereo pair out")
     generate.add_argument("--no-lidar", action="store_true", help="leave the LiDAR out")
     generate.add_argument(
         "--overwrite", action="store_true", help="throw away what the output folder holds of this run"
     )
 
+    _add_preview(command("preview", _preview, "Draw one sheet that shows an environment."))
+    _add_shares(command("shares", _shares, "Count which class how many pixels and points belong to."))
     command("list", _list, "Show the experiments and the environments.")
     bench = command("bench", _bench, "Measure the speed on this machine.")
+    bench.add_argument("--env", metavar="NAME", default="park", help="environment (park), or all of them: all")
     bench.add_argument("--json", action="store_true", help="one JSON object instead of a table")
-    return parser, {"generate": generate, "list": subparsers.choices["list"], "bench": bench}
+    return parser, dict(subparsers.choices)
+
+
+def _add_preview(preview: _Parser) -> None:
+    preview.add_argument("environment", metavar="ENV", help="a name that `fieldtruth list` shows")
+    preview.add_argument("--seed", metavar="N", type=_seed, default=0, help="of everything random (0)")
+    preview.add_argument(
+        "--out", metavar="FILE", type=Path, help="a .png, or a .jpg below 400 kB (ENV_SEED_preview.png)"
+    )
+    preview.add_argument("--overwrite", action="store_true", help="replace the file if it is there")
+    _add_workers(preview, "threads (all cores); the sheet is the same")
+
+
+def _add_shares(shares: _Parser) -> None:
+    shares.add_argument(
+        "experiments", metavar="EXPERIMENT", nargs="*", help="names that `fieldtruth list` shows, or YAML files"
+    )
+    shares.add_argument("--all", action="store_true", help="every experiment that ships with the package")
+    shares.add_argument("--seed", metavar="N", type=_seed, help="of everything random; another seed, another world")
+    shares.add_argument("--json", action="store_true", help="counts as one JSON object instead of tables in percent")
+    _add_workers(shares, "threads (all cores); the counts are the same")
+
+
+def _add_workers(parser: _Parser, help_text: str) -> None:
+    parser.add_argument("--workers", metavar="N", type=_count, default=available_cores(), help=help_text)
 
 
 class _Version(argparse.Action):
@@ -220,6 +286,13 @@ def _whole_number(text: str) -> int:
         return int(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"{text!r} is no whole number") from None
+
+
+def _seed(text: str) -> int:
+    number = _whole_number(text)
+    if not 0 <= number < 2**63:
+        raise argparse.ArgumentTypeError(f"{text} is not allowed; allowed is a whole number from 0 up to 2^63 - 1")
+    return number
 
 
 def _count(text: str) -> int:

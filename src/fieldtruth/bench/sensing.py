@@ -10,7 +10,7 @@ import numpy as np
 from fieldtruth import frames
 from fieldtruth.bench.bare import BareTracer, Rays, best_mode
 from fieldtruth.drive.physics import resting_pose
-from fieldtruth.experiment.config import RouteConfig
+from fieldtruth.experiment.config import Route
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, Rig
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.frames import Array
@@ -23,7 +23,7 @@ _TRIAL_POSES = 4
 _LIDAR_TRIES = 4  # for one of a camera: a scan is so short that one disturbance spoils it
 
 
-def poses_along(route: RouteConfig, world: World, rig: Rig, count: int) -> list[Array]:
+def poses_along(route: Route, world: World, rig: Rig, count: int) -> list[Array]:
     """Poses world_from_base (4, 4) of a robot that stands on the route and faces along it, evenly from end to end."""
     corners = metres_from_route(route)
     legs = np.diff(corners, axis=0)

@@ -1,50 +1,41 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The line that an experiment drives, without driving it: the way-point follower on flat ground, and where to stand.
+"""The line that an experiment drives, without driving it, and where to stand on it.
 
-The follower is the drive's own, fixes and all; what is left out is the ground and how tyres slip on it. In the park
-the real drive stays within 0.25 m of this line (5 cm on average), which costs 20 ms instead of 20 s.
+A rehearsal leaves out the ground and how tyres slip on it. In the park the real drive stays within 0.25 m of it (5 cm
+on average); it takes 20 ms instead of 20 s.
 """
-
-import math
-from typing import Final
 
 import numpy as np
 
 from fieldtruth import frames
-from fieldtruth.drive.controller import WaypointFollower
 from fieldtruth.drive.physics import resting_pose
-from fieldtruth.experiment.config import Experiment
+from fieldtruth.drive.plan import plan_route
+from fieldtruth.drive.rehearsal import Rehearsal
+from fieldtruth.experiment.catalogue import experiment_names
+from fieldtruth.experiment.config import Experiment, RandomRouteConfig
+from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.frames import Array
-from fieldtruth.geodesy import geodetic_from_world
-from fieldtruth.world.model import Heightfield
-
-STEP_S: Final = 0.1
-_LONGEST_S: Final = 20_000.0  # a route that is not finished then circles about a way-point for ever
+from fieldtruth.world.model import Heightfield, World
 
 
-def expected_path(experiment: Experiment) -> Array:
-    """Where the robot will be every 0.1 s: (n, 3) x, y [m] and heading [rad], from the start to the last way-point."""
-    corners, rig = metres_from_route(experiment.route), experiment.rig
-    waypoints = geodetic_from_world(np.column_stack([corners[1:], np.zeros(len(corners) - 1)]))[:, :2]
-    follower = WaypointFollower(waypoints, experiment.control)
-    (x, y), (north, west) = corners[0], corners[1] - corners[0]
-    heading, path, due = math.atan2(west, north), [], 0.0
-    for step in range(round(_LONGEST_S / STEP_S)):
-        path.append((x, y, heading))
-        if step * STEP_S >= due - 1e-9:
-            due += 1.0 / rig.gnss.rate_hz
-            antenna = frames.transform(frames.pose((x, y, 0.0), (0, 0, math.degrees(heading))), [rig.gnss.mount.xyz])
-            latitude, longitude, _ = geodetic_from_world(antenna * (1, 1, 0))[0]
-            follower.see_fix(latitude, longitude)
-        if follower.finished:
-            break
-        speed, turn_rate = follower.command(heading)
-        heading += turn_rate * STEP_S
-        x, y = x + speed * STEP_S * math.cos(heading), y + speed * STEP_S * math.sin(heading)
-    return np.array(path)
+def experiments_of(environment: str) -> list[Experiment]:
+    """Return the experiments that ship with the package and drive in this environment, by name."""
+    experiments = map(load_experiment, experiment_names())
+    return [experiment for experiment in experiments if experiment.environment == environment]
+
+
+def expected_path(experiment: Experiment, world: World) -> Array:
+    """Where the robot will be, every few centimetres: (n, 3) x, y [m] and heading [rad], from the start to the end.
+
+    Raises:
+        RouteError: a random route for which there is no room.
+    """
+    route = plan_route(world, experiment) if isinstance(experiment.route, RandomRouteConfig) else experiment.route
+    legs, _ = Rehearsal(experiment).legs(metres_from_route(route))
+    return np.concatenate(legs)
 
 
 def stations(path: Array, spacing: float) -> Array:

@@ -68,7 +68,7 @@ def class_shares(
     if scene is None:
         scene = Scene(load_world(experiment.environment, experiment.seed), experiment.light)
     field, rig = scene.world.terrain.field, experiment.rig
-    poses = [stand(field, station, rig) for station in stations(expected_path(experiment), spacing)]
+    poses = [stand(field, station, rig) for station in stations(expected_path(experiment, scene.world), spacing)]
     return count_classes(scene, rig, poses, workers=workers)
 
 

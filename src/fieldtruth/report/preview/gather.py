@@ -9,13 +9,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.experiment.catalogue import list_experiments
-from fieldtruth.experiment.config import Experiment, LightConfig
-from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.config import LightConfig
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, Rig
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.frames import Array
-from fieldtruth.report.path import expected_path, stand, stations
+from fieldtruth.report.path import expected_path, experiments_of, stand, stations
 from fieldtruth.report.preview.aerial import Aerial, take_aerial
 from fieldtruth.report.preview.cloud import Cloud, scan_from
 from fieldtruth.report.preview.views import free_stations, most_telling
@@ -59,12 +57,6 @@ class Findings:
     cloud: Cloud
 
 
-def experiments_of(environment: str) -> list[Experiment]:
-    """Return the experiments that ship with the package and drive in this environment."""
-    experiments = map(load_experiment, list_experiments())
-    return [experiment for experiment in experiments if experiment.environment == environment]
-
-
 def gather(
     world: World,
     *,
@@ -88,7 +80,7 @@ def gather(
     with progress.stage("prepare the scene"):
         scene = Scene(world, LightConfig())
         scene.studio  # noqa: B018  (light is baked now, so that the next stage's time is its own)
-    paths = [expected_path(experiment) for experiment in experiments]
+    paths = [expected_path(experiment, world) for experiment in experiments]
     routes = tuple(
         Route(experiment.name, metres_from_route(experiment.route), path[:, :2])
         for experiment, path in zip(experiments, paths, strict=True)
