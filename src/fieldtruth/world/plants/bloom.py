@@ -3,10 +3,14 @@
 """A bush in bloom: some of its leaves, in patches on the outside, are flowers."""
 
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
 from fieldtruth.world.model import Mesh
+
+FLOWER_SIZE: Final = 0.6
+"""Length of a flower relative to the leaf in its place."""
 
 
 def in_bloom(mesh: Mesh, foliage: int, flower: str, share: float, rng: np.random.Generator) -> Mesh:
@@ -26,6 +30,10 @@ def in_bloom(mesh: Mesh, foliage: int, flower: str, share: float, rng: np.random
     patch = np.cos(middle @ waves.T + rng.uniform(0, 2 * np.pi, 3)).sum(axis=1)
     score = outwards + 0.5 * patch + rng.normal(0, 0.5, len(first))
     blooming = score > np.quantile(score, 1 - share)
+    rows = of_leaf[blooming[number]]
     material = mesh.material.copy()
-    material[of_leaf[blooming[number]]] = len(mesh.materials)
-    return replace(mesh, material=material, materials=(*mesh.materials, flower))
+    material[rows] = len(mesh.materials)
+    vertices = mesh.vertices.copy()
+    corner, base = mesh.faces[rows, 1:].ravel(), mesh.vertices[mesh.faces[rows, 0]].repeat(2, axis=0)
+    vertices[corner] = base + np.float32(FLOWER_SIZE) * (mesh.vertices[corner] - base)
+    return replace(mesh, vertices=vertices, material=material, materials=(*mesh.materials, flower))

@@ -94,25 +94,25 @@ JUNIPER: Final = Species(
         crown_base=0.03,
         outline="flame",
         lopsided=0.25,
-        trunk_lean=6,
-        trunk_wander=0.3,
+        trunk_lean=4,
+        trunk_wander=0.2,
         trunk_segments=7,
         trunk_sides=4,
         leader=0.95,
-        stems=7,
-        stem_splay=14,
-        stem_circle=0.22,
+        stems=9,
+        stem_splay=11,
+        stem_circle=0.26,
         leaf=Leaf(
-            number=5200, length=0.095, width=0.36, widest=0.45, fold=25, stalk=0.002, droop=-0.35, arrangement=137.5,
-            flatness=0.3, forward=1.3,
+            number=9500, length=0.095, width=0.24, widest=0.4, fold=30, stalk=0.0, droop=-0.2, arrangement=137.5,
+            flatness=0.3, forward=1.2,
         ),
         orders=(
             Order(
-                number=150, start=0.02, length=0.21, length_spread=0.25, angle=(42, 22), lift=(0.5, 0.3), bend=0.3,
-                wander=0.35, thickness=1, segments=3, sides=3, foliage=0.8, leaf_start=0.25,
+                number=120, start=0.02, length=0.2, length_spread=0.25, angle=(48, 22), lift=(0.5, 0.3), bend=0.3,
+                wander=0.35, thickness=1, segments=3, sides=3, foliage=1, leaf_start=0.1,
             ),
             Order(
-                number=620, start=0.2, length=0.5, length_spread=0.25, angle=(40, 28), lift=(0.3, -0.2), bend=0.3,
+                number=380, start=0.15, length=0.6, length_spread=0.25, angle=(48, 30), lift=(0.3, -0.2), bend=0.3,
                 wander=0.4, thickness=1, segments=1, sides=3, foliage=1, leaf_start=0.0,
             ),
         ),
@@ -138,20 +138,20 @@ GORSE: Final = Species(
         trunk_wander=0.4,
         trunk_segments=6,
         trunk_sides=4,
-        stems=13,
-        stem_splay=56,
+        stems=17,
+        stem_splay=50,
         stem_circle=0.2,
         leaf=Leaf(
-            number=5000, length=0.085, width=0.26, widest=0.3, fold=20, stalk=0.0, droop=-0.5, arrangement=137.5,
+            number=8500, length=0.07, width=0.2, widest=0.3, fold=20, stalk=0.0, droop=-0.5, arrangement=137.5,
             flatness=0.2, forward=0.8,
         ),
         orders=(
             Order(
-                number=150, start=0.15, length=0.36, length_spread=0.3, angle=(45, 25), lift=(0.5, 0.4), bend=0.3,
-                wander=0.3, thickness=1, segments=3, sides=3, foliage=0.7, leaf_start=0.35,
+                number=120, start=0.15, length=0.34, length_spread=0.3, angle=(45, 25), lift=(0.6, 0.5), bend=0.3,
+                wander=0.3, thickness=1, segments=3, sides=3, foliage=1, leaf_start=0.25,
             ),
             Order(
-                number=620, start=0.25, length=0.5, length_spread=0.3, angle=(45, 30), lift=(0.5, 0.2), bend=0.2,
+                number=240, start=0.15, length=0.65, length_spread=0.3, angle=(45, 30), lift=(0.6, 0.3), bend=0.2,
                 wander=0.3, thickness=1, segments=1, sides=3, foliage=1, leaf_start=0.05,
             ),
         ),
@@ -167,7 +167,7 @@ BRAMBLE: Final = Species(
     grown=Habit(
         height=1.1,
         trunk_radius=0.0045,
-        leader=1.9,
+        leader=1.55,
         clear=0.02,
         crown_base=0.08,
         outline="flame",
@@ -177,15 +177,15 @@ BRAMBLE: Final = Species(
         trunk_segments=11,
         trunk_sides=4,
         stems=19,
-        stem_splay=62,
+        stem_splay=46,
         stem_circle=0.35,
-        stem_lift=(-0.2, -2.6),
+        stem_lift=(-0.3, -2.9),
         leaf=Leaf(
             number=3300, length=0.085, width=0.72, widest=0.4, stalk=0.03, droop=0.3, arrangement=137.5, flatness=1.4
         ),
         orders=(
             Order(
-                number=95, start=0.12, length=0.36, length_spread=0.35, angle=(55, 40), lift=(0.5, -1.2), bend=0.4,
+                number=95, start=0.08, length=0.34, length_spread=0.35, angle=(55, 40), lift=(0.5, -1.2), bend=0.4,
                 wander=0.5, thickness=1, segments=4, sides=3, foliage=1, leaf_start=0.1,
             ),
             Order(
@@ -216,14 +216,14 @@ GREY_WILLOW: Final = Species(
         stems=15,
         stem_splay=48,
         stem_circle=0.3,
-        leaf=Leaf(number=6000, length=0.105, width=0.42, widest=0.6, droop=0.1, stalk=0.01, arrangement=137.5),
+        leaf=Leaf(number=7800, length=0.105, width=0.42, widest=0.6, droop=0.1, stalk=0.01, arrangement=137.5),
         orders=(
             Order(
                 number=130, start=0.12, length=0.3, length_spread=0.25, angle=(50, 30), lift=(0.3, 0.2), bend=0.3,
                 wander=0.35, thickness=1, segments=4, sides=3, foliage=0.8, leaf_start=0.3,
             ),
             Order(
-                number=520, start=0.15, length=0.5, length_spread=0.25, angle=(45, 30), lift=(0.3, 0.1), bend=0.3,
+                number=420, start=0.15, length=0.5, length_spread=0.25, angle=(45, 30), lift=(0.3, 0.1), bend=0.3,
                 wander=0.35, thickness=1, segments=2, sides=3, foliage=1, leaf_start=0.05,
             ),
         ),
@@ -249,16 +249,16 @@ HEATHER: Final = Species(
         trunk_wander=0.5,
         trunk_segments=5,
         trunk_sides=3,
-        stems=24,
-        stem_splay=62,
+        stems=22,
+        stem_splay=50,
         stem_circle=0.14,
         leaf=Leaf(
-            number=3000, length=0.06, width=0.2, widest=0.4, fold=20, stalk=0.0, droop=-0.6, arrangement=137.5,
+            number=5200, length=0.05, width=0.2, widest=0.4, fold=20, stalk=0.0, droop=-0.6, arrangement=137.5,
             flatness=0.4, forward=1.2,
         ),
         orders=(
             Order(
-                number=150, start=0.2, length=0.4, length_spread=0.3, angle=(40, 22), lift=(0.7, 0.5), bend=0.3,
+                number=110, start=0.15, length=0.36, length_spread=0.3, angle=(40, 22), lift=(0.7, 0.5), bend=0.3,
                 wander=0.4, thickness=1, segments=2, sides=3, foliage=1, leaf_start=0.2,
             ),
             Order(
