@@ -51,10 +51,12 @@ class Traversability:
 
     ``clearance`` (nx, ny) [m]: room that remains around the robot's middle there, over all headings; below 0 where its
     outline would touch an obstacle or water in some heading, or where it would stand too steep, too rough, too far out.
+    ``ground_clearance`` is the same without obstacles.
     """
 
     bars: NDArray[np.uint8]
     clearance: NDArray[np.float32]
+    ground_clearance: NDArray[np.float32]
     x0: float
     y0: float
     outlines: tuple[Outline, ...]
@@ -63,6 +65,11 @@ class Traversability:
         """Clearance [m], (n,), in the cells of places (n, 2); beyond the grid -inf."""
         i, j, inside = self._cells(places)
         return np.where(inside, self.clearance[i, j], -np.inf)
+
+    def ground_clearance_at(self, places: ArrayLike) -> Array:
+        """The same without obstacles."""
+        i, j, inside = self._cells(places)
+        return np.where(inside, self.ground_clearance[i, j], -np.inf)
 
     def bar_at(self, places: ArrayLike) -> NDArray[np.uint8]:
         """What is in the way, (n,), in the cells of places (n, 2); beyond the grid it is the edge."""
@@ -90,20 +97,25 @@ def traversability(world: World) -> Traversability:
     bars = np.zeros((len(x), len(y)), np.uint8)
     _bar_ground(bars, world, x, y)
     bars[_near_edge(x, y, world.size)] = Bar.EDGE
-    here = bars != Bar.NOTHING
-    solid = bars == Bar.WATER
+    on_ground = np.minimum(_away(bars != Bar.NOTHING), _away(bars == Bar.WATER) - ROBOT_RADIUS)
+    solid = np.zeros(bars.shape, bool)
     for outline in outlines:
         _bar_outline(bars, solid, outline, x, y)
-    # Half a cell: both places are known to the nearest cell only.
-    clearance = (
-        distance_transform_edt(~solid) * CELL - ROBOT_RADIUS - CELL / 2 if solid.any() else np.full(bars.shape, np.inf)
-    )
-    if here.any():
-        away = distance_transform_edt(~here) * CELL - CELL / 2
-        clearance = np.minimum(clearance, away)
     return Traversability(
-        bars=bars, clearance=clearance.astype(np.float32), x0=float(x[0]), y0=float(y[0]), outlines=tuple(outlines)
+        bars=bars,
+        clearance=np.minimum(on_ground, _away(solid) - ROBOT_RADIUS).astype(np.float32),
+        ground_clearance=on_ground.astype(np.float32),
+        x0=float(x[0]),
+        y0=float(y[0]),
+        outlines=tuple(outlines),
     )
+
+
+def _away(cells: NDArray[np.bool_]) -> Array:
+    """Distance [m] to the nearest of ``cells``, less half a cell since places are known to the nearest one only."""
+    if not cells.any():
+        return np.full(cells.shape, np.inf)
+    return np.asarray(distance_transform_edt(~cells) * CELL - CELL / 2)
 
 
 def _near_edge(x: Array, y: Array, size: tuple[float, float]) -> NDArray[np.bool_]:

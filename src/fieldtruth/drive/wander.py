@@ -17,15 +17,16 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter, label
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
+from fieldtruth.drive.check import line_conflict, line_places, path_conflict, thinned
 from fieldtruth.drive.rehearsal import Rehearsal, Stage, way_length
 from fieldtruth.drive.traversability import CELL, Traversability
 from fieldtruth.frames import Array
 
 STRIDE: Final = 3
 NODE: Final = STRIDE * CELL  # [m] between the places that ways are made of
-WAY_CLEARANCE: Final = 0.2  # [m] of the nodes of a way
-PATH_CLEARANCES: Final = (0.4, 0.12)  # [m] of the rehearsed robot: rather, and at least
-LINE_CLEARANCE: Final = 0.0  # [m] of the straight line between way-points
+WAY_CLEARANCE: Final = 0.05  # [m] of the nodes of a way
+PATH_CLEARANCE: Final = 0.4  # [m] of the rehearsed robot, wherever there is so much room
+PATH_GAP: Final = 0.2  # [m] of its outline at least
 SPACINGS: Final = (16.0, 13.0, 10.5, 8.5, 7.0)  # [m] of way between way-points
 CLOSE_SPACINGS: Final = (5.6, 4.5, 3.6, 2.8, 2.3)  # [m], where obstacles force it
 LEAST_SPACING: Final = 6.25  # [m] of way; eight tenths of it in a straight line
@@ -61,8 +62,8 @@ def wander(
     grid = _Grid(ground)
     if not len(grid.nodes):
         return
-    for _ in range(ATTEMPTS):
-        walk = _walk(grid, rehearsal, length_m, rng)
+    for attempt in range(ATTEMPTS):
+        walk = _walk(grid, rehearsal, length_m, rng, from_end=attempt % 2 == 1)
         yield _cut(walk, ground, rehearsal, length_m), min(length_m, walk.lengths[-1])
 
 
@@ -100,6 +101,10 @@ class _Grid:
         fresh[tuple(np.clip(cells, 0, np.subtract(fresh.shape, 1)).T)] = False
         return np.asarray(distance_transform_edt(fresh)[self._free] * NODE)
 
+    def reach(self, place: Array) -> Array:
+        """Length [m] of the shortest way from ``place`` to each node."""
+        return self._dijkstra(self.nearest(place), np.ones(len(self.nodes)))[0]
+
     def way(self, stage: Stage, driven: Array, rng: np.random.Generator) -> Array:
         """A way (n, 2) [m] from ``stage`` to a random place, the rather the farther it is from all that was driven."""
         here = np.array([stage.x, stage.y])
@@ -109,7 +114,7 @@ class _Grid:
         far = np.flatnonzero((np.linalg.norm(self.nodes - here, axis=1) > 8.0) & np.isfinite(cost))
         far = far if len(far) else np.array([int(np.where(np.isfinite(cost), cost, -1).argmax())])
         some = rng.choice(far, 40)
-        wish = np.minimum(away[some], 25.0) * (self.clearance[some] > 2 * WAY_CLEARANCE) + 0.01
+        wish = np.minimum(away[some], 25.0) * (self.clearance[some] > PATH_CLEARANCE) + 0.01
         node = int(some[(wish * rng.uniform(0.3, 1.0, len(some))).argmax()])
         way = [node]
         while node != source:
@@ -137,10 +142,12 @@ class _Grid:
         return total[0], before[0]
 
 
-def _walk(grid: _Grid, rehearsal: Rehearsal, length_m: float, rng: np.random.Generator) -> _Walk:
-    """Walk on until it is long enough, or nothing more is found."""
+def _walk(grid: _Grid, rehearsal: Rehearsal, length_m: float, rng: np.random.Generator, *, from_end: bool) -> _Walk:
+    """Walk on until it is long enough, or nothing more is found; from anywhere, or from an end of the free ground."""
     roomy = np.flatnonzero(grid.clearance >= min(0.6, float(grid.clearance.max())))
     start = grid.nodes[rng.choice(roomy)]
+    if from_end:
+        start = grid.nodes[roomy[grid.reach(start)[roomy].argmax()]]
     first = rehearsal.start(start, start + rng.normal(size=2))
     walk, longest, failures = _Walk([start], [first]), 0.0, 0
     while walk.lengths[-1] < length_m and failures < 12:
@@ -163,7 +170,7 @@ def _follow(
     # The robot turns this far before a way-point, and there the way begins.
     begun, at = len(walk.paths), [rehearsal.control.arrival_distance if walk.paths else 0.0]
     untried = [_choices(rng)]
-    for _ in range(600):
+    for _ in range(150):
         rest = SPACINGS[-1] if len(walk.paths) > begun else CLOSE_SPACINGS[-1]
         if not untried or walk.lengths[-1] >= length_m or at[-1] > arc[-1] - rest:
             break
@@ -173,12 +180,12 @@ def _follow(
                 walk.drop(1)
                 at.pop()
             continue
-        spacing, clearance = untried[-1].pop(0)
+        spacing, roomy = untried[-1].pop(0)
         there = at[-1] + spacing
         if there > arc[-1]:
             continue
         target = np.array([np.interp(there, arc, way[:, k]) for k in range(2)])
-        found = _leg(walk, target, ground, rehearsal, clearance, least=min(spacing, LEAST_SPACING))
+        found = _leg(walk, target, ground, rehearsal, roomy=roomy, least=min(spacing, LEAST_SPACING))
         if found is not None:
             walk.add(target, *found)
             at.append(there)
@@ -186,32 +193,37 @@ def _follow(
     return len(walk.paths) > begun
 
 
-def _choices(rng: np.random.Generator) -> list[tuple[float, float]]:
-    """Spacing and clearance [m] in the order in which they are tried: a random spacing, then ever closer ones."""
+def _choices(rng: np.random.Generator) -> list[tuple[float, bool]]:
+    """Spacings [m] in the order in which they are tried, a random one first; True: only with much room."""
     first = float(rng.uniform(6.5, 18.0))
     spacings = [first, *(s for s in SPACINGS if s < first)]
-    good, bearable = PATH_CLEARANCES
-    return [(s, c) for c, some in ((good, spacings), (bearable, [*spacings, *CLOSE_SPACINGS])) for s in some]
+    return [*((s, True) for s in spacings), *((s, False) for s in (*spacings, *CLOSE_SPACINGS))]
 
 
 def _leg(
-    walk: _Walk, target: Array, ground: Traversability, rehearsal: Rehearsal, clearance: float, *, least: float
+    walk: _Walk, target: Array, ground: Traversability, rehearsal: Rehearsal, *, roomy: bool, least: float
 ) -> tuple[Array, Stage] | None:
-    """Poses and stage of the leg from the walk's end to ``target``, if it has ``clearance`` [m]; None otherwise.
+    """Poses and stage of the leg from the walk's end to ``target``, if it is free, or has much room; None otherwise.
 
     ``least`` [m] of way, eight tenths of it in a straight line, lie between the way-points.
     """
-    line = np.linspace(walk.corners[-1], target, 2 + int(np.linalg.norm(target - walk.corners[-1]) / CELL))
-    if (
-        not 0.8 * least <= np.linalg.norm(line[-1] - line[0]) <= MOST_SPACING
-        or ground.clearance_at(line).min() < LINE_CLEARANCE
-    ):
+    line = line_places(walk.corners[-1], target)
+    if not 0.8 * least <= np.linalg.norm(line[-1] - line[0]) <= MOST_SPACING:
+        return None
+    if (roomy and ground.clearance_at(line).min() < 0) or ground.ground_clearance_at(line).min() < 0:
         return None
     stage = walk.stages[-1] if walk.paths else rehearsal.start(walk.corners[0], target)
     poses, arrived = rehearsal.leg(stage, target)
-    if arrived is None or ground.clearance_at(poses[:, :2]).min() < clearance:
+    if arrived is None or not _has_room(ground, thinned(poses), roomy):
         return None
-    return poses, arrived
+    return (poses, arrived) if roomy or line_conflict(ground, line) is None else None
+
+
+def _has_room(ground: Traversability, poses: Array, roomy: bool) -> bool:
+    if ground.clearance_at(poses[:, :2]).min() >= PATH_CLEARANCE:
+        return True
+    near_ground = ground.ground_clearance_at(poses[:, :2]).min() >= PATH_GAP / 2
+    return not roomy and near_ground and path_conflict(ground, poses, PATH_GAP) is None
 
 
 def _cut(walk: _Walk, ground: Traversability, rehearsal: Rehearsal, length_m: float) -> Array | None:
@@ -238,7 +250,7 @@ def _end(
     spacing = rest
     for _ in range(8):
         target = walk.corners[-1] + spacing * towards
-        found = _leg(walk, target, ground, rehearsal, PATH_CLEARANCES[-1], least=min(rest, LEAST_SPACING))
+        found = _leg(walk, target, ground, rehearsal, roomy=False, least=min(rest, LEAST_SPACING))
         if found is None:
             return None
         missing = rest - way_length(found[0])

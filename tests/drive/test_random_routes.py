@@ -1,0 +1,120 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Random routes are free, as long as was asked for, drivable to their end, and the same for the same seed."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from drive_worlds import F8, make_experiment, make_world, obstacle
+
+import fieldtruth
+from fieldtruth.drive import drive, plan_route
+from fieldtruth.drive.rehearsal import Rehearsal, way_length
+from fieldtruth.errors import RouteError
+from fieldtruth.experiment.config import ControlConfig, Experiment, RouteConfig
+from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.route import metres_from_route, random_route
+from fieldtruth.world.model import World
+
+
+def asked(length_m: float, seed: int, **changes: object) -> Experiment:
+    route = random_route(length_m, seed)
+    return make_experiment([(5.0, 0.0)], **changes).model_copy(update={"route": route})  # type: ignore[arg-type]
+
+
+def path_of(route: RouteConfig, experiment: Experiment) -> F8:
+    legs, endless = Rehearsal(experiment).legs(metres_from_route(route))
+    assert endless is None
+    return np.concatenate(legs)
+
+
+def planted(count: int = 60, free: Sequence[tuple[float, float]] = ()) -> World:
+    """Trunks at random."""
+    rng = np.random.default_rng(5)
+    places = [p for p in rng.uniform((-19, -9), (19, 9), (count, 2)) if all(np.hypot(*(p - f)) > 1.5 for f in free)]
+    trunks = [obstacle(f"tree_{k}", "cylinder", (0.2, 5.0), float(x), float(y)) for k, (x, y) in enumerate(places)]
+    return make_world(obstacles=trunks)
+
+
+@pytest.mark.parametrize("length", [20.0, 50.0, 200.0])
+@pytest.mark.parametrize("speed", [0.3, 1.0])
+def test_it_is_as_long_as_asked_and_its_way_points_5_to_20_m_apart(length: float, speed: float) -> None:
+    experiment = asked(length, 1, control=ControlConfig(speed=speed))
+    route = plan_route(make_world(), experiment)
+    assert way_length(path_of(route, experiment)) == pytest.approx(length, rel=0.02)
+    spacing = np.linalg.norm(np.diff(metres_from_route(route), axis=0), axis=1)
+    assert spacing.max() <= 20.0
+    assert np.median(spacing) >= 5.0
+
+
+def test_same_seed_same_route_other_seed_other_route() -> None:
+    world = planted()
+    routes = [plan_route(world, asked(80.0, seed)) for seed in (3, 3, 4, 5)]
+    assert routes[0] == routes[1]
+    assert len({route.start for route in routes}) == 3
+
+
+def test_it_keeps_off_every_trunk() -> None:
+    world = planted()
+    trunks = np.array([i.world_from_object[:2, 3] for i in world.instances])
+    for seed in range(6):
+        experiment = asked(80.0, seed)
+        path = path_of(plan_route(world, experiment), experiment)
+        away = np.linalg.norm(path[:, None, :2] - trunks, axis=-1).min()
+        assert away > 0.2 + 0.335 + 0.15  # the trunk's radius, half the robot's width, and room
+        assert (np.abs(path[:, :2]) < (18.5, 8.5)).all()
+
+
+def test_it_goes_through_the_gap_in_a_wall() -> None:
+    """A wall along y at x = 0 from edge to edge with a gap of 2 m about y = 4."""
+    wall = [
+        obstacle("south", "box", (0.3, 13.0, 1.0), 0.0, -3.5),
+        obstacle("north", "box", (0.3, 5.0, 1.0), 0.0, 7.5),
+    ]
+    world = make_world(obstacles=wall)
+    for seed in range(4):
+        experiment = asked(120.0, seed)
+        path = path_of(plan_route(world, experiment), experiment)
+        crossing = path[1:][np.diff(np.sign(path[:, 0])) != 0]
+        assert len(crossing)
+        assert (np.abs(crossing[:, 1] - 4.0) < 1.0 - 0.335 - 0.2 + 1e-3).all()  # half the robot's width and its room
+
+
+def test_it_wanders_through_the_whole_place() -> None:
+    experiment = asked(300.0, 2)
+    path = path_of(plan_route(make_world(size=(60.0, 40.0)), experiment), experiment)
+    quarters = {(x > 0, y > 0) for x, y in path[:, :2]}
+    assert len(quarters) == 4
+    assert np.ptp(path[:, 0]) > 40.0
+    assert np.ptp(path[:, 1]) > 22.0
+
+
+def test_a_corridor_without_room_to_turn_ends_and_the_longest_way_is_told() -> None:
+    """A corridor 2 m wide and 36 m long: 20 m fit, 60 m do not."""
+    walls = [obstacle(f"wall_{k}", "box", (40.0, 8.0, 1.0), 0.0, y) for k, y in enumerate((-5.0, 5.0))]
+    world = make_world(obstacles=walls)
+    path = path_of(plan_route(world, asked(20.0, 0)), asked(20.0, 0))
+    assert np.abs(path[:, 1]).max() < 0.4
+    with pytest.raises(RouteError) as caught:
+        plan_route(world, asked(60.0, 0))
+    text = str(caught.value)
+    assert text.startswith("no free route of 60 m found in test (seed 0); the longest that was found is ")
+    assert 18.0 < float(text.split()[-2]) < 37.0
+
+
+def test_no_ground_at_all() -> None:
+    with pytest.raises(RouteError, match="the longest that was found is 0 m"):
+        plan_route(make_world(obstacles=[obstacle("rock", "box", (50.0, 50.0, 1.0), 0.0, 0.0)]), asked(20.0, 0))
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_park_is_driven_to_the_end(seed: int) -> None:
+    world = fieldtruth.load_world("park", 0)
+    experiment = load_experiment("park_1").model_copy(update={"route": random_route(40.0, seed)})
+    route = plan_route(world, experiment)
+    track = drive(world, experiment.model_copy(update={"route": route}))  # a touch would be a DriveError
+    assert track.length_m == pytest.approx(40.0, rel=0.02)
+    path = path_of(route, experiment)
+    away = np.linalg.norm(track.motion.position[::500, None, :2] - path[None, :, :2], axis=-1).min(axis=1)
+    assert away.max() < 0.12
