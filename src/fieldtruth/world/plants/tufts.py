@@ -22,6 +22,10 @@ ROOT_DEPTH = 0.12
 """[m] by which the middle of a tuft reaches into the soil."""
 ROOT_SLOPE = 0.6
 """Slope of the ground up to which the rim of a tuft reaches into it, too."""
+SIMPLE_BELOW = 0.6
+"""Detail below which every blade is a kite."""
+LIE = 0.006
+"""[m] above the soil at which a blade that has sunk lies."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,16 +130,35 @@ def grow_tuft(kind: Tuft, *, name: str, height: float, rng: np.random.Generator,
     parts: list[tuple[Surface, str]] = []
     for sort, path in zip(sorts, paths, strict=True):
         fitted = path[:, :1] + (height / top) * (path - path[:, :1])
+        fitted[..., 2] = np.maximum(fitted[..., 2], LIE)
         parts.append((_skin(sort, fitted, scale, rng), sort.material))
         parts.extend((_organ(organ, fitted, scale, rng), organ.material) for organ in sort.organs)
     return _assembled(name, parts, radius)
 
 
 def _detailed(sort: Blades, detail: float) -> Blades:
-    """The sort with about ``detail`` times as many blades, of the same area together."""
-    number = max(1, round(sort.number * detail)) if sort.number > 1 else 1
+    """The sort with about ``detail`` times as many triangles, wider blades and larger leaves."""
+    share = detail if not sort.organs else float(np.sqrt(detail))
+    number = max(1, round(sort.number * share))
     wider = min(float(np.sqrt(sort.number / number)), 1.6)
-    return replace(sort, number=number, width=sort.width * wider, kite=sort.kite or detail < 0.6)
+    organs = tuple(_coarser(organ, float(np.sqrt(detail))) for organ in sort.organs)
+    return replace(
+        sort, number=number, width=sort.width * wider, kite=sort.kite or detail < SIMPLE_BELOW, organs=organs
+    )
+
+
+def _coarser(organ: Organ, share: float) -> Organ:
+    match organ:
+        case Leaves():
+            number = max(2, round(organ.number * share))
+            size = float(np.sqrt(organ.number / number))
+            return replace(organ, number=number, length=organ.length * size, width=organ.width * size)
+        case Frond():
+            return replace(organ, pairs=max(4, round(organ.pairs * share)))
+        case Flower() | Spike():
+            return organ
+        case _:
+            assert_never(organ)
 
 
 def _grown(sort: Blades, radius: float, side: Array, rng: np.random.Generator) -> Array:
