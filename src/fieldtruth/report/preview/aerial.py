@@ -19,6 +19,7 @@ HEIGHT: Final = 300.0
 MARGIN: Final = 1.0  # [m] that is seen beyond the edge
 _SAMPLES: Final = 2  # squared: rays per pixel
 _DARKEST, _BRIGHTEST = 0.2, 99.8  # percentiles that become black and white, because 300 m of air are hazy
+_MIDDLE: Final = 0.36  # what the median becomes, at least
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +64,10 @@ def halved(image: NDArray[np.uint8], by: int = 2) -> NDArray[np.uint8]:
 
 
 def _levelled(photo: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Stretch the contrast: each channel's darkest becomes black, and the brightest of all becomes white."""
+    """Take the haze out, and brighten what lies in shadow: a forest from above is as dark as deep water."""
     dark = np.percentile(photo, _DARKEST, axis=(0, 1))
-    bright = max(float(np.percentile(photo - dark, _BRIGHTEST)), 1.0)
-    return np.clip((photo - dark) * (245.0 / bright) + 4.0, 0, 255).astype(np.uint8)
+    clear = np.maximum(photo - dark, 0.0)
+    clear /= max(float(np.percentile(clear, _BRIGHTEST)), 1.0)
+    middle = float(np.clip(np.median(clear), 0.01, 0.99))
+    gamma = float(np.clip(np.log(_MIDDLE) / np.log(middle), 0.6, 1.0))
+    return (255.0 * np.clip(clear, 0.0, 1.0) ** gamma).astype(np.uint8)

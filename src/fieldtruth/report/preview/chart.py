@@ -18,7 +18,7 @@ def draw_shares(paper: Paper, shares: ClassShares, left: float, top: float, widt
     """Fill a box with a row per class that is seen."""
     rows = list(seen_classes(shares))
     longest = max((max(share) for _, *share in rows), default=0.0) or 1.0
-    pitch = min(height / max(len(rows), 1), 0.42)
+    pitch = min(height / max(len(rows), 1), 0.5)
     room = width - _NAME - _VALUE
     paper.box(left + _NAME, top, 0.006, pitch * len(rows), HAIRLINE)
     for k, (row, *share) in enumerate(rows):

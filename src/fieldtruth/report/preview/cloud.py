@@ -22,6 +22,7 @@ from fieldtruth.sense import Lidar, Scene
 
 _OVERSAMPLED: Final = 2
 _DARKENING: Final = 22.0
+_OUTSIDE: Final = 2.0  # percent of the points that may lie beyond each edge of the picture
 _NEIGHBOURS: Final = tuple((i, j) for i in (-2, 0, 2) for j in (-2, 0, 2) if i or j)
 
 
@@ -48,14 +49,38 @@ def scan_from(scene: Scene, rig: Rig, poses: Sequence[Array]) -> Cloud:
     return Cloud(xyz=np.concatenate(xyz), label=np.concatenate(label), scans=len(poses))
 
 
-def look_at(eye: Sequence[float], target: Sequence[float]) -> Array:
-    """Pose world_from_optical (4, 4) of an upright camera at ``eye`` that looks at ``target`` [m]."""
-    forward = np.subtract(target, eye) / np.linalg.norm(np.subtract(target, eye))
+def outlook(xyz: Array, towards: Sequence[float], *, fov_deg: float, aspect: float) -> Array:
+    """Pose world_from_optical (4, 4) of an upright camera that sees nearly all points and nothing else.
+
+    Args:
+        xyz: points (n, 3) [m].
+        towards: direction of sight.
+        fov_deg: horizontal field of view.
+        aspect: width by height of the picture.
+    """
+    forward = np.asarray(towards, np.float64) / np.linalg.norm(towards)
     right = np.cross(forward, (0.0, 0.0, 1.0))
     right /= np.linalg.norm(right)
-    pose = np.eye(4)
-    pose[:3] = np.column_stack([right, np.cross(forward, right), forward, eye])
-    return pose
+    world_from_optical = np.eye(4)
+    world_from_optical[:3, :3] = np.column_stack([right, np.cross(forward, right), forward])
+    if len(xyz):
+        world_from_optical[:3, 3] = _eye(xyz, world_from_optical[:3, :3], np.tan(np.radians(fov_deg) / 2), aspect)
+    return world_from_optical
+
+
+def _eye(xyz: Array, rotation: Array, slope: float, aspect: float) -> Array:
+    """Place [m] from which the points fill a picture of half width ``slope`` at distance 1, in its middle."""
+    sides = (_OUTSIDE, 100 - _OUTSIDE)
+    eye = np.mean(np.percentile(xyz, sides, axis=0), axis=0)
+    for _ in range(3):
+        x, y, z = ((xyz - eye) @ rotation).T
+        back = float(np.percentile(np.maximum(np.abs(x) / slope, np.abs(y) * aspect / slope) - z, sides[1]))
+        reach = z + back
+        seen = reach > 0.1 * back
+        across, down = (float(np.mean(np.percentile(v[seen] / reach[seen], sides))) for v in (x, y))
+        middle = float(np.median(reach))
+        eye = eye + rotation @ (across * middle, down * middle, -back)
+    return np.asarray(eye)
 
 
 def draw_cloud(

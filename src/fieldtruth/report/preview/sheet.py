@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from fieldtruth.experiment.catalogue import list_environments
 from fieldtruth.experiment.rig import CameraConfig
-from fieldtruth.frames import Array
 from fieldtruth.report.preview.chart import draw_shares
-from fieldtruth.report.preview.cloud import draw_cloud, look_at
+from fieldtruth.report.preview.cloud import draw_cloud, outlook
 from fieldtruth.report.preview.gather import Findings
 from fieldtruth.report.preview.map import badge, draw_map
 from fieldtruth.report.preview.paper import MUTED, NIGHT, PIXELS, POINTS, Paper
@@ -25,7 +24,8 @@ _MAP_TOP: Final = 1.5
 _GAP: Final = 0.12
 _HEADING: Final = 0.56
 _CLOUD: Final = (6.75, 4.35)
-_FOV_DEG: Final = 50.0
+_FOV_DEG: Final = 44.0
+_FALL: Final = 0.36  # of the look at the cloud, by the length of the place
 
 
 def draw_sheet(found: Findings, pixels: int) -> NDArray[np.uint8]:
@@ -80,21 +80,15 @@ def _legend_of_map(found: Findings) -> str:
 
 
 def _cloud(found: Findings, pixels: int) -> NDArray[np.uint8]:
-    width, height = (round(side * pixels / WIDTH) for side in _CLOUD)
-    return draw_cloud(
-        found.cloud, _outlook(found.world), width=width, height=height, fov_deg=_FOV_DEG, background=NIGHT
-    )
-
-
-def _outlook(world: World) -> Array:
-    """Pose world_from_optical (4, 4) from above the lowest corner towards the middle: over a lake, up a hillside."""
-    field, (length, breadth) = world.terrain.field, world.size
-    corners = [(i * length / 2, j * breadth / 2) for i in (-1, 1) for j in (-1, 1)]
+    """The cloud as seen from above the lowest corner: over a lake, up a hillside."""
+    field, (length, breadth) = found.world.terrain.field, found.world.size
+    corners = [(i * length, j * breadth) for i in (-0.5, 0.5) for j in (-0.5, 0.5)]
     x, y = min(corners, key=lambda corner: float(field.height_at(*corner)))
-    middle = float(np.mean(field.heights))
-    low = float(field.height_at(x, y))
-    height = max(low, middle - 0.1 * length) + 0.34 * length
-    return look_at((1.22 * x, 1.45 * y, height), (-0.05 * x, 0.0, middle - 0.02 * length))
+    width, height = (round(side * pixels / WIDTH) for side in _CLOUD)
+    pose = outlook(
+        found.cloud.xyz[::31], (-0.5 * x, -2.0 * y, -_FALL * length), fov_deg=_FOV_DEG, aspect=width / height
+    )
+    return draw_cloud(found.cloud, pose, width=width, height=height, fov_deg=_FOV_DEG, background=NIGHT)
 
 
 def _draw_chart(paper: Paper, found: Findings, top: float) -> None:
