@@ -3,15 +3,17 @@
 """Random routes are free, as long as was asked for, drivable to their end, and the same for the same seed."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pytest
-from drive_worlds import F8, make_experiment, make_world, obstacle
+from drive_worlds import F8, make_experiment, make_world, obstacle, tilted
 
 import fieldtruth
+from fieldtruth import pipeline
 from fieldtruth.drive import drive, plan_route
 from fieldtruth.drive.rehearsal import Rehearsal, way_length
-from fieldtruth.errors import RouteError
+from fieldtruth.errors import DriveError, RouteError
 from fieldtruth.experiment.config import ControlConfig, Experiment, RouteConfig
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route, random_route
@@ -46,6 +48,14 @@ def test_it_is_as_long_as_asked_and_its_way_points_5_to_20_m_apart(length: float
     spacing = np.linalg.norm(np.diff(metres_from_route(route), axis=0), axis=1)
     assert spacing.max() <= 20.0
     assert np.median(spacing) >= 5.0
+
+
+def test_on_a_slope_the_length_is_that_of_the_way_and_not_of_the_map() -> None:
+    world, experiment = make_world(tilted(15.0, 0.0)), asked(30.0, 1)
+    route = plan_route(world, experiment)
+    assert way_length(path_of(route, experiment)) < 29.5
+    track = drive(world, experiment.model_copy(update={"route": route}))
+    assert track.length_m == pytest.approx(30.0, rel=0.02)
 
 
 def test_same_seed_same_route_other_seed_other_route() -> None:
@@ -118,3 +128,19 @@ def test_the_park_is_driven_to_the_end(seed: int) -> None:
     path = path_of(route, experiment)
     away = np.linalg.norm(track.motion.position[::500, None, :2] - path[None, :, :2], axis=-1).min(axis=1)
     assert away.max() < 0.12
+
+
+def test_a_run_drives_the_plan_and_keeps_the_users_experiment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    world, driven = make_world(), []
+
+    def watched_drive(_: World, experiment: Experiment) -> None:
+        driven.append(experiment.route)
+        raise DriveError("enough")
+
+    monkeypatch.setattr(pipeline, "load_world", lambda *_: world)
+    monkeypatch.setattr(pipeline, "drive", watched_drive)
+    experiment = asked(50.0, 3).model_copy(update={"environment": "park"})
+    with pytest.raises(DriveError, match="enough"):
+        pipeline.generate(experiment, tmp_path)
+    assert driven == [plan_route(world, experiment)]
+    assert load_experiment(tmp_path / "test" / "experiment.yaml") == experiment

@@ -15,6 +15,7 @@ from fieldtruth.frames import Array
 SPACING: Final = (1.0, 25.0)  # [m] between way-points; the paper has 5 to 20, and less near obstacles
 LINE_GAP: Final = 0.4  # [m] from the line through the way-points to an obstacle; the robot is 0.67 m wide
 PATH_GAP: Final = 0.05  # [m] from the robot's outline to an obstacle; rehearsal and drive differ by as much
+_ROUNDING: Final = 0.001  # [m], of geodetic coordinates
 _STEP: Final = 0.1  # [m] between the places that are looked at
 
 
@@ -99,7 +100,7 @@ def _check_point(ground: Traversability, corners: Array, row: int) -> None:
         raise RouteError(f"{_named(corners, row)} lies {BAR_TEXTS[bar]}")
     if row:
         spacing = float(np.linalg.norm(corners[row] - corners[row - 1]))
-        if not SPACING[0] <= spacing <= SPACING[1]:
+        if not SPACING[0] - _ROUNDING <= spacing <= SPACING[1] + _ROUNDING:
             raise RouteError(
                 f"{_named(corners, row)} is {spacing:.2f} m from {'the one before it' if row > 1 else 'the start'}; "
                 f"allowed is {SPACING[0]:g} to {SPACING[1]:g} m"

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the robot can be, whatever its heading: a grid of what is in its way, and of the room around it."""
 
+import dataclasses
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
@@ -51,12 +52,13 @@ class Traversability:
 
     ``clearance`` (nx, ny) [m]: room that remains around the robot's middle there, over all headings; below 0 where its
     outline would touch an obstacle or water in some heading, or where it would stand too steep, too rough, too far out.
-    ``ground_clearance`` is the same without obstacles.
+    ``ground_clearance`` is the same without obstacles. ``floor``: the mean ground under the robot.
     """
 
     bars: NDArray[np.uint8]
     clearance: NDArray[np.float32]
     ground_clearance: NDArray[np.float32]
+    floor: Heightfield
     x0: float
     y0: float
     outlines: tuple[Outline, ...]
@@ -75,6 +77,13 @@ class Traversability:
         """What is in the way, (n,), in the cells of places (n, 2); beyond the grid it is the edge."""
         i, j, inside = self._cells(places)
         return np.where(inside, self.bars[i, j], np.uint8(Bar.EDGE)).astype(np.uint8)
+
+    def way_length(self, poses: Array) -> float:
+        """Length [m], slopes included, of a path through poses (n, 2 or 3)."""
+        way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1))])
+        rows = np.unique(np.searchsorted(way, np.arange(0.0, way[-1] + 0.25, 0.25)).clip(max=len(way) - 1))
+        heights = self.floor.height_at(poses[rows, 0], poses[rows, 1])
+        return float(np.hypot(np.diff(way[rows]), np.diff(heights)).sum())
 
     def _cells(self, places: ArrayLike) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
         nx, ny = self.bars.shape
@@ -95,7 +104,8 @@ def traversability(world: World) -> Traversability:
     x, y = (np.linspace(-s / 2, s / 2, round(s / CELL) + 1) for s in world.size)
     outlines = obstacle_outlines(world)
     bars = np.zeros((len(x), len(y)), np.uint8)
-    _bar_ground(bars, world, x, y)
+    floor = _floor(world.terrain.field)
+    _bar_ground(bars, world, floor, x, y)
     bars[_near_edge(x, y, world.size)] = Bar.EDGE
     on_ground = np.minimum(_away(bars != Bar.NOTHING), _away(bars == Bar.WATER) - ROBOT_RADIUS)
     solid = np.zeros(bars.shape, bool)
@@ -105,6 +115,7 @@ def traversability(world: World) -> Traversability:
         bars=bars,
         clearance=np.minimum(on_ground, _away(solid) - ROBOT_RADIUS).astype(np.float32),
         ground_clearance=on_ground.astype(np.float32),
+        floor=floor,
         x0=float(x[0]),
         y0=float(y[0]),
         outlines=tuple(outlines),
@@ -123,9 +134,9 @@ def _near_edge(x: Array, y: Array, size: tuple[float, float]) -> NDArray[np.bool
     return np.asarray(along[:, None] | across[None, :])
 
 
-def _bar_ground(bars: NDArray[np.uint8], world: World, x: Array, y: Array) -> None:
+def _bar_ground(bars: NDArray[np.uint8], world: World, floor: Heightfield, x: Array, y: Array) -> None:
     field = world.terrain.field
-    slope, bump = slope_and_bump(field)
+    slope, bump = _slope_and_bump(field, floor)
     i, j = (
         np.clip(np.rint((axis - start) / field.spacing).astype(int), 0, count - 1)
         for axis, start, count in zip((x, y), (field.x0, field.y0), field.heights.shape, strict=True)
@@ -137,19 +148,27 @@ def _bar_ground(bars: NDArray[np.uint8], world: World, x: Array, y: Array) -> No
         bars[(field.heights < world.water_level + FREEBOARD)[cells]] = Bar.WATER
 
 
-def slope_and_bump(field: Heightfield) -> tuple[Array, Array]:
+def _floor(field: Heightfield) -> Heightfield:
+    mean = uniform_filter(field.heights.astype(np.float64), _nodes(field, OUTLINE[0]), mode="nearest")
+    return dataclasses.replace(field, heights=mean.astype(np.float32))
+
+
+def _nodes(field: Heightfield, length: float) -> int:
+    """An odd number of nodes over about ``length`` [m]."""
+    return 2 * max(1, round(length / 2 / field.spacing)) + 1
+
+
+def _slope_and_bump(field: Heightfield, floor: Heightfield) -> tuple[Array, Array]:
     """Slope (nx, ny) of the ground over the robot's length, and the greatest bump [m] on it below the robot."""
-    heights = field.heights.astype(np.float64)
-    under = max(3, 2 * round(OUTLINE[0] / 2 / field.spacing) + 1)  # nodes
-    mean = uniform_filter(heights, under, mode="nearest")
+    mean = floor.heights.astype(np.float64)
     slope = np.hypot(*np.gradient(mean, field.spacing))
     # A plane has no bumps, however steep; at the field's edge a window that sticks out would see some.
-    bump = np.abs(heights - mean)
+    bump = np.abs(field.heights - mean)
+    edge = _nodes(field, OUTLINE[0]) // 2
     for side in range(2):
-        np.moveaxis(bump, side, 0)[: under // 2] = 0.0
-        np.moveaxis(bump, side, 0)[-(under // 2) :] = 0.0
-    width = max(1, 2 * round(OUTLINE[1] / 2 / field.spacing) + 1)
-    return slope, maximum_filter(bump, width, mode="nearest")
+        np.moveaxis(bump, side, 0)[:edge] = 0.0
+        np.moveaxis(bump, side, 0)[-edge:] = 0.0
+    return slope, maximum_filter(bump, _nodes(field, OUTLINE[1]), mode="nearest")
 
 
 def _bar_outline(bars: NDArray[np.uint8], solid: NDArray[np.bool_], outline: Outline, x: Array, y: Array) -> None:

@@ -18,7 +18,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from fieldtruth.drive.check import line_conflict, line_places, path_conflict, thinned
-from fieldtruth.drive.rehearsal import Rehearsal, Stage, way_length
+from fieldtruth.drive.rehearsal import Rehearsal, Stage
 from fieldtruth.drive.traversability import CELL, Traversability
 from fieldtruth.frames import Array
 
@@ -43,11 +43,11 @@ class _Walk:
     paths: list[Array] = field(default_factory=list)
     lengths: list[float] = field(default_factory=lambda: [0.0])
 
-    def add(self, corner: Array, poses: Array, stage: Stage) -> None:
+    def add(self, corner: Array, poses: Array, stage: Stage, length: float) -> None:
         self.corners.append(corner)
         self.stages.append(stage)
         self.paths.append(poses)
-        self.lengths.append(self.lengths[-1] + way_length(poses))
+        self.lengths.append(self.lengths[-1] + length)
 
     def drop(self, count: int) -> None:
         for _ in range(min(count, len(self.paths))):
@@ -187,7 +187,7 @@ def _follow(
         target = np.array([np.interp(there, arc, way[:, k]) for k in range(2)])
         found = _leg(walk, target, ground, rehearsal, roomy=roomy, least=min(spacing, LEAST_SPACING))
         if found is not None:
-            walk.add(target, *found)
+            walk.add(target, *found, ground.way_length(found[0]))
             at.append(there)
             untried.append(_choices(rng))
     return len(walk.paths) > begun
@@ -253,7 +253,7 @@ def _end(
         found = _leg(walk, target, ground, rehearsal, roomy=False, least=min(rest, LEAST_SPACING))
         if found is None:
             return None
-        missing = rest - way_length(found[0])
+        missing = rest - ground.way_length(found[0])
         if abs(missing) <= tolerance:
             return np.asarray(target)
         spacing += missing
