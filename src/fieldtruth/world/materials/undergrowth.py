@@ -8,6 +8,9 @@ from fieldtruth.classes import Label
 from fieldtruth.world.materials.trees import LEAF_TRANSLUCENCY
 from fieldtruth.world.model import Material
 
+DRY_TRANSLUCENCY: Final = 0.18
+"""Dead tissue scatters more and transmits less: its cells are full of air."""
+
 
 def bush_leaf(kind: str, *, gloss: float = 0.1) -> Material:
     """Leaves of a kind of bush, from the texture of the same name."""
@@ -35,12 +38,12 @@ MATERIALS: Final = (
     ),
     herb("blade_green", gloss=0.15),
     herb("blade_fine", gloss=0.15),
-    herb("blade_dry", gloss=0.05),
+    herb("blade_dry", translucency=DRY_TRANSLUCENCY, gloss=0.05),
     herb("blade_reed"),
-    herb("blade_seed", gloss=0.0),
-    herb("blade_plume", gloss=0.0),
+    herb("blade_seed", translucency=DRY_TRANSLUCENCY, gloss=0.0),
+    herb("blade_plume", translucency=DRY_TRANSLUCENCY, gloss=0.0),
     herb("frond_fern"),
-    herb("frond_dry", gloss=0.0),
+    herb("frond_dry", translucency=DRY_TRANSLUCENCY, gloss=0.0),
     herb("leaf_nettle"),
     herb("petal_daisy", gloss=0.0),
     herb("petal_buttercup", gloss=0.3),

@@ -10,14 +10,17 @@ MEADOW: Final = Tuft(
     name="meadow",
     latin="Dactylis glomerata, Festuca pratensis",
     height=(0.3, 0.6),
-    radius=0.19,
+    radius=0.17,
     sorts=(
-        Blades(material="blade_green", number=15, length=(0.5, 1.0), width=0.0085, lean=(4, 32), bend=(25, 115)),
+        Blades(material="blade_green", number=10, length=(0.5, 1.0), width=0.0085, lean=(4, 34), bend=(35, 125)),
         Blades(
-            material="blade_green", number=8, length=(0.25, 0.6), width=0.008, lean=(15, 60), bend=(10, 90), kite=True,
+            material="blade_green", number=16, length=(0.4, 0.9), width=0.008, lean=(3, 40), bend=(15, 75), kite=True,
         ),
         Blades(
-            material="blade_dry", number=5, length=(0.3, 0.7), width=0.007, lean=(30, 75), bend=(20, 90), kite=True,
+            material="blade_green", number=14, length=(0.2, 0.55), width=0.008, lean=(15, 60), bend=(10, 90), kite=True,
+        ),
+        Blades(
+            material="blade_dry", number=8, length=(0.25, 0.65), width=0.007, lean=(30, 75), bend=(20, 90), kite=True,
         ),
         Blades(
             material="blade_dry", number=2, length=(0.95, 1.25), width=0.0035, lean=(2, 16), bend=(10, 40), rim=0.6,
@@ -35,18 +38,24 @@ DRY: Final = Tuft(
     name="dry",
     latin="Calamagrostis arundinacea, Stipa capillata",
     height=(0.4, 0.9),
-    radius=0.17,
+    radius=0.11,
     sorts=(
-        Blades(material="blade_dry", number=17, length=(0.4, 0.85), width=0.0065, lean=(4, 34), bend=(30, 120)),
-        Blades(material="blade_dry", number=7, length=(0.2, 0.5), width=0.007, lean=(30, 75), bend=(20, 80), kite=True),
+        Blades(material="blade_dry", number=10, length=(0.4, 0.85), width=0.0065, lean=(5, 38), bend=(40, 130)),
         Blades(
-            material="blade_green", number=3, length=(0.25, 0.55), width=0.006, lean=(8, 35), bend=(30, 100), kite=True,
+            material="blade_dry", number=18, length=(0.35, 0.8), width=0.006, lean=(4, 42), bend=(15, 80), kite=True,
+        ),
+        Blades(
+            material="blade_dry", number=12, length=(0.2, 0.5), width=0.007, lean=(30, 75), bend=(20, 80), kite=True,
+        ),
+        Blades(
+            material="blade_green", number=5, length=(0.2, 0.5), width=0.006, lean=(8, 35), bend=(30, 100), kite=True,
         ),
         Blades(
             material="blade_dry", number=4, length=(0.8, 1.15), width=0.0035, lean=(3, 20), bend=(12, 50), rim=0.7,
+            kite=True,
             organs=(
                 Leaves(
-                    material="blade_seed", number=6, length=0.055, width=0.010, start=0.74, angle=20, droop=0.35,
+                    material="blade_seed", number=5, length=0.055, width=0.010, start=0.74, angle=20, droop=0.35,
                     smallest=0.6,
                 ),
             ),
@@ -113,11 +122,14 @@ SEDGE: Final = Tuft(
     name="sedge",
     latin="Carex acutiformis, Juncus effusus",
     height=(0.5, 1.0),
-    radius=0.2,
+    radius=0.13,
     sorts=(
-        Blades(material="blade_reed", number=17, length=(0.55, 1.0), width=0.0105, lean=(3, 30), bend=(25, 95)),
+        Blades(material="blade_reed", number=11, length=(0.55, 1.0), width=0.0105, lean=(4, 34), bend=(35, 115)),
         Blades(
-            material="blade_dry", number=7, length=(0.3, 0.75), width=0.010, lean=(25, 70), bend=(30, 110), kite=True,
+            material="blade_reed", number=18, length=(0.4, 0.95), width=0.0095, lean=(3, 36), bend=(15, 70), kite=True,
+        ),
+        Blades(
+            material="blade_dry", number=9, length=(0.3, 0.75), width=0.010, lean=(25, 70), bend=(30, 110), kite=True,
         ),
         Blades(
             material="blade_reed", number=3, length=(0.85, 1.1), width=0.005, lean=(3, 18), bend=(5, 35), kite=True,
@@ -133,15 +145,16 @@ FOREST: Final = Tuft(
     name="forest",
     latin="Deschampsia flexuosa, Brachypodium sylvaticum",
     height=(0.25, 0.5),
-    radius=0.16,
+    radius=0.11,
     sorts=(
         Blades(
             material="blade_fine", number=16, length=(0.55, 1.1), width=0.0055, lean=(6, 36), bend=(55, 145), drift=35,
         ),
         Blades(
-            material="blade_fine", number=12, length=(0.3, 0.7), width=0.0055, lean=(15, 60), bend=(30, 110), kite=True,
+            material="blade_fine", number=26, length=(0.25, 0.75), width=0.0055, lean=(15, 60), bend=(30, 110),
+            kite=True,
         ),
-        Blades(material="blade_dry", number=5, length=(0.3, 0.7), width=0.005, lean=(35, 80), bend=(20, 90), kite=True),
+        Blades(material="blade_dry", number=8, length=(0.3, 0.7), width=0.005, lean=(35, 80), bend=(20, 90), kite=True),
         Blades(
             material="blade_dry", number=1, length=(0.95, 1.2), width=0.003, lean=(4, 18), bend=(15, 50), rim=0.5,
             kite=True,

@@ -15,7 +15,7 @@ FERN: Final = Tuft(
     sorts=(
         Blades(
             material="frond_fern", number=7, length=(0.75, 1.1), width=0.010, lean=(18, 48), bend=(35, 85), drift=14,
-            roll=0, twist=0, kite=True, organs=(Frond(material="frond_fern", pairs=13, length=0.2),),
+            roll=0, twist=0, kite=True, organs=(Frond(material="frond_fern", pairs=15, length=0.19),),
         ),
     ),
 )  # fmt: skip
@@ -29,12 +29,12 @@ BRACKEN: Final = Tuft(
     lopsided=0.6,
     sorts=(
         Blades(
-            material="frond_fern", number=5, length=(0.75, 1.1), width=0.010, lean=(2, 16), bend=(50, 110), drift=25,
-            roll=0, twist=0, kite=True, organs=(Frond(material="frond_fern", pairs=12, length=0.34, start=0.42),),
+            material="frond_fern", number=4, length=(0.75, 1.1), width=0.010, lean=(2, 16), bend=(50, 110), drift=25,
+            roll=0, twist=0, kite=True, organs=(Frond(material="frond_fern", pairs=17, length=0.3, start=0.42),),
         ),
         Blades(
             material="frond_dry", number=2, length=(0.4, 0.7), width=0.010, lean=(30, 60), bend=(40, 80), drift=25,
-            roll=0, twist=0, kite=True, organs=(Frond(material="frond_dry", pairs=7, length=0.3, start=0.4),),
+            roll=0, twist=0, kite=True, organs=(Frond(material="frond_dry", pairs=9, length=0.3, start=0.4),),
         ),
     ),
 )  # fmt: skip

@@ -56,8 +56,8 @@ def frond(rng: Rng, *, tones: Tones) -> Image:
     teeth = np.abs(((away * 11 + 0.5 * np.abs((u * 16) % 1 - 0.5)) % 1) - 0.5) * 2
     gap = np.clip((0.42 - teeth) / 0.25, 0, 1) * np.clip(away / 0.2, 0, 1)
     tone = 0.5 + 0.12 * noise(rng, n, 2, 20) + 0.08 * noise(rng, n, 30, 120, slope=0.3)
-    colour = mix(tones, tone) * (1 - 0.62 * gap)[..., None]
-    rib = 0.5 * np.exp(-((away / 0.06) ** 2))[..., None]
+    colour = mix(tones, tone) * (1 - 0.5 * gap)[..., None]
+    rib = 0.35 * np.exp(-((away / 0.035) ** 2))[..., None]
     return np.asarray(colour * (1 - rib) + linear((138, 142, 84)) * rib, np.float32)
 
 

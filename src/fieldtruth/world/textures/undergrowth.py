@@ -21,7 +21,7 @@ _FINE: Final = [(58, 80, 36), (76, 100, 46), (96, 118, 56)]
 _REED: Final = [(78, 96, 54), (102, 118, 66), (130, 140, 82), (166, 160, 106)]
 _STRAW: Final = [(132, 112, 74), (172, 150, 104), (196, 178, 132), (214, 200, 160)]
 _HUSK: Final = [(96, 76, 50), (148, 122, 84), (188, 164, 122)]
-_FERN: Final = [(60, 86, 34), (84, 112, 46), (110, 134, 60)]
+_FERN: Final = [(62, 80, 38), (86, 104, 50), (112, 124, 64)]
 _RUST: Final = [(86, 58, 36), (124, 86, 50), (150, 112, 70)]
 
 _BUSHES: Final = {
@@ -70,7 +70,7 @@ _HERBS: Final = {
     "blade_plume": Recipe(
         partial(herbage.chaff, tones=[(98, 82, 70), (146, 126, 108), (184, 166, 148)]), (0.210, 0.160, 0.120)
     ),
-    "frond_fern": Recipe(partial(herbage.frond, tones=_FERN), (0.056, 0.092, 0.023)),
+    "frond_fern": Recipe(partial(herbage.frond, tones=_FERN), (0.054, 0.079, 0.025)),
     "frond_dry": Recipe(partial(herbage.frond, tones=_RUST), (0.160, 0.090, 0.045)),
     "leaf_nettle": Recipe(partial(plants.leaf, pairs=6, slope=0.8, vein=0.25, tones=_GREEN), (0.050, 0.084, 0.025)),
     "petal_daisy": Recipe(
