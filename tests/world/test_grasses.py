@@ -218,8 +218,8 @@ def test_a_clump_mixes_kinds_at_the_density_asked() -> None:
     mixed = {GRASSES["meadow"]: 3.0, GRASSES["daisy"]: 1.0}
     mesh = grow_clump(mixed, name="clump", radius=0.6, per_m2=20, rng=np.random.default_rng(1))
     tufts = round(20 * np.pi * 0.36)
-    per_tuft = len(mesh.faces) / tufts
-    assert 100 < per_tuft < 150  # between a daisy's and a meadow's
+    mean = 0.75 * len(grow(GRASSES["meadow"]).faces) + 0.25 * len(grow(GRASSES["daisy"]).faces)
+    assert len(mesh.faces) / tufts == pytest.approx(mean, rel=0.1)
     assert "petal_daisy" in mesh.materials
     assert mesh.footprint == 0.6
     root = mesh.vertices[mesh.vertices[:, 2] < -0.05]
