@@ -1,0 +1,46 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The expected line of a route, and poses that stand on it."""
+
+import numpy as np
+from report_worlds import EXPERIMENT, RIG, plain
+
+from fieldtruth import frames
+from fieldtruth.experiment.catalogue import experiment_names
+from fieldtruth.experiment.route import route_from_metres
+from fieldtruth.report.path import expected_path, experiments_of, stand, stations
+
+
+def test_a_straight_route_is_driven_straight_up_to_the_arrival_distance() -> None:
+    path = expected_path(EXPERIMENT, plain())
+    np.testing.assert_allclose(path[0], (-8, 0, 0), atol=1e-3)
+    np.testing.assert_allclose(path[:, 1:], 0.0, atol=2e-3)
+    assert (np.diff(path[:, 0]) >= 0).all()
+    # Arrival: a fix, every 0.15 m, of the antenna 0.1 m ahead lies within 2 m of x = 8.
+    assert 5.9 <= path[-1, 0] <= 6.1
+
+
+def test_a_corner_is_cut_on_the_inside() -> None:
+    route = route_from_metres((0.0, 0.0), [(10.0, 0.0), (10.0, 10.0)])
+    path = expected_path(EXPERIMENT.model_copy(update={"route": route}), plain())
+    assert np.hypot(*(path[:, :2] - (10, 0)).T).min() > 0.5
+    assert path[:, 0].max() < 10.2
+    np.testing.assert_allclose(path[-1, 2], np.pi / 2, atol=0.2)
+
+
+def test_stations_are_evenly_spaced_and_a_short_path_has_one() -> None:
+    x = np.linspace(0, 10, 1001)
+    path = np.column_stack([x, np.zeros_like(x), np.zeros_like(x)])
+    np.testing.assert_allclose(stations(path, 2.0)[:, 0], [1, 3, 5, 7, 9], atol=0.011)
+    assert len(stations(path[:3], 2.0)) == 1
+
+
+def test_a_station_is_a_pose_on_its_wheels() -> None:
+    pose = stand(plain(height=3.0).terrain.field, np.array([4.0, -2.0, np.pi / 2]), RIG)
+    np.testing.assert_allclose(pose, frames.pose((4.0, -2.0, 3.13228), (0, 0, 90)), atol=1e-9)
+
+
+def test_experiments_are_found_by_their_environment() -> None:
+    names = [experiment.name for experiment in experiments_of("park")]
+    assert names == [name for name in experiment_names() if name.startswith("park")]
+    assert experiments_of("nowhere") == []

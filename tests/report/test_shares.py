@@ -1,0 +1,83 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Class shares: on an endless plain they are known; and they do not depend on who counts."""
+
+import numpy as np
+import pytest
+from report_worlds import EXPERIMENT, RIG, plain, small_park
+
+from fieldtruth.classes import CLASSES, Label
+from fieldtruth.report import shares as shares_module
+from fieldtruth.report.path import stand
+from fieldtruth.report.shares import ClassShares, class_shares, count_classes, shares_of, shares_table
+from fieldtruth.sense import Scene
+
+
+def test_on_a_plain_half_of_the_pixels_and_the_lower_half_of_the_beams_meet_ground() -> None:
+    world = plain()
+    poses = [stand(world.terrain.field, np.array([x, 3.0, 0.4]), RIG) for x in (0.0, 10.0, 20.0)]
+    shares = count_classes(Scene(world), RIG, poses, workers=2)
+    assert shares.pixels.shape == shares.points.shape == (3, len(CLASSES))
+    assert (shares.pixels[:, Label.GROUND] == 64 * 24).all()
+    assert (shares.pixels[:, Label.SKY] == 64 * 24).all()
+    assert (shares.points[:, Label.GROUND] == 64 * 8).all()
+    assert shares.pixel_share[Label.SKY] == shares.pixel_share[Label.GROUND] == 0.5
+    assert shares.point_share[Label.GROUND] == 1.0
+    assert shares.as_dict() == {"poses": 3, "pixels": {"ground": 4608, "sky": 4608}, "points": {"ground": 1536}}
+
+
+def test_trail_and_ground_are_told_apart_along_the_route() -> None:
+    shares = class_shares(EXPERIMENT, spacing=2.0, scene=Scene(plain(trail_north_of_0=True)))
+    assert len(shares.pixels) == 7  # the way ends 2 m before the last way-point, 16 m away
+    assert shares.points[:, [Label.GROUND, Label.TRAIL]].sum() == shares.points.sum() == 7 * 64 * 8
+    assert (np.diff(shares.points[:, Label.TRAIL]) > 0).all()
+    assert shares.pixels[-1, Label.GROUND] == 0
+
+
+def test_counts_do_not_depend_on_the_number_of_threads() -> None:
+    scene = Scene(small_park())
+    one, three = (class_shares(EXPERIMENT, spacing=3.0, scene=scene, workers=workers) for workers in (1, 3))
+    np.testing.assert_array_equal(one.pixels, three.pixels)
+    np.testing.assert_array_equal(one.points, three.points)
+    assert (one.pixels.sum(axis=1) == 64 * 48).all()
+    assert len({tuple(row) for row in one.pixels.tolist()}) > 1
+
+
+def test_experiments_in_one_world_load_it_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    loaded = []
+
+    def load(environment: str, seed: int) -> object:
+        loaded.append((environment, seed))
+        return plain()
+
+    monkeypatch.setattr(shares_module, "load_world", load)
+    others = [EXPERIMENT.model_copy(update=values) for values in ({"name": "small_2"}, {"name": "other", "seed": 5})]
+    found = shares_of([EXPERIMENT, *others])
+    assert list(found) == ["small_1", "small_2", "other"]
+    assert loaded == [("park", 0), ("park", 5)]
+    np.testing.assert_array_equal(found["small_1"].pixels, found["other"].pixels)
+
+
+def test_the_table_has_a_row_per_class_and_a_column_per_experiment() -> None:
+    def counted(**counts: int) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:
+        rows = np.zeros((2, len(CLASSES)), np.int64)
+        for name, count in counts.items():
+            rows[1, Label[name]] = count
+        return rows
+
+    shares = {
+        "a_1": ClassShares(pixels=counted(GROUND=3, SKY=1), points=counted(GROUND=8)),
+        "b_1": ClassShares(pixels=counted(GROUND=1, TRUNK=99_999), points=counted()),
+    }
+    assert [line.split() for line in shares_table(shares).splitlines()] == [
+        ["pixels", "[%]", "a_1", "b_1"],
+        ["ground", "75.00", "0.00"],
+        ["trunk", "and", "branch", "-", "100.00"],
+        ["sky", "25.00", "-"],
+        ["counted", "4", "100000"],
+        [],
+        ["points", "[%]", "a_1", "b_1"],
+        ["ground", "100.00", "-"],
+        ["counted", "8", "0"],
+    ]
+    assert not shares["b_1"].point_share.any()
