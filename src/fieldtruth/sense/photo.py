@@ -141,7 +141,7 @@ def _light(
     paint_ground(strip, count, pixel, studio.hits, studio.paint, studio.light, surface)
     paint_objects(strip, count, pixel, studio.hits, studio.surfaces, studio.paint, studio.light, surface)
     _trace_sun(studio.scene, room.shadow, room.shadow_rows, studio.light.sun, strip, count, surface)
-    _shine(strip, count, surface, studio.light, colour)
+    _shine(strip, count, surface, studio.light, studio.gain, colour)
 
 
 @kernel
@@ -177,18 +177,19 @@ def _trace_sun(
 
 @kernel
 def _shine(
-    strip: Strip, count: int, surface: NDArray[np.float32], light: LightTable, colour: NDArray[np.float32]
-) -> None:
+    strip: Strip, count: int, surface: NDArray[np.float32], light: LightTable, gain: np.float32,
+    colour: NDArray[np.float32],
+) -> None:  # fmt: skip
     """Light that comes back along each ray: sun, sky, the ground's reflection, highlight, and haze on the way."""
     top, direction, reach = strip.top, strip.direction, strip.reach
     dome, sun_rgb, bounce, mean, mist = light.dome.rgb, light.sun_rgb, light.bounce, light.dome.mean, light.dome.mist
     sx, sy, sz = np.float32(light.sun[0]), np.float32(light.sun[1]), np.float32(light.sun[2])
-    zero, one, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+    zero, one, half, exposure = np.float32(0.0), np.float32(1.0), np.float32(0.5), _EXPOSURE * gain
     for k in range(count):
         dx, dy, dz = direction[0, k], direction[1, k], direction[2, k]
         if top[k] < 0:
             r, g, b = sky_radiance(dome, dx, dy, dz)
-            colour[k, 0], colour[k, 1], colour[k, 2] = _EXPOSURE * r, _EXPOSURE * g, _EXPOSURE * b
+            colour[k, 0], colour[k, 1], colour[k, 2] = exposure * r, exposure * g, exposure * b
             continue
         nx, ny, nz, sun = surface[k, NX], surface[k, NY], surface[k, NZ], surface[k, SUN]
         facing = nx * sx + ny * sy + nz * sz
@@ -224,7 +225,7 @@ def _shine(
             red, green, blue = (
                 red + (mist[0] - red) * haze, green + (mist[1] - green) * haze, blue + (mist[2] - blue) * haze,
             )  # fmt: skip
-        colour[k, 0], colour[k, 1], colour[k, 2] = _EXPOSURE * red, _EXPOSURE * green, _EXPOSURE * blue
+        colour[k, 0], colour[k, 1], colour[k, 2] = exposure * red, exposure * green, exposure * blue
 
 
 @kernel

@@ -19,12 +19,15 @@ from fieldtruth.sense.hits import Grid, HitTable
 from fieldtruth.sense.light import LightTable, bake
 from fieldtruth.sense.paint import PaintTable, paint_table
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sense.sky import Dome
+from fieldtruth.sense.sky import SKY_OVER_SUN, Dome
 from fieldtruth.sense.surfaces import SurfaceTable, surface_table
 from fieldtruth.world.build import default_cache
 
 CURVE_TOP: Final = 16.0
 CURVE_STEPS: Final = 4096
+OPEN_SHARE: Final = 0.72
+"""Light on the ground of a park, of that on a meadow: there the exposure is 1."""
+ADAPTATION: Final = 0.8
 _KEPT: Final = 8  # lights in the cache, about 20 MB each; the oldest goes first
 
 
@@ -38,6 +41,7 @@ class Studio(NamedTuple):
     light: LightTable
     curve: NDArray[np.uint8]
     has_water: bool
+    gain: np.float32  # exposure of this world over that of an open one
 
 
 def film_curve() -> NDArray[np.uint8]:
@@ -57,7 +61,18 @@ def make_studio(scene: Scene, *, cache_folder: Path | None = None) -> Studio:
         _save_light(path, light)
     surfaces, paint = surface_table(scene, light.vertex_sky), paint_table(scene.world)
     has_water = bool((paint.mirror > 0).any())
-    return Studio(scene.rays.handle, scene.hits, surfaces, paint, light, film_curve(), has_water)
+    return Studio(scene.rays.handle, scene.hits, surfaces, paint, light, film_curve(), has_water, _gain(light))
+
+
+def _gain(light: LightTable) -> np.float32:
+    """Exposure that a photographer would choose for this world, relative to an open meadow: more below a closed canopy.
+
+    It follows the mean light on the ground, not all the way (a forest's picture stays darker than a meadow's), and it
+    is one for all images, so that stereo pairs agree and an image does not depend on those before it.
+    """
+    level = float(light.ground_sun.values.mean()) * light.sun[2] + SKY_OVER_SUN * float(light.ground_sky.values.mean())
+    open_level = light.sun[2] + SKY_OVER_SUN
+    return np.float32(np.clip((OPEN_SHARE * open_level / level) ** ADAPTATION, 0.8, 6.0))
 
 
 def _light_key(scene: Scene) -> str:

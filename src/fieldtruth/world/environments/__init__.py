@@ -22,6 +22,31 @@ def _park(seed: int, corridors: Sequence[Line]) -> World:
     return build_park(seed, corridors)
 
 
+def _forest(seed: int, corridors: Sequence[Line]) -> World:
+    from fieldtruth.world.environments.forest import build_forest
+
+    return build_forest(seed, corridors)
+
+
+def _lake(seed: int, corridors: Sequence[Line]) -> World:
+    from fieldtruth.world.environments.lake import build_lake
+
+    return build_lake(seed, corridors)
+
+
+def _hillside(seed: int, corridors: Sequence[Line]) -> World:
+    from fieldtruth.world.environments.hillside import build_hillside
+
+    return build_hillside(seed, corridors)
+
+
 ENVIRONMENTS: Final[Mapping[str, Environment]] = {
+    "forest": Environment(
+        "dense forest: 350 trees and more, two trails, fallen trunks, stones, bushes, high grass", _forest
+    ),
+    "lake": Environment(
+        "lake's shore: water, beaches and scarps, reeds, high grass, bushes, trees, a power line", _lake
+    ),
+    "hillside": Environment("rugged hillside: a mountain's flank, rocks, dry high grass, bushes, few trees", _hillside),
     "park": Environment("urban park: lawn, two trails, trees, bushes, lamp posts, benches, tables, trash bins", _park),
 }

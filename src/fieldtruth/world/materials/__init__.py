@@ -10,10 +10,10 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from fieldtruth.world.materials import ground, rocks, trees, undergrowth, works
+from fieldtruth.world.materials import ground, rocks, trees, undergrowth, woods, works
 from fieldtruth.world.model import Material
 
-_TABLES: Final = (ground, trees, undergrowth, rocks, works)
+_TABLES: Final = (ground, woods, trees, undergrowth, rocks, works)
 
 MATERIALS: Final[Mapping[str, Material]] = MappingProxyType({m.name: m for table in _TABLES for m in table.MATERIALS})
 """Every material by name; a world holds those that it uses."""
