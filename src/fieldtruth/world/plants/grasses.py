@@ -12,9 +12,9 @@ MEADOW: Final = Tuft(
     height=(0.3, 0.6),
     radius=0.17,
     sorts=(
-        Blades(material="blade_green", number=10, length=(0.5, 1.0), width=0.0085, lean=(4, 34), bend=(35, 125)),
+        Blades(material="blade_green", number=10, length=(0.6, 1.15), width=0.0085, lean=(4, 34), bend=(35, 125)),
         Blades(
-            material="blade_green", number=16, length=(0.4, 0.9), width=0.008, lean=(3, 40), bend=(15, 75), kite=True,
+            material="blade_green", number=16, length=(0.45, 1.0), width=0.008, lean=(3, 40), bend=(15, 75), kite=True,
         ),
         Blades(
             material="blade_green", number=14, length=(0.2, 0.55), width=0.008, lean=(15, 60), bend=(10, 90), kite=True,
@@ -40,9 +40,9 @@ DRY: Final = Tuft(
     height=(0.4, 0.9),
     radius=0.11,
     sorts=(
-        Blades(material="blade_dry", number=10, length=(0.4, 0.85), width=0.0065, lean=(5, 38), bend=(40, 130)),
+        Blades(material="blade_dry", number=10, length=(0.55, 1.05), width=0.0065, lean=(5, 38), bend=(40, 130)),
         Blades(
-            material="blade_dry", number=18, length=(0.35, 0.8), width=0.006, lean=(4, 42), bend=(15, 80), kite=True,
+            material="blade_dry", number=18, length=(0.45, 0.95), width=0.006, lean=(4, 42), bend=(15, 80), kite=True,
         ),
         Blades(
             material="blade_dry", number=12, length=(0.2, 0.5), width=0.007, lean=(30, 75), bend=(20, 80), kite=True,

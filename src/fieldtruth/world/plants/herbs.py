@@ -53,7 +53,7 @@ NETTLE: Final = Tuft(
             kite=True,
             organs=(
                 Leaves(
-                    material="leaf_nettle", number=12, length=0.105, width=0.06, start=0.22, angle=70, droop=0.35,
+                    material="leaf_nettle", number=12, length=0.125, width=0.078, start=0.18, angle=70, droop=0.35,
                     arrangement="pairs", smallest=0.4,
                 ),
             ),
