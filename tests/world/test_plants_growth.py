@@ -51,7 +51,7 @@ def test_several_orders_and_their_numbers(species: Species, height: float) -> No
     assert len(orders) >= 3
     assert len(orders[0].length) == habit.stems
     for stems, order in zip(orders[1:], habit.orders, strict=True):
-        assert 0.5 * order.number < len(stems.length) < 1.2 * order.number
+        assert 0.35 * order.number < len(stems.length) < 1.2 * order.number
 
 
 @pytest.mark.parametrize("height", [9.0, 11.0, 15.0])

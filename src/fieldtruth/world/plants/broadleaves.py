@@ -53,7 +53,7 @@ LIME: Final = Species(
         trunk_segments=14,
         trunk_sides=9,
         flare=0.25,
-        leaf=replace(_LIME_LEAF, number=4000, length=0.1),
+        leaf=replace(_LIME_LEAF, number=4000, length=0.095, rounded=True),
         orders=(
             Order(
                 number=17, length=0.33, length_spread=0.2, angle=(50, 25), lift=(0.2, 0.3), bend=0.3, wander=0.3,
@@ -124,7 +124,7 @@ BIRCH: Final = Species(
         trunk_segments=14,
         trunk_sides=8,
         flare=0.2,
-        leaf=replace(_BIRCH_LEAF, number=3600, length=0.075),
+        leaf=replace(_BIRCH_LEAF, number=3600, length=0.07, rounded=True),
         orders=(
             Order(
                 number=26, length=0.24, length_spread=0.25, angle=(45, 25), lift=(0.3, -0.2), bend=0.3, wander=0.35,
@@ -194,7 +194,7 @@ OAK: Final = Species(
         trunk_segments=14,
         trunk_sides=9,
         flare=0.3,
-        leaf=replace(_OAK_LEAF, number=4200, length=0.11),
+        leaf=replace(_OAK_LEAF, number=4200, length=0.105, rounded=True),
         orders=(
             Order(
                 number=15, length=0.32, length_spread=0.25, angle=(60, 28), angle_spread=10, lift=(0.2, 0.4), bend=0.4,

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Conifers: Norway spruce (a spire of whorled, drooping branches) and Scots pine (bare red trunk, flat clumped crown).
 
-A leaf is a twig with its needles, drawn as a narrow kite: single needles would be a million triangles. Forms follow
+A leaf is a small twig with its needles (see `Leaf.prongs`): single needles would be a million triangles. Forms follow
 field guides; the numbers were set by eye.
 """
 
@@ -13,8 +13,8 @@ from fieldtruth.world.plants.species import Habit, Leaf, Order, Species
 from fieldtruth.world.plants.variation import in_stand
 
 _SPRUCE_SPRAY: Final = Leaf(
-    number=19000, length=0.25, width=0.24, size_spread=0.25, widest=0.45, fold=24, stalk=0.0, droop=0.35, flatness=1.6,
-    forward=1.1,
+    number=15500, length=0.21, width=0.165, size_spread=0.22, prongs=3, splay=40, stagger=0.3, fold=10, stalk=0.0,
+    droop=0.35, flatness=1.6, forward=1.2,
 )  # fmt: skip
 _SPRUCE_LIMBS: Final = Order(
     number=130, length=0.2, length_spread=0.16, angle=(104, 52), angle_spread=6, whorl=5, divergence_spread=10,
@@ -22,10 +22,10 @@ _SPRUCE_LIMBS: Final = Order(
 )  # fmt: skip
 _SPRUCE_TWIGS: Final = Order(
     number=1250, start=0.18, length=0.36, length_spread=0.3, angle=(64, 42), divergence=180, divergence_spread=22,
-    lift=(-0.7, -1.1), bend=0.2, wander=0.3, thickness=1.0, segments=2, sides=3, foliage=1,
+    lift=(-0.7, -1.1), bend=0.2, wander=0.3, thickness=1.0, segments=2, sides=3, foliage=1, drawn=0.7,
 )  # fmt: skip
 _SPRUCE_DEAD: Final = Order(
-    number=60, start=0.05, length=0.075, length_spread=0.5, angle=(98, 88), angle_spread=10, whorl=4, lift=(-0.5, -0.2),
+    number=90, start=0.05, length=0.075, length_spread=0.5, angle=(98, 88), angle_spread=10, whorl=4, lift=(-0.5, -0.2),
     bend=0.3, wander=0.4, thickness=1.05, segments=3, sides=3,
 )  # fmt: skip
 _SPRUCE: Final = Habit(
@@ -62,7 +62,7 @@ SPRUCE: Final = Species(
         trunk_segments=14,
         trunk_sides=8,
         flare=0.25,
-        leaf=replace(_SPRUCE_SPRAY, number=5200, length=0.17),
+        leaf=replace(_SPRUCE_SPRAY, number=4600, length=0.14),
         orders=(
             replace(_SPRUCE_LIMBS, number=75, length=0.27, angle=(92, 45), lift=(0.0, 0.5), segments=4),
             replace(_SPRUCE_TWIGS, number=380, lift=(-0.2, -0.3)),
@@ -76,8 +76,8 @@ SPRUCE: Final = Species(
 )
 
 _PINE_TUFT: Final = Leaf(
-    number=20500, length=0.15, width=0.24, size_spread=0.2, widest=0.55, fold=18, stalk=0.0, droop=-0.25, flatness=0.5,
-    forward=0.9, arrangement=137.5,
+    number=15000, length=0.185, width=0.16, size_spread=0.2, prongs=3, splay=46, fold=26, stalk=0.0, droop=-0.3,
+    flatness=0.6, forward=1.0, arrangement=137.5,
 )  # fmt: skip
 _PINE: Final = Habit(
     height=12,
@@ -87,7 +87,7 @@ _PINE: Final = Habit(
     crown_base=0.42,
     outline="flat",
     lopsided=0.3,
-    vigour=(0.75, 1.05),
+    vigour=(0.85, 1.05),
     dead_limbs=0.08,
     dead=Order(
         number=9, start=0.22, length=0.06, length_spread=0.5, angle=(85, 70), whorl=2, lift=(-0.2, 0.2), wander=0.6,
@@ -102,7 +102,7 @@ _PINE: Final = Habit(
     leaf=_PINE_TUFT,
     orders=(
         Order(
-            number=30, length=0.24, length_spread=0.3, angle=(82, 30), angle_spread=11, whorl=3, lift=(-0.1, 0.5),
+            number=32, length=0.26, length_spread=0.25, angle=(82, 30), angle_spread=11, whorl=3, lift=(-0.1, 0.5),
             bend=0.5, wander=0.8, thickness=1.1, segments=8, sides=5,
         ),
         Order(
@@ -137,7 +137,7 @@ PINE: Final = Species(
         trunk_segments=14,
         trunk_sides=8,
         flare=0.2,
-        leaf=replace(_PINE_TUFT, number=4600, length=0.12, droop=-0.4),
+        leaf=replace(_PINE_TUFT, number=4000, length=0.13, droop=-0.4),
         orders=(
             Order(
                 number=44, length=0.24, length_spread=0.2, angle=(72, 35), whorl=5, lift=(0.1, 0.6), bend=0.2,
@@ -166,7 +166,7 @@ PINE: Final = Species(
         lean_limit=15.0,
         trunk_wander=0.7,
         flare=0.6,
-        leaf=replace(_PINE_TUFT, number=9000, length=0.12),
+        leaf=replace(_PINE_TUFT, number=7000, length=0.13),
         orders=(
             replace(_PINE.orders[0], number=17, length=0.36, whorl=2, wander=1.3, bend=0.8, lift=(-0.1, 0.6)),
             replace(_PINE.orders[1], number=120, start=0.3, wander=1.0),

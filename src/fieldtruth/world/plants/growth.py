@@ -120,7 +120,7 @@ def _sprout(
     if number == 1:
         length = order.length * height * outline_ratio(habit.outline, 1 - depth)
         azimuth = np.arctan2(direction[:, 1], direction[:, 0]) - light
-        length *= 1 + habit.lopsided * (np.cos(azimuth) + 0.5 * np.cos(3 * azimuth + light))
+        length *= np.maximum(1 + habit.lopsided * (np.cos(azimuth) + 0.5 * np.cos(3 * azimuth + light)), 0.35)
     else:
         length = order.length * parents.length[parent] * (1 - 0.6 * joint)  # Weber and Penn, section 4.3
     length *= 1 + 0.7 * np.minimum(direction[:, 2], 0)  # shoots in the shade of their parent stay short

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Leaves: single blades on stalks along the twigs, each of two or four triangles folded along its midrib.
+"""Leaves: single blades on stalks along the twigs, each of two or four triangles, and sprays of needles.
 
 A real tree of ten metres has some 200,000 leaves of 6 cm; we draw fewer and larger ones of the same form. A blade turns
 its upper side up and outwards to the light and hangs a little. Shading normals are the blade's own, blended with the
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.world.plants.growth import Array, Stems, sideways, spread_along, unit
 from fieldtruth.world.plants.species import Habit, Leaf, Order
-from fieldtruth.world.plants.variation import outline_corners
+from fieldtruth.world.plants.variation import SIDE_PRONG, outline_corners
 
 OUTWARD_BLEND = 0.55  # weight of the crown's and clump's normal in a leaf's shading normal
 
@@ -99,8 +99,10 @@ def leaf_mesh(leaves: Leaves, form: Leaf, rng: np.random.Generator) -> tuple[Arr
     """Vertices (k m, 3) [m], normals, uv and faces of blades with k corners: base, left, tip, right downwards.
 
     A kite has 4 corners, a rounded blade 6. v is along the midrib. No two blades have quite the same outline, and the
-    halves of one differ.
+    halves of one differ. Sprays have three corners a prong: left, right, tip.
     """
+    if form.prongs:
+        return _spray_mesh(leaves, form, rng)
     m, side = len(leaves.length), outline_corners(form)
     corners = 2 * len(side) + 2
     left = np.cross(leaves.normal, leaves.midrib)
@@ -132,3 +134,27 @@ def leaf_mesh(leaves: Leaves, form: Leaf, rng: np.random.Generator) -> tuple[Arr
     faces = corners * np.arange(m)[:, None, None] + np.array(fan)
     uvs = np.broadcast_to(uv, (m, corners, 2))
     return vertices.reshape(-1, 3), normals.reshape(-1, 3), uvs.reshape(-1, 2), faces.reshape(-1, 3).astype(np.int32)
+
+
+def _spray_mesh(leaves: Leaves, form: Leaf, rng: np.random.Generator) -> tuple[Array, Array, Array, NDArray[np.int32]]:
+    """Sprays: pointed prongs side by side, the outer ones shorter and bent a little off the plane."""
+    m, k = len(leaves.length), form.prongs
+    rank = np.arange(k) - 0.5 * (k - 1)
+    left = np.cross(leaves.normal, leaves.midrib)[:, None]
+    angle = np.radians(form.splay * rank + rng.normal(0, 0.25 * form.splay, (m, k)))[..., None]
+    rise = np.tan(np.radians(form.fold)) * rng.normal(0, 1, (m, k, 1)).clip(-1.5, 1.5)
+    along = unit(np.cos(angle) * leaves.midrib[:, None] + np.sin(angle) * left + rise * leaves.normal[:, None])
+    size = leaves.length[:, None, None] * np.where(np.abs(rank) < 0.6, 1.0, SIDE_PRONG)[:, None]
+    size = size * rng.uniform(0.85, 1.15, (m, k, 1))
+    across = unit(np.cross(leaves.normal[:, None], along))
+    half = 0.5 * form.width * leaves.length[:, None, None] * across
+    apart = form.stagger * (np.abs(rank) + 0.35 * rank) * (np.abs(rank) > 0.6)
+    base = leaves.base[:, None] + leaves.length[:, None, None] * apart[:, None] * leaves.midrib[:, None]
+    vertices = np.stack([base + half, base - half, base + size * along], 2)
+    own = np.cross(along, across)
+    outward = leaves.outward[:, None]
+    blend = np.where((own * outward).sum(2, keepdims=True) < -0.3, 0.0, OUTWARD_BLEND)
+    normals = np.repeat(unit((1 - blend) * own + blend * outward)[:, :, None], 3, 2)
+    uv = np.broadcast_to([[0.08, 0.03], [0.92, 0.03], [0.5, 0.97]], (m, k, 3, 2))
+    faces = np.arange(3 * m * k).reshape(-1, 3)[:, [0, 1, 2]]
+    return vertices.reshape(-1, 3), normals.reshape(-1, 3), uv.reshape(-1, 2), faces.astype(np.int32)

@@ -69,7 +69,10 @@ class Order:
 
 @dataclass(frozen=True, kw_only=True)
 class Leaf:
-    """The form of a leaf, folded along the midrib: a kite of two triangles, or an ellipse with a point of four."""
+    """The form of a leaf: a folded blade of two or, ``rounded``, four triangles, or a spray of needles.
+
+    A spray is a small twig with its needles and side shoots: its prongs spread like the toes of a bird.
+    """
 
     number: int  # on the whole plant before pruning
     length: float  # [m] of the blade, at ``Habit.height``
@@ -83,6 +86,9 @@ class Leaf:
     flatness: float = 1.0  # weight of "upwards" in the upper side's direction, against 1 for outwards
     forward: float = 0.5  # weight of the twig's direction in the midrib's, against 1 for sideways
     rounded: bool = False  # six corners instead of a kite's four
+    prongs: int = 0  # of a spray of needles, each a pointed triangle; 0: a blade
+    splay: float = 40.0  # [deg] between the prongs
+    stagger: float = 0.0  # of the length: where along the middle prong the outer ones leave it
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from fieldtruth.world.plants.species import Habit, Leaf, Order
 
-KITE_AREA: Final = 0.5  # of length times width
+SIDE_PRONG: Final = 0.8  # length of a spray's outer prongs relative to the middle one's
 LARGEST_GROWTH: Final = 5.5  # longest leaf of a coarse plant relative to that of a fine one
 FINE_LEAVES: Final = 0.6  # detail below which a leaf is a kite
 
@@ -80,16 +80,15 @@ def at_detail(habit: Habit, detail: float) -> Habit:
 
 def _fewer(leaf: Leaf, detail: float) -> Leaf:
     """Leaves of the same area in all."""
-    rounded = leaf.rounded and detail > FINE_LEAVES
-    triangles = leaf.number * (4 if leaf.rounded else 2) * detail * (0.6 + 0.4 * detail**0.3)
-    number = triangles / (4 if rounded else 2)
-    growth = np.sqrt(leaf.number * outline_area(leaf) / (number * (outline_area(leaf) if rounded else KITE_AREA)))
-    return replace(
-        leaf,
-        number=max(1, round(number)),
-        rounded=rounded,
-        length=leaf.length * min(float(growth), LARGEST_GROWTH),
-    )
+    coarse = replace(leaf, rounded=leaf.rounded and detail > FINE_LEAVES)
+    number = leaf.number * detail * (0.6 + 0.4 * detail**0.3) * leaf_triangles(leaf) / leaf_triangles(coarse)
+    growth = np.sqrt(leaf.number * outline_area(leaf) / (number * outline_area(coarse)))
+    return replace(coarse, number=max(1, round(number)), length=leaf.length * min(float(growth), LARGEST_GROWTH))
+
+
+def leaf_triangles(leaf: Leaf) -> int:
+    """Triangles of one leaf."""
+    return leaf.prongs or (4 if leaf.rounded else 2)
 
 
 def _coarser(order: Order, detail: float, drawn: float) -> Order:
@@ -117,6 +116,8 @@ def outline_corners(leaf: Leaf) -> list[tuple[float, float]]:
 
 
 def outline_area(leaf: Leaf) -> float:
-    """Area of the flat blade relative to length times width."""
+    """Area of a leaf relative to length times width, unfolded; the width of a spray is that of one prong."""
+    if leaf.prongs:
+        return 0.5 * (1 + SIDE_PRONG * (leaf.prongs - 1))
     along, half = np.array([(0.0, 0.0), *outline_corners(leaf), (1.0, 0.0)]).T
     return float(np.sum(np.diff(along) * (half[:-1] + half[1:])))

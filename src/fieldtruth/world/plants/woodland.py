@@ -11,9 +11,7 @@ from typing import Final
 from fieldtruth.world.plants.species import Habit, Leaf, Order, Species
 from fieldtruth.world.plants.variation import in_stand
 
-_BEECH_LEAF: Final = Leaf(
-    number=13500, length=0.15, width=0.62, widest=0.42, droop=0.15, flatness=2.2, rounded=True, stalk=0.012
-)
+_BEECH_LEAF: Final = Leaf(number=23500, length=0.155, width=0.64, widest=0.42, droop=0.15, flatness=2.2, stalk=0.012)
 _BEECH: Final = Habit(
     height=12,
     trunk_radius=0.019,
@@ -61,7 +59,7 @@ BEECH: Final = Species(
         trunk_segments=14,
         trunk_sides=9,
         flare=0.25,
-        leaf=replace(_BEECH_LEAF, number=2300, length=0.12),
+        leaf=replace(_BEECH_LEAF, number=4400, length=0.1, rounded=True),
         orders=(
             replace(_BEECH.orders[0], number=20, length=0.3, angle=(60, 30), segments=6, sides=4),
             replace(_BEECH.orders[1], number=130, segments=3, foliage=1, leaf_start=0.1),
@@ -71,7 +69,7 @@ BEECH: Final = Species(
     stand=in_stand(_BEECH, crown_base=0.52, reach=0.68, slim=0.78, leaves=0.85, clear=2.3),
 )
 
-_ALDER_LEAF: Final = Leaf(number=12500, length=0.115, width=0.9, widest=0.55, droop=0.4, rounded=True)
+_ALDER_LEAF: Final = Leaf(number=22500, length=0.125, width=0.88, widest=0.55, droop=0.4)
 _ALDER: Final = Habit(
     height=11,
     trunk_radius=0.0145,
@@ -117,7 +115,7 @@ ALDER: Final = Species(
         trunk_segments=14,
         trunk_sides=8,
         flare=0.2,
-        leaf=replace(_ALDER_LEAF, number=2200, length=0.095),
+        leaf=replace(_ALDER_LEAF, number=4200, length=0.085, rounded=True),
         orders=(
             replace(_ALDER.orders[0], number=26, length=0.24, angle=(60, 30), segments=5, sides=4),
             replace(_ALDER.orders[1], number=140, segments=3, foliage=1, leaf_start=0.1),
@@ -128,7 +126,7 @@ ALDER: Final = Species(
 )
 
 _WILLOW_LEAF: Final = Leaf(
-    number=19500, length=0.165, width=0.24, widest=0.35, fold=14, stalk=0.01, droop=0.8, flatness=0.5, forward=0.9,
+    number=22500, length=0.185, width=0.24, widest=0.35, fold=14, stalk=0.01, droop=0.8, flatness=0.5, forward=0.9,
     arrangement=137.5, size_spread=0.22,
 )  # fmt: skip
 _WILLOW: Final = Habit(
@@ -179,7 +177,7 @@ WILLOW: Final = Species(
         trunk_segments=14,
         trunk_sides=8,
         flare=0.25,
-        leaf=replace(_WILLOW_LEAF, number=4600, length=0.13),
+        leaf=replace(_WILLOW_LEAF, number=5000, length=0.13, rounded=True),
         orders=(
             replace(_WILLOW.orders[0], number=20, length=0.36, angle=(48, 22), segments=6, sides=4),
             replace(_WILLOW.orders[1], number=130, segments=3, lift=(0.3, -0.8), foliage=1, leaf_start=0.1),

@@ -139,13 +139,13 @@ def needles(rng: Rng, *, rows: int, slope: float, twig: float, tones: list[tuple
     """Twig with its needles: ``rows`` of them leave the axis (half width ``twig``) on each side and point forwards."""
     u, v = _leaf_grid()
     side = np.abs(u - 0.5)
-    wave = 0.25 * noise(rng, LEAF, 2, 24)
+    wave = 0.12 * noise(rng, LEAF, 2, 10)
     phase = rows * (v - slope * side) + np.where(u > 0.5, 0.5, 0.0) + wave
     row = np.floor(phase)
     across = np.abs(phase - row - 0.5) * 2
     shade = rng.uniform(-0.2, 0.2, 4096).astype(np.float32)[(row * 2 + (u > 0.5)).astype(np.int64) % 4096]
-    needle = np.clip((0.85 - across) / 0.35, 0, 1)
-    colour = mix(tones, 0.45 + shade + 0.12 * noise(rng, LEAF, 3, 30)) * (0.32 + 0.68 * needle)[..., None]
+    needle = np.clip((0.8 - across) / 0.4, 0, 1)
+    colour = mix(tones, 0.45 + shade + 0.12 * noise(rng, LEAF, 3, 30)) * (0.22 + 0.78 * needle)[..., None]
     wood = np.clip((twig * (1.2 - v) - side) / 0.012, 0, 1)[..., None]
     return np.asarray(colour * (1 - wood) + linear((112, 84, 58)) * wood, np.float32)
 
@@ -154,7 +154,7 @@ def _plates(
     rng: Rng, *, across: int, along: int, gap: float, relief: float, tones: list[tuple[int, int, int]]
 ) -> Image:
     """Plates of bark: cells with ragged borders that peel in layers; ``gap`` between them is dark."""
-    bend = [0.28 * noise(rng, N, 4, 90, slope=1.0), 0.28 * noise(rng, N, 4, 90, slope=1.0)]
+    bend = [0.16 * noise(rng, N, 3, 14) + 0.035 * noise(rng, N, 16, 90, slope=0.8) for _ in range(2)]
     found = cells(rng, N, across, along, jitter=0.9, shift=bend)
     edge = np.clip((found.second - found.nearest) / gap, 0, 1)
     layer = noise(rng, N, 6, 120, slope=0.9, stretch=1.6)
@@ -168,13 +168,13 @@ def _plates(
 def bark_spruce(rng: Rng) -> Image:
     """Thin round scales, grey over brown."""
     tones = [(38, 30, 25), (84, 68, 57), (110, 96, 84), (128, 117, 106)]
-    return _plates(rng, across=15, along=13, gap=0.24, relief=0.6, tones=tones)
+    return _plates(rng, across=15, along=11, gap=0.28, relief=0.6, tones=tones)
 
 
 def bark_pine(rng: Rng) -> Image:
     """Old bark of pines: thick long plates, grey outside and red-brown where layers have come off."""
     tones = [(26, 20, 17), (86, 60, 46), (124, 94, 76), (140, 118, 102)]
-    return _plates(rng, across=7, along=4, gap=0.34, relief=0.75, tones=tones)
+    return _plates(rng, across=7, along=2, gap=0.42, relief=0.8, tones=tones)
 
 
 def bark_pine_upper(rng: Rng) -> Image:
@@ -185,7 +185,7 @@ def bark_pine_upper(rng: Rng) -> Image:
     tones = [(128, 74, 44), (178, 112, 68), (204, 142, 94)]
     colour = mix(tones, 0.5 + 0.16 * sheet + 0.05 * grain)
     edge = np.clip(1 - np.abs(noise(rng, N, 6, 60, slope=1.1, stretch=0.7)) / 0.07, 0, 1)[..., None]
-    colour = colour * (1 - 0.45 * edge)
+    colour = (colour * (1 - 0.45 * edge)).astype(np.float32)
     return even_out(colour * (1 - 0.6 * flakes[..., None]) + 0.6 * flakes[..., None] * linear((150, 128, 108)))
 
 
@@ -205,7 +205,7 @@ def bark_beech(rng: Rng) -> Image:
 def bark_alder(rng: Rng) -> Image:
     """Dark, cracked into small upright plates."""
     tones = [(30, 26, 23), (66, 57, 49), (98, 88, 77), (122, 112, 101)]
-    return _plates(rng, across=11, along=6, gap=0.26, relief=0.6, tones=tones)
+    return _plates(rng, across=12, along=5, gap=0.36, relief=0.7, tones=tones)
 
 
 def bark_willow(rng: Rng) -> Image:
@@ -221,7 +221,8 @@ def bark_dead(rng: Rng) -> Image:
     split = np.clip(1 - np.abs(noise(rng, N, 5, 50, slope=1.0, stretch=22.0)) / 0.09, 0, 1)
     gallery = np.clip(1 - np.abs(noise(rng, N, 8, 60, slope=1.0, stretch=2.0)) / 0.03, 0, 1)
     colour = mix([(112, 100, 86), (150, 141, 128), (178, 172, 162)], 0.5 + 0.12 * grain + 0.15 * bands)
-    return even_out(colour * (1 - 0.75 * split - 0.12 * gallery)[..., None].clip(0.1, 1))
+    dark = np.clip(1 - 0.75 * split - 0.12 * gallery, 0.1, 1).astype(np.float32)
+    return even_out(colour * dark[..., None])
 
 
 def bark_moss(rng: Rng) -> Image:

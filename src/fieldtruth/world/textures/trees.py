@@ -30,7 +30,7 @@ RECIPES: Final[Mapping[str, Recipe]] = MappingProxyType(
         "bark_alder": Recipe(plants.bark_alder, (0.088, 0.075, 0.060)),
         "bark_willow": Recipe(plants.bark_willow, (0.140, 0.120, 0.094)),
         "bark_dead": Recipe(plants.bark_dead, (0.225, 0.208, 0.180)),
-        "bark_moss": Recipe(plants.bark_moss, (0.052, 0.066, 0.018)),
+        "bark_moss": Recipe(plants.bark_moss, (0.052, 0.066, 0.022)),
         "leaf_lime": Recipe(partial(plants.leaf, pairs=8, slope=0.75, vein=0.30, tones=_GREEN), (0.062, 0.105, 0.026)),
         "leaf_birch": Recipe(partial(plants.leaf, pairs=9, slope=0.9, vein=0.28, tones=_GREEN), (0.068, 0.112, 0.026)),
         "leaf_oak": Recipe(partial(plants.leaf, pairs=7, slope=0.9, vein=0.30, tones=_DARK), (0.050, 0.085, 0.024)),
@@ -40,10 +40,8 @@ RECIPES: Final[Mapping[str, Recipe]] = MappingProxyType(
             partial(plants.leaf, pairs=14, slope=0.5, vein=0.18, tones=_SILVER), (0.082, 0.118, 0.050)
         ),
         "leaf_spruce": Recipe(
-            partial(plants.needles, rows=22, slope=0.42, twig=0.05, tones=_SPRUCE), (0.026, 0.040, 0.015)
+            partial(plants.needles, rows=16, slope=0.7, twig=0.022, tones=_SPRUCE), (0.040, 0.060, 0.024)
         ),
-        "leaf_pine": Recipe(
-            partial(plants.needles, rows=13, slope=0.95, twig=0.05, tones=_PINE), (0.036, 0.050, 0.025)
-        ),
+        "leaf_pine": Recipe(partial(plants.needles, rows=11, slope=1.3, twig=0.03, tones=_PINE), (0.048, 0.064, 0.033)),
     }
 )
