@@ -23,7 +23,7 @@ RECIPES: Final[Mapping[str, Recipe]] = MappingProxyType(
         "bark_lime": Recipe(plants.bark_lime, (0.150, 0.128, 0.103)),
         "bark_birch": Recipe(plants.bark_birch, (0.540, 0.515, 0.470)),
         "bark_oak": Recipe(plants.bark_oak, (0.112, 0.094, 0.073)),
-        "bark_beech": Recipe(plants.bark_beech, (0.225, 0.220, 0.195)),
+        "bark_beech": Recipe(plants.bark_beech, (0.175, 0.170, 0.150)),
         "bark_spruce": Recipe(plants.bark_spruce, (0.115, 0.090, 0.072)),
         "bark_pine": Recipe(plants.bark_pine, (0.130, 0.092, 0.068)),
         "bark_pine_upper": Recipe(plants.bark_pine_upper, (0.290, 0.160, 0.085)),

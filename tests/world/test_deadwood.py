@@ -1,0 +1,174 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Dead wood: snags are as high as asked and leafless, logs lie in the ground, colliders cover what lies there."""
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+import pytest
+
+from fieldtruth.classes import Label
+from fieldtruth.world.materials import MATERIALS
+from fieldtruth.world.model import Mesh
+from fieldtruth.world.plants import SPECIES, grow_log, grow_snag, grow_stump, room_along
+
+Make = Callable[[np.random.Generator], Mesh]
+
+
+def snag(rng: np.random.Generator, name: str = "spruce", height: float = 7.0) -> Mesh:
+    return grow_snag(SPECIES[name], name="snag", height=height, rng=rng)
+
+
+def log(rng: np.random.Generator, *, length: float = 6.0, radius: float = 0.22, roots: bool | None = False) -> Mesh:
+    return grow_log(SPECIES["beech"], name="log", length=length, radius=radius, rng=rng, roots=roots)
+
+
+def stump(rng: np.random.Generator) -> Mesh:
+    return grow_stump(SPECIES["oak"], name="stump", radius=0.3, rng=rng)
+
+
+MAKERS: dict[str, Make] = {
+    **{f"snag_{name}": partial(snag, name=name) for name in SPECIES},
+    "snag_low": partial(snag, height=1.0),
+    "snag_high": partial(snag, height=20.0),
+    "log": log,
+    "log_roots": partial(log, roots=True),
+    "log_short": partial(log, length=1.0, radius=0.05),
+    "log_great": partial(log, length=20.0, radius=0.6),
+    "stump": stump,
+}
+every = pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS.keys())
+seeds = pytest.mark.parametrize("seed", [1, 2, 3, 4])
+
+
+@every
+@seeds
+def test_the_mesh_is_sound(make: Make, seed: int) -> None:
+    mesh = make(np.random.default_rng(seed))
+    assert mesh.vertices.dtype == mesh.normals.dtype == mesh.uv.dtype == np.float32
+    assert mesh.faces.dtype == mesh.material.dtype == np.int32
+    assert len(mesh.vertices) == len(mesh.normals) == len(mesh.uv) > mesh.faces.max()
+    assert all(np.isfinite(a).all() for a in (mesh.vertices, mesh.normals, mesh.uv))
+    np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-5)
+    corner = mesh.vertices[mesh.faces].astype(np.float64)
+    across = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    assert np.linalg.norm(across, axis=1).min() > 1e-9
+    assert ((across * mesh.normals[mesh.faces].mean(1)).sum(1) > 0).mean() > 0.93
+    assert len(mesh.faces) < 20_000
+
+
+@every
+def test_all_of_it_is_trunk_and_no_leaf(make: Make) -> None:
+    mesh = make(np.random.default_rng(1))
+    assert {MATERIALS[name].label for name in mesh.materials} == {Label.TRUNK}
+    assert set(np.unique(mesh.material)) == set(range(len(mesh.materials)))
+
+
+@every
+def test_the_same_seed_gives_the_same_bytes_and_another_another_piece(make: Make) -> None:
+    first, again, other = (make(np.random.default_rng(seed)) for seed in (5, 5, 6))
+    for part in ("vertices", "normals", "uv", "faces", "material"):
+        assert getattr(first, part).tobytes() == getattr(again, part).tobytes()
+    assert (first.colliders, first.footprint) == (again.colliders, again.footprint)
+    assert first.vertices.tobytes() != other.vertices.tobytes()
+
+
+@seeds
+@pytest.mark.parametrize("height", [2.0, 6.0, 12.0])
+def test_a_snag_breaks_off_at_its_height(height: float, seed: int) -> None:
+    mesh = snag(np.random.default_rng(seed), height=height)
+    top = mesh.vertices[:, 2].max()
+    assert 0.95 * height < top < 1.1 * height + 0.6
+    assert mesh.vertices[:, 2].min() < -0.15
+    (collider,) = mesh.colliders
+    assert collider.size[1] == min(2.0, 0.9 * height)
+    assert mesh.footprint == pytest.approx(collider.size[0] + 0.3)
+
+
+@seeds
+def test_a_snag_has_lost_part_of_its_bark(seed: int) -> None:
+    mesh = snag(np.random.default_rng(seed), "oak", 9.0)
+    corner = mesh.vertices[mesh.faces].astype(np.float64)
+    area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
+    share = {name: area[mesh.material == row].sum() / area.sum() for row, name in enumerate(mesh.materials)}
+    assert 0.1 < share["bark_dead"] < 0.9
+    assert 0.1 < share["bark_oak"] < 0.9
+
+
+@seeds
+@pytest.mark.parametrize("roots", [False, True])
+def test_a_log_lies_in_the_ground_all_along(roots: bool, seed: int) -> None:
+    """Every half metre of its thinner end's 30 % has its underside below z = 0 (roots lift the other end)."""
+    mesh = log(np.random.default_rng(seed), length=8.0, radius=0.25, roots=roots)
+    x, z = mesh.vertices[:, 0], mesh.vertices[:, 2]
+    for start in np.arange(1.9 if roots else -3.9, 3.5, 0.5):
+        lowest = z[(x >= start) & (x < start + 0.5)].min()
+        assert lowest < -0.02
+        assert roots or lowest > -0.6 * 0.25 - 0.1
+    if roots:
+        assert z[x < -3.9].min() < -0.1
+
+
+@seeds
+def test_a_log_is_as_long_and_thick_as_asked(seed: int) -> None:
+    mesh = log(np.random.default_rng(seed), length=8.0, radius=0.25)
+    x, y, z = mesh.vertices.T
+    assert np.ptp(x) == pytest.approx(8.0, abs=1.0)
+    thick = (x < -3.0) & (x > -3.6)
+    assert z[thick].max() == pytest.approx(1.7 * 0.25, abs=0.12)
+    bole = np.abs(y) < 0.6
+    assert (z[bole] < 0.55).mean() > 0.95
+
+
+@seeds
+@pytest.mark.parametrize("roots", [False, True])
+def test_boxes_cover_the_log_and_circles_cover_the_boxes(roots: bool, seed: int) -> None:
+    mesh = log(np.random.default_rng(seed), length=6.0, radius=0.25, roots=roots)
+    above = mesh.vertices[mesh.vertices[:, 2] > 0].astype(np.float64)
+    inside = np.zeros(len(above), bool)
+    for box in mesh.colliders:
+        assert box.shape == "box"
+        assert box.yaw_deg == 0
+        offset = np.abs(above - box.position)
+        inside |= (offset[:, 0] <= box.size[0] / 2 + 0.03) & (offset[:, 1] <= box.size[1] / 2 + 0.03) & (
+            above[:, 2] <= box.position[2] + box.size[2] + 0.03
+        )  # fmt: skip
+    assert inside.mean() > 0.75  # splinters, stubs and root tips stand out
+    low = np.abs(mesh.vertices[:, 0]) < 2.8
+    assert inside[low[mesh.vertices[:, 2] > 0]].mean() > 0.75
+    circles = room_along(mesh)
+    assert len(circles) == len(mesh.colliders)
+    for (x, y, radius), box in zip(circles, mesh.colliders, strict=True):
+        corner = np.array(box.size[:2]) / 2
+        assert np.hypot(*(np.array(box.position[:2]) + corner - (x, y))) <= radius + 1e-9
+        assert np.hypot(x, y) + radius < mesh.footprint + 0.6
+
+
+@seeds
+def test_moss_grows_on_the_upper_side_of_a_log(seed: int) -> None:
+    mesh = log(np.random.default_rng(seed), length=9.0, radius=0.3)
+    row = mesh.materials.index("bark_moss")
+    normals = mesh.normals[mesh.faces[mesh.material == row]].mean(1)
+    assert np.quantile(normals[:, 2], 0.05) > 0.1
+
+
+@seeds
+def test_less_detail_means_fewer_triangles(seed: int) -> None:
+    for grow in (
+        partial(grow_snag, SPECIES["pine"], height=8.0),
+        partial(grow_log, SPECIES["pine"], length=6.0, radius=0.2, roots=True),
+        partial(grow_stump, SPECIES["pine"], radius=0.2),
+    ):
+        fine, coarse = (grow(name="x", rng=np.random.default_rng(seed), detail=d) for d in (1.0, 0.25))
+        assert len(coarse.faces) < 0.6 * len(fine.faces)
+
+
+def test_what_no_tree_leaves() -> None:
+    rng = np.random.default_rng(0)
+    with pytest.raises(ValueError, match=r"height of a snag = 30\.0 m: must be from 1 to 20 m"):
+        snag(rng, height=30.0)
+    with pytest.raises(ValueError, match=r"length of a log = 0\.5 m: must be from 1 to 20 m"):
+        log(rng, length=0.5)
+    with pytest.raises(ValueError, match=r"radius of a log = nan m"):
+        log(rng, radius=float("nan"))
