@@ -103,7 +103,7 @@ JUNIPER: Final = Species(
         stem_splay=11,
         stem_circle=0.26,
         leaf=Leaf(
-            number=9500, length=0.095, width=0.24, widest=0.4, fold=30, stalk=0.0, droop=-0.2, arrangement=137.5,
+            number=9800, length=0.07, width=0.4, widest=0.4, fold=30, stalk=0.0, droop=-0.2, arrangement=137.5,
             flatness=0.3, forward=1.2,
         ),
         orders=(

@@ -30,7 +30,7 @@ _BUSHES: Final = {
     "leaf_hazel": Recipe(partial(plants.leaf, pairs=7, slope=0.8, vein=0.35, tones=_GREEN), (0.066, 0.108, 0.028)),
     "leaf_juniper": Recipe(
         partial(herbage.needles, tones=[(50, 66, 52), (74, 92, 74), (108, 124, 104)], count=9, spread=1.1),
-        (0.044, 0.066, 0.038),
+        (0.052, 0.077, 0.046),
     ),
     "leaf_gorse": Recipe(
         partial(herbage.needles, tones=[(66, 88, 36), (92, 112, 48), (128, 136, 66)], count=6, spread=0.9),
