@@ -11,13 +11,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import fieldtruth.bench.all as all_module
 from fieldtruth import frames
-from fieldtruth.bench import FIGURES, Figure, Settings, run, table
+from fieldtruth.bench import FIGURES, RATIOS, Figure, Settings, run, run_all, settings_of, table, table_of_all
 from fieldtruth.bench.bare import MODES, BareTracer, Mode, best_mode
+from fieldtruth.bench.scaling import image_time_ratio, is_tree, with_trees_around
 from fieldtruth.bench.sensing import pixel_directions, poses_along
+from fieldtruth.errors import ConfigurationError, FieldtruthError, UnknownNameError
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import OPTICAL, CameraConfig, LidarConfig, Rig
 from fieldtruth.experiment.route import metres_from_route, route_from_metres
+from fieldtruth.report.path import experiments_of
 from fieldtruth.sense import Camera, Lidar, Scene
 from fieldtruth.sense.embree import Engine, RayScene
 from fieldtruth.sense.lidar import ray_directions
@@ -111,13 +115,13 @@ def test_poses_stand_evenly_on_the_route_and_face_along_it(world: World) -> None
 
 
 def test_the_table_shows_value_unit_target_and_whether_it_is_met() -> None:
-    lines = table({"lidar_mrays_per_s": 1.5, "lidar_over_bare": 1.41, "stereo_pairs_per_s": 2.0, "peak_rss_mb": 1200.4})
+    lines = table({"lidar_mrays_per_s": 1.5, "lidar_over_bare": 1.41, "stereo_pairs_per_s": 2.0, "peak_rss_mb": 1500.4})
     assert [line.split() for line in lines.splitlines()] == [
         ["figure", "value", "unit", "target", "met"],
         ["lidar_mrays_per_s", "1.50", "Mrays/s", ">=", "1.5", "yes"],
         ["lidar_over_bare", "1.41", "x", "<=", "1.4", "no"],
         ["stereo_pairs_per_s", "2.00", "pairs/s"],
-        ["peak_rss_mb", "1200", "MB", "<=", "1200", "no"],
+        ["peak_rss_mb", "1500", "MB", "<=", "1500", "no"],
     ]
     assert Figure("any", "s").met(1e9)
 
@@ -136,12 +140,84 @@ def test_a_reduced_run_gives_every_figure(
     assert capfd.readouterr() == ("", "")
 
 
+def test_an_environment_is_measured_by_its_first_experiment_and_all_its_drives() -> None:
+    settings = settings_of("park")
+    assert settings.experiment.name == "park_1"
+    assert [experiment.name for experiment in settings.more_drives] == ["park_2"]
+    with pytest.raises(UnknownNameError, match="no environment 'prak'; there is: park, "):
+        settings_of("prak")
+
+
+def test_an_environment_where_nobody_drives_is_told_so(monkeypatch: pytest.MonkeyPatch, world: World) -> None:
+    monkeypatch.setitem(ENVIRONMENTS, "desert", Environment("sand", lambda seed, corridors: world))
+    with pytest.raises(ConfigurationError, match="no built-in experiment drives in desert"):
+        settings_of("desert")
+
+
+def test_all_environments_are_measured_apart_and_the_ratios_stand_beside_them(
+    monkeypatch: pytest.MonkeyPatch, world: World
+) -> None:
+    calls: list[tuple[str, ...]] = []
+
+    def measured(code: str, *arguments: str) -> dict[str, float]:
+        calls.append(arguments)
+        return {"ten_times_trees": 1.25} if code == all_module.RATIOS else {"world_load_s": float(len(calls))}
+
+    monkeypatch.setitem(ENVIRONMENTS, "desert", Environment("sand", lambda seed, corridors: world))
+    monkeypatch.setattr(all_module, "measured", measured)
+    everything = run_all()
+    names = [name for name in ENVIRONMENTS if experiments_of(name)]
+    assert "desert" not in names
+    assert "park" in names
+    assert calls == [*((name,) for name in names), tuple(names)]
+    expected: dict[str, dict[str, float] | float] = {n: {"world_load_s": k + 1.0} for k, n in enumerate(names)}
+    assert everything == {**expected, "ten_times_trees": 1.25}
+    lines = table_of_all(everything).splitlines()
+    assert [lines[k] for k in range(0, len(lines), 4)] == [*names, "all together"]
+    assert lines[-1].split() == ["ten_times_trees", "1.25", "x", "<=", "1.5", "yes"]
+
+
+def test_a_measuring_process_answers_in_json_or_its_last_line_is_the_error() -> None:
+    assert all_module.measured("import sys; print('{\"a\": ' + sys.argv[1] + '}')", "2.5") == {"a": 2.5}
+    with pytest.raises(FieldtruthError, match=r"^measuring park failed: ValueError: no room$"):
+        all_module.measured("raise ValueError('no room')", "park")
+
+
+def test_nine_copies_of_the_trees_stand_around_the_world_on_its_edges_height(world: World) -> None:
+    many = with_trees_around(world)
+    trees = [instance for instance in world.instances if is_tree(world, instance)]
+    assert {instance.kind for instance in trees} == {"large_tree", "small_tree"}
+    assert many.instances[: len(world.instances)] == world.instances
+    copies = many.instances[len(world.instances) :]
+    assert len(copies) == 9 * len(trees)
+    places = np.array([copy.world_from_object[:2, 3] for copy in copies])
+    assert (np.abs(places) > 12).any(axis=1).all()
+    assert len(np.unique(np.round(places, 6), axis=0)) == len(copies)
+    height_at = world.terrain.field.height_at
+    for copy, tree in zip(copies, trees * 9, strict=True):
+        move = copy.world_from_object[:2, 3] - tree.world_from_object[:2, 3]
+        np.testing.assert_allclose(np.remainder(move + 1e-9, 24.0), 0.0, atol=1e-6)
+        above = [float(i.world_from_object[2, 3] - height_at(*i.world_from_object[:2, 3])) for i in (copy, tree)]
+        assert above[0] == pytest.approx(above[1], abs=1e-9)
+
+
+@pytest.mark.usefixtures("_small_park")
+def test_the_ratio_of_times_is_a_number_for_worlds_of_any_size(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, world: World
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    settings = Settings(experiment=EXPERIMENT, views=2, repeats=1)
+    ratio = image_time_ratio((with_trees_around(world), settings), (world, settings))
+    assert math.isfinite(ratio)
+    assert ratio > 0
+
+
 def test_the_document_explains_every_figure_with_its_unit_and_target() -> None:
     text = (Path(__file__).parents[1] / "docs" / "benchmarks.md").read_text(encoding="utf-8")
     rows = {
         cells[1].strip().strip("`"): cells for cells in (line.split("|") for line in text.splitlines()) if cells[2:]
     }
-    for figure in FIGURES:
+    for figure in (*FIGURES, *RATIOS):
         _, _, unit, target, _, meaning, _ = (cell.strip() for cell in rows[figure.key])
         assert unit == figure.unit
         assert target == ("" if figure.target is None else f"{'≥' if figure.at_least else '≤'} {figure.target:g}")

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line: a mistake is one line and exit code 2, and what it does is one call of the library."""
 
+import json
 import os
 import re
 import subprocess
@@ -10,7 +11,10 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
+import simplejpeg
+from numpy.typing import NDArray
 from rosbags.rosbag1 import Writer
 
 import fieldtruth
@@ -45,22 +49,39 @@ class Recorder:
         return bag
 
 
-def measure(progress: object) -> dict[str, float]:
-    return {"lidar": 2.5}
+BENCH = SimpleNamespace(
+    settings_of=lambda name: name,
+    run=lambda settings, progress: {settings: 2.5},
+    run_all=lambda progress: {"park": {"lidar": 2.5}, "ten_times_trees": 1.2},
+    table=str,
+    table_of_all=lambda everything: "all of " + " and ".join(everything),
+)
 
 
 def with_pipeline(monkeypatch: pytest.MonkeyPatch, recorder: Recorder) -> Recorder:
     monkeypatch.setitem(sys.modules, "fieldtruth.pipeline", recorder)
-    monkeypatch.setitem(sys.modules, "fieldtruth.bench", SimpleNamespace(run=measure, table=str))
+    monkeypatch.setitem(sys.modules, "fieldtruth.bench", BENCH)
     return recorder
 
 
 MISTAKES = [
-    ([], "no command; there is: generate, list, bench (fieldtruth --help tells more)"),
-    (["generat"], "no command 'generat'; there is: generate, bench, list"),
+    ([], "no command; there is: generate, preview, shares, list, bench (fieldtruth --help tells more)"),
+    (["generat"], "no command 'generat'; there is: generate, "),
     (["--versoin"], "no option '--versoin'; there is: --version, --help"),
     (["list", "--jsn"], "no option '--jsn'; there is: --help"),
-    (["bench", "--jsn"], "no option '--jsn'; there is: --json, --help"),
+    (["bench", "--jsn"], "no option '--jsn'; there is: --json, --env, --help"),
+    (["preview"], "the following arguments are required: ENV"),
+    (["preview", "prak"], "no environment 'prak'; there is: park, "),
+    (["preview", "park", "--seed", "-1"], "argument --seed: -1 is not allowed; allowed is a whole number from 0 up "),
+    (["preview", "park", "--seed", "one"], "argument --seed: 'one' is no whole number"),
+    (["preview", "park", "--out", "park.bmp"], "cannot write park.bmp: its name must end in .png, .jpg or .jpeg"),
+    (["preview", "park", "--out", "no/park.png"], "cannot write no/park.png: there is no folder no"),
+    (["preview", "park", "forest"], "one argument too many: 'forest'"),
+    (["shares"], "needed is --all or at least one experiment; there is: "),
+    (["shares", "park_1", "--all"], "needed is --all or at least one experiment; there is: "),
+    (["shares", "park1"], "no experiment 'park1'; there is: park_1, park_2"),
+    (["shares", "--all", "--seed", "x"], "argument --seed: 'x' is no whole number"),
+    (["bench", "--env", "prak"], "no environment 'prak'; there is: park, "),
     (["list", "park_1"], "one argument too many: 'park_1'"),
     (["generate"], "the following arguments are required: EXPERIMENT"),
     (["generate", "park1"], "no experiment 'park1'; there is: park_1, park_2"),
@@ -144,9 +165,62 @@ def test_bench_prints_a_table_or_one_json_object(
 ) -> None:
     with_pipeline(monkeypatch, Recorder())
     assert cli.main(["bench", "--json"]) == 0
-    assert capsys.readouterr().out == '{"lidar": 2.5}\n'
-    assert cli.main(["bench"]) == 0
-    assert capsys.readouterr().out == "{'lidar': 2.5}\n"
+    assert capsys.readouterr().out == '{"park": 2.5}\n'
+    assert cli.main(["bench", "--env", "forest"]) == 0
+    assert capsys.readouterr().out == "{'forest': 2.5}\n"
+    assert cli.main(["bench", "--env", "all", "--json"]) == 0
+    assert capsys.readouterr().out == '{"park": {"lidar": 2.5}, "ten_times_trees": 1.2}\n'
+    assert cli.main(["bench", "--env", "all"]) == 0
+    assert capsys.readouterr().out == "all of park and ten_times_trees\n"
+
+
+def test_preview_writes_the_sheet_that_one_call_draws(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    calls: list[tuple[Any, ...]] = []
+
+    def draw(environment: str, seed: int, *, width: int, workers: int, progress: object) -> NDArray[np.uint8]:
+        calls.append((environment, seed, width, workers))
+        return np.full((30, 20, 3), 100 + len(calls), np.uint8)
+
+    monkeypatch.setattr("fieldtruth.report.preview.preview", draw)
+    assert cli.main(["preview", "park"]) == 0
+    assert capsys.readouterr().out == "park_0_preview.png: 20 x 30 pixels, 0.0 MB\n"
+    assert cli.main(["preview", "park", "--seed", "7", "--out", "a.jpg", "--workers", "3"]) == 0
+    assert calls == [("park", 0, 2400, len(os.sched_getaffinity(0))), ("park", 7, 1400, 3)]
+    assert (simplejpeg.decode_jpeg((tmp_path / "a.jpg").read_bytes()) == 102).all()
+    capsys.readouterr()
+    before = (tmp_path / "a.jpg").read_bytes()
+    assert cli.main(["preview", "park", "--out", "a.jpg"]) == 2
+    expected = "fieldtruth: a.jpg is there already; choose another --out, or --overwrite replaces it\n"
+    assert capsys.readouterr().err == expected
+    assert (tmp_path / "a.jpg").read_bytes() == before
+    assert len(calls) == 2
+    assert cli.main(["preview", "park", "--out", "a.jpg", "--overwrite"]) == 0
+    assert (simplejpeg.decode_jpeg((tmp_path / "a.jpg").read_bytes()) == 103).all()
+
+
+def test_shares_counts_the_experiments_that_are_asked_for(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    calls: list[tuple[list[tuple[str, int]], int]] = []
+
+    def count(experiments: list[fieldtruth.Experiment], *, workers: int, progress: object) -> dict[str, Any]:
+        calls.append(([(experiment.name, experiment.seed) for experiment in experiments], workers))
+        row = np.zeros((1, 16), np.int64)
+        row[0, [1, 15]] = 3, 1
+        return {experiment.name: fieldtruth.ClassShares(pixels=row, points=row) for experiment in experiments}
+
+    monkeypatch.setattr("fieldtruth.report.shares.shares_of", count)
+    assert cli.main(["shares", "park_2", "--seed", "5", "--workers", "2", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found == {"park_2": {"poses": 1, "pixels": {"ground": 3, "sky": 1}, "points": {"ground": 3, "sky": 1}}}
+    assert cli.main(["shares", "--all"]) == 0
+    header, ground, *_ = capsys.readouterr().out.splitlines()
+    assert header.split()[2:] == list(fieldtruth.list_experiments())
+    assert ground.split() == ["ground", *["75.00"] * len(fieldtruth.list_experiments())]
+    cores = len(os.sched_getaffinity(0))
+    assert calls == [([("park_2", 5)], 2), ([(name, 0) for name in fieldtruth.list_experiments()], cores)]
 
 
 def test_list_shows_every_experiment_and_environment(capsys: pytest.CaptureFixture[str]) -> None:
@@ -163,7 +237,7 @@ def test_help_holds_examples_that_parse(argv: list[str], capsys: pytest.CaptureF
         cli.main(argv)
     assert end.value.code == 0
     examples = [line.split("  ")[1].split() for line in capsys.readouterr().out.splitlines() if "  fieldtruth" in line]
-    assert len(examples) == 4
+    assert len(examples) == 5
     for words in examples:
         assert callable(cli._parse(words[1:])[0])
 
@@ -189,4 +263,5 @@ def modules_after(*argv: str) -> set[str]:
 
 def test_light_commands_import_nothing_heavy() -> None:
     assert modules_after("nonsense").isdisjoint({"numpy", "scipy", "pydantic", "numba", "mujoco"})
-    assert modules_after("list").isdisjoint({"pydantic", "numba", "mujoco", "rosbags", "rich"})
+    assert modules_after("preview", "prak").isdisjoint({"numba", "mujoco", "rosbags", "rich", "matplotlib"})
+    assert modules_after("list").isdisjoint({"pydantic", "numba", "mujoco", "rosbags", "rich", "matplotlib"})
