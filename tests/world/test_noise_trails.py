@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from fieldtruth.world.backdrop import RINGS, make_backdrop
+from fieldtruth.world.backdrop import COARSER, FAR_RINGS, RINGS, make_backdrop
 from fieldtruth.world.model import Heightfield, Raster
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.trails import Line, Trail, signed_distance
@@ -109,12 +109,13 @@ def test_the_backdrop_is_fastened_to_the_edge_and_ends_above_the_horizon() -> No
     field = Heightfield(heights=heights, spacing=1.0, x0=-10.0, y0=-5.0)
     mesh = make_backdrop(field, (20.0, 10.0), "meadow", np.random.default_rng(1))
     count = 2 * (20 + 10)
-    assert len(mesh.vertices) == count * len(RINGS)
-    assert len(mesh.faces) == 2 * count * (len(RINGS) - 1)
+    few = count // COARSER
+    assert len(mesh.vertices) == count * len(RINGS) + few * len(FAR_RINGS)
+    assert len(mesh.faces) == 2 * count * (len(RINGS) - 1) + 2 * few * (len(FAR_RINGS) - 1) + count + few
     x, y, z = mesh.vertices[:count].astype(float).T
     assert z == pytest.approx(field.height_at(x, y), abs=1e-6)
     assert len({(float(a), float(b)) for a, b in zip(x, y, strict=True)}) == count
-    assert mesh.vertices[-count:, 2].min() > 5.0
+    assert mesh.vertices[-few:, 2].min() > 5.0
     assert np.all(mesh.normals[:, 2] > 0)
     assert np.linalg.norm(mesh.normals, axis=1) == pytest.approx(np.ones(len(mesh.normals)), abs=1e-5)
     assert mesh.materials == ("meadow",)

@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Heightfield, Mesh, Swarm
@@ -26,48 +27,55 @@ Cover = Callable[[Array, Array, Array], NDArray[np.intp]]
 
 RINGS: Final = (
     0.0, 0.4, 0.8, 1.3, 1.9, 2.6, 3.4, 4.3, 5.3, 6.5, 7.9, 9.5, 11.3, 13.4, 15.9, 18.7, 22.0, 25.8, 30.2, 35.2, 41.0,
-    47.7, 55.4, 64.3, 74.5, 86.2, 99.7, 115.0, 133.0, 153.0, 176.0, 202.0, 232.0, 266.0, 305.0, 350.0, 400.0, 460.0,
-    530.0, 610.0, 700.0, 810.0, 950.0,
+    47.7, 55.4, 64.3, 74.5, 86.2, 100.0,
 )  # fmt: skip
-"""Distances [m] of the rings of vertices from the edge."""
+"""Distances [m] of the rings of vertices from the edge, one vertex on each for every node of the edge."""
+
+FAR_RINGS: Final = tuple(100.0 * 9.5 ** (k / 56) for k in range(1, 57))
+"""Distances [m] of the rings behind those; they have a vertex for every ``COARSER`` nodes."""
+
+COARSER: Final = 4
 
 HEIGHT_FADES: Final = 14.0
-SLOPE_FADES: Final = 5.0
-"""Distances [m] within which the edge's own height, and its own slope, give way to the far land's."""
+DETAIL_FADES: Final = 1.6
+SLOPE_FADES: Final = 2.5
+BROAD: Final = 3.0
+"""Distances [m] within which the edge's own height, its detail along the edge (what a Gaussian of ``BROAD`` takes off),
+and its slope outwards give way to the far land's: detail that went on would be ribs that all point outwards."""
 
 
 def make_backdrop(
     field: Heightfield, size: tuple[float, float], material: str | Sequence[str], rng: np.random.Generator,
-    *, land: Land | None = None, cover: Cover | None = None, rings: Sequence[float] = RINGS,
+    *, land: Land | None = None, cover: Cover | None = None,
 ) -> Mesh:  # fmt: skip
     """Rings of land around a heightfield, fastened to its edge node by node.
 
     Without ``land`` there are low hills towards the horizon. ``cover`` chooses among several materials by triangle;
-    each texture covers its material's ``repeat``. The first len(rings) x n vertices are the rings, from the edge
-    outwards, n the number of the terrain's edge nodes; copies for further materials follow.
+    each texture covers its material's ``repeat``. The first len(RINGS) x n vertices are the rings, from the edge
+    outwards, n the number of the terrain's edge nodes; the far rings, and copies for further materials, follow.
     """
     x0, y0, h0 = _edge(field)
-    far = np.hypot(x0, y0)
     land = land if land is not None else rolling_hills(size, rng)
-    distance = np.asarray(rings, np.float64)[:, None]
-    x, y = x0 * (1 + distance / far), y0 * (1 + distance / far)
-    height = h0 - land(x0, y0)
-    slope = _slope_outwards(field, land, x0, y0, far)
-    join = height * np.exp(-((distance / HEIGHT_FADES) ** 2))
-    join = join + slope * distance * np.exp(-((distance / SLOPE_FADES) ** 2))
-    vertices = np.stack([x, y, land(x, y) + join], axis=-1).reshape(-1, 3)
-    count, k = len(x0), np.arange(len(x0))
-    a = (np.arange(len(rings) - 1)[:, None] * count + k).ravel()
-    b = (np.arange(len(rings) - 1)[:, None] * count + (k + 1) % count).ravel()
-    faces = np.concatenate([np.stack([a, a + count, b + count], axis=-1), np.stack([a, b + count, b], axis=-1)])
+    far = np.hypot(x0, y0)
+    height, slope = h0 - land(x0, y0), _slope_outwards(field, land, x0, y0, far)
+    broad = gaussian_filter1d(height, BROAD / field.spacing, mode="wrap")
+    parts = []
+    for rings, rows in ((RINGS, slice(None)), (FAR_RINGS, slice(None, None, COARSER))):
+        distance = np.array(rings)[:, None]
+        x, y = x0[rows] * (1 + distance / far[rows]), y0[rows] * (1 + distance / far[rows])
+        join = broad[rows] * np.exp(-((distance / HEIGHT_FADES) ** 2))
+        join = join + (height - broad)[rows] * np.exp(-((distance / DETAIL_FADES) ** 2))
+        join = join + slope[rows] * distance * np.exp(-((distance / SLOPE_FADES) ** 2))
+        parts.append(np.stack([x, y, land(x, y) + join], axis=-1).reshape(-1, 3))
+    vertices, faces = np.concatenate(parts), _net(len(x0))
     normals = _vertex_normals(vertices, faces)
     names = (material,) if isinstance(material, str) else tuple(material)
-    rows = np.zeros(len(faces), np.intp)
+    choice = np.zeros(len(faces), np.intp)
     if cover is not None:
         middle = vertices[faces].mean(axis=1)
         steepness = np.arccos(normals[faces].mean(axis=1)[:, 2].clip(-1, 1))
-        rows = cover(middle[:, 0], middle[:, 1], steepness)
-    return _skinned(vertices, normals, faces, rows, names)
+        choice = cover(middle[:, 0], middle[:, 1], steepness)
+    return _skinned(vertices, normals, faces, choice, names)
 
 
 def rolling_hills(size: tuple[float, float], rng: np.random.Generator, *, height: float = 9.0) -> Land:
@@ -79,18 +87,16 @@ def rolling_hills(size: tuple[float, float], rng: np.random.Generator, *, height
         distance = np.hypot(x, y) * np.maximum(1 - 1 / reach, 0)
         angle = np.arctan2(y / size[1], x / size[0])
         hills = sum(c * np.cos(k * angle) + s * np.sin(k * angle) for k, c, s in waves)
-        return np.asarray(0.01 * distance + np.maximum(hills + 1.2, 0.0) * height * (distance / RINGS[-1]) ** 0.8)
+        return np.asarray(0.01 * distance + np.maximum(hills + 1.2, 0.0) * height * (distance / FAR_RINGS[-1]) ** 0.8)
 
     return land
 
 
-def height_beyond(
-    field: Heightfield, size: tuple[float, float], backdrop: Mesh, *, rings: Sequence[float] = RINGS
-) -> Land:
-    """Height [m] of a backdrop's own ground at places beyond the world's edge."""
+def height_beyond(field: Heightfield, size: tuple[float, float], backdrop: Mesh) -> Land:
+    """Height [m] of a backdrop's own ground at places up to 100 m beyond the world's edge."""
     count = len(_edge(field)[0])
-    distance = np.asarray(rings, np.float64)
-    heights = backdrop.vertices[: len(rings) * count, 2].reshape(len(rings), count).astype(np.float64)
+    distance = np.array(RINGS)
+    heights = backdrop.vertices[: len(RINGS) * count, 2].reshape(len(RINGS), count).astype(np.float64)
     nx, ny = field.heights.shape
     half = np.array(size) / 2
 
@@ -183,6 +189,25 @@ def _slope_outwards(field: Heightfield, land: Land, x: Array, y: Array, far: Arr
     window = np.hanning(11)[1:-1] / np.hanning(11).sum()
     around = np.concatenate([(own - theirs)[-4:], own - theirs, (own - theirs)[:4]])
     return np.convolve(around, window, mode="valid").clip(-1.0, 1.0)
+
+
+def _net(count: int) -> NDArray[np.intp]:
+    """Triangles (f, 3) of the rings, whose vertices are numbered ring by ring; a band of fans joins near and far."""
+    few = -(-count // COARSER)
+    starts = np.concatenate([count * np.arange(len(RINGS)), count * len(RINGS) + few * np.arange(len(FAR_RINGS))])
+    faces = []
+    for rings, n in ((starts[: len(RINGS)], count), (starts[len(RINGS) :], few)):
+        k = np.arange(n)
+        a, b = ((rings[:-1, None] + m).ravel() for m in (k, (k + 1) % n))
+        faces += [np.stack([a, a + n, b + n], axis=-1), np.stack([a, b + n, b], axis=-1)]
+    inner, outer = starts[len(RINGS) - 1], starts[len(RINGS)]
+    k = np.arange(count)
+    near = np.minimum((k + COARSER // 2) // COARSER, few) % few
+    faces.append(np.stack([inner + k, outer + near, inner + (k + 1) % count], axis=-1))
+    turn = np.flatnonzero(near != np.roll(near, -1))  # where the next node belongs to the next far vertex
+    following = (turn + 1) % count
+    faces.append(np.stack([inner + following, outer + near[turn], outer + near[following]], axis=-1))
+    return np.concatenate(faces)
 
 
 def _skinned(

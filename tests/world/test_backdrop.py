@@ -1,0 +1,93 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The land beyond joins the terrain in height and slope, becomes the land that was asked for, and carries things."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from fieldtruth.world.backdrop import height_beyond, make_backdrop, strew_beyond
+from fieldtruth.world.materials import MATERIALS
+from fieldtruth.world.model import Heightfield, Mesh
+from fieldtruth.world.rocks import ROCKS, make_rock
+
+F8 = NDArray[np.float64]
+SIZE = (20.0, 10.0)
+
+
+def hill(x: F8, y: F8) -> F8:
+    return np.asarray(0.3 * y + 0.1 * x)
+
+
+def bumpy() -> Heightfield:
+    """0.3 m above the hill, and bent by a wave that runs off it on all sides."""
+    x, y = np.linspace(-10, 10, 101), np.linspace(-5, 5, 51)
+    heights = hill(*np.meshgrid(x, y, indexing="ij")) + 0.3 + 0.4 * np.sin(x / 3)[:, None] * np.cos(y / 2)
+    return Heightfield(heights=heights.astype(np.float32), spacing=0.2, x0=-10.0, y0=-5.0)
+
+
+@pytest.fixture(scope="module")
+def backdrop() -> Mesh:
+    def cover(x: F8, y: F8, slope: F8) -> NDArray[np.intp]:
+        return (y > 0).astype(np.intp)
+
+    return make_backdrop(bumpy(), SIZE, ("garrigue", "scree"), np.random.default_rng(0), land=hill, cover=cover)
+
+
+def test_height_and_slope_go_on_at_the_edge(backdrop: Mesh) -> None:
+    field, height = bumpy(), height_beyond(bumpy(), SIZE, backdrop)
+    y = np.linspace(-3, 3, 25)
+    for x, out in ((10.0, 1.0), (-10.0, -1.0)):
+        side = np.full(25, x)
+        assert height(side * 1.00001, y) == pytest.approx(field.height_at(side, y), abs=2e-3)
+        inside = (field.height_at(side, y) - field.height_at(side - 0.4 * out, y)) / 0.4
+        outside = (height(side + 0.4 * out, y) - height(side * 1.00001, y)) / 0.4
+        assert np.abs(outside - inside).max() < 0.08
+
+
+def test_it_becomes_the_land(backdrop: Mesh) -> None:
+    x, y, z = backdrop.vertices.astype(float).T
+    far = np.maximum(np.abs(x) - 10, np.abs(y) - 5) > 45
+    assert np.abs(z - hill(x, y))[far].max() < 2e-3
+    assert np.abs(x[far]).max() > 900
+
+
+def test_each_material_covers_its_own_and_repeats_as_it_should(backdrop: Mesh) -> None:
+    middle = backdrop.vertices[backdrop.faces].astype(float).mean(axis=1)
+    assert np.array_equal(backdrop.material == 1, middle[:, 1] > 0)
+    for row, name in enumerate(backdrop.materials):
+        used = np.unique(backdrop.faces[backdrop.material == row])
+        expected = backdrop.vertices[used, :2] / MATERIALS[name].repeat
+        assert backdrop.uv[used] == pytest.approx(expected, rel=1e-5, abs=1e-5)
+
+
+def test_heights_beyond_are_those_of_the_mesh(backdrop: Mesh) -> None:
+    corners = backdrop.vertices[backdrop.faces].astype(float)
+    middle = corners.mean(axis=1)
+    near = (np.abs(middle[:, 0]) < 60) & (np.abs(middle[:, 1]) < 55)
+    found = height_beyond(bumpy(), SIZE, backdrop)(middle[near, 0], middle[near, 1])
+    assert found == pytest.approx(middle[near, 2], abs=0.06)
+
+
+def test_things_strewn_beyond_stand_there_and_nowhere_else(backdrop: Mesh) -> None:
+    rock = make_rock(ROCKS["scree"], name="r", size=0.5, rng=np.random.default_rng(0), triangles=80, solid=False)
+
+    def north(places: F8) -> F8:
+        return (places[:, 0] > 0).astype(float)
+
+    swarm, meshes = strew_beyond(
+        bumpy(), SIZE, backdrop, "far", "rock", [rock], per_m2=0.2, rng=np.random.default_rng(1), within=30.0,
+        density=north, tilt=1.0,
+    )  # fmt: skip
+    assert swarm.meshes == tuple(m.name for m in meshes) == ("r",)
+    x, y, z = swarm.world_from_object[:, :3, 3].T
+    area = 30 * (2 * 10 + 10) + np.pi * 30**2 / 2
+    assert len(x) == pytest.approx(0.2 * area, rel=0.1)
+    assert x.min() > 0
+    outside = np.hypot(np.maximum(np.abs(x) - 10, 0), np.maximum(np.abs(y) - 5, 0))
+    assert 1.5 < outside.min() < outside.max() < 30.0
+    assert z == pytest.approx(height_beyond(bumpy(), SIZE, backdrop)(x, y), abs=1e-9)
+    up = swarm.world_from_object[:, :3, 2] / np.linalg.norm(swarm.world_from_object[:, :3, 2], axis=1, keepdims=True)
+    far = outside > 25  # the land is a plane there
+    slope = np.array([-0.1, -0.3, 1]) / np.hypot(1, np.hypot(0.1, 0.3))
+    assert up[far] == pytest.approx(np.tile(slope, (far.sum(), 1)), abs=0.01)
