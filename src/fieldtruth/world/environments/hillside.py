@@ -33,23 +33,23 @@ class HillsideConfig(Frozen):
 
     size: tuple[Positive, Positive] = (100.0, 50.0)  # [m] along x (north) and y (west)
     grid: Positive = 0.2  # [m] between the terrain's nodes
-    roughness: Annotated[float, Field(ge=0, le=3)] = 1.1  # [m], deviation of the noise from which erosion starts
+    roughness: Annotated[float, Field(ge=0, le=3)] = 1.3  # [m], deviation of the noise from which erosion starts
     gullies: Annotated[float, Field(ge=0, le=4)] = 1.0  # what streams cut, 1 is usual
     steepest_deg: Annotated[float, Field(ge=15, le=40)] = 36.0  # anywhere
     route_slope_deg: Annotated[float, Field(ge=5, le=15)] = 13.0  # on the routes
-    crags: Count = 14  # outcrops of 2 to 3 m
-    boulders: Count = 26  # 1 to 2 m
-    blocks: Count = 42  # 0.4 to 1 m
-    slabs: Count = 18
-    stones: Density = 0.9  # per m^2 at most, 10 to 25 cm
-    pebbles: Density = 3.5  # per m^2 at most, 3 to 9 cm
-    junipers: Count = 16
-    gorse: Count = 34
-    cushions: Count = 40  # heather
+    crags: Count = 26  # outcrops of 2 to 3 m
+    boulders: Count = 34  # 1 to 2 m
+    blocks: Count = 44  # 0.4 to 1 m
+    slabs: Count = 16
+    stones: Density = 3.0  # per m^2 at most, 10 to 25 cm
+    pebbles: Density = 5.0  # per m^2 at most, 3 to 9 cm
+    junipers: Count = 18
+    gorse: Count = 40
+    cushions: Count = 60  # heather
     pines: Count = 6
     oaks: Count = 6
     snags: Count = 3
-    grass: Density = 3.0  # tufts per m^2 at most
+    grass: Density = 6.0  # tufts per m^2 at most
     individuals: Annotated[int, Field(ge=1, le=32)] = 3  # of each kind and size
 
 

@@ -54,7 +54,7 @@ def plant(
     ):  # fmt: skip
         full = BUSHES[kind].grown.height
         meshes = [
-            grow_bush(BUSHES[kind], name=f"{kind}_{k}", height=full * height(low, high), rng=rng, detail=0.35)
+            grow_bush(BUSHES[kind], name=f"{kind}_{k}", height=full * height(low, high), rng=rng, detail=0.6)
             for k in range(individuals + 1)
         ]
         _scatter(site, ground, kind, meshes, count, rng=rng, density=thicket, spacing=spacing, tilt=0.5)
@@ -128,6 +128,6 @@ def vegetate_beyond(
     place = (field, size, backdrop)
     return [
         strew_beyond(*place, "far_bushes", "bush", bushes, per_m2=0.022, rng=rng, scales=(0.6, 1.3), tilt=0.4),
-        strew_beyond(*place, "far_trees", "tree", trees, per_m2=0.0022, rng=rng, margin=3.0, sink=0.1),
+        strew_beyond(*place, "far_trees", "tree", trees, per_m2=0.0013, rng=rng, margin=3.0, sink=0.1),
         strew_beyond(*place, "far_grass", "high_grass", tufts, per_m2=0.5, rng=rng, within=22.0, margin=0.3, sink=0.03),
     ]

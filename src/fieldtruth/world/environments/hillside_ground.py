@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 _CELL: Final = 0.1  # [m] of the cover
 _TURF, _SOIL, _SCREE, _ROCK = range(4)
 _MATERIALS: Final = ("turf_dry", "soil_stony", "scree", "rock_face")
-FAR_MATERIALS: Final = ("garrigue", "crags", "turf_dry", "soil_stony", "scree")
-"""Materials of the land beyond: the first two from afar, the others near the edge."""
+FAR_MATERIALS: Final = ("garrigue", "crags", "hillslope")
+"""Materials of the land beyond: the first two from afar, the last near the edge."""
 
 
 class Ground(NamedTuple):
@@ -69,9 +69,9 @@ def look_at(field: Heightfield, drained: Array, route_distance: Land, rng: np.ra
     gx, gy = np.meshgrid(fine_x, fine_y, indexing="ij")
     steep, fallen, gully = (_raster(v, field.spacing, x, y).at(gx, gy) for v in (steep, fallen, gully))
     trodden = np.clip(1.3 - route_distance(gx, gy) / 1.6, 0, 0.5)
-    rock = np.clip((steep - 31) / 5 + 0.5 * patch + 0.45 * fine - 0.25, 0, 1)
-    scree = np.clip(1.5 * fallen + 0.7 * gully + 0.45 * patch + 0.35 * fine - 0.65, 0, 1)
-    turf = np.clip(0.62 - np.clip(steep - 18, 0, 30) / 30 - 0.38 * patch + 0.4 * fine - trodden, 0, 1)
+    rock = np.clip((steep - 29) / 5 + 0.5 * patch + 0.45 * fine - 0.25, 0, 1)
+    scree = np.clip(1.5 * fallen + 0.7 * gully + 0.45 * patch + 0.35 * fine - 0.5, 0, 1)
+    turf = np.clip(0.52 - np.clip(steep - 18, 0, 30) / 30 - 0.38 * patch + 0.4 * fine - trodden, 0, 1)
     free = 1 - rock
     weights = [free * (1 - scree) * turf, free * (1 - scree) * (1 - turf), free * scree, rock]
     return Ground(field, _raster(np.stack(weights, axis=-1), _CELL, fine_x, fine_y), slope)
@@ -103,8 +103,7 @@ def far_cover(size: tuple[float, float], rng: np.random.Generator) -> Cover:
         patch = np.sin(np.stack([x, y], axis=-1) @ waves.T + phase).mean(axis=1) * np.sqrt(24)
         away = np.hypot(np.maximum(np.abs(x) - size[0] / 2, 0), np.maximum(np.abs(y) - size[1] / 2, 0))
         steep = np.degrees(slope)
-        near = np.select([steep + 4 * patch > 31, patch + (20 - steep) / 14 > 0.1], [4, 2], 3)
-        far = np.where(steep + 5 * patch > 34, 1, 0)
-        return np.where(away + 5 * patch < 24, near, far)
+        far = np.where(steep + 3 * patch > 37, 1, 0)
+        return np.where(away + 6 * patch < 30, 2, far)
 
     return cover

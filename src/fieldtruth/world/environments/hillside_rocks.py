@@ -42,7 +42,7 @@ def lay_rocks(
     boulder = _some("limestone granite", "boulder", (1.1, 1.8), 1600, individuals, rng)
     block = _some("limestone scree granite", "block", (0.45, 0.85), 720, individuals, rng)
     slab = _some("slab", "slab", (0.7, 1.5), 900, individuals, rng)
-    scatter_rocks(site, "crag", crag, crags, rng=rng, density=steep, spacing=3.5)
+    scatter_rocks(site, "crag", crag, crags, rng=rng, density=steep, spacing=2.6, scales=(0.8, 1.25))
     scatter_rocks(site, "boulder", boulder, boulders, rng=rng, density=rolled, spacing=3.0)
     scatter_rocks(site, "rock", block, blocks, rng=rng, density=rolled, spacing=1.2, scales=(0.75, 1.3))
     scatter_rocks(site, "slab", slab, slabs, rng=rng, density=rolled, spacing=1.5, scales=(0.7, 1.2))
@@ -52,7 +52,7 @@ def strew_stones(site: Site, ground: Ground, rng: Rng, *, stones: float, pebbles
     """Swarms: stones off the routes' middle, pebbles everywhere."""
 
     def loose(places: Array) -> Array:
-        return np.clip(0.05 + 0.95 * ground.scree(places) + 0.25 * ground.rock(places), 0, 1)
+        return np.clip(0.12 + 0.9 * ground.scree(places) + 0.5 * ground.rock(places), 0, 1)
 
     def gravel(places: Array) -> Array:
         return np.clip(1 - 0.85 * ground.turf(places) - 0.4 * ground.rock(places), 0, 1)

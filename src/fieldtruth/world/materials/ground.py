@@ -22,6 +22,7 @@ MATERIALS: Final = (
     Material(name="soil_stony", label=Label.GROUND, texture="soil_stony", repeat=1.5),
     Material(name="scree", label=Label.GROUND, texture="scree", repeat=2.5),
     Material(name="rock_face", label=Label.GROUND, texture="crags", repeat=9.0),
+    Material(name="hillslope", label=Label.GROUND, texture="hillslope", repeat=12.0),
     Material(name="garrigue", label=Label.GROUND, texture="garrigue", repeat=40.0),
     Material(name="crags", label=Label.GROUND, texture="crags", repeat=40.0),
     Material(name="gravel", label=Label.TRAIL, texture="gravel", repeat=1.5),

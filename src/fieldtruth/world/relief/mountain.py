@@ -59,10 +59,10 @@ def mountain(
     away = np.clip(distance / 6.0, 0.25, 1.0)
     near = eroded(h, 1.0, strength=0.016 * gullies * away, creep=0.05, repose_deg=steepest_deg, steps=40)
     spline = RectBivariateSpline(near_x, near_y, near.heights)
-    h = spline(x, y) + _grain(x, y, route_distance, rng)
-    strength = 0.004 * gullies * np.clip(route_distance(*np.meshgrid(x, y, indexing="ij")) / 4.0, 0.1, 1.0)
+    h = spline(x, y) + _grain(x, y, spline, route_distance, rng)
+    strength = 0.002 * gullies * np.clip(route_distance(*np.meshgrid(x, y, indexing="ij")) / 4.0, 0.1, 1.0)
     spacing = float(x[1] - x[0])
-    h = eroded(h, spacing, strength=strength, creep=0.0015, repose_deg=steepest_deg, steps=12).heights
+    h = eroded(h, spacing, strength=strength, creep=0.001, repose_deg=steepest_deg, steps=10).heights
     drained = np.exp(RectBivariateSpline(near_x, near_y, np.log(near.drained), kx=1, ky=1)(x, y))
     return Mountain(h, drained, _joined(spline, region, (x, y)))
 
@@ -93,11 +93,16 @@ def _region(rng: np.random.Generator) -> RectBivariateSpline:
     return RectBivariateSpline(c, c, h)
 
 
-def _grain(x: Array, y: Array, route_distance: Land, rng: np.random.Generator) -> Array:
-    """Small unevenness, rougher away from the routes [m]."""
-    calm = np.clip((route_distance(*np.meshgrid(x, y, indexing="ij")) - 0.8) / 5.0, 0.0, 1.0)
+def _grain(
+    x: Array, y: Array, near: RectBivariateSpline, route_distance: Land, rng: np.random.Generator
+) -> Array:  # fmt: skip
+    """Small unevenness [m]: hummocks, rougher away from the routes; ribs and ledges of rock where it is steep."""
+    away = np.clip((route_distance(*np.meshgrid(x, y, indexing="ij")) - 0.8) / 5.0, 0.0, 1.0)
     hummocks = fractal_noise(x, y, wavelength=3.2, octaves=3, rng=rng)
-    return np.asarray((0.012 + 0.055 * calm) * hummocks)
+    slope = np.hypot(near(x, y, dx=1), near(x, y, dy=1))
+    rocky = np.clip((slope - 0.3) / 0.25 + 0.5 * fractal_noise(x, y, wavelength=9.0, octaves=2, rng=rng), 0.0, 1.0)
+    ribs = 0.8 - np.abs(fractal_noise(x, y, wavelength=4.5, octaves=4, rng=rng, gain=0.55))
+    return np.asarray((0.012 + 0.05 * away) * hummocks + 0.34 * away * rocky * ribs)
 
 
 def _joined(near: RectBivariateSpline, far: RectBivariateSpline, axes: tuple[Array, Array]) -> Land:

@@ -294,8 +294,8 @@ def soil_stony(rng: Rng) -> Image:
 
 def scree(rng: Rng) -> Image:
     """Broken limestone that covers the ground, splinters of 1 to 20 cm one over the other."""
-    count = 16_000
-    relief = settle(FINE, [_shards(rng, count, (3.0, 60.0), power=2.0)])
+    count = 30_000
+    relief = settle(FINE, [_shards(rng, count, (2.0, 42.0), power=1.9)])
     dust = mix(_OCHRE, 0.35 + 0.2 * noise(rng, FINE, 4, 60, slope=0.9)) * np.float32(0.7)
     colour = np.where((relief.owner < 0)[..., None], dust, _shard_colour(rng, relief, count))
     light = (0.55 + 0.45 * relief.height) * crevices(relief.height, 5.0, 0.7)
@@ -330,12 +330,32 @@ def _shard_colour(rng: Rng, relief: Relief, count: int) -> Image:
     return np.asarray(stone * light[..., None], np.float32)
 
 
+def hillslope(rng: Rng) -> Image:
+    """Dry slope at some distance: straw on ochre soil, tufts, strewn stones; one pixel is 2.3 cm."""
+    patch, fine = noise(rng, N, 3, 30, slope=0.8), noise(rng, N, 30, 256, slope=0.35)
+    straw = mix([(126, 108, 72), (160, 142, 98), (182, 166, 122)], 0.5 + 0.2 * fine)
+    soil = mix(_OCHRE, 0.45 + 0.16 * fine)
+    share = np.clip(0.55 + 0.9 * patch + 0.5 * fine, 0, 1)[..., None]
+    count = 2_400
+    size = (1.2**-1.8 + rng.random(count) * (13.0**-1.8 - 1.2**-1.8)) ** (-1 / 1.8)
+    lumps = rng.uniform(0, 2 * np.pi, (count, 4)).astype(np.float32)
+    things = settle(
+        N, [stamps(rng, N, size, size * rng.uniform(0.6, 1, count), _stone(lumps), rng.uniform(0.3, 1, count))]
+    )
+    kind = rng.random(count).astype(np.float32)[things.owner]
+    tuft = mix([(96, 92, 56), (136, 124, 78), (168, 150, 102)], kind / 0.5 + 0.1 * fine)
+    stone = mix([(130, 116, 96), (164, 150, 128), (184, 170, 148)], (kind - 0.5) / 0.5)
+    thing = np.where((kind < 0.5)[..., None], tuft, stone) * (0.66 + 0.34 * things.height)[..., None]
+    ground = (straw * share + soil * (1 - share)) * crevices(things.height, 1.5, 0.45)[..., None]
+    return even_out(np.asarray(np.where((things.owner >= 0)[..., None], thing, ground), np.float32), cycles=5)
+
+
 def garrigue(rng: Rng) -> Image:
     """Dry mountainside from afar: straw and bare ochre, pale rocks, dark dots of shrubs; one pixel is 8 cm."""
     patch, fine = noise(rng, N, 4, 50, slope=0.9), noise(rng, N, 40, 256, slope=0.3)
     colour = mix([(128, 108, 76), (160, 142, 100), (176, 160, 118), (188, 174, 138)], 0.5 + 0.16 * patch + 0.08 * fine)
-    count = 2_600
-    size = rng.gamma(3.0, 1.1, count).clip(1.2, 9)
+    count = 1_500
+    size = rng.gamma(3.0, 1.0, count).clip(1.2, 8)
     shrubs = settle(N, [stamps(rng, N, size, size * rng.uniform(0.7, 1, count), _stone(
         rng.uniform(0, 2 * np.pi, (count, 4)).astype(np.float32)), rng.uniform(0.3, 1, count))])  # fmt: skip
     kind = rng.random(count).astype(np.float32)[shrubs.owner]
@@ -367,10 +387,11 @@ RECIPES: Final[Mapping[str, Recipe]] = MappingProxyType(
         "gravel": Recipe(gravel, (0.305, 0.270, 0.214)),
         "setts": Recipe(setts, (0.205, 0.192, 0.172)),
         "meadow": Recipe(meadow, (0.115, 0.130, 0.050)),
-        "turf_dry": Recipe(turf_dry, (0.235, 0.195, 0.112)),
-        "soil_stony": Recipe(soil_stony, (0.205, 0.163, 0.112)),
-        "scree": Recipe(scree, (0.235, 0.208, 0.168)),
-        "garrigue": Recipe(garrigue, (0.200, 0.168, 0.100)),
+        "turf_dry": Recipe(turf_dry, (0.242, 0.200, 0.108)),
+        "soil_stony": Recipe(soil_stony, (0.182, 0.136, 0.090)),
+        "scree": Recipe(scree, (0.215, 0.186, 0.146)),
+        "hillslope": Recipe(hillslope, (0.205, 0.163, 0.098)),
+        "garrigue": Recipe(garrigue, (0.185, 0.153, 0.092)),
         "crags": Recipe(crags, (0.225, 0.205, 0.170)),
         "rough_grass": Recipe(rough_grass, (0.095, 0.110, 0.038)),
         "mud": Recipe(mud, (0.085, 0.068, 0.046)),

@@ -1,0 +1,189 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The hillside keeps its rules, whatever the seed: slopes on and off the routes, rocks in the ground, free routes."""
+
+from collections import Counter
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from park_worlds import digest
+from scipy.spatial import cKDTree
+
+from fieldtruth.classes import Label
+from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.route import metres_from_route
+from fieldtruth.world import assembly
+from fieldtruth.world.environments.hillside import HillsideConfig, build_hillside
+from fieldtruth.world.model import Instance, World
+from fieldtruth.world.rocks.laying import rim_vertices
+from fieldtruth.world.trails import Line
+
+F8 = NDArray[np.float64]
+ROCKS = {"crag": 26, "boulder": 34, "rock": 44, "slab": 16}
+TREES = {"pine": 6, "oak": 6, "snag": 3}
+BUSHES = {"juniper": 18, "gorse": 40, "heather": 60}
+
+
+def routes() -> list[Line]:
+    return [
+        Line.through([(float(x), float(y)) for x, y in metres_from_route(load_experiment(name).route)], smooth=False)
+        for name in ("hillside_1", "hillside_2")
+    ]
+
+
+@cache
+def hillside(seed: int) -> World:
+    """The hillside with one individual of each kind and without textures, which do not bear on its layout."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(assembly, "make_textures", lambda *_: {})
+        return build_hillside(seed, routes(), HillsideConfig(individuals=1))
+
+
+@pytest.fixture(scope="module", params=[0, 1, 2], ids=lambda seed: f"seed_{seed}")
+def world(request: pytest.FixtureRequest) -> World:
+    return hillside(request.param)
+
+
+def corners(world: World, thing: Instance) -> F8:
+    """Vertices (v, 3) of an object in the world [m]."""
+    pose = thing.world_from_object
+    return np.asarray(world.meshes[thing.mesh].vertices @ pose[:3, :3].T + pose[:3, 3])
+
+
+def slopes(world: World) -> tuple[F8, F8]:
+    """Slope [deg] at the terrain's nodes, and their distance [m] from the routes."""
+    field = world.terrain.field
+    heights = field.heights.astype(float)
+    slope = np.degrees(np.arctan(np.hypot(*np.gradient(heights, field.spacing))))
+    nodes = [o + field.spacing * np.arange(n) for o, n in zip((field.x0, field.y0), heights.shape, strict=True)]
+    tree = cKDTree(np.concatenate([line.points for line in routes()]))
+    return slope, np.asarray(tree.query(np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1))[0])
+
+
+def test_counts_and_budget(world: World) -> None:
+    assert Counter(i.kind for i in world.instances) == {**ROCKS, **TREES, **BUSHES}
+    assert len(world.instances) <= 480
+    assert sum(ROCKS.values()) <= 120
+    swarms = {s.name: len(s.mesh) for s in world.swarms}
+    assert swarms["pebbles"] > 5000
+    assert swarms["stones"] > 500
+    assert 1500 < swarms["grass"] < 20_000
+    for thing in world.instances:
+        if thing.kind in ROCKS:
+            assert len(world.meshes[thing.mesh].faces) <= 3000
+
+
+def test_it_is_drivable_on_the_routes_and_rugged_off_them(world: World) -> None:
+    slope, away = slopes(world)
+    assert slope[away < 0.6].max() <= 15.0
+    assert slope[away < 2.0].max() <= 15.0
+    assert (slope[away > 8.0] > 30.0).mean() > 0.1
+    assert slope.max() <= 40.0
+
+
+def test_bumps_on_the_routes_are_a_few_centimetres(world: World) -> None:
+    """Heights along each route, less their mean over 2 m, deviate by at most 6 cm."""
+    for line in routes():
+        heights = world.terrain.field.height_at(*line.points.T)
+        window = np.ones(41) / 41
+        bumps = (heights - np.convolve(heights, window, mode="same"))[40:-40]
+        assert np.abs(bumps).max() < 0.06
+
+
+def test_the_mountain_rises_across_the_world_and_beyond(world: World) -> None:
+    heights = world.terrain.field.heights.astype(float)
+    assert heights[:, -1].mean() - heights[:, 0].mean() > 7.0
+    assert world.backdrop is not None
+    x, y, z = world.backdrop.vertices.astype(float).T
+    up, down = (y > 200) & (np.abs(x) < 300) & (y < 500), (y < -100) & (y > -200) & (np.abs(x) < 100)
+    assert z[up].max() > 60.0
+    assert z[down].mean() < -15.0
+
+
+def test_no_rock_shows_daylight_below_it(world: World) -> None:
+    for thing in world.instances:
+        if thing.kind in ROCKS:
+            pose = thing.world_from_object
+            rim = rim_vertices(world.meshes[thing.mesh]) @ pose[:3, :3].T + pose[:3, 3]
+            assert np.all(rim[:, 2] < world.terrain.field.height_at(rim[:, 0], rim[:, 1])), thing.name
+            whole = corners(world, thing)
+            above = whole[:, 2] - world.terrain.field.height_at(whole[:, 0], whole[:, 1])
+            assert above.max() > 0.04, thing.name
+
+
+def test_plants_stand_in_the_ground(world: World) -> None:
+    """The lowest parts of stems are below the ground, but not deeper than half a metre."""
+    for thing in world.instances:
+        if thing.kind in TREES | BUSHES:
+            whole = corners(world, thing)
+            low = whole[np.argsort(whole[:, 2])[:6]]
+            depth = world.terrain.field.height_at(low[:, 0], low[:, 1]) - low[:, 2]
+            assert 0.0 < depth.max() < 0.9, thing.name
+
+
+def test_nothing_overlaps(world: World) -> None:
+    """Circles of all footprints are disjoint, so that no rock stands in a trunk."""
+    spots = np.array([i.world_from_object[:2, 3] for i in world.instances])
+    scale = np.array([np.cbrt(np.linalg.det(i.world_from_object[:3, :3])) for i in world.instances])
+    radius = scale * [world.meshes[i.mesh].footprint for i in world.instances]
+    apart = np.linalg.norm(spots[:, None] - spots, axis=-1) - radius[:, None] - radius
+    np.fill_diagonal(apart, np.inf)
+    assert apart.min() > -1e-6
+    assert np.all(np.abs(spots) + radius[:, None] < np.array([50.0, 25.0]))
+
+
+def test_routes_are_free(world: World) -> None:
+    """No named thing reaches within 0.6 m of a route below 1 m, no larger stone of a swarm within 0.5 m."""
+    tree = cKDTree(np.concatenate([line.points for line in routes()]))
+    for thing in world.instances:
+        for collider in world.meshes[thing.mesh].colliders:
+            pose = thing.world_from_object
+            middle = (pose @ [*collider.position, 1.0])[:2]
+            half = collider.size[0] if collider.shape == "cylinder" else np.linalg.norm(collider.size[:2]) / 2
+            reach = float(half * np.cbrt(np.linalg.det(pose[:3, :3])))
+            assert float(tree.query(middle)[0]) - reach > 0.6, thing.name
+    (stones,) = (s for s in world.swarms if s.name == "stones")
+    assert np.min(tree.query(stones.world_from_object[:, :2, 3])[0]) > 0.5
+
+
+def test_what_a_swarm_holds_lies_on_the_ground(world: World) -> None:
+    for swarm in world.swarms:
+        x, y, z = swarm.world_from_object[:, :3, 3].T
+        inside = (np.abs(x) <= 50) & (np.abs(y) <= 25)
+        if inside.any():
+            assert np.abs(z - world.terrain.field.height_at(x, y))[inside].max() < 0.1
+        assert inside.all() != swarm.name.startswith("far_")
+
+
+def test_classes_and_no_trail(world: World) -> None:
+    assert world.terrain.trail_distance.values.min() > 0
+    assert {int(v) for v in world.terrain.label_at([-49, 0, 49], [-24, 0, 24])} == {Label.GROUND}
+    labels: dict[str, set[Label]] = {"rocks": set(), "trees": set(), "bushes": set()}
+    for thing in world.instances:
+        group = "rocks" if thing.kind in ROCKS else "trees" if thing.kind in TREES else "bushes"
+        labels[group] |= {world.materials[n].label for n in world.meshes[thing.mesh].materials}
+    assert labels["rocks"] == {Label.ROCK}
+    assert labels["trees"] == {Label.TRUNK, Label.TREETOP}
+    assert labels["bushes"] == {Label.BUSH}
+    cover = world.terrain.cover.values
+    assert cover.sum(axis=-1) == pytest.approx(np.ones(cover.shape[:2]), abs=1e-5)
+    assert np.all(cover.mean(axis=(0, 1)) > 0.02)  # turf, soil, scree and rock, all of them
+
+
+def test_same_seed_same_bytes_and_other_seed_another_place() -> None:
+    assert digest(hillside.__wrapped__(1)) == digest(hillside(1))
+    assert not np.array_equal(hillside(1).terrain.field.heights, hillside(2).terrain.field.heights)
+
+
+def test_without_routes_the_flank_is_as_steep_as_it_likes() -> None:
+    config = HillsideConfig(individuals=1, crags=2, boulders=2, blocks=2, slabs=1, stones=0, pebbles=0, grass=0,
+                            junipers=1, gorse=1, cushions=1, pines=1, oaks=1, snags=1)  # fmt: skip
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(assembly, "make_textures", lambda *_: {})
+        world = build_hillside(3, [], config)
+    assert len(world.instances) == 13
+    slope, away = slopes(world)
+    assert slope[away < 2.0].max() > 15.0
+    assert slope.max() <= 40.0

@@ -1,0 +1,150 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Rocks are closed bodies of the size and the triangles asked for, lie in the ground, and fill their colliders."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from fieldtruth.classes import Label
+from fieldtruth.world.materials import MATERIALS
+from fieldtruth.world.model import Heightfield, Mesh
+from fieldtruth.world.placement import CrowdedWorldError, Site
+from fieldtruth.world.rocks import ROCKS, lay_rock, make_rock, scatter_rocks
+from fieldtruth.world.rocks.laying import rim_vertices
+from fieldtruth.world.rocks.meshing import corner_normals
+from fieldtruth.world.rocks.rock import TEXTURE_LENGTH
+from fieldtruth.world.rocks.shape import geodesic, worn_radius
+
+F8 = NDArray[np.float64]
+
+
+@pytest.fixture(params=ROCKS)
+def rock(request: pytest.FixtureRequest) -> Mesh:
+    return make_rock(ROCKS[request.param], name="rock", size=1.4, rng=np.random.default_rng(4), triangles=720)
+
+
+def inclined(slope_deg: float) -> Heightfield:
+    """A plane of 10 x 10 m that rises along y."""
+    y = np.linspace(-5, 5, 51)
+    heights = np.broadcast_to(np.tan(np.radians(slope_deg)) * y, (51, 51)).astype(np.float32)
+    return Heightfield(heights=heights, spacing=0.2, x0=-5.0, y0=-5.0)
+
+
+def test_a_geodesic_net_is_a_sphere() -> None:
+    for frequency in (1, 2, 5):
+        directions, faces = geodesic(frequency)
+        assert len(faces) == 20 * frequency**2
+        assert len(directions) == 10 * frequency**2 + 2  # Euler
+        assert np.linalg.norm(directions, axis=1) == pytest.approx(1.0)
+        assert np.all(np.linalg.det(directions[faces]) > 0)  # all face outwards
+
+
+def test_planes_cut_a_cube_whose_corners_wear_off() -> None:
+    """Six planes at distance 1: 1 along the axes, the root of 3 to the corners, and less as the norm's p falls."""
+    planes = np.concatenate([np.eye(3), -np.eye(3)])
+    ways = np.array([[1.0, 0, 0], [0, -1, 0], np.ones(3) / np.sqrt(3)])
+    assert worn_radius(ways, planes, 200.0) == pytest.approx([1, 1, np.sqrt(3)], rel=0.01)
+    assert worn_radius(ways, planes, 2.0) == pytest.approx([1, 1, 1])  # the Euclidean norm is a ball
+
+
+def test_size_triangles_and_class(rock: Mesh) -> None:
+    assert np.ptp(rock.vertices[:, :2], axis=0).max() == pytest.approx(1.4, abs=1e-5)
+    assert len(rock.faces) == 720
+    assert [MATERIALS[n].label for n in rock.materials] == [Label.ROCK]
+    assert np.linalg.norm(rock.normals, axis=1) == pytest.approx(1.0, abs=1e-5)
+
+
+def test_it_is_a_closed_body(rock: Mesh) -> None:
+    """Every edge belongs to two triangles that run through it in opposite directions, and the volume is positive."""
+    _, joined = np.unique(np.round(rock.vertices, 5), axis=0, return_inverse=True)
+    faces = joined.ravel()[rock.faces]
+    edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    forth, back = ({tuple(e) for e in pairs.tolist()} for pairs in (edges, edges[:, ::-1]))
+    assert len(forth) == len(edges)
+    assert forth == back
+    corners = rock.vertices[rock.faces].astype(float)
+    assert 0.2 < np.linalg.det(corners).sum() / 6 / np.prod(np.ptp(rock.vertices, axis=0)) < 1.0
+
+
+def test_a_good_part_lies_in_the_ground(rock: Mesh) -> None:
+    low, high = float(rock.vertices[:, 2].min()), float(rock.vertices[:, 2].max())
+    assert 0.2 - 1e-4 < -low / (high - low) < 0.4 + 1e-4
+
+
+def test_the_texture_is_not_drawn_out(rock: Mesh) -> None:
+    """Area in the texture is at least cos 60 deg of the area on the rock, and never more than it."""
+    corners, uv = rock.vertices[rock.faces].astype(float), rock.uv[rock.faces].astype(float) * TEXTURE_LENGTH
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    s, t = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    share = np.abs(s[:, 0] * t[:, 1] - s[:, 1] * t[:, 0]) / area
+    assert share.max() < 1.01
+    assert np.average(share > 0.5, weights=area) > 0.95
+
+
+def test_the_collider_encloses_what_is_above_the_ground_closely(rock: Mesh) -> None:
+    (collider,) = rock.colliders
+    visible = rock.vertices[rock.vertices[:, 2] > 0.0].astype(float) - collider.position
+    turn = np.radians(collider.yaw_deg)
+    across = visible[:, :2] @ [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
+    if collider.shape == "box":
+        reach = np.abs(across) / (np.array(collider.size[:2]) / 2)
+    else:
+        reach = np.linalg.norm(across, axis=1, keepdims=True) / collider.size[0]
+    assert 0.75 < reach.max() < 1 + 1e-5
+    assert visible[:, 2].max() == pytest.approx(collider.size[-1], abs=1e-5)
+    assert np.hypot(*rock.vertices[rock.vertices[:, 2] > 0, :2].T).max() <= rock.footprint + 1e-5
+
+
+def test_normals_break_at_a_crease_and_not_below_it() -> None:
+    """Two triangles that bend by 40 deg share a normal for a crease of 50 deg and have their own for one of 30."""
+    bend = np.radians(40)
+    vertices = np.array([(0, 0, 0), (0, 1, 0), (1, 0, 0), (-np.cos(bend), 0, -np.sin(bend))])
+    faces = np.array([(0, 2, 1), (0, 1, 3)])
+    for crease, apart in ((50.0, 0.0), (30.0, 40.0)):
+        normals = corner_normals(vertices, faces, crease)
+        angle = np.degrees(np.arccos(np.clip(normals[0, 0] @ normals[1, 0], -1, 1)))
+        assert angle == pytest.approx(apart, abs=1e-4)
+
+
+@pytest.mark.parametrize("slope_deg", [0.0, 20.0, 35.0])
+def test_a_lying_rock_shows_no_daylight(rock: Mesh, slope_deg: float) -> None:
+    """The rim lies in the ground, but not the whole rock, and the rock leans with the slope."""
+    site = Site(inclined(slope_deg), (10.0, 10.0), (), ())
+    thing = lay_rock(site, "rock", rock, 0.3, -0.4, yaw=1.0, scale=1.2)
+    pose = thing.world_from_object
+    rim = rim_vertices(rock) @ pose[:3, :3].T + pose[:3, 3]
+    assert np.all(rim[:, 2] < site.field.height_at(rim[:, 0], rim[:, 1]) - 0.02)
+    whole = rock.vertices.astype(float) @ pose[:3, :3].T + pose[:3, 3]
+    assert (whole[:, 2] - site.field.height_at(whole[:, 0], whole[:, 1])).max() > 0.15
+    lean = np.degrees(np.arccos(pose[2, 2] / 1.2))
+    assert lean == pytest.approx(np.degrees(np.arctan(0.75 * np.tan(np.radians(slope_deg)))), abs=0.5)
+
+
+def test_scattered_rocks_keep_apart_off_corridors_and_where_they_may() -> None:
+    site = Site(inclined(10.0), (10.0, 10.0), (), ())
+    mesh = make_rock(ROCKS["scree"], name="r", size=0.4, rng=np.random.default_rng(0), triangles=80)
+
+    def north(places: F8) -> F8:
+        return (places[:, 0] > 0).astype(float)
+
+    placed = scatter_rocks(site, "rock", [mesh], 20, rng=np.random.default_rng(1), density=north)
+    spots = np.array([i.world_from_object[:2, 3] for i in placed])
+    assert len(placed) == 20
+    assert spots[:, 0].min() > 0
+    apart = np.linalg.norm(spots[:, None] - spots, axis=-1) + 9 * np.eye(20)
+    assert apart.min() > 2 * 0.85 * mesh.footprint
+    with pytest.raises(CrowdedWorldError, match="of 2000 rock find room"):
+        scatter_rocks(site, "rock", [mesh], 2000, rng=np.random.default_rng(1), density=north)
+
+
+def test_same_seed_same_rock_and_bad_wishes() -> None:
+    first, again, other = (
+        make_rock(ROCKS["granite"], name="r", size=1.0, rng=np.random.default_rng(k)) for k in (1, 1, 2)
+    )
+    assert np.array_equal(first.vertices, again.vertices)
+    assert first.vertices.shape != other.vertices.shape or not np.allclose(first.vertices, other.vertices)
+    with pytest.raises(ValueError, match="triangles of a rock = 79: must be from 80 to 3000"):
+        make_rock(ROCKS["granite"], name="r", size=1.0, rng=np.random.default_rng(0), triangles=79)
+    with pytest.raises(ValueError, match="size of a rock = 0 m: must be above 0"):
+        make_rock(ROCKS["granite"], name="r", size=0, rng=np.random.default_rng(0))
