@@ -163,7 +163,7 @@ def root_plate(foot: Stems, reach: float, wood: str, rng: np.random.Generator, d
     grid = centre + (reach * out[:, None] * edge)[..., None] * around
     grid[..., 2] += level[:, None] + lumps
     rings = np.arange(len(out) - 1)[:, None] * (sides + 1) + np.arange(sides)
-    quads = np.stack([rings, rings + sides + 1, rings + 1, rings + 1, rings + sides + 1, rings + sides + 2], -1)
+    quads = np.stack([rings, rings + 1, rings + sides + 1, rings + 1, rings + sides + 2, rings + sides + 1], -1)
     vertices = grid.reshape(-1, 3)
     uv = (np.stack([vertices[:, 0], vertices[:, 1]], 1) + vertices[:, 2:]) / 1.5
     normals = grid_normals(grid[None])[0].reshape(-1, 3)

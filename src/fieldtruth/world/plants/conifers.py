@@ -166,7 +166,7 @@ PINE: Final = Species(
         lean_limit=15.0,
         trunk_wander=0.7,
         flare=0.6,
-        leaf=replace(_PINE_TUFT, number=7000, length=0.13),
+        leaf=replace(_PINE_TUFT, number=10500, length=0.105),
         orders=(
             replace(_PINE.orders[0], number=17, length=0.36, whorl=2, wander=1.3, bend=0.8, lift=(-0.1, 0.6)),
             replace(_PINE.orders[1], number=120, start=0.3, wander=1.0),

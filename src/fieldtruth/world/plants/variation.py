@@ -52,6 +52,7 @@ def in_stand(
         crown_base=crown_base,
         lopsided=1.6 * habit.lopsided,
         dead_limbs=habit.dead_limbs + 0.05,
+        trunk_wander=0.7 * habit.trunk_wander,
         flare=0.8 * habit.flare,
         vigour=(0.75, 1.0),
         leaf=replace(habit.leaf, number=round(leaves * habit.leaf.number)),

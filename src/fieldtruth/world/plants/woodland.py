@@ -126,7 +126,7 @@ ALDER: Final = Species(
 )
 
 _WILLOW_LEAF: Final = Leaf(
-    number=22500, length=0.185, width=0.24, widest=0.35, fold=14, stalk=0.01, droop=0.8, flatness=0.5, forward=0.9,
+    number=20500, length=0.19, width=0.245, widest=0.35, fold=14, stalk=0.01, droop=0.8, flatness=0.5, forward=0.9,
     arrangement=137.5, size_spread=0.22,
 )  # fmt: skip
 _WILLOW: Final = Habit(
@@ -184,5 +184,5 @@ WILLOW: Final = Species(
             replace(_WILLOW.orders[2], number=230, lift=(-0.8, -1.8), length=0.7),
         ),
     ),
-    stand=in_stand(_WILLOW, crown_base=0.34, reach=0.8, slim=0.8, leaves=0.85, clear=1.9),
+    stand=in_stand(_WILLOW, crown_base=0.34, reach=0.75, slim=0.75, leaves=1.1, clear=1.9),
 )
