@@ -23,7 +23,7 @@ from fieldtruth.sense import Camera, Picture, Scene
 from fieldtruth.world import World
 
 VIEWS: Final = 4
-SCANS: Final = 160
+SCANS: Final = 240
 """At most so many scans make the cloud, spread evenly over the sample."""
 FREE_PLACES: Final = 40
 """Size of the sample where no experiment drives."""
