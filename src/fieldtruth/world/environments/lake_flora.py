@@ -13,7 +13,7 @@ from fieldtruth.world.environments.power_line import PowerLine
 from fieldtruth.world.environments.shore import Shore
 from fieldtruth.world.model import Mesh, Raster, Swarm
 from fieldtruth.world.noise import fractal_noise
-from fieldtruth.world.placement import Site
+from fieldtruth.world.placement import Site, random_tints, upright_poses
 from fieldtruth.world.plants import BUSHES, GRASSES, SPECIES, grow_bush, grow_clump, grow_tree, grow_tuft
 
 Array = NDArray[np.float64]
@@ -28,7 +28,8 @@ MEADOW_BUSHES: Final = ("hazel", "bramble")
 BELOW_WIRES: Final = 3.4  # [m] from the line to the nearest trunk
 TREE_DETAIL: Final = 0.6
 FAR_DETAIL: Final = 0.06
-TUFT_DETAIL: Final = 0.7
+FAR_REACH: Final = 380.0  # [m] from the middle to the last trees
+TUFT_DETAIL: Final = 0.55
 
 
 def plant_trees(
@@ -112,11 +113,11 @@ def sow_grass(
             1.2,
             lambda p: _within(depth(p), 0.02, 0.35) * np.clip(-1.5 * beds(p) - 0.6, 0, 1),
         ),
-        ({"sedge": 1.0}, 0.0, 1.0, 6.0, lambda p: _within(inland(p), 0.15, 2.6) * np.clip(0.55 + 0.7 * thin(p), 0, 1)),
-        ({"meadow": 0.9, "dock": 0.1}, 0.6, 9.0, 1.4, lambda p: turf(p, 0.5, 0.3 + 0.7 * swathe(p) + 0.25 * thin(p))),
-        ({"dry": 0.7, "meadow": 0.3}, 0.5, 7.0, 0.9, lambda p: turf(p, 2.0, -0.15 - 0.7 * swathe(p) + 0.4 * thin(p))),
-        ({"nettle": 1.0}, 0.5, 10.0, 0.8, lambda p: turf(p, 2.0, 1.3 * beds(p) - 1.2)),
-        ({"meadow": 1.0}, 0.0, 1.0, 1.2, lambda p: turf(p, 0.5, 0.6 - 0.3 * swathe(p))),
+        ({"sedge": 1.0}, 0.35, 7.0, 1.6, lambda p: _within(inland(p), 0.45, 2.4) * np.clip(0.55 + 0.7 * thin(p), 0, 1)),
+        ({"meadow": 0.9, "dock": 0.1}, 0.9, 9.0, 0.55, lambda p: turf(p, 0.5, 0.3 + 0.7 * swathe(p) + 0.25 * thin(p))),
+        ({"dry": 0.7, "meadow": 0.3}, 0.8, 6.0, 0.35, lambda p: turf(p, 2.0, -0.15 - 0.7 * swathe(p) + 0.4 * thin(p))),
+        ({"nettle": 1.0}, 0.7, 9.0, 0.45, lambda p: turf(p, 2.0, 1.3 * beds(p) - 1.2)),
+        ({"meadow": 1.0}, 0.0, 1.0, 0.7, lambda p: turf(p, 0.5, 0.6 - 0.3 * swathe(p))),
     )
     for row, (kinds, radius, tufts_per_m2, per_m2, density) in enumerate(sowing):
         name = f"{next(iter(kinds))}_{row + 1}"
@@ -172,11 +173,6 @@ def grow_beyond(
         stands = ((height > 0.5) & (height < 1.6) & (thick > -0.5)) | ((height > 2.0) & (thick > 0.35))
         return (stands & (line.distance(places) > BELOW_WIRES + 1.0)).astype(np.float64)
 
-    def far(places: Array) -> Array:
-        height = above(places)
-        thick = np.where(height < 3.2, 0.75 + 0.3 * grove(places), 0.45 + 0.5 * wood(places))
-        return np.asarray(np.clip(thick, 0.04, 1.0) * (height > 0.3) * (np.hypot(*places.T) > 118.0))
-
     def turf(places: Array) -> Array:
         return np.asarray((above(places) > 0.8) * np.clip(0.45 + 0.4 * grove(places), 0.0, 1.0))
 
@@ -190,11 +186,31 @@ def grow_beyond(
             field, size, backdrop, "trees_beyond", "tree", trees, per_m2=0.035, rng=rng, within=90.0, margin=3.0,
             density=near, scales=(0.55, 1.3), sink=0.1,
         ),
-        strew_beyond(
-            field, size, backdrop, "woods_beyond", "tree", trees, per_m2=0.02, rng=rng, within=330.0, margin=60.0,
-            density=far, scales=(0.6, 1.4), tint=0.12, sink=0.3,
-        ),
+        _far_woods(trees, basin, water_level, grove, wood, rng),
     ]  # fmt: skip
+
+
+def _far_woods(
+    trees: Sequence[Mesh], basin: Land, water_level: float, grove: Density, wood: Density, rng: np.random.Generator
+) -> tuple[Swarm, Sequence[Mesh]]:
+    """Trees in a belt along the far water and in woods above it, where the land is the basin's own."""
+    cells = np.stack(np.meshgrid(np.arange(-FAR_REACH, FAR_REACH, 7.0), np.arange(-FAR_REACH, FAR_REACH, 7.0)), axis=-1)
+    places = cells.reshape(-1, 2) + rng.uniform(0.0, 7.0, (cells.size // 2, 2))
+    height = basin(*places.T)
+    above, away = height - water_level, np.hypot(*places.T)
+    thick = np.where(above < 3.2, 0.75 + 0.3 * grove(places), 0.45 + 0.5 * wood(places))
+    stands = (above > 0.3) & (away > 160.0) & (away < FAR_REACH) & (rng.random(len(places)) < np.clip(thick, 0.04, 1))
+    places, height = places[stands], height[stands]
+    n = len(places)
+    scale = np.exp(rng.uniform(np.log(0.6), np.log(1.4), n))
+    poses = upright_poses(places, rng.uniform(0.0, 2 * np.pi, n), scale)
+    poses[:, 2, 3] = height - 0.4  # the land's triangles are wide there
+    swarm = Swarm(
+        name="woods_beyond", kind="tree", object_id=0, meshes=tuple(mesh.name for mesh in trees),
+        mesh=rng.integers(len(trees), size=n).astype(np.int32), world_from_object=poses,
+        tint=random_tints(rng, 0.12, n),
+    )  # fmt: skip
+    return swarm, trees
 
 
 def patches(size: tuple[float, float], wavelength: float, rng: np.random.Generator) -> Density:
