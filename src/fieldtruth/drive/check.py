@@ -6,6 +6,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from fieldtruth.drive.footing import BELLY, belly_rise_on_path
 from fieldtruth.drive.outlines import distance_to, gap_to
 from fieldtruth.drive.rehearsal import Rehearsal
 from fieldtruth.drive.traversability import BAR_TEXTS, ROBOT_RADIUS, Bar, Traversability
@@ -16,6 +17,7 @@ SPACING: Final = (1.0, 25.0)  # [m] between way-points; the paper has 5 to 20, a
 LINE_GAP: Final = 0.4  # [m] from the line through the way-points to an obstacle; the robot is 0.67 m wide
 PATH_GAP: Final = 0.05  # [m] from the robot's outline to an obstacle; rehearsal and drive differ by as much
 _ROUNDING: Final = 0.001  # [m], of geodetic coordinates
+_GROUND_BARS: Final = (Bar.WATER, Bar.STEEP, Bar.EDGE)  # whether ground is too rough depends on the heading
 _STEP: Final = 0.1  # [m] between the places that are looked at
 
 
@@ -96,7 +98,7 @@ def _check_point(ground: Traversability, corners: Array, row: int) -> None:
         if distance_to(outline, corners[row : row + 1])[0] <= 0:
             raise RouteError(f"{_named(corners, row)} lies in {outline.name}; move it to free ground")
     bar = Bar(ground.bar_at(corners[row])[0])
-    if bar not in (Bar.NOTHING, Bar.OBSTACLE):
+    if bar in _GROUND_BARS:
         raise RouteError(f"{_named(corners, row)} lies {BAR_TEXTS[bar]}")
     if row:
         spacing = float(np.linalg.norm(corners[row] - corners[row - 1]))
@@ -127,11 +129,14 @@ def _check_path(ground: Traversability, row: int, poses: Array) -> None:
             f"since it cuts the corner; it needs {PATH_GAP} m, so set way-points closer"
         )
     _check_ground(ground, row, poses[:, :2])
+    sits = np.flatnonzero(belly_rise_on_path(ground.field, poses) > BELLY)
+    if len(sits):
+        raise RouteError(f"{_way(row)} leads {BAR_TEXTS[Bar.ROUGH]}, at {_at(poses[sits[0]])}")
 
 
 def _check_ground(ground: Traversability, row: int, places: Array) -> None:
     bars = ground.bar_at(places)
-    barred = np.flatnonzero(bars > Bar.OBSTACLE)
+    barred = np.flatnonzero(np.isin(bars, _GROUND_BARS))
     if len(barred):
         raise RouteError(f"{_way(row)} leads {BAR_TEXTS[Bar(bars[barred[0]])]}, at {_at(places[barred[0]])}")
 

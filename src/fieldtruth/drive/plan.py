@@ -24,7 +24,7 @@ def plan_route(world: World, experiment: Experiment) -> RouteConfig:
         RouteError: a way-point or a way that the robot cannot take, by its number, with what is in the way; or no free
             route of the wished length, with the longest that was found.
     """
-    ground, rehearsal = traversability(world), Rehearsal(experiment)
+    ground, rehearsal = traversability(world), Rehearsal(experiment, world.terrain.field)
     route = experiment.route
     if not isinstance(route, RandomRouteConfig):
         planned = geodetic_route(route)

@@ -10,8 +10,9 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import distance_transform_edt, maximum_filter, uniform_filter
+from scipy.ndimage import distance_transform_edt
 
+from fieldtruth.drive.footing import BELLY, greatest_belly_rise, mean_ground, slopes
 from fieldtruth.drive.husky import OUTLINE
 from fieldtruth.drive.outlines import Outline, distance_to, obstacle_outlines
 from fieldtruth.frames import Array
@@ -21,7 +22,7 @@ ROBOT_RADIUS: Final = float(np.hypot(*OUTLINE[:2])) / 2
 """[m] from its middle to its corners."""
 CELL: Final = 0.1  # [m]
 MAX_SLOPE_DEG: Final = 20.0
-MAX_BUMP: Final = 0.1  # [m] above or below the mean ground under the robot; its belly is 0.13 m above the ground
+BELLY_ROOM: Final = 0.025  # [m] that remains below its belly
 EDGE: Final = 1.5  # [m] from the world's edge that its middle keeps
 FREEBOARD: Final = 0.05  # [m]; ground that is lower above the water counts as water
 
@@ -41,7 +42,7 @@ BAR_TEXTS: Final = {
     Bar.OBSTACLE: "in an obstacle",
     Bar.WATER: "in the water",
     Bar.STEEP: f"on a slope of more than {MAX_SLOPE_DEG:.0f} deg",
-    Bar.ROUGH: f"on ground with a step or bump of more than {MAX_BUMP} m",
+    Bar.ROUGH: "on ground so rough that its belly would sit on it",
     Bar.EDGE: f"outside the world or nearer than {EDGE} m to its edge",
 }
 
@@ -52,12 +53,14 @@ class Traversability:
 
     ``clearance`` (nx, ny) [m]: room that remains around the robot's middle there, over all headings; below 0 where its
     outline would touch an obstacle or water in some heading, or where it would stand too steep, too rough, too far out.
-    ``ground_clearance`` is the same without obstacles. ``floor``: the mean ground under the robot.
+    ``ground_clearance`` is the same without obstacles. ``field`` is the
+    ground, ``floor`` its mean under the robot.
     """
 
     bars: NDArray[np.uint8]
     clearance: NDArray[np.float32]
     ground_clearance: NDArray[np.float32]
+    field: Heightfield
     floor: Heightfield
     x0: float
     y0: float
@@ -104,8 +107,9 @@ def traversability(world: World) -> Traversability:
     x, y = (np.linspace(-s / 2, s / 2, round(s / CELL) + 1) for s in world.size)
     outlines = obstacle_outlines(world)
     bars = np.zeros((len(x), len(y)), np.uint8)
-    floor = _floor(world.terrain.field)
-    _bar_ground(bars, world, floor, x, y)
+    field = world.terrain.field
+    floor = dataclasses.replace(field, heights=mean_ground(field, OUTLINE[0]).astype(np.float32))
+    _bar_ground(bars, world, x, y)
     bars[_near_edge(x, y, world.size)] = Bar.EDGE
     on_ground = np.minimum(_away(bars != Bar.NOTHING), _away(bars == Bar.WATER) - ROBOT_RADIUS)
     solid = np.zeros(bars.shape, bool)
@@ -115,6 +119,7 @@ def traversability(world: World) -> Traversability:
         bars=bars,
         clearance=np.minimum(on_ground, _away(solid) - ROBOT_RADIUS).astype(np.float32),
         ground_clearance=on_ground.astype(np.float32),
+        field=field,
         floor=floor,
         x0=float(x[0]),
         y0=float(y[0]),
@@ -134,41 +139,19 @@ def _near_edge(x: Array, y: Array, size: tuple[float, float]) -> NDArray[np.bool
     return np.asarray(along[:, None] | across[None, :])
 
 
-def _bar_ground(bars: NDArray[np.uint8], world: World, floor: Heightfield, x: Array, y: Array) -> None:
+def _bar_ground(bars: NDArray[np.uint8], world: World, x: Array, y: Array) -> None:
     field = world.terrain.field
-    slope, bump = _slope_and_bump(field, floor)
+    slope = np.hypot(*slopes(field, OUTLINE[0]))
+    rise = greatest_belly_rise(field)
     i, j = (
         np.clip(np.rint((axis - start) / field.spacing).astype(int), 0, count - 1)
         for axis, start, count in zip((x, y), (field.x0, field.y0), field.heights.shape, strict=True)
     )
     cells = np.ix_(i, j)
-    bars[(bump > MAX_BUMP)[cells]] = Bar.ROUGH
+    bars[(rise > BELLY - BELLY_ROOM)[cells]] = Bar.ROUGH
     bars[(slope > np.tan(np.radians(MAX_SLOPE_DEG)))[cells]] = Bar.STEEP
     if world.water_level is not None:
         bars[(field.heights < world.water_level + FREEBOARD)[cells]] = Bar.WATER
-
-
-def _floor(field: Heightfield) -> Heightfield:
-    mean = uniform_filter(field.heights.astype(np.float64), _nodes(field, OUTLINE[0]), mode="nearest")
-    return dataclasses.replace(field, heights=mean.astype(np.float32))
-
-
-def _nodes(field: Heightfield, length: float) -> int:
-    """An odd number of nodes over about ``length`` [m]."""
-    return 2 * max(1, round(length / 2 / field.spacing)) + 1
-
-
-def _slope_and_bump(field: Heightfield, floor: Heightfield) -> tuple[Array, Array]:
-    """Slope (nx, ny) of the ground over the robot's length, and the greatest bump [m] on it below the robot."""
-    mean = floor.heights.astype(np.float64)
-    slope = np.hypot(*np.gradient(mean, field.spacing))
-    # A plane has no bumps, however steep; at the field's edge a window that sticks out would see some.
-    bump = np.abs(field.heights - mean)
-    edge = _nodes(field, OUTLINE[0]) // 2
-    for side in range(2):
-        np.moveaxis(bump, side, 0)[:edge] = 0.0
-        np.moveaxis(bump, side, 0)[-edge:] = 0.0
-    return slope, maximum_filter(bump, _nodes(field, OUTLINE[1]), mode="nearest")
 
 
 def _bar_outline(bars: NDArray[np.uint8], solid: NDArray[np.bool_], outline: Outline, x: Array, y: Array) -> None:

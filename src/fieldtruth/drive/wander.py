@@ -29,9 +29,13 @@ PATH_CLEARANCE: Final = 0.4  # [m] of the rehearsed robot, wherever there is so 
 PATH_GAP: Final = 0.2  # [m] of its outline at least
 SPACINGS: Final = (16.0, 13.0, 10.5, 8.5, 7.0)  # [m] of way between way-points
 CLOSE_SPACINGS: Final = (5.6, 4.5, 3.6, 2.8, 2.3)  # [m], where obstacles force it
+SHARP_TURN: Final = 1.2  # [rad]; beyond it the robot skids on a slope and leaves the rehearsed path ...
+SHARP_CLEARANCE: Final = 0.4  # [m], ... by as much as this
 LEAST_SPACING: Final = 6.25  # [m] of way; eight tenths of it in a straight line
 MOST_SPACING: Final = 20.0  # [m]
 ATTEMPTS: Final = 10
+PATIENCE: Final = 15  # ways in vain
+ENDS: Final = 6  # of one walk
 
 
 @dataclass
@@ -63,8 +67,16 @@ def wander(
     if not len(grid.nodes):
         return
     for attempt in range(ATTEMPTS):
-        walk = _walk(grid, rehearsal, length_m, rng, from_end=attempt % 2 == 1)
-        yield _cut(walk, ground, rehearsal, length_m), min(length_m, walk.lengths[-1])
+        walk = _begin(grid, rehearsal, rng, from_end=attempt % 2 == 1)
+        longest = 0.0
+        for _ in range(ENDS):
+            _walk_on(walk, grid, rehearsal, length_m, rng)
+            longest = max(longest, walk.lengths[-1])
+            corners = _cut(walk, ground, rehearsal, length_m)
+            if corners is not None or walk.lengths[-1] < length_m:
+                break
+            walk.drop(4)  # no room for the last way-point; try another end
+        yield corners, min(length_m, longest)
 
 
 class _Grid:
@@ -142,16 +154,20 @@ class _Grid:
         return total[0], before[0]
 
 
-def _walk(grid: _Grid, rehearsal: Rehearsal, length_m: float, rng: np.random.Generator, *, from_end: bool) -> _Walk:
-    """Walk on until it is long enough, or nothing more is found; from anywhere, or from an end of the free ground."""
+def _begin(grid: _Grid, rehearsal: Rehearsal, rng: np.random.Generator, *, from_end: bool) -> _Walk:
+    """Stand anywhere where there is room, or at an end of the free ground."""
     roomy = np.flatnonzero(grid.clearance >= min(0.6, float(grid.clearance.max())))
     start = grid.nodes[rng.choice(roomy)]
     if from_end:
         start = grid.nodes[roomy[grid.reach(start)[roomy].argmax()]]
-    first = rehearsal.start(start, start + rng.normal(size=2))
-    walk, longest, failures = _Walk([start], [first]), 0.0, 0
-    while walk.lengths[-1] < length_m and failures < 12:
-        driven = np.concatenate([start[None], *(poses[::10, :2] for poses in walk.paths)])
+    return _Walk([start], [rehearsal.start(start, start + rng.normal(size=2))])
+
+
+def _walk_on(walk: _Walk, grid: _Grid, rehearsal: Rehearsal, length_m: float, rng: np.random.Generator) -> None:
+    """Walk on until it is long enough, or nothing more is found."""
+    longest, failures = walk.lengths[-1], 0
+    while walk.lengths[-1] < length_m and failures < PATIENCE:
+        driven = np.concatenate([walk.corners[0][None], *(poses[::10, :2] for poses in walk.paths)])
         way = grid.way(walk.stages[-1], driven, rng)
         if _follow(walk, way, grid.ground, rehearsal, length_m, rng):
             failures = 0 if walk.lengths[-1] > longest else failures + 1
@@ -159,7 +175,6 @@ def _walk(grid: _Grid, rehearsal: Rehearsal, length_m: float, rng: np.random.Gen
         else:
             failures += 1
             walk.drop(failures // 3)
-    return walk
 
 
 def _follow(
@@ -212,14 +227,19 @@ def _leg(
         return None
     if (roomy and ground.clearance_at(line).min() < 0) or ground.ground_clearance_at(line).min() < 0:
         return None
+    if not roomy and line_conflict(ground, line) is not None:
+        return None
     stage = walk.stages[-1] if walk.paths else rehearsal.start(walk.corners[0], target)
     poses, arrived = rehearsal.leg(stage, target)
-    if arrived is None or not _has_room(ground, thinned(poses), roomy):
-        return None
-    return (poses, arrived) if roomy or line_conflict(ground, line) is None else None
+    return (poses, arrived) if arrived is not None and _has_room(ground, thinned(poses), roomy) else None
 
 
 def _has_room(ground: Traversability, poses: Array, roomy: bool) -> bool:
+    turn = np.abs(np.diff(poses[:, 2]))
+    if turn.sum() > SHARP_TURN:
+        bend = poses[: 1 + int(np.flatnonzero(np.cumsum(turn) > 0.95 * turn.sum())[0]), :2]
+        if ground.clearance_at(bend).min() < SHARP_CLEARANCE:
+            return False
     if ground.clearance_at(poses[:, :2]).min() >= PATH_CLEARANCE:
         return True
     near_ground = ground.ground_clearance_at(poses[:, :2]).min() >= PATH_GAP / 2
