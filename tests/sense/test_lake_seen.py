@@ -6,12 +6,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from sense_worlds import make_world, trace_rays
 
+from fieldtruth import frames
 from fieldtruth.classes import Label
-from fieldtruth.sense import Scene
+from fieldtruth.experiment.catalogue import experiment_names
+from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.rig import OPTICAL, Rig
+from fieldtruth.experiment.route import metres_from_route
+from fieldtruth.sense import Camera, Lidar, Scene
+from fieldtruth.world import assembly
+from fieldtruth.world.environments.lake import LakeConfig, build_lake
 from fieldtruth.world.furniture import hang, make_cable, make_power_pole
 from fieldtruth.world.materials import MATERIALS
+from fieldtruth.world.trails import Line
 
 
 def test_rays_at_a_wire_and_a_pole() -> None:
@@ -40,3 +49,61 @@ def test_rays_at_a_wire_and_a_pole() -> None:
     up = np.array([[5.0, -8.0, z] for z in (0.5, 2.0, 5.0, 8.0)])
     posts = trace_rays(scene, np.tile(eye, (4, 1)), up - eye)
     assert set(posts.label) == {Label.POST}
+
+
+@pytest.fixture(scope="module")
+def lake() -> Scene:
+    """A quick lake: laid out in full, one individual of each plant; labels need no textures."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(assembly, "make_textures", lambda *_: {})
+        return Scene(build_lake(0, lines(), LakeConfig(individuals=1, grass=0.5)))
+
+
+def lines() -> list[Line]:
+    experiments = [load_experiment(name) for name in experiment_names()]
+    routes = [metres_from_route(e.route) for e in experiments if e.environment == "lake"]
+    return [Line.through([(float(x), float(y)) for x, y in route], smooth=False) for route in routes]
+
+
+def stand(scene: Scene, line: Line, at: float) -> NDArray[np.float64]:
+    """The robot's pose (4, 4) a share of the way along a line, level, looking ahead."""
+    row = int(at * (len(line.points) - 1))
+    (x, y), (u, v) = line.points[row], line.tangents[row]
+    ground = float(scene.world.terrain.field.height_at(x, y))
+    return frames.pose((x, y, ground + 0.13), (0.0, 0.0, float(np.degrees(np.arctan2(v, u)))))
+
+
+def test_every_class_is_seen_from_the_route(lake: Scene) -> None:
+    """By the LiDAR all but water and sky, by the camera these as well."""
+    rig, hit, seen = Rig(), set[int](), set[int]()
+    lidar, camera = Lidar(rig.lidar, lake), Camera(rig.cameras, lake)
+    for line in lines():
+        for at in np.linspace(0.02, 0.98, 10):
+            base = stand(lake, line, at)
+            hit |= set(lidar.scan(base @ rig.lidar.mount.base_from_sensor).label.tolist())
+            picture = camera.label(base @ frames.pose(rig.cameras.left.xyz) @ OPTICAL)
+            seen |= set(picture.label[::3, ::3].ravel().tolist())
+    solid = {Label.GROUND, Label.TRUNK, Label.TREETOP, Label.BUSH, Label.HIGH_GRASS, Label.POST, Label.CABLE}
+    assert hit == solid
+    assert seen == solid | {Label.WATER, Label.SKY}
+
+
+def test_the_lidar_gets_nothing_back_where_the_camera_sees_water(lake: Scene) -> None:
+    base = frames.pose((0.0, -6.5, float(lake.world.terrain.field.height_at(0.0, -6.5)) + 2.5), (0.0, 0.0, -90.0))
+    rig = Rig()
+    eye = base @ frames.pose(rig.cameras.left.xyz) @ OPTICAL
+    camera = Camera(rig.cameras, lake)
+    picture = camera.label(eye)
+    assert (picture.label == Label.WATER).mean() > 0.1
+    rows, columns = (n[::97] for n in np.nonzero(picture.label == Label.WATER))
+    hole = camera.pinhole
+    rays = np.column_stack([(columns - hole.cx) / hole.fx, (rows - hole.cy) / hole.fy, np.ones(len(rows))])
+    directions = rays @ eye[:3, :3].T
+    back = trace_rays(lake, np.tile(eye[:3, 3], (len(rays), 1)), directions, max_range=2000.0)
+    assert not back.range_m.any()
+    # The camera's depth is that of the flat sheet.
+    assert lake.world.water_level is not None
+    depth = (lake.world.water_level - eye[2, 3]) / directions[:, 2]
+    assert picture.depth[rows, columns] == pytest.approx(depth, rel=1e-4)
+    lake_id = next(i.object_id for i in lake.world.instances if i.kind == "water")
+    assert set(picture.instance[rows, columns]) == {lake_id}

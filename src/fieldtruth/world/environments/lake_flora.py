@@ -199,7 +199,7 @@ def _far_woods(
     height = basin(*places.T)
     above, away = height - water_level, np.hypot(*places.T)
     thick = np.where(above < 3.2, 0.75 + 0.3 * grove(places), 0.45 + 0.5 * wood(places))
-    stands = (above > 0.3) & (away > 160.0) & (away < FAR_REACH) & (rng.random(len(places)) < np.clip(thick, 0.04, 1))
+    stands = (above > 0.3) & (away > 115.0) & (away < FAR_REACH) & (rng.random(len(places)) < np.clip(thick, 0.04, 1))
     places, height = places[stands], height[stands]
     n = len(places)
     scale = np.exp(rng.uniform(np.log(0.6), np.log(1.4), n))

@@ -26,7 +26,7 @@ def cover_ground(site: Site, shore: Shore, rng: np.random.Generator) -> Terrain:
     steep = np.hypot(*np.gradient(height, NODE))
     scarp = np.clip((steep - 0.5 + 0.12 * fine) / 0.2, 0.0, 1.0)
     wet = np.clip(1.0 - (inland - 0.9 - 1.6 * (1.0 - shore.scarp.at(*nodes)) + 0.55 * fine) / 0.7, 0.0, 1.0)
-    litter = _below_crowns(site, x, y, fine) * (1.0 - wet)
+    litter = _below_crowns(site, x, y, fine)
     dry = np.clip(0.28 + 0.3 * patch + 0.24 * fine, 0.0, 0.9)
     turf = (1.0 - wet) * (1.0 - scarp) * (1.0 - litter)
     drowned = np.clip(-inland / 3.0, 0.0, 0.85)
@@ -35,7 +35,7 @@ def cover_ground(site: Site, shore: Shore, rng: np.random.Generator) -> Terrain:
             turf * (1.0 - dry),
             turf * dry,
             (1.0 - wet) * scarp * (1.0 - litter),
-            litter,
+            (1.0 - wet) * litter,
             wet * (1.0 - stony * (1.0 - drowned)),
             wet * stony * (1.0 - drowned),
         ],
