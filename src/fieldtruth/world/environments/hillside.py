@@ -49,7 +49,7 @@ class HillsideConfig(Frozen):
     pines: Count = 6
     oaks: Count = 6
     snags: Count = 3
-    grass: Density = 6.0  # tufts per m^2 at most
+    grass: Density = 7.0  # tufts per m^2 at most
     individuals: Annotated[int, Field(ge=1, le=32)] = 3  # of each kind and size
 
 
@@ -59,7 +59,7 @@ def build_hillside(seed: int, corridors: Sequence[Line], config: HillsideConfig 
     seeds = np.random.SeedSequence(seed).spawn(8)
     relief, cover, rocks, stones, flora, grass, beyond = (np.random.default_rng(s) for s in seeds[:-1])
     ground, land = _flank(config, corridors, relief, cover)
-    site = Site(ground.field, config.size, (), corridors)
+    site = Site(ground.field, config.size, (), corridors, corridor_width=2.6)
     lay_rocks(site, ground, rocks, crags=config.crags, boulders=config.boulders, blocks=config.blocks,
               slabs=config.slabs, individuals=config.individuals)  # fmt: skip
     plant(site, ground, flora, pines=config.pines, oaks=config.oaks, snags=config.snags, junipers=config.junipers,

@@ -392,7 +392,7 @@ RECIPES: Final[Mapping[str, Recipe]] = MappingProxyType(
         "scree": Recipe(scree, (0.215, 0.186, 0.146)),
         "hillslope": Recipe(hillslope, (0.205, 0.163, 0.098)),
         "garrigue": Recipe(garrigue, (0.185, 0.153, 0.092)),
-        "crags": Recipe(crags, (0.225, 0.205, 0.170)),
+        "crags": Recipe(crags, (0.200, 0.175, 0.134)),
         "rough_grass": Recipe(rough_grass, (0.095, 0.110, 0.038)),
         "mud": Recipe(mud, (0.085, 0.068, 0.046)),
         "water": Recipe(water, (0.024, 0.031, 0.021)),

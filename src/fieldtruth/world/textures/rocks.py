@@ -49,9 +49,9 @@ def limestone(rng: Rng) -> Image:
 
 def granite(rng: Rng) -> Image:
     """Grains of feldspar, quartz and mica, weathered to buff, with green map lichen and dark crusts."""
-    mineral = cells(rng, N, 110, 110)
-    kind = rng.choice(5, 110 * 110, p=[0.34, 0.25, 0.2, 0.13, 0.08])[mineral.owner]
-    tones = linear([(178, 166, 150), (190, 174, 156), (150, 146, 140), (120, 112, 104), (62, 60, 58)])
+    mineral = cells(rng, N, 190, 190)
+    kind = rng.choice(5, 190 * 190, p=[0.34, 0.25, 0.2, 0.13, 0.08])[mineral.owner]
+    tones = linear([(172, 160, 144), (184, 168, 150), (150, 146, 140), (126, 118, 110), (80, 77, 74)])
     swell, grain = noise(rng, N, 3, 40, slope=1.1), noise(rng, N, 40, 256, slope=0.5)
     cracks = _cracks(rng, 3, width=0.035, share=0.45)
     rust = np.clip(0.4 * noise(rng, N, 3, 24, slope=1.0) - 0.1, 0, 0.55)[..., None]
