@@ -15,16 +15,19 @@ def basin_heights(
 ) -> Callable[[Array, Array], Array]:
     """Heights [m] of the land about a lake at x, y [m] (any shape), for a near shore along x at y = ``edge`` [m].
 
-    The far shore lies 130 to 200 m away, the lake's ends 250 to 350 m; hills rise behind the far shore.
+    The far shore lies 130 to 200 m away, the lake's ends 250 to 350 m; hills rise behind the far shore. North and
+    south of the world the lake reaches farther in, so that water is ahead of whoever follows the shore.
     """
     far, ends = edge - rng.uniform(130.0, 170.0), (-rng.uniform(250.0, 330.0), rng.uniform(250.0, 330.0))
-    near_bends, far_bends = _waves(rng, (70.0, 160.0, 420.0), 5.0), _waves(rng, (60.0, 140.0, 330.0), 13.0)
+    near_bends, far_bends = _waves(rng, (70.0, 160.0, 420.0), 2.5), _waves(rng, (60.0, 140.0, 330.0), 13.0)
+    bays = rng.uniform(9.0, 15.0, 2)
     along, across = _waves(rng, (340.0, 610.0, 1300.0), 0.26), _waves(rng, (420.0, 900.0), 0.2)
     rough = _waves(rng, (83.0, 121.0, 190.0), 1.0)
 
     def heights(x: Array, y: Array) -> Array:
-        leaving = np.clip(np.abs(x) / 50.0 - 1.0, 0.0, 1.0)  # in front of the world the shore is the world's own
-        off_near = edge + leaving * near_bends(x) - y
+        leaving = np.clip(np.abs(x) / 40.0 - 1.25, 0.0, 1.0) ** 2  # in front of the world the shore is the world's own
+        bay = np.where(x < 0, bays[0], bays[1]) * np.clip(5.0 - np.abs(x) / 50.0, 0.0, 1.0)
+        off_near = edge + leaving * (bay + near_bends(x)) - y
         off_far = y - far - far_bends(x)
         out = np.minimum(np.minimum(off_near, off_far), 0.6 * np.minimum(x - ends[0], ends[1] - x))
         depth, inland = np.maximum(out, 0.0), np.maximum(-out, 0.0)

@@ -47,7 +47,7 @@ class LakeConfig(Frozen):
     sag: Annotated[Number, Field(gt=0, le=0.05)] = 0.018  # of a wire, relative to its span
     waterside_trees: Count = 13
     meadow_trees: Count = 30
-    waterside_bushes: Count = 16
+    waterside_bushes: Count = 12
     meadow_bushes: Count = 26
     individuals: Annotated[int, Field(ge=1, le=16)] = 3  # of each species
     grass: Annotated[Number, Field(ge=0, le=4)] = 1.0  # density of all high grass relative to what we think natural

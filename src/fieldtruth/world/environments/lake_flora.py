@@ -105,7 +105,7 @@ def sow_grass(
 
     # Kinds by share; radius [m] of a clump, 0 for single tufts; tufts per m2 of a clump; clumps or tufts per m2; where.
     sowing: tuple[tuple[dict[str, float], float, float, float, Density], ...] = (
-        ({"reed": 1.0}, 0.5, 13.0, 1.6, lambda p: _within(depth(p), -0.05, 0.5) * np.clip(2.0 * beds(p) + 0.2, 0, 1)),
+        ({"reed": 1.0}, 0.5, 13.0, 1.6, lambda p: _within(depth(p), -0.05, 0.5) * np.clip(2.0 * beds(p) - 0.3, 0, 1)),
         (
             {"cattail": 1.0},
             0.35,
@@ -170,7 +170,7 @@ def grow_beyond(
 
     def near(places: Array) -> Array:
         height, thick = above(places), grove(places)
-        stands = ((height > 0.5) & (height < 1.6) & (thick > -0.5)) | ((height > 2.0) & (thick > 0.35))
+        stands = ((height > 0.5) & (height < 1.6) & (thick > 0.1)) | ((height > 2.0) & (thick > 0.35))
         return (stands & (line.distance(places) > BELOW_WIRES + 1.0)).astype(np.float64)
 
     def turf(places: Array) -> Array:
