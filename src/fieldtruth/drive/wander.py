@@ -17,14 +17,15 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter, label
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from fieldtruth.drive.check import line_conflict, line_places, path_conflict, thinned
+from fieldtruth.drive.check import LINE_GAP, line_conflict, line_places, path_conflict, thinned
+from fieldtruth.drive.husky import OUTLINE
 from fieldtruth.drive.rehearsal import Rehearsal, Stage
-from fieldtruth.drive.traversability import CELL, Traversability
+from fieldtruth.drive.traversability import CELL, ROBOT_RADIUS, Traversability
 from fieldtruth.frames import Array
 
 STRIDE: Final = 3
 NODE: Final = STRIDE * CELL  # [m] between the places that ways are made of
-WAY_CLEARANCE: Final = 0.05  # [m] of the nodes of a way
+WAY_CLEARANCE: Final = 0.1  # [m] of the nodes of a way
 PATH_CLEARANCE: Final = 0.4  # [m] of the rehearsed robot, wherever there is so much room
 PATH_GAP: Final = 0.2  # [m] of its outline at least
 SPACINGS: Final = (16.0, 13.0, 10.5, 8.5, 7.0)  # [m] of way between way-points
@@ -143,7 +144,7 @@ class _Grid:
         return np.asarray(
             1.0
             + 1.5 * (noise - noise.min()) / max(float(np.ptp(noise)), 1e-9)
-            + 3.0 * np.exp(-self.clearance / 0.4)
+            + 10.0 * np.exp(-self.clearance / 0.3)
             + 2.0 * np.exp(-((away / 1.5) ** 2))
             + 4.0 * ((distance < 3.0) & (ahead < -0.2))
         )
@@ -186,7 +187,7 @@ def _follow(
     # The robot turns this far before a way-point, and there the way begins.
     begun, at = len(walk.paths), [rehearsal.control.arrival_distance if walk.paths else 0.0]
     untried = [_choices(rng)]
-    for _ in range(150):
+    for _ in range(80):
         rest = SPACINGS[-1] if len(walk.paths) > begun else CLOSE_SPACINGS[-1]
         if not untried or walk.lengths[-1] >= length_m or at[-1] > arc[-1] - rest:
             break
@@ -226,9 +227,11 @@ def _leg(
     line = line_places(walk.corners[-1], target)
     if not 0.8 * least <= np.linalg.norm(line[-1] - line[0]) <= MOST_SPACING:
         return None
-    if (roomy and ground.clearance_at(line).min() < 0) or ground.ground_clearance_at(line).min() < 0:
+    clearance = ground.clearance_at(line).min()
+    # The map knows most answers: it tells the room about the robot's corners, the line needs less.
+    if clearance < (0.0 if roomy else LINE_GAP - ROBOT_RADIUS - CELL) or ground.ground_clearance_at(line).min() < 0:
         return None
-    if not roomy and line_conflict(ground, line) is not None:
+    if clearance < 0 and line_conflict(ground, line) is not None:
         return None
     stage = walk.stages[-1] if walk.paths else rehearsal.start(walk.corners[0], target)
     poses, arrived = rehearsal.leg(stage, target)
@@ -246,7 +249,9 @@ def _has_room(ground: Traversability, poses: Array, roomy: bool) -> bool:
         if clearance >= (PATH_CLEARANCE if roomy else PATH_GAP) + margin:
             continue
         on_ground = ground.ground_clearance_at(part[:, :2]).min()
-        if roomy or on_ground < PATH_GAP / 2 + margin / 2 or path_conflict(ground, part, PATH_GAP + margin) is not None:
+        if roomy or clearance < OUTLINE[1] / 2 + PATH_GAP + margin - ROBOT_RADIUS - CELL:
+            return False
+        if on_ground < PATH_GAP / 2 + margin / 2 or path_conflict(ground, part, PATH_GAP + margin) is not None:
             return False
     return True
 
