@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator, RectBivariateSpline
+from scipy.ndimage import gaussian_filter
 
 from fieldtruth.world.backdrop import Land
 from fieldtruth.world.noise import fractal_noise
@@ -28,7 +29,7 @@ _PROFILE: Final = (
     (-1100, 0), (-700, -5), (-330, -11), (-190, -7), (-150, 0), (-110, 12), (-60, 21), (-25, 25), (-17, 20), (-12, 10),
     (10, 9), (15, 22), (22, 27), (32, 24), (55, 20), (150, 17), (280, 20), (370, 3), (470, -16), (1100, -6),
 )  # fmt: skip
-"""Slope [deg] upwards along y at y [m]: far side of the valley, its floor, lower flank, shoulder, upper flank, ridge."""
+"""Slope [deg] upwards along y at y [m]: far side of the valley, its floor, lower flank, shoulder, upper flank, top."""
 
 
 class Mountain(NamedTuple):
@@ -70,9 +71,14 @@ def mountain(
 def along_routes(
     heights: Array, spacing: float, distance: Array, *, route_slope_deg: float, steepest_deg: float
 ) -> Array:
-    """Heights (nx, ny) [m] whose slope keeps below one bound on the route and another far from it."""
+    """Heights (nx, ny) [m] whose slope keeps below one bound on the route and another far from it.
+
+    Bumps of less than about 2 m are smoothed away on the route, to a few centimetres.
+    """
     limit = slope_limit(distance, within=route_slope_deg, beyond=steepest_deg, near=1.3, far=6.0)
-    return gentled(collapsed(heights, spacing, repose_deg=steepest_deg, steps=10), spacing, limit, rounds=60)
+    h = collapsed(heights, spacing, repose_deg=steepest_deg, steps=10)
+    h += (gaussian_filter(h, 0.6 / spacing) - h) * np.clip(1.5 - distance / 2.0, 0.0, 0.8)
+    return gentled(h, spacing, limit, rounds=60)
 
 
 def _region(rng: np.random.Generator) -> RectBivariateSpline:
