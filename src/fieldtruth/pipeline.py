@@ -17,7 +17,7 @@ from fieldtruth.record.streams import Sensors, streams_of
 from fieldtruth.record.topics import topics_of
 from fieldtruth.report.progress import Progress, Silent
 from fieldtruth.sense import Camera, Lidar, Scene
-from fieldtruth.world import load_world
+from fieldtruth.world import world_of
 
 
 def generate(
@@ -54,7 +54,7 @@ def generate(
 
     with run_folder(experiment, out, overwrite=overwrite) as run:
         with progress.stage("build the world"):
-            world = load_world(experiment.environment, experiment.seed)
+            world = world_of(experiment)
         with progress.stage("drive"):
             route = plan_route(world, experiment)
             track = drive(world, experiment.model_copy(update={"route": route}))

@@ -29,7 +29,7 @@ from fieldtruth.experiment.rig import OPTICAL, CameraConfig, LidarConfig
 from fieldtruth.report.path import experiments_of
 from fieldtruth.report.progress import Progress, Silent
 from fieldtruth.sense import Camera, Lidar, Scene
-from fieldtruth.world import World, load_world
+from fieldtruth.world import World, world_of
 
 FIRST_FRAME = """
 import sys
@@ -140,7 +140,7 @@ def _timed_drive(world: World, experiment: Experiment, seconds: float) -> tuple[
 
 
 def _load(experiment: Experiment) -> World:
-    return load_world(experiment.environment, experiment.seed)
+    return world_of(experiment)
 
 
 @contextmanager

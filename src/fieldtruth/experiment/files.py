@@ -111,6 +111,10 @@ def _validated(data: dict[str, Any], source: str) -> Experiment:
         raise configuration_error(Experiment, report, source) from report
     if experiment.environment not in environment_names():
         raise UnknownNameError("environment", experiment.environment, environment_names())
+    if experiment.layout:
+        from fieldtruth.world.build import check_layout  # late: it brings array libraries along
+
+        check_layout(experiment.environment, experiment.layout, source)
     return experiment
 
 

@@ -23,7 +23,7 @@ from fieldtruth.frames import Array
 from fieldtruth.report.path import expected_path, stand, stations
 from fieldtruth.report.progress import Progress, Silent
 from fieldtruth.sense import Camera, Lidar, Scene
-from fieldtruth.world import load_world
+from fieldtruth.world import load_world, world_of
 
 SPACING: Final = 2.0  # [m]
 
@@ -66,7 +66,7 @@ def class_shares(
         workers: threads.
     """
     if scene is None:
-        scene = Scene(load_world(experiment.environment, experiment.seed), experiment.light)
+        scene = Scene(world_of(experiment), experiment.light)
     field, rig = scene.world.terrain.field, experiment.rig
     poses = [stand(field, station, rig) for station in stations(expected_path(experiment, scene.world), spacing)]
     return count_classes(scene, rig, poses, workers=workers)

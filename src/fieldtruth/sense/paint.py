@@ -35,8 +35,9 @@ TRACE_SUN: Final = -1.0
 
 
 _PER_AIR, _PER_LAYER = np.float32(1.0 / AIR_TEXEL), np.float32(1.0 / AIR_LAYER)
-_AIR_GAIN, _AIR_LEAST = np.float32(1.35), np.float32(0.04)
-"""A thing stands in its own air; what it takes from it there is given back, roughly."""
+_AIR_GAIN, _AIR_LEAST = np.float32(1.35), np.float32(0.06)
+"""A thing stands in its own air; what it takes from it there is given back, roughly. And light that leaves and soil
+throw from one to the other reaches everywhere."""
 
 
 class PaintTable(NamedTuple):
@@ -188,7 +189,8 @@ def paint_ground(
         sy = ground[i, j, 4] * a + ground[i, j + 1, 4] * b + ground[i + 1, j, 4] * c + ground[i + 1, j + 1, 4] * d
         scale = one / np.sqrt(one + sx * sx + sy * sy)
         out[k, NX], out[k, NY], out[k, NZ] = -sx * scale, -sy * scale, scale
-        out[k, SKY], out[k, SUN], out[k, THROUGH] = read_grid(open_sky, x, y), read_grid(sunlit, x, y), 0.0
+        out[k, SKY], out[k, SUN] = _AIR_LEAST + (1.0 - _AIR_LEAST) * read_grid(open_sky, x, y), read_grid(sunlit, x, y)
+        out[k, THROUGH] = 0.0
         grazing = (directions[0, k] * sx + directions[1, k] * sy - directions[2, k]) * scale
         footprint = reach[k] * pixel / np.sqrt(max(grazing, np.float32(0.05)))
         trail = read_grid(edge, x, y)

@@ -182,7 +182,8 @@ def _shine(
 ) -> None:  # fmt: skip
     """Light that comes back along each ray: sun, sky, the ground's reflection, highlight, and haze on the way."""
     top, direction, reach = strip.top, strip.direction, strip.reach
-    dome, sun_rgb, bounce, mean, mist = light.dome.rgb, light.sun_rgb, light.bounce, light.dome.mean, light.dome.mist
+    dome, sun_rgb, bounce, mean = light.dome.rgb, light.sun_rgb, light.bounce, light.dome.mean
+    mist = light.dome.mist / np.sqrt(gain)  # where little light falls, little is scattered
     sx, sy, sz = np.float32(light.sun[0]), np.float32(light.sun[1]), np.float32(light.sun[2])
     zero, one, half, exposure = np.float32(0.0), np.float32(1.0), np.float32(0.5), _EXPOSURE * gain
     for k in range(count):

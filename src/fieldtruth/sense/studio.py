@@ -82,7 +82,7 @@ def _light_key(scene: Scene) -> str:
     for module in (light_module, sky_module):
         digest.update(Path(str(module.__file__)).read_bytes())
     digest.update(np.ascontiguousarray(world.terrain.field.heights).data)
-    for mesh in world.meshes.values():
+    for mesh in scene.meshes:
         clear = np.array([world.materials[name].translucency > 0 for name in mesh.materials])[mesh.material]
         for array in (mesh.vertices, mesh.normals, mesh.faces, clear):
             digest.update(np.ascontiguousarray(array).data)

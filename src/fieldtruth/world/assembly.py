@@ -4,13 +4,17 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import GROUND_ID, Mesh, Swarm, Terrain, World
-from fieldtruth.world.placement import Site
+from fieldtruth.world.placement import CrowdedWorldError, Site
 from fieldtruth.world.textures import make_textures
+
+MOST_OBJECTS: Final = 500
+"""Each is in every /gazebo/model_states message, with some 120 bytes; below 64 kB LZ4 finds the one before."""
 
 
 def assemble(
@@ -31,6 +35,8 @@ def assemble(
     meshes = dict(site.meshes)
     for _, own in beyond:
         meshes |= {mesh.name: mesh for mesh in own}
+    if len(site.instances) > MOST_OBJECTS:
+        raise CrowdedWorldError(f"{len(site.instances)} things with names; at most {MOST_OBJECTS} fit, ask for fewer")
     first = GROUND_ID + 1 + len(site.instances)
     swarms = [replace(s, object_id=first + k) for k, s in enumerate([*site.swarms, *(s for s, _ in beyond)])]
     used = {n for mesh in (*meshes.values(), backdrop) for n in mesh.materials}

@@ -3,50 +3,54 @@
 """The environments by name. Each file reads like its paragraph in the paper and builds a world from a seed."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Final, NamedTuple
+from importlib import import_module
+from types import ModuleType
+from typing import Any, Final, NamedTuple
 
+from fieldtruth.experiment.rig import Frozen
 from fieldtruth.world.model import World
 from fieldtruth.world.trails import Line
 
 
 class Environment(NamedTuple):
-    """What an environment is, in a line, and the function that builds it from a seed and the lines that stay free."""
+    """What an environment is, in a line, and where its rules are: module, function and configuration by name.
+
+    The module is imported when it is needed, because a list of names must be quick.
+    """
 
     description: str
-    build: Callable[[int, Sequence[Line]], World]
+    module: str
+    build_name: str
+    config_name: str
+
+    @property
+    def config(self) -> type[Frozen]:
+        """The configuration of its layout: counts, densities, relief, trails."""
+        config: type[Frozen] = getattr(self._module(), self.config_name)
+        return config
+
+    def build(self, seed: int, corridors: Sequence[Line], layout: Mapping[str, Any] | None = None) -> World:
+        """Build it; ``corridors`` stay free, ``layout`` changes its configuration.
+
+        Raises pydantic.ValidationError for a layout that is not allowed.
+        """
+        build: Callable[[int, Sequence[Line], Frozen], World] = getattr(self._module(), self.build_name)
+        return build(seed, corridors, self.config.model_validate(dict(layout or {})))
+
+    def _module(self) -> ModuleType:
+        return import_module(f"fieldtruth.world.environments.{self.module}")
 
 
-def _park(seed: int, corridors: Sequence[Line]) -> World:
-    from fieldtruth.world.environments.park import build_park
-
-    return build_park(seed, corridors)
-
-
-def _forest(seed: int, corridors: Sequence[Line]) -> World:
-    from fieldtruth.world.environments.forest import build_forest
-
-    return build_forest(seed, corridors)
-
-
-def _lake(seed: int, corridors: Sequence[Line]) -> World:
-    from fieldtruth.world.environments.lake import build_lake
-
-    return build_lake(seed, corridors)
-
-
-def _hillside(seed: int, corridors: Sequence[Line]) -> World:
-    from fieldtruth.world.environments.hillside import build_hillside
-
-    return build_hillside(seed, corridors)
+def _environment(module: str, description: str) -> Environment:
+    return Environment(description, module, f"build_{module}", f"{module.capitalize()}Config")
 
 
 ENVIRONMENTS: Final[Mapping[str, Environment]] = {
-    "forest": Environment(
-        "dense forest: 350 trees and more, two trails, fallen trunks, stones, bushes, high grass", _forest
-    ),
-    "lake": Environment(
-        "lake's shore: water, beaches and scarps, reeds, high grass, bushes, trees, a power line", _lake
-    ),
-    "hillside": Environment("rugged hillside: a mountain's flank, rocks, dry high grass, bushes, few trees", _hillside),
-    "park": Environment("urban park: lawn, two trails, trees, bushes, lamp posts, benches, tables, trash bins", _park),
+    name: _environment(name, description)
+    for name, description in (
+        ("forest", "dense forest: 350 trees and more, two trails, fallen trunks, stones, bushes, high grass"),
+        ("hillside", "rugged hillside: a mountain's flank, rocks, dry high grass, bushes, few trees"),
+        ("lake", "lake's shore: water, beaches and scarps, reeds, high grass, bushes, trees, a power line"),
+        ("park", "urban park: lawn, two trails, trees, bushes, lamp posts, benches, tables, trash bins"),
+    )
 }

@@ -7,7 +7,7 @@ from typing import Annotated, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, field_validator
 from scipy.ndimage import gaussian_filter
 
 from fieldtruth.experiment.rig import Frozen, Positive
@@ -16,7 +16,7 @@ from fieldtruth.world.backdrop import Cover, Land, make_backdrop, rolling_hills,
 from fieldtruth.world.model import Heightfield, Mesh, Raster, Swarm, Terrain, World
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import CrowdedWorldError, Site, random_tint, rotations_to
-from fieldtruth.world.plants import BUSHES, GRASSES, SPECIES, grow_bush, grow_tree, grow_tuft
+from fieldtruth.world.plants import BUSHES, GRASSES, SPECIES, grow_bush, grow_clump, grow_tree
 from fieldtruth.world.plants.deadwood import grow_log, grow_snag, grow_stump, room_along
 from fieldtruth.world.rocks import ROCKS, make_rock, scatter_rocks
 from fieldtruth.world.trails import Line, Trail, signed_distance
@@ -27,9 +27,11 @@ Share = Annotated[float, Field(ge=0, le=1)]
 
 AGES: Final[Mapping[str, tuple[float, float]]] = {"old": (15.0, 21.0), "grown": (9.0, 14.0), "young": (3.0, 6.0)}
 """Heights [m]."""
-TREE_DETAIL: Final = 0.22
+TREE_DETAIL: Final = {"old": 0.11, "grown": 0.11, "young": 0.35}
+CLUMP_PER_M2: Final = 8.0
+FERNS_TOGETHER: Final = 3
 FAR_DETAIL: Final = 0.05
-FAR_TREES: Final = 24.0
+FAR_TREES: Final = 12.0
 """Distance [m] from the edge within which the forest goes on as trees; behind it its roof closes the view."""
 
 
@@ -44,9 +46,9 @@ class ForestConfig(Frozen):
         ((-27, 36), (-19, 20), (-13, 13), (-9, 4), (-8, -5), (-1, -12), (10, -14), (21, -10), (29, -16), (34, -36)),
     )  # [m]
     trail_width: Positive = 1.7  # [m]
-    old_trees: Count = 105
-    grown_trees: Count = 145
-    young_trees: Count = 112
+    old_trees: Count = 102
+    grown_trees: Count = 140
+    young_trees: Count = 110
     snags: Count = 14
     fallen_trunks: Count = 13
     stumps: Count = 8
@@ -54,10 +56,19 @@ class ForestConfig(Frozen):
     rocks: Count = 36
     stones_per_m2: Annotated[float, Field(ge=0, le=10)] = 0.35
     grass_per_m2: Annotated[float, Field(ge=0, le=20)] = 5.0
-    ferns_per_m2: Annotated[float, Field(ge=0, le=10)] = 0.9
-    individuals: Annotated[int, Field(ge=1, le=16)] = 3  # of each species and age
+    ferns_per_m2: Annotated[float, Field(ge=0, le=10)] = 0.75
+    individuals: Annotated[int, Field(ge=1, le=16)] = 4  # of each species and age
     species: Mapping[str, Share] = {"spruce": 0.36, "beech": 0.26, "pine": 0.16, "birch": 0.1, "oak": 0.12}
     """Shares of the trees."""
+
+    @field_validator("species")
+    @classmethod
+    def _known(cls, species: Mapping[str, float]) -> Mapping[str, float]:
+        unknown = [name for name in species if name not in SPECIES]
+        if unknown or not sum(species.values()) > 0:
+            what = f"no species {unknown[0]!r}" if unknown else "no share above 0"
+            raise ValueError(f"{what}; there is: {', '.join(sorted(SPECIES))}")
+        return species
 
 
 def build_forest(seed: int, corridors: Sequence[Line], config: ForestConfig | None = None) -> World:
@@ -182,13 +193,21 @@ def _plant_trees(site: Site, config: ForestConfig, growth: np.random.Generator, 
             trees = [
                 grow_tree(
                     SPECIES[name], name=f"{name}_{age}_{n}", height=float(growth.uniform(*heights)), rng=growth,
-                    detail=TREE_DETAIL, grown_in="stand",
+                    detail=TREE_DETAIL[age], grown_in="stand",
                 )
                 for n in range(min(config.individuals, count))
             ]  # fmt: skip
             if trees:
                 site.scatter(
-                    name, trees, count, rng=rng, allowed=off_trails, spacing=spacing[age], scales=(0.88, 1.15), tint=0.1
+                    name,
+                    trees,
+                    count,
+                    rng=rng,
+                    allowed=off_trails,
+                    spacing=spacing[age],
+                    scales=(0.88, 1.15),
+                    tint=0.1,
+                    quarters=True,
                 )
 
 
@@ -198,7 +217,7 @@ def _lay_rocks(site: Site, config: ForestConfig, rng: np.random.Generator) -> No
 
     def near_groups(places: Array) -> Array:
         away = np.min(np.linalg.norm(places[:, None] - groups, axis=2), axis=1)
-        return (0.12 + 0.88 * np.exp(-((away / 2.6) ** 2))) * (site.trail_distance(places) > 0.3)
+        return np.asarray((0.12 + 0.88 * np.exp(-((away / 2.6) ** 2))) * (site.trail_distance(places) > 0.3))
 
     rocks = [
         make_rock(ROCKS["fieldstone"], name=f"rock_{k}", size=float(size), rng=rng, triangles=700)
@@ -237,12 +256,6 @@ def _plant_bushes(site: Site, config: ForestConfig, rng: np.random.Generator) ->
 def _strew_herbs(site: Site, config: ForestConfig, glade: Raster, rng: np.random.Generator) -> None:
     """Grass where it is light, above all along the trails; ferns in the hollows' shade; nettles here and there."""
 
-    def tufts(name: str, count: int) -> list[Mesh]:
-        kind = GRASSES[name]
-        return [
-            grow_tuft(kind, name=f"{name}_{k}", height=float(rng.uniform(*kind.height)), rng=rng) for k in range(count)
-        ]
-
     def light(places: Array) -> Array:
         away = site.trail_distance(places)
         return 0.75 * np.exp(-np.maximum(away, 0.0) / 1.6) + 0.28 * glade.at(places[:, 0], places[:, 1])
@@ -257,17 +270,43 @@ def _strew_herbs(site: Site, config: ForestConfig, glade: Raster, rng: np.random
     def nettles(places: Array) -> Array:
         return np.clip(glade.at(places[:, 0], places[:, 1]) - 0.9, 0.0, 1.0) * (site.trail_distance(places) > 0.2)
 
+    mixtures = {
+        "grass": {GRASSES["forest"]: 0.9, GRASSES["sedge"]: 0.1},
+        "nettles": {GRASSES["nettle"]: 0.7, GRASSES["forest"]: 0.3},
+    }
+    grasses, patches = (
+        [
+            grow_clump(
+                kinds,
+                name=f"{name}_{k}",
+                radius=0.5,
+                per_m2=CLUMP_PER_M2,
+                rng=rng,
+                size=0.2 + 0.15 * k,
+                detail=0.6,
+            )
+            for k in range(5)
+        ]
+        for name, kinds in mixtures.items()
+    )
+    fronds = [
+        grow_clump(
+            {GRASSES["fern"]: 0.8, GRASSES["bracken"]: 0.2}, name=f"ferns_{k}", radius=0.75,
+            per_m2=FERNS_TOGETHER / (np.pi * 0.75**2), rng=rng, size=0.15 * k,
+        )
+        for k in range(6)
+    ]  # fmt: skip
     site.strew(
-        "forest_grass", "high_grass", tufts("forest", 8), per_m2=config.grass_per_m2, rng=rng, density=grass,
-        scales=(0.6, 1.3), tint=0.14, lean_deg=6.0,
+        "forest_grass", "high_grass", grasses, per_m2=config.grass_per_m2 / CLUMP_PER_M2, rng=rng, density=grass,
+        scales=(0.7, 1.25), tint=0.14, tilt=1.0,
     )  # fmt: skip
     site.strew(
-        "ferns", "fern", tufts("fern", 6) + tufts("bracken", 3), per_m2=config.ferns_per_m2, rng=rng, density=ferns,
-        scales=(0.6, 1.2), tint=0.14, tilt=0.4, clear=0.5,
+        "ferns", "fern", fronds, per_m2=config.ferns_per_m2 / FERNS_TOGETHER, rng=rng, density=ferns,
+        scales=(0.65, 1.2), tint=0.14, tilt=1.0, clear=0.5,
     )  # fmt: skip
     site.strew(
-        "nettles", "herb", tufts("nettle", 4), per_m2=2.0, rng=rng, density=nettles, scales=(0.7, 1.2), tint=0.12,
-        lean_deg=4.0, clear=0.5,
+        "nettles", "herb", patches, per_m2=0.35, rng=rng, density=nettles, scales=(0.7, 1.2), tint=0.12, tilt=1.0,
+        clear=0.5,
     )  # fmt: skip
 
 
