@@ -3,6 +3,7 @@
 """The park keeps its own rules, whatever the seed: counts, footing, room for each thing, free routes, names."""
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,8 @@ from scipy.sparse.csgraph import connected_components
 from fieldtruth.classes import Label
 from fieldtruth.world import World, build_world
 from fieldtruth.world.backdrop import COARSER
-from fieldtruth.world.model import GROUND_ID, Instance
+from fieldtruth.world.model import GROUND_ID, Instance, Mesh
+from fieldtruth.world.plants import SPECIES
 
 F8 = NDArray[np.float64]
 FURNITURE = {"bench": 16, "lamp_post": 15, "table": 11, "trash_bin": 11}
@@ -183,12 +185,13 @@ def test_routes_are_free(world: World) -> None:
 
 
 def test_object_ids_are_rows_of_object_names(world: World) -> None:
-    ids = [i.object_id for i in world.instances]
+    things = [*world.instances, *world.swarms]
+    ids = [i.object_id for i in things]
     assert len(set(ids)) == len(ids)
     assert world.object_names[0] == "husky"
     assert "ground" in world.object_names[GROUND_ID]
     assert sorted(ids) == list(range(GROUND_ID + 1, len(world.object_names)))
-    assert all(world.object_names[i.object_id] == i.name for i in world.instances)
+    assert all(world.object_names[i.object_id] == i.name for i in things)
     assert len(set(world.object_names)) == len(world.object_names)
 
 
@@ -231,10 +234,11 @@ def test_a_large_tree_has_20_000_triangles_of_two_classes(world: World) -> None:
 def test_species_and_individuals_of_the_real_park(park: World) -> None:
     """At least two species with four individuals each stand in the park, as shared meshes."""
     used = {i.mesh for i in park.instances if i.kind == "large_tree"}
-    per_species = Counter(species for name in used for species in TREES if f"_{species}_" in name)
+    per_species = Counter(species for name in used for species in SPECIES if f"_{species}_" in name)
     assert sum(count >= 4 for count in per_species.values()) >= 2
     assert len(used) < COUNTS["large_tree"]
-    assert set(park.meshes) == {i.mesh for i in park.instances}
+    assert {"beech", "spruce", "pine"} <= set(per_species)
+    assert set(park.meshes) == {i.mesh for i in park.instances} | {m for s in park.swarms for m in s.meshes}
 
 
 def test_classes_of_furniture_and_bushes(park: World) -> None:
@@ -249,10 +253,15 @@ def test_classes_of_furniture_and_bushes(park: World) -> None:
     assert all(material.texture in park.textures for material in park.materials.values())
 
 
-def test_the_backdrop_joins_the_terrain_and_is_ground(park: World) -> None:
-    mesh, field = park.backdrop, park.terrain.field
-    assert mesh is not None
-    assert {park.materials[name].label for name in mesh.materials} == {Label.GROUND}
+def test_the_backdrop_joins_the_terrain_and_is_land_woods_and_trails(park: World) -> None:
+    whole, field = park.backdrop, park.terrain.field
+    assert whole is not None
+    labels = {name: park.materials[name].label for name in whole.materials}
+    assert labels == {
+        "meadow": Label.GROUND, "canopy": Label.TREETOP, "gravel": Label.TRAIL, "setts": Label.TRAIL,
+    }  # fmt: skip
+    assert whole.materials[0] == "meadow"
+    mesh = one_skin(whole)
     x, y, z = mesh.vertices.astype(float).T
     edge = (np.abs(x) < 50.001) & (np.abs(y) < 25.001)
     assert np.count_nonzero(edge) == 2 * sum(n - 1 for n in field.heights.shape)
@@ -266,6 +275,14 @@ def test_the_backdrop_joins_the_terrain_and_is_ground(park: World) -> None:
     _, counts = np.unique(edges, axis=0, return_counts=True)
     assert set(counts.tolist()) == {1, 2}
     assert np.count_nonzero(counts == 1) == np.count_nonzero(edge) * (1 + 1 / COARSER)
+
+
+def one_skin(backdrop: Mesh) -> Mesh:
+    """The land without the trails on it, its materials' vertices joined where they meet."""
+    faces = backdrop.faces[np.isin(backdrop.material, [backdrop.materials.index(n) for n in ("meadow", "canopy")])]
+    _, first, joined = np.unique(backdrop.vertices, axis=0, return_index=True, return_inverse=True)
+    used, faces = np.unique(first[joined.ravel()][faces], return_inverse=True)
+    return replace(backdrop, vertices=backdrop.vertices[used], faces=faces.reshape(-1, 3).astype(np.int32))
 
 
 def test_same_seed_same_bytes(park: World) -> None:

@@ -11,18 +11,20 @@ from pydantic import Field
 
 from fieldtruth.experiment.rig import Frozen, Positive
 from fieldtruth.world.assembly import assemble
-from fieldtruth.world.backdrop import make_backdrop
+from fieldtruth.world.environments.park_beds import edge_beds, lay_beds
+from fieldtruth.world.environments.park_beyond import grow_beyond
+from fieldtruth.world.environments.park_garden import plant_trees, sow_herbs
+from fieldtruth.world.environments.park_ground import cover_ground
 from fieldtruth.world.furniture import make_bench, make_lamp_post, make_table, make_trash_bin
-from fieldtruth.world.model import Heightfield, Raster, Terrain, World
+from fieldtruth.world.model import Heightfield, World
 from fieldtruth.world.noise import fractal_noise
-from fieldtruth.world.placement import CrowdedWorldError, Site, random_tint
-from fieldtruth.world.plants import BUSHES, SPECIES, grow_bush, grow_tree
-from fieldtruth.world.trails import Line, Trail, signed_distance
+from fieldtruth.world.placement import Site, random_tint
+from fieldtruth.world.trails import Line, Trail
 
 Array = NDArray[np.float64]
-TREES: Final = (SPECIES["lime"], SPECIES["birch"], SPECIES["oak"])
-SHRUBS: Final = (BUSHES["box"], BUSHES["hazel"])
 Count = Annotated[int, Field(ge=0, le=1000)]
+Share = Annotated[float, Field(ge=0, le=1)]
+BUSH_INDIVIDUALS: Final = 3  # of each kind
 
 
 class ParkConfig(Frozen):
@@ -44,27 +46,34 @@ class ParkConfig(Frozen):
     lamp_posts: Count = 15
     tables: Count = 11
     trash_bins: Count = 11
-    individuals: Annotated[int, Field(ge=1, le=32)] = 4  # of each species and size
+    individuals: Annotated[int, Field(ge=1, le=32)] = 4  # of each common species and size
+    herbs: Share = 1.0  # of the flowers and the long grass
+    beyond: Share = 1.0  # of the trees and bushes on the land outside
 
 
 def build_park(seed: int, corridors: Sequence[Line], config: ParkConfig | None = None) -> World:
     """Lay out a park; ``corridors`` are lines that robots drive and that stay free. Same arguments, same world."""
     config = config if config is not None else ParkConfig()
-    seeds = np.random.SeedSequence(seed).spawn(8)
-    relief, plants, woods, shrubs, furniture, cover, land = (np.random.default_rng(s) for s in seeds[:-1])
+    seeds = np.random.SeedSequence(seed).spawn(9)
+    relief, plants, woods, shrubs, furniture, cover, land, herbs = (np.random.default_rng(s) for s in seeds[:-1])
     trails = [Trail(Line.through(corners), config.trail_width) for corners in config.trails]
     field = _terrain(config, relief)
     site = Site(field, config.size, trails, corridors)
     _furnish(site, config, furniture)
-    _plant_trees(site, config, plants, woods)
-    _plant_bushes(site, config, shrubs)
+    plant_trees(site, config.large_trees, config.small_trees, config.individuals, woods, plants)
+    beds = lay_beds(site, config.bushes, BUSH_INDIVIDUALS, shrubs)
+    edge_beds(site, beds, herbs)
+    sow_herbs(site, beds, config.herbs, herbs)
+    terrain = cover_ground(site, beds, config.border_width, cover)
+    backdrop, beyond = grow_beyond(site, terrain, config.beyond, land)
     return assemble(
         site,
-        _ground(site, config, cover),
+        terrain,
         name="park",
         seed=seed,
         textures=seeds[-1],
-        backdrop=make_backdrop(field, config.size, "meadow", land),
+        backdrop=backdrop,
+        beyond=beyond,
     )
 
 
@@ -111,90 +120,6 @@ def _furnish(site: Site, config: ParkConfig, rng: np.random.Generator) -> None:
         return np.abs(site.trail_distance(places) - 4.5) < 2.5
 
     site.scatter("table", tables, config.tables, rng=rng, allowed=on_lawn, spacing=5.0, tint=0.08)
-
-
-def _plant_trees(site: Site, config: ParkConfig, rng: np.random.Generator, growth: np.random.Generator) -> None:
-    """Large trees at crown's distance, small ones between them, none on a trail."""
-
-    def off_trails(places: Array) -> NDArray[np.bool_]:
-        return site.trail_distance(places) > 1.6
-
-    for kind, heights, count, spacing in (
-        ("large_tree", (9.5, 14.5), config.large_trees, 7.0),
-        ("small_tree", (3.2, 5.0), config.small_trees, 4.0),
-    ):
-        trees = [
-            grow_tree(species, name=f"{kind}_{species.name}_{k}", height=float(growth.uniform(*heights)), rng=growth)
-            for k in range(config.individuals)
-            for species in TREES
-        ]
-        site.scatter(kind, trees, count, rng=rng, allowed=off_trails, spacing=spacing, scales=(0.9, 1.12), tint=0.07)
-
-
-def _plant_bushes(site: Site, config: ParkConfig, rng: np.random.Generator) -> None:
-    """Bushes stand in beds of three to six of one kind."""
-    shrubs = {
-        kind.name: [
-            grow_bush(kind, name=f"bush_{kind.name}_{k}", height=kind.grown.height * float(rng.uniform(0.6, 1.1)), rng=rng)
-            for k in range(3)
-        ]
-        for kind in SHRUBS
-    }
-    remaining, kinds = config.bushes, list(shrubs)
-    length, width = site.size
-    for bed in range(400):
-        if remaining == 0:
-            break
-        cx, cy = rng.uniform(-0.5, 0.5, 2) * [length - 4, width - 4]
-        if site.trail_distance(np.array([[cx, cy]]))[0] < 2.2:
-            continue
-        meshes = shrubs[kinds[bed % len(kinds)]]
-        for _ in range(int(rng.integers(3, 7))):
-            angle, reach = rng.uniform(0, 2 * np.pi), rng.uniform(0.0, 2.0)
-            x, y = cx + reach * np.cos(angle), cy + reach * np.sin(angle)
-            mesh, scale = meshes[int(rng.integers(len(meshes)))], float(rng.uniform(0.75, 1.2))
-            clear = site.trail_distance(np.array([[x, y]]))[0] > mesh.footprint * scale + 0.2
-            if remaining and clear and site.is_free(x, y, mesh.footprint * scale):
-                yaw = float(rng.uniform(0, 2 * np.pi))
-                site.place("bush", mesh, x, y, yaw=yaw, scale=scale, tint=random_tint(rng, 0.08))
-                remaining -= 1
-    if remaining:
-        raise CrowdedWorldError(f"{remaining} of {config.bushes} bushes find no bed in the park; ask for fewer")
-
-
-def _ground(site: Site, config: ParkConfig, rng: np.random.Generator) -> Terrain:
-    """Lawn, drier and worn in places, bare below old crowns, mulch in the beds, trails with a border of setts."""
-    x, y = _axes(config.size, 0.1)
-    distance = signed_distance(site.trails, x, y)
-    patch = fractal_noise(x, y, wavelength=14.0, octaves=4, rng=rng, gain=0.6)
-    fine = fractal_noise(x, y, wavelength=1.6, octaves=3, rng=rng, gain=0.7)
-    worn = np.clip(1.1 - distance / 0.45 + 0.8 * fine, 0.0, 1.0)
-    bed, litter = np.zeros_like(patch), np.zeros_like(patch)
-    for instance in site.instances:
-        ix, iy, _ = instance.world_from_object[:3, 3]
-        radius = {"bush": 0.9, "large_tree": 1.1, "small_tree": 0.5}.get(instance.kind)
-        if radius is None:
-            continue
-        away = np.hypot(*np.meshgrid(x - ix, y - iy, indexing="ij"))
-        under = litter if instance.kind == "large_tree" else bed
-        ragged = (0.5, 0.35) if instance.kind == "large_tree" else (0.12, 0.1)
-        here = np.clip((radius - away) / ragged[0] + ragged[1] * 3.1 * fine, 0.0, 1.0) * (away < radius + 1.0)
-        under[...] = np.maximum(under, here)
-    dry = np.clip(0.32 + 0.36 * patch + 0.26 * fine, 0.0, 0.95)
-    soil = np.clip(0.9 * worn * (0.5 + 0.4 * fine), 0.0, 1.0)
-    free = (1.0 - bed) * (1.0 - litter)
-    cover = np.stack(
-        [free * (1 - soil) * (1 - dry), free * (1 - soil) * dry, free * soil, bed, litter * (1 - bed)], axis=-1
-    )
-    return Terrain(
-        field=site.field,
-        trail_distance=Raster(values=distance, spacing=0.1, x0=float(x[0]), y0=float(y[0])),
-        cover=Raster(values=cover.astype(np.float32), spacing=0.1, x0=float(x[0]), y0=float(y[0])),
-        ground_materials=("lawn", "lawn_dry", "soil", "mulch", "litter"),
-        trail_material="gravel",
-        border_material="setts",
-        border_width=config.border_width,
-    )
 
 
 __all__ = ["ParkConfig", "build_park"]

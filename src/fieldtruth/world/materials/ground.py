@@ -12,6 +12,7 @@ MATERIALS: Final = (
     Material(name="lawn_dry", label=Label.GROUND, texture="lawn_dry", repeat=1.5),
     Material(name="soil", label=Label.GROUND, texture="soil", repeat=1.5),
     Material(name="mulch", label=Label.GROUND, texture="mulch", repeat=1.5),
+    Material(name="bed_edge", label=Label.GROUND, texture="concrete", tint=(0.5, 0.47, 0.43)),
     Material(name="litter", label=Label.GROUND, texture="litter", repeat=1.5),
     Material(name="meadow", label=Label.GROUND, texture="meadow", repeat=40.0),
     Material(name="rough_grass", label=Label.GROUND, texture="rough_grass", repeat=1.5),

@@ -1,0 +1,183 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The park's beds, its trees' neighbours, what is strewn over it, and what stands beyond its edge."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from park_worlds import park_variant, real_park, routes
+from scipy.spatial import cKDTree
+
+from fieldtruth.classes import Label
+from fieldtruth.world import World
+from fieldtruth.world.environments.park_beds import STONE, Bed, bed_distance
+from fieldtruth.world.model import Swarm
+
+F8 = NDArray[np.float64]
+BEYOND = ("avenues_near", "avenues_beyond", "woods_beyond", "trees_near", "trees_beyond", "bushes_beyond",
+          "high_grass_beyond")  # fmt: skip
+
+
+@pytest.fixture(scope="module", params=[0, 1, 2], ids=lambda seed: f"seed_{seed}")
+def world(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> World:
+    return real_park(tmp_path_factory.getbasetemp()) if request.param == 0 else park_variant(request.param)
+
+
+def swarm(world: World, name: str) -> Swarm:
+    return next(s for s in world.swarms if s.name == name)
+
+
+def places(swarm: Swarm) -> F8:
+    return swarm.world_from_object[:, :2, 3]
+
+
+def off_edge(world: World, spots: F8) -> F8:
+    return np.asarray(np.hypot(*np.maximum(np.abs(spots) - np.array(world.size) / 2, 0.0).T))
+
+
+def test_a_round_bed_measures_as_a_circle() -> None:
+    bed = Bed("box", (3.0, -2.0), (1.5, 1.5), 0.7, ())
+    assert np.hypot(*(bed.outline(0.2) - bed.centre).T) == pytest.approx(1.5, abs=1e-4)
+    assert bed.distance(np.array([[3.0, -2.0], [5.0, -2.0], [3.0, 0.0]])) == pytest.approx([-1.5, 0.5, 0.5])
+    assert bed_distance([bed], np.array([[3.5, -2.0], [30.0, 0.0]])) == pytest.approx([-1.0, np.inf])
+
+
+def test_an_oblong_bed_is_turned_and_its_outline_is_where_its_distance_is_0() -> None:
+    bed = Bed("box", (1.0, 1.0), (2.0, 1.0), np.pi / 2, ())  # two metres along y
+    assert bed.distance(np.array([[1.0, 3.0], [2.0, 1.0], [1.0, 4.0]])) == pytest.approx([0.0, 0.0, 1.0])
+    wavy = Bed("box", (1.0, 1.0), (2.0, 1.2), 0.4, ((2, 0.1, 0.3), (3, 0.05, 1.0)))
+    rim = wavy.outline(0.2)
+    assert np.abs(wavy.distance(rim)).max() < 2e-3
+    gaps = np.linalg.norm(np.roll(rim, -1, axis=0) - rim, axis=1)
+    assert gaps.min() > 0.19
+    assert gaps.max() < 0.215
+    assert np.hypot(*(rim - wavy.centre).T).max() < wavy.reach
+
+
+def test_bushes_stand_in_mulched_beds_and_the_stones_close_round_them(world: World) -> None:
+    """Each bush has mulch about it; each stone has a neighbour at a stone's length on both sides."""
+    mulch = world.terrain.cover.values[..., world.terrain.ground_materials.index("mulch")]
+    cover = world.terrain.cover
+    bushes = np.array([i.world_from_object[:2, 3] for i in world.instances if i.kind == "bush"])
+    i, j = np.round((bushes - (cover.x0, cover.y0)) / cover.spacing).astype(int).T
+    assert mulch[i, j].min() > 0.9
+    stones = places(swarm(world, "bed_edges"))
+    away, _ = cKDTree(stones).query(stones, k=3)
+    assert away[:, 1:].max() < STONE[0] + 0.05
+    assert away[:, 1].min() > STONE[0] - 0.05
+    assert cKDTree(stones).query(bushes)[0].max() < 4.0
+    # Lawn outside, mulch inside: about half of the ground within 25 cm of the stones is mulch.
+    turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+    ring = (stones[:, None] + 0.25 * np.stack([np.cos(turn), np.sin(turn)], -1)).reshape(-1, 2)
+    i, j = np.round((ring - (cover.x0, cover.y0)) / cover.spacing).astype(int).T
+    assert 0.35 < mulch[i, j].mean() < 0.6
+
+
+def test_bushes_are_of_four_kinds(world: World) -> None:
+    kinds = {i.mesh.split("_")[1] for i in world.instances if i.kind == "bush"}
+    assert kinds == {"box", "hazel", "heather", "juniper"}
+
+
+def test_stones_are_ground_and_lie_in_it(world: World) -> None:
+    edge = swarm(world, "bed_edges")
+    for name in edge.meshes:
+        mesh = world.meshes[name]
+        assert {world.materials[n].label for n in mesh.materials} == {Label.GROUND}
+        assert mesh.vertices[:, 2].max() < 0.05  # a wheel rolls over it
+        assert mesh.vertices[:, 2].min() < -0.1
+        assert not mesh.colliders
+        faces = mesh.vertices[mesh.faces].astype(float)
+        out = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+        assert np.all((out * (faces.mean(axis=1) - [0, 0, -0.05])).sum(axis=1) > 0)  # seen from outside
+    x, y, z = edge.world_from_object[:, :3, 3].T
+    assert np.abs(z - world.terrain.field.height_at(x, y)).max() < 0.02
+
+
+def test_nothing_strewn_stands_on_a_trail_or_a_route_or_floats(world: World) -> None:
+    inside = [s for s in world.swarms if s.name not in BEYOND]
+    assert {s.name for s in inside} >= {"bed_edges", "rough_grass", "meadow_islands", "bed_grass", "bed_daisy"}
+    for s in inside:
+        spots = places(s)
+        assert np.all(np.abs(spots) <= np.array(world.size) / 2)
+        trail = world.terrain.trail_distance.at(*spots.T)
+        assert trail.min() > (0.35 if s.name == "bed_edges" else 0.0), s.name
+        z = s.world_from_object[:, 2, 3]
+        assert np.abs(z - world.terrain.field.height_at(*spots.T)).max() < 0.03, s.name
+        if s.name in ("bed_edges", "meadow_islands"):
+            for line in routes().values():
+                steps = [np.linspace(a, b, 100) for a, b in pairwise(line)]
+                assert cKDTree(np.concatenate(steps)).query(spots)[0].min() > 1.1, s.name
+
+
+def test_herbs_are_high_grass(world: World) -> None:
+    for s in world.swarms:
+        labels = {world.materials[n].label for m in s.meshes for n in world.meshes[m].materials}
+        if s.name in ("rough_grass", "meadow_islands", "bed_grass", "high_grass_beyond") or s.kind == "flower":
+            assert labels == {Label.HIGH_GRASS}, s.name
+        elif s.kind == "tree":
+            assert labels == {Label.TRUNK, Label.TREETOP}, s.name
+
+
+def test_grass_is_left_about_trunks_and_posts(world: World) -> None:
+    tufts = cKDTree(places(swarm(world, "rough_grass")))
+    feet = np.array([i.world_from_object[:2, 3] for i in world.instances if i.kind in ("large_tree", "lamp_post")])
+    assert np.mean(tufts.query(feet)[0] < 1.0) > 0.7
+
+
+def test_no_tree_stands_beside_its_copy(tmp_path_factory: pytest.TempPathFactory) -> None:
+    world = real_park(tmp_path_factory.getbasetemp())
+    for kind in ("large_tree", "small_tree"):
+        trees = [i for i in world.instances if i.kind == kind]
+        spots = np.array([i.world_from_object[:2, 3] for i in trees])
+        nearest = cKDTree(spots).query(spots, k=2)[1][:, 1]
+        assert all(trees[k].mesh != trees[n].mesh for k, n in enumerate(nearest)), kind
+
+
+def test_far_things_stand_outside_the_world_alone_and_on_the_land(world: World) -> None:
+    assert world.backdrop is not None
+    x, y, z = world.backdrop.vertices.astype(float).T
+    nodes = cKDTree(np.column_stack([x, y]))
+    for name in BEYOND:
+        far = swarm(world, name)
+        spots = places(far)
+        assert len(spots) > 3, name
+        off = off_edge(world, spots)
+        assert off.min() > 0.9, name
+        if name == "woods_beyond":  # at the rims the nodes are roofs as well as ground
+            continue
+        away, near = nodes.query(spots)
+        gap = far.world_from_object[:, 2, 3] - z[near]
+        assert np.all(gap < 0.05 + 0.25 * away), name
+        assert np.all(gap > -0.6 - 0.25 * away), name
+    near_by = np.concatenate([places(swarm(world, n)) for n in BEYOND if "trees" in n or "avenue" in n])
+    assert 120 <= np.count_nonzero(off_edge(world, near_by) < 62.0) <= 300
+
+
+def test_trails_go_on_beyond_the_edge_without_a_step(world: World) -> None:
+    """At the edge the ribbons lie where the trails leave the world; no tree stands on them."""
+    land = world.backdrop
+    assert land is not None
+    rows = [land.materials.index(name) for name in ("gravel", "setts")]
+    ribbon = land.vertices[np.unique(land.faces[np.isin(land.material, rows)])].astype(float)
+    off = off_edge(world, ribbon[:, :2])
+    assert off.max() > 55.0
+    edge = ribbon[off < 1e-3]
+    distance = world.terrain.trail_distance.at(edge[:, 0], edge[:, 1])
+    assert distance.max() < 0.12
+    assert np.abs(edge[:, 2] - world.terrain.field.height_at(edge[:, 0], edge[:, 1])).max() < 0.03
+    assert np.all(off >= 0)
+    inside = (np.abs(ribbon[:, :2]) < np.array(world.size) / 2 - 1e-4).all(axis=1)
+    assert not inside.any()
+    trees = np.concatenate([places(swarm(world, n)) for n in BEYOND if n != "woods_beyond"])
+    assert cKDTree(ribbon[:, :2]).query(trees)[0].min() > 0.8
+
+
+def test_none_of_it_grows_if_none_is_wished() -> None:
+    bare = park_variant(1, herbs=0, beyond=0)
+    assert [s.name for s in bare.swarms] == ["bed_edges"]
+    same = park_variant(1)
+    assert [i.name for i in bare.instances] == [i.name for i in same.instances]
+    assert all(np.array_equal(a.world_from_object, b.world_from_object)
+               for a, b in zip(bare.instances, same.instances, strict=True))  # fmt: skip
