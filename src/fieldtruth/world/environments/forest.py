@@ -18,6 +18,7 @@ from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import CrowdedWorldError, Site, random_tint, rotations_to
 from fieldtruth.world.plants import BUSHES, GRASSES, SPECIES, grow_bush, grow_clump, grow_tree
 from fieldtruth.world.plants.deadwood import grow_log, grow_snag, grow_stump, room_along
+from fieldtruth.world.relief import gentled, slope_limit
 from fieldtruth.world.rocks import ROCKS, make_rock, scatter_rocks
 from fieldtruth.world.trails import Line, Trail, signed_distance
 
@@ -113,9 +114,12 @@ def _terrain(config: ForestConfig, trails: Sequence[Trail], rng: np.random.Gener
     mounds = np.abs(fractal_noise(x, y, wavelength=6.5, octaves=3, rng=rng, gain=0.5))
     bumps = fractal_noise(x, y, wavelength=1.7, octaves=3, rng=rng, gain=0.6)
     heights = config.relief * swell + 0.17 * mounds
-    on_trail = 1.0 / (1.0 + np.exp((signed_distance(trails, x, y) - 0.5) / 0.35))
+    off_trail = signed_distance(trails, x, y).astype(np.float64)
+    on_trail = 1.0 / (1.0 + np.exp((off_trail - 0.5) / 0.35))
     trodden = gaussian_filter(heights, 1.2 / config.grid) - 0.05
-    heights = heights * (1.0 - on_trail) + trodden * on_trail + bumps * (0.028 - 0.018 * on_trail)
+    heights = heights * (1.0 - on_trail) + trodden * on_trail
+    heights = gentled(heights, config.grid, slope_limit(off_trail, within=10.0, beyond=32.0, near=0.6, far=5.0))
+    heights += bumps * (0.028 - 0.018 * on_trail)
     return Heightfield(
         heights=(heights - heights.mean()).astype(np.float32), spacing=config.grid, x0=float(x[0]), y0=float(y[0])
     )

@@ -1,0 +1,179 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The forest keeps its own rules, whatever the seed: it is dense, of all ages, and its trails and routes are free."""
+
+from collections import Counter
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from park_worlds import digest
+from pydantic import ValidationError
+
+from fieldtruth.classes import Label
+from fieldtruth.experiment.catalogue import experiment_names
+from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.route import metres_from_route
+from fieldtruth.world import assembly
+from fieldtruth.world.environments.forest import AGES, ForestConfig, build_forest
+from fieldtruth.world.model import Instance, World
+from fieldtruth.world.placement import CrowdedWorldError
+from fieldtruth.world.plants import SPECIES
+from fieldtruth.world.trails import Line
+
+F8 = NDArray[np.float64]
+CONFIG = ForestConfig()
+CONIFERS = {"spruce", "pine"}
+
+
+@cache
+def routes() -> list[Line]:
+    experiments = [load_experiment(name) for name in experiment_names()]
+    corners = [metres_from_route(e.route) for e in experiments if e.environment == "forest"]
+    return [Line.through([(float(x), float(y)) for x, y in points], smooth=False) for points in corners]
+
+
+@cache
+def forest(seed: int, **changes: float) -> World:
+    """A forest with one individual of each species and age and without textures, which do not bear on its layout."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(assembly, "make_textures", lambda *_: {})
+        return build_forest(seed, routes(), ForestConfig.model_validate({"individuals": 1, **changes}))
+
+
+@pytest.fixture(scope="module", params=[0, 1, 2], ids=lambda seed: f"seed_{seed}")
+def world(request: pytest.FixtureRequest) -> World:
+    return forest(request.param)
+
+
+def trees(world: World) -> list[Instance]:
+    return [i for i in world.instances if i.kind in SPECIES]
+
+
+def scale_of(thing: Instance) -> float:
+    return float(np.cbrt(np.linalg.det(thing.world_from_object[:3, :3])))
+
+
+def places(things: list[Instance]) -> F8:
+    return np.array([i.world_from_object[:2, 3] for i in things])
+
+
+def test_counts_species_and_ages(world: World) -> None:
+    living = trees(world)
+    assert len(living) >= 350
+    kinds = Counter(i.kind for i in living)
+    assert set(kinds) == set(CONFIG.species)
+    assert set(kinds) > CONIFERS
+    assert min(kinds.values()) >= 30
+    ages = Counter(age for i in living for age in AGES if f"_{age}_" in i.mesh)
+    assert ages == {"old": CONFIG.old_trees, "grown": CONFIG.grown_trees, "young": CONFIG.young_trees}
+    for age, (low, high) in AGES.items():
+        heights = [scale_of(i) * world.meshes[i.mesh].vertices[:, 2].max() for i in living if f"_{age}_" in i.mesh]
+        assert 0.8 * low < min(heights) < max(heights) < 1.25 * high
+    others = Counter(i.kind for i in world.instances if i.kind not in SPECIES)
+    assert others == {
+        "snag": CONFIG.snags, "fallen_trunk": CONFIG.fallen_trunks, "stump": CONFIG.stumps, "bush": CONFIG.bushes,
+        "rock": CONFIG.rocks,
+    }  # fmt: skip
+    assert len(world.object_names) <= 500
+
+
+def test_it_goes_on_beyond_its_edge(world: World) -> None:
+    far = [s for s in world.swarms if s.name.startswith("far_")]
+    assert sum(len(s.mesh) for s in far) > 200
+    for swarm in far:
+        x, y = np.abs(swarm.world_from_object[:, :2, 3]).T
+        assert ((x > 50.0) | (y > 25.0)).all()
+
+
+def test_no_trunk_stands_in_another(world: World) -> None:
+    """Axes of neighbouring trunks are farther apart than both radii; so are trees from fallen trunks' boxes."""
+    living = trees(world)
+    radius = np.array([scale_of(i) * world.meshes[i.mesh].colliders[0].size[0] for i in living])
+    at = places(living)
+    apart = np.linalg.norm(at[:, None] - at, axis=2) - radius[:, None] - radius
+    assert apart[~np.eye(len(at), dtype=bool)].min() > 0.3
+    for log in (i for i in world.instances if i.kind == "fallen_trunk"):
+        object_from_world = np.linalg.inv(log.world_from_object)
+        beside = at @ object_from_world[:2, :2].T + object_from_world[:2, 3]
+        for box in world.meshes[log.mesh].colliders:
+            off = np.maximum(np.abs(beside - box.position[:2]) - np.array(box.size[:2]) / 2, 0.0)
+            assert (np.hypot(*off.T) > radius).all()
+
+
+def test_nothing_stands_on_a_trail_or_a_route(world: World) -> None:
+    for thing in world.instances:
+        colliders = world.meshes[thing.mesh].colliders
+        scale = scale_of(thing)
+        for collider in colliders:
+            place = (thing.world_from_object @ [*collider.position, 1.0])[None, :2]
+            half = collider.size[0] if collider.shape == "cylinder" else min(collider.size[:2]) / 2
+            for line in routes():
+                assert line.distance(place)[0] > 0.9 + half * scale, thing.name
+            assert world.terrain.trail_distance.at(*place[0]) > -0.3, thing.name
+
+
+def test_the_ground_is_uneven_but_not_on_the_trails(world: World) -> None:
+    field = world.terrain.field
+    slope = np.degrees(np.arctan(np.hypot(*np.gradient(field.heights.astype(float), field.spacing))))
+    x = field.x0 + field.spacing * np.arange(field.heights.shape[0])
+    y = field.y0 + field.spacing * np.arange(field.heights.shape[1])
+    off = world.terrain.trail_distance.at(*np.meshgrid(x, y, indexing="ij"))
+    assert np.ptp(field.heights) > 1.5
+    assert slope[off > 1.5].mean() > 1.4 * slope[off < -0.3].mean()
+    assert slope[off > 1.5].max() > 15.0
+    assert np.percentile(slope[off < -0.3], 99) < 15.0
+    assert 0.04 < (off < 0).mean() < 0.12  # two trails of 1.7 m
+
+
+def test_nothing_floats(world: World) -> None:
+    """Each thing's lowest vertices are in the ground; a fallen trunk may bridge a hollow, but rests somewhere."""
+    field = world.terrain.field
+    for thing in world.instances:
+        pose = thing.world_from_object
+        vertices = world.meshes[thing.mesh].vertices @ pose[:3, :3].T + pose[:3, 3]
+        above = vertices[:, 2] - field.height_at(vertices[:, 0], vertices[:, 1])
+        sole = vertices[:, 2] < vertices[:, 2].min() + 0.005
+        assert above.min() < -0.02, thing.name
+        if thing.kind != "fallen_trunk":
+            assert above[sole].max() < 0.01, thing.name
+    for swarm in world.swarms:
+        x, y, z = swarm.world_from_object[:, :3, 3].T
+        inside = (np.abs(x) < 50.0) & (np.abs(y) < 25.0)
+        assert (z - field.height_at(x, y))[inside].max(initial=-1.0) < 1e-6, swarm.name
+
+
+def test_classes(world: World) -> None:
+    labels = {m.label for m in world.materials.values()}
+    assert labels == {
+        Label.GROUND, Label.TRUNK, Label.TREETOP, Label.BUSH, Label.ROCK, Label.HIGH_GRASS, Label.TRAIL
+    }  # fmt: skip
+    for thing in world.instances:
+        own = {world.materials[n].label for n in world.meshes[thing.mesh].materials}
+        if thing.kind in SPECIES:
+            assert own == {Label.TRUNK, Label.TREETOP}
+        elif thing.kind in ("snag", "stump", "fallen_trunk"):
+            assert own == {Label.TRUNK}
+
+
+def test_same_seed_same_forest_other_seed_another() -> None:
+    first = forest(1)
+    forest.cache_clear()
+    assert digest(forest(1)) == digest(first)
+    assert digest(forest(2)) != digest(first)
+
+
+def test_a_layout_changes_what_it_names() -> None:
+    sparse = forest(0, old_trees=10, fallen_trunks=0)
+    birches = ForestConfig.model_validate({"species": {"birch": 1.0}})
+    assert dict(birches.species) == {"birch": 1.0}
+    assert sum("old" in i.mesh for i in sparse.instances) == 10
+    assert not any(i.kind == "fallen_trunk" for i in sparse.instances)
+
+
+def test_what_cannot_be_is_refused() -> None:
+    with pytest.raises(ValidationError, match="no species 'palm'; there is: alder"):
+        ForestConfig.model_validate({"species": {"palm": 1.0}})
+    with pytest.raises(CrowdedWorldError, match="at most 500"):
+        forest(0, young_trees=190)
