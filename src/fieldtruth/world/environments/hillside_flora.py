@@ -34,10 +34,7 @@ def plant(
         )
 
     height = rng.uniform
-    pine = [
-        grow_tree(SPECIES["pine"], name=f"pine_{k}", height=height(6.6, 9.5), rng=rng, detail=0.5)
-        for k in range(individuals)
-    ]
+    pine = [grow_tree(SPECIES["pine"], name=f"pine_{k}", height=height(6.6, 9.5), rng=rng) for k in range(individuals)]
     oak = [
         grow_tree(SPECIES["oak"], name=f"oak_{k}", height=height(4.0, 6.2), rng=rng, detail=0.8)
         for k in range(individuals)

@@ -48,7 +48,7 @@ def plant_trees(
         trees = [
             grow_tree(
                 SPECIES[name], name=f"{kind}_{name}_{k}", height=float(growth.uniform(*heights)), rng=growth,
-                detail=TREE_DETAIL,
+                detail=1.0 if name == "pine" else TREE_DETAIL,  # few sprays of needles read as stars
             )
             for k in range(individuals)
             for name, heights in sorts.items()
