@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from fieldtruth.classes import Label
 from fieldtruth.world import World, build_world
 from fieldtruth.world.backdrop import COARSER
-from fieldtruth.world.model import GROUND_ID, Instance, Mesh
+from fieldtruth.world.model import GROUND_ID, Instance, Mesh, Swarm
 from fieldtruth.world.plants import SPECIES
 
 F8 = NDArray[np.float64]
@@ -185,7 +185,7 @@ def test_routes_are_free(world: World) -> None:
 
 
 def test_object_ids_are_rows_of_object_names(world: World) -> None:
-    things = [*world.instances, *world.swarms]
+    things: list[Instance | Swarm] = [*world.instances, *world.swarms]
     ids = [i.object_id for i in things]
     assert len(set(ids)) == len(ids)
     assert world.object_names[0] == "husky"
@@ -281,8 +281,8 @@ def one_skin(backdrop: Mesh) -> Mesh:
     """The land without the trails on it, its materials' vertices joined where they meet."""
     faces = backdrop.faces[np.isin(backdrop.material, [backdrop.materials.index(n) for n in ("meadow", "canopy")])]
     _, first, joined = np.unique(backdrop.vertices, axis=0, return_index=True, return_inverse=True)
-    used, faces = np.unique(first[joined.ravel()][faces], return_inverse=True)
-    return replace(backdrop, vertices=backdrop.vertices[used], faces=faces.reshape(-1, 3).astype(np.int32))
+    used, rows = np.unique(first[joined.ravel()][faces], return_inverse=True)
+    return replace(backdrop, vertices=backdrop.vertices[used], faces=rows.reshape(-1, 3).astype(np.int32))
 
 
 def test_same_seed_same_bytes(park: World) -> None:

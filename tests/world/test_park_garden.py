@@ -33,6 +33,12 @@ def places(swarm: Swarm) -> F8:
     return swarm.world_from_object[:, :2, 3]
 
 
+def nearest(places_in: F8, spots: F8) -> tuple[F8, NDArray[np.intp]]:
+    """Distance (n,) of spots (n, 2) to the nearest of places (m, 2), and its row."""
+    away, row = cKDTree(places_in).query(spots)
+    return np.asarray(away), np.asarray(row)
+
+
 def off_edge(world: World, spots: F8) -> F8:
     return np.asarray(np.hypot(*np.maximum(np.abs(spots) - np.array(world.size) / 2, 0.0).T))
 
@@ -64,10 +70,10 @@ def test_bushes_stand_in_mulched_beds_and_the_stones_close_round_them(world: Wor
     i, j = np.round((bushes - (cover.x0, cover.y0)) / cover.spacing).astype(int).T
     assert mulch[i, j].min() > 0.9
     stones = places(swarm(world, "bed_edges"))
-    away, _ = cKDTree(stones).query(stones, k=3)
+    away = np.asarray(cKDTree(stones).query(stones, k=3)[0])
     assert away[:, 1:].max() < STONE[0] + 0.05
     assert away[:, 1].min() > STONE[0] - 0.05
-    assert cKDTree(stones).query(bushes)[0].max() < 4.0
+    assert nearest(stones, bushes)[0].max() < 4.0
     # Lawn outside, mulch inside: about half of the ground within 25 cm of the stones is mulch.
     turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
     ring = (stones[:, None] + 0.25 * np.stack([np.cos(turn), np.sin(turn)], -1)).reshape(-1, 2)
@@ -108,7 +114,7 @@ def test_nothing_strewn_stands_on_a_trail_or_a_route_or_floats(world: World) -> 
         if s.name in ("bed_edges", "meadow_islands"):
             for line in routes().values():
                 steps = [np.linspace(a, b, 100) for a, b in pairwise(line)]
-                assert cKDTree(np.concatenate(steps)).query(spots)[0].min() > 1.1, s.name
+                assert nearest(np.concatenate(steps), spots)[0].min() > 1.1, s.name
 
 
 def test_herbs_are_high_grass(world: World) -> None:
@@ -121,9 +127,9 @@ def test_herbs_are_high_grass(world: World) -> None:
 
 
 def test_grass_is_left_about_trunks_and_posts(world: World) -> None:
-    tufts = cKDTree(places(swarm(world, "rough_grass")))
+    tufts = places(swarm(world, "rough_grass"))
     feet = np.array([i.world_from_object[:2, 3] for i in world.instances if i.kind in ("large_tree", "lamp_post")])
-    assert np.mean(tufts.query(feet)[0] < 1.0) > 0.7
+    assert np.mean(nearest(tufts, feet)[0] < 1.0) > 0.7
 
 
 def test_no_tree_stands_beside_its_copy(tmp_path_factory: pytest.TempPathFactory) -> None:
@@ -131,14 +137,13 @@ def test_no_tree_stands_beside_its_copy(tmp_path_factory: pytest.TempPathFactory
     for kind in ("large_tree", "small_tree"):
         trees = [i for i in world.instances if i.kind == kind]
         spots = np.array([i.world_from_object[:2, 3] for i in trees])
-        nearest = cKDTree(spots).query(spots, k=2)[1][:, 1]
-        assert all(trees[k].mesh != trees[n].mesh for k, n in enumerate(nearest)), kind
+        neighbour = np.asarray(cKDTree(spots).query(spots, k=2)[1])[:, 1]
+        assert all(trees[k].mesh != trees[n].mesh for k, n in enumerate(neighbour)), kind
 
 
 def test_far_things_stand_outside_the_world_alone_and_on_the_land(world: World) -> None:
     assert world.backdrop is not None
     x, y, z = world.backdrop.vertices.astype(float).T
-    nodes = cKDTree(np.column_stack([x, y]))
     for name in BEYOND:
         far = swarm(world, name)
         spots = places(far)
@@ -147,7 +152,7 @@ def test_far_things_stand_outside_the_world_alone_and_on_the_land(world: World) 
         assert off.min() > 0.9, name
         if name == "woods_beyond":  # at the rims the nodes are roofs as well as ground
             continue
-        away, near = nodes.query(spots)
+        away, near = nearest(np.column_stack([x, y]), spots)
         gap = far.world_from_object[:, 2, 3] - z[near]
         assert np.all(gap < 0.05 + 0.25 * away), name
         assert np.all(gap > -0.6 - 0.25 * away), name
@@ -171,7 +176,7 @@ def test_trails_go_on_beyond_the_edge_without_a_step(world: World) -> None:
     inside = (np.abs(ribbon[:, :2]) < np.array(world.size) / 2 - 1e-4).all(axis=1)
     assert not inside.any()
     trees = np.concatenate([places(swarm(world, n)) for n in BEYOND if n != "woods_beyond"])
-    assert cKDTree(ribbon[:, :2]).query(trees)[0].min() > 0.8
+    assert nearest(ribbon[:, :2], trees)[0].min() > 0.8
 
 
 def test_none_of_it_grows_if_none_is_wished() -> None:

@@ -27,7 +27,7 @@ EAVES, ROOF = 4.0, 10.5
 """Height [m] of a wood's mean roof at its rim, where trees hide it, and inside."""
 NEAR: Final = 26.0
 """Distance [m] from the edge within which trees are drawn finer: from inside their leaves could be told apart."""
-NEAR_DETAIL, DETAIL, BUSH_DETAIL = 0.33, 0.045, 0.4
+NEAR_DETAIL, DETAIL, BUSH_DETAIL = 0.33, 0.065, 0.4
 SPECIES_BEYOND: Final = ("lime", "birch", "oak", "beech", "lime", "oak", "spruce", "pine")
 LIFT: Final = 0.015  # [m] of a trail above the land's triangles at the edge, and 1 mm more with every metre
 STEP: Final = 0.05  # [m] between the points of a trail's line
