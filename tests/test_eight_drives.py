@@ -1,0 +1,122 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The eight experiments, driven to their ends: the paper's lengths and durations, every stream's count, no contact."""
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from fieldtruth.drive import Track, drive, plan_route
+from fieldtruth.drive.physics import resting_pose
+from fieldtruth.experiment.catalogue import experiment_names
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.route import metres_from_route
+from fieldtruth.frames import rotation_from_quaternion_wxyz
+from fieldtruth.record import topics
+from fieldtruth.record.messages import ModelStatesWriter
+from fieldtruth.record.streams import streams_of
+from fieldtruth.world import World, world_of
+
+F8 = NDArray[np.float64]
+
+
+class Row(NamedTuple):
+    """Length [m] and duration [s] of the paper's Table 4."""
+
+    length: float
+    duration: float
+
+
+TABLE_4 = {
+    "park_1": Row(76.08, 253), "park_2": Row(217.51, 718), "lake_1": Row(186.85, 622), "lake_2": Row(190.45, 634),
+    "forest_1": Row(80.52, 269), "forest_2": Row(73.38, 245), "hillside_1": Row(153.10, 514),
+    "hillside_2": Row(159.34, 511),
+}  # fmt: skip
+
+
+@cache
+def world(environment: str) -> World:
+    return world_of(load_experiment(f"{environment}_1"))
+
+
+@cache
+def driven(name: str) -> tuple[Experiment, World, Track]:
+    """A drive ends with an error when the robot touches anything but ground, tips over, gets stuck or wet."""
+    experiment = load_experiment(name)
+    place = world(experiment.environment)
+    return experiment, place, drive(place, experiment)
+
+
+every = pytest.mark.parametrize("name", TABLE_4)
+
+
+def test_all_experiments_are_in_the_table() -> None:
+    assert set(experiment_names()) == set(TABLE_4)
+
+
+@every
+def test_route_is_free_and_its_waypoints_are_5_to_20_m_apart(name: str) -> None:
+    experiment = load_experiment(name)
+    route = plan_route(world(experiment.environment), experiment)
+    assert route == experiment.route
+    gaps = np.linalg.norm(np.diff(metres_from_route(route), axis=0), axis=1)
+    assert gaps.max() <= 20.0
+    assert np.median(gaps) >= 5.0
+
+
+@every
+def test_length_and_duration(name: str) -> None:
+    _, _, track = driven(name)
+    length = np.linalg.norm(np.diff(track.motion.position, axis=0), axis=1).sum()
+    assert length == pytest.approx(TABLE_4[name].length, rel=0.02)
+    assert track.duration_s == pytest.approx(TABLE_4[name].duration, rel=0.02)
+
+
+@every
+def test_counts_are_duration_times_rate_within_one(name: str) -> None:
+    experiment, place, track = driven(name)
+    rates = {
+        topics.CLOCK: 1000, topics.MODEL_STATES: 1000, topics.IMU: 50, topics.NAVSAT: 2, topics.POINTS: 10,
+        topics.photograph("left"): 25, topics.photograph("right"): 25, topics.tag("left"): 25, topics.tag("right"): 25,
+        **dict.fromkeys(topics.WHEEL_SPEEDS, 10),
+    }  # fmt: skip
+    found = {topic: len(s.stamps_ns) for s in streams_of(place, track, experiment.rig) for topic in s.topics}
+    for topic, rate in rates.items():
+        assert abs(found[topic] - rate * track.duration_s) <= 1, topic
+
+
+@every
+def test_the_robot_leans_as_the_ground_does(name: str) -> None:
+    """Its up axis is that of the plane below its wheels within some degrees: it bumps over what planes smooth."""
+    experiment, place, track = driven(name)
+    off = []
+    for row in range(2000, len(track.motion.position), 5000):
+        x_axis, up = rotation_from_quaternion_wxyz(track.motion.quaternion_wxyz[row])[:, [0, 2]].T
+        _, resting = resting_pose(
+            place.terrain.field, track.motion.position[row, :2], float(np.arctan2(x_axis[1], x_axis[0])), experiment.rig
+        )
+        ground_up = rotation_from_quaternion_wxyz(resting)[:, 2]
+        off.append(np.degrees(np.arccos(np.clip(up @ ground_up, -1.0, 1.0))))
+    assert np.median(off) < 1.0
+    assert max(off) < 6.0
+
+
+def test_hills_show_in_the_attitude() -> None:
+    """The park is almost plane, the hillside is not."""
+    tilt = {}
+    for name in ("park_1", "hillside_1"):
+        up = rotation_from_quaternion_wxyz(driven(name)[2].motion.quaternion_wxyz)[:, 2, 2]
+        tilt[name] = np.degrees(np.arccos(np.clip(up, -1.0, 1.0)))
+    assert tilt["park_1"].mean() < 3.0
+    assert tilt["hillside_1"].mean() > 6.0
+    assert tilt["hillside_1"].max() < 16.0
+
+
+@pytest.mark.parametrize("environment", ["park", "lake", "forest", "hillside"])
+def test_a_message_of_all_poses_is_below_64_kb(environment: str) -> None:
+    """LZ4 looks back 64 kB: beyond that, each message of the 1 kHz stream would be stored anew."""
+    assert len(ModelStatesWriter(world(environment)).template) < 65_536
