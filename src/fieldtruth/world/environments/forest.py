@@ -13,6 +13,7 @@ from scipy.ndimage import gaussian_filter
 from fieldtruth.experiment.rig import Frozen, Positive
 from fieldtruth.world.assembly import assemble
 from fieldtruth.world.backdrop import Cover, Land, make_backdrop, rolling_hills, strew_beyond
+from fieldtruth.world.grids import distance_beyond, grid_axes
 from fieldtruth.world.model import Heightfield, Mesh, Raster, Swarm, Terrain, World
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import CrowdedWorldError, Site, random_tint, rotations_to
@@ -84,7 +85,7 @@ def build_forest(seed: int, corridors: Sequence[Line], config: ForestConfig | No
     _plant_trees(site, config, growth, woods)
     _lay_rocks(site, config, stones)
     _plant_bushes(site, config, shrubs)
-    light = fractal_noise(*_axes(config.size, 0.5), wavelength=13.0, octaves=3, rng=herbs)
+    light = fractal_noise(*grid_axes(config.size, 0.5), wavelength=13.0, octaves=3, rng=herbs)
     glade = Raster(values=light.astype(np.float32), spacing=0.5, x0=-config.size[0] / 2, y0=-config.size[1] / 2)
     _strew_herbs(site, config, glade, herbs)
     backdrop = make_backdrop(
@@ -101,15 +102,9 @@ def build_forest(seed: int, corridors: Sequence[Line], config: ForestConfig | No
     )
 
 
-def _axes(size: tuple[float, float], spacing: float) -> tuple[Array, Array]:
-    """Coordinates of grid nodes along x and y, both edges included."""
-    x, y = (np.linspace(-s / 2, s / 2, round(s / spacing) + 1) for s in size)
-    return x, y
-
-
 def _terrain(config: ForestConfig, trails: Sequence[Trail], rng: np.random.Generator) -> Heightfield:
     """Swells, hollows and the mounds and pits that uprooted trees leave; trodden flat along the trails."""
-    x, y = _axes(config.size, config.grid)
+    x, y = grid_axes(config.size, config.grid)
     swell = fractal_noise(x, y, wavelength=34.0, octaves=4, rng=rng, gain=0.45)
     mounds = np.abs(fractal_noise(x, y, wavelength=6.5, octaves=3, rng=rng, gain=0.5))
     bumps = fractal_noise(x, y, wavelength=1.7, octaves=3, rng=rng, gain=0.6)
@@ -314,11 +309,6 @@ def _strew_herbs(site: Site, config: ForestConfig, glade: Raster, rng: np.random
     )  # fmt: skip
 
 
-def _off_edge(size: tuple[float, float], x: Array, y: Array) -> Array:
-    """Distance [m] of places beyond the world's edge."""
-    return np.asarray(np.hypot(np.maximum(np.abs(x) - size[0] / 2, 0.0), np.maximum(np.abs(y) - size[1] / 2, 0.0)))
-
-
 def _canopy(size: tuple[float, float], rng: np.random.Generator) -> Land:
     """Level ground below the trees, then the forest's roof, 10 m up at once, over hills that rise to the horizon."""
     hills = rolling_hills(size, rng, height=16.0)
@@ -326,7 +316,7 @@ def _canopy(size: tuple[float, float], rng: np.random.Generator) -> Land:
              rng.uniform(2.0, 14.0, 24)]  # fmt: skip
 
     def land(x: Array, y: Array) -> Array:
-        off = _off_edge(size, x, y)
+        off = distance_beyond(size, x, y)
         bumps = sum(height * np.cos(6.3 * (kx * x + ky * y) + phase) for kx, ky, phase, height in waves)
         roof = 9.0 + 0.25 * np.minimum(off - FAR_TREES, 40.0) + bumps
         return np.asarray(hills(x, y) + np.where(off > FAR_TREES + 1.0, roof, 0.0))
@@ -338,7 +328,7 @@ def _far_cover(size: tuple[float, float]) -> Cover:
     """The forest's floor below the trees, its roof behind them."""
 
     def cover(x: Array, y: Array, slope: Array) -> NDArray[np.intp]:
-        return (_off_edge(size, x, y) > FAR_TREES - 1.0).astype(np.intp)
+        return (distance_beyond(size, x, y) > FAR_TREES - 1.0).astype(np.intp)
 
     return cover
 
@@ -373,7 +363,7 @@ def _wood_beyond(
 
 def _ground(site: Site, config: ForestConfig, glade: Raster, rng: np.random.Generator) -> Terrain:
     """Needles below conifers, leaves below broadleaved trees, moss in patches, humus between."""
-    x, y = _axes(config.size, 0.1)
+    x, y = grid_axes(config.size, 0.1)
     px, py = np.meshgrid(x, y, indexing="ij")
     distance = signed_distance(site.trails, x, y)
     fine = fractal_noise(x, y, wavelength=1.3, octaves=3, rng=rng, gain=0.7)

@@ -18,6 +18,7 @@ from fieldtruth.world.backdrop import Land, make_backdrop
 from fieldtruth.world.environments.hillside_flora import plant, strew_grass, vegetate_beyond
 from fieldtruth.world.environments.hillside_ground import FAR_MATERIALS, Ground, far_cover, look_at, terrain
 from fieldtruth.world.environments.hillside_rocks import lay_rocks, rocks_beyond, strew_stones
+from fieldtruth.world.grids import grid_axes
 from fieldtruth.world.model import Heightfield, World
 from fieldtruth.world.placement import Site
 from fieldtruth.world.relief.mountain import along_routes, mountain
@@ -88,7 +89,7 @@ def _flank(
     config: HillsideConfig, corridors: Sequence[Line], relief: np.random.Generator, cover: np.random.Generator
 ) -> tuple[Ground, Land]:
     """The ground of the world and the land beyond it."""
-    x, y = (np.linspace(-s / 2, s / 2, round(s / config.grid) + 1) for s in config.size)
+    x, y = grid_axes(config.size, config.grid)
     distance = _route_distance(corridors)
     shape = mountain(
         x, y, route_distance=distance, rng=relief, roughness=config.roughness, gullies=config.gullies,

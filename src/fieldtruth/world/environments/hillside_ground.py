@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, shift
 
 from fieldtruth.world.backdrop import Cover, Land
+from fieldtruth.world.grids import distance_beyond
 from fieldtruth.world.model import Heightfield, Raster, Terrain
 from fieldtruth.world.noise import fractal_noise
 
@@ -101,7 +102,7 @@ def far_cover(size: tuple[float, float], rng: np.random.Generator) -> Cover:
 
     def cover(x: Array, y: Array, slope: Array) -> NDArray[np.intp]:
         patch = np.sin(np.stack([x, y], axis=-1) @ waves.T + phase).mean(axis=1) * np.sqrt(24)
-        away = np.hypot(np.maximum(np.abs(x) - size[0] / 2, 0), np.maximum(np.abs(y) - size[1] / 2, 0))
+        away = distance_beyond(size, x, y)
         steep = np.degrees(slope)
         far = np.where(steep + 3 * patch > 37, 1, 0)
         return np.where(away + 6 * patch < 30, 2, far)

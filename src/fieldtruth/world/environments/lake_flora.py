@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from fieldtruth.world.backdrop import Land, strew_beyond
 from fieldtruth.world.environments.power_line import PowerLine
 from fieldtruth.world.environments.shore import Shore
+from fieldtruth.world.grids import grid_axes
 from fieldtruth.world.model import Mesh, Raster, Swarm
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import Site, random_tints, upright_poses
@@ -216,7 +217,7 @@ def _far_woods(
 def patches(size: tuple[float, float], wavelength: float, rng: np.random.Generator) -> Density:
     """Noise about the origin over an area (along x, along y) [m]: above 0 is thick, below is thin."""
     spacing = wavelength / 16
-    x, y = (np.linspace(-s / 2, s / 2, round(s / spacing) + 1) for s in size)
+    x, y = grid_axes(size, spacing)
     values = fractal_noise(x, y, wavelength=wavelength, octaves=3, rng=rng).astype(np.float32)
     raster = Raster(values=values, spacing=float(x[1] - x[0]), x0=float(x[0]), y0=float(y[0]))
     return lambda places: raster.at(*places.T)

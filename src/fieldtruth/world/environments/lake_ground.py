@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.world.environments.shore import Shore
+from fieldtruth.world.grids import grid_axes
 from fieldtruth.world.model import Raster, Terrain
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import Site
@@ -17,7 +18,7 @@ NODE = 0.1  # [m] between the cover's nodes
 
 def cover_ground(site: Site, shore: Shore, rng: np.random.Generator) -> Terrain:
     """Grass nobody mows, drier on the swells, bare earth on the scarps; mud or pebbles at and under the water."""
-    x, y = (np.linspace(-s / 2, s / 2, round(s / NODE) + 1) for s in site.size)
+    x, y = grid_axes(site.size, NODE)
     nodes = np.meshgrid(x, y, indexing="ij")
     patch = fractal_noise(x, y, wavelength=15.0, octaves=4, rng=rng, gain=0.6)
     fine = fractal_noise(x, y, wavelength=1.6, octaves=3, rng=rng, gain=0.7)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
+from fieldtruth.world.grids import grid_axes
 from fieldtruth.world.model import Heightfield, Raster
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.trails import Line
@@ -46,7 +47,7 @@ def make_shore(
     ``edge`` [m] is the mean y of the water's edge, ``bends`` [m] the deviation of its points and coves, ``bank`` [m]
     the meadow's height above the water, ``relief`` [m] the deviation of its swells. The lines ``dry`` stay on land.
     """
-    x, y = (np.linspace(-s / 2, s / 2, round(s / grid) + 1) for s in size)
+    x, y = grid_axes(size, grid)
     coves = fractal_noise(x, y, wavelength=34.0, octaves=4, rng=rng, gain=0.46)
     inland = y[None, :] - edge + bends * coves
     nodes = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
