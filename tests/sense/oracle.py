@@ -68,7 +68,11 @@ def pieces(world: World, block: int = 50) -> list[Piece]:
     ]
     if world.backdrop is not None:
         found.append(_piece(world, world.backdrop, 1, np.eye(4)))
-    return found + [_piece(world, world.meshes[i.mesh], i.object_id, i.world_from_object) for i in world.instances]
+    found += [_piece(world, world.meshes[i.mesh], i.object_id, i.world_from_object) for i in world.instances]
+    for swarm in world.swarms:
+        own = [_piece(world, world.meshes[name], swarm.object_id, np.eye(4)) for name in swarm.meshes]
+        found += [own[row]._replace(pose=pose) for row, pose in zip(swarm.mesh, swarm.world_from_object, strict=True)]
+    return found
 
 
 def _piece(world: World, mesh: Mesh, object_id: int, pose: F8) -> Piece:

@@ -150,7 +150,12 @@ def trace_rays(scene: Scene, origins: F8, directions: F8, *, max_range: float = 
     return out
 
 
-@cache
 def park_scene(folder: Path) -> Scene:
     """The park of seed 0, built once per session: ``folder`` is the session's own."""
-    return Scene(load_world("park", 0, cache_folder=folder / "worlds"))
+    return built_scene(folder, "park")
+
+
+@cache
+def built_scene(folder: Path, environment: str) -> Scene:
+    """An environment of seed 0, built once per session."""
+    return Scene(load_world(environment, 0, cache_folder=folder / "worlds"))
