@@ -21,13 +21,13 @@ Strewn = tuple[Swarm, Sequence[Mesh]]
 
 REACH: Final = 62.0
 """Distance [m] from the edge within which single trees stand and the trails go on."""
-WOODS_FROM, WOODS_TO = 95.0, 420.0
+WOODS_FROM, WOODS_TO = 95.0, 260.0
 """Distance [m] from the edge of the nearest woods, and that of the last trees that stand at their rims as trees."""
 EAVES, ROOF = 4.0, 10.5
 """Height [m] of a wood's mean roof at its rim, where trees hide it, and inside."""
-NEAR: Final = 26.0
+NEAR: Final = 20.0
 """Distance [m] from the edge within which trees are drawn finer: from inside their leaves could be told apart."""
-NEAR_DETAIL, DETAIL, BUSH_DETAIL = 0.33, 0.065, 0.4
+NEAR_DETAIL, DETAIL, BUSH_DETAIL = 0.12, 0.045, 0.25
 SPECIES_BEYOND: Final = ("lime", "birch", "oak", "beech", "lime", "oak", "spruce", "pine")
 LIFT: Final = 0.015  # [m] of a trail above the land's triangles at the edge, and 1 mm more with every metre
 STEP: Final = 0.05  # [m] between the points of a trail's line
@@ -183,7 +183,7 @@ def _rims(
     trees: Sequence[Mesh], hills: Land, wood: Land, size: tuple[float, float], share: float, rng: np.random.Generator
 ) -> Strewn:
     """Trees along the rims of the woods: they hide that a far wood is a roof with walls."""
-    cell, reach = 6.0, WOODS_TO + max(size) / 2
+    cell, reach = 7.5, WOODS_TO + max(size) / 2
     axis = np.arange(-reach, reach, cell)
     places = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
     places = places + rng.uniform(0.0, cell, places.shape)
@@ -242,7 +242,7 @@ def _groups(
     field, size = site.field, site.size
     return [
         strew_beyond(
-            field, size, backdrop, "trees_near", "tree", near, per_m2=0.011, rng=rng, within=NEAR, margin=4.0,
+            field, size, backdrop, "trees_near", "tree", near, per_m2=0.007, rng=rng, within=NEAR, margin=4.0,
             density=woods, scales=(0.6, 1.2), sink=0.1,
         ),
         strew_beyond(
@@ -250,7 +250,7 @@ def _groups(
             density=woods, scales=(0.6, 1.2), sink=0.1,
         ),
         strew_beyond(
-            field, size, backdrop, "bushes_beyond", "bush", shrubs, per_m2=0.03, rng=rng, within=40.0, margin=2.0,
+            field, size, backdrop, "bushes_beyond", "bush", shrubs, per_m2=0.022, rng=rng, within=40.0, margin=2.0,
             density=bushes, scales=(0.7, 1.3),
         ),
         strew_beyond(
