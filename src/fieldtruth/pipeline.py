@@ -58,6 +58,7 @@ def generate(
         with progress.stage("drive"):
             route = plan_route(world, experiment)
             track = drive(world, experiment.model_copy(update={"route": route}))
+        run.begin(experiment, overwrite=overwrite)
         with progress.stage("prepare the scene"):
             scene = Scene(world, experiment.light)
             if rig.cameras.enabled:

@@ -183,7 +183,7 @@ def use_fakes(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the pipeline build, drive and sense with these."""
     from fieldtruth import pipeline
 
-    monkeypatch.setattr(pipeline, "load_world", make_world)
+    monkeypatch.setattr(pipeline, "world_of", lambda experiment: make_world(experiment.environment, experiment.seed))
     monkeypatch.setattr(pipeline, "plan_route", lambda world, experiment: experiment.route)
     monkeypatch.setattr(pipeline, "drive", make_track)
     monkeypatch.setattr(pipeline, "Scene", FakeScene)

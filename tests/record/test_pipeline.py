@@ -109,7 +109,7 @@ def test_slices_of_another_world_are_not_taken_over(tmp_path: Path, monkeypatch:
 
     for objects in (9, 10):
         with monkeypatch.context() as patch:
-            patch.setattr(pipeline, "load_world", lambda name, seed, n=objects: make_world(name, seed, objects=n))
+            patch.setattr(pipeline, "world_of", lambda e, n=objects: make_world(e.environment, e.seed, objects=n))
             patch.setattr("fieldtruth.record.slices.Slices.join", stop)
             with pytest.raises(KeyboardInterrupt):
                 generate(make_experiment(1.5), tmp_path, workers=1)
@@ -217,8 +217,17 @@ def test_an_error_of_the_drive_leaves_a_folder_that_can_be_used(
     with monkeypatch.context() as patch:
         patch.setattr(pipeline, "drive", stuck)
         with pytest.raises(DriveError):
-            generate(make_experiment(0.5), tmp_path, workers=1)
-    generate(make_experiment(0.5), tmp_path, workers=1)
+            generate(make_experiment(0.5), tmp_path / "new" / "folder", workers=1)
+        assert list(tmp_path.iterdir()) == []  # nothing is written
+    bag = generate(make_experiment(0.5), tmp_path, workers=1)
+    content = bag.read_bytes()
+    with monkeypatch.context() as patch:
+        patch.setattr(pipeline, "drive", stuck)
+        with pytest.raises(DriveError):
+            generate(make_experiment(1.5), tmp_path, workers=1, overwrite=True)
+    assert bag.read_bytes() == content  # nothing is lost
+    with pytest.raises(OutputError, match="finished already"):
+        generate(make_experiment(0.5), tmp_path, workers=1)
 
 
 class Notes:

@@ -97,9 +97,7 @@ class Experiment(Frozen):
     """What it is, for people."""
     environment: Name
     seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 0
-    layout: Annotated[
-        dict[str, Any], Field(default_factory=dict, description="a mapping of the environment's own keys")
-    ]
+    layout: dict[str, Any] = Field(default_factory=dict, description="a mapping of the environment's own keys")
     """Changes to the environment's configuration, ``{old_trees: 60}`` say; see docs/environments.md."""
     seconds: Annotated[Number, Field(ge=0.001, le=86_400)] | None = None
     """End after this much simulated time [s], one physics step to one day; None drives to the last way-point."""

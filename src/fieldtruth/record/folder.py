@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The folder of a run: what may be written there, what is there already, and what a run that was stopped left behind.
 
-OUT/NAME/NAME.bag appears when the run is complete; OUT/NAME/experiment.yaml says at once what the folder is for;
-OUT/NAME/.slices holds the finished slices until then. Nothing else is ever touched.
+OUT/NAME/NAME.bag appears when the run is complete; OUT/NAME/experiment.yaml says what the folder is for as soon as the
+robot has reached its goal; OUT/NAME/.slices holds the finished slices until then. Nothing else is ever touched, and a
+run that ends before it begins to sense (a route that leads into a tree) leaves everything as it was.
 """
 
+import contextlib
 import dataclasses
 import fcntl
 import hashlib
@@ -34,6 +36,14 @@ class RunFolder(NamedTuple):
     path: Path
     bag: Path
 
+    def begin(self, experiment: Experiment, *, overwrite: bool) -> None:
+        """Write down what the folder is for; with ``overwrite`` what it holds of an earlier run goes now."""
+        with output_errors(self.path):
+            if overwrite:
+                self.clean()
+            self.bag.unlink(missing_ok=True)
+            _write_whole(self.path / _EXPERIMENT, dump_experiment(experiment))
+
     def work(self, fingerprint: str) -> Path:
         """Make the folder for slices of exactly this input; those of any other input are stale and go."""
         work = self.path / _WORK / fingerprint[:16]
@@ -58,6 +68,7 @@ def run_folder(experiment: Experiment, out: Path, *, overwrite: bool = False) ->
             outside ``out`` through a link, or cannot be written.
     """
     path = out / experiment.name
+    new = [folder for folder in (path, *path.parents) if not folder.exists()]
     with output_errors(path):
         path.mkdir(parents=True, exist_ok=True)
     if not path.resolve().is_relative_to(out.resolve()) or (path / _WORK).is_symlink():
@@ -66,12 +77,13 @@ def run_folder(experiment: Experiment, out: Path, *, overwrite: bool = False) ->
     with _locked(path):
         if not overwrite:
             _refuse_occupied(run, experiment)
-        with output_errors(path):
-            if overwrite:
-                run.clean()
-            run.bag.unlink(missing_ok=True)
-            _write_whole(path / _EXPERIMENT, dump_experiment(experiment))
-        yield run
+        try:
+            yield run
+        except BaseException:
+            with contextlib.suppress(OSError):  # those that are not empty stay
+                for folder in new:
+                    folder.rmdir()
+            raise
 
 
 def fingerprint(*parts: object) -> str:
