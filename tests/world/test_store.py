@@ -24,7 +24,7 @@ def builds(monkeypatch: pytest.MonkeyPatch, park: World) -> list[tuple[str, int]
     """What was built, by a builder that takes no time."""
     calls: list[tuple[str, int]] = []
 
-    def quick(environment: str, seed: int = 0) -> World:
+    def quick(environment: str, seed: int = 0, _layout: object = None) -> World:
         calls.append((environment, seed))
         return replace(small(park), seed=seed)
 

@@ -13,8 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
-from pydantic import ValidationError
-
 from fieldtruth.errors import UnknownNameError
 from fieldtruth.world.environments import ENVIRONMENTS
 from fieldtruth.world.model import World
@@ -47,6 +45,8 @@ def check_layout(environment: str, layout: Mapping[str, Any] | None, source: str
         raise UnknownNameError("environment", environment, ENVIRONMENTS)
     if not layout:
         return
+    from pydantic import ValidationError  # late: a list of names needs none of it
+
     config = ENVIRONMENTS[environment].config
     try:
         config.model_validate(dict(layout))

@@ -5,11 +5,12 @@
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from types import ModuleType
-from typing import Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from fieldtruth.experiment.rig import Frozen
-from fieldtruth.world.model import World
-from fieldtruth.world.trails import Line
+if TYPE_CHECKING:  # a list of names needs none of these
+    from fieldtruth.experiment.rig import Frozen
+    from fieldtruth.world.model import World
+    from fieldtruth.world.trails import Line
 
 
 class Environment(NamedTuple):
@@ -24,12 +25,12 @@ class Environment(NamedTuple):
     config_name: str
 
     @property
-    def config(self) -> type[Frozen]:
+    def config(self) -> "type[Frozen]":
         """The configuration of its layout: counts, densities, relief, trails."""
         config: type[Frozen] = getattr(self._module(), self.config_name)
         return config
 
-    def build(self, seed: int, corridors: Sequence[Line], layout: Mapping[str, Any] | None = None) -> World:
+    def build(self, seed: int, corridors: "Sequence[Line]", layout: Mapping[str, Any] | None = None) -> "World":
         """Build it; ``corridors`` stay free, ``layout`` changes its configuration.
 
         Raises pydantic.ValidationError for a layout that is not allowed.

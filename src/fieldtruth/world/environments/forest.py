@@ -3,7 +3,7 @@
 """The dense forest (paper, 2.2.3): trees on uneven ground, two trails, high grass, stones, bushes, fallen trunks."""
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from scipy.ndimage import gaussian_filter
 from fieldtruth.experiment.rig import Frozen, Positive
 from fieldtruth.world.assembly import assemble
 from fieldtruth.world.backdrop import Cover, Land, make_backdrop, rolling_hills, strew_beyond
+from fieldtruth.world.environments.layout import Count, Density, Individuals, Share, Size, Trails
 from fieldtruth.world.grids import distance_beyond, grid_axes
 from fieldtruth.world.model import Heightfield, Mesh, Raster, Swarm, Terrain, World
 from fieldtruth.world.noise import fractal_noise
@@ -24,8 +25,6 @@ from fieldtruth.world.rocks import ROCKS, make_rock, scatter_rocks
 from fieldtruth.world.trails import Line, Trail, signed_distance
 
 Array = NDArray[np.float64]
-Count = Annotated[int, Field(ge=0, le=400)]
-Share = Annotated[float, Field(ge=0, le=1)]
 
 AGES: Final[Mapping[str, tuple[float, float]]] = {"old": (15.0, 21.0), "grown": (9.0, 14.0), "young": (3.0, 6.0)}
 """Heights [m]."""
@@ -38,12 +37,12 @@ FAR_TREES: Final = 12.0
 
 
 class ForestConfig(Frozen):
-    """How the forest is laid out; at most 480 things with names, so that a message of all poses stays small."""
+    """How the forest is laid out; at most 500 things have names, so that a message of all poses stays small."""
 
-    size: tuple[Positive, Positive] = (100.0, 50.0)  # [m] along x (north) and y (west)
+    size: Size = (100.0, 50.0)  # [m] along x (north) and y (west)
     grid: Positive = 0.2  # [m] between the terrain's nodes
     relief: Positive = 0.55  # [m], standard deviation of the ground's height
-    trails: tuple[tuple[tuple[float, float], ...], ...] = (
+    trails: Trails = (
         ((-60, -15), (-42, -9), (-31, -11), (-19, -4), (-8, -5), (4, 1), (15, 7), (27, 4), (38, 8), (60, 2)),
         ((-27, 36), (-19, 20), (-13, 13), (-9, 4), (-8, -5), (-1, -12), (10, -14), (21, -10), (29, -16), (34, -36)),
     )  # [m]
@@ -56,11 +55,14 @@ class ForestConfig(Frozen):
     stumps: Count = 8
     bushes: Count = 38
     rocks: Count = 36
-    stones_per_m2: Annotated[float, Field(ge=0, le=10)] = 0.35
-    grass_per_m2: Annotated[float, Field(ge=0, le=20)] = 5.0
-    ferns_per_m2: Annotated[float, Field(ge=0, le=10)] = 0.75
-    individuals: Annotated[int, Field(ge=1, le=16)] = 4  # of each species and age
-    species: Mapping[str, Share] = {"spruce": 0.36, "beech": 0.26, "pine": 0.16, "birch": 0.1, "oak": 0.12}
+    stones_per_m2: Density = 0.35
+    grass_per_m2: Density = 5.0
+    ferns_per_m2: Density = 0.75
+    individuals: Individuals = 4  # of each species and age
+    species: Mapping[str, Share] = Field(
+        {"spruce": 0.36, "beech": 0.26, "pine": 0.16, "birch": 0.1, "oak": 0.12},
+        description="shares by species, each from 0 up to 1",
+    )
     """Shares of the trees."""
 
     @field_validator("species")

@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from fieldtruth.experiment.rig import Frozen, Positive
+from fieldtruth.experiment.rig import Frozen, Number, Positive
 from fieldtruth.world.assembly import assemble
 from fieldtruth.world.backdrop import Land, make_backdrop
 from fieldtruth.world.environments.hillside_flora import plant, strew_grass, vegetate_beyond
 from fieldtruth.world.environments.hillside_ground import FAR_MATERIALS, Ground, far_cover, look_at, terrain
 from fieldtruth.world.environments.hillside_rocks import lay_rocks, rocks_beyond, strew_stones
+from fieldtruth.world.environments.layout import Count, Density, Individuals, Size
 from fieldtruth.world.grids import grid_axes
 from fieldtruth.world.model import Heightfield, World
 from fieldtruth.world.placement import Site
@@ -25,19 +26,17 @@ from fieldtruth.world.relief.mountain import along_routes, mountain
 from fieldtruth.world.trails import Line
 
 Array = NDArray[np.float64]
-Count = Annotated[int, Field(ge=0, le=200)]
-Density = Annotated[float, Field(ge=0, le=20)]
 
 
 class HillsideConfig(Frozen):
     """How the hillside lies, and what lies and grows on it."""
 
-    size: tuple[Positive, Positive] = (100.0, 50.0)  # [m] along x (north) and y (west)
+    size: Size = (100.0, 50.0)  # [m] along x (north) and y (west)
     grid: Positive = 0.2  # [m] between the terrain's nodes
-    roughness: Annotated[float, Field(ge=0, le=3)] = 1.3  # [m], deviation of the noise from which erosion starts
-    gullies: Annotated[float, Field(ge=0, le=4)] = 1.0  # what streams cut, 1 is usual
-    steepest_deg: Annotated[float, Field(ge=15, le=40)] = 36.0  # anywhere
-    route_slope_deg: Annotated[float, Field(ge=5, le=15)] = 13.0  # on the routes
+    roughness: Annotated[Number, Field(ge=0, le=3)] = 1.3  # [m], deviation of the noise from which erosion starts
+    gullies: Annotated[Number, Field(ge=0, le=4)] = 1.0  # what streams cut, 1 is usual
+    steepest_deg: Annotated[Number, Field(ge=15, le=40)] = 36.0  # anywhere
+    route_slope_deg: Annotated[Number, Field(ge=5, le=15)] = 13.0  # on the routes
     crags: Count = 26  # outcrops of 2 to 3 m
     boulders: Count = 34  # 1 to 2 m
     blocks: Count = 44  # 0.4 to 1 m
@@ -51,7 +50,7 @@ class HillsideConfig(Frozen):
     oaks: Count = 6
     snags: Count = 3
     grass: Density = 7.0  # tufts per m^2 at most
-    individuals: Annotated[int, Field(ge=1, le=32)] = 3  # of each kind and size
+    individuals: Individuals = 3  # of each kind and size
 
 
 def build_hillside(seed: int, corridors: Sequence[Line], config: HillsideConfig | None = None) -> World:

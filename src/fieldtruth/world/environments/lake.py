@@ -19,6 +19,7 @@ from fieldtruth.world.backdrop import Land, height_beyond, make_backdrop
 from fieldtruth.world.environments.basin import basin_heights
 from fieldtruth.world.environments.lake_flora import grow_beyond, plant_bushes, plant_trees, sow_grass
 from fieldtruth.world.environments.lake_ground import cover_ground
+from fieldtruth.world.environments.layout import Count, Individuals, Size
 from fieldtruth.world.environments.power_line import string_line
 from fieldtruth.world.environments.shore import make_shore
 from fieldtruth.world.model import Mesh, World
@@ -26,7 +27,6 @@ from fieldtruth.world.placement import Site
 from fieldtruth.world.trails import Line
 
 Array = NDArray[np.float64]
-Count = Annotated[int, Field(ge=0, le=200)]
 
 FAR_POLES: Final = 2  # on either side of the world
 WATER_TILE: Final = 30.0  # [m] of water that its texture covers
@@ -35,7 +35,7 @@ WATER_TILE: Final = 30.0  # [m] of water that its texture covers
 class LakeConfig(Frozen):
     """How the shore is laid out."""
 
-    size: tuple[Positive, Positive] = (100.0, 50.0)  # [m] along x (north) and y (west)
+    size: Size = (100.0, 50.0)  # [m] along x (north) and y (west)
     grid: Positive = 0.2  # [m] between the terrain's nodes
     water_level: Number = -3.0  # [m]
     edge: Number = -13.5  # [m], mean y of the water's edge; the lake lies east of it
@@ -49,7 +49,7 @@ class LakeConfig(Frozen):
     meadow_trees: Count = 30
     waterside_bushes: Count = 12
     meadow_bushes: Count = 26
-    individuals: Annotated[int, Field(ge=1, le=16)] = 3  # of each species
+    individuals: Individuals = 3  # of each species
     grass: Annotated[Number, Field(ge=0, le=4)] = 1.0  # density of all high grass relative to what we think natural
 
 
