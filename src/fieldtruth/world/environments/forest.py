@@ -60,7 +60,7 @@ class ForestConfig(Frozen):
     ferns_per_m2: Density = 0.75
     individuals: Individuals = 4  # of each species and age
     species: Mapping[str, Share] = Field(
-        {"spruce": 0.36, "beech": 0.26, "pine": 0.16, "birch": 0.1, "oak": 0.12},
+        default={"spruce": 0.36, "beech": 0.26, "pine": 0.16, "birch": 0.1, "oak": 0.12},
         description="shares by species, each from 0 up to 1",
     )
     """Shares of the trees."""
