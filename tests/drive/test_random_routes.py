@@ -11,7 +11,7 @@ from drive_worlds import F8, make_experiment, make_world, obstacle, tilted
 
 import fieldtruth
 from fieldtruth import pipeline
-from fieldtruth.drive import drive, plan_route
+from fieldtruth.drive import drive, plan, plan_route
 from fieldtruth.drive.rehearsal import Rehearsal, way_length
 from fieldtruth.errors import DriveError, RouteError
 from fieldtruth.experiment.config import ControlConfig, Experiment, RouteConfig
@@ -44,7 +44,7 @@ def planted(count: int = 60, free: Sequence[tuple[float, float]] = ()) -> World:
 @pytest.mark.parametrize("speed", [0.3, 1.0])
 def test_it_is_as_long_as_asked_and_its_way_points_5_to_20_m_apart(length: float, speed: float) -> None:
     experiment = asked(length, 1, control=ControlConfig(speed=speed))
-    route = plan_route(make_world(), experiment)
+    route = plan_route(make_world(), experiment, proven=False)
     assert way_length(path_of(route, experiment)) == pytest.approx(length, rel=0.02)
     spacing = np.linalg.norm(np.diff(metres_from_route(route), axis=0), axis=1)
     assert spacing.max() <= 20.0
@@ -53,7 +53,7 @@ def test_it_is_as_long_as_asked_and_its_way_points_5_to_20_m_apart(length: float
 
 def test_on_a_slope_the_length_is_that_of_the_way_and_not_of_the_map() -> None:
     world, experiment = make_world(tilted(15.0, 0.0)), asked(30.0, 1)
-    route = plan_route(world, experiment)
+    route = plan_route(world, experiment, proven=False)
     assert way_length(path_of(route, experiment, world)) < 29.5
     track = drive(world, experiment.model_copy(update={"route": route}))
     assert track.length_m == pytest.approx(30.0, rel=0.02)
@@ -61,7 +61,7 @@ def test_on_a_slope_the_length_is_that_of_the_way_and_not_of_the_map() -> None:
 
 def test_same_seed_same_route_other_seed_other_route() -> None:
     world = planted()
-    routes = [plan_route(world, asked(80.0, seed)) for seed in (3, 3, 4, 5)]
+    routes = [plan_route(world, asked(80.0, seed), proven=False) for seed in (3, 3, 4, 5)]
     assert routes[0] == routes[1]
     assert len({route.start for route in routes}) == 3
 
@@ -71,7 +71,7 @@ def test_it_keeps_off_every_trunk() -> None:
     trunks = np.array([i.world_from_object[:2, 3] for i in world.instances])
     for seed in range(6):
         experiment = asked(80.0, seed)
-        path = path_of(plan_route(world, experiment), experiment)
+        path = path_of(plan_route(world, experiment, proven=False), experiment)
         away = np.linalg.norm(path[:, None, :2] - trunks, axis=-1).min()
         assert away > 0.2 + 0.335 + 0.15  # the trunk's radius, half the robot's width, and room
         assert (np.abs(path[:, :2]) < (18.5, 8.5)).all()
@@ -86,7 +86,7 @@ def test_it_goes_through_the_gap_in_a_wall() -> None:
     world = make_world(obstacles=wall)
     for seed in range(4):
         experiment = asked(120.0, seed)
-        path = path_of(plan_route(world, experiment), experiment)
+        path = path_of(plan_route(world, experiment, proven=False), experiment)
         crossing = path[1:][np.diff(np.sign(path[:, 0])) != 0]
         assert len(crossing)
         assert (np.abs(crossing[:, 1] - 4.0) < 1.0 - 0.335 - 0.2 + 1e-3).all()  # half the robot's width and its room
@@ -94,7 +94,7 @@ def test_it_goes_through_the_gap_in_a_wall() -> None:
 
 def test_it_wanders_through_the_whole_place() -> None:
     experiment = asked(300.0, 2)
-    path = path_of(plan_route(make_world(size=(60.0, 40.0)), experiment), experiment)
+    path = path_of(plan_route(make_world(size=(60.0, 40.0)), experiment, proven=False), experiment)
     quarters = {(x > 0, y > 0) for x, y in path[:, :2]}
     assert len(quarters) == 4
     assert np.ptp(path[:, 0]) > 40.0
@@ -105,10 +105,10 @@ def test_a_corridor_without_room_to_turn_ends_and_the_longest_way_is_told() -> N
     """A corridor 2 m wide and 36 m long: 20 m fit, 60 m do not."""
     walls = [obstacle(f"wall_{k}", "box", (40.0, 8.0, 1.0), 0.0, y) for k, y in enumerate((-5.0, 5.0))]
     world = make_world(obstacles=walls)
-    path = path_of(plan_route(world, asked(20.0, 0)), asked(20.0, 0))
+    path = path_of(plan_route(world, asked(20.0, 0), proven=False), asked(20.0, 0))
     assert np.abs(path[:, 1]).max() < 0.4
     with pytest.raises(RouteError) as caught:
-        plan_route(world, asked(60.0, 0))
+        plan_route(world, asked(60.0, 0), proven=False)
     text = str(caught.value)
     assert text.startswith("no free route of 60 m found in test (seed 0); the longest that was found is ")
     assert 18.0 < float(text.split()[-2]) < 37.0
@@ -123,7 +123,7 @@ def test_no_ground_at_all() -> None:
 def test_the_park_is_driven_to_the_end(seed: int) -> None:
     world = fieldtruth.load_world("park", 0)
     experiment = load_experiment("park_1").model_copy(update={"route": random_route(40.0, seed)})
-    route = plan_route(world, experiment)
+    route = plan_route(world, experiment, proven=False)
     track = drive(world, experiment.model_copy(update={"route": route}))  # a touch would be a DriveError
     assert track.length_m == pytest.approx(40.0, rel=0.02)
     path = path_of(route, experiment, world)
@@ -134,14 +134,32 @@ def test_the_park_is_driven_to_the_end(seed: int) -> None:
 def test_a_run_drives_the_plan_and_keeps_the_users_experiment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     world, driven = make_world(), []
 
-    def watched_drive(_: World, experiment: Experiment) -> None:
-        driven.append(experiment.route)
+    def no_scene(*_: object) -> None:
         raise DriveError("enough")
 
-    monkeypatch.setattr(pipeline, "load_world", lambda *_: world)
-    monkeypatch.setattr(pipeline, "drive", watched_drive)
+    monkeypatch.setattr(pipeline, "world_of", lambda _: world)
+    monkeypatch.setattr(pipeline, "drive", lambda _, experiment: driven.append(experiment.route))
+    monkeypatch.setattr(pipeline, "Scene", no_scene)
     experiment = asked(50.0, 3).model_copy(update={"environment": "park"})
     with pytest.raises(DriveError, match="enough"):
         pipeline.generate(experiment, tmp_path)
-    assert driven == [plan_route(world, experiment)]
+    assert driven == [plan_route(world, experiment, proven=False)]
     assert load_experiment(tmp_path / "test" / "experiment.yaml") == experiment
+
+
+def test_a_route_on_which_the_robot_fails_is_not_handed_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The physics has the last word, and hears of the whole route even if the experiment is cut short."""
+    world, tried = make_world(), []
+    experiment = asked(50.0, 3).model_copy(update={"seconds": 1.0})
+
+    def fails_twice(_: World, whole: Experiment) -> None:
+        tried.append(whole)
+        if len(tried) < 3:
+            raise DriveError("touched a tree")
+
+    monkeypatch.setattr(plan, "drive", fails_twice)
+    route = plan_route(world, experiment)
+    assert len(tried) == 3
+    assert route == tried[2].route
+    assert route not in (tried[0].route, tried[1].route)
+    assert {whole.seconds for whole in tried} == {None}
