@@ -17,10 +17,12 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import parse_experiment
 from fieldtruth.experiment.problems import allowed_at, models_of
 from fieldtruth.experiment.rig import Mount, Rig
+from fieldtruth.world.environments import ENVIRONMENTS
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 EXPERIMENTS = (ROOT / "docs/experiments.md").read_text(encoding="utf-8")
+PLACES = (ROOT / "docs/environments.md").read_text(encoding="utf-8")
 DOCUMENTS = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]
 
 
@@ -74,6 +76,31 @@ def test_the_example_of_the_reference_is_an_experiment() -> None:
     [text] = re.findall(r"```yaml\n(.*?)```", EXPERIMENTS, flags=re.S)
     experiment = parse_experiment(text)
     assert (experiment.seed, experiment.rig.lidar.columns, experiment.rig.cameras.enabled) == (7, 1024, False)
+
+
+@pytest.mark.parametrize("name", ENVIRONMENTS)
+def test_the_layout_of_each_environment_is_described(name: str) -> None:
+    section = PLACES.partition(f"\n### {name.capitalize()}\n")[2].partition("\n#")[0]
+    described = {cells[0].strip("`"): cells for cells in table_rows(section) if cells[0].startswith("`")}
+    config = ENVIRONMENTS[name].config
+    defaults = config().model_dump(mode="json")
+    assert list(described) == list(config.model_fields)
+    for key, (_, default, allowed, meaning) in described.items():
+        count = {"(two)": 2}.get(default)
+        assert (yaml.safe_load(default.strip("`")) if count is None else count) == (
+            defaults[key] if count is None else len(defaults[key])
+        ), key
+        assert allowed == allowed_at(config, (key,)), key
+        assert meaning, key
+
+
+def test_the_example_of_a_layout_is_an_experiment() -> None:
+    [text] = re.findall(r"```yaml\n(.*?)```", PLACES, flags=re.S)
+    experiment = parse_experiment(text)
+    assert ENVIRONMENTS[experiment.environment].config.model_validate(experiment.layout).model_fields_set == {
+        "old_trees",
+        "species",
+    }
 
 
 def test_the_readme_lists_the_classes() -> None:
