@@ -56,7 +56,7 @@ class LightTable(NamedTuple):
     leaf_sun: NDArray[np.uint8]  # one per face of each object with leaves: 1 where a leaf sees the sun
     air_sky: NDArray[np.float32]  # (nx, ny, nz) share of open sky in the air, past everything: below crowns it is dark
     top_base: NDArray[np.float32]  # (tops,) [m] height of each thing's foot, from which air_sky is counted
-    top_leaf: NDArray[np.int64]  # (tops,) first row of leaf_sun; -1: without leaves, NO_SHADOW: beyond all shadows
+    top_leaf: NDArray[np.int64]  # (tops,) first row of leaf_sun; -1: without leaves, NO_SHADOW: the far land
 
 
 def bake(scene: Scene, *, workers: int = 2) -> LightTable:

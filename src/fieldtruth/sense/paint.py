@@ -35,6 +35,8 @@ TRACE_SUN: Final = -1.0
 
 
 _PER_AIR, _PER_LAYER = np.float32(1.0 / AIR_TEXEL), np.float32(1.0 / AIR_LAYER)
+_SHADOWS_END = np.float32(90.0)
+"""Distance [m] beyond which nobody sees whether a tree casts a shadow on the far land."""
 _AIR_GAIN, _AIR_LEAST = np.float32(1.35), np.float32(0.06)
 """A thing stands in its own air; what it takes from it there is given back, roughly. And light that leaves and soil
 throw from one to the other reaches everywhere."""
@@ -265,7 +267,7 @@ def paint_objects(
         if through > 0.0:
             out[k, SUN] = np.float32(leaf_sun[top_leaf[top] + primitives[k]])
         else:
-            out[k, SUN] = one if top_leaf[top] == NO_SHADOW else np.float32(TRACE_SUN)
+            out[k, SUN] = one if top_leaf[top] == NO_SHADOW and reach[k] > _SHADOWS_END else np.float32(TRACE_SUN)
         texture = textures[row]
         u = vertices[a, TEX_U] * fw + vertices[b, TEX_U] * fu + vertices[c, TEX_U] * fv
         v = vertices[a, TEX_V] * fw + vertices[b, TEX_V] * fu + vertices[c, TEX_V] * fv

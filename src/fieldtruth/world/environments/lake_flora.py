@@ -29,6 +29,7 @@ MEADOW_BUSHES: Final = ("hazel", "bramble")
 BELOW_WIRES: Final = 3.4  # [m] from the line to the nearest trunk
 TREE_DETAIL: Final = 0.6
 FAR_DETAIL: Final = 0.06
+BEYOND_DETAIL: Final = 0.25
 FAR_REACH: Final = 380.0  # [m] from the middle to the last trees
 TUFT_DETAIL: Final = 0.55
 
@@ -157,11 +158,14 @@ def grow_beyond(
 ) -> list[tuple[Swarm, Sequence[Mesh]]]:
     """What grows beyond the edge: groves and grass near it, woods along the far shore and up its hills."""
     sorts = {**WATERSIDE_TREES, **MEADOW_TREES}
-    trees = [
-        grow_tree(SPECIES[n], name=f"far_{n}_{k}", height=float(rng.uniform(*heights)), rng=rng, detail=FAR_DETAIL)
-        for k in range(2)
-        for n, heights in sorts.items()
-    ]
+    woods, trees = (
+        [
+            grow_tree(SPECIES[n], name=f"{name}_{n}_{k}", height=float(rng.uniform(*heights)), rng=rng, detail=detail)
+            for k in range(2)
+            for n, heights in sorts.items()
+        ]
+        for name, detail in (("far", FAR_DETAIL), ("beyond", BEYOND_DETAIL))
+    )
     grass = _clumps({"meadow": 0.7, "dry": 0.3}, "far_grass", 0.7, 7.0, 2, rng)
     reach = (900.0, 900.0)
     grove, wood = patches(reach, 45.0, rng), patches(reach, 110.0, rng)
@@ -187,7 +191,7 @@ def grow_beyond(
             field, size, backdrop, "trees_beyond", "tree", trees, per_m2=0.035, rng=rng, within=90.0, margin=3.0,
             density=near, scales=(0.55, 1.3), sink=0.1,
         ),
-        _far_woods(trees, basin, water_level, grove, wood, rng),
+        _far_woods(woods, basin, water_level, grove, wood, rng),
     ]  # fmt: skip
 
 
