@@ -46,7 +46,7 @@ def world() -> World:
 
 @pytest.fixture
 def _small_park(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(ENVIRONMENTS, "park", Environment("small", lambda seed, corridors: world))
+    monkeypatch.setattr("fieldtruth.world.environments.park.build_park", lambda seed, corridors, config: world)
 
 
 def spread(rows: int, columns: int) -> NDArray[np.float32]:
@@ -148,14 +148,14 @@ def test_an_environment_is_measured_by_its_first_experiment_and_all_its_drives()
         settings_of("prak")
 
 
-def test_an_environment_where_nobody_drives_is_told_so(monkeypatch: pytest.MonkeyPatch, world: World) -> None:
-    monkeypatch.setitem(ENVIRONMENTS, "desert", Environment("sand", lambda seed, corridors: world))
+def test_an_environment_where_nobody_drives_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(ENVIRONMENTS, "desert", Environment("sand", "park", "build_park", "ParkConfig"))
     with pytest.raises(ConfigurationError, match="no built-in experiment drives in desert"):
         settings_of("desert")
 
 
 def test_all_environments_are_measured_apart_and_the_ratios_stand_beside_them(
-    monkeypatch: pytest.MonkeyPatch, world: World
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     calls: list[tuple[str, ...]] = []
 
@@ -163,7 +163,7 @@ def test_all_environments_are_measured_apart_and_the_ratios_stand_beside_them(
         calls.append(arguments)
         return {"ten_times_trees": 1.25} if code == all_module.RATIOS else {"world_load_s": float(len(calls))}
 
-    monkeypatch.setitem(ENVIRONMENTS, "desert", Environment("sand", lambda seed, corridors: world))
+    monkeypatch.setitem(ENVIRONMENTS, "desert", Environment("sand", "park", "build_park", "ParkConfig"))
     monkeypatch.setattr(all_module, "measured", measured)
     everything = run_all()
     names = [name for name in ENVIRONMENTS if experiments_of(name)]

@@ -186,7 +186,7 @@ class Site:
         if n == 0:
             return 0
         scale = np.exp(rng.uniform(np.log(scales[0]), np.log(scales[1]), n))
-        poses = upright_poses(places, rng.integers(4, size=n) * (np.pi / 2), scale)
+        poses = upright_poses(places, (np.pi / 2) * rng.integers(4, size=n).astype(np.float64), scale)
         poses[:, :3, :3] = self._tilted(places, tilt, lean_deg, rng) @ poses[:, :3, :3]
         poses[:, 2, 3] = self.field.height_at(places[:, 0], places[:, 1]) - sink * scale
         self.meshes.update({mesh.name: mesh for mesh in meshes if mesh.name not in self.meshes})
