@@ -163,7 +163,7 @@ def _compile(world: World) -> None:
     by_size = sorted(world.instances, key=lambda instance: -len(world.meshes[instance.mesh].faces))
     some = tuple({instance.kind: instance for instance in by_size}.values())
     meshes = {instance.mesh: world.meshes[instance.mesh] for instance in some}
-    scene = Scene(replace(world, size=(1.0, 1.0), meshes=meshes, instances=some, backdrop=None))
+    scene = Scene(replace(world, size=(1.0, 1.0), meshes=meshes, instances=some, swarms=(), backdrop=None))
     pose = frames.pose((0.0, 0.0, float(world.terrain.field.height_at(0, 0)) + 1.0))
     Lidar(LidarConfig(), scene).scan(pose)
     camera = Camera(CameraConfig(width=64, height=48), scene)
