@@ -23,7 +23,7 @@ from fieldtruth.frames import Array
 from fieldtruth.report.path import expected_path, stand, stations
 from fieldtruth.report.progress import Progress, Silent
 from fieldtruth.sense import Camera, Lidar, Scene
-from fieldtruth.world import load_world, world_of
+from fieldtruth.world import world_of
 
 SPACING: Final = 2.0  # [m]
 
@@ -77,9 +77,10 @@ def shares_of(
 ) -> dict[str, ClassShares]:
     """Class shares of experiments by name; those that follow each other in the same world load it once."""
     progress, found = Silent() if progress is None else progress, {}
-    for (environment, seed), group in groupby(experiments, key=lambda e: (e.environment, e.seed)):
+    for (environment, *_), members in groupby(experiments, key=lambda e: (e.environment, e.seed, e.layout)):
+        group = list(members)
         with progress.stage(f"load {environment}"):
-            scene = Scene(load_world(environment, seed))
+            scene = Scene(world_of(group[0]))
         for experiment in group:
             with progress.stage(f"look along {experiment.name}"):
                 found[experiment.name] = class_shares(experiment, scene=scene, workers=workers)

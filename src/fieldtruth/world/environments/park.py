@@ -3,37 +3,36 @@
 """The urban park (paper, 2.2.1): almost plane ground, two trails, trees, bushes, lamps, benches, tables, bins."""
 
 from collections.abc import Sequence
-from typing import Annotated, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
-from fieldtruth.experiment.rig import Frozen, Positive
+from fieldtruth.experiment.rig import Frozen, Number, Positive
 from fieldtruth.world.assembly import assemble
+from fieldtruth.world.environments.layout import Count, Individuals, Share, Size, Trails
 from fieldtruth.world.environments.park_beds import edge_beds, lay_beds
 from fieldtruth.world.environments.park_beyond import grow_beyond
 from fieldtruth.world.environments.park_garden import plant_trees, sow_herbs
 from fieldtruth.world.environments.park_ground import cover_ground
 from fieldtruth.world.furniture import make_bench, make_lamp_post, make_table, make_trash_bin
+from fieldtruth.world.grids import grid_axes
 from fieldtruth.world.model import Heightfield, World
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import Site, random_tint
 from fieldtruth.world.trails import Line, Trail
 
 Array = NDArray[np.float64]
-Count = Annotated[int, Field(ge=0, le=1000)]
-Share = Annotated[float, Field(ge=0, le=1)]
 BUSH_INDIVIDUALS: Final = 3  # of each kind
 
 
 class ParkConfig(Frozen):
     """How the park is laid out; the counts are those of the published world."""
 
-    size: tuple[Positive, Positive] = (100.0, 50.0)  # [m] along x (north) and y (west)
+    size: Size = (100.0, 50.0)  # [m] along x (north) and y (west)
     grid: Positive = 0.2  # [m] between the terrain's nodes
-    relief: float = 0.21  # [m], standard deviation of the ground's height
-    trails: tuple[tuple[tuple[float, float], ...], ...] = (
+    relief: Number = 0.21  # [m], standard deviation of the ground's height
+    trails: Trails = (
         ((-58, -7), (-33, -6), (-17, -3), (0, 3.5), (12, 8.5), (26, 12), (40, 14.5), (58, 20)),
         ((-31, 34), (-22, 18), (-12, 8), (-3.5, 1.2), (4, -6), (16, -12), (32, -15), (58, -18)),
     )  # [m]
@@ -46,7 +45,7 @@ class ParkConfig(Frozen):
     lamp_posts: Count = 15
     tables: Count = 11
     trash_bins: Count = 11
-    individuals: Annotated[int, Field(ge=1, le=32)] = 4  # of each common species and size
+    individuals: Individuals = 4  # of each common species and size
     herbs: Share = 1.0  # of the flowers and the long grass
     beyond: Share = 1.0  # of the trees and bushes on the land outside
 
@@ -77,14 +76,8 @@ def build_park(seed: int, corridors: Sequence[Line], config: ParkConfig | None =
     )
 
 
-def _axes(size: tuple[float, float], spacing: float) -> tuple[Array, Array]:
-    """Coordinates of grid nodes along x and y, both edges included."""
-    x, y = (np.linspace(-s / 2, s / 2, round(s / spacing) + 1) for s in size)
-    return x, y
-
-
 def _terrain(config: ParkConfig, rng: np.random.Generator) -> Heightfield:
-    x, y = _axes(config.size, config.grid)
+    x, y = grid_axes(config.size, config.grid)
     swell = fractal_noise(x, y, wavelength=46.0, octaves=3, rng=rng, gain=0.35)
     bumps = fractal_noise(x, y, wavelength=2.4, octaves=2, rng=rng)
     heights = config.relief * swell + 0.008 * bumps

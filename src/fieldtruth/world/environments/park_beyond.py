@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.world.backdrop import Land, height_beyond, make_backdrop, rolling_hills, strew_beyond
+from fieldtruth.world.grids import distance_beyond
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Mesh, Swarm, Terrain, merge_meshes
 from fieldtruth.world.placement import Site, random_tints, upright_poses
@@ -33,18 +34,13 @@ LIFT: Final = 0.015  # [m] of a trail above the land's triangles at the edge, an
 STEP: Final = 0.05  # [m] between the points of a trail's line
 
 
-def off_edge(size: tuple[float, float], x: Array, y: Array) -> Array:
-    """Distance [m] of places beyond the world's edge."""
-    return np.asarray(np.hypot(np.maximum(np.abs(x) - size[0] / 2, 0.0), np.maximum(np.abs(y) - size[1] / 2, 0.0)))
-
-
 def make_land(size: tuple[float, float], rng: np.random.Generator) -> tuple[Land, Land, Land]:
     """Rolling land, the same with the roofs of its woods, and how far places are inside a wood (above 0; no unit)."""
     hills = rolling_hills(size, rng, height=11.0)
     broad, crowns = _waves(110.0, 260.0, rng), _waves(6.0, 26.0, rng)
 
     def wood(x: Array, y: Array) -> Array:
-        off = off_edge(size, x, y)
+        off = distance_beyond(size, x, y)
         # Woods are islands near the park, and nearly everywhere at the horizon.
         thick = broad(x, y) - 0.35 + 2.0 * np.clip((off - 200.0) / 500.0, 0.0, 1.0)
         return np.asarray(np.minimum(thick, (off - WOODS_FROM) / 25.0))
@@ -88,7 +84,7 @@ def grow_beyond(site: Site, terrain: Terrain, share: float, rng: np.random.Gener
     if share > 0:
         near, far = (_individuals(name, detail, rng) for name, detail in (("near", NEAR_DETAIL), ("far", DETAIL)))
         rows = _rows(lines, share, rng)
-        off = off_edge(site.size, *rows.T)
+        off = distance_beyond(site.size, *rows.T)
         beyond += [
             _planted("avenues_near", near, rows[off < NEAR], ground, 0.1, rng),
             _planted("avenues_beyond", far, rows[off >= NEAR], ground, 0.1, rng),
@@ -155,7 +151,7 @@ def _ribbon(line: Line, low: float, high: float, material: str, size: tuple[floa
     faces = np.concatenate([np.stack([k, k + 2, k + 3], 1), np.stack([k, k + 3, k + 1], 1)])
     u, v = places[faces[:, 1]] - places[faces[:, 0]], places[faces[:, 2]] - places[faces[:, 0]]
     faces = faces[np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) > 1e-9]
-    height = ground(x, y) + LIFT + 0.001 * off_edge(size, x, y)
+    height = ground(x, y) + LIFT + 0.001 * distance_beyond(size, x, y)
     return Mesh(
         name=material,
         vertices=np.column_stack([x, y, height]).astype(np.float32),
@@ -188,7 +184,7 @@ def _rims(
     places = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
     places = places + rng.uniform(0.0, cell, places.shape)
     x, y = places.T
-    off = off_edge(size, x, y)
+    off = distance_beyond(size, x, y)
     inside = wood(x, y)
     rim = (inside < 0.1) & (inside > -0.16) & (off > WOODS_FROM - 6) & (off < WOODS_TO)
     lone = (inside <= -0.16) & (off > 70.0) & (off < 220.0) & (rng.random(len(places)) < 0.02)
@@ -260,4 +256,4 @@ def _groups(
     ]  # fmt: skip
 
 
-__all__ = ["grow_beyond", "make_land", "off_edge"]
+__all__ = ["grow_beyond", "make_land"]

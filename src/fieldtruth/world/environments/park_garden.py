@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from fieldtruth.world.environments.park_beds import Bed, bed_distance
+from fieldtruth.world.grids import grid_axes
 from fieldtruth.world.model import Mesh, Raster
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import CrowdedWorldError, Site, random_tint
@@ -164,7 +165,7 @@ def _feet(site: Site) -> Array:
 def _patches(size: tuple[float, float], wavelength: float, rng: np.random.Generator) -> Callable[[Array], Array]:
     """Noise of unit deviation over the world."""
     spacing = wavelength / 10
-    x, y = (np.linspace(-s / 2, s / 2, round(s / spacing) + 1) for s in size)
+    x, y = grid_axes(size, spacing)
     values = fractal_noise(x, y, wavelength=wavelength, octaves=3, rng=rng).astype(np.float32)
     raster = Raster(values=values, spacing=float(x[1] - x[0]), x0=float(x[0]), y0=float(y[0]))
     return lambda places: raster.at(*places.T)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.world.environments.park_beds import Bed, bed_distance
+from fieldtruth.world.grids import grid_axes
 from fieldtruth.world.model import Raster, Terrain
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import Site
@@ -18,7 +19,7 @@ Array = NDArray[np.float64]
 
 def cover_ground(site: Site, beds: Sequence[Bed], border_width: float, rng: np.random.Generator) -> Terrain:
     """Lawn, drier and worn in places, bare below old crowns, mulch in the beds, trails with a border of setts."""
-    x, y = (np.linspace(-s / 2, s / 2, round(s / 0.1) + 1) for s in site.size)
+    x, y = grid_axes(site.size, 0.1)
     distance = signed_distance(site.trails, x, y)
     patch = fractal_noise(x, y, wavelength=14.0, octaves=4, rng=rng, gain=0.6)
     fine = fractal_noise(x, y, wavelength=1.6, octaves=3, rng=rng, gain=0.7)
