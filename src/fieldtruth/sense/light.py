@@ -12,6 +12,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import convolve1d
 
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import Grid
@@ -34,6 +35,7 @@ BOUNCE: Final = np.array([0.10, 0.10, 0.05], np.float32)
 
 NO_SHADOW: Final = -2
 _PARITIES: Final = ((0, 0), (1, 1), (0, 1), (1, 0))
+_SPREAD: Final = (0.25, 0.5, 0.25)
 _STRIP: Final = 50  # rows, an even number
 _LEAVES_AT_ONCE: Final = 50_000
 _LEAF_LIFT: Final = 0.012  # [m], so that a folded leaf does not shade itself
@@ -107,7 +109,8 @@ def _ground_grid(
 ) -> Grid:
     """Visibility of ``directions`` on a grid over the terrain, strip by strip.
 
-    Each node looks in a quarter of the directions, and its neighbours in the others: read bilinearly, all count.
+    Each node looks in a quarter of the directions and its neighbours in the others; then each shares with them, so that
+    all directions count alike everywhere.
     """
     field, (length, width) = scene.world.terrain.field, scene.world.size
     x = np.arange(-length / 2, length / 2 + spacing / 2, spacing)
@@ -128,7 +131,10 @@ def _ground_grid(
 
     starts = range(0, len(x), _STRIP)
     strips = pool.map(strip, [x[start : start + _STRIP] for start in starts])
-    return Grid(np.concatenate(list(strips)), float(x[0]), float(y[0]), 1.0 / spacing)
+    seen = np.concatenate(list(strips))
+    for axis in (0, 1):
+        seen = convolve1d(seen, _SPREAD, axis=axis, mode="nearest")
+    return Grid(seen, float(x[0]), float(y[0]), 1.0 / spacing)
 
 
 def _vertex_sky(scene: Scene, pool: ThreadPoolExecutor) -> NDArray[np.float32]:

@@ -50,7 +50,7 @@ def take_aerial(scene: Scene, width: int) -> Aerial:
     )
     middle = float(np.mean(scene.world.terrain.field.heights))
     world_from_optical = frames.pose((0.0, 0.0, middle + HEIGHT), (180.0, 0.0, 0.0))
-    photo = _levelled(halved(Camera(config, scene).shoot(world_from_optical).photo, _SAMPLES))
+    photo = _levelled(halved(Camera(config, scene, gain=1.0).shoot(world_from_optical).photo, _SAMPLES))
     small = config.model_copy(update={"width": photo.shape[1], "height": photo.shape[0]})
     return Aerial(photo=photo, world_from_optical=world_from_optical, lens=pinhole(small))
 
