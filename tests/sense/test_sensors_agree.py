@@ -241,7 +241,10 @@ def test_object_ids_and_classes_are_those_of_the_worlds_objects(scene: Scene, vi
     world = scene.world
     labels = {name: {int(world.materials[m].label) for m in mesh.materials} for name, mesh in world.meshes.items()}
     allowed = {i.object_id: labels[i.mesh] for i in world.instances}
-    allowed |= {0: {int(Label.SKY)}, 1: {int(Label.GROUND), int(Label.TRAIL)}}
+    allowed |= {s.object_id: {label for name in s.meshes for label in labels[name]} for s in world.swarms}
+    assert world.backdrop is not None
+    land = {int(world.materials[name].label) for name in world.backdrop.materials}  # woods on it from afar are treetop
+    allowed |= {0: {int(Label.SKY)}, 1: {int(Label.GROUND), int(Label.TRAIL)} | land}
     for view in views:
         for image in (view.left, view.right):
             pairs = [divmod(int(p), 256) for p in np.unique(image.instance.astype(np.int64) * 256 + image.label)]
