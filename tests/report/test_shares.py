@@ -7,6 +7,7 @@ import pytest
 from report_worlds import EXPERIMENT, RIG, plain, small_park
 
 from fieldtruth.classes import CLASSES, Label
+from fieldtruth.experiment.config import Experiment
 from fieldtruth.report import shares as shares_module
 from fieldtruth.report.path import stand
 from fieldtruth.report.shares import ClassShares, class_shares, count_classes, shares_of, shares_table
@@ -46,15 +47,15 @@ def test_counts_do_not_depend_on_the_number_of_threads() -> None:
 def test_experiments_in_one_world_load_it_once(monkeypatch: pytest.MonkeyPatch) -> None:
     loaded = []
 
-    def load(environment: str, seed: int) -> object:
-        loaded.append((environment, seed))
+    def load(experiment: Experiment) -> object:
+        loaded.append((experiment.environment, experiment.seed, experiment.layout))
         return plain()
 
-    monkeypatch.setattr(shares_module, "load_world", load)
-    others = [EXPERIMENT.model_copy(update=values) for values in ({"name": "small_2"}, {"name": "other", "seed": 5})]
-    found = shares_of([EXPERIMENT, *others])
-    assert list(found) == ["small_1", "small_2", "other"]
-    assert loaded == [("park", 0), ("park", 5)]
+    monkeypatch.setattr(shares_module, "world_of", load)
+    changes = ({"name": "small_2"}, {"name": "other", "seed": 5}, {"name": "bare", "seed": 5, "layout": {"bushes": 0}})
+    found = shares_of([EXPERIMENT, *(EXPERIMENT.model_copy(update=values) for values in changes)])
+    assert list(found) == ["small_1", "small_2", "other", "bare"]
+    assert loaded == [("park", 0, {}), ("park", 5, {}), ("park", 5, {"bushes": 0})]
     np.testing.assert_array_equal(found["small_1"].pixels, found["other"].pixels)
 
 
