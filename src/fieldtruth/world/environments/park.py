@@ -47,7 +47,7 @@ class ParkConfig(Frozen):
     trash_bins: Count = 11
     individuals: Individuals = 4  # of each common species and size
     herbs: Share = 1.0  # of the flowers and the long grass
-    beyond: Share = 1.0  # of the trees and bushes on the land outside
+    beyond: Share = 0.7  # of the trees and bushes on the land outside
 
 
 def build_park(seed: int, corridors: Sequence[Line], config: ParkConfig | None = None) -> World:
