@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.world.model import Raster
+from fieldtruth.world.model import Mesh, Raster
 from fieldtruth.world.placement import Site
 from fieldtruth.world.plants import BUSHES, GRASSES, SPECIES, grow_bush, grow_clump, grow_tree
 
@@ -95,6 +95,23 @@ def strew_herbs(site: Site, config: "ForestConfig", glade: Raster, rng: np.rando
     def nettles(places: Array) -> Array:
         return np.clip(glade.at(places[:, 0], places[:, 1]) - 0.9, 0.0, 1.0) * (site.trail_distance(places) > 0.2)
 
+    grasses, fronds, patches = _clumps(rng)
+    site.strew(
+        "forest_grass", "high_grass", grasses, per_m2=config.grass_per_m2 / CLUMP_PER_M2, rng=rng, density=grass,
+        scales=(0.7, 1.25), tint=0.14, tilt=1.0,
+    )  # fmt: skip
+    site.strew(
+        "ferns", "fern", fronds, per_m2=config.ferns_per_m2 / FERNS_TOGETHER, rng=rng, density=ferns,
+        scales=(0.65, 1.2), tint=0.14, tilt=1.0, clear=0.5,
+    )  # fmt: skip
+    site.strew(
+        "nettles", "herb", patches, per_m2=0.35, rng=rng, density=nettles, scales=(0.7, 1.2), tint=0.12, tilt=1.0,
+        clear=0.5,
+    )  # fmt: skip
+
+
+def _clumps(rng: np.random.Generator) -> tuple[list[Mesh], list[Mesh], list[Mesh]]:
+    """Clumps of grass, of ferns and of nettles."""
     mixtures = {
         "grass": {GRASSES["forest"]: 0.9, GRASSES["sedge"]: 0.1},
         "nettles": {GRASSES["nettle"]: 0.7, GRASSES["forest"]: 0.3},
@@ -121,15 +138,4 @@ def strew_herbs(site: Site, config: "ForestConfig", glade: Raster, rng: np.rando
         )
         for k in range(6)
     ]  # fmt: skip
-    site.strew(
-        "forest_grass", "high_grass", grasses, per_m2=config.grass_per_m2 / CLUMP_PER_M2, rng=rng, density=grass,
-        scales=(0.7, 1.25), tint=0.14, tilt=1.0,
-    )  # fmt: skip
-    site.strew(
-        "ferns", "fern", fronds, per_m2=config.ferns_per_m2 / FERNS_TOGETHER, rng=rng, density=ferns,
-        scales=(0.65, 1.2), tint=0.14, tilt=1.0, clear=0.5,
-    )  # fmt: skip
-    site.strew(
-        "nettles", "herb", patches, per_m2=0.35, rng=rng, density=nettles, scales=(0.7, 1.2), tint=0.12, tilt=1.0,
-        clear=0.5,
-    )  # fmt: skip
+    return grasses, fronds, patches

@@ -14,10 +14,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.world.textures import ground, rocks, trees, undergrowth, woods, works
+from fieldtruth.world.textures import ground, rocks, trees, undergrowth, wild, woods, works
 from fieldtruth.world.textures.canvas import Recipe, finish
 
-_TABLES: Final = (ground, woods, trees, undergrowth, rocks, works)
+_TABLES: Final = (ground, wild, woods, trees, undergrowth, rocks, works)
 
 # Albedos in the visible: grass 0.05 to 0.13, bare soil 0.08 to 0.2, sand and gravel 0.2 to 0.4, concrete 0.3 to 0.4
 # (Oke, Boundary Layer Climates, 1987; ECOSTRESS spectral library for barks, leaves and stones).

@@ -22,7 +22,7 @@ from fieldtruth.world.textures.canvas import (
     stamps,
     strokes,
 )
-from fieldtruth.world.textures.ground import FINE, _dead_leaf, _dome, _pebbles
+from fieldtruth.world.textures.ground import FINE, dead_leaf, dome, strewn_stones
 
 _HUMUS: Final = [(44, 34, 26), (78, 62, 48)]
 
@@ -33,7 +33,7 @@ def needles(rng: Rng) -> Image:
     fallen = strokes(rng, FINE, count, (6.0, 20.0), 1.7, 0.12)
     sticks = strokes(rng, FINE, twigs, (40.0, 150.0), 4.0, 0.3)
     length = rng.uniform(12, 24, leaves)
-    dead = stamps(rng, FINE, length, length * rng.uniform(0.45, 0.7, leaves), _dead_leaf, rng.uniform(0.3, 1, leaves))
+    dead = stamps(rng, FINE, length, length * rng.uniform(0.45, 0.7, leaves), dead_leaf, rng.uniform(0.3, 1, leaves))
     sticks = sticks._replace(owner=sticks.owner + np.int32(count), height=np.minimum(0.5 + 0.5 * sticks.height, 1.0))
     relief = settle(FINE, [fallen, sticks, dead._replace(owner=dead.owner + np.int32(count + twigs))])
     tone = np.concatenate([rng.beta(2, 2, count), rng.uniform(0.1, 0.7, twigs), rng.beta(2, 2, leaves)])
@@ -68,13 +68,13 @@ def moss(rng: Rng) -> Image:
 def path(rng: Rng) -> Image:
     """Trodden earth of a forest's path: fine packed soil, small stones, some needles and crumbled leaves."""
     stones, fallen = 1_500, 5_500
-    pebbles = _pebbles(rng, stones, (1.2, 9.0), power=2.2, rise=(0.4, 1.0))
+    pebbles = strewn_stones(rng, stones, (1.2, 9.0), power=2.2, rise=(0.4, 1.0))
     dead = strokes(rng, FINE, fallen, (5.0, 16.0), 1.6, 0.12)
     relief = settle(FINE, [pebbles, dead._replace(owner=dead.owner + np.int32(stones), height=0.7 * dead.height)])
     tone = rng.beta(2, 2, stones + fallen).astype(np.float32)[relief.owner]
     lumps = noise(rng, FINE, 8, 120, slope=0.8)
     earth = mix([(78, 62, 48), (112, 92, 72), (138, 116, 92)], 0.5 + 0.15 * lumps + 0.1 * noise(rng, FINE, 80, 500))
-    stone = mix([(120, 112, 102), (158, 150, 138), (176, 168, 156)], tone) * (0.7 + 0.3 * _dome(relief))[..., None]
+    stone = mix([(120, 112, 102), (158, 150, 138), (176, 168, 156)], tone) * (0.7 + 0.3 * dome(relief))[..., None]
     needle = mix([(84, 60, 42), (128, 96, 68)], tone)
     colour = np.where((relief.owner >= stones)[..., None], needle, stone)
     colour = np.where((relief.owner < 0)[..., None], earth, colour)

@@ -1,0 +1,212 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Grounds that nobody tends: a lake's shore and a dry hillside, from near and from afar.
+
+A tile is 1.5 m of ground near by (scree 2.5 m).
+"""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.world.textures.canvas import (
+    Image,
+    Recipe,
+    Relief,
+    Rng,
+    Samples,
+    crevices,
+    even_out,
+    halve,
+    linear,
+    mix,
+    noise,
+    settle,
+    stamps,
+    strokes,
+)
+from fieldtruth.world.textures.ground import FINE, STRAW, TIRED, N, blades_over_soil, dome, stone_profile, strewn_stones
+
+
+def rough_grass(rng: Rng) -> Image:
+    """Grass that nobody mows: long blades that lie over each other, last year's straw, herbs' leaves, dark gaps."""
+    count = 15_000
+    patches = noise(rng, FINE, 3, 24, slope=0.8)
+    relief = settle(FINE, [strokes(rng, FINE, count, (16.0, 60.0), 3.0, 0.9)])
+    tone = rng.random(count).astype(np.float32)[relief.owner]
+    dead = rng.random(count).astype(np.float32)[relief.owner] < 0.24 * np.exp(0.4 * patches)
+    green = mix([(62, 76, 36), (88, 102, 48), (110, 120, 62), (136, 138, 82)], 0.8 * tone + 0.08 * patches + 0.1)
+    colour = np.where(dead[..., None], mix(STRAW, tone), green)
+    gaps = mix([(40, 36, 22), (72, 64, 40)], 0.5 + 0.2 * noise(rng, FINE, 20, 300))
+    colour = np.where((relief.owner < 0)[..., None], gaps, colour)
+    light = (0.32 + 0.72 * relief.height) * crevices(relief.height, 4.0, 0.8)
+    return even_out(halve(colour * light[..., None]))
+
+
+def mud(rng: Rng) -> Image:
+    """Wet mud at the water's edge: smooth silt with ripples, worm casts, bits of reed and a few drowned pebbles."""
+    ripple = noise(rng, N, 10, 40, slope=0.6, stretch=0.35)
+    grain = noise(rng, N, 60, 256, slope=0.2)
+    wet = noise(rng, N, 3, 30, slope=1.0)
+    silt = mix(
+        [(52, 46, 36), (76, 67, 52), (98, 87, 68), (118, 106, 84)], 0.5 + 0.12 * ripple + 0.1 * wet + 0.05 * grain
+    )
+    pieces = 240
+    length = rng.gamma(2.0, 5.0, pieces).clip(3, 34)
+    reed = stamps(rng, N, length, rng.uniform(0.7, 1.6, pieces), lambda a, b, _: 1 - b**2 - 0.2 * a**2, 1.0)
+    relief = settle(N, [reed])
+    straw = mix([(96, 82, 58), (140, 122, 88), (170, 154, 118)], rng.random(pieces).astype(np.float32)[relief.owner])
+    colour = np.where((relief.owner < 0)[..., None], silt, straw * np.float32(0.8))
+    return even_out(colour * crevices(0.12 * ripple + (relief.owner >= 0), 2.0, 0.5)[..., None])
+
+
+def pebbles(rng: Rng) -> Image:
+    """A beach of rounded pebbles of 1 to 7 cm, washed, with coarse sand between them."""
+    count = 9_000
+    relief = settle(FINE, [strewn_stones(rng, count, (3.0, 24.0), power=1.5, rise=(0.2, 1.0))])
+    sand = mix([(112, 100, 80), (150, 136, 112), (178, 164, 138)], 0.5 + 0.25 * noise(rng, FINE, 60, 500, slope=0.2))
+    tones = linear([(150, 144, 134), (176, 168, 154), (118, 112, 106), (196, 188, 174), (150, 128, 106), (98, 94, 92)])
+    kind, bright = (
+        rng.choice(len(tones), count, p=[0.28, 0.22, 0.18, 0.1, 0.13, 0.09]),
+        rng.normal(1, 0.14, count).clip(0.6, 1.5),
+    )
+    stone = (tones[kind] * bright[:, None]).astype(np.float32)[relief.owner]
+    stone = stone * (0.62 + 0.38 * dome(relief) + 0.05 * noise(rng, FINE, 60, 400, slope=0.3))[..., None]
+    colour = np.where((relief.owner < 0)[..., None], sand * np.float32(0.8), stone)
+    return even_out(halve(colour * crevices(relief.height, 4.0, 0.8)[..., None]))
+
+
+def water(rng: Rng) -> Image:
+    """What a lake scatters back from below its surface: murky green and brown, in slow clouds."""
+    n = 128
+    cloud = 0.5 + 0.12 * noise(rng, n, 2, 12, slope=0.8)
+    return np.asarray(mix([(38, 44, 30), (46, 54, 38), (54, 60, 40)], cloud), np.float32)
+
+
+def turf_dry(rng: Rng) -> Image:
+    """Turf of a dry mountain in summer: bleached stalks with soil and pebbles between them."""
+    grass = blades_over_soil(
+        rng, blades=17_000, straw=0.93, clover=1, greens=TIRED, earth=((92, 70, 46), (150, 122, 86))
+    )
+    relief = settle(FINE, [strewn_stones(rng, 500, (2.0, 11.0), power=1.7, rise=(0.3, 0.9))])
+    tone = rng.random(500).astype(np.float32)[relief.owner]
+    stone = mix([(96, 86, 72), (130, 120, 104), (148, 138, 122)], tone) * (0.6 + 0.4 * dome(relief))[..., None]
+    bare = np.clip(noise(rng, FINE, 3, 40, slope=0.8) * 1.5 - 0.2, 0, 1)
+    shown = halve(((relief.owner >= 0) * bare)[..., None].astype(np.float32))
+    return even_out(np.asarray(grass * (1 - shown) + halve(stone) * shown, np.float32))
+
+
+_OCHRE = [(108, 84, 58), (148, 120, 86), (176, 148, 110)]
+
+
+def soil_stony(rng: Rng) -> Image:
+    """Thin dry soil of a hillside: ochre dust, full of angular stones up to 8 cm."""
+    count = 9_000
+    relief = settle(FINE, [_shards(rng, count, (1.5, 26.0), power=1.75)])
+    dust = mix(_OCHRE, 0.5 + 0.2 * noise(rng, FINE, 4, 60, slope=0.9) + 0.12 * noise(rng, FINE, 60, 500, slope=0.2))
+    colour = np.where((relief.owner < 0)[..., None], dust, _shard_colour(rng, relief, count))
+    return even_out(halve(np.asarray(colour * crevices(relief.height, 3.0, 0.6)[..., None], np.float32)))
+
+
+def scree(rng: Rng) -> Image:
+    """Broken limestone that covers the ground, splinters of 1 to 20 cm one over the other."""
+    count = 30_000
+    relief = settle(FINE, [_shards(rng, count, (2.0, 42.0), power=1.9)])
+    dust = mix(_OCHRE, 0.35 + 0.2 * noise(rng, FINE, 4, 60, slope=0.9)) * np.float32(0.7)
+    colour = np.where((relief.owner < 0)[..., None], dust, _shard_colour(rng, relief, count))
+    light = (0.55 + 0.45 * relief.height) * crevices(relief.height, 5.0, 0.7)
+    return even_out(halve(np.asarray(colour * light[..., None], np.float32)))
+
+
+def _shards(rng: Rng, count: int, radius: tuple[float, float], *, power: float) -> Samples:
+    """Splinters with straight sides, N(>r) falling as r^-power; large ones lie on top."""
+    low, high = radius[0] ** -power, radius[1] ** -power
+    size = (low + rng.random(count) * (high - low)) ** (-1 / power)
+    turn = (np.arange(6) / 6 * 2 * np.pi + rng.uniform(-0.5, 0.5, (count, 6))).astype(np.float32)
+    reach = rng.uniform(0.55, 0.95, (count, 6)).astype(np.float32)
+
+    def profile(a: Image, b: Image, rows: NDArray[np.intp]) -> Image:
+        edge = np.full(a.shape, 1.0, np.float32)
+        for k in range(6):
+            edge = np.minimum(edge, 1 - (a * np.cos(turn[rows, k]) + b * np.sin(turn[rows, k])) / reach[rows, k])
+        return np.asarray(np.where(edge > 0, np.minimum(1, 0.35 + 3 * edge), -1), np.float32)
+
+    top = 0.25 + 0.7 * (size - radius[0]) / (radius[1] - radius[0]) + 0.25 * rng.random(count)
+    return stamps(rng, FINE, size, size * rng.uniform(0.55, 0.95, count), profile, np.minimum(top, 1.0))
+
+
+def _shard_colour(rng: Rng, relief: Relief, count: int) -> Image:
+    """Each splinter's own tone, and its own light as its face leans."""
+    tone, lean, turn = rng.random(count), rng.uniform(0.05, 0.3, count), rng.uniform(0, 2 * np.pi, count)
+    across = np.cos(turn)[relief.owner] * relief.a + np.sin(turn)[relief.owner] * relief.b
+    light = 1 + lean[relief.owner] * across + 0.07 * noise(rng, FINE, 40, 400, slope=0.4)
+    stone = mix(
+        [(118, 102, 82), (154, 138, 114), (182, 167, 142), (164, 132, 96)], tone.astype(np.float32)[relief.owner]
+    )
+    return np.asarray(stone * light[..., None], np.float32)
+
+
+def hillslope(rng: Rng) -> Image:
+    """Dry slope at some distance: straw on ochre soil, tufts, strewn stones; one pixel is 2.3 cm."""
+    patch, fine = noise(rng, N, 3, 30, slope=0.8), noise(rng, N, 30, 256, slope=0.35)
+    straw = mix([(126, 108, 72), (160, 142, 98), (182, 166, 122)], 0.5 + 0.2 * fine)
+    soil = mix(_OCHRE, 0.45 + 0.16 * fine)
+    share = np.clip(0.55 + 0.9 * patch + 0.5 * fine, 0, 1)[..., None]
+    count = 2_400
+    size = (1.2**-1.8 + rng.random(count) * (13.0**-1.8 - 1.2**-1.8)) ** (-1 / 1.8)
+    lumps = rng.uniform(0, 2 * np.pi, (count, 4)).astype(np.float32)
+    things = settle(
+        N, [stamps(rng, N, size, size * rng.uniform(0.6, 1, count), stone_profile(lumps), rng.uniform(0.3, 1, count))]
+    )
+    kind = rng.random(count).astype(np.float32)[things.owner]
+    tuft = mix([(96, 92, 56), (136, 124, 78), (168, 150, 102)], kind / 0.5 + 0.1 * fine)
+    stone = mix([(130, 116, 96), (164, 150, 128), (184, 170, 148)], (kind - 0.5) / 0.5)
+    thing = np.where((kind < 0.5)[..., None], tuft, stone) * (0.66 + 0.34 * things.height)[..., None]
+    ground = (straw * share + soil * (1 - share)) * crevices(things.height, 1.5, 0.45)[..., None]
+    return even_out(np.asarray(np.where((things.owner >= 0)[..., None], thing, ground), np.float32), cycles=5)
+
+
+def garrigue(rng: Rng) -> Image:
+    """Dry mountainside from afar: straw and bare ochre, pale rocks, dark dots of shrubs; one pixel is 8 cm."""
+    patch, fine = noise(rng, N, 4, 50, slope=0.9), noise(rng, N, 40, 256, slope=0.3)
+    colour = mix([(128, 108, 76), (160, 142, 100), (176, 160, 118), (188, 174, 138)], 0.5 + 0.16 * patch + 0.08 * fine)
+    count = 1_500
+    size = rng.gamma(3.0, 1.0, count).clip(1.2, 8)
+    shrubs = settle(N, [stamps(rng, N, size, size * rng.uniform(0.7, 1, count), stone_profile(
+        rng.uniform(0, 2 * np.pi, (count, 4)).astype(np.float32)), rng.uniform(0.3, 1, count))])  # fmt: skip
+    kind = rng.random(count).astype(np.float32)[shrubs.owner]
+    green = mix([(58, 64, 38), (84, 88, 52), (110, 108, 70)], kind / 0.72) * (0.6 + 0.4 * shrubs.height)[..., None]
+    stone = mix([(150, 144, 132), (190, 184, 172)], (kind - 0.72) / 0.28) * (0.7 + 0.3 * shrubs.height)[..., None]
+    thing = np.where((kind < 0.72)[..., None], green, stone)
+    colour = np.where((shrubs.owner >= 0)[..., None], thing, colour * crevices(shrubs.height, 2.0, 0.5)[..., None])
+    return even_out(np.asarray(colour, np.float32), cycles=5)
+
+
+def crags(rng: Rng) -> Image:
+    """Bare rock of a mountain from afar, broken by ledges and gullies; one pixel is 8 cm."""
+    grain, patch = noise(rng, N, 20, 256, slope=0.6), noise(rng, N, 4, 60, slope=1.0)
+    beds = noise(rng, N, 6, 120, slope=0.9, stretch=0.25)
+    crack = sum(np.exp(-((noise(rng, N, low, 8 * low, slope=0.9) / 0.12) ** 2)) for low in (5, 12))
+    rock = mix([(112, 104, 92), (150, 142, 128), (182, 174, 160)], 0.5 + 0.13 * grain + 0.13 * patch + 0.1 * beds)
+    rock *= (1 - 0.3 * np.minimum(crack, 1))[..., None]
+    ledge = np.clip(noise(rng, N, 8, 90, slope=0.7) - 0.9, 0, 1)[..., None]
+    return even_out(np.asarray(rock * (1 - ledge) + linear((122, 112, 74)) * ledge, np.float32), cycles=5)
+
+
+RECIPES: Final[Mapping[str, Recipe]] = MappingProxyType(
+    {
+        "turf_dry": Recipe(turf_dry, (0.242, 0.200, 0.108)),
+        "soil_stony": Recipe(soil_stony, (0.182, 0.136, 0.090)),
+        "scree": Recipe(scree, (0.215, 0.186, 0.146)),
+        "hillslope": Recipe(hillslope, (0.205, 0.163, 0.098)),
+        "garrigue": Recipe(garrigue, (0.185, 0.153, 0.092)),
+        "crags": Recipe(crags, (0.200, 0.175, 0.134)),
+        "rough_grass": Recipe(rough_grass, (0.095, 0.110, 0.038)),
+        "mud": Recipe(mud, (0.085, 0.068, 0.046)),
+        "water": Recipe(water, (0.024, 0.031, 0.021)),
+        "pebbles": Recipe(pebbles, (0.220, 0.195, 0.160)),
+    }
+)
