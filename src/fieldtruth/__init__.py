@@ -48,7 +48,8 @@ if TYPE_CHECKING:
     )
     from fieldtruth.experiment.route import random_route, route_from_metres, route_yaml
     from fieldtruth.pipeline import generate
-    from fieldtruth.record.read import BagError, Reading, count_messages, read_bag
+    from fieldtruth.record.read import Reading, count_messages, read_bag
+    from fieldtruth.record.stored import BagError
     from fieldtruth.report.preview import preview
     from fieldtruth.report.progress import Progress, show_progress
     from fieldtruth.report.shares import ClassShares, class_shares
@@ -68,7 +69,8 @@ _HOMES: Final = {
     "experiment.rig": "OPTICAL CameraConfig GnssConfig ImuConfig LidarConfig Mount Rig TachometerConfig WheelConfig",
     "experiment.route": "random_route route_from_metres route_yaml",
     "pipeline": "generate",
-    "record.read": "BagError Reading count_messages read_bag",
+    "record.read": "Reading count_messages read_bag",
+    "record.stored": "BagError",
     "report.preview": "preview",
     "report.progress": "Progress show_progress",
     "report.shares": "ClassShares class_shares",

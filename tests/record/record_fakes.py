@@ -121,6 +121,8 @@ class FakeScan:
 class FakePicture:
     photo: NDArray[np.uint8]
     label: NDArray[np.uint8]
+    instance: NDArray[np.uint16]
+    depth: NDArray[np.float32]
 
 
 class FakeScene:
@@ -165,6 +167,8 @@ class FakeCamera:
         return FakePicture(
             photo=np.repeat((shade.astype(int) % 200).astype(np.uint8)[..., None], 3, axis=-1),
             label=np.broadcast_to(label, (height, width)),
+            instance=np.broadcast_to(label.astype(np.uint16) * 300, (height, width)),
+            depth=(shade % 50).astype(np.float32),
         )
 
 

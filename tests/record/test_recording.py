@@ -27,7 +27,6 @@ from fieldtruth.errors import UnknownNameError
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, LidarConfig, Rig
 from fieldtruth.record import topics
 from fieldtruth.record.read import (
-    BagError,
     Reading,
     count_messages,
     image,
@@ -38,6 +37,7 @@ from fieldtruth.record.read import (
     stamp_ns,
     static_transforms,
 )
+from fieldtruth.record.stored import BagError
 from fieldtruth.record.streams import Sensors, streams_of
 from fieldtruth.record.topics import SIDES, TOPICS
 
@@ -95,12 +95,24 @@ def test_topics_types_and_counts(bag: Path) -> None:
 
 
 def test_the_table_states_the_same_rates() -> None:
-    assert {t.name: t.rate_hz(Rig()) for t in TOPICS if t.rate_hz} == {t: rate for t, (_, rate) in SPEC.items()}
+    table = topics.topics_of(Rig())
+    assert {t.name: t.rate_hz(Rig()) for t in table if t.rate_hz} == {t: rate for t, (_, rate) in SPEC.items()}
+
+
+def test_extras_have_topics_when_they_are_asked_for() -> None:
+    plain = {t.name for t in topics.topics_of(Rig())}
+    rig = Rig(cameras=CameraConfig(depth=True, instances=True))
+    assert {t.name for t in topics.topics_of(rig)} - plain == {
+        f"/stereo/camera/{side}/{extra}" for side in SIDES for extra in ("depth", "instances")
+    }
+    assert topics.topics_of(rig) == TOPICS
+    blind = Rig(cameras=CameraConfig(enabled=False, depth=True, instances=True))
+    assert not any("camera" in t.name for t in topics.topics_of(blind))
 
 
 def test_definitions_are_in_the_bag_and_tf_static_is_latched(bag: Path) -> None:
     with Reader(bag) as reader:
-        assert len(reader.connections) == len(TOPICS)
+        assert len(reader.connections) == len(topics.topics_of(Rig()))
         for connection in reader.connections:
             assert connection.msgdef.data.strip()
             latching = getattr(connection.ext, "latching", None)
@@ -205,7 +217,7 @@ def test_a_disabled_sensor_has_no_topic(tmp_path: Path, rig: Rig, gone: str) -> 
     slices.make(1)
     slices.join(tmp_path / "x.bag")
     counts = count_messages(tmp_path / "x.bag")
-    assert counts.keys() == {t.name for t in TOPICS if not t.name.startswith(gone)}
+    assert counts.keys() == {t.name for t in topics.topics_of(Rig()) if not t.name.startswith(gone)}
     assert all(counts.values())
 
 

@@ -12,7 +12,7 @@ from record_fakes import make_experiment, make_slices
 
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.read import count_messages, read_bag
-from fieldtruth.record.topics import TOPICS
+from fieldtruth.record.topics import topics_of
 
 PYTHON = "/usr/bin/python3"
 
@@ -72,7 +72,7 @@ def test_reads_every_message_of_every_topic(bag: Path) -> None:
 
 def test_info_lists_the_topics_with_their_types(bag: Path) -> None:
     text = run("rosbag", "info", str(bag))
-    for topic in TOPICS:
+    for topic in topics_of(Rig()):
         line = next(line for line in text.splitlines() if f" {topic.name} " in line)
         assert line.split(":")[-1].strip() == topic.msgtype.replace("/msg/", "/")
     assert "lz4" in text

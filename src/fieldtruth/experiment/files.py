@@ -3,6 +3,7 @@
 """Experiments as files: read one, change a value, write down the effective whole so that it can be run again."""
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,6 +20,9 @@ VERSION_KEY: Final = "fieldtruth"
 """Key of the version that wrote a file; a file written by hand need not have it."""
 
 LARGEST_FILE: Final = 4 << 20  # [byte]; 50,000 way-points, and no bag read by mistake
+
+EXTRAS: Final = ("depth", "instances")
+"""What a camera can publish beside photograph and tag."""
 
 HEADER: Final = """\
 # The whole input of this data set: running it again gives the same bag.
@@ -64,6 +68,7 @@ def with_overrides(
     seed: int | None = None,
     cameras: bool | None = None,
     lidar: bool | None = None,
+    extras: Sequence[str] | None = None,
 ) -> Experiment:
     """Return a copy with other values, checked anew; None keeps what the experiment says.
 
@@ -73,15 +78,22 @@ def with_overrides(
         seed: of everything random.
         cameras: whether the stereo pair is there.
         lidar: whether the LiDAR is there.
+        extras: what each camera publishes beside photograph and tag, of ``EXTRAS``; the others are off.
 
     Raises:
         ConfigurationError: a value that is not allowed.
+        UnknownNameError: an extra that there is not.
     """
     values: dict[str, Any] = experiment.model_dump()
     values |= {key: value for key, value in (("seconds", seconds), ("seed", seed)) if value is not None}
     for sensor, enabled in (("cameras", cameras), ("lidar", lidar)):
         if enabled is not None:
             values["rig"][sensor]["enabled"] = enabled
+    if extras is not None:
+        for name in extras:
+            if name not in EXTRAS:
+                raise UnknownNameError("extra", name, EXTRAS)
+        values["rig"]["cameras"] |= {name: name in extras for name in EXTRAS}
     return _validated(values, "")
 
 

@@ -67,6 +67,8 @@ class CameraConfig(Frozen):
     vertical_fov_deg: Annotated[Number, Field(gt=1, lt=170)] = 42.0
     far: Reach = 2000.0  # [m]; farther is sky
     jpeg_quality: Annotated[Whole, Field(ge=1, le=100)] = 90
+    depth: Switch = False
+    instances: Switch = False
     left: Mount = Mount(xyz=(0.15, 0.06, 0.720), rpy_deg=(0.0, 90.0, 0.0))
     right: Mount = Mount(xyz=(0.15, -0.06, 0.720), rpy_deg=(0.0, 90.0, 0.0))
 

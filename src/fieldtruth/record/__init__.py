@@ -4,7 +4,6 @@
 
 from fieldtruth.record.bag import BagWriter
 from fieldtruth.record.read import (
-    BagError,
     Reading,
     count_messages,
     image,
@@ -16,6 +15,7 @@ from fieldtruth.record.read import (
     static_transforms,
 )
 from fieldtruth.record.slices import Slices
+from fieldtruth.record.stored import BagError
 from fieldtruth.record.streams import Sensors, Stream, streams_of
 from fieldtruth.record.topics import TOPICS, Topic, topics_of
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """From scans and pictures to messages: PointCloud2, CompressedImage, Image and CameraInfo."""
 
-from typing import Final, Literal, Protocol
+from typing import Any, Final, Literal, Protocol
 
 import numpy as np
 import simplejpeg
@@ -104,6 +104,25 @@ def tag(seq: int, stamp_ns: int, side: Side, label: NDArray[np.uint8]) -> bytes:
     head = ros.header(seq, stamp_ns, optical_frame(side))
     flat = np.take(PALETTE, label, axis=0)  # a fifth of the time of PALETTE[label], and that with the GIL held
     message = Image(head, height, width, "rgb8", 0, 3 * width, flat.reshape(-1))
+    return ros.serialize(message, "sensor_msgs/msg/Image")
+
+
+def depth(seq: int, stamp_ns: int, side: Side, metres: NDArray[np.float32]) -> bytes:
+    """sensor_msgs/Image, 32FC1 (REP-118): metres (h, w) along the optical axis, infinite where the sky is (0 there)."""
+    far = np.where(metres > 0.0, metres, np.float32(np.inf)).astype("<f4", copy=False)
+    return _plain(seq, stamp_ns, side, "32FC1", far)
+
+
+def instances(seq: int, stamp_ns: int, side: Side, instance: NDArray[np.uint16]) -> bytes:
+    """sensor_msgs/Image, 16UC1: object ids (h, w) as in the cloud's ``instance``; 0 where the sky is."""
+    return _plain(seq, stamp_ns, side, "16UC1", instance.astype("<u2", copy=False))
+
+
+def _plain(seq: int, stamp_ns: int, side: Side, encoding: str, pixels: NDArray[Any]) -> bytes:
+    height, width = pixels.shape
+    head = ros.header(seq, stamp_ns, optical_frame(side))
+    data = np.ascontiguousarray(pixels).reshape(-1).view(np.uint8)
+    message = Image(head, height, width, encoding, 0, pixels.itemsize * width, data)
     return ros.serialize(message, "sensor_msgs/msg/Image")
 
 

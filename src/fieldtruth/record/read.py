@@ -9,19 +9,12 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
-from rosbags.interfaces import Connection
-from rosbags.rosbag1 import Reader, ReaderError
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from rosbags.typesys.store import Typestore
 
 from fieldtruth import frames
-from fieldtruth.errors import FieldtruthError, UnknownNameError
+from fieldtruth.classes import PALETTE
 from fieldtruth.record import topics as table
 from fieldtruth.record.ros import F8
-
-
-class BagError(FieldtruthError):
-    """A file that is no readable bag."""
+from fieldtruth.record.stored import BagError, decoder, open_stored
 
 
 class Reading(NamedTuple):
@@ -43,13 +36,10 @@ def read_bag(path: Path, topics: Sequence[str] = ()) -> Iterator[Reading]:
         BagError: no such file, or it is no bag.
         UnknownNameError: a topic that the bag does not have.
     """
-    try:
-        with Reader(path) as reader:
-            store = _store_for(reader)
-            for connection, stamp_ns, data in reader.messages(_chosen(reader, topics)):
-                yield Reading(stamp_ns, connection.topic, store.deserialize_ros1(data, connection.msgtype))
-    except (ReaderError, OSError) as error:
-        raise BagError(f"cannot read {path}: {error}") from error
+    with open_stored(path) as bag:
+        decode = decoder(bag)
+        for raw in bag.messages(topics):
+            yield Reading(raw.stamp_ns, raw.topic, decode(raw))
 
 
 def count_messages(path: Path) -> dict[str, int]:
@@ -58,11 +48,8 @@ def count_messages(path: Path) -> dict[str, int]:
     Raises:
         BagError: no such file, or it is no bag.
     """
-    try:
-        with Reader(path) as reader:
-            return {topic: info.msgcount for topic, info in reader.topics.items()}
-    except (ReaderError, OSError) as error:
-        raise BagError(f"cannot read {path}: {error}") from error
+    with open_stored(path) as bag:
+        return dict(bag.counts)
 
 
 def static_transforms(path: Path) -> dict[tuple[str, str], F8]:
@@ -101,14 +88,56 @@ def points(cloud: Any) -> NDArray[np.void]:
 
 
 def image(message: Any) -> NDArray[np.uint8]:
-    """(h, w, 3) RGB of a sensor_msgs/Image (rgb8) or a sensor_msgs/CompressedImage (JPEG)."""
+    """(h, w, 3) RGB of a sensor_msgs/Image (rgb8, bgr8, 8UC3) or a sensor_msgs/CompressedImage (JPEG).
+
+    8UC3 names no order of colours; Gazebo's cameras, and the published data set, mean blue first by it.
+
+    Raises:
+        BagError: another encoding, or bytes that are no image.
+    """
     if hasattr(message, "format"):
-        photo: NDArray[np.uint8] = simplejpeg.decode_jpeg(message.data.tobytes(), "RGB")
+        try:
+            photo: NDArray[np.uint8] = simplejpeg.decode_jpeg(message.data, "RGB")
+        except ValueError as error:
+            raise BagError(f"a compressed image ({message.format!r}) is no JPEG: {error}") from error
         return photo
-    if message.encoding != "rgb8":
-        raise ValueError(f"image is {message.encoding!r}; only rgb8 can be read")
-    rows: NDArray[np.uint8] = np.asarray(message.data).reshape(message.height, message.step)
-    return rows[:, : 3 * message.width].reshape(message.height, message.width, 3)
+    if message.encoding not in _COLOUR_ORDER:
+        raise BagError(f"image is {message.encoding!r}; only {', '.join(_COLOUR_ORDER)} can be read")
+    colours: NDArray[np.uint8] = _pixels(message, np.dtype("u1"), 3)[..., _COLOUR_ORDER[message.encoding]]
+    return colours
+
+
+def depth(message: Any) -> NDArray[np.float32]:
+    """(h, w) metres along the optical axis of a sensor_msgs/Image, 32FC1; infinite where nothing is (REP-118)."""
+    if message.encoding != "32FC1":
+        raise BagError(f"depth is {message.encoding!r}; only 32FC1 can be read")
+    metres: NDArray[np.float32] = _pixels(message, np.dtype("<f4"))
+    return metres
+
+
+def instances(message: Any) -> NDArray[np.uint16]:
+    """(h, w) object ids of a sensor_msgs/Image, 16UC1; 0 where nothing is."""
+    if message.encoding not in ("16UC1", "mono16"):
+        raise BagError(f"instances are {message.encoding!r}; only 16UC1 can be read")
+    ids: NDArray[np.uint16] = _pixels(message, np.dtype("<u2"))
+    return ids
+
+
+def labels(tag_image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Class ids (h, w) of a tag image (h, w, 3).
+
+    Raises:
+        BagError: a colour that no class has; says which and where.
+    """
+    code = (tag_image.astype(np.uint32) @ _RADIX).astype(np.uint32)
+    slot = code * _HASH >> np.uint32(32 - _HASH_BITS)
+    found = _SLOTS[slot]
+    if (bad := _CODES[found] != code).any():
+        row, column = np.argwhere(bad)[0]
+        colour = " ".join(map(str, tag_image[row, column]))
+        raise BagError(f"tag image: pixel in row {row}, column {column} has the colour {colour}, which no class has")
+    label: NDArray[np.uint8] = found
+    return label
 
 
 def stamp_ns(header: Any) -> int:
@@ -116,20 +145,39 @@ def stamp_ns(header: Any) -> int:
     return int(header.stamp.sec) * 10**9 + int(header.stamp.nanosec)
 
 
+def _pixels(message: Any, dtype: np.dtype[Any], channels: int = 1) -> NDArray[Any]:
+    """(h, w) or (h, w, channels) of an image's rows, which may be longer than the image is wide."""
+    if message.is_bigendian and dtype.itemsize > 1:
+        dtype = dtype.newbyteorder(">")
+    length = message.width * channels * dtype.itemsize
+    if message.step < length or len(message.data) != message.height * message.step:
+        raise BagError(
+            f"image of {message.width} x {message.height} {message.encoding} holds {len(message.data)} bytes"
+        )
+    rows = np.asarray(message.data).reshape(message.height, message.step)[:, :length]
+    values = np.ascontiguousarray(rows).view(dtype).reshape(message.height, message.width, channels)
+    return values[..., 0] if channels == 1 else values
+
+
+def _perfect_hash() -> tuple[np.uint32, NDArray[np.uint8]]:
+    """Find a multiplier that sends the colours of all classes to slots of their own, and the class in each slot."""
+    codes = _CODES[1:]
+    for multiplier in np.random.default_rng(0).integers(1, 2**32, 10_000, np.uint32) | np.uint32(1):
+        slots = codes * multiplier >> np.uint32(32 - _HASH_BITS)
+        if len(np.unique(slots)) == len(codes):
+            table = np.zeros(1 << _HASH_BITS, np.uint8)
+            table[slots] = np.arange(1, len(_CODES))
+            return multiplier, table
+    raise AssertionError("no multiplier keeps the colours apart")
+
+
+_COLOUR_ORDER: Final = {"rgb8": slice(None), "bgr8": slice(None, None, -1), "8UC3": slice(None, None, -1)}
+_RADIX: Final = np.array([1, 256, 65536], np.uint32)
+_CODES: Final[NDArray[np.uint32]] = (PALETTE.astype(np.uint32) @ _RADIX).astype(np.uint32)
+_CODES[0] = 0xFF000000  # void has no colour
+_HASH_BITS: Final = 8
+_HASH, _SLOTS = _perfect_hash()
+
+
 def _matrix(xyz: Any, q: Any) -> F8:
     return frames.pose_from_quaternion_wxyz([xyz.x, xyz.y, xyz.z], [q.w, q.x, q.y, q.z])
-
-
-def _chosen(reader: Reader, topics: Sequence[str]) -> list[Connection]:
-    for topic in topics:
-        if topic not in reader.topics:
-            raise UnknownNameError("topic", topic, reader.topics)
-    return [c for c in reader.connections if not topics or c.topic in topics]
-
-
-def _store_for(reader: Reader) -> Typestore:
-    """Return the types as the bag itself defines them."""
-    store = get_typestore(Stores.EMPTY)
-    for msgtype, definition in {c.msgtype: c.msgdef.data for c in reader.connections}.items():
-        store.register(get_types_from_msg(definition, msgtype))
-    return store

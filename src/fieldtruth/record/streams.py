@@ -20,12 +20,16 @@ from fieldtruth.world.model import World
 
 
 class Picture(Protocol):
-    """What a camera hands over: ``photo`` (h, w, 3) RGB and ``label`` (h, w) of the same pixels."""
+    """What a camera hands over: ``photo`` (h, w, 3) RGB, and ``label``, ``instance``, ``depth`` (h, w)."""
 
     @property
     def photo(self) -> NDArray[np.uint8]: ...  # noqa: D102
     @property
     def label(self) -> NDArray[np.uint8]: ...  # noqa: D102
+    @property
+    def instance(self) -> NDArray[np.uint16]: ...  # noqa: D102
+    @property
+    def depth(self) -> NDArray[np.float32]: ...  # noqa: D102
 
 
 class Lidar(Protocol):
@@ -125,5 +129,11 @@ def _camera(track: Track, rig: Rig, side: images.Side) -> Stream:
         yield images.camera_info(k, stamps[k], side, config)
         yield images.photograph(k, stamps[k], side, picture.photo, config.jpeg_quality)
         yield images.tag(k, stamps[k], side, picture.label)
+        if config.depth:
+            yield images.depth(k, stamps[k], side, picture.depth)
+        if config.instances:
+            yield images.instances(k, stamps[k], side, picture.instance)
 
-    return Stream((topics.camera_info(side), topics.photograph(side), topics.tag(side)), stamps, shoot)
+    names = [topics.camera_info(side), topics.photograph(side), topics.tag(side)]
+    names += [topics.depth(side)] * config.depth + [topics.instances(side)] * config.instances
+    return Stream(tuple(names), stamps, shoot)

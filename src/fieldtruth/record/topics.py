@@ -32,7 +32,7 @@ class Topic(NamedTuple):
     name: str
     msgtype: str
     rate_hz: Callable[[Rig], float] | None
-    sensor: Literal["robot", "lidar", "cameras"] = "robot"
+    sensor: Literal["robot", "lidar", "cameras", "depth", "instances"] = "robot"
 
     @property
     def latched(self) -> bool:
@@ -41,7 +41,14 @@ class Topic(NamedTuple):
 
     def exists(self, rig: Rig) -> bool:
         """Whether this rig publishes it."""
-        return {"robot": True, "lidar": rig.lidar.enabled, "cameras": rig.cameras.enabled}[self.sensor]
+        cameras = rig.cameras
+        return {
+            "robot": True,
+            "lidar": rig.lidar.enabled,
+            "cameras": cameras.enabled,
+            "depth": cameras.enabled and cameras.depth,
+            "instances": cameras.enabled and cameras.instances,
+        }[self.sensor]
 
 
 def camera_info(side: str) -> str:
@@ -59,11 +66,27 @@ def tag(side: str) -> str:
     return f"/stereo/camera/{side}/tag/img_raw"
 
 
+def depth(side: str) -> str:
+    """Topic of a camera's depth images: metres along the optical axis, 32FC1."""
+    return f"/stereo/camera/{side}/depth"
+
+
+def instances(side: str) -> str:
+    """Topic of a camera's object ids, 16UC1: rows of /gazebo/model_states, as the cloud's ``instance``."""
+    return f"/stereo/camera/{side}/instances"
+
+
+def _rate(rig: Rig) -> float:
+    return rig.cameras.rate_hz
+
+
 def _camera_topics(side: str) -> tuple[Topic, ...]:
     return (
-        Topic(camera_info(side), "sensor_msgs/msg/CameraInfo", lambda rig: rig.cameras.rate_hz, "cameras"),
-        Topic(photograph(side), "sensor_msgs/msg/CompressedImage", lambda rig: rig.cameras.rate_hz, "cameras"),
-        Topic(tag(side), "sensor_msgs/msg/Image", lambda rig: rig.cameras.rate_hz, "cameras"),
+        Topic(camera_info(side), "sensor_msgs/msg/CameraInfo", _rate, "cameras"),
+        Topic(photograph(side), "sensor_msgs/msg/CompressedImage", _rate, "cameras"),
+        Topic(tag(side), "sensor_msgs/msg/Image", _rate, "cameras"),
+        Topic(depth(side), "sensor_msgs/msg/Image", _rate, "depth"),
+        Topic(instances(side), "sensor_msgs/msg/Image", _rate, "instances"),
     )
 
 

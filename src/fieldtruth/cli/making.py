@@ -1,25 +1,14 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The command ``fieldtruth``: a thin coat. Each sub-command is one call of the library; a user's mistake is one line.
-
-Exit codes: 0 done; 2 something the user can repair; 130 interrupted. Only light modules are imported at the top, so
-that ``--help``, ``list`` and every mistake answer at once.
-"""
+"""Sub-commands that make data: generate, and what shows beforehand what it would give."""
 
 import argparse
-import os
-import shlex
-import sys
 import time
-from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Final, NoReturn
+from typing import Final
 
-import fieldtruth
-from fieldtruth.errors import FieldtruthError, UnknownNameError, nearest_first
-
-INTERRUPTED: Final = 130
-MISTAKE: Final = 2
+from fieldtruth.cli.arguments import AddCommand, Parser, UsageError, add_workers, number, seed, whole_number, words
+from fieldtruth.errors import UnknownNameError
 
 EXAMPLES: Final = """\
 examples:
@@ -31,52 +20,6 @@ examples:
 """
 
 
-class UsageError(FieldtruthError):
-    """The command line itself is wrong."""
-
-
-class _Parser(argparse.ArgumentParser):
-    """Reports a mistake as an exception instead of printing its usage and ending the process."""
-
-    def error(self, message: str) -> NoReturn:
-        raise UsageError(message)
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line (by default the process's) and return its exit code."""
-    arguments = list(sys.argv[1:] if argv is None else argv)
-    try:
-        command, options = _parse(arguments)
-        command(options)
-    except FieldtruthError as error:
-        return _fail(str(error), MISTAKE)
-    except KeyboardInterrupt:
-        return _fail(_how_to_resume(arguments), INTERRUPTED)
-    return 0
-
-
-def available_cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _fail(message: str, code: int) -> int:
-    print("fieldtruth:", " ".join(message.split()), file=sys.stderr)
-    return code
-
-
-def _how_to_resume(arguments: Sequence[str]) -> str:
-    if arguments[:1] != ["generate"]:
-        return "interrupted"
-    # --overwrite would throw away what is to be kept.
-    again = shlex.join(["fieldtruth", *(a for a in arguments if a != "--overwrite")])
-    return f"interrupted; what is finished is kept, the same command goes on from there: {again}"
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Sub-commands
-
-
 def _generate(options: argparse.Namespace) -> None:
     from fieldtruth.experiment.files import load_experiment, with_overrides
 
@@ -86,6 +29,7 @@ def _generate(options: argparse.Namespace) -> None:
         seed=options.seed,
         cameras=False if options.no_cameras else None,
         lidar=False if options.no_lidar else None,
+        extras=options.extras,
     )
     start = time.monotonic()
     # After the checks: compiled kernels and physics take a second to load.
@@ -171,61 +115,24 @@ def _bench(options: argparse.Namespace) -> None:
 # ---------------------------------------------------------------------------------------------------------------------
 # Arguments
 
-Command = Callable[[argparse.Namespace], None]
 
-
-def _parse(arguments: Sequence[str]) -> tuple[Command, argparse.Namespace]:
-    parser, commands = _build_parser()
-    if not arguments:
-        raise UsageError(f"no command; there is: {', '.join(commands)} (fieldtruth --help tells more)")
-    if not arguments[0].startswith("-") and arguments[0] not in commands:
-        raise UnknownNameError("command", arguments[0], commands)
-    options, unknown = parser.parse_known_args(arguments)
-    if unknown:
-        _refuse(unknown[0], commands.get(arguments[0], parser))
-    run: Command = options.run
-    return run, options
-
-
-def _refuse(argument: str, parser: argparse.ArgumentParser) -> NoReturn:
-    if argument.startswith("-"):
-        name = argument.partition("=")[0]
-        known = [o for action in parser._actions for o in action.option_strings if o.startswith("--")]
-        raise UsageError(f"no option {name!r}; there is: {', '.join(nearest_first(name, known))}")
-    raise UsageError(f"one argument too many: {argument!r}")
-
-
-def _build_parser() -> tuple[_Parser, dict[str, _Parser]]:
-    layout = argparse.RawDescriptionHelpFormatter
-    parser = _Parser(
-        prog="fieldtruth",
-        description="Make automatically annotated data sets of a ground robot in natural environments.",
-        epilog=EXAMPLES,
-        formatter_class=layout,
-        allow_abbrev=False,
-    )
-    parser.add_argument("--version", action=_Version)
-    subparsers = parser.add_subparsers(title="commands", metavar="COMMAND")
-
-    def command(name: str, run: Command, help_text: str, epilog: str | None = None) -> _Parser:
-        made: _Parser = subparsers.add_parser(
-            name, help=help_text, description=help_text, epilog=epilog, formatter_class=layout, allow_abbrev=False
-        )
-        made.set_defaults(run=run)
-        return made
-
+def add_commands(command: AddCommand) -> None:
+    """Add them to the command line."""
     generate = command("generate", _generate, "Drive, sense, label and write the bag.", EXAMPLES)
     generate.add_argument(
         "experiment", metavar="EXPERIMENT", help="a name that `fieldtruth list` shows, or a YAML file"
     )
     generate.add_argument("--out", metavar="DIR", type=Path, default=Path("data"), help="folder of data sets (data)")
-    generate.add_argument("--seconds", metavar="S", type=_number, help="end after this much simulated time")
+    generate.add_argument("--seconds", metavar="S", type=number, help="end after this much simulated time")
     generate.add_argument(
-        "--seed", metavar="N", type=_whole_number, help="of everything random; another seed, another world"
+        "--seed", metavar="N", type=whole_number, help="of everything random; another seed, another world"
     )
-    _add_workers(generate, "threads (all cores); the bag is the same")
+    add_workers(generate, "threads (all cores); the bag is the same")
     generate.add_argument("--no-cameras", action="store_true", help="leave the stereo pair out")
     generate.add_argument("--no-lidar", action="store_true", help="leave the LiDAR out")
+    generate.add_argument(
+        "--extras", metavar="LIST", type=words, help="more of each camera: depth, instances or depth,instances"
+    )
     generate.add_argument(
         "--overwrite", action="store_true", help="throw away what the output folder holds of this run"
     )
@@ -236,71 +143,23 @@ def _build_parser() -> tuple[_Parser, dict[str, _Parser]]:
     bench = command("bench", _bench, "Measure the speed on this machine.")
     bench.add_argument("--env", metavar="NAME", default="park", help="environment (park), or all of them: all")
     bench.add_argument("--json", action="store_true", help="one JSON object instead of a table")
-    return parser, dict(subparsers.choices)
 
 
-def _add_preview(preview: _Parser) -> None:
+def _add_preview(preview: Parser) -> None:
     preview.add_argument("environment", metavar="ENV", help="a name that `fieldtruth list` shows")
-    preview.add_argument("--seed", metavar="N", type=_seed, default=0, help="of everything random (0)")
+    preview.add_argument("--seed", metavar="N", type=seed, default=0, help="of everything random (0)")
     preview.add_argument(
         "--out", metavar="FILE", type=Path, help="a .png, or a .jpg below 400 kB (ENV_SEED_preview.png)"
     )
     preview.add_argument("--overwrite", action="store_true", help="replace the file if it is there")
-    _add_workers(preview, "threads (all cores); the sheet is the same")
+    add_workers(preview, "threads (all cores); the sheet is the same")
 
 
-def _add_shares(shares: _Parser) -> None:
+def _add_shares(shares: Parser) -> None:
     shares.add_argument(
         "experiments", metavar="EXPERIMENT", nargs="*", help="names that `fieldtruth list` shows, or YAML files"
     )
     shares.add_argument("--all", action="store_true", help="every experiment that ships with the package")
-    shares.add_argument("--seed", metavar="N", type=_seed, help="of everything random; another seed, another world")
+    shares.add_argument("--seed", metavar="N", type=seed, help="of everything random; another seed, another world")
     shares.add_argument("--json", action="store_true", help="counts as one JSON object instead of tables in percent")
-    _add_workers(shares, "threads (all cores); the counts are the same")
-
-
-def _add_workers(parser: _Parser, help_text: str) -> None:
-    parser.add_argument("--workers", metavar="N", type=_count, default=available_cores(), help=help_text)
-
-
-class _Version(argparse.Action):
-    """Prints the version; asks for it late, because the metadata take time to read."""
-
-    def __init__(self, option_strings: Sequence[str], dest: str) -> None:
-        super().__init__(option_strings, dest, nargs=0, help="show the version and exit")
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        print(f"fieldtruth {fieldtruth.__version__}")
-        parser.exit()
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
-
-
-def _whole_number(text: str) -> int:
-    try:
-        return int(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number") from None
-
-
-def _seed(text: str) -> int:
-    number = _whole_number(text)
-    if not 0 <= number < 2**63:
-        raise argparse.ArgumentTypeError(f"{text} is not allowed; allowed is a whole number from 0 up to 2^63 - 1")
-    return number
-
-
-def _count(text: str) -> int:
-    number = _whole_number(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"{text} is below 1")
-    return number
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    add_workers(shares, "threads (all cores); the counts are the same")
