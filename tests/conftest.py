@@ -12,7 +12,7 @@ from fieldtruth.experiment.files import load_experiment
 
 @pytest.fixture(scope="session")
 def small_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of 1.2 s of park_1 with depth and instances; images are 320 x 184, the LiDAR is whole. Copy, never change."""
+    """Folder of 1.2 s of park_1 with depth and instances, images of 320 x 184. Copy what you want to change."""
     from fieldtruth.pipeline import generate
 
     values = load_experiment("park_1").model_dump()

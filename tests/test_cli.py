@@ -65,10 +65,7 @@ def with_pipeline(monkeypatch: pytest.MonkeyPatch, recorder: Recorder) -> Record
 
 
 MISTAKES = [
-    (
-        [],
-        "no command; there is: generate, preview, shares, list, bench, export, annotate, validate, report, view (fieldtruth --help tells more)",
-    ),
+    ([], "no command; there is: generate, preview, shares, list, bench, export, annotate, validate, report, view "),
     (["generat"], "no command 'generat'; there is: generate, "),
     (["--versoin"], "no option '--versoin'; there is: --version, --help"),
     (["list", "--jsn"], "no option '--jsn'; there is: --help"),
