@@ -12,9 +12,11 @@ from fieldtruth.drive import drive, plan_route
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment
 from fieldtruth.record.folder import fingerprint, run_folder
+from fieldtruth.record.read import count_messages
 from fieldtruth.record.slices import Slices
 from fieldtruth.record.streams import Sensors, streams_of
 from fieldtruth.record.topics import topics_of
+from fieldtruth.report.card import data_card
 from fieldtruth.report.progress import Progress, Silent
 from fieldtruth.sense import Camera, Lidar, Scene
 from fieldtruth.world import world_of
@@ -28,9 +30,10 @@ def generate(
     overwrite: bool = False,
     progress: Progress | None = None,
 ) -> Path:
-    """Make a data set: ``out/NAME/NAME.bag`` and ``out/NAME/experiment.yaml``, the same bytes however it is made.
+    """Make a data set: ``out/NAME/NAME.bag`` and beside it what made it, its card and its checksums.
 
-    A run that was stopped, by Ctrl-C, a kill or a full disk, goes on where it stopped when it is called again.
+    The bytes are the same however it is made. A run that was stopped, by Ctrl-C, a kill or a full disk, goes on where
+    it stopped when it is called again.
 
     Args:
         experiment: what to do.
@@ -74,7 +77,10 @@ def generate(
         done = track.duration_s - sum(map(slices.seconds, slices.missing()))
         with progress.stage("sense and label", track.duration_s, done) as advance:
             slices.make(workers, advance)
+        whole = work / "whole.bag"
+        whole.unlink(missing_ok=True)
         with progress.stage("write the bag", track.duration_s) as advance:
-            slices.join(run.bag, advance)
-        run.clean()
+            slices.join(whole, advance)
+        with progress.stage("sum it up"):
+            run.finish(whole, data_card(experiment, world, track, count_messages(whole)))
     return run.bag

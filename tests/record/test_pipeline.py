@@ -22,6 +22,8 @@ from fieldtruth.experiment.files import load_experiment
 from fieldtruth.pipeline import generate
 from fieldtruth.record.folder import RunFolder, fingerprint
 
+FILES = ["DATASET.md", "SHA256SUMS", "experiment.yaml", "tiny.bag"]
+
 
 @pytest.fixture(autouse=True)
 def _fakes(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -32,10 +34,10 @@ def listing(folder: Path) -> list[str]:
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
 
 
-def test_writes_the_bag_and_the_experiment_and_nothing_else(tmp_path: Path) -> None:
+def test_writes_the_bag_with_what_made_it_its_card_and_its_sums_and_nothing_else(tmp_path: Path) -> None:
     bag = generate(make_experiment(1.5), tmp_path / "data", workers=2)
     assert bag == tmp_path / "data" / "tiny" / "tiny.bag"
-    assert listing(tmp_path) == ["data/tiny/experiment.yaml", "data/tiny/tiny.bag"]
+    assert listing(tmp_path) == [f"data/tiny/{name}" for name in FILES]
     assert not (bag.parent / ".slices").exists()
 
 
@@ -82,7 +84,7 @@ def test_a_stopped_run_goes_on_and_ends_with_the_same_bytes(tmp_path: Path, sign
     with watch(tmp_path / "tiny") as seen:
         bag = generate(make_experiment(4.0), tmp_path, workers=2)
     assert bag.read_bytes() == whole
-    assert listing(tmp_path / "tiny") == ["experiment.yaml", "tiny.bag"]
+    assert listing(tmp_path / "tiny") == FILES
     assert {path: seen[path] for path in kept} == kept
 
 
@@ -195,7 +197,7 @@ def test_the_output_folder_itself_may_be_a_link(tmp_path: Path) -> None:
     (tmp_path / "disk").mkdir()
     (tmp_path / "data").symlink_to(tmp_path / "disk")
     generate(make_experiment(0.5), tmp_path / "data", workers=1)
-    assert listing(tmp_path / "disk") == ["tiny/experiment.yaml", "tiny/tiny.bag"]
+    assert listing(tmp_path / "disk") == [f"tiny/{name}" for name in FILES]
 
 
 def test_two_runs_do_not_share_a_folder(tmp_path: Path) -> None:
@@ -251,7 +253,14 @@ class Notes:
 def test_progress_is_told_stage_by_stage(tmp_path: Path) -> None:
     notes = Notes()
     generate(make_experiment(2.5), tmp_path, workers=1, progress=notes)
-    assert list(notes.stages) == ["build the world", "drive", "prepare the scene", "sense and label", "write the bag"]
+    assert list(notes.stages) == [
+        "build the world",
+        "drive",
+        "prepare the scene",
+        "sense and label",
+        "write the bag",
+        "sum it up",
+    ]
     assert notes.stages["sense and label"] == (2.5, 0.0)
     assert notes.done["sense and label"] == pytest.approx(2.5)
     assert notes.done["write the bag"] == pytest.approx(2.5)

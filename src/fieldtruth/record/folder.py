@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The folder of a run: what may be written there, what is there already, and what a run that was stopped left behind.
 
-OUT/NAME/NAME.bag appears when the run is complete; OUT/NAME/experiment.yaml says what the folder is for as soon as the
-robot has reached its goal; OUT/NAME/.slices holds the finished slices until then. Nothing else is ever touched, and a
-run that ends before it begins to sense (a route that leads into a tree) leaves everything as it was.
+OUT/NAME/NAME.bag appears when the run is complete, after its card and its checksums; OUT/NAME/experiment.yaml says what
+the folder is for as soon as the robot has reached its goal; OUT/NAME/.slices holds the finished slices until then.
+Nothing else is ever touched, and a run that ends before it begins to sense (a route that leads into a tree) leaves
+everything as it was.
 """
 
 import contextlib
@@ -25,9 +26,12 @@ from fieldtruth.errors import FieldtruthError, OutputError
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
 from fieldtruth.record.bag import output_errors
+from fieldtruth.record.checksums import CHECKSUMS, checksum_lines, sha256_of
 
 _WORK: Final = ".slices"
 _EXPERIMENT: Final = "experiment.yaml"
+CARD: Final = "DATASET.md"
+"""What a stranger must know about the data."""
 
 
 class RunFolder(NamedTuple):
@@ -41,7 +45,8 @@ class RunFolder(NamedTuple):
         with output_errors(self.path):
             if overwrite:
                 self.clean()
-            self.bag.unlink(missing_ok=True)
+            for path in (self.bag, self.path / CARD, self.path / CHECKSUMS):
+                path.unlink(missing_ok=True)
             _write_whole(self.path / _EXPERIMENT, dump_experiment(experiment))
 
     def work(self, fingerprint: str) -> Path:
@@ -53,6 +58,15 @@ class RunFolder(NamedTuple):
                 if other != work:
                     shutil.rmtree(other)
         return work
+
+    def finish(self, bag: Path, card: str) -> None:
+        """Write card and checksums, and give a bag that was made in the work folder its name; then the work is done."""
+        with output_errors(self.path):
+            _write_whole(self.path / CARD, card)
+            sums = f"{sha256_of(bag)}  {self.bag.name}\n" + checksum_lines(self.path, [_EXPERIMENT, CARD])
+            _write_whole(self.path / CHECKSUMS, sums)
+            bag.replace(self.bag)
+        self.clean()
 
     def clean(self) -> None:
         """Remove the slices; the bag holds them all."""

@@ -1,0 +1,95 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The data card of a run, DATASET.md: what a stranger must know before using the data."""
+
+from collections.abc import Mapping
+from importlib import resources
+from string import Template
+
+import numpy as np
+
+import fieldtruth
+from fieldtruth import frames
+from fieldtruth.classes import CLASSES, NO_RETURN, Label
+from fieldtruth.drive.track import Track
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.record.messages import static_transforms
+from fieldtruth.record.topics import topics_of
+from fieldtruth.world.model import World
+
+
+def data_card(experiment: Experiment, world: World, track: Track, counts: Mapping[str, int]) -> str:
+    """Write the card of a run as Markdown; the front matter is that of data set hubs.
+
+    Args:
+        experiment: what made the run.
+        world: the place it was made in.
+        track: the drive.
+        counts: messages by topic.
+    """
+    rig = experiment.rig
+    text = resources.files("fieldtruth.report").joinpath("card.md").read_text(encoding="utf-8")
+    return Template(text).substitute(
+        name=experiment.name,
+        description=f"{experiment.description}\n" if experiment.description else "",
+        length_m=f"{np.linalg.norm(np.diff(track.motion.position, axis=0), axis=1).sum():.2f}",
+        duration_s=f"{track.duration_s:.3f}",
+        environment=experiment.environment,
+        size="{:g} x {:g}".format(*world.size),
+        objects=len(world.object_names),
+        version=fieldtruth.__version__,
+        seed=experiment.seed,
+        topics="\n".join(_topics(rig, counts)),
+        sensors="\n".join(_sensors(rig)),
+        classes="\n".join(_classes()),
+        frames="\n".join(_frames(rig)),
+    )
+
+
+def _topics(rig: Rig, counts: Mapping[str, int]) -> list[str]:
+    rows = ["| topic | type | Hz | messages |", "|---|---|---|---|"]
+    for topic in topics_of(rig):
+        rate = "once" if topic.rate_hz is None else f"{topic.rate_hz(rig):g}"
+        rows.append(
+            f"| `{topic.name}` | {topic.msgtype.replace('/msg/', '/')} | {rate} | {counts.get(topic.name, 0)} |"
+        )
+    return rows
+
+
+def _sensors(rig: Rig) -> list[str]:
+    camera, lidar = rig.cameras, rig.lidar
+    lines = []
+    if camera.enabled:
+        lines.append(
+            f"- Stereo camera: {camera.width} x {camera.height}, {camera.horizontal_fov_deg:g} x "
+            f"{camera.vertical_fov_deg:g} deg, baseline {camera.baseline:g} m. Photographs are JPEG (quality "
+            f"{camera.jpeg_quality}); tags, depth and object ids are never lossy."
+        )
+    if lidar.enabled:
+        instant = "columns swept over one period" if lidar.spinning else "all rays leave at the stamp"
+        lines.append(
+            f"- LiDAR: {lidar.columns} x {lidar.rings} rays, 360 x {lidar.vertical_fov_deg:g} deg, "
+            f"{lidar.min_range:g} to {lidar.max_range:g} m; {instant}; only returns are stored."
+        )
+    return lines or ["Neither camera nor LiDAR was carried."]
+
+
+def _classes() -> list[str]:
+    rows = ["| id | class | RGB | |", "|---|---|---|---|"]
+    for label, name, rgb in CLASSES:
+        if label is not Label.VOID and rgb is not None:
+            rows.append(
+                f"| {int(label)} | {name} | {rgb[0]} {rgb[1]} {rgb[2]} | {'images only' * (label in NO_RETURN)} |"
+            )
+    return rows
+
+
+def _frames(rig: Rig) -> list[str]:
+    rows = ["| parent | child | x, y, z [m] | quaternion x, y, z, w |", "|---|---|---|---|"]
+    for (parent, child), parent_from_child in static_transforms(rig).items():
+        xyz = ", ".join(f"{value:.6g}" for value in parent_from_child[:3, 3] + 0.0)
+        wxyz = frames.quaternion_wxyz_from_rotation(parent_from_child[:3, :3])
+        xyzw = ", ".join(f"{value:.6g}" for value in frames.xyzw_from_wxyz(wxyz).round(9) + 0.0)
+        rows.append(f"| `{parent}` | `{child}` | {xyz} | {xyzw} |")
+    return rows
