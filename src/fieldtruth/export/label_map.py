@@ -8,14 +8,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.classes import Label
 from fieldtruth.errors import UnknownNameError
-
-
-class OtherClass(NamedTuple):
-    """A class of another ontology."""
-
-    name: str
-    rgb: tuple[int, int, int]
+from fieldtruth.export.ontologies import ONTOLOGIES, OtherClass
 
 
 class LabelMap(NamedTuple):
@@ -25,7 +20,7 @@ class LabelMap(NamedTuple):
     ids: NDArray[np.uint8]
     """(16,) ids there by our class id; row 0 is their void."""
     classes: Mapping[int, OtherClass]
-    """Every class there that ``ids`` can name, by id."""
+    """Every class there, by id; ``ids`` names some of them."""
 
     def colours(self) -> NDArray[np.uint8]:
         """(256, 3) RGB by id there; black where there is no class."""
@@ -35,7 +30,10 @@ class LabelMap(NamedTuple):
         return table
 
 
-LABEL_MAPS: Final[dict[str, LabelMap]] = {}
+LABEL_MAPS: Final[dict[str, LabelMap]] = {
+    name: LabelMap(name, np.array([ontology.ids[label] for label in Label], np.uint8), ontology.classes)
+    for name, ontology in ONTOLOGIES.items()
+}
 
 
 def label_map_of(name: str) -> LabelMap:
@@ -47,3 +45,6 @@ def label_map_of(name: str) -> LabelMap:
     if name not in LABEL_MAPS:
         raise UnknownNameError("label map", name, LABEL_MAPS)
     return LABEL_MAPS[name]
+
+
+__all__ = ["LABEL_MAPS", "LabelMap", "OtherClass", "label_map_of"]
