@@ -1,0 +1,163 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Bags as streams: the messages that another reader finds, whatever the compression, and damage in one line."""
+
+import struct
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag1 import Reader, Writer
+
+from fieldtruth.errors import FieldtruthError, UnknownNameError
+from fieldtruth.record.read import read_bag
+from fieldtruth.record.stored import BagError, decoder, open_stored
+
+CLOCK = "rosgraph_msgs/msg/Clock"
+
+
+def clock(stamp_ns: int) -> bytes:
+    return struct.pack("<LL", *divmod(stamp_ns, 10**9))
+
+
+def write_bag(path: Path, rows: Iterable[tuple[str, int]], compression: str | None = None, chunk: int = 300) -> Path:
+    """Write clock messages, topic and stamp each, in the given order; a chunk is full after some bytes."""
+    writer = Writer(path)
+    if compression is not None:
+        writer.set_compression(Writer.CompressionFormat[compression])
+    writer.chunk_threshold = chunk
+    with writer:
+        connections = {t: writer.add_connection(t, CLOCK, msgdef="time clock", md5sum="0" * 32) for t in "ab"}
+        for topic, stamp in rows:
+            writer.write(connections[topic], stamp, clock(stamp))
+    return path
+
+
+def shuffled_rows(rng: np.random.Generator) -> list[tuple[str, int]]:
+    """Stamps that run backwards now and then, so that chunks overlap in time; with ties."""
+    stamps = np.arange(1, 301) * 10**8 + rng.integers(-5, 6, 300) * 10**8
+    return [("ab"[k % 2], int(max(stamp, 1))) for k, stamp in enumerate(stamps)]
+
+
+@pytest.mark.parametrize("compression", [None, "BZ2", "LZ4"])
+def test_messages_come_in_time_order_though_chunks_overlap(tmp_path: Path, compression: str | None) -> None:
+    rows = shuffled_rows(np.random.default_rng(0))
+    path = write_bag(tmp_path / "o.bag", rows, compression)
+    with open_stored(path) as bag:
+        found = [(raw.topic, raw.stamp_ns) for raw in bag.messages()]
+        only_b = [(raw.topic, raw.stamp_ns) for raw in bag.messages(["b"])]
+        assert len(bag._reader.chunk_infos) > 20
+        assert (bag.start_ns, bag.end_ns) == (min(s for _, s in rows), max(s for _, s in rows))
+        assert bag.counts == {"a": 150, "b": 150}
+    assert found == sorted(rows, key=lambda row: row[1])  # stable: ties as they were written
+    assert only_b == [row for row in found if row[0] == "b"]
+    with Reader(path) as reader:
+        assert sorted((c.topic, stamp) for c, stamp, _ in reader.messages()) == sorted(found)
+
+
+def test_messages_are_found_by_their_places(small_run: Path) -> None:
+    topic = "/stereo/camera/left/tag/img_raw"
+    with open_stored(small_run / "park_1.bag") as bag:
+        expected = list(bag.messages([topic]))
+        places = bag.places(topic)
+        assert places.stamps_ns.tolist() == [raw.stamp_ns for raw in expected]
+        for k in np.random.default_rng(1).permutation(len(expected)):
+            chunk = bag.chunk(int(places.chunk[k]))
+            assert bag.message(chunk, int(places.offset[k])) == expected[k]
+
+
+def test_every_message_equals_what_another_reader_reads(small_run: Path) -> None:
+    bag = small_run / "park_1.bag"
+    with Reader(bag) as reader, open_stored(bag) as stored:
+        theirs = {(c.topic, stamp): bytes(data) for c, stamp, data in reader.messages()}
+        ours = {(raw.topic, raw.stamp_ns): raw.data for raw in stored.messages()}
+    assert ours == theirs
+
+
+def test_only_a_few_chunks_are_in_memory(small_run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[int] = []
+    with open_stored(small_run / "park_1.bag") as bag:
+        unpack = bag.chunk
+
+        def noted(position: int) -> bytes:
+            opened.append(position)
+            return unpack(position)
+
+        monkeypatch.setattr(bag, "chunk", noted)
+        messages = bag.messages(["/imu/data"])
+        for _ in range(3):
+            next(messages)
+        assert len(opened) <= 3
+        assert len(bag._reader.chunk_infos) > 10
+
+
+def damaged(small_run: Path, tmp_path: Path, change: str) -> Path:
+    data = bytearray((small_run / "park_1.bag").read_bytes())
+    path = tmp_path / f"{change}.bag"
+    if change == "middle":
+        data = data[: len(data) // 2]
+    elif change == "end":
+        data = data[:-7]
+    elif change == "start":
+        data = data[:3000]
+    elif change == "magic":
+        data = data[:13]
+    elif change == "empty":
+        data = bytearray()
+    elif change == "foreign":
+        data = bytearray(b"PK\x03\x04" + bytes(range(256)) * 64)
+    elif change == "unindexed":
+        at = data.index(b"index_pos=") + len(b"index_pos=")
+        data[at : at + 8] = bytes(8)
+    elif change == "flip":
+        data[len(data) // 2] ^= 0x10
+    path.write_bytes(data)
+    return path
+
+
+@pytest.mark.parametrize("change", ["middle", "end", "start", "magic", "empty", "foreign", "unindexed", "flip"])
+def test_damage_is_one_line_with_the_path(small_run: Path, tmp_path: Path, change: str) -> None:
+    path = damaged(small_run, tmp_path, change)
+    with pytest.raises(BagError) as caught:
+        for _ in read_bag(path):
+            pass
+    assert str(caught.value).startswith(f"cannot read {path}: ")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_no_byte_that_is_changed_leads_to_anything_but_a_clear_line(tmp_path: Path, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    path = write_bag(tmp_path / "x.bag", [("ab"[k % 2], (k + 1) * 10**8) for k in range(60)])
+    data = np.frombuffer(path.read_bytes(), np.uint8).copy()
+    for _ in range(25):
+        broken = data.copy()
+        places = rng.integers(13, len(data), 3)
+        broken[places] = rng.integers(0, 256, 3)
+        path.write_bytes(broken.tobytes())
+        lines: list[str] = []
+        try:
+            for _ in read_bag(path):
+                pass
+        except FieldtruthError as error:
+            lines = str(error).splitlines()
+        assert len(lines) <= 1
+
+
+def test_a_missing_file_and_an_unknown_topic_are_named(small_run: Path, tmp_path: Path) -> None:
+    with pytest.raises(BagError, match=r"none\.bag"), open_stored(tmp_path / "none.bag"):
+        pass
+    with pytest.raises(UnknownNameError, match="no topic '/imu'; there is: /imu/data"):
+        list(read_bag(small_run / "park_1.bag", ["/imu"]))
+
+
+def test_a_damaged_message_is_named_with_its_topic(tmp_path: Path) -> None:
+    path = tmp_path / "short.bag"
+    with Writer(path) as writer:
+        connection = writer.add_connection("/a", "std_msgs/msg/String", msgdef="string data", md5sum="0" * 32)
+        writer.write(connection, 5, struct.pack("<L", 1000) + b"abc")
+    with open_stored(path) as bag:
+        decode = decoder(bag)
+        with pytest.raises(BagError, match="the message of /a at 5 ns is damaged"):
+            [decode(raw) for raw in bag.messages()]
