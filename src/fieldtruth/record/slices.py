@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The unit of work is a time slice: a small bag that is a pure function of (world, track, rig, slice number).
 
-Slice k holds the stamps in (k S, (k + 1) S]. It gets its name only when it is whole, so what stands in the folder is
-done, whatever stopped the run; missing slices are made by threads, and joined in time order they are the recording.
+Slice k holds the stamps in (k S, (k + 1) S] after the start. It gets its name only when it is whole, so what
+stands in the folder is done, whatever stopped the run; missing slices are made by threads, and joined in time order
+they are the recording.
 """
 
 import threading
@@ -40,6 +41,7 @@ class Slices:
         streams: every stream of the recording, in the topic table's order.
         topics: what they publish.
         make_sensors: called once in each worker thread, which then owns them.
+        start_ns: where slice 0 begins [ns]; every stamp is above it.
     """
 
     def __init__(
@@ -48,10 +50,12 @@ class Slices:
         streams: Sequence[Stream],
         topics: Sequence[Topic],
         make_sensors: Callable[[], Sensors],
+        start_ns: int = 0,
     ) -> None:
         self.folder = folder
         self.streams = streams
         self.topics = topics
+        self.start_ns = start_ns
         self._make_sensors = make_sensors
         self._worker = threading.local()
         self._stop = threading.Event()
@@ -64,7 +68,7 @@ class Slices:
     @property
     def count(self) -> int:
         """Number of slices."""
-        return -(-self.end_ns // SLICE_NS)
+        return -(-(self.end_ns - self.start_ns) // SLICE_NS)
 
     def path(self, k: int) -> Path:
         """File of slice ``k``."""
@@ -72,7 +76,7 @@ class Slices:
 
     def seconds(self, k: int) -> float:
         """Simulated time [s] that slice ``k`` holds."""
-        return (min((k + 1) * SLICE_NS, self.end_ns) - k * SLICE_NS) / 1e9
+        return (min(self._begin_ns(k + 1), self.end_ns) - self._begin_ns(k)) / 1e9
 
     def missing(self) -> list[int]:
         """Slices that are still to be made."""
@@ -102,10 +106,13 @@ class Slices:
                 bag.append(self.path(k))
                 advance(self.seconds(k))
 
+    def _begin_ns(self, k: int) -> int:
+        return self.start_ns + k * SLICE_NS
+
     def _make_one(self, k: int, advance: Advance) -> None:
         if not hasattr(self._worker, "sensors"):
             self._worker.sensors = self._make_sensors()
-        told_ns = k * SLICE_NS
+        told_ns = self._begin_ns(k)
         with output_errors(self.path(k)), BagWriter(self.path(k), self.topics) as bag:
             for stamp_ns, stream, reading in self._readings(k):
                 if self._stop.is_set():
@@ -116,12 +123,12 @@ class Slices:
                 if stamp_ns - told_ns >= TELL_NS:
                     advance((stamp_ns - told_ns) / 1e9)
                     told_ns = stamp_ns
-        advance(self.seconds(k) - (told_ns - k * SLICE_NS) / 1e9)
+        advance(self.seconds(k) - (told_ns - self._begin_ns(k)) / 1e9)
 
     def _readings(self, k: int) -> Iterable[tuple[int, Stream, int]]:
         """Stamp, stream and number of each reading of slice ``k``: in time order, ties in the streams' order."""
         found: list[tuple[int, int, int]] = []
         for order, stream in enumerate(self.streams):
-            first, last = np.searchsorted(stream.stamps_ns, [k * SLICE_NS, (k + 1) * SLICE_NS], side="right")
+            first, last = np.searchsorted(stream.stamps_ns, [self._begin_ns(k), self._begin_ns(k + 1)], side="right")
             found += [(int(stream.stamps_ns[i]), order, i) for i in range(int(first), int(last))]
         return ((stamp, self.streams[order], i) for stamp, order, i in sorted(found))

@@ -12,11 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.drive.track import I8, Track, stamps_at_rate
-from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, Rig
+from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, LidarConfig, Rig
 from fieldtruth.record import images, messages, topics
 from fieldtruth.record.ros import F8
 from fieldtruth.record.state import state_at
 from fieldtruth.world.model import World
+
+PoseAt = Callable[[int], F8]
+"""``world_from_base`` (4, 4) at a stamp [ns]."""
 
 
 class Picture(Protocol):
@@ -65,11 +68,17 @@ class Stream(NamedTuple):
 
 def streams_of(world: World, track: Track, rig: Rig) -> list[Stream]:
     """Every stream of a recording, in the topic table's order."""
+    end_ns = int(track.motion.stamps_ns[-1])
+
+    def world_from_base(stamp_ns: int) -> F8:
+        return state_at(track.motion, stamp_ns).world_from_base
+
     streams = [*_truth(world, track, rig), *_felt(track)]
     if rig.lidar.enabled:
-        streams.append(_lidar(track, rig))
+        streams.append(lidar_stream(rig.lidar, stamps_at_rate(rig.lidar.rate_hz, end_ns), world_from_base))
     if rig.cameras.enabled:
-        streams += [_camera(track, rig, "left"), _camera(track, rig, "right")]
+        stamps = stamps_at_rate(rig.cameras.rate_hz, end_ns)
+        streams += [camera_stream(rig.cameras, side, stamps, world_from_base) for side in topics.SIDES]
     return streams
 
 
@@ -99,33 +108,31 @@ def _felt(track: Track) -> list[Stream]:
     ]
 
 
-def _lidar(track: Track, rig: Rig) -> Stream:
-    stamps = stamps_at_rate(rig.lidar.rate_hz, int(track.motion.stamps_ns[-1]))
-    base_from_lidar = rig.lidar.mount.base_from_sensor
-    sweep_ns = np.rint(np.arange(rig.lidar.columns) * (1e9 / rig.lidar.rate_hz / rig.lidar.columns))
+def lidar_stream(config: LidarConfig, stamps: I8, world_from_base: PoseAt) -> Stream:
+    """Clouds at ``stamps`` [ns] of a LiDAR on a base that is at ``world_from_base(stamp_ns)``, (4, 4)."""
+    base_from_lidar = config.mount.base_from_sensor
+    sweep_ns = np.rint(np.arange(config.columns) * (1e9 / config.rate_hz / config.columns))
 
     def pose_at(stamp_ns: int) -> F8:
-        return state_at(track.motion, stamp_ns).world_from_base @ base_from_lidar
+        return world_from_base(stamp_ns) @ base_from_lidar
 
     def scan(k: int, sensors: Sensors) -> Iterable[bytes]:
         assert sensors.lidar is not None
         stamp = int(stamps[k])
-        pose = np.stack([pose_at(stamp + int(t)) for t in sweep_ns]) if rig.lidar.spinning else pose_at(stamp)
+        pose = np.stack([pose_at(stamp + int(t)) for t in sweep_ns]) if config.spinning else pose_at(stamp)
         yield images.point_cloud(k, stamp, sensors.lidar.scan(pose))
 
     return Stream((topics.POINTS,), stamps, scan)
 
 
-def _camera(track: Track, rig: Rig, side: images.Side) -> Stream:
-    config = rig.cameras
-    stamps = stamps_at_rate(config.rate_hz, int(track.motion.stamps_ns[-1]))
+def camera_stream(config: CameraConfig, side: images.Side, stamps: I8, world_from_base: PoseAt) -> Stream:
+    """Calibration and images at ``stamps`` [ns] of a camera on a base that is at ``world_from_base(stamp_ns)``."""
     mount = config.left if side == "left" else config.right
     base_from_optical = mount.base_from_sensor @ CAMERA_FROM_OPTICAL
 
     def shoot(k: int, sensors: Sensors) -> Iterable[bytes]:
         assert sensors.camera is not None
-        state = state_at(track.motion, int(stamps[k]))
-        picture = sensors.camera.shoot(state.world_from_base @ base_from_optical)
+        picture = sensors.camera.shoot(world_from_base(int(stamps[k])) @ base_from_optical)
         yield images.camera_info(k, stamps[k], side, config)
         yield images.photograph(k, stamps[k], side, picture.photo, config.jpeg_quality)
         yield images.tag(k, stamps[k], side, picture.label)
