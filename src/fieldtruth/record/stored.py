@@ -113,11 +113,12 @@ class StoredBag:
                 yield from map(self._raw, waiting[:ready])
                 del waiting[:ready]
             data = self.chunk(info.pos)
-            waiting += [
-                (stamp, order, at, number, data[at : at + size])
-                for stamp, number, at, size in self._records(data)
-                if number in wanted
-            ]
+            with damage(self.path):
+                waiting += [
+                    (stamp, order, at, number, data[at : at + size])
+                    for stamp, number, at, size in _records(data)
+                    if number in wanted
+                ]
         waiting.sort()
         yield from map(self._raw, waiting)
 
@@ -157,12 +158,8 @@ class StoredBag:
         connection = self._by_id[number]
         return RawMessage(stamp, connection.topic, connection.msgtype, data)
 
-    def _records(self, chunk: bytes) -> Iterator[tuple[int, int, int, int]]:
-        with damage(self.path):
-            yield from _records(chunk)
-
     def _index(self, info: ChunkInfo, wanted: Set[int]) -> Iterator[tuple[int, tuple[int, int, int]]]:
-        """Connection of the wanted messages of a chunk, and stamp, chunk and offset, from the index records behind it."""
+        """Connection of each wanted message of a chunk, and stamp, chunk, offset, from the index records behind it."""
         if wanted.isdisjoint(info.connection_counts):
             return
         with damage(self.path):
@@ -219,11 +216,7 @@ class _LeanReader(Reader):
 
 
 def read_chunk(path: Path, position: int) -> bytes:
-    """Unpack the chunk at a position in a bag's file, for those who know where it is: the index is not read.
-
-    Raises:
-        BagError: there is no such file, no chunk there, or it is damaged.
-    """
+    """Unpack the chunk at a position in a bag's file, for those who know where it is; raises as ``open_stored``."""
     with damage(path), path.open("rb") as source:
         reader = _LeanReader(path)
         reader.bio = source
@@ -232,11 +225,11 @@ def read_chunk(path: Path, position: int) -> bytes:
 
 
 def message_at(chunk: bytes, offset: int) -> tuple[int, int, bytes]:
-    """Stamp in the bag [ns], connection number and serialised bytes of the message at an offset in an unpacked chunk.
-
-    What it raises about damaged bytes, ``damage`` turns into a BagError.
-    """
-    stamp, number, at, size = next(_records(chunk, offset))
+    """Stamp in the bag [ns], connection and bytes of a message at an offset in an unpacked chunk; within ``damage``."""
+    found = next(_records(chunk, offset), None)
+    if found is None:
+        raise ReaderError("there is no message where the index says")
+    stamp, number, at, size = found
     return stamp, number, chunk[at : at + size]
 
 
