@@ -8,15 +8,15 @@ A bag grows under a temporary name and gets its own when it is complete, so a cr
 import errno
 import os
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, Final, Self
+from typing import BinaryIO, Final, Self, cast
 
 import lz4.frame
-from rosbags.interfaces import Connection
+from rosbags.interfaces import Connection, ConnectionExtRosbag1
 from rosbags.rosbag1 import Reader, Writer
 from rosbags.rosbag1.reader import Header, RecordType
 from rosbags.rosbag1.writer import MAXSIZE, WriteChunk
@@ -94,9 +94,30 @@ class BagWriter:
             )
         return self
 
-    def write(self, topic: str, stamp_ns: int, data: bytes) -> None:
-        """Add one serialised message."""
-        self._writer.write(self._connections[topic], stamp_ns, data)
+    def carry(self, connection: Connection) -> Connection:
+        """Add a topic as another bag has it: with its own definition, checksum, publisher and latching."""
+        for known in self._writer.connections:
+            if _told(known) == _told(connection):
+                return known
+        publisher = connection.ext
+        assert isinstance(publisher, ConnectionExtRosbag1)
+        return self._writer.add_connection(
+            connection.topic,
+            connection.msgtype,
+            msgdef=connection.msgdef.data,
+            md5sum=connection.digest,
+            callerid=publisher.callerid,
+            latching=publisher.latching,
+        )
+
+    def write(self, topic: str | Connection, stamp_ns: int, data: bytes) -> None:
+        """Add one serialised message to a topic of the table, or to one that ``carry`` gave."""
+        chunks = self._writer.chunks
+        before = len(chunks)
+        self._writer.write(self._connections[topic] if isinstance(topic, str) else topic, stamp_ns, data)
+        if len(chunks) > before:  # the index at the end needs how many messages a chunk holds, and not which
+            full = chunks[-2]
+            full.connections = _counts({number: len(rows) for number, rows in full.connections.items()})
 
     def append(self, path: Path) -> None:
         """Add a whole bag that was written for the same topics: its chunks are copied as they are.
@@ -113,8 +134,7 @@ class BagWriter:
             shift = writer.bio.tell() - first
             _copy(source, writer.bio, first, _index_position(source))
             for info in reader.chunk_infos:
-                counts = {number: [(0, 0)] * count for number, count in info.connection_counts.items()}
-                place = info.pos + shift
+                counts, place = _counts(info.connection_counts), info.pos + shift
                 writer.chunks.append(WriteChunk(BytesIO(), place, info.start_time, info.end_time - 1, counts))
         writer.chunks.append(WriteChunk(BytesIO(), -1, MAXSIZE, 0, defaultdict(list)))
 
@@ -132,6 +152,16 @@ class BagWriter:
             with suppress(OSError):
                 self._writer.abort()
             self._part.unlink(missing_ok=True)
+
+
+def _told(connection: Connection) -> tuple[object, ...]:
+    """What a bag says of a topic's connection, beside its number."""
+    return connection.topic, connection.msgtype, connection.msgdef, connection.digest, connection.ext
+
+
+def _counts(messages: Mapping[int, int]) -> dict[int, list[tuple[int, int]]]:
+    """Message counts by connection, as a finished chunk has them: something of that length."""
+    return {number: cast(list[tuple[int, int]], range(count)) for number, count in messages.items()}
 
 
 def _compress(data: bytes) -> bytes:
