@@ -1,0 +1,161 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""PNG encoders on the images of a bag, and the way from its JPEGs to PNG files. Run: python benchmarks/png.py BAG
+
+Encoders that are not installed are left out; all of them:
+pip install pillow imagecodecs opencv-python-headless fpng deflate zlib-ng isal
+"""
+
+import sys
+import time
+from collections.abc import Callable
+from importlib import import_module
+from io import BytesIO
+from itertools import islice
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from isal import isal_zlib
+from numpy.typing import NDArray
+
+from fieldtruth.export.parallel import in_order
+from fieldtruth.export.png import _differences, encode_png
+from fieldtruth.record import topics
+from fieldtruth.record.read import depth, image, read_bag, stamp_ns
+from fieldtruth.record.stored import RawMessage, decoder, open_stored
+
+Encoder = Callable[[Any], Any]
+SAMPLE, EVERY, WORKERS = 10, 10, 2
+"""Images of each kind, one of so many in the bag; threads on the way from JPEG to PNG."""
+
+
+def pillow(level: int) -> Encoder:
+    from PIL import Image
+
+    def encode(pixels: NDArray[Any]) -> bytes:
+        stream = BytesIO()
+        Image.fromarray(pixels).save(stream, "png", compress_level=level)
+        return stream.getvalue()
+
+    return encode
+
+
+def imagecodecs(function: str, level: int) -> Encoder:
+    encode = getattr(import_module("imagecodecs"), function)
+    return lambda pixels: encode(pixels, level=level)
+
+
+def opencv(*parameters: str | int) -> Encoder:
+    cv2 = import_module("cv2")
+    cv2.setNumThreads(1)
+    values = [getattr(cv2, each) if isinstance(each, str) else each for each in parameters]
+    return lambda pixels: cv2.imencode(".png", pixels[..., ::-1] if pixels.ndim == 3 else pixels, values)[1]
+
+
+def fpng() -> Encoder:
+    return import_module("fpng").from_ndarray  # type: ignore[no-any-return]
+
+
+def ours(module: str, function: str, level: int) -> Encoder:
+    compress = getattr(import_module(module), function)
+    return lambda pixels: compress(_differences(pixels), level)
+
+
+def unfiltered(level: int) -> Encoder:
+    def encode(pixels: NDArray[Any]) -> bytes:
+        rows = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder(">")).view(np.uint8).reshape(len(pixels), -1)
+        return isal_zlib.compress(np.pad(rows, ((0, 0), (1, 0))), level)
+
+    return encode
+
+
+ENCODERS: dict[str, Callable[[], Encoder]] = {
+    "this package": lambda: encode_png,
+    "rows of differences, ISA-L 0": lambda: ours("isal.isal_zlib", "compress", 0),
+    "rows of differences, ISA-L 2": lambda: ours("isal.isal_zlib", "compress", 2),
+    "rows of differences, libdeflate 1": lambda: ours("deflate", "zlib_compress", 1),
+    "rows of differences, zlib-ng 1": lambda: ours("zlib_ng.zlib_ng", "compress", 1),
+    "rows as they are, ISA-L 1": lambda: unfiltered(1),
+    "Pillow 0": lambda: pillow(0),
+    "Pillow 1": lambda: pillow(1),
+    "imagecodecs, libspng 0": lambda: imagecodecs("spng_encode", 0),
+    "imagecodecs, libspng 1": lambda: imagecodecs("spng_encode", 1),
+    "imagecodecs, libpng 1": lambda: imagecodecs("png_encode", 1),
+    "OpenCV 1": lambda: opencv("IMWRITE_PNG_COMPRESSION", 1),
+    "OpenCV, run lengths": lambda: opencv("IMWRITE_PNG_STRATEGY", "IMWRITE_PNG_STRATEGY_RLE"),
+    "fpng": fpng,
+}
+
+
+def sample(bag: Path) -> dict[str, list[NDArray[Any]]]:
+    def some(topic: str, read: Callable[[Any], NDArray[Any]]) -> list[NDArray[Any]]:
+        with open_stored(bag) as stored:
+            if topic not in stored.counts:
+                return []
+        readings = islice(read_bag(bag, [topic]), 0, SAMPLE * EVERY, EVERY)
+        return [read(reading.message) for reading in readings]
+
+    def millimetres(message: Any) -> NDArray[np.uint16]:
+        metres = depth(message)
+        return np.where(metres < 65.5, 1000 * metres, 0).astype(np.uint16)
+
+    found = {
+        "photograph": some(topics.photograph("left"), image),
+        "tag": some(topics.tag("left"), image),
+        "depth": some(topics.depth("left"), millimetres),
+    }
+    return {kind: images for kind, images in found.items() if images}
+
+
+def measure(encode: Encoder, images: list[NDArray[Any]]) -> tuple[float, float]:
+    """Images per second of processor time, and bytes per image."""
+    encode(images[0])
+    start = time.thread_time()
+    size = sum(len(encode(pixels)) for pixels in images)
+    return len(images) / (time.thread_time() - start), size / len(images)
+
+
+def from_jpeg_to_disk(bag: Path) -> tuple[int, float, float]:
+    """Number of photographs, and seconds and processor seconds from the bag's JPEGs to PNG files."""
+    with open_stored(bag) as stored, TemporaryDirectory(dir=Path.cwd()) as folder:
+        decode = decoder(stored)
+
+        def convert(raw: RawMessage) -> None:
+            message = decode(raw)
+            side = raw.topic.split("/")[3]
+            (Path(folder) / f"{side}_{stamp_ns(message.header)}.png").write_bytes(encode_png(image(message)))
+
+        start, cpu = time.perf_counter(), time.process_time()
+        photographs = stored.messages([topics.photograph(side) for side in topics.SIDES])
+        count = sum(1 for _ in in_order(photographs, convert, WORKERS))
+        return count, time.perf_counter() - start, time.process_time() - cpu
+
+
+def main() -> None:
+    bag = Path(sys.argv[1])
+    images = sample(bag)
+    height, width = next(iter(images.values()))[0].shape[:2]
+    print(f"{width} x {height}: images per second of a core's time, and bytes per image")
+    print(f"{'':<36}" + "".join(f"{kind:>12}{'kB':>8}" for kind in images))
+    for name, make in ENCODERS.items():
+        try:
+            encode = make()
+        except ImportError:
+            continue
+        row = ""
+        for pixels in images.values():
+            try:
+                rate, size = measure(encode, pixels)
+                row += f"{rate:>12.0f}{size / 1e3:>8.0f}"
+            except AttributeError:  # fpng has no 16 bits
+                row += f"{'-':>12}{'-':>8}"
+        print(f"{name:<36}{row}")
+    count, seconds, cpu = from_jpeg_to_disk(bag)
+    print(f"JPEG in the bag to PNG on disk, {WORKERS} threads: {count} photographs in {seconds:.2f} s, "
+          f"{count / seconds:.0f} a second; {1e3 * cpu / count:.1f} ms of a core's time each")  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
