@@ -36,6 +36,8 @@ class RawMessage(NamedTuple):
     topic: str
     msgtype: str
     data: bytes
+    connection: int = -1
+    """Number of its connection in the bag; a topic has one for each that published it."""
 
 
 class Places(NamedTuple):
@@ -156,7 +158,7 @@ class StoredBag:
     def _raw(self, row: tuple[int, int, int, int, bytes]) -> RawMessage:
         stamp, _, _, number, data = row
         connection = self._by_id[number]
-        return RawMessage(stamp, connection.topic, connection.msgtype, data)
+        return RawMessage(stamp, connection.topic, connection.msgtype, data, number)
 
     def _index(self, info: ChunkInfo, wanted: Set[int]) -> Iterator[tuple[int, tuple[int, int, int]]]:
         """Connection of each wanted message of a chunk, and stamp, chunk, offset, from the index records behind it."""
