@@ -88,7 +88,7 @@ def run_folder(experiment: Experiment, out: Path, *, overwrite: bool = False) ->
     if not path.resolve().is_relative_to(out.resolve()) or (path / _WORK).is_symlink():
         raise OutputError(f"{path} leads out of {out} through a link; remove the link or choose another folder")
     run = RunFolder(path, path / f"{experiment.name}.bag")
-    with _locked(path):
+    with locked(path):
         if not overwrite:
             _refuse_occupied(run, experiment)
         try:
@@ -160,7 +160,7 @@ def _write_whole(path: Path, text: str) -> None:
 
 
 @contextmanager
-def _locked(path: Path) -> Iterator[None]:
+def locked(path: Path) -> Iterator[None]:
     """Hold the folder; the system lets go of it when the process ends, however it ends."""
     handle = os.open(path, os.O_RDONLY)
     try:
