@@ -152,7 +152,7 @@ _GOOSE9: Final = {
     5: OtherClass("vehicle", (244, 67, 54)),
     6: OtherClass("vegetation", (76, 175, 80)),
     7: OtherClass("human", (143, 176, 255)),
-    8: OtherClass("sky", (33, 150, 243)),
+    8: OtherClass("sky", (183, 123, 104)),
 }
 
 _GANAV6: Final = {
