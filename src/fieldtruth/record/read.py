@@ -129,15 +129,25 @@ def labels(tag_image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     Raises:
         BagError: a colour that no class has; says which and where.
     """
-    code = (tag_image.astype(np.uint32) @ _RADIX).astype(np.uint32)
-    slot = code * _HASH >> np.uint32(32 - _HASH_BITS)
-    found = _SLOTS[slot]
-    if (bad := _CODES[found] != code).any():
-        row, column = np.argwhere(bad)[0]
+    code = _colour_codes(tag_image)
+    edge = np.ones(code.size, np.bool_)
+    edge[1:] = code[1:] != code[:-1]
+    first = np.flatnonzero(edge)  # colours are flat: there are far fewer runs of a colour than pixels
+    run = code[first]
+    found = _SLOTS[run * _HASH >> np.uint32(32 - _HASH_BITS)]
+    if (bad := _CODES[found] != run).any():
+        row, column = divmod(int(first[bad][0]), tag_image.shape[1])
         colour = " ".join(map(str, tag_image[row, column]))
         raise BagError(f"tag image: pixel in row {row}, column {column} has the colour {colour}, which no class has")
-    label: NDArray[np.uint8] = found
+    label: NDArray[np.uint8] = np.repeat(found, np.diff(first, append=code.size)).reshape(tag_image.shape[:-1])
     return label
+
+
+def _colour_codes(tag_image: NDArray[np.uint8]) -> NDArray[np.uint32]:
+    """Each pixel's three bytes as one number, red the lowest; read as four bytes, of which the last is cut off."""
+    padded = np.zeros(tag_image.size + 1, np.uint8)
+    padded[:-1] = tag_image.reshape(-1)
+    return np.ndarray(tag_image.size // 3, "<u4", padded, strides=(3,)) & np.uint32(0xFFFFFF)
 
 
 def stamp_ns(header: Any) -> int:
