@@ -1,0 +1,260 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A run in the rerun viewer: way, photographs under their tags, labelled clouds, curves, on the sensors' own frames.
+
+The entity tree is the tree of ``/tf_static``, so that what a sensor sees stands where the sensor sits. All scans are
+shown; images ``RATE`` times a second, because a viewer keeps everything in memory and a tag image is a megabyte there.
+"""
+
+import os
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.classes import CLASSES
+from fieldtruth.errors import OutputError
+from fieldtruth.record import read
+from fieldtruth.record import topics as table
+from fieldtruth.record.bag import output_errors
+from fieldtruth.record.run import Run, open_run
+from fieldtruth.record.stored import RawMessage, decoder, open_stored
+from fieldtruth.record.trajectory import read_trajectory
+from fieldtruth.report.progress import Progress, Silent
+
+RATE: Final = 5.0  # [Hz]
+TIMELINE: Final = "time"
+BASE: Final = "world/base_link"
+
+_EPOCH_NS: Final = 10**8 * 10**9
+"""Stamps beyond three years are dates and no time since a start."""
+
+
+def view(path: Path, *, save: Path | None = None, progress: Progress | None = None) -> None:
+    """Show a run in the rerun viewer, or write what it would show to a file.
+
+    Args:
+        path: folder of a run, or a bag.
+        save: an .rrd file to write instead of opening the viewer.
+        progress: is told how far the work has come.
+
+    Raises:
+        BagError: the bag cannot be read.
+        OutputError: rerun is not installed, there is no display, or the file is there already or cannot be written.
+    """
+    run = open_run(path)
+    if save is not None and save.suffix != ".rrd":
+        raise OutputError(f"cannot write {save}: its name must end in .rrd")
+    if save is not None and os.path.lexists(save):
+        raise OutputError(f"{save} is there already; remove it, or choose another name")
+    if save is None and sys.platform == "linux" and not os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY"}:
+        raise OutputError("there is no display for the viewer; --save FILE.rrd writes what it would show")
+    rr = _rerun()
+    recording = rr.RecordingStream("fieldtruth", recording_id=run.name)
+    with _written(save) as part:
+        if part is None:
+            rr.spawn(recording=recording, hide_welcome_screen=True)
+        else:
+            recording.save(str(part))
+        recording.send_blueprint(_blueprint(run))
+        _Log(rr, recording, run).everything(Silent() if progress is None else progress)
+        recording.flush()
+        recording.disconnect()
+
+
+class _Log:
+    """Sends a run to a recording."""
+
+    def __init__(self, rr: Any, recording: Any, run: Run) -> None:
+        self.rr, self.recording, self.run = rr, recording, run
+        self._last_image: dict[str, int] = {}
+        self._entities: dict[str, str] = {}
+        self._known: set[str] = set()
+
+    def everything(self, progress: Progress) -> None:
+        """Send what stands still, then every message in time order."""
+        rr, run = self.rr, self.run
+        described = [rr.AnnotationInfo(int(c.label), c.name, c.rgb) for c in CLASSES if c.rgb is not None]
+        self.recording.log("/", rr.AnnotationContext(described), static=True)
+        self.recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        static = read.static_transforms(run.bag) if table.TF_STATIC in run.counts else {}
+        self._entities = entities(static)
+        for (_, child), parent_from_child in static.items():
+            self.recording.log(self._entities[child], self._transform(parent_from_child), static=True)
+        way = read_trajectory(run).position
+        self.recording.log("world/way", rr.LineStrips3D([way[:: max(1, len(way) // 5000)]], radii=0.02), static=True)
+        senders = {topic: sender for topic, sender in self._senders().items() if topic in run.counts}
+        told = run.start_ns
+        with progress.stage("show the run", run.duration_s) as advance, open_stored(run.bag) as bag:
+            decode = decoder(bag)
+            for raw in bag.messages(list(senders)):
+                if not self._is_thinned(raw):
+                    self._set_time(raw.stamp_ns)
+                    senders[raw.topic](raw.topic, decode(raw))
+                advance((raw.stamp_ns - told) / 1e9)
+                told = raw.stamp_ns
+
+    def _senders(self) -> dict[str, Any]:
+        cameras = {
+            topic(side): send
+            for side in table.SIDES
+            for topic, send in (
+                (table.camera_info, self._camera_info),
+                (table.photograph, self._photograph),
+                (table.tag, self._tag),
+                (table.depth, self._depth),
+            )
+        }
+        return cameras | {
+            table.ODOMETRY: self._odometry,
+            table.POINTS: self._points,
+            table.IMU: self._imu,
+            table.NAVSAT: self._navsat,
+            **dict.fromkeys(table.WHEEL_SPEEDS, self._wheel),
+        }
+
+    def _is_thinned(self, raw: RawMessage) -> bool:
+        if "/camera/" not in raw.topic:
+            return False
+        if raw.stamp_ns - self._last_image.get(raw.topic, -_EPOCH_NS) < 0.999e9 / RATE:
+            return True
+        self._last_image[raw.topic] = raw.stamp_ns
+        return False
+
+    def _set_time(self, stamp_ns: int) -> None:
+        if stamp_ns < _EPOCH_NS:
+            self.recording.set_time(TIMELINE, duration=np.timedelta64(stamp_ns, "ns"))
+        else:
+            self.recording.set_time(TIMELINE, timestamp=np.datetime64(stamp_ns, "ns"))
+
+    def _entity(self, frame: str) -> str:
+        return self._entities.get(frame, f"{BASE}/{frame}")
+
+    def _transform(self, parent_from_child: NDArray[np.float64]) -> Any:
+        return self.rr.Transform3D(translation=parent_from_child[:3, 3], mat3x3=parent_from_child[:3, :3])
+
+    def _odometry(self, _: str, message: Any) -> None:
+        self.recording.log(BASE, self._transform(read.pose_matrix(message.pose.pose)))
+        linear = message.twist.twist.linear
+        self._scalar("speed", float(np.linalg.norm([linear.x, linear.y, linear.z])))
+
+    def _points(self, _: str, message: Any) -> None:
+        cloud = read.points(message)
+        names = cloud.dtype.names or ()
+        label = cloud["label" if "label" in names else "intensity"].astype(np.uint16)
+        xyz = np.stack([cloud["x"], cloud["y"], cloud["z"]], axis=-1)
+        entity = f"{self._entity(message.header.frame_id)}/points"
+        self.recording.log(entity, self.rr.Points3D(xyz, class_ids=label, radii=self.rr.Radius.ui_points(1.5)))
+
+    def _camera_info(self, _: str, message: Any) -> None:
+        entity = self._entity(message.header.frame_id)
+        if entity in self._known:
+            return
+        self._known.add(entity)
+        matrix = message.K.reshape(3, 3).copy()
+        matrix[:2, 2] += 0.5  # rerun counts from the corner of the first pixel, ROS from its centre
+        self.recording.log(
+            entity,
+            self.rr.Pinhole(
+                image_from_camera=matrix,
+                width=message.width,
+                height=message.height,
+                camera_xyz=self.rr.ViewCoordinates.RDF,
+                image_plane_distance=1.0,
+            ),
+            static=True,
+        )
+
+    def _photograph(self, _: str, message: Any) -> None:
+        entity = f"{self._entity(message.header.frame_id)}/photograph"
+        self.recording.log(entity, self.rr.EncodedImage(contents=message.data.tobytes(), media_type="image/jpeg"))
+
+    def _tag(self, _: str, message: Any) -> None:
+        label = read.labels(read.image(message))
+        image = self.rr.SegmentationImage(label, opacity=0.4, draw_order=1.0)
+        self.recording.log(f"{self._entity(message.header.frame_id)}/tag", image)
+
+    def _depth(self, _: str, message: Any) -> None:
+        metres = read.depth(message)
+        image = self.rr.DepthImage(np.where(np.isfinite(metres), metres, 0.0).astype(np.float32), meter=1.0)
+        self.recording.log(f"depth/{message.header.frame_id}", image)
+
+    def _imu(self, _: str, message: Any) -> None:
+        for name, value in (("turn", message.angular_velocity), ("acceleration", message.linear_acceleration)):
+            for axis in "xyz":
+                self._scalar(f"imu/{name}/{axis}", getattr(value, axis))
+
+    def _navsat(self, _: str, message: Any) -> None:
+        self.recording.log("gnss", self.rr.GeoPoints(lat_lon=[message.latitude, message.longitude]))
+
+    def _wheel(self, topic: str, message: Any) -> None:
+        self._scalar(f"wheels/{topic.rpartition('/')[2].removesuffix('_speed')}", message.data)
+
+    def _scalar(self, name: str, value: float) -> None:
+        self.recording.log(f"curves/{name}", self.rr.Scalars(float(value)))
+
+
+def entities(static: Mapping[tuple[str, str], NDArray[np.float64]]) -> dict[str, str]:
+    """Entity path of each frame by its name, from the fixed transforms by (parent, child)."""
+    parents = {child: parent for parent, child in static}
+    found: dict[str, str] = {}
+    for frame in parents:
+        chain, above = [frame], parents[frame]
+        while above in parents and above not in chain:
+            chain.append(above)
+            above = parents[above]
+        found[frame] = "/".join([BASE, *reversed(chain)])
+    return found
+
+
+def _blueprint(run: Run) -> Any:
+    import rerun.blueprint as rrb
+
+    pictures = [
+        rrb.Spatial2DView(origin=f"{BASE}/{side}_camera/{side}_camera_optical", name=f"{side} camera")
+        for side in table.SIDES
+        if table.photograph(side) in run.counts or table.tag(side) in run.counts
+    ]
+    curves = [
+        rrb.TimeSeriesView(origin=f"curves/{origin}", name=name)
+        for origin, name in (
+            ("speed", "speed [m/s]"),
+            ("imu/turn", "turn rate [rad/s]"),
+            ("imu/acceleration", "acceleration [m/s²]"),
+            ("wheels", "wheels [rad/s]"),
+        )
+    ]
+    right = rrb.Vertical(*pictures, rrb.Tabs(*curves)) if pictures else rrb.Vertical(*curves)
+    return rrb.Blueprint(
+        rrb.Horizontal(rrb.Spatial3DView(origin="world", name="world"), right, column_shares=[3, 2]),
+        rrb.TimePanel(timeline=TIMELINE),
+        collapse_panels=True,
+    )
+
+
+@contextmanager
+def _written(save: Path | None) -> Iterator[Path | None]:
+    """Temporary name of a file that gets its own when it is whole."""
+    if save is None:
+        yield None
+        return
+    part = save.with_name(f".{save.name}.part")
+    with output_errors(save):
+        save.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            yield part
+            part.rename(save)
+        finally:
+            part.unlink(missing_ok=True)
+
+
+def _rerun() -> Any:
+    try:
+        import rerun
+    except ImportError as error:
+        raise OutputError("the viewer is not installed; run: pip install 'fieldtruth[view]'") from error
+    return rerun
