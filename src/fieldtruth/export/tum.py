@@ -1,0 +1,30 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The true trajectory as the TUM RGB-D benchmark writes it, which evo and most SLAM systems read."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from fieldtruth.export import Options
+from fieldtruth.record.run import Run
+from fieldtruth.record.trajectory import read_trajectory
+
+
+def write(runs: Sequence[Run], target: Path, options: Options) -> None:
+    """Write ``t x y z qx qy qz qw`` a pose: base_link in the world, every digit as in the bag.
+
+    Raises:
+        BagError: the bag tells no true poses, or is damaged.
+    """
+    (run,) = runs
+    with options.progress.stage("write the trajectory"), target.open("w", encoding="ascii") as file:
+        way = read_trajectory(run)
+        file.write("# true poses of base_link in the world: x north, y west, z up\n# t[s] x[m] y[m] z[m] qx qy qz qw\n")
+        for stamp_ns, (x, y, z), (qw, qx, qy, qz) in zip(way.stamps_ns, way.position, way.quaternion_wxyz, strict=True):
+            values = " ".join(repr(float(value)) for value in (x, y, z, qx, qy, qz, qw))
+            file.write(f"{seconds(int(stamp_ns))} {values}\n")
+
+
+def seconds(stamp_ns: int) -> str:
+    """Seconds of a stamp [ns], all nine digits after the point as they are."""
+    return f"{stamp_ns // 10**9}.{stamp_ns % 10**9:09d}"

@@ -1,0 +1,51 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Bags as others might hand them in: with topics missing, or with messages changed, made of a real one."""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+from rosbags.rosbag1 import Reader, Writer
+
+from fieldtruth.record.ros import STORE
+
+Message = tuple[str, int, Any]
+"""Topic, stamp in the bag [ns] and message."""
+
+
+def bag_of(path: Path, messages: Iterable[Message]) -> Path:
+    """Write a bag of messages, in their order."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    connections: dict[str, Any] = {}
+    with Writer(path) as writer:
+        for topic, stamp_ns, message in messages:
+            msgtype = message.__msgtype__
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, msgtype, typestore=STORE)
+            writer.write(connections[topic], stamp_ns, STORE.serialize_ros1(message, msgtype))
+    return path
+
+
+def without(bag: Path, path: Path, *topics: str) -> Path:
+    """Copy a bag without some of its topics."""
+    return copied(bag, path, lambda topic, stamp, data: None if topic in topics else data)
+
+
+def copied(bag: Path, path: Path, change: Callable[[str, int, bytes], bytes | None]) -> Path:
+    """Copy a bag; ``change`` gives the new bytes of a message, or None where there shall be none."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    connections: dict[str, Any] = {}
+    target = Writer(path)
+    target.set_compression(Writer.CompressionFormat.LZ4)
+    with Reader(bag) as reader, target as writer:
+        for connection, stamp_ns, data in reader.messages():
+            new = change(connection.topic, stamp_ns, bytes(data))
+            if new is None:
+                continue
+            if connection.topic not in connections:
+                connections[connection.topic] = writer.add_connection(
+                    connection.topic, connection.msgtype, msgdef=connection.msgdef.data, md5sum=connection.digest
+                )
+            writer.write(connections[connection.topic], stamp_ns, new)
+    return path
