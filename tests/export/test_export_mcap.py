@@ -1,0 +1,337 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Two libraries that we did not write read the file back; every message must be the bag's, field by field."""
+
+import dataclasses
+import shutil
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from mcap.exceptions import InvalidMagic
+from mcap.reader import SeekingReader
+from mcap.stream_reader import StreamReader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import ConnectionExtRosbag2, QosDurability, QosReliability
+from rosbags.rosbag1 import Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.stores.ros1_noetic import builtin_interfaces__msg__Time as Time
+from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__Point as Point
+from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__Pose as Pose
+from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__Quaternion as Quaternion
+from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__Twist as Twist
+from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__Vector3 as Vector3
+from rosbags.typesys.stores.ros1_noetic import std_msgs__msg__Header as Header
+
+from fieldtruth.export import export
+from fieldtruth.export.ros2 import Ros2Types
+from fieldtruth.record.ros import MODEL_STATES, TF_MESSAGE
+from fieldtruth.record.stored import BagError, RawMessage, open_stored
+
+NOETIC = get_typestore(Stores.ROS1_NOETIC)
+NOETIC.register(get_types_from_msg(MODEL_STATES, "gazebo_msgs/msg/ModelStates"))
+NOETIC.register(get_types_from_msg(TF_MESSAGE, "tf2_msgs/msg/TFMessage"))
+HUMBLE = get_typestore(Stores.ROS2_HUMBLE)
+HUMBLE.register(get_types_from_msg(MODEL_STATES, "gazebo_msgs/msg/ModelStates"))
+STATES = "gazebo_msgs/msg/ModelStates"
+
+Row = tuple[str, int, str, bytes]
+
+
+@pytest.fixture(scope="module")
+def exported(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return export(small_run, "mcap", out=tmp_path_factory.mktemp("mcap") / "run.mcap", workers=2)
+
+
+@pytest.fixture(scope="module")
+def bag(small_run: Path) -> Path:
+    (path,) = small_run.glob("*.bag")
+    return path
+
+
+@pytest.fixture(scope="module")
+def ros1(bag: Path) -> list[Row]:
+    return list(rows(bag))
+
+
+@pytest.fixture(scope="module")
+def ros2(exported: Path) -> list[Row]:
+    return list(rows(exported))
+
+
+def rows(path: Path) -> Iterator[Row]:
+    """Topic, stamp, type and bytes of each message, read by rosbags."""
+    with AnyReader([path]) as reader:
+        for connection, stamp, data in reader.messages():
+            yield connection.topic, stamp, connection.msgtype, bytes(data)
+
+
+def by_topic(messages: Iterable[Row]) -> dict[str, list[Row]]:
+    """Messages of each topic in order; AnyReader gives those with the same stamp in the order of their topics."""
+    result: dict[str, list[Row]] = {}
+    for row in messages:
+        result.setdefault(row[0], []).append(row)
+    return result
+
+
+def assert_same(old: Any, new: Any, where: str) -> None:
+    """All fields of a ROS 1 message are those of a ROS 2 message: names in lower case, no ``seq`` in headers."""
+    if dataclasses.is_dataclass(old):
+        names = [f.name for f in dataclasses.fields(old) if f.default is dataclasses.MISSING]  # others are constants
+        if type(old).__name__.endswith("Header"):
+            names.remove("seq")
+        for name in names:
+            assert hasattr(new, name.lower()), f"{where} lacks {name}"
+            assert_same(getattr(old, name), getattr(new, name.lower()), f"{where}.{name}")
+    elif isinstance(old, np.ndarray):
+        there = np.frombuffer(new, np.uint8) if isinstance(new, bytes) else np.asarray(new)
+        assert len(old) == len(there), where
+        np.testing.assert_array_equal(old, there.astype(old.dtype), where)
+    elif isinstance(old, list):
+        assert len(old) == len(new), where
+        for i, (a, b) in enumerate(zip(old, new, strict=True)):
+            assert_same(a, b, f"{where}[{i}]")
+    else:
+        assert old == new, where
+
+
+def test_all_messages_are_the_bags_by_rosbags(ros1: list[Row], ros2: list[Row]) -> None:
+    old, new = by_topic(ros1), by_topic(ros2)
+    assert old.keys() == new.keys()
+    for topic, messages in old.items():
+        assert len(messages) == len(new[topic]), topic
+        for (_, stamp, msgtype, data), (_, stamp2, msgtype2, cdr) in zip(messages, new[topic], strict=True):
+            assert (stamp, msgtype) == (stamp2, msgtype2), topic
+            if msgtype == STATES:  # 143 objects, 1000 times a second: the bytes, taken back to ROS 1
+                assert HUMBLE.cdr_to_ros1(cdr, STATES) == data, f"{topic} at {stamp}"
+            else:
+                values = HUMBLE.deserialize_cdr(cdr, msgtype)
+                assert_same(NOETIC.deserialize_ros1(data, msgtype), values, f"{topic} at {stamp}")
+
+
+def test_messages_are_the_bags_by_mcap(exported: Path, ros1: list[Row]) -> None:
+    """The other library takes its time: of each topic the first, the one in the middle and the last."""
+    old = by_topic(ros1)
+    seen: Counter[str] = Counter()
+    checked: Counter[str] = Counter()
+    with exported.open("rb") as stream:
+        factory = DecoderFactory()
+        for schema, channel, message in SeekingReader(stream).iter_messages():
+            topic, k = channel.topic, seen[channel.topic]
+            seen[topic] += 1
+            if k not in {0, len(old[topic]) // 2, len(old[topic]) - 1}:
+                continue
+            assert schema is not None
+            decode = factory.decoder_for(channel.message_encoding, schema)
+            assert decode is not None
+            _, stamp, msgtype, data = old[topic][k]
+            assert (message.log_time, message.publish_time, schema.name) == (stamp, stamp, msgtype)
+            assert_same(NOETIC.deserialize_ros1(data, msgtype), decode(message.data), f"{topic} at {stamp}")
+            checked[topic] += 1
+    assert seen == Counter({topic: len(messages) for topic, messages in old.items()})
+    assert min(checked.values()) == 1  # /tf_static
+    assert sorted(checked.values())[1] >= 2  # /navsat/fix
+
+
+def test_it_is_a_ros_2_file_with_an_index(exported: Path, ros1: list[Row]) -> None:
+    with exported.open("rb") as stream:
+        reader = SeekingReader(stream, validate_crcs=True)
+        header, summary = reader.get_header(), reader.get_summary()
+    assert header.profile == "ros2"
+    assert summary is not None
+    assert {schema.encoding for schema in summary.schemas.values()} == {"ros2msg"}
+    assert {channel.message_encoding for channel in summary.channels.values()} == {"cdr"}
+    assert "seq" not in {line for schema in summary.schemas.values() for line in schema.data.decode().split()}
+    statistics = summary.statistics
+    assert statistics is not None
+    counts = {summary.channels[i].topic: n for i, n in statistics.channel_message_counts.items()}
+    assert counts == Counter(topic for topic, *_ in ros1)
+    assert statistics.message_count == len(ros1)
+    stamps = [stamp for _, stamp, *_ in ros1]
+    assert (statistics.message_start_time, statistics.message_end_time) == (min(stamps), max(stamps))
+    assert statistics.chunk_count == len(summary.chunk_indexes) > 5
+    assert {chunk.compression for chunk in summary.chunk_indexes} == {"zstd"}
+    assert all(a.message_end_time <= b.message_start_time for a, b in pairwise(summary.chunk_indexes))
+
+
+def test_every_record_and_checksum_stands(exported: Path) -> None:
+    with exported.open("rb") as stream:
+        kinds = Counter(type(record).__name__ for record in StreamReader(stream, validate_crcs=True).records)
+    assert kinds["Message"] == 2943
+    assert kinds["Footer"] == kinds["DataEnd"] == kinds["Statistics"] == kinds["Metadata"] == 1
+
+
+def test_an_instant_is_found_by_the_index(exported: Path, ros1: list[Row]) -> None:
+    topics, start, end = ["/imu/data", "/stereo/camera/left/depth", "/gazebo/model_states"], 300_000_000, 800_000_001
+    with exported.open("rb") as stream:
+        messages = SeekingReader(stream).iter_messages(topics, starting_at=start, ending_before=end)
+        found = [(channel.topic, message.log_time) for _, channel, message in messages]
+    wanted = [(topic, stamp) for topic, stamp, *_ in ros1 if topic in topics and start <= stamp < end]
+    assert sorted(found) == sorted(wanted)
+    assert [stamp for _, stamp in found] == sorted(stamp for _, stamp in wanted)
+
+
+def test_a_late_subscriber_gets_the_fixed_frames(exported: Path) -> None:
+    with AnyReader([exported]) as reader:
+        durability = {}
+        for connection in reader.connections:
+            assert isinstance(connection.ext, ConnectionExtRosbag2)
+            (qos,) = connection.ext.offered_qos_profiles
+            assert qos.reliability is QosReliability.RELIABLE
+            durability[connection.topic] = qos.durability
+    assert durability.pop("/tf_static") is QosDurability.TRANSIENT_LOCAL
+    assert set(durability.values()) == {QosDurability.VOLATILE}
+
+
+def test_what_rosbag2_finds_in_it_describes_it(exported: Path, ros1: list[Row], tmp_path: Path) -> None:
+    with exported.open("rb") as stream:
+        (record,) = SeekingReader(stream).iter_metadata()
+    assert record.name == "rosbag2"
+    known = yaml.safe_load(record.metadata["serialized_metadata"])
+    profiles = [yaml.safe_load(t["topic_metadata"]["offered_qos_profiles"]) for t in known["topics_with_message_count"]]
+    for (profile,) in profiles:  # numbers: Humble cannot read the words of later releases
+        assert {type(profile[key]) for key in ("history", "reliability", "durability", "liveliness")} == {int}
+    folder = tmp_path / "run"
+    folder.mkdir()
+    shutil.copy(exported, folder / known["relative_file_paths"][0])
+    (folder / "metadata.yaml").write_text(yaml.safe_dump({"rosbag2_bagfile_information": known}))
+    with AnyReader([folder]) as reader:
+        assert reader.message_count == len(ros1)
+        assert {topic: info.msgcount for topic, info in reader.topics.items()} == Counter(t for t, *_ in ros1)
+        assert (reader.start_time, reader.end_time - 1) == (ros1[0][1], max(stamp for _, stamp, *_ in ros1))
+        assert sum(1 for _ in reader.messages()) == len(ros1)
+
+
+def test_frames_of_sensors_hang_together(ros2: list[Row]) -> None:
+    parents: dict[str, str] = {}
+    used = set()
+    for topic, _, msgtype, cdr in ros2:
+        if msgtype in (STATES, "rosgraph_msgs/msg/Clock", "std_msgs/msg/Float32"):
+            continue
+        message: Any = HUMBLE.deserialize_cdr(cdr, msgtype)
+        if topic in ("/tf", "/tf_static"):
+            parents |= {each.child_frame_id: each.header.frame_id for each in message.transforms}
+        else:
+            used.add(message.header.frame_id)
+    for frame in used:
+        while frame in parents:
+            frame = parents[frame]
+        assert frame == "world"
+    assert len(used) >= 5
+
+
+def test_the_same_bytes_with_any_number_of_workers(small_run: Path, exported: Path, tmp_path: Path) -> None:
+    alone = export(small_run, "mcap", out=tmp_path / "alone.mcap", workers=1)
+    assert alone.read_bytes() == exported.read_bytes()
+
+
+def states(names: list[str], start: float) -> Any:
+    def pose(i: int) -> Any:
+        x = start + 13 * i
+        return Pose(Point(x, x + 1, x + 2), Quaternion(x + 3, x + 4, x + 5, x + 6))
+
+    def twist(i: int) -> Any:
+        x = start + 13 * i + 7
+        return Twist(Vector3(x, x + 1, x + 2), Vector3(x + 3, x + 4, x + 5))
+
+    count = range(len(names))
+    return NOETIC.types[STATES](names, [pose(i) for i in count], [twist(i) for i in count])
+
+
+def test_objects_may_come_and_go(bag: Path) -> None:
+    """ModelStates take a way of their own; what is right is what rosbags makes of the message itself."""
+    with open_stored(bag) as stored:
+        convert = Ros2Types(stored).converter()
+    for names in (["a"], ["a"], ["bc", "d"], ["bc", "e"], ["ä", "0123456", "01234567"], [], ["bc", "e"], ["ebc"]):
+        message = states(names, 100.0 * len(names))
+        raw = RawMessage(5, "/gazebo/model_states", STATES, bytes(NOETIC.serialize_ros1(message, STATES)))
+        assert bytes(convert(raw)) == bytes(HUMBLE.serialize_cdr(message, STATES, little_endian=True)), names
+
+
+CUSTOM = """
+Header header
+time when
+duration span
+uint8 kind
+string[] words
+geometry_msgs/Point[] points
+float64 last
+"""
+
+
+def foreign_bag(path: Path, rows: Iterable[tuple[str, int, str, bytes]], definitions: dict[str, str]) -> Path:
+    store = get_typestore(Stores.ROS1_NOETIC)
+    for name, text in definitions.items():
+        store.register(get_types_from_msg(text, name))
+    with Writer(path) as writer:
+        connections: dict[str, Any] = {}
+        for topic, stamp, msgtype, data in rows:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, msgtype, typestore=store)
+            writer.write(connections[topic], stamp, data)
+    return path
+
+
+def test_types_that_only_the_bag_knows(tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS1_NOETIC)
+    store.register(get_types_from_msg(CUSTOM, "my_msgs/msg/Thing"))
+    header = Header(77, Time(3, 4), "somewhere")
+    span = store.types["builtin_interfaces/msg/Duration"](5, 6)
+    points = [Point(1.0, 2.0, 3.0), Point(4.0, 5.0, 6.0)]
+    message: Any = store.types["my_msgs/msg/Thing"](
+        header, Time(1, 2), span, 9, ["one", "", "three"], points, 0.5  # type: ignore[arg-type]
+    )  # fmt: skip
+    data = bytes(store.serialize_ros1(message, "my_msgs/msg/Thing"))
+    path = foreign_bag(tmp_path / "a.bag", [("/thing", 7, "my_msgs/msg/Thing", data)], {"my_msgs/msg/Thing": CUSTOM})
+    with AnyReader([export(path, "mcap", workers=1)]) as reader:
+        ((connection, stamp, cdr),) = reader.messages()
+        assert stamp == 7
+        assert_same(message, reader.deserialize(cdr, connection.msgtype), "/thing")
+
+
+def test_types_that_ros_2_has_changed_keep_their_values(tmp_path: Path) -> None:
+    """visualization_msgs/Marker got fields for textures in ROS 2, amid the others."""
+    rgba = NOETIC.types["std_msgs/msg/ColorRGBA"]
+    duration = NOETIC.types["builtin_interfaces/msg/Duration"]
+    pose = Pose(Point(1.0, 2.0, 3.0), Quaternion(0.0, 0.0, 0.0, 1.0))
+    values: tuple[Any, ...] = (
+        Header(5, Time(1, 2), "map"), "ns", 3, 4, 0, pose, Vector3(1.0, 1.0, 2.0), rgba(0.25, 0.5, 0.75, 1.0),
+        duration(8, 9), True, [Point(7.0, 8.0, 9.0)], [rgba(1.0, 0.0, 0.5, 1.0)], "words", "a.dae", True,
+    )  # fmt: skip
+    kind = "visualization_msgs/msg/Marker"
+    message = NOETIC.types[kind](*values)
+    path = foreign_bag(tmp_path / "b.bag", [("/m", 7, kind, bytes(NOETIC.serialize_ros1(message, kind)))], {})
+    made = export(path, "mcap", workers=1)
+    with AnyReader([made]) as reader:
+        ((connection, _, cdr),) = reader.messages()
+        assert reader.typestore.hash_rihs01(kind) == HUMBLE.hash_rihs01(kind)
+        there = reader.deserialize(cdr, connection.msgtype)
+    assert_same(message, there, "/m")
+    with made.open("rb") as stream:
+        schema, _, record = next(SeekingReader(stream).iter_messages())
+        assert schema is not None
+        decode = DecoderFactory().decoder_for("cdr", schema)
+        assert decode is not None
+        assert_same(message, decode(record.data), "/m")
+
+
+def test_damage_is_one_line(small_run: Path, bag: Path, tmp_path: Path) -> None:
+    short = foreign_bag(tmp_path / "short.bag", [("/imu/data", 7, "sensor_msgs/msg/Imu", bytes(20))], {})
+    with pytest.raises(BagError, match=r"the message of /imu/data at 7 ns is damaged$"):
+        export(short, "mcap", workers=1)
+    long = foreign_bag(tmp_path / "long.bag", [("/v", 8, "std_msgs/msg/Float32", bytes(5))], {})
+    with pytest.raises(BagError, match=r"the message of /v at 8 ns is damaged$"):
+        export(long, "mcap", workers=2)
+    cut = tmp_path / "cut.bag"
+    cut.write_bytes(bag.read_bytes()[:300_000])
+    with pytest.raises(BagError, match=r"cannot read .*cut\.bag"):
+        export(cut, "mcap", workers=1)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["cut.bag", "long.bag", "short.bag"]
+    with pytest.raises(InvalidMagic), bag.open("rb") as stream:  # the readers above can tell what is no MCAP
+        SeekingReader(stream).get_summary()
