@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Final
 
-from fieldtruth.cli.arguments import AddCommand, add_workers, seed
+from fieldtruth.cli.arguments import AddCommand, UsageError, add_workers, seed
 
 FAILED: Final = 1
 """Exit code of a run that does not pass its check."""
@@ -33,15 +33,23 @@ def _export(options: argparse.Namespace) -> None:
 
 def _annotate(options: argparse.Namespace) -> None:
     from fieldtruth.annotate import annotate
+    from fieldtruth.experiment.files import load_experiment
     from fieldtruth.report.progress import show_progress
 
+    like = None if options.experiment is None else load_experiment(options.experiment)
+    if like is not None and like.environment != options.world:
+        raise UsageError(f"{options.experiment} takes place in {like.environment!r}, not in {options.world!r}")
     with show_progress() as progress:
         made = annotate(
             options.bag,
             options.world,
-            seed=options.seed,
+            seed=options.seed if options.seed is not None else like.seed if like is not None else 0,
             out=options.out,
             lidar=options.lidar,
+            rig=None if like is None else like.rig,
+            light=None if like is None else like.light,
+            layout=None if like is None else like.layout,
+            robot=options.robot,
             workers=options.workers,
             progress=progress,
         )
@@ -95,8 +103,10 @@ def add_commands(command: AddCommand) -> None:
     annotate = command("annotate", _annotate, "Add labelled images to a bag that was recorded elsewhere.")
     annotate.add_argument("bag", metavar="BAG", type=Path, help="with /gazebo/model_states or /ground_truth/odom")
     annotate.add_argument("--world", metavar="ENV", required=True, help="a name that `fieldtruth list` shows")
-    annotate.add_argument("--seed", metavar="N", type=seed, default=0, help="of the world (0)")
+    annotate.add_argument("--seed", metavar="N", type=seed, help="of the world (the experiment's, or 0)")
     annotate.add_argument("--lidar", action="store_true", help="add labelled clouds, too")
+    annotate.add_argument("--experiment", metavar="EXP", help="its rig, light, layout and seed; a name or a YAML file")
+    annotate.add_argument("--robot", metavar="NAME", default="husky", help="in /gazebo/model_states (husky)")
     annotate.add_argument("--out", metavar="BAG", type=Path, help="the new bag (BAG_annotated.bag)")
     add_workers(annotate, "threads (all cores); the bag is the same")
 

@@ -1,0 +1,95 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a bag fits the rig and the world: a label would be wrong without a word if it did not."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from fieldtruth import frames
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.export.calibration import StaticFrames, first_message, read_static_frames
+from fieldtruth.record import topics as table
+from fieldtruth.record.images import optical_frame
+from fieldtruth.record.messages import static_transforms
+from fieldtruth.record.read import pose_matrix
+from fieldtruth.record.ros import F8
+from fieldtruth.record.run import Run
+from fieldtruth.record.stored import BagError
+from fieldtruth.record.streams import Stream
+from fieldtruth.record.trajectory import Trajectory
+from fieldtruth.world.model import World
+
+_SAME: Final = 1e-3
+"""[m], and entries of rotations: frames that agree to this are the same; a robot's description is rounded."""
+_MOVED: Final = 0.05
+"""[m]; an object farther from its place stands elsewhere."""
+
+
+def check_frames(run: Run, rig: Rig) -> dict[tuple[str, str], F8]:
+    """Fixed frames of the rig's cameras and LiDAR that the bag lacks: ``parent_from_child`` by (parent, child).
+
+    Raises:
+        BagError: the bag has one of them elsewhere.
+    """
+    cameras = [frame for side in table.SIDES for frame in (f"{side}_camera", optical_frame(side))]
+    needed = cameras * rig.cameras.enabled + ["os1_lidar"] * rig.lidar.enabled
+    own = {(parent, child): matrix for (parent, child), matrix in static_transforms(rig).items() if child in needed}
+    ours = StaticFrames({child: (parent, matrix) for (parent, child), matrix in own.items()}, "the rig")
+    theirs = read_static_frames(run) if table.TF_STATIC in run.counts else StaticFrames({}, str(run.bag))
+    for frame in needed:
+        if frame in theirs.parents and not np.allclose(ours.base_from(frame), theirs.base_from(frame), 0.0, _SAME):
+            raise BagError(
+                f"/tf_static of {run.bag} has {frame!r} at {_place(theirs.base_from(frame))} of base_link, the rig at "
+                f"{_place(ours.base_from(frame))}, or turned; an experiment's file (--experiment) can say where it is"
+            )
+    return {key: matrix for key, matrix in own.items() if key[1] not in theirs.parents}
+
+
+def check_objects(run: Run, world: World) -> None:
+    """Make sure that objects which bag and world have in common stand at the same places.
+
+    Raises:
+        BagError: one does not: the bag was recorded in another world.
+    """
+    if table.MODEL_STATES not in run.counts:
+        return
+    states = first_message(run, table.MODEL_STATES)
+    theirs = dict(zip(states.name, states.pose, strict=True))
+    common = [instance for instance in world.instances if instance.name in theirs]
+    for instance in common:
+        there, here = pose_matrix(theirs[instance.name]), instance.world_from_object
+        if not np.linalg.norm(there[:3, 3] - here[:3, 3]) <= _MOVED:
+            raise BagError(
+                f"{run.bag} was recorded in another world: {instance.name!r} stands at {_place(there)}, "
+                f"in {world.name} with seed {world.seed} at {_place(here)}"
+            )
+
+
+def check_place(trajectory: Trajectory, streams: Sequence[Stream], rig: Rig, world: World) -> None:
+    """Make sure that the robot is in the world, and its sensors above the ground, whenever they sense.
+
+    Raises:
+        BagError: says when it is where.
+    """
+    mounts = [rig.cameras.left, rig.cameras.right] * rig.cameras.enabled + [rig.lidar.mount] * rig.lidar.enabled
+    half = np.array(world.size) / 2.0
+    stamps = np.unique(np.concatenate([stream.stamps_ns for stream in streams]))
+    for stamp in stamps.tolist():
+        world_from_base = trajectory.world_from_base(stamp)
+        when = f"at {stamp / 1e9:.3f} s base_link is at {_place(world_from_base)}"
+        if (np.abs(world_from_base[:2, 3]) > half).any():
+            x, y = half
+            raise BagError(f"{when}, outside of {world.name}, which spans x -{x:g} to {x:g} m, y -{y:g} to {y:g} m")
+        eyes = frames.transform(world_from_base, [mount.xyz for mount in mounts])
+        depth = world.terrain.field.height_at(eyes[:, 0], eyes[:, 1]) - eyes[:, 2]
+        if (depth > 0.0).any():
+            raise BagError(
+                f"{when}, so that its sensors are up to {depth.max():.1f} m below the ground of {world.name} "
+                f"with seed {world.seed}; was it recorded in another world?"
+            )
+
+
+def _place(a_from_b: F8) -> str:
+    return "x {:.3f}, y {:.3f}, z {:.3f} m".format(*a_from_b[:3, 3])
