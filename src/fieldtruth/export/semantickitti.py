@@ -7,7 +7,7 @@ forward, y left, z up), poses of the left camera's optical frame (cam0) relative
 frame to cam0. A run without cameras has as cam0 the optical frame in the LiDAR's own centre, and [1 | 0] as P.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -15,26 +15,34 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from fieldtruth import frames
 from fieldtruth.classes import CLASSES, NO_RETURN, PALETTE, Label
-from fieldtruth.experiment.rig import OPTICAL
 from fieldtruth.export import Options
-from fieldtruth.export.calibration import base_from_lidar, read_calibration, read_static_frames
 from fieldtruth.export.label_map import LabelMap, OtherClass
 from fieldtruth.export.parallel import in_order
 from fieldtruth.export.png import encode_png
+from fieldtruth.export.sequences import (
+    CLOUDS,
+    IMAGES,
+    Clock,
+    Geometry,
+    calib_text,
+    has_cameras,
+    poses_text,
+    read_geometry,
+    returns,
+    times_text,
+)
 from fieldtruth.record import topics as table
-from fieldtruth.record.read import image, points, stamp_ns
+from fieldtruth.record.read import image, stamp_ns
 from fieldtruth.record.ros import F8
 from fieldtruth.record.run import Run
-from fieldtruth.record.stored import BagError, RawMessage, decoder, open_stored
+from fieldtruth.record.stored import BagError, decoder, open_stored
 from fieldtruth.record.trajectory import read_trajectory
 
 I8 = NDArray[np.int64]
 
 _MOST: Final = 65535
 """Largest object id; a label has 16 bits for it."""
-_IMAGES: Final = {"left": "image_2", "right": "image_3"}
 _HEADER: Final = """\
 # What semantic-kitti-api and the networks built on it read: sequences/NN/velodyne/*.bin is float32 x, y, z [m] and
 # remission; sequences/NN/labels/*.label is uint32, class in the low and object in the high 16 bits.
@@ -42,14 +50,6 @@ _HEADER: Final = """\
 # image_2 (left) and image_3 (right) hold the photographs that were taken at a cloud's very stamp, under its number.
 # content is the share of points of the training sequences. Colours are blue, green, red.
 """
-
-
-class _Geometry(NamedTuple):
-    """What calib.txt and poses.txt are made of."""
-
-    projection: Mapping[str, F8]
-    base_from_cam0: F8
-    base_from_lidar: F8
 
 
 class _Written(NamedTuple):
@@ -72,7 +72,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     """
     for run in runs:
         run.require(table.POINTS)
-    geometries = [_geometry(run) for run in runs]
+    geometries = [read_geometry(run) for run in runs]
     written = [
         _write_sequence(run, geometry, target / "sequences" / f"{number:02d}", options)
         for number, (run, geometry) in enumerate(zip(runs, geometries, strict=True))
@@ -82,38 +82,15 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     (target / "fieldtruth.yaml").write_text(_HEADER + text, encoding="utf-8")
 
 
-def _geometry(run: Run) -> _Geometry:
-    if _has_cameras(run):
-        calibration = read_calibration(run)
-        return _Geometry(calibration.projection, calibration.base_from_optical["left"], calibration.base_from_lidar)
-    base_from_sensor = base_from_lidar(run, read_static_frames(run))
-    return _Geometry(dict.fromkeys(table.SIDES, np.eye(3, 4)), base_from_sensor @ OPTICAL, base_from_sensor)
-
-
-def _has_cameras(run: Run) -> bool:
-    return any(table.camera_info(side) in run.counts for side in table.SIDES)
-
-
-def _write_sequence(run: Run, geometry: _Geometry, folder: Path, options: Options) -> _Written:
+def _write_sequence(run: Run, geometry: Geometry, folder: Path, options: Options) -> _Written:
     trajectory = read_trajectory(run)
     stamps_ns, counts = _write_clouds(run, folder, options)
     world_from_cam0 = np.array([trajectory.world_from_base(stamp) @ geometry.base_from_cam0 for stamp in stamps_ns])
-    first_from_cam0 = frames.inverse(world_from_cam0[0]) @ world_from_cam0
-    (folder / "poses.txt").write_text("".join(f"{_row(pose)}\n" for pose in first_from_cam0), encoding="ascii")
-    times = [(stamp - stamps_ns[0]) / 1e9 for stamp in stamps_ns]
-    (folder / "times.txt").write_text("".join(f"{time:.9f}\n" for time in times), encoding="ascii")
-    left, right = (geometry.projection[side] for side in table.SIDES)
-    cam0_from_lidar = frames.inverse(geometry.base_from_cam0) @ geometry.base_from_lidar
-    rows = {"P0": left, "P1": right, "P2": left, "P3": right, "Tr": cam0_from_lidar}
-    text = "".join(f"{name}: {_row(matrix)}\n" for name, matrix in rows.items())
-    (folder / "calib.txt").write_text(text, encoding="ascii")
-    images = _write_images(run, stamps_ns, folder, options) if _has_cameras(run) else 0
+    (folder / "poses.txt").write_text(poses_text(world_from_cam0), encoding="ascii")
+    (folder / "times.txt").write_text(times_text(stamps_ns), encoding="ascii")
+    (folder / "calib.txt").write_text(calib_text(geometry), encoding="ascii")
+    images = _write_images(run, stamps_ns, folder, options) if has_cameras(run) else 0
     return _Written(stamps_ns, counts, images, world_from_cam0[0])
-
-
-def _row(matrix: F8) -> str:
-    """Twelve numbers of (3, 4) or (4, 4), row by row; what is below 1e-12 is rounding and becomes 0."""
-    return " ".join(f"{value:.12e}" for value in np.round(matrix[:3], 12).ravel() + 0.0)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -123,7 +100,7 @@ def _row(matrix: F8) -> str:
 def _write_clouds(run: Run, folder: Path, options: Options) -> tuple[list[int], I8]:
     """Write all clouds with their labels; return their stamps [ns] and the points by class id (256,)."""
     ids = np.arange(len(CLASSES), dtype=np.uint8) if options.label_map is None else options.label_map.ids
-    (folder / "velodyne").mkdir(parents=True)
+    (folder / CLOUDS).mkdir(parents=True)
     (folder / "labels").mkdir()
     stamps_ns: list[int] = []
     counts: I8 = np.zeros(256, np.int64)
@@ -132,12 +109,12 @@ def _write_clouds(run: Run, folder: Path, options: Options) -> tuple[list[int], 
         number, cloud = numbered
         xyzr, label, instance = _cloud_arrays(cloud, run)
         mapped = ids[label].astype("<u4")
-        xyzr.tofile(folder / "velodyne" / f"{number:06d}.bin")
+        xyzr.tofile(folder / CLOUDS / f"{number:06d}.bin")
         (mapped | instance << np.uint32(16)).astype("<u4").tofile(folder / "labels" / f"{number:06d}.label")
         return np.bincount(mapped, minlength=256)
 
     with open_stored(run.bag) as bag, options.progress.stage(f"{run.name}: clouds", run.duration_s) as advance:
-        decode, clock = decoder(bag), _Clock(run.start_ns)
+        decode, clock = decoder(bag), Clock(run.start_ns)
 
         def clouds() -> Iterator[tuple[int, Any]]:
             for number, raw in enumerate(bag.messages([table.POINTS])):
@@ -152,40 +129,14 @@ def _write_clouds(run: Run, folder: Path, options: Options) -> tuple[list[int], 
 
 
 def _cloud_arrays(cloud: Any, run: Run) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint32]]:
-    """Points (n, 4) with remission 0, class ids (n,) and object ids (n,) of the returns of a cloud.
-
-    A cloud without ``label`` has the class as its intensity, as in the paper; one without ``instance`` has no objects.
-    """
-    rows = points(cloud)
-    names = rows.dtype.names or ()
-    where = f"the cloud at {stamp_ns(cloud.header)} ns in {run.bag}"
-    source = next((name for name in ("label", "intensity") if name in names), None)
-    if source is None or not {"x", "y", "z"} <= set(names):
-        raise BagError(f"{where} has the fields {', '.join(names)}; needed are x, y, z and label or intensity")
-    xyzr: NDArray[np.float32] = np.zeros((len(rows), 4), "<f4")
-    for column, axis in enumerate("xyz"):
-        xyzr[:, column] = rows[axis]
-    returned = np.isfinite(xyzr).all(axis=1)
-    rows, xyzr = rows[returned], xyzr[returned]
-    label = rows[source]
-    if (odd := label[~np.isin(label, np.arange(len(CLASSES)))]).size:
-        raise BagError(f"{where} has a point of class {odd[0]} ({source}); classes are 0 to {len(CLASSES) - 1}")
+    """Points (n, 4) with remission 0, class ids (n,) and object ids (n,): 0 where the cloud tells of no objects."""
+    found = returns(cloud, run)
+    rows, names = found.rows, found.rows.dtype.names or ()
     instance = rows["instance"] if "instance" in names else np.zeros(len(rows), np.uint32)
     if (odd := instance[(instance < 0) | (instance > _MOST)]).size:
+        where = f"the cloud at {stamp_ns(cloud.header)} ns in {run.bag}"
         raise BagError(f"{where} has a point of object {odd[0]}; a label file holds 0 to {_MOST}")
-    return xyzr, label.astype(np.uint8), instance.astype(np.uint32)
-
-
-class _Clock:
-    """Tells how far a stream of messages has come."""
-
-    def __init__(self, start_ns: int) -> None:
-        self._now_ns = start_ns
-
-    def seconds_until(self, raw: RawMessage) -> float:
-        """Simulated seconds from the message asked about before to this one."""
-        passed, self._now_ns = raw.stamp_ns - self._now_ns, raw.stamp_ns
-        return passed / 1e9
+    return found.xyz_and_zero(), found.label, instance.astype(np.uint32)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -195,7 +146,7 @@ class _Clock:
 def _write_images(run: Run, stamps_ns: Sequence[int], folder: Path, options: Options) -> int:
     """Write the photographs of either camera that have the stamp of a cloud, under its number; return how many."""
     number_at = {stamp: number for number, stamp in enumerate(stamps_ns)}
-    folders = {table.photograph(side): folder / name for side, name in _IMAGES.items()}
+    folders = {table.photograph(side): folder / name for side, name in IMAGES.items()}
     present = [topic for topic in folders if topic in run.counts]
 
     def save(job: tuple[Path, Any]) -> int:
@@ -207,7 +158,7 @@ def _write_images(run: Run, stamps_ns: Sequence[int], folder: Path, options: Opt
     if not present:
         return 0
     with open_stored(run.bag) as bag, options.progress.stage(f"{run.name}: images", run.duration_s) as advance:
-        decode, clock = decoder(bag), _Clock(run.start_ns)
+        decode, clock = decoder(bag), Clock(run.start_ns)
 
         def jobs() -> Iterator[tuple[Path, Any]]:
             for raw in bag.messages(present):
