@@ -1,0 +1,154 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a sample can hold: for each item the sensor and topic that it comes from, and the array that it becomes."""
+
+from collections.abc import Callable
+from typing import Any, Final, Literal, NamedTuple, TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.record import read
+from fieldtruth.record import topics as table
+from fieldtruth.record.stored import BagError
+
+I8 = NDArray[np.int64]
+F8 = NDArray[np.float64]
+Sensor = Literal["camera", "lidar"]
+
+
+class Sample(TypedDict, total=False):
+    """One frame. It holds ``run`` and ``stamp_ns``, and what belongs to the items that were asked for.
+
+    Every array is the caller's own. Frames: the camera's optical frame has x right, y down, z forward; the LiDAR's and
+    ``base_link`` have x forward, y left, z up.
+    """
+
+    run: str
+    """Name of the run."""
+    stamp_ns: int
+    """Stamp [ns] of the anchor sensor's message."""
+    camera_stamp_ns: int
+    """Stamp [ns] of the image items."""
+    lidar_stamp_ns: int
+    """Stamp [ns] of the cloud items."""
+    image: NDArray[np.uint8]
+    """(3, h, w) RGB of the photograph."""
+    mask: I8
+    """(h, w) class ids."""
+    depth: NDArray[np.float32]
+    """(h, w) metres along the optical axis; infinite where nothing is."""
+    instance_mask: NDArray[np.int32]
+    """(h, w) object ids; 0 where nothing is."""
+    cloud: NDArray[np.float32]
+    """(n, 3) x, y, z [m] of the returns in the LiDAR's frame. n differs from frame to frame."""
+    labels: I8
+    """(n,) class ids."""
+    instances: NDArray[np.int32]
+    """(n,) object ids."""
+    rays: I8
+    """(n, 3) ring, column, and time [ns] after ``lidar_stamp_ns``."""
+    world_from_base: F8
+    """(4, 4) true pose of base_link at ``stamp_ns``."""
+    world_from_camera: F8
+    """(4, 4) true pose of the camera's optical frame at ``camera_stamp_ns``."""
+    world_from_lidar: F8
+    """(4, 4) true pose of the LiDAR's frame at ``lidar_stamp_ns``."""
+    K: F8
+    """(3, 3) pinhole matrix [pixel] of the camera; the centre of the first pixel is (0, 0)."""
+    base_from_camera: F8
+    """(4, 4) mount of the camera's optical frame."""
+    base_from_lidar: F8
+    """(4, 4) mount of the LiDAR's frame."""
+
+
+class Item(NamedTuple):
+    """A row of the table: the sensor, its topic by side, and the array from message and ids by class."""
+
+    sensor: Sensor
+    topic: Callable[[str], str]
+    value: Callable[[Any, I8], NDArray[Any]]
+
+
+def _image(message: Any, ids: I8) -> NDArray[np.uint8]:
+    return np.ascontiguousarray(read.image(message).transpose(2, 0, 1))
+
+
+def _mask(message: Any, ids: I8) -> I8:
+    mask: I8 = np.take(ids, read.labels(read.image(message)))
+    return mask
+
+
+def _depth(message: Any, ids: I8) -> NDArray[np.float32]:
+    return read.depth(message).astype(np.float32)
+
+
+def _instance_mask(message: Any, ids: I8) -> NDArray[np.int32]:
+    return read.instances(message).astype(np.int32)
+
+
+def _cloud(message: Any, ids: I8) -> NDArray[np.float32]:
+    return _columns(_returns(message), ("x", "y", "z"), np.dtype(np.float32))
+
+
+def _labels(message: Any, ids: I8) -> I8:
+    """Class ids; a cloud in the paper's own form, without a field for them, has them as its intensity."""
+    points = _returns(message)
+    field = "label" if "label" in (points.dtype.names or ()) else "intensity"
+    exact = _columns(points, (field,), np.dtype(np.float64))[:, 0]
+    label = exact.astype(np.intp)
+    wrong = (label != exact) | (label < 0) | (label >= len(ids))
+    if wrong.any():
+        raise BagError(f"{field} of a point in the cloud is {exact[wrong][0]:g}, which is no class")
+    found: I8 = np.take(ids, label)
+    return found
+
+
+def _instances(message: Any, ids: I8) -> NDArray[np.int32]:
+    return _columns(_returns(message), ("instance",), np.dtype(np.int32))[:, 0]
+
+
+def _rays(message: Any, ids: I8) -> I8:
+    return _columns(_returns(message), ("ring", "column", "t"), np.dtype(np.int64))
+
+
+def _returns(message: Any) -> NDArray[np.void]:
+    """Points with a place; LiDARs that keep a row for a ray without a return set its place to NaN."""
+    points = read.points(message)
+    there = np.isfinite(_columns(points, ("x", "y", "z"), np.dtype(np.float32))).all(axis=1)
+    return points if there.all() else points[there]
+
+
+def _columns(points: NDArray[np.void], fields: tuple[str, ...], dtype: np.dtype[Any]) -> NDArray[Any]:
+    """(n, len(fields)) of some fields of a structured array."""
+    known = points.dtype.names or ()
+    for field in fields:
+        if field not in known:
+            raise BagError(f"points of the cloud have no {field!r}; they have: {', '.join(known)}")
+    values = np.empty((len(points), len(fields)), dtype)
+    for column, field in enumerate(fields):
+        values[:, column] = points[field]
+    return values
+
+
+def _points(side: str) -> str:
+    return table.POINTS
+
+
+ITEMS: Final[dict[str, Item]] = {
+    "image": Item("camera", table.photograph, _image),
+    "mask": Item("camera", table.tag, _mask),
+    "depth": Item("camera", table.depth, _depth),
+    "instance_mask": Item("camera", table.instances, _instance_mask),
+    "cloud": Item("lidar", _points, _cloud),
+    "labels": Item("lidar", _points, _labels),
+    "instances": Item("lidar", _points, _instances),
+    "rays": Item("lidar", _points, _rays),
+}
+"""Items that are readings of a sensor."""
+
+GEOMETRY: Final = ("pose", "calibration")
+"""Items that tell of the sensors from which the others come."""
+
+RAGGED: Final = frozenset(name for name, item in ITEMS.items() if item.sensor == "lidar")
+"""Items whose length differs from frame to frame."""

@@ -1,0 +1,65 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The robot's true pose at any stamp, from the one or two messages around it."""
+
+from typing import Any
+
+import numpy as np
+
+from fieldtruth.datasets.association import Mask, Stream
+from fieldtruth.datasets.items import F8, I8
+from fieldtruth.datasets.storage import Storage
+from fieldtruth.record import topics as table
+from fieldtruth.record.model_states import ROBOT
+from fieldtruth.record.run import Run
+from fieldtruth.record.stored import BagError
+from fieldtruth.record.trajectory import Trajectory
+
+
+def pose_topic(run: Run) -> str:
+    """Topic that tells the true pose: /ground_truth/odom, or else /gazebo/model_states.
+
+    Raises:
+        BagError: the bag has neither.
+    """
+    if table.ODOMETRY not in run.counts and table.MODEL_STATES in run.counts:
+        return table.MODEL_STATES
+    run.require(table.ODOMETRY)
+    return table.ODOMETRY
+
+
+class Poses:
+    """True poses by stamp; nothing but their places is in memory."""
+
+    def __init__(self, storage: Storage, stream: Stream) -> None:
+        self._storage = storage
+        self._stream = stream
+
+    def cover(self, stamps_ns: I8) -> Mask:
+        """Tell which stamps lie between the first and the last pose."""
+        known = self._stream.stamps_ns
+        inside: Mask = (stamps_ns >= known[0]) & (stamps_ns <= known[-1])
+        return inside
+
+    def world_from_base(self, stamp_ns: int) -> F8:
+        """Pose (4, 4) at a stamp [ns] that is covered: a message as it stands, or the way between two."""
+        known = self._stream.stamps_ns
+        after = int(np.searchsorted(known, stamp_ns))
+        rows = [after] if known[after] == stamp_ns else [after - 1, after]
+        poses = np.array([self._row(row) for row in rows])
+        return Trajectory(known[rows], poses[:, :3], poses[:, 3:]).world_from_base(stamp_ns)
+
+    def _row(self, row: int) -> tuple[float, ...]:
+        """Position [m] and quaternion (w, x, y, z)."""
+        stream = self._stream
+        message = self._storage.message(stream.topic, int(stream.chunk[row]), int(stream.offset[row]))
+        pose = self._pose(message)
+        p, q = pose.position, pose.orientation
+        return p.x, p.y, p.z, q.w, q.x, q.y, q.z
+
+    def _pose(self, message: Any) -> Any:
+        if self._stream.topic == table.ODOMETRY:
+            return message.pose.pose
+        if ROBOT not in message.name:
+            raise BagError(f"no model {ROBOT!r} in {table.MODEL_STATES} of {self._storage.path}")
+        return message.pose[message.name.index(ROBOT)]

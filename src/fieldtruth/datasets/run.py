@@ -1,0 +1,236 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""One run as a map data set: frame by number, in any order, from any process."""
+
+import operator
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final, Literal, NamedTuple, SupportsIndex, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.classes import CLASSES, Label
+from fieldtruth.datasets.association import Stream, associate, read_streams, why_none
+from fieldtruth.datasets.items import F8, GEOMETRY, I8, ITEMS, Sample, Sensor
+from fieldtruth.datasets.poses import Poses, pose_topic
+from fieldtruth.datasets.storage import Storage
+from fieldtruth.errors import ConfigurationError, UnknownNameError
+from fieldtruth.export.calibration import read_static_frames
+from fieldtruth.export.label_map import LabelMap, label_map_of
+from fieldtruth.record import topics as table
+from fieldtruth.record.run import Run, open_run
+from fieldtruth.record.stored import BagError, damage, open_stored
+
+DEFAULT_ITEMS: Final = ("image", "mask")
+_SENSORS: Final[tuple[Sensor, ...]] = ("camera", "lidar")
+
+Transform = Callable[[Sample], Any]
+
+
+class RunDataset:
+    """The frames of one run, for ``torch.utils.data.DataLoader`` or without PyTorch: ``len(ds)``, ``ds[i]``.
+
+    A sample is a dict of NumPy arrays, see ``Sample``; ``fieldtruth.datasets.collate`` makes tensors of a batch. A
+    frame is a stamp of the anchor sensor at which there is everything that was asked for. What comes from one sensor
+    has one stamp. Camera and LiDAR have the same stamp, too, unless ``tolerance_s`` allows the nearest reading of the
+    other. Poses are true at the very stamp of each sensor.
+
+    Args:
+        path: folder of a run, or a bag.
+        items: what a sample holds: names from ``ITEMS`` (image, mask, depth, instance_mask, cloud, labels, instances,
+            rays), and "pose" and "calibration" of the sensors from which the others come.
+        camera: "left" or "right".
+        anchor: sensor whose stamps are the frames, "camera" or "lidar"; by default the camera if an item needs it.
+        tolerance_s: largest difference [s] between the stamps of camera and LiDAR in a frame.
+        label_map: ontology of mask and labels, as ``fieldtruth export`` knows it; None keeps the classes of the README.
+        transform: is called with each sample; what it returns is what ``ds[i]`` gives.
+        name: what the run is called; by default the bag's name.
+
+    Raises:
+        BagError: no bag there, a damaged one, one that lacks what was asked for, or one without a frame.
+        UnknownNameError: an item or ontology that does not exist.
+        ConfigurationError: arguments that do not go together.
+    """
+
+    def __init__(
+        self,
+        path: Path | str,
+        items: Sequence[str] = DEFAULT_ITEMS,
+        *,
+        camera: Literal["left", "right"] = "left",
+        anchor: Sensor | None = None,
+        tolerance_s: float = 0.0,
+        label_map: str | LabelMap | None = None,
+        transform: Transform | None = None,
+        name: str | None = None,
+    ) -> None:
+        self.items = _checked_items(items)
+        self.transform = transform
+        needed = {ITEMS[item].sensor for item in self.items if item in ITEMS}
+        self.anchor: Sensor = anchor or ("camera" if "camera" in needed or not needed else "lidar")
+        _check_choices(camera, self.anchor, tolerance_s)
+        self.classes, self._ids = _ontology(label_map)
+        self._sensors = [sensor for sensor in _SENSORS if sensor in needed or sensor == self.anchor]
+        self._topics = {item: ITEMS[item].topic(camera) for item in self.items if item in ITEMS}
+        self.run = open_run(Path(path))
+        self.name = self.run.name if name is None else name
+        opened = _open(self.run, self._topics_by_sensor(camera), self.items, camera)
+        self._storage, self._poses, self._fixed = opened.storage, opened.poses, opened.fixed
+        chosen = associate(opened.streams, self.anchor, round(tolerance_s * 1e9), opened.covered)
+        self._streams = {stream.topic: stream for group in chosen.values() for stream in group}
+        self._stamps = {sensor: group[0].stamps_ns for sensor, group in chosen.items()}
+        if not len(self):
+            why = why_none(opened.streams, self.anchor)
+            raise BagError(f"{self.run.bag} has no frame with {', '.join(self.items)}: {why}")
+
+    @property
+    def stamps_ns(self) -> I8:
+        """(len,) stamp [ns] of each frame."""
+        return self._stamps[self.anchor]
+
+    def __len__(self) -> int:
+        return len(self._stamps[self.anchor])
+
+    def __getitem__(self, index: SupportsIndex) -> Any:
+        """Read a frame; negative numbers count from the end.
+
+        Raises:
+            IndexError: there is no such frame.
+            BagError: the bag is gone, has changed, or is damaged there.
+        """
+        sample = self._sample(position(index, len(self)))
+        return sample if self.transform is None else self.transform(sample)
+
+    def __iter__(self) -> Iterator[Any]:
+        return (self[i] for i in range(len(self)))
+
+    def __repr__(self) -> str:
+        return f"RunDataset({self.name}: {len(self)} frames of {', '.join(self.items)})"
+
+    def _sample(self, i: int) -> Sample:
+        sample: dict[str, Any] = {"run": self.name, "stamp_ns": int(self.stamps_ns[i])}
+        for sensor in self._sensors:
+            sample[f"{sensor}_stamp_ns"] = int(self._stamps[sensor][i])
+        messages: dict[str, Any] = {}
+        for item, topic in self._topics.items():
+            if topic not in messages:
+                stream = self._streams[topic]
+                messages[topic] = self._storage.message(topic, int(stream.chunk[i]), int(stream.offset[i]))
+            with damage(self.run.bag):
+                sample[item] = ITEMS[item].value(messages[topic], self._ids)
+        if self._poses is not None:
+            sample |= self._true_poses(i, self._poses)
+        if "calibration" in self.items:
+            sample |= {key: value.copy() for key, value in self._fixed.items()}
+        return cast(Sample, sample)
+
+    def _true_poses(self, i: int, poses: Poses) -> dict[str, F8]:
+        result = {"world_from_base": poses.world_from_base(int(self.stamps_ns[i]))}
+        for sensor in self._sensors:
+            stamp = int(self._stamps[sensor][i])
+            same = stamp == self.stamps_ns[i]
+            world_from_base = result["world_from_base"] if same else poses.world_from_base(stamp)
+            result[f"world_from_{sensor}"] = world_from_base @ self._fixed[f"base_from_{sensor}"]
+        return result
+
+    def _topics_by_sensor(self, camera: str) -> dict[Sensor, list[str]]:
+        """Topics by sensor; an anchor from which no item comes has the one that it always has."""
+        default = {"camera": table.photograph(camera), "lidar": table.POINTS}
+        return {
+            sensor: list(dict.fromkeys(topic for item, topic in self._topics.items() if ITEMS[item].sensor == sensor))
+            or [default[sensor]]
+            for sensor in self._sensors
+        }
+
+
+def position(index: SupportsIndex, length: int) -> int:
+    """Return the place of a sequence's item, which negative numbers count from the end."""
+    if isinstance(index, slice):
+        raise TypeError("a data set has no slices; torch.utils.data.Subset(ds, range(...)) is one")
+    place = operator.index(index)
+    if not -length <= place < length:
+        raise IndexError(f"no frame {place}; there are {length}")
+    return place % length
+
+
+class _Opened(NamedTuple):
+    """What a bag's index and its first messages tell."""
+
+    storage: Storage
+    streams: dict[Sensor, list[Stream]]
+    poses: Poses | None
+    fixed: dict[str, F8]
+    """Calibration by key of the sample."""
+
+    def covered(self, stamps_ns: I8) -> NDArray[np.bool_]:
+        """Tell at which stamps there is a true pose, if one is asked for."""
+        return np.full(len(stamps_ns), True) if self.poses is None else self.poses.cover(stamps_ns)
+
+
+def _open(run: Run, topics: Mapping[Sensor, list[str]], items: Sequence[str], camera: str) -> _Opened:
+    readings = [topic for group in topics.values() for topic in group]
+    _require(run, readings)
+    pose = pose_topic(run) if "pose" in items else None
+    geometry = any(item in GEOMETRY for item in items)
+    info = table.camera_info(camera) if "calibration" in items and "camera" in topics else None
+    run.require(*[table.TF_STATIC] * geometry, *filter(None, [info]))
+    with open_stored(run.bag) as bag:
+        storage = Storage(bag)
+        streams = read_streams(bag, storage, [*readings, *filter(None, (pose, info))])
+    fixed: dict[str, F8] = {}
+    if geometry:
+        static = read_static_frames(run)
+        for sensor, group in topics.items():
+            first = _first(storage, streams[group[0]])
+            fixed[f"base_from_{sensor}"] = static.base_from(first.header.frame_id)
+    if info is not None:
+        fixed["K"] = np.array(_first(storage, streams[info]).K, np.float64).reshape(3, 3)
+        if not (np.isfinite(fixed["K"]).all() and fixed["K"][0, 0] > 0.0 < fixed["K"][1, 1]):
+            raise BagError(f"{info} of {run.bag} holds no calibration: K is {fixed['K'].ravel().tolist()}")
+    by_sensor = {sensor: [streams[topic] for topic in group] for sensor, group in topics.items()}
+    return _Opened(storage, by_sensor, None if pose is None else Poses(storage, streams[pose]), fixed)
+
+
+def _first(storage: Storage, stream: Stream) -> Any:
+    return storage.message(stream.topic, int(stream.chunk[0]), int(stream.offset[0]))
+
+
+def _require(run: Run, topics: Sequence[str]) -> None:
+    """Make sure that the bag has the readings; those that are off by default are told how to get."""
+    for topic in topics:
+        for extra in ("depth", "instances"):
+            if topic not in run.counts and topic in [getattr(table, extra)(side) for side in table.SIDES]:
+                raise BagError(f"{run.bag} has no {topic}; `fieldtruth generate NAME --extras {extra}` records it")
+    run.require(*topics)
+
+
+def _checked_items(items: Sequence[str]) -> tuple[str, ...]:
+    if isinstance(items, str):
+        raise ConfigurationError(f"items must be names in a list or tuple, as ({items!r},), and not a text")
+    for item in items:
+        if item not in ITEMS and item not in GEOMETRY:
+            raise UnknownNameError("item", item, [*ITEMS, *GEOMETRY])
+    if not items:
+        raise ConfigurationError(f"items names nothing; there is: {', '.join([*ITEMS, *GEOMETRY])}")
+    return tuple(dict.fromkeys(items))
+
+
+def _check_choices(camera: str, anchor: str, tolerance_s: float) -> None:
+    if camera not in table.SIDES:
+        raise UnknownNameError("camera", camera, table.SIDES)
+    if anchor not in _SENSORS:
+        raise UnknownNameError("anchor", anchor, _SENSORS)
+    if not 0.0 <= tolerance_s < np.inf:
+        raise ConfigurationError(f"tolerance_s must be a time [s] of at least 0, not {tolerance_s!r}")
+
+
+def _ontology(label_map: str | LabelMap | None) -> tuple[dict[int, str], I8]:
+    """Names of the classes by id, and the id by class id of this package."""
+    if label_map is None:
+        return {int(row.label): row.name for row in CLASSES}, np.arange(len(Label))
+    chosen = label_map_of(label_map) if isinstance(label_map, str) else label_map
+    return {number: other.name for number, other in chosen.classes.items()}, chosen.ids.astype(np.int64)
+
+
+__all__ = ["DEFAULT_ITEMS", "RunDataset", "Transform", "position"]

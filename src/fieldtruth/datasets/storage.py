@@ -1,0 +1,105 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Messages of a bag in any order, from any process and thread: nothing is open between two reads."""
+
+import os
+from collections import OrderedDict
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from threading import Lock
+from typing import Any, Final
+
+from rosbags.typesys.store import Typestore
+
+from fieldtruth.record.stored import (
+    BagError,
+    RawMessage,
+    StoredBag,
+    damage,
+    decoder_of,
+    message_at,
+    read_chunk,
+    types_of,
+)
+
+BUDGET: Final = 64 * 2**20  # [byte]; the chunks of two frames of 1280 x 720 with all there is
+
+Key = tuple[Path, tuple[int, int], int]
+
+
+class Storage:
+    """The messages of one bag by place. It holds no file and no message, so it is pickled and forked freely."""
+
+    def __init__(self, bag: StoredBag) -> None:
+        self.path = bag.path.resolve()
+        self._version = _version(self.path)
+        self._definitions = tuple(sorted({c.msgtype: c.msgdef.data for c in bag.connections}.items()))
+        self._kinds = {c.id: (c.topic, c.msgtype) for c in bag.connections}
+
+    def message(self, topic: str, chunk: int, offset: int) -> Any:
+        """Return the message of a topic at an offset in the chunk at a position in the file, with ROS's field names.
+
+        Raises:
+            BagError: the bag is gone, has changed since it was opened, or is damaged.
+        """
+        unpacked = _RECENT.get((self.path, self._version, chunk), lambda: self._unpack(chunk))
+        with damage(self.path):
+            stamp, number, data = message_at(unpacked, offset)
+        found, msgtype = self._kinds.get(number, ("no topic", ""))
+        if found != topic:
+            raise BagError(f"cannot read {self.path}: its index says {topic} where a message of {found} lies")
+        return decoder_of(_types(self._definitions), self.path)(RawMessage(stamp, topic, msgtype, data))
+
+    def _unpack(self, chunk: int) -> bytes:
+        if _version(self.path) != self._version:
+            raise BagError(f"{self.path} has changed since the data set was opened; open it again")
+        return read_chunk(self.path, chunk)
+
+
+class Recent:
+    """The unpacked chunks that were used last; together they stay below a budget [byte], or it is a single one."""
+
+    def __init__(self, budget: int) -> None:
+        self.budget = budget
+        self.forget()
+
+    def forget(self) -> None:
+        """Start anew, with a lock that nobody holds."""
+        self._chunks: OrderedDict[Key, bytes] = OrderedDict()
+        self._lock = Lock()
+
+    @property
+    def size(self) -> int:
+        """Bytes that are held."""
+        return sum(map(len, self._chunks.values()))
+
+    def get(self, key: Key, unpack: Callable[[], bytes]) -> bytes:
+        """Return the chunk of a key; it is unpacked if it is not held."""
+        with self._lock:
+            if key in self._chunks:
+                self._chunks.move_to_end(key)
+                return self._chunks[key]
+        chunk = unpack()
+        with self._lock:
+            self._chunks[key] = chunk
+            while len(self._chunks) > 1 and self.size > self.budget:
+                self._chunks.popitem(last=False)
+        return chunk
+
+
+_RECENT: Final = Recent(BUDGET)
+"""Shared by all data sets of a process, so that a hundred runs need no more memory than one."""
+os.register_at_fork(after_in_child=_RECENT.forget)
+
+
+@lru_cache(maxsize=16)
+def _types(definitions: tuple[tuple[str, str], ...]) -> Typestore:
+    return types_of(dict(definitions))
+
+
+def _version(path: Path) -> tuple[int, int]:
+    """Tells a file from another that was put in its place."""
+    with damage(path):
+        stat = path.stat()
+    return stat.st_mtime_ns, stat.st_size
