@@ -4,6 +4,8 @@
 
 import dataclasses
 import shutil
+import struct
+import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
@@ -13,8 +15,10 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+import zstandard
 from mcap.exceptions import InvalidMagic
 from mcap.reader import SeekingReader
+from mcap.records import Chunk, MessageIndex
 from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
@@ -165,6 +169,29 @@ def test_every_record_and_checksum_stands(exported: Path) -> None:
         kinds = Counter(type(record).__name__ for record in StreamReader(stream, validate_crcs=True).records)
     assert kinds["Message"] == 2943
     assert kinds["Footer"] == kinds["DataEnd"] == kinds["Statistics"] == kinds["Metadata"] == 1
+    whole = exported.read_bytes()
+    start, _, crc = struct.unpack("<QQI", whole[-28:-8])  # the footer; behind it stands the magic
+    assert crc == zlib.crc32(whole[start:-12])
+
+
+def test_each_message_lies_where_its_index_says(exported: Path, ros1: list[Row]) -> None:
+    """The libraries above do not look at these indices; Foxglove does."""
+    found, chunk = 0, b""
+    with exported.open("rb") as stream:
+        for record in StreamReader(stream, emit_chunks=True).records:
+            if isinstance(record, Chunk):
+                chunk = decompressed(record)
+            elif isinstance(record, MessageIndex):
+                for stamp, offset in record.records:
+                    opcode, _, channel, _, log_time = struct.unpack_from("<BQHIQ", chunk, offset)
+                    assert (opcode, channel, log_time) == (5, record.channel_id, stamp)
+                    found += 1
+    assert found == len(ros1)
+
+
+def decompressed(chunk: Chunk) -> bytes:
+    data: bytes = zstandard.decompress(chunk.data, chunk.uncompressed_size)
+    return data
 
 
 def test_an_instant_is_found_by_the_index(exported: Path, ros1: list[Row]) -> None:

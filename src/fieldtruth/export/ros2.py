@@ -98,8 +98,6 @@ class _ModelStates:
     def __call__(self, raw: RawMessage) -> bytes | memoryview:
         poses, twists = self._reader.poses(raw.data), self._reader.twists(raw.data)
         count = len(poses)
-        if not count:
-            return self._convert(raw)
         if self._reader.names is not self._names:
             whole = self._convert(raw)
             self._head = bytes(whole[: len(whole) - 104 * count - 8])
