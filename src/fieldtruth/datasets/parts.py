@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parts for training and testing: whole runs, never neighbouring frames, which show the same things."""
 
+import json
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
@@ -53,8 +54,8 @@ def _groups(runs: Runs, by: str) -> Groups:
         if by == "run" or made_by is None:
             groups.setdefault(run.run.bag.resolve(), []).append(run)
         else:
-            world = made_by.model_dump_json(include={"environment", "seed", "layout"})
-            groups.setdefault(world, []).append(run)
+            world = made_by.model_dump(mode="json", include={"environment", "seed", "layout"})
+            groups.setdefault(json.dumps(world, sort_keys=True), []).append(run)
     return list(groups.values())
 
 
