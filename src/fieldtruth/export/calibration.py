@@ -88,9 +88,10 @@ def read_calibration(run: Run) -> Calibration:
     static = read_static_frames(run)
     infos = {side: first_message(run, table.camera_info(side)) for side in table.SIDES}
     projection = {side: np.asarray(info.P, np.float64).reshape(3, 4) for side, info in infos.items()}
-    for side, info in infos.items():
-        if not (np.isfinite(projection[side]).all() and projection[side][0, 0] > 0.0 < projection[side][1, 1]):
-            raise BagError(f"{table.camera_info(side)} of {run.bag} holds no projection: P is {list(info.P)}")
+    for side, matrix34 in projection.items():
+        fx, fy = matrix34[0, 0], matrix34[1, 1]
+        if not (np.isfinite(matrix34).all() and fx > 0.0 and fy > 0.0):
+            raise BagError(f"{table.camera_info(side)} of {run.bag} holds no projection: P has fx {fx}, fy {fy}")
     sizes = {side: (int(info.width), int(info.height)) for side, info in infos.items()}
     if sizes["left"] != sizes["right"]:
         raise BagError(f"the cameras of {run.bag} differ in size: {sizes['left']} and {sizes['right']}")

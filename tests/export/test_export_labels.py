@@ -1,0 +1,158 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Label maps against the ontologies' own files, row by row as they stand there, and against docs/labels.md."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldtruth.classes import CLASSES, Label
+from fieldtruth.errors import UnknownNameError
+from fieldtruth.export.label_map import LABEL_MAPS, label_map_of
+
+DOCUMENT = (Path(__file__).parents[2] / "docs/labels.md").read_text(encoding="utf-8")
+NAMES = ("rellis", "rugd", "goose", "goose9", "ganav6")
+
+# RUGD_annotation-colormap.txt
+RUGD = """\
+0 void 0 0 0
+3 grass 0 102 0
+4 tree 0 255 0
+5 pole 0 153 153
+6 water 0 128 255
+7 sky 0 0 255
+9 container/generic-object 255 0 127
+11 gravel 255 128 0
+19 bush 255 153 204
+21 rock 153 204 255
+24 picnic-table 114 85 47"""
+
+# challenge_label_mapping.csv: class_name,label_key,has_instance,hex,challege_category_id,challenge_category_name
+GOOSE = """\
+undefined,0,0,#000000,0,other
+obstacle,4,0,#ff4a46,4,obstacle
+street_light,6,1,#006fa6,4,obstacle
+bush,17,0,#809693,6,vegetation
+gravel,24,0,#61615a,3,natural_ground
+tree_crown,27,0,#00c2a0,6,vegetation
+tree_trunk,28,1,#ffaa92,6,vegetation
+rock,40,1,#372101,4,obstacle
+pole,45,1,#c0b9b2,4,obstacle
+low_grass,50,0,#0cbd66,3,natural_ground
+high_grass,51,0,#eec3ff,6,vegetation
+sky,53,0,#b77b68,8,sky
+water,54,0,#7a87a1,3,natural_ground
+wire,55,0,#ff8c00,4,obstacle
+container,58,1,#ff8a9a,4,obstacle"""
+
+# rellis.yaml: labels and color_map (which it calls bgr; the values are RUGD's red, green, blue).
+RELLIS_NAMES = {0: "void", 1: "dirt", 3: "grass", 4: "tree", 5: "pole", 6: "water", 7: "sky", 8: "vehicle", 9: "object",
+                10: "asphalt", 12: "building", 15: "log", 17: "person", 18: "fence", 19: "bush", 23: "concrete",
+                27: "barrier", 31: "puddle", 33: "mud", 34: "rubble"}  # fmt: skip
+RELLIS_COLOURS = {1: (108, 64, 20), 27: (41, 121, 255), 31: (134, 255, 239), 33: (99, 66, 34), 34: (110, 22, 138)}
+
+# GANav's tools/convert_datasets/rugd_relabel6.py: the group of RUGD's classes 1 to 24; void is background.
+GANAV_GROUPS = [2, 2, 2, 5, 5, 4, 0, 5, 5, 1, 2, 5, 2, 3, 5, 5, 5, 5, 5, 0, 3, 5, 1, 5]
+GANAV_PALETTE = [(0, 0, 0), (0, 128, 0), (255, 255, 0), (255, 128, 0), (255, 0, 0), (0, 0, 128)]
+
+
+def hexadecimal(text: str) -> tuple[int, ...]:
+    return tuple(int(text[i : i + 2], 16) for i in (1, 3, 5))
+
+
+def test_the_names_are_those_of_the_command_line() -> None:
+    assert tuple(LABEL_MAPS) == NAMES
+    with pytest.raises(UnknownNameError, match=r"no label map 'rellis3d'; there is: rellis, "):
+        label_map_of("rellis3d")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_class_has_one_there_and_only_void_has_theirs(name: str) -> None:
+    labels = label_map_of(name)
+    assert labels.ids.shape == (len(CLASSES),)
+    assert set(labels.ids.tolist()) <= set(labels.classes)
+    assert labels.ids[Label.VOID] == 0
+    also_void = {label for label in Label if labels.ids[label] == 0} - {Label.VOID}
+    assert also_void == ({Label.SKY} if name == "ganav6" else set())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_colours_tell_all_classes_apart(name: str) -> None:
+    labels = label_map_of(name)
+    assert len({other.rgb for other in labels.classes.values()}) == len(labels.classes)
+    assert len({other.name for other in labels.classes.values()}) == len(labels.classes)
+    colours = labels.colours()
+    for number, other in labels.classes.items():
+        assert tuple(colours[number]) == other.rgb
+    assert not colours[[i for i in range(256) if i not in labels.classes]].any()
+
+
+def test_rugd_is_as_in_its_colour_map() -> None:
+    labels = label_map_of("rugd")
+    rows = {int(row[0]): (row[1], tuple(map(int, row[2:]))) for row in map(str.split, RUGD.splitlines())}
+    assert set(labels.ids.tolist()) == set(rows)
+    assert all(labels.classes[number] == row for number, row in rows.items())
+    assert sorted(labels.classes) == list(range(25))
+
+
+def test_rellis_is_as_in_its_configuration_and_shares_rugds_numbers_and_colours() -> None:
+    rellis, rugd = label_map_of("rellis").classes, label_map_of("rugd").classes
+    assert {number: other.name for number, other in rellis.items()} == RELLIS_NAMES
+    assert all(rellis[number].rgb == rgb for number, rgb in RELLIS_COLOURS.items())
+    shared = [number for number in rellis if number < 23]
+    assert len(shared) == 15
+    assert all(rellis[number].rgb == rugd[number].rgb for number in shared)
+
+
+def test_goose_and_its_challenge_are_as_in_their_mapping() -> None:
+    goose, challenge = label_map_of("goose"), label_map_of("goose9")
+    rows = [line.split(",") for line in GOOSE.splitlines()]
+    assert set(goose.ids.tolist()) == {int(row[1]) for row in rows}
+    for name, key, _, colour, category, category_name in rows:
+        assert goose.classes[int(key)] == (name, hexadecimal(colour))
+        assert challenge.classes[int(category)].name == category_name
+    category_of = {int(row[1]): int(row[4]) for row in rows}
+    assert [category_of[number] for number in goose.ids.tolist()] == challenge.ids.tolist()
+    assert (sorted(goose.classes), sorted(challenge.classes)) == (list(range(64)), list(range(9)))
+
+
+def test_ganav6_is_ganavs_own_grouping_of_rugd() -> None:
+    groups = np.array([0, *GANAV_GROUPS])
+    assert label_map_of("ganav6").ids.tolist() == groups[label_map_of("rugd").ids].tolist()
+    assert [other.rgb for _, other in sorted(label_map_of("ganav6").classes.items())] == GANAV_PALETTE
+
+
+def table(heading: str) -> list[list[str]]:
+    """Cells of the rows of the table below a heading of the document, without its head."""
+    section = DOCUMENT.partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in section.splitlines() if line[:1] == "|"]
+    return rows[2:]
+
+
+def test_the_document_has_the_whole_table() -> None:
+    rows = table("What each class becomes")
+    assert [int(row[0]) for row in rows] == [c.label for c in CLASSES]
+    for (number, name, *others, lost), own in zip(rows, CLASSES, strict=True):
+        assert (int(number), name) == (own.label, own.name)
+        assert lost
+        expected = [label_map_of(each) for each in NAMES]
+        assert others == [f"{m.ids[own.label]} {m.classes[int(m.ids[own.label])].name}" for m in expected], name
+
+
+def test_the_document_has_the_colours() -> None:
+    described = {
+        (row[0].strip("`"), int(row[1])): (row[2], tuple(map(int, row[3].split()))) for row in table("Colours")
+    }
+    true = {
+        (name, number): label_map_of(name).classes[number]
+        for name in NAMES
+        for number in sorted(set(label_map_of(name).ids.tolist()))
+    }
+    assert described == true
+
+
+def test_the_document_names_the_ontologies_in_the_order_of_its_columns() -> None:
+    head = next(line for line in DOCUMENT.splitlines() if line.startswith("| id | class |"))
+    assert tuple(re.findall(r"`(\w+)`", head)) == NAMES
