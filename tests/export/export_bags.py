@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags as others might hand them in: with topics missing, or with messages changed, made of a real one."""
 
-from collections.abc import Callable, Iterable
+import struct
+import tracemalloc
+from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -49,3 +51,31 @@ def copied(bag: Path, path: Path, change: Callable[[str, int, bytes], bytes | No
                 )
             writer.write(connections[connection.topic], stamp_ns, new)
     return path
+
+
+def longer(bag: Path, path: Path, times: int, topics: Collection[str], once: Collection[str]) -> Path:
+    """Repeat what a bag has on some topics, whose messages have headers, one time after the other; keep others once."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    made: dict[str, Any] = {}
+    with Reader(bag) as reader, Writer(path) as writer:
+        for number in range(times):
+            wanted = {*topics} if number else {*topics, *once}
+            for old, stamp_ns, data in reader.messages([c for c in reader.connections if c.topic in wanted]):
+                later = stamp_ns + number * reader.duration
+                moved = bytes(data[:4]) + struct.pack("<2L", *divmod(later, 10**9)) + bytes(data[12:])
+                if old.topic not in made:
+                    made[old.topic] = writer.add_connection(
+                        old.topic, old.msgtype, msgdef=old.msgdef.data, md5sum=old.digest
+                    )
+                writer.write(made[old.topic], later, moved if old.topic in topics else bytes(data))
+    return path
+
+
+def peak_memory(work: Callable[[], object]) -> int:
+    """Most bytes that Python and NumPy held at once for some work."""
+    tracemalloc.start()
+    try:
+        work()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()

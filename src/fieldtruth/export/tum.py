@@ -25,6 +25,6 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
             file.write(f"{seconds(int(stamp_ns))} {values}\n")
 
 
-def seconds(stamp_ns: int) -> str:
-    """Seconds of a stamp [ns], all nine digits after the point as they are."""
-    return f"{stamp_ns // 10**9}.{stamp_ns % 10**9:09d}"
+def seconds(ns: int) -> str:
+    """Seconds of a time [ns], all nine digits after the point as they are."""
+    return f"{'-' * (ns < 0)}{abs(ns) // 10**9}.{abs(ns) % 10**9:09d}"
