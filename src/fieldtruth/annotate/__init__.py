@@ -7,8 +7,8 @@ what it holds goes unchanged, with what was seen in between, into a new bag.
 """
 
 import os
-import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from fieldtruth.record.bag import output_errors
 from fieldtruth.record.folder import RunFolder, fingerprint, locked
 from fieldtruth.record.messages import tf_static
 from fieldtruth.record.model_states import ROBOT
+from fieldtruth.record.ros import F8
 from fieldtruth.record.run import Run, open_run
 from fieldtruth.record.slices import Slices
 from fieldtruth.record.stored import BagError
@@ -84,22 +85,16 @@ def annotate(
     run = open_run(bag)
     target = run.folder / f"{run.name}_annotated.bag" if out is None else out
     added = _added_topics(run, rig)
-    _refuse_occupied(target)
-    frames = check_frames(run, rig)
-    with progress.stage("read the poses", run.duration_s) as advance:
-        poses = read_poses(run, rig, robot, advance)
-    streams = _streams(poses, rig)
-    with progress.stage("build the world"):
-        world = load_world(environment, seed, layout)
-    check_objects(run, world)
-    check_place(poses.trajectory, streams, rig, world)
-    first_ns = int(poses.trajectory.stamps_ns[0])
-    fixed = {table.TF_STATIC: (poses.recorded_at(first_ns), tf_static(first_ns, frames))} if frames else {}
+    with _work_folder(target) as folder:
+        frames = check_frames(run, rig)
+        with progress.stage("read the poses", run.duration_s) as advance:
+            poses = read_poses(run, rig, robot, advance)
+        streams = _streams(poses, rig)
+        with progress.stage("build the world"):
+            world = load_world(environment, seed, layout)
+        check_objects(run, world)
+        check_place(poses.trajectory, streams, rig, world)
 
-    with output_errors(target):
-        folder = RunFolder(target.with_name(f".{target.name}.parts"), target)
-        folder.path.mkdir(parents=True, exist_ok=True)
-    with locked(folder.path):
         work = folder.work(fingerprint(world, rig, light, poses.trajectory))
         start_ns = min(int(stream.stamps_ns[0]) for stream in streams) - 1
         slices = Slices(work, streams, added, _sensors(world, rig, light, progress), start_ns)
@@ -108,9 +103,34 @@ def annotate(
         with progress.stage("sense and label", seconds, done) as advance:
             slices.make(workers, advance)
         with progress.stage("write the bag", run.duration_s) as advance:
-            weave(run, slices, target, fixed, poses.recorded_at, advance)
-        shutil.rmtree(folder.path, ignore_errors=True)
+            weave(run, slices, target, _fixed(poses, frames), poses.recorded_at, advance)
     return target
+
+
+@contextmanager
+def _work_folder(target: Path) -> Iterator[RunFolder]:
+    """Open a hidden folder beside the new bag for slices; they stay there when the work is stopped.
+
+    Raises:
+        OutputError: the bag is there already, another process makes it, or it cannot be written.
+    """
+    path = target.with_name(f".{target.name}.parts")
+    with output_errors(target):
+        if os.path.lexists(target):
+            raise OutputError(f"{target} is there already; remove it, or choose another --out")
+        new = [folder for folder in (path, *path.parents) if not folder.exists()]
+        path.mkdir(parents=True, exist_ok=True)
+    folder = RunFolder(path, target)
+    with locked(path):
+        try:
+            yield folder
+            folder.clean()
+            path.rmdir()
+        except BaseException:
+            with suppress(OSError):  # those that are not empty stay
+                for each in new:
+                    each.rmdir()
+            raise
 
 
 def _sensors(world: World, rig: Rig, light: LightConfig, progress: Progress) -> Callable[[], Sensors]:
@@ -139,12 +159,6 @@ def _added_topics(run: Run, rig: Rig) -> list[table.Topic]:
     return added
 
 
-def _refuse_occupied(target: Path) -> None:
-    with output_errors(target):
-        if os.path.lexists(target):
-            raise OutputError(f"{target} is there already; remove it, or choose another --out")
-
-
 def _streams(poses: Poses, rig: Rig) -> list[Stream]:
     """Sense at all multiples of a sensor's period for which there are poses, in the topic table's order."""
     pose_at = poses.trajectory.world_from_base
@@ -156,3 +170,9 @@ def _streams(poses: Poses, rig: Rig) -> list[Stream]:
         stamps = poses.stamps("camera", rig.cameras.rate_hz)
         streams += [camera_stream(rig.cameras, side, stamps, pose_at) for side in table.SIDES]
     return streams
+
+
+def _fixed(poses: Poses, frames: Mapping[tuple[str, str], F8]) -> dict[str, tuple[int, bytes]]:
+    """/tf_static of some frames, with the first pose: its stamp in the bag [ns], and bytes."""
+    first_ns = int(poses.trajectory.stamps_ns[0])
+    return {table.TF_STATIC: (poses.recorded_at(first_ns), tf_static(first_ns, frames))} if frames else {}

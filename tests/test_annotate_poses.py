@@ -1,0 +1,246 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Which poses count for annotation, and the one line that each bag gets that cannot be annotated."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from annotate_bags import F8, Message, drive, odometry, standard, states, static, way, write
+
+from fieldtruth import annotate as package
+from fieldtruth import cli, frames
+from fieldtruth.annotate import annotate
+from fieldtruth.annotate.check import check_frames
+from fieldtruth.annotate.poses import Poses, read_poses
+from fieldtruth.errors import ConfigurationError
+from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, LidarConfig, Rig
+from fieldtruth.record.run import open_run
+from fieldtruth.world import World, load_world
+
+RIG = Rig()
+FOOTPRINT = frames.pose((0.0, 0.0, -0.13228))
+
+
+def poses_of(folder: Path, messages: list[Message], rig: Rig = RIG, robot: str = "husky") -> Poses:
+    told: list[float] = []
+    folder.mkdir(exist_ok=True)
+    run = open_run(write(folder / "x.bag", messages))
+    poses = read_poses(run, rig, robot, told.append)
+    assert sum(told) <= run.duration_s
+    return poses
+
+
+def assert_on_the_way(poses: Poses, stamps: list[int], within: float = 1e-9) -> None:
+    for stamp in stamps:
+        assert poses.trajectory.world_from_base(stamp) == pytest.approx(way(stamp / 1e9), abs=within)
+
+
+def test_stamps_are_the_multiples_of_the_period_among_the_poses(tmp_path: Path) -> None:
+    poses = poses_of(tmp_path, drive(first=1, last=30))  # from 0.02 s to 0.6 s
+    assert poses.stamps("camera", 25.0).tolist() == [k * 40_000_000 for k in range(1, 16)]
+    assert poses.stamps("lidar", 10.0).tolist() == [k * 100_000_000 for k in range(1, 7)]
+    assert poses.stamps("lidar", 10.0, 10**8).tolist() == [k * 100_000_000 for k in range(1, 6)]
+    assert poses.stamps("camera", 30.0)[:3].tolist() == [33_333_333, 66_666_667, 100_000_000]
+
+
+def test_stamps_of_a_wall_clock_lose_no_nanosecond(tmp_path: Path) -> None:
+    start = 1_600_000_000 * 10**9 + 333_333_333
+    poses = poses_of(tmp_path, [odometry(start + k * 20_000_000, way(k / 50)) for k in range(30)])
+    assert poses.stamps("camera", 30.0)[:3].tolist() == [start, start + 33_333_334, start + 66_666_667]
+    assert poses.stamps("camera", 25.0)[0] == 1_600_000_000_360_000_000
+
+
+def test_between_two_poses_the_robot_goes_straight_and_turns_evenly(tmp_path: Path) -> None:
+    # the way is such a motion, so a pose 7 ms off the grid gives the exact one on the grid
+    messages = [odometry(k * 20_000_000 + 7_000_000, way(k / 50 + 0.007)) for k in range(30)]
+    poses = poses_of(tmp_path, messages)
+    assert_on_the_way(poses, poses.stamps("camera", 25.0).tolist(), 2e-6)  # a pitched axis does not turn evenly
+
+
+@pytest.mark.parametrize("offset", [0, 300_000])
+def test_of_a_thousand_poses_a_second_those_beside_the_stamps_stay(tmp_path: Path, offset: int) -> None:
+    instants = [k * 1_000_000 + offset for k in range(1, 801)]
+    moving = [states(t, {"ground": np.eye(4), "husky": way(t / 1e9)}) for t in instants]
+    poses = poses_of(tmp_path, moving)
+    assert_on_the_way(poses, [k * 40_000_000 for k in range(1, 21)])
+    assert poses.trajectory.stamps_ns[[0, -1]].tolist() == [instants[0], instants[-1]]
+    assert len(poses.trajectory) <= 2 + 3 * 24  # 20 images and 8 clouds, 4 of them at once
+    every = poses_of(tmp_path / "more", moving, Rig(lidar=LidarConfig(spinning=True)))
+    assert every.trajectory.stamps_ns.tolist() == instants
+
+
+def test_what_is_sensed_is_recorded_with_the_next_pose(tmp_path: Path) -> None:
+    late = [odometry(k * 30_000_000, way(k * 0.03), recorded=5 * 10**9 + k * 30_000_000 + k) for k in range(1, 10)]
+    poses = poses_of(tmp_path, late)
+    assert [poses.recorded_at(t) - 5 * 10**9 for t in (40_000_000, 60_000_000, 270_000_000)] == [
+        60_000_002,
+        60_000_002,
+        270_000_009,
+    ]
+
+
+def test_messages_before_the_clock_and_before_the_robot_do_not_count(tmp_path: Path) -> None:
+    early = odometry(0, frames.pose((9.0, 9.0, 9.0)), recorded=1)
+    assert_on_the_way(poses_of(tmp_path, [early, *drive()]), [20_000_000, 40_000_000])
+    moving = [states(k * 20_000_000, {"tree": np.eye(4), "robot": way(k / 50)}) for k in range(3, 20)]
+    first = states(20_000_000, {"tree": np.eye(4)})
+    poses = poses_of(tmp_path / "more", [first, *moving], robot="robot")
+    assert poses.trajectory.stamps_ns[0] == 60_000_000
+    assert_on_the_way(poses, [80_000_000, 120_000_000])
+
+
+def test_of_poses_with_one_stamp_the_first_counts(tmp_path: Path) -> None:
+    # a clock of 20 Hz, the simulation of 100 Hz
+    bunches = [states(k // 5 * 50_000_000, {"husky": way(k * 0.01)}) for k in range(5, 60)]
+    assert_on_the_way(poses_of(tmp_path, bunches), [50_000_000, 100_000_000, 200_000_000])
+
+
+@pytest.mark.parametrize(
+    ("frame", "tree", "base_from_frame"),
+    [
+        ("/base_link", {}, np.eye(4)),
+        ("", {}, np.eye(4)),
+        ("base_footprint", {}, FOOTPRINT),
+        ("base_footprint", {("base_footprint", "base_link"): frames.pose((0.0, 0.0, 0.2))}, frames.pose((0, 0, -0.2))),
+        ("mast", {("base_link", "arm"): way(1.0), ("arm", "mast"): way(2.0)}, way(1.0) @ way(2.0)),
+    ],
+)
+def test_poses_of_another_frame_are_taken_to_base_link(
+    tmp_path: Path, frame: str, tree: dict[tuple[str, str], F8], base_from_frame: F8
+) -> None:
+    there = [odometry(k * 20_000_000, way(k / 50) @ base_from_frame, frame) for k in range(1, 20)]
+    poses = poses_of(tmp_path, [*([static(tree)] if tree else []), *there])
+    assert_on_the_way(poses, [40_000_000, 80_000_000])
+
+
+def test_frames_that_the_bag_has_are_not_added_twice(tmp_path: Path) -> None:
+    left = RIG.cameras.left.base_from_sensor
+    over_the_mast = {("base_link", "mast"): way(1.0), ("mast", "left_camera"): frames.inverse(way(1.0)) @ left}
+    optical = {("left_camera", "left_camera_optical"): CAMERA_FROM_OPTICAL}
+    run = open_run(write(tmp_path / "x.bag", [static(over_the_mast), static(optical, 2), *drive()]))
+    rig = RIG.model_copy(update={"lidar": LidarConfig(enabled=False)})
+    assert check_frames(run, rig).keys() == {("base_link", "right_camera"), ("right_camera", "right_camera_optical")}
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Bags that cannot be annotated
+
+
+@pytest.fixture(scope="module")
+def park() -> World:
+    return load_world("park", 0)
+
+
+def gap(park: World) -> list[Message]:
+    return [*drive(last=20), *drive(first=35, last=40)]
+
+
+def moved_object(park: World) -> list[Message]:
+    models = {instance.name: instance.world_from_object for instance in park.instances[:3]}
+    models[park.instances[1].name] = park.instances[1].world_from_object + frames.pose((0.1, 0.0, 0.0)) - np.eye(4)
+    return [states(k * 20_000_000, {**models, "husky": way(k / 50)}) for k in range(1, 20)]
+
+
+def other_camera(park: World) -> list[Message]:
+    return [static({("base_link", "right_camera"): frames.pose((0.15, -0.06, 0.72), (0, 91, 0))}), *drive()]
+
+
+def clouds(park: World) -> list[Message]:
+    kind = standard("/stereo/camera/left/tag/img_raw", "sensor_msgs/msg/Image")
+    return [*drive(), Message(700_000_000, kind, b"")]
+
+
+def halves(park: World) -> list[Message]:
+    return [*drive(last=5), *(m._replace(stamp=m.stamp + 10**9) for m in drive(last=5))]
+
+
+BAD: list[tuple[str, Callable[[World], list[Message]], str]] = [
+    ("no poses", lambda _: [static({})], "has no poses: neither /ground_truth/odom nor /gazebo/model_states; it has: "),
+    ("no message", lambda _: [], "x.bag holds no message"),
+    ("one pose", lambda _: drive(last=1), "/ground_truth/odom of x.bag has one pose only"),
+    ("one pose 2", lambda _: [states(1, {"husky": way(0)})], "/gazebo/model_states of x.bag has one pose only"),
+    (
+        "short",
+        lambda _: [odometry(k, way(0)) for k in (1, 2)],
+        "no camera stamp (a multiple of 0.04 s) lies among them",
+    ),
+    ("gap", gap, "has a gap: no pose from 0.400 s to 0.700 s; allowed are 0.2 s"),
+    ("reset", halves, "time jumps back from 0.100 s to 0.020 s, as when a simulation is reset"),
+    (
+        "no stamps",
+        lambda _: [odometry(0, way(0), recorded=k) for k in (1, 2)],
+        "has no stamps: those in all its headers",
+    ),
+    ("not finite", lambda _: [odometry(1, way(0), length=2.0)], "is no pose: ["),
+    (
+        "frame",
+        lambda _: [odometry(5, way(0), "chassis"), odometry(6, way(0), "chassis")],
+        "has poses of 'chassis', which nothing in /tf_",
+    ),
+    ("frames", lambda _: [odometry(5, way(0)), odometry(6, way(0), "mast")], "two frames, 'base_link' and 'mast'"),
+    ("robot", lambda _: [states(1, {"ground": way(0), "husky_1": way(0)})], "'husky'; there is: husky_1, ground"),
+    (
+        "outside",
+        lambda _: drive(lambda t: way(t) + 26.0 * np.eye(4, k=2)),
+        "outside of park, which spans x -50 to 50 m",
+    ),
+    ("below", lambda _: drive(lambda t: frames.pose((0, 0, -1.0))), "with seed 0; was it recorded in another world?"),
+    ("other world", moved_object, "was recorded in another world: "),
+    ("other camera", other_camera, "has 'right_camera' at x 0.150, y -0.060, z 0.720 m of base_link, the rig at"),
+    ("already", clouds, "has /stereo/camera/left/tag/img_raw already; annotate a bag without them"),
+]
+
+
+@pytest.mark.parametrize(("make", "line"), [row[1:] for row in BAD], ids=[row[0] for row in BAD])
+def test_a_bag_that_cannot_be_annotated_is_one_line(
+    make: Callable[[World], list[Message]],
+    line: str,
+    park: World,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(package, "load_world", lambda name, seed, layout: park)
+    write(Path("x.bag"), make(park))
+    assert cli.main(["annotate", "x.bag", "--world", "park"]) == 2
+    out, err = capsys.readouterr()
+    lines = [text for text in err.splitlines() if text.startswith("fieldtruth: ")]
+    assert len(lines) == 1
+    assert err.endswith(lines[0] + "\n")
+    assert line in lines[0]
+    assert out == ""
+    assert [path.name for path in Path().iterdir()] == ["x.bag"]
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["--world", "prak"], "no environment 'prak'; there is: park, "),
+        (["--world", "park", "--out", "x.bag"], "x.bag is there already; remove it, or choose another --out"),
+        (["--world", "park", "--out", "x.bag/y.bag"], "cannot write x.bag/y.bag: "),
+        (["--world", "park", "--robot", "jackal"], "cannot read x.bag: "),
+        (["--world", "park", "--experiment", "prak_1"], "no experiment 'prak_1'; there is: park_1, "),
+        ([], "the following arguments are required: --world"),
+    ],
+)
+def test_a_mistake_is_one_line(
+    words: list[str], line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    whole = write(Path("x.bag"), drive(last=200)).read_bytes()
+    if "--robot" in words:
+        Path("x.bag").write_bytes(whole[:5000])
+    assert cli.main(["annotate", "x.bag", *words]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith(f"fieldtruth: {line}")
+    assert err.count("\n") == 1
+    assert [path.name for path in Path().iterdir()] == ["x.bag"]
+
+
+def test_a_rig_without_sensors_has_nothing_to_add(tmp_path: Path) -> None:
+    bag = write(tmp_path / "x.bag", drive())
+    with pytest.raises(ConfigurationError, match="there is nothing to add"):
+        annotate(bag, "park", rig=Rig(cameras=CameraConfig(enabled=False)))
