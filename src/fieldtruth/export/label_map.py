@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.classes import Label
 from fieldtruth.errors import UnknownNameError
-from fieldtruth.export.ontologies import ONTOLOGIES, OtherClass
+from fieldtruth.export.ontologies import ONTOLOGIES, Ontology, OtherClass
 
 
 class LabelMap(NamedTuple):
@@ -30,10 +30,13 @@ class LabelMap(NamedTuple):
         return table
 
 
-LABEL_MAPS: Final[dict[str, LabelMap]] = {
-    name: LabelMap(name, np.array([ontology.ids[label] for label in Label], np.uint8), ontology.classes)
-    for name, ontology in ONTOLOGIES.items()
-}
+def _label_map(name: str, ontology: Ontology) -> LabelMap:
+    ids = np.array([ontology.ids[label] for label in Label], np.uint8)
+    ids.setflags(write=False)
+    return LabelMap(name, ids, ontology.classes)
+
+
+LABEL_MAPS: Final[dict[str, LabelMap]] = {name: _label_map(name, ontology) for name, ontology in ONTOLOGIES.items()}
 
 
 def label_map_of(name: str) -> LabelMap:
