@@ -31,6 +31,7 @@ from fieldtruth.export.sequences import (
     read_geometry,
     returns,
     times_text,
+    xyz_and_zero,
 )
 from fieldtruth.record import topics as table
 from fieldtruth.record.read import image, stamp_ns
@@ -136,7 +137,7 @@ def _cloud_arrays(cloud: Any, run: Run) -> tuple[NDArray[np.float32], NDArray[np
     if (odd := instance[(instance < 0) | (instance > _MOST)]).size:
         where = f"the cloud at {stamp_ns(cloud.header)} ns in {run.bag}"
         raise BagError(f"{where} has a point of object {odd[0]}; a label file holds 0 to {_MOST}")
-    return found.xyz_and_zero(), found.label, instance.astype(np.uint32)
+    return xyz_and_zero(rows), found.label, instance.astype(np.uint32)
 
 
 # ---------------------------------------------------------------------------------------------------------------------

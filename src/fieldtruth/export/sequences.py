@@ -27,6 +27,8 @@ CLOUDS: Final = "velodyne"
 IMAGES: Final = {"left": "image_2", "right": "image_3"}
 """Folders of the colour images by side; image_0 and image_1 would be grey ones."""
 
+_XYZ: Final = frozenset("xyz")
+
 
 class Geometry(NamedTuple):
     """What calib.txt and the poses are made of."""
@@ -99,16 +101,6 @@ class Returns(NamedTuple):
     label: NDArray[np.uint8]
     """Class ids."""
 
-    def xyz_and_zero(self) -> NDArray[np.float32]:
-        """(n, 4): x, y, z [m] and 0 as reflectance.
-
-        No reflectance is simulated, and the class, which the bag has there, must not be where a network looks.
-        """
-        values: NDArray[np.float32] = np.zeros((len(self.rows), 4), "<f4")
-        for column, axis in enumerate("xyz"):
-            values[:, column] = self.rows[axis]
-        return values
-
 
 def returns(cloud: Any, run: Run) -> Returns:
     """Points of a sensor_msgs/PointCloud2 of this run; without ``label`` the intensity is the class, as in the paper.
@@ -116,18 +108,45 @@ def returns(cloud: Any, run: Run) -> Returns:
     Raises:
         BagError: x, y, z or both label and intensity are missing, or a label is no class.
     """
-    rows = points(cloud)
-    names = rows.dtype.names or ()
-    where = f"the cloud at {stamp_ns(cloud.header)} ns in {run.bag}"
+    names = [field.name for field in cloud.fields]
     source = next((name for name in ("label", "intensity") if name in names), None)
-    if source is None or not {"x", "y", "z"} <= set(names):
-        raise BagError(f"{where} has the fields {', '.join(names)}; needed are x, y, z and label or intensity")
-    finite = np.logical_and.reduce([np.isfinite(rows[axis]) for axis in "xyz"])
-    rows = rows if finite.all() else rows[finite]
+    if source is None or not _XYZ.issubset(names):
+        needed = "needed are x, y, z and label or intensity"
+        raise BagError(f"{_where(cloud, run)} has the fields {', '.join(names)}; {needed}")
+    rows = returned(cloud, run)
     label = rows[source]
     if (odd := label[~np.isin(label, np.arange(len(CLASSES)))]).size:
-        raise BagError(f"{where} has a point of class {odd[0]} ({source}); classes are 0 to {len(CLASSES) - 1}")
+        classes = f"classes are 0 to {len(CLASSES) - 1}"
+        raise BagError(f"{_where(cloud, run)} has a point of class {odd[0]} ({source}); {classes}")
     return Returns(rows, label.astype(np.uint8))
+
+
+def returned(cloud: Any, run: Run) -> NDArray[np.void]:
+    """Structured array (n) of the points of a sensor_msgs/PointCloud2 that came back, with the cloud's own fields.
+
+    Raises:
+        BagError: x, y or z is missing.
+    """
+    rows = points(cloud)
+    if not _XYZ.issubset(names := rows.dtype.names or ()):
+        raise BagError(f"{_where(cloud, run)} has the fields {', '.join(names)}; needed are x, y and z")
+    finite = np.logical_and.reduce([np.isfinite(rows[axis]) for axis in "xyz"])
+    return rows if finite.all() else rows[finite]
+
+
+def xyz_and_zero(rows: NDArray[np.void]) -> NDArray[np.float32]:
+    """(n, 4): x, y, z [m] and 0 as reflectance.
+
+    No reflectance is simulated, and the class, which the bag has there, must not be where a network looks.
+    """
+    values: NDArray[np.float32] = np.zeros((len(rows), 4), "<f4")
+    for column, axis in enumerate("xyz"):
+        values[:, column] = rows[axis]
+    return values
+
+
+def _where(cloud: Any, run: Run) -> str:
+    return f"the cloud at {stamp_ns(cloud.header)} ns in {run.bag}"
 
 
 class Clock:
