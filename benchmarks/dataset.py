@@ -8,6 +8,7 @@ process's, so that what else runs on the machine counts little; a number of load
 
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from time import perf_counter, process_time
 
@@ -46,19 +47,13 @@ def main() -> None:
     rng = np.random.default_rng(0)
     print(f"{'items':<86}{'open':>8}{'frames':>8}{'random':>9}{'in order':>10}   frames/s of CPU (of wall time)")
     for items in SETS:
-        opened: list[RunDataset] = []
-
-        def open_it(items: tuple[str, ...] = items, opened: list[RunDataset] = opened) -> None:
-            opened.append(RunDataset(run, items))
-
-        RunDataset(run, items)
-        seconds, _ = cost(open_it)
-        dataset = opened[0]
+        seconds, _ = cost(partial(RunDataset, run, items))
+        dataset = RunDataset(run, items)
         count = min(len(dataset), MOST)
         rates = []
         for order in (rng.permutation(len(dataset))[:count].tolist(), range(count)):
             storage._RECENT.forget()
-            rates.append([count / spent for spent in cost(lambda o=order, d=dataset: read(d, o))])
+            rates.append([count / spent for spent in cost(partial(read, dataset, order))])
         told = "".join(f"{cpu:>9.1f} ({wall:.1f})" for cpu, wall in rates)
         print(f"{' '.join(items):<86}{seconds:>7.3f}s{len(dataset):>8}{told}")
 

@@ -35,6 +35,19 @@ def test_park_picture_writes_a_picture_of_two_images_and_a_cloud(
     assert picture[:180, :640, 2].mean() > picture[200:360, :640, 2].mean()  # sky above ground
 
 
+def test_train_loader_shows_a_batch_and_its_loss(
+    small_run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("torch")
+    monkeypatch.setattr("sys.argv", ["train_loader.py", str(small_run)])
+    runpy.run_path(str(EXAMPLES / "train_loader.py"), run_name="__main__")
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "6 frames"
+    assert "image (4, 3, 184, 320) torch.uint8" in lines
+    assert "mask (4, 184, 320) torch.int64" in lines
+    assert re.fullmatch(r"loss [1-9]\.\d{3}", lines[-1])
+
+
 def test_every_example_is_run_here() -> None:
     text = Path(__file__).read_text(encoding="utf-8")
     assert [path.name for path in EXAMPLES.glob("*.py") if path.name not in text] == []
