@@ -1,0 +1,169 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""What all forms share: names, refusals, and that nothing half done stays behind; each form through the command line."""
+
+import hashlib
+import os
+import shutil
+import stat
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fieldtruth import cli
+from fieldtruth.errors import OutputError, UnknownNameError
+from fieldtruth.export import FORMS, Options, export
+from fieldtruth.export.label_map import LABEL_MAPS
+from fieldtruth.record.stored import BagError
+
+
+def digest(path: Path) -> dict[str, str]:
+    """Hash of each file below a path."""
+    files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
+    return {str(p.relative_to(path)): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
+
+
+@pytest.fixture(scope="module")
+def blind_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of half a second without cameras."""
+    out = tmp_path_factory.mktemp("blind")
+    assert cli.main(["generate", "park_1", "--seconds", "0.5", "--no-cameras", "--out", str(out)]) == 0
+    return out / "park_1"
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_each_form_is_made_beside_the_bag_and_is_the_same_with_any_number_of_workers(
+    form: str, small_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = shutil.copy(small_run / "park_1.bag", tmp_path)
+    before = digest(Path(bag))
+    assert cli.main(["export", str(bag), "--to", form, "--workers", "1"]) == 0
+    made = tmp_path / f"park_1{FORMS[form].ending}"
+    assert capsys.readouterr().out.startswith(f"{made}: ")
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([made.name, "park_1.bag"])
+    other = export(Path(bag), form, out=tmp_path / "other" / made.name, workers=2)
+    assert digest(other) == digest(made)
+    assert digest(Path(bag)) == before
+
+    again = cli.main(["export", str(bag), "--to", form])
+    assert again == 2
+    assert capsys.readouterr().err.splitlines()[-1] == (
+        f"fieldtruth: {made} is there already; remove it, or choose another --out"
+    )
+    assert digest(other) == digest(made)
+
+
+@pytest.mark.parametrize("form", [name for name, form in FORMS.items() if form.relabels])
+@pytest.mark.parametrize("label_map", ["rellis", "ganav6"])
+def test_forms_with_labels_take_other_labels(form: str, label_map: str, small_run: Path, tmp_path: Path) -> None:
+    ours = export(small_run, form, out=tmp_path / "ours")
+    theirs = export(small_run, form, out=tmp_path / "theirs", label_map=label_map)
+    assert digest(ours) != digest(theirs)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_run_without_cameras_is_exported_or_refused_in_one_line(
+    form: str, blind_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = cli.main(["export", str(blind_run), "--to", form, "--out", str(tmp_path / "out")])
+    error = [line for line in capsys.readouterr().err.splitlines() if line.startswith("fieldtruth: ")]
+    assert (code, len(error)) == ((2, 1) if form in ("kitti", "coco") else (0, 0)), error
+    assert [path.name for path in tmp_path.iterdir()] == ([] if code else ["out"])
+
+
+def test_what_cannot_be_is_one_line_and_writes_nothing(
+    small_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run, out = str(small_run), ["--out", str(tmp_path / "out")]
+    for words, line in (
+        ([run, "--to", "kiti"], "no form 'kiti'; there is: kitti, "),
+        ([run, "--to", "files", "--label-map", "relis"], "no label map 'relis'; there is: rellis, "),
+        (
+            [run, "--to", "zip", "--label-map", "rellis"],
+            "form 'zip' holds no labels that could be mapped; those that do: ",
+        ),
+        ([run, run, "--to", "tum"], "form 'tum' is made of one run, not of 2; forms that join several: "),
+        (
+            [str(tmp_path / "no"), "--to", "tum"],
+            f"there is no {tmp_path / 'no'}; needed is the folder of a run, or a bag",
+        ),
+        ([run], "the following arguments are required: --to"),
+    ):
+        assert cli.main(["export", *words, *out]) == 2
+        assert capsys.readouterr().err.startswith(f"fieldtruth: {line}")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_bag_that_ends_in_the_middle_of_the_work_leaves_nothing(small_run: Path, tmp_path: Path) -> None:
+    """Its index is whole, one byte of a chunk in the middle is not: the error comes when half is written."""
+    data = bytearray((small_run / "park_1.bag").read_bytes())
+    data[len(data) // 2] ^= 1
+    bag = tmp_path / "flipped.bag"
+    bag.write_bytes(data)
+    for name, form in FORMS.items():
+        if name == "zip":  # packs any bytes: the sum inside is of what is there
+            continue
+        try:
+            export(bag, name)
+        except BagError as error:
+            assert "\n" not in str(error)  # noqa: PT017
+            assert not (tmp_path / f"flipped{form.ending}").exists()
+    assert not [path for path in tmp_path.iterdir() if path.name.endswith(".part")]
+
+
+def test_what_a_killed_export_left_is_cleared(small_run: Path, tmp_path: Path) -> None:
+    stale = tmp_path / ".t.tum.part"
+    stale.mkdir()
+    (stale / "x").write_text("old")
+    assert export(small_run, "tum", out=tmp_path / "t.tum").is_file()
+    assert [path.name for path in tmp_path.iterdir()] == ["t.tum"]
+
+
+def test_a_failure_takes_its_own_half_away_and_nothing_else(
+    small_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def breaks(runs: Any, target: Path, options: Options) -> None:
+        target.mkdir()
+        (target / "half").write_text("half")
+        raise OSError(28, "No space left on device")
+
+    (tmp_path / "mine.txt").write_text("mine")
+    monkeypatch.setattr("fieldtruth.export.pcd.write", breaks)
+    with pytest.raises(OutputError, match="cannot write .*: no space left"):
+        export(small_run, "pcd", out=tmp_path / "clouds")
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is forbidden to root")
+def test_a_folder_that_may_not_be_written_is_named(small_run: Path, tmp_path: Path) -> None:
+    tmp_path.chmod(stat.S_IRUSR | stat.S_IXUSR)
+    with pytest.raises(OutputError, match="no permission to write there"):
+        export(small_run, "tum", out=tmp_path / "t.tum")
+
+
+def test_a_link_is_not_followed_out(small_run: Path, tmp_path: Path) -> None:
+    (tmp_path / "out.tum").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(OutputError, match="is there already"):
+        export(small_run, "tum", out=tmp_path / "out.tum")
+    assert not (tmp_path / "elsewhere").exists()
+
+
+def test_the_table_names_modules_and_the_help_names_the_forms(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        cli.main(["export", "--help"])
+    text = " ".join(capsys.readouterr().out.split())
+    *most, last = FORMS
+    assert f"{', '.join(most)} or {last}" in text
+    *most, last = LABEL_MAPS
+    assert f"{', '.join(most)} or {last}" in text
+    with pytest.raises(UnknownNameError):
+        export(Path("x"), "bag")
+
+
+def test_importing_the_table_loads_no_form() -> None:
+    code = "import sys, fieldtruth.export; print([m for m in sys.modules if m.startswith('fieldtruth.export.')])"
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert {name.rpartition(".")[2].strip("']\n") for name in shown.split(",")} <= {"label_map", "ontologies"}
