@@ -240,6 +240,19 @@ def test_a_mistake_is_one_line(
     assert [path.name for path in Path().iterdir()] == ["x.bag"]
 
 
+def test_an_interrupt_says_how_to_go_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(package, "load_world", stop)
+    bag = write(tmp_path / "x.bag", drive())
+    assert cli.main(["annotate", str(bag), "--world", "park"]) == 130
+    assert capsys.readouterr().err.endswith(f" goes on from there: fieldtruth annotate {bag} --world park\n")
+    assert [path.name for path in tmp_path.iterdir()] == ["x.bag"]
+
+
 def test_a_rig_without_sensors_has_nothing_to_add(tmp_path: Path) -> None:
     bag = write(tmp_path / "x.bag", drive())
     with pytest.raises(ConfigurationError, match="there is nothing to add"):

@@ -39,7 +39,7 @@ def _fail(message: str, code: int) -> int:
 
 
 def _how_to_resume(arguments: Sequence[str]) -> str:
-    if arguments[:1] != ["generate"]:
+    if arguments[:1] not in (["generate"], ["annotate"]):
         return "interrupted"
     # --overwrite would throw away what is to be kept.
     again = shlex.join(["fieldtruth", *(a for a in arguments if a != "--overwrite")])
