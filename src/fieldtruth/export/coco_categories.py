@@ -96,5 +96,6 @@ class Numbering:
             raise BagError(f"tags of {label.shape[::-1]} and objects of {instance.shape[::-1]} pixels do not fit")
         if (largest := int(instance.max(initial=0))) >= len(self._single):
             raise BagError(f"object {largest} is none of the {len(self._single)} in /gazebo/model_states")
-        numbers: NDArray[np.uint32] = self._base[label] | (self._mask[label] & self._single[instance])
+        objects = np.take(self._mask, label) & np.take(self._single, instance)
+        numbers: NDArray[np.uint32] = np.take(self._base, label) | objects
         return numbers

@@ -1,0 +1,411 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""pycocotools and Pillow read the files back; every mask must be exactly the pixels of the bag's class and object."""
+
+import contextlib
+import io
+import json
+import struct
+from collections import defaultdict
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from export_bags import copied, longer, peak_memory, without
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.typing import NDArray
+from PIL import Image
+from pycocotools import mask as masks
+from pycocotools.coco import COCO
+from rosbags.highlevel import AnyReader
+from scipy.spatial.transform import Rotation
+
+from fieldtruth.classes import CLASSES, PALETTE, Label
+from fieldtruth.export import export
+from fieldtruth.export.coco_segments import segments_of
+from fieldtruth.export.label_map import LABEL_MAPS
+from fieldtruth.record.stored import BagError
+from fieldtruth.world import load_world
+
+THINGS = {2: "trunk and branch", 3: "treetop", 4: "bush", 5: "rock", 8: "lamp post", 9: "trash bin", 10: "table",
+          11: "bench", 12: "post", 13: "cable"}  # fmt: skip
+STUFF = {1: "ground", 6: "high grass", 7: "trail", 14: "water", 15: "sky"}
+SIDES = ("left", "right")
+INSTANCES = "/stereo/camera/left/instances"
+TAGS = "/stereo/camera/left/tag/img_raw"
+PHOTOS = "/stereo/camera/left/real/compressed"
+
+
+class Truth(NamedTuple):
+    """A picture as the bag has it, read without this package's reader."""
+
+    label: NDArray[np.uint8]
+    instance: NDArray[np.uint16]
+    jpeg: bytes
+    k: NDArray[np.float64]
+
+
+class Bag(NamedTuple):
+    pictures: dict[str, Truth]
+    """By camera and stamp, like ``left/40000000``."""
+    names: list[str]
+    positions: NDArray[np.float64]
+    world_from_base: dict[int, NDArray[np.float64]]
+    parents: dict[str, tuple[str, NDArray[np.float64]]]
+
+
+def matrix(translation: Any, q: Any) -> NDArray[np.float64]:
+    result = np.eye(4)
+    result[:3, :3] = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix()
+    result[:3, 3] = translation.x, translation.y, translation.z
+    return result
+
+
+def read(path: Path) -> Bag:
+    parts: dict[str, dict[str, Any]] = defaultdict(dict)
+    names: list[str] = []
+    positions: Any = None
+    poses, parents = {}, {}
+    with AnyReader([path]) as reader:
+        for connection, stamp, data in reader.messages():
+            topic = connection.topic
+            if topic == "/clock" or (topic == "/gazebo/model_states" and names):
+                continue
+            message: Any = reader.deserialize(data, connection.msgtype)
+            if topic == "/gazebo/model_states":
+                names = message.name
+                positions = np.array([[p.position.x, p.position.y, p.position.z] for p in message.pose])
+            elif topic == "/ground_truth/odom":
+                poses[stamp] = matrix(message.pose.pose.position, message.pose.pose.orientation)
+            elif topic == "/tf_static":
+                for each in message.transforms:
+                    transform = matrix(each.transform.translation, each.transform.rotation)
+                    parents[each.child_frame_id] = each.header.frame_id, transform
+            elif topic.startswith("/stereo"):
+                side, kind = topic.split("/")[3:5]
+                parts[f"{side}/{stamp}"][kind] = message
+    return Bag({name: truth(kinds) for name, kinds in parts.items()}, names, positions, poses, parents)
+
+
+def truth(kinds: dict[str, Any]) -> Truth:
+    tag, shape = kinds["tag"], (kinds["tag"].height, kinds["tag"].width)
+    label = np.zeros(shape, np.uint8)
+    for number, rgb in enumerate(PALETTE[1:], start=1):
+        label[(tag.data.reshape(*shape, 3) == rgb).all(axis=-1)] = number
+    instance = kinds["instances"].data.view("<u2").reshape(shape)
+    return Truth(label, instance, bytes(kinds["real"].data), kinds["camera_info"].K.reshape(3, 3))
+
+
+@pytest.fixture(scope="module")
+def bag_path(small_run: Path) -> Path:
+    (path,) = small_run.glob("*.bag")
+    return path
+
+
+@pytest.fixture(scope="module")
+def short(bag_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Bag of the first six pictures of either camera."""
+    return copied(bag_path, tmp_path_factory.mktemp("short") / "a.bag", lambda t, s, d: d if s <= 240_000_000 else None)
+
+
+@pytest.fixture(scope="module")
+def bag(bag_path: Path) -> Bag:
+    return read(bag_path)
+
+
+@pytest.fixture(scope="module")
+def made(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return export(small_run, "coco", out=tmp_path_factory.mktemp("coco") / "run", workers=2)
+
+
+@pytest.fixture(scope="module")
+def panoptic(made: Path) -> Any:
+    return json.loads((made / "panoptic.json").read_text(encoding="utf-8"))
+
+
+def coco(path: Path) -> COCO:
+    with contextlib.redirect_stdout(io.StringIO()):
+        return COCO(str(path))
+
+
+def numbered(name: str) -> bool:
+    return name.rsplit("_", 1)[-1].isdigit()
+
+
+def expected(label: NDArray[np.uint8], instance: NDArray[np.uint16], names: list[str]) -> dict[tuple[int, int], Any]:
+    """Masks by category and object, which is 0 for stuff and for crowds."""
+    result: dict[tuple[int, int], Any] = {}
+    pairs, owner = np.unique(label.astype(np.int64) << 16 | instance, return_inverse=True)
+    for i, pair in enumerate(pairs):
+        category, number = divmod(int(pair), 1 << 16)
+        key = category, number if category in THINGS and numbered(names[number]) else 0
+        result[key] = (owner.reshape(label.shape) == i) | result.get(key, False)
+    return result
+
+
+def image_of(numbers: Path) -> NDArray[np.int64]:
+    """Segments' numbers in a panoptic image, as COCO's own tools read them."""
+    rgb = np.asarray(Image.open(numbers), np.int64)
+    assert rgb.shape[2] == 3
+    return rgb[..., 0] + 256 * rgb[..., 1] + 256**2 * rgb[..., 2]
+
+
+def test_each_mask_is_the_pixels_of_a_class_and_an_object(made: Path, bag: Bag) -> None:
+    data = coco(made / "instances.json")
+    assert {image["file_name"] for image in data.imgs.values()} == {f"{name}.jpg" for name in bag.pictures}
+    crowds = 0
+    for image_id, image in data.imgs.items():
+        picture = bag.pictures[image["file_name"].removesuffix(".jpg")]
+        wanted = {key: mask for key, mask in expected(picture.label, picture.instance, bag.names).items()
+                  if key[0] in THINGS}  # fmt: skip
+        annotations = data.imgToAnns[image_id]
+        assert {(a["category_id"], a["object_id"]) for a in annotations} == wanted.keys()
+        assert len(annotations) == len(wanted)
+        for annotation in annotations:
+            mask = wanted[annotation["category_id"], annotation["object_id"]]
+            np.testing.assert_array_equal(data.annToMask(annotation), mask)
+            rle = data.annToRLE(annotation)
+            assert rle["size"] == [*mask.shape]
+            assert annotation["area"] == mask.sum() == masks.area(rle)
+            assert annotation["bbox"] == masks.toBbox(rle).tolist()
+            assert annotation["iscrowd"] == (annotation["object_id"] == 0)
+            crowds += annotation["iscrowd"]
+    assert crowds > 60
+    assert {category["id"]: category["name"] for category in data.dataset["categories"]} == THINGS
+    assert {row["id"]: row["name"] for row in data.dataset["objects"]} == dict(enumerate(bag.names))
+
+
+def test_each_pixel_belongs_to_one_segment(made: Path, panoptic: Any, bag: Bag) -> None:
+    images = {image["id"]: image for image in panoptic["images"]}
+    assert [a["image_id"] for a in panoptic["annotations"]] == [*images]
+    for annotation in panoptic["annotations"]:
+        name = annotation["file_name"].removesuffix(".png")
+        assert images[annotation["image_id"]]["file_name"] == f"{name}.jpg"
+        picture = bag.pictures[name]
+        wanted = expected(picture.label, picture.instance, bag.names)
+        numbers = image_of(made / "panoptic" / annotation["file_name"])
+        assert len(annotation["segments_info"]) == len(wanted)
+        seen = np.zeros(numbers.shape, int)
+        for segment in annotation["segments_info"]:
+            mask = numbers == segment["id"]
+            np.testing.assert_array_equal(mask, wanted[segment["category_id"], segment["object_id"]])
+            assert segment["area"] == mask.sum()
+            assert segment["bbox"] == masks.toBbox(masks.encode(np.asfortranarray(mask))).tolist()
+            crowd = segment["category_id"] in THINGS and not segment["object_id"]
+            assert segment["iscrowd"] == crowd
+            seen += mask
+        assert (seen == 1).all()
+
+
+def test_categories_tell_things_from_stuff(panoptic: Any) -> None:
+    rows = {row["id"]: row for row in panoptic["categories"]}
+    assert {number: row["name"] for number, row in rows.items()} == THINGS | STUFF
+    assert {number for number, row in rows.items() if row["isthing"]} == THINGS.keys()
+    assert all(tuple(row["color"]) == CLASSES[number].rgb for number, row in rows.items())
+    assert all(row["supercategory"] for row in rows.values())
+    assert panoptic["licenses"][0]["name"] == "CC BY 4.0"
+    assert {image["license"] for image in panoptic["images"]} == {panoptic["licenses"][0]["id"]}
+    assert (panoptic["info"]["run"], panoptic["info"]["environment"]) == ("park_1", "park")
+
+
+def test_a_number_means_the_same_object_in_all_pictures(panoptic: Any) -> None:
+    meanings = defaultdict(set)
+    for annotation in panoptic["annotations"]:
+        for segment in annotation["segments_info"]:
+            meanings[segment["id"]].add((segment["category_id"], segment["object_id"], segment["iscrowd"]))
+    assert max(map(len, meanings.values())) == 1
+    assert len(meanings) > 60
+
+
+def test_photographs_are_the_bags_own_bytes(made: Path, bag: Bag) -> None:
+    files = {str(p.relative_to(made / "images").with_suffix("")): p for p in (made / "images").glob("*/*.jpg")}
+    assert files.keys() == bag.pictures.keys()
+    assert all(path.read_bytes() == bag.pictures[name].jpeg for name, path in files.items())
+    sizes = {(image["width"], image["height"]) for image in coco(made / "instances.json").imgs.values()}
+    assert sizes == {Image.open(path).size for path in files.values()} == {(320, 184)}
+    assert sorted(p.name for p in made.iterdir()) == ["images", "instances.json", "panoptic", "panoptic.json"]
+
+
+def test_pose_and_calibration_are_the_bags(panoptic: Any, bag: Bag) -> None:
+    for image in panoptic["images"]:
+        frame = f"{image['camera']}_camera_optical"
+        assert (image["frame_id"], image["file_name"]) == (frame, f"{image['camera']}/{image['stamp_ns']}.jpg")
+        camera = np.eye(4)
+        while frame != "base_link":
+            frame, parent_from_child = bag.parents[frame]
+            camera = parent_from_child @ camera
+        wanted = bag.world_from_base[image["stamp_ns"]] @ camera
+        np.testing.assert_allclose(image["world_from_camera"], wanted, atol=1e-12)
+        np.testing.assert_array_equal(image["camera_matrix"], bag.pictures[image["file_name"][:-4]].k)
+        assert image["distortion"] == [0.0] * 5
+
+
+def test_objects_are_seen_where_they_stand(made: Path, bag: Bag) -> None:
+    """The foot of a lamp post, projected by the picture's own pose and matrix, lies below the mask's middle."""
+    data = coco(made / "instances.json")
+    checked = 0
+    for annotation in data.loadAnns(data.getAnnIds(catIds=[Label.LAMP_POST], iscrowd=False)):
+        image = data.imgs[annotation["image_id"]]
+        camera_from_world = np.linalg.inv(image["world_from_camera"])
+        foot = camera_from_world[:3, :3] @ bag.positions[annotation["object_id"]] + camera_from_world[:3, 3]
+        u, v, w = np.array(image["camera_matrix"]) @ foot
+        x, y, width, height = annotation["bbox"]
+        if x == 0 or x + width == image["width"] or annotation["area"] < 40:
+            continue  # partly out of the picture, or too small
+        assert x - 1.5 <= u / w <= x + width + 0.5, annotation
+        assert v / w >= y + height / 2
+        checked += 1
+    assert checked > 60
+
+
+def test_the_same_bytes_with_any_number_of_workers(small_run: Path, made: Path, tmp_path: Path) -> None:
+    alone = export(small_run, "coco", out=tmp_path / "alone", workers=1)
+    files = sorted(p.relative_to(made) for p in made.rglob("*") if p.is_file())
+    assert files == sorted(p.relative_to(alone) for p in alone.rglob("*") if p.is_file())
+    assert all((made / file).read_bytes() == (alone / file).read_bytes() for file in files)
+
+
+@pytest.mark.parametrize("name", ["rellis", "ganav6"])
+def test_labels_of_another_ontology(name: str, bag_path: Path, bag: Bag, tmp_path: Path) -> None:
+    """In RELLIS trunk and crown of a tree are one segment; in GANav's groups the sky is what has no class."""
+    made = export(bag_path, "coco", out=tmp_path / "there", label_map=name, workers=2)
+    there = LABEL_MAPS[name]
+    data = json.loads((made / "panoptic.json").read_text(encoding="utf-8"))
+    rows = {row["id"]: row for row in data["categories"]}
+    assert rows.keys() == {int(there.ids[label]) for label in Label} - {0}
+    assert all((row["name"], tuple(row["color"])) == there.classes[number] for number, row in rows.items())
+    things = {number for number, row in rows.items() if row["isthing"]}
+    wanted = {"rellis": {"tree", "bush", "rubble", "pole", "object"}, "ganav6": {"obstacle", "L3 (Bumpy)"}}
+    assert {rows[number]["name"] for number in things} == wanted[name]
+    for annotation in data["annotations"]:
+        picture = bag.pictures[annotation["file_name"].removesuffix(".png")]
+        numbers = image_of(made / "panoptic" / annotation["file_name"])
+        category = there.ids[picture.label]
+        single = np.array([numbered(name) for name in bag.names])[picture.instance] & np.isin(category, [*things])
+        np.testing.assert_array_equal(numbers >> 16, category)
+        np.testing.assert_array_equal(numbers & 0xFFFF, np.where(single, picture.instance, 0))
+        assert {segment["id"] for segment in annotation["segments_info"]} == {*np.unique(numbers).tolist()} - {0}
+    detection = coco(made / "instances.json")
+    assert {category["id"] for category in detection.dataset["categories"]} == things
+    assert {annotation["category_id"] for annotation in detection.anns.values()} <= things
+
+
+@pytest.mark.parametrize("environment", ["park", "lake", "forest", "hillside"])
+def test_names_tell_single_objects_from_swarms(environment: str) -> None:
+    world = load_world(environment, 0)
+    assert all(numbered(instance.name) for instance in world.instances)
+    for swarm in world.swarms:
+        labels = {int(world.materials[name].label) for mesh in swarm.meshes for name in world.meshes[mesh].materials}
+        assert labels <= STUFF.keys() or not numbered(swarm.name), swarm.name
+
+
+@given(arrays(np.uint32, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.sampled_from([0, 1, 7, 1 << 20])))
+def test_run_lengths_are_those_of_pycocotools(ids: NDArray[np.uint32]) -> None:
+    assert_segments(ids)
+
+
+@pytest.mark.parametrize(("height", "width"), [(720, 1280), (1, 5000), (5000, 1)])
+def test_long_runs_are_those_of_pycocotools(height: int, width: int) -> None:
+    """Numbers of one to five characters, of either sign."""
+    rng = np.random.default_rng(height)
+    ids = np.full((height, width), 3, np.uint32)
+    assert_segments(ids)
+    ids[-1, -1] = 9
+    assert_segments(ids)
+    for _ in range(20):
+        row, column = rng.integers(0, height), rng.integers(0, width)
+        ids[row : row + rng.integers(1, 400), column : column + rng.integers(1, 400)] = rng.integers(0, 5)
+    assert_segments(ids)
+    assert_segments(rng.integers(0, 40, (height, width)).astype(np.uint32))
+
+
+def assert_segments(ids: NDArray[np.uint32]) -> None:
+    segments = segments_of(ids)
+    assert [segment.id for segment in segments] == [number for number in np.unique(ids).tolist() if number]
+    for segment in segments:
+        rle = masks.encode(np.asfortranarray(ids == segment.id))
+        assert segment.counts == rle["counts"].decode()
+        assert segment.area == masks.area(rle)
+        assert [*segment.bbox] == masks.toBbox(rle).tolist()
+
+
+def test_memory_does_not_grow_with_the_drive(short: Path, tmp_path: Path) -> None:
+    pictures = [f"/stereo/camera/left/{kind}" for kind in ("real/compressed", "tag/img_raw", "instances")]
+    once = ["/gazebo/model_states", "/tf_static", "/stereo/camera/left/camera_info"]
+    some, many = (
+        longer(short, tmp_path / f"{times}.bag", times, [*pictures, "/ground_truth/odom"], once) for times in (3, 15)
+    )
+    least = peak_memory(lambda: export(some, "coco", workers=1))
+    assert peak_memory(lambda: export(many, "coco", workers=1)) < least + 1e6  # rows of 72 pictures are 2 MB
+    assert len(coco(tmp_path / "15_coco" / "instances.json").imgs) == 90
+
+
+def failure(bag: Path) -> str:
+    with pytest.raises(BagError) as caught:
+        export(bag, "coco", workers=2)
+    assert sorted(path.name for path in bag.parent.iterdir()) == [bag.name]
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+def test_a_run_without_objects_is_told_how_to_get_them(short: Path, tmp_path: Path) -> None:
+    text = failure(without(short, tmp_path / "a.bag", INSTANCES))
+    assert "has no /stereo/camera/left/instances" in text
+    assert "`fieldtruth generate NAME --extras instances`" in text
+
+
+def test_a_camera_alone_is_enough(short: Path, tmp_path: Path) -> None:
+    right = [f"/stereo/camera/right/{kind}" for kind in ("real/compressed", "tag/img_raw", "instances", "camera_info")]
+    alone = without(short, tmp_path / "left.bag", *right)
+    made = coco(export(alone, "coco", workers=1) / "instances.json")
+    assert {image["camera"] for image in made.imgs.values()} == {"left"}
+    assert len(made.imgs) == 6
+    assert made.dataset["licenses"] == []  # the bag of somebody else
+
+
+@pytest.mark.parametrize(
+    ("topics", "words"),
+    [
+        ([f"/stereo/camera/{side}/real/compressed" for side in SIDES], "has no /stereo/camera/left/real/compressed"),
+        ([TAGS], f"has no {TAGS}"),
+        (["/gazebo/model_states"], "has no /gazebo/model_states"),
+        (["/tf_static"], "has no /tf_static"),
+        (["/stereo/camera/right/camera_info"], "has no /stereo/camera/right/camera_info"),
+    ],
+)
+def test_what_is_missing_is_named(topics: list[str], words: str, short: Path, tmp_path: Path) -> None:
+    assert words in failure(without(short, tmp_path / "a.bag", *topics))
+
+
+def stamped(data: bytes, stamp_ns: int) -> bytes:
+    return data[:4] + struct.pack("<LL", *divmod(stamp_ns, 10**9)) + data[12:]
+
+
+def test_frames_that_lack_a_part_are_left_out(short: Path, tmp_path: Path) -> None:
+    def change(topic: str, stamp: int, data: bytes) -> bytes | None:
+        gone = {PHOTOS: 40_000_000, TAGS: 160_000_000, INSTANCES: 240_000_000}
+        return None if gone.get(topic) == stamp else data
+
+    made = coco(export(copied(short, tmp_path / "a.bag", change), "coco", workers=2) / "instances.json")
+    stamps = [image["stamp_ns"] for image in made.imgs.values() if image["camera"] == "left"]
+    assert stamps == [k * 40_000_000 for k in (2, 3, 5)]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda t, s, d: stamped(d, 0) if t in (PHOTOS, TAGS, INSTANCES) else d, "do not rise: 0 ns comes after 0 ns"),
+        (lambda t, s, d: stamped(d, s + 7) if t.endswith("compressed") else d, "no photograph has classes and objects"),
+        (lambda t, s, d: d.replace(b"\xff\xd8\xff", b"\xff\xd8\xfe", 1) if t == PHOTOS else d, "is no JPEG"),
+        (lambda t, s, d: d[:-1] if t == "/gazebo/model_states" else d, "damaged"),
+        (lambda t, s, d: d[:9] if t == TAGS else d, f"the message of {TAGS} at 40000000 ns is damaged"),
+        (lambda t, s, d: d[:-1] + b"\xff" if t == INSTANCES else d, "left camera at 40000000 ns: object 65"),
+        (lambda t, s, d: d[:-1] + b"\x01" if t == TAGS else d, "which no class has"),
+    ],
+)  # fmt: skip
+def test_damage_is_one_line(change: Any, words: str, short: Path, tmp_path: Path) -> None:
+    assert words in failure(copied(short, tmp_path / "a.bag", change))
