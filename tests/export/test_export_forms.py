@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What all forms share: names, refusals, and that nothing half done stays behind; each form through the command line."""
+"""What all forms share: names, refusals, nothing half done stays behind; each form through the command line."""
 
 import hashlib
 import os
@@ -77,7 +77,8 @@ def test_a_run_without_cameras_is_exported_or_refused_in_one_line(
 def test_what_cannot_be_is_one_line_and_writes_nothing(
     small_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run, out = str(small_run), ["--out", str(tmp_path / "out")]
+    run, none, out = str(small_run), str(tmp_path / "no"), ["--out", str(tmp_path / "out")]
+    again = str(small_run / "park_1.bag")
     for words, line in (
         ([run, "--to", "kiti"], "no form 'kiti'; there is: kitti, "),
         ([run, "--to", "files", "--label-map", "relis"], "no label map 'relis'; there is: rellis, "),
@@ -86,10 +87,8 @@ def test_what_cannot_be_is_one_line_and_writes_nothing(
             "form 'zip' holds no labels that could be mapped; those that do: ",
         ),
         ([run, run, "--to", "tum"], "form 'tum' is made of one run, not of 2; forms that join several: "),
-        (
-            [str(tmp_path / "no"), "--to", "tum"],
-            f"there is no {tmp_path / 'no'}; needed is the folder of a run, or a bag",
-        ),
+        ([none, "--to", "tum"], f"there is no {none}; needed is the folder of a run, or a bag"),
+        ([run, again, "--to", "kitti"], f"{again} is given twice; each run can be one sequence"),
         ([run], "the following arguments are required: --to"),
     ):
         assert cli.main(["export", *words, *out]) == 2
@@ -132,7 +131,7 @@ def test_a_failure_takes_its_own_half_away_and_nothing_else(
 
     (tmp_path / "mine.txt").write_text("mine")
     monkeypatch.setattr("fieldtruth.export.pcd.write", breaks)
-    with pytest.raises(OutputError, match="cannot write .*: no space left"):
+    with pytest.raises(OutputError, match=r"cannot write .*: no space left"):
         export(small_run, "pcd", out=tmp_path / "clouds")
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 

@@ -96,6 +96,9 @@ def export(
         able = ", ".join(name for name, other in FORMS.items() if other.joins)
         raise OutputError(f"form {to!r} is made of one run, not of {len(paths)}; forms that join several: {able}")
     runs = [open_run(each) for each in paths]
+    places = [run.bag.resolve() for run in runs]
+    if twice := next((run.bag for run, place in zip(runs, places, strict=True) if places.count(place) > 1), None):
+        raise OutputError(f"{twice} is given twice; each run can be one sequence")
     target = runs[0].folder / (runs[0].name + form.ending) if out is None else out
     part = target.with_name(f".{target.name}.part")
     with output_errors(target):
