@@ -61,7 +61,7 @@ def open_run(path: Path) -> Run:
         BagError: nothing there, no bag in the folder or several, an unreadable bag, or one without a message.
         ConfigurationError: the experiment.yaml of this bag cannot be read.
     """
-    bag = _bag_of(path)
+    bag = bag_of(path)
     with open_stored(bag) as stored:
         counts = {topic: count for topic, count in stored.counts.items() if count}
         if not counts:
@@ -69,7 +69,12 @@ def open_run(path: Path) -> Run:
         return Run(bag, _experiment_of(bag), counts, stored.msgtypes, stored.start_ns, stored.end_ns)
 
 
-def _bag_of(path: Path) -> Path:
+def bag_of(path: Path) -> Path:
+    """Path of the bag: the file itself, or the one in the folder of a run.
+
+    Raises:
+        BagError: nothing there, no bag in the folder, or several.
+    """
     if not path.is_dir():
         if not path.exists():
             raise BagError(f"there is no {path}; needed is the folder of a run, or a bag")
