@@ -1,0 +1,175 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The pass over a bag: messages go to those who asked for their topic, heavy work to threads, in order."""
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Final
+
+from fieldtruth.errors import ConfigurationError
+from fieldtruth.export.parallel import in_order
+from fieldtruth.record import topics as table
+from fieldtruth.record.run import EXPERIMENT, Run, bag_of, open_run
+from fieldtruth.record.stored import BagError, Decoder, RawMessage, StoredBag, decoder, open_stored
+from fieldtruth.report.progress import Progress, Silent
+from fieldtruth.validate import bagfile
+from fieldtruth.validate.agreement import Agreement
+from fieldtruth.validate.bagfile import BagFile
+from fieldtruth.validate.calibration import Calibration
+from fieldtruth.validate.check import Check
+from fieldtruth.validate.clouds import Clouds
+from fieldtruth.validate.drive import Drive
+from fieldtruth.validate.felt import Gnss, Imu, Wheels
+from fieldtruth.validate.files import checksums_check, is_run
+from fieldtruth.validate.headers import Headers, topics_check
+from fieldtruth.validate.law import Law, check_of
+from fieldtruth.validate.objects import ObjectLaw
+from fieldtruth.validate.pictures import Pictures
+from fieldtruth.validate.rebuild import Objects, rebuilt
+from fieldtruth.validate.retrace import Retrace
+from fieldtruth.validate.sampler import Sampler
+from fieldtruth.validate.stamps import Stamps
+from fieldtruth.validate.states import Clock, States
+from fieldtruth.validate.streams import PoseStreams
+from fieldtruth.validate.subject import Examiner, Job, Subject, place_of
+
+SAMPLES: Final = 20
+"""Moments of a run at which costly checks are made."""
+
+_UNPACKED_BY_HAND: Final = (table.CLOCK, table.MODEL_STATES)
+_TELL_NS: Final = 10**8
+
+
+def validate(
+    path: Path,
+    *,
+    workers: int | None = None,
+    progress: Progress | None = None,
+    quick: bool = False,
+    full: bool = False,
+    samples: int = SAMPLES,
+) -> list[Check]:
+    """Check everything in a run.
+
+    Args:
+        path: folder of a run, or a bag.
+        workers: threads; None takes every core that the process may use. The result does not depend on it.
+        progress: is told how far the work has come.
+        quick: build no world, so that nothing is traced again.
+        full: trace every image again, and not only a sample.
+        samples: about how many moments are sampled.
+
+    Returns:
+        The checks, in a fixed order.
+
+    Raises:
+        BagError: there is no run at this path.
+    """
+    workers = len(os.sched_getaffinity(0)) if workers is None else workers
+    progress = Silent() if progress is None else progress
+    bag = bag_of(path)
+    checksums = checksums_check(bag, progress)
+    try:
+        run, experiment = _opened(bag)
+    except BagError as error:
+        if not is_run(bag):
+            raise
+        return [checksums, Check(bagfile.NAME, False, str(error))]
+    place, why = rebuilt(run, quick=quick, progress=progress)
+    subject = Subject(run, place, why)
+    with progress.stage("read and check", run.duration_s) as advance:
+        checks = _pass(subject, workers, advance, full=full, samples=samples)
+    return [checksums, experiment, *checks]
+
+
+def _opened(bag: Path) -> tuple[Run, Check]:
+    """Open a run; an experiment that cannot be read is a failed check and no reason to stop."""
+    try:
+        run = open_run(bag)
+    except ConfigurationError as error:
+        with open_stored(bag) as stored:
+            counts = {topic: count for topic, count in stored.counts.items() if count}
+            bare = Run(bag, None, counts, stored.msgtypes, stored.start_ns, stored.end_ns)
+        return bare, Check("experiment", False, str(error))
+    if run.experiment is not None:
+        return run, Check("experiment", True, f"{EXPERIMENT} says what made the bag: {run.experiment.name}")
+    there = (run.folder / EXPERIMENT).exists()
+    return run, Check("experiment", None, f"{EXPERIMENT} is another bag's" if there else f"no {EXPERIMENT}")
+
+
+class _Pass:
+    """One reading of the bag."""
+
+    def __init__(self, subject: Subject, examiners: list[Examiner], decode: Decoder) -> None:
+        self._subject = subject
+        self._examiners = examiners
+        self._decode = decode
+        self._by_topic: dict[str, list[Examiner]] = {}
+        for examiner in examiners:
+            for topic in examiner.topics:
+                self._by_topic.setdefault(topic, []).append(examiner)
+        self.whole = Law("every message holds exactly what its type says")
+
+    def jobs(self, messages: Iterator[RawMessage], advance: Callable[[float], None]) -> Iterator[Job]:
+        """Show all messages to the examiners, and hand on the work that they order meanwhile."""
+        subject, told_ns = self._subject, self._subject.run.start_ns
+        for raw in messages:
+            self._show(raw)
+            if raw.stamp_ns - told_ns >= _TELL_NS:
+                advance((raw.stamp_ns - told_ns) / 1e9)
+                told_ns = raw.stamp_ns
+            while subject.jobs:
+                yield subject.jobs.popleft()
+        subject.motion.finish()
+        for examiner in self._examiners:
+            examiner.finish()
+        while subject.jobs:
+            yield subject.jobs.popleft()
+
+    def _show(self, raw: RawMessage) -> None:
+        try:
+            message = None if raw.topic in _UNPACKED_BY_HAND else self._decode(raw)
+            for examiner in self._by_topic.get(raw.topic, ()):
+                examiner.feed(raw, message)
+        except BagError as error:
+            self.whole.see(False, f"{place_of(raw)}: {error}")
+        else:
+            self.whole.see(True, "")
+
+
+def _pass(subject: Subject, workers: int, advance: Callable[[float], None], *, full: bool, samples: int) -> list[Check]:
+    run = subject.run
+    objects = ObjectLaw(subject)
+    pairs, moments, clouds = (Sampler(run.start_ns, run.end_ns, samples) for _ in range(3))
+    # The true motion comes first: others ask for it.
+    truth: list[Examiner] = [States(subject), Clock(subject), Objects(subject), Drive(subject)]
+    truth += [PoseStreams(subject), Imu(subject), Gnss(subject), Wheels(subject)]
+    seen: list[Examiner] = [Clouds(subject, objects), Pictures(subject, objects)]
+    compared: list[Examiner] = [Agreement(subject, pairs), Retrace(subject, moments, clouds, full=full)]
+    examiners = [Stamps(subject), Headers(subject), Calibration(subject), *truth, *seen, *compared]
+    file = BagFile(run.bag)
+    with open_stored(run.bag) as stored:
+        reading = _Pass(subject, examiners, decoder(stored))
+        for fold, result in in_order(
+            reading.jobs(file.messages(workers), advance), lambda job: (job.fold, job.work()), workers
+        ):
+            fold(result)
+        topics = topics_check(subject, _digests(stored))
+    messages = check_of(
+        "messages", [reading.whole], f"{reading.whole.seen:,} messages hold what their types say", "none"
+    )
+    checks = [file.result(), messages, topics]
+    for group in [examiners[:3], truth, seen]:
+        checks += [check for examiner in group for check in examiner.results()]
+    checks += [objects.result(), *(check for examiner in compared for check in examiner.results())]
+    if file.whole:
+        return checks
+    cut = "the bag cannot be read to its end"
+    return [c if c.passed is False else Check(c.name, None, cut) for c in checks]
+
+
+def _digests(stored: StoredBag) -> dict[str, tuple[str, str]]:
+    """MD5 sum of each topic's type, as stated and as it follows from the definition, by topic."""
+    store = stored.types()
+    return {c.topic: (c.digest, store.generate_msgdef(c.msgtype)[1]) for c in stored.connections}

@@ -1,0 +1,159 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Time: as many messages as the rate and the duration make, every stamp on its clock's beat, and sensors in step.
+
+A sensor of rate r reads at k / r for k = 1, 2, ... IMU, receiver and tachometers read at the physics step next to it.
+"""
+
+from collections import OrderedDict
+from typing import Any, Final
+
+from fieldtruth.record import topics as table
+from fieldtruth.record.read import stamp_ns
+from fieldtruth.record.stored import RawMessage
+from fieldtruth.validate.check import Check
+from fieldtruth.validate.law import check_of
+from fieldtruth.validate.subject import STEP_NS, Examiner, Subject, place_of
+
+_FELT: Final = (table.IMU, table.NAVSAT, *table.WHEEL_SPEEDS)
+_CAMERAS: Final = tuple(topic.name for topic in table.TOPICS if topic.sensor in ("cameras", "depth", "instances"))
+_IN_STEP: Final = (_CAMERAS, table.WHEEL_SPEEDS, (table.ODOMETRY, table.TF), (table.CLOCK, table.MODEL_STATES))
+_OPEN: Final = 500
+"""Stamps for which messages are waited for; a healthy bag has a few."""
+
+
+class Beat:
+    """The stamps of a topic: k / rate, rounded to nanoseconds, or to physics steps."""
+
+    def __init__(self, rate_hz: float, on_steps: bool) -> None:
+        self.rate_hz = rate_hz
+        self._on_steps = on_steps
+
+    def stamp(self, k: int) -> int:
+        """Stamp [ns] of reading ``k``, counted from 1."""
+        exact = round(k * (1e9 / self.rate_hz))
+        return round(exact / STEP_NS) * STEP_NS if self._on_steps else exact
+
+    def number(self, stamp: int) -> int:
+        """Return the reading whose stamp is nearest."""
+        return round(stamp * self.rate_hz / 1e9)
+
+    def count(self, end: int) -> int:
+        """Readings up to and including a stamp [ns]."""
+        return int(end * self.rate_hz / 1e9 + 1e-9)
+
+
+class Stamps(Examiner):
+    """Counts, stamps and their steps."""
+
+    def __init__(self, subject: Subject) -> None:
+        run = subject.run
+        self._subject = subject
+        known = {topic.name: topic for topic in table.TOPICS}
+        self.topics = [name for name in known if name in run.counts]
+        self._beats = {
+            name: Beat(rate(subject.rig), name in _FELT)
+            for name in self.topics
+            if (rate := known[name].rate_hz) is not None
+        }
+        self._last: dict[str, int] = {}
+        self._number: dict[str, int] = {}
+        self._seen: dict[str, int] = {}
+        self._rising = subject.law("the stamps of each topic rise")
+        self._header = subject.law("the stamp in a header is the bag's")
+        self._on_beat = {n: subject.law(f"stamps of {n} are k / {b.rate_hz:g} s") for n, b in self._beats.items()}
+        self._no_gap = subject.law("no reading is left out")
+        self._counts = subject.law("each topic has duration times rate messages, within one")
+        self._step = subject.law("what belongs together has the same stamps")
+        self._groups = [
+            (tuple(name for name in group if name in run.counts), OrderedDict[int, int]()) for group in _IN_STEP
+        ]
+
+    def feed(self, raw: RawMessage, message: Any) -> None:
+        """See a message."""
+        name, stamp = raw.topic, raw.stamp_ns
+        self._seen[name] = self._seen.get(name, 0) + 1
+        last = self._last.get(name)
+        if last is not None:
+            self._rising.see(stamp > last, lambda: f"{place_of(raw)} after {last} ns")
+        self._last[name] = stamp
+        for inside in _header_stamps(name, message):
+            self._header.see(inside == stamp, f"{place_of(raw)}: header {inside} ns")
+        if name in self._beats:
+            self._follow(raw, self._beats[name])
+        for group, waiting in self._groups:
+            if name in group:
+                self._meet(group, waiting, raw)
+
+    def finish(self) -> None:
+        """See the end of the bag."""
+        ends = [self._last[name] for name in (table.CLOCK, table.MODEL_STATES) if name in self._last]
+        end = min(ends) if ends else max(self._last.values(), default=0)
+        for name, beat in self._beats.items():
+            count, expected = self._seen.get(name, 0), beat.count(end)
+            self._counts.see(
+                abs(count - expected) <= 1,
+                f"{name}: {count:,} messages; {end / 1e9:.3f} s at {beat.rate_hz:g} Hz make {expected:,}",
+            )
+            if self._on_beat[name].passed:
+                number = self._number.get(name, 0)
+                self._no_gap.see(number == expected, f"{name} ends with reading {number:,} of {expected:,}")
+        for group, waiting in self._groups:
+            for stamp, met in waiting.items():
+                self._step.see(False, f"{stamp} ns: {_missing(group, met)}")
+
+    def results(self) -> list[Check]:
+        """Counts, stamps, in step."""
+        total, clocked = sum(self._seen.values()), sum(law.seen for law in self._on_beat.values())
+        rates = sorted({f"{self._beats[n].rate_hz:g}" for n in self._beats}, key=float)
+        nothing = "no topic of the topic table is there"
+        # Where a topic follows another clock it cannot be said how many messages there should be.
+        judged = {name: law for name, law in self._on_beat.items() if law.passed is not None}
+        counts = check_of("counts", [self._counts] if judged else [],
+                          f"{len(self._seen)} topics, {total:,} messages", "no topic keeps its rate")  # fmt: skip
+        return [
+            counts,
+            check_of(
+                "stamps",
+                [self._rising, self._header, *self._on_beat.values(), self._no_gap],
+                f"{self._rising.seen:,} stamps rise, {self._header.seen:,} headers agree, {clocked:,} are on the beat "
+                f"of {', '.join(rates)} Hz",
+                nothing,
+            ),
+            check_of(
+                "in step",
+                [self._step],
+                f"{self._step.seen:,} moments of {sum(len(g) > 1 for g, _ in self._groups)} groups of topics",
+                nothing,
+            ),
+        ]
+
+    def _follow(self, raw: RawMessage, beat: Beat) -> None:
+        number, before = beat.number(raw.stamp_ns), self._number.get(raw.topic, 0)
+        due = beat.stamp(number)
+        if not self._on_beat[raw.topic].see(due == raw.stamp_ns, lambda: f"{place_of(raw)}, due at {due} ns"):
+            return
+        self._no_gap.see(number == before + 1, lambda: f"{place_of(raw)}: reading {number} after reading {before}")
+        self._number[raw.topic] = number
+
+    def _meet(self, group: tuple[str, ...], waiting: OrderedDict[int, int], raw: RawMessage) -> None:
+        met = waiting.get(raw.stamp_ns, 0) | 1 << group.index(raw.topic)
+        if met == (1 << len(group)) - 1:
+            waiting.pop(raw.stamp_ns, None)
+            self._step.see(True, "")
+            return
+        waiting[raw.stamp_ns] = met
+        if len(waiting) > _OPEN:
+            stamp, met = waiting.popitem(last=False)
+            self._step.see(False, f"{stamp} ns: {_missing(group, met)}")
+
+
+def _missing(group: tuple[str, ...], met: int) -> str:
+    return f"no {', no '.join(name for k, name in enumerate(group) if not met >> k & 1)}"
+
+
+def _header_stamps(name: str, message: Any) -> list[int]:
+    """Stamps [ns] that a message itself bears."""
+    if name in (table.TF, table.TF_STATIC):
+        return [stamp_ns(each.header) for each in message.transforms]
+    return [stamp_ns(message.header)] if hasattr(message, "header") else []
