@@ -1,0 +1,149 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Curves over the run's time as scalable pictures: paths for the page's SVG, ticks, and the numbers behind them."""
+
+import math
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from fieldtruth.report.page import series
+from fieldtruth.report.page.series import Lines
+from fieldtruth.report.page.thin import Line
+from fieldtruth.report.page.words import fixed
+
+WIDE: Final = 1000.0
+HIGH: Final = 100.0
+"""Size of a picture in its own units; the page stretches it."""
+_DIGITS: Final = 5
+"""Significant digits of a number that is shown when one points at a curve."""
+_MARGIN: Final = 0.06
+
+
+class _Kind(NamedTuple):
+    title: str
+    unit: str
+    note: str
+    least: float
+    """Smallest span of the axis, so that what is nearly still does not look like a storm."""
+
+
+_KINDS: Final = {
+    series.SPEED: _Kind("Speed", "m/s", "of base_link, true", 0.1),
+    series.TILT: _Kind("Roll and pitch", "°", "of base_link, true; pitch is positive downhill", 2.0),
+    series.HEADING: _Kind("Heading", "°", "yaw, true; 0 is north, west is positive", 5.0),
+    series.HEIGHT: _Kind("Height", "m", "of base_link, true", 0.5),
+    series.TURNING: _Kind("Angular velocity", "rad/s", "of the IMU, in its own frame", 0.1),
+    series.ACCELERATION: _Kind("Acceleration", "m/s²", "of the IMU, in its own frame, with gravity", 1.0),
+    series.WHEELS: _Kind("Wheel speed", "rad/s", "of the four tachometers", 0.5),
+    series.GNSS: _Kind("GNSS", "m", "from the first fix", 0.5),
+}
+
+
+class Tick(NamedTuple):
+    """A line across, at ``at`` percent from the left or the top, and what it says."""
+
+    at: float
+    text: str
+
+
+class Channel(NamedTuple):
+    """One line of a curve."""
+
+    name: str
+    path: str
+    """For an SVG path."""
+    lowest: str
+    highest: str
+
+
+class Curve(NamedTuple):
+    """One small picture."""
+
+    key: str
+    title: str
+    unit: str
+    note: str
+    channels: tuple[Channel, ...]
+    ticks: tuple[Tick, ...]
+
+
+def draw_curves(lines: Lines, start_ns: int, end_ns: int) -> tuple[Curve, ...]:
+    """Draw all curves that have a line, in a fixed order, over the same time."""
+    return tuple(
+        _curve(key, lines[key], start_ns, max(end_ns - start_ns, 1))
+        for key in _KINDS
+        if any(len(line.values) for line in lines.get(key, {}).values())
+    )
+
+
+def time_ticks(duration_s: float) -> tuple[Tick, ...]:
+    """Ticks of the time axis [s from the start]."""
+    return tuple(
+        Tick(round(100 * t / max(duration_s, 1e-9), 3), _plain(t, step))
+        for t, step in _steps(0.0, max(duration_s, 1e-9), 8)
+    )
+
+
+def curve_numbers(lines: Lines, start_ns: int) -> dict[str, Any]:
+    """Numbers behind the curves, for a reader who points at them: by curve, [ms from the start], [value] per channel.
+
+    They are readings as they stand in the bag; nothing is averaged.
+    """
+    return {
+        key: [
+            [[round((stamp - start_ns) / 1e6) for stamp in line.stamps_ns.tolist()], [_short(v) for v in line.values]]
+            for line in lines[key].values()
+            if len(line.values)
+        ]
+        for key in _KINDS
+        if key in lines
+    }
+
+
+def _curve(key: str, channels: Mapping[str, Line], start_ns: int, span_ns: int) -> Curve:
+    kind = _KINDS[key]
+    filled = {name: line for name, line in channels.items() if len(line.values)}
+    low = min(float(line.values.min()) for line in filled.values())
+    high = max(float(line.values.max()) for line in filled.values())
+    middle, span = (low + high) / 2, max(high - low, kind.least) * (1 + 2 * _MARGIN)
+    low, high = middle - span / 2, middle + span / 2
+    steps = _steps(low, high, 4)
+    fine = steps[0][1] / 100
+    return Curve(
+        key, kind.title, kind.unit, kind.note,
+        tuple(
+            Channel(
+                name, _path(line, start_ns, span_ns, low, high),
+                _plain(float(line.values.min()), fine), _plain(float(line.values.max()), fine),
+            )
+            for name, line in filled.items()
+        ),
+        tuple(Tick(round(100 * (high - v) / span, 2), _plain(v, step)) for v, step in steps),
+    )  # fmt: skip
+
+
+def _path(line: Line, start_ns: int, span_ns: int, low: float, high: float) -> str:
+    x = np.clip(WIDE * (line.stamps_ns - start_ns) / span_ns, 0.0, WIDE)
+    y = HIGH * (high - line.values) / (high - low)
+    if len(x) == 1:
+        x, y = np.array([0.0, WIDE]), y.repeat(2)
+    return "M" + "L".join(f"{a:.1f},{b:.2f}" for a, b in zip(x, y, strict=True))
+
+
+def _steps(low: float, high: float, about: int) -> list[tuple[float, float]]:
+    """Round numbers between two, about so many, each with their distance."""
+    raw = (high - low) / about
+    power = 10.0 ** math.floor(math.log10(raw))
+    step = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= raw * 0.999)
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    return [(k * step, step) for k in range(first, last + 1)]
+
+
+def _plain(value: float, step: float) -> str:
+    return fixed(value, max(0, -math.floor(math.log10(step) + 1e-9)))
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.{_DIGITS}g}")
