@@ -145,7 +145,7 @@ def test_memory_does_not_grow_with_duration(bag: Path, tmp_path: Path) -> None:
         long = longer(bag, tmp_path / f"{times}.bag", times, (POINTS, ODOMETRY), ("/tf_static",))
         peaks.append(peak_memory(lambda bag=long: export(bag, "pcd", workers=2)))  # type: ignore[misc]
         assert len(list((tmp_path / f"{times}_pcd").glob("*.pcd"))) == 12 * times
-    assert peaks[1] < 1.2 * peaks[0]
+    assert peaks[1] < 1.5 * peaks[0]  # were it all in memory, it would be four times as much
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -80,23 +80,18 @@ class _Pairing:
         self._last_ns = -1  # of the left photograph of the frame before
 
     def add(self, side: str | None, item: _Item) -> Iterator[Frame]:
-        """Take the next message, a cloud (None) or a photograph of a side; yield the frames that it completes."""
-        (self._clouds if side is None else self._images[side]).append(item)
+        """Take the next message, a cloud (None) or a photograph of a side; yield the frames that nothing can change."""
+        while self._clouds and item.bag_ns - self._clouds[0].bag_ns > WINDOW_NS:
+            yield from self._frame(self._clouds.popleft())
         for images in self._images.values():
             while images and item.bag_ns - images[0].bag_ns > 2 * WINDOW_NS:
                 images.popleft()
-        while self._clouds and self._is_settled(self._clouds[0], item.bag_ns):
-            yield from self._frame(self._clouds.popleft())
+        (self._clouds if side is None else self._images[side]).append(item)
 
     def rest(self) -> Iterator[Frame]:
         """Yield what can be made of the clouds that are left at the end."""
         while self._clouds:
             yield from self._frame(self._clouds.popleft())
-
-    def _is_settled(self, cloud: _Item, now_ns: int) -> bool:
-        """Whether no photograph to come can be nearer to this cloud."""
-        late = now_ns - cloud.bag_ns > WINDOW_NS
-        return late or all(images and images[-1].stamp_ns >= cloud.stamp_ns for images in self._images.values())
 
     def _frame(self, cloud: _Item) -> Iterator[Frame]:
         if not all(self._images.values()):

@@ -1,0 +1,312 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""KITTI odometry folders as pykitti and evo read them, against the bag and closed forms of the robot's geometry."""
+
+import filecmp
+import shutil
+from io import BytesIO
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from evo.core import metrics
+from evo.core.trajectory import PosePath3D
+from evo.tools import file_interface
+from export_bags import copied, longer, peak_memory, without
+from numpy.typing import NDArray
+from PIL import Image
+from rosbags.rosbag1 import Reader
+from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointCloud2 as PointCloud2
+from scipy.ndimage import maximum_filter, minimum_filter
+from scipy.spatial.transform import Rotation
+
+from fieldtruth.classes import PALETTE
+from fieldtruth.export import export
+from fieldtruth.export.pairing import WINDOW_NS, _Item, _Pairing
+from fieldtruth.record.ros import STORE
+from fieldtruth.record.stored import BagError
+
+F8 = NDArray[np.float64]
+POINTS = "/os1_cloud_node/points"
+ODOMETRY = "/ground_truth/odom"
+PHOTOS = {side: f"/stereo/camera/{side}/real/compressed" for side in ("left", "right")}
+INFOS = tuple(f"/stereo/camera/{side}/camera_info" for side in ("left", "right"))
+STAMPS = [k * 200_000_000 for k in range(1, 7)]
+"""Every instant of 10 and of 25 Hz in 1.2 s."""
+WIDTH, HEIGHT = 320, 184
+BASE_FROM_CAM0 = np.array([[0, 0, 1, 0.15], [-1, 0, 0, 0.06], [0, -1, 0, 0.72], [0, 0, 0, 1.0]])
+"""The paper's Table 2, and REP-103: x right, y down, z forward."""
+
+
+@pytest.fixture(scope="module")
+def bag(small_run: Path) -> Path:
+    return small_run / "park_1.bag"
+
+
+@pytest.fixture(scope="module")
+def made(small_run: Path, bag: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("kitti")
+    twin = Path(shutil.copy(bag, folder / "twin.bag"))
+    return export([small_run, twin], "kitti", out=folder / "made", workers=2)
+
+
+@pytest.fixture(scope="module")
+def sequence(made: Path) -> Any:
+    pykitti = pytest.importorskip("pykitti", reason="pip install pykitti opencv-python-headless", exc_type=ImportError)
+    return pykitti.odometry(str(made), "00")
+
+
+def messages(bag: Path, topic: str) -> dict[int, Any]:
+    """Messages by the stamp [ns] in the bag."""
+    with Reader(bag) as reader:
+        connections = [c for c in reader.connections if c.topic == topic]
+        return {ns: STORE.deserialize_ros1(raw, c.msgtype) for c, ns, raw in reader.messages(connections)}
+
+
+def world_from_cam0(bag: Path, stamps_ns: list[int]) -> F8:
+    """True poses (n, 4, 4) of the left camera at stamps that the odometry has."""
+    truth, poses = messages(bag, ODOMETRY), []
+    for stamp in stamps_ns:
+        p, q = truth[stamp].pose.pose.position, truth[stamp].pose.pose.orientation
+        world_from_base = np.eye(4)
+        world_from_base[:3, :3] = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix()
+        world_from_base[:3, 3] = p.x, p.y, p.z
+        poses.append(world_from_base @ BASE_FROM_CAM0)
+    return np.array(poses)
+
+
+def cloud_xyz(bag: Path, stamp_ns: int) -> NDArray[np.float32]:
+    rows = messages(bag, POINTS)[stamp_ns].data.reshape(-1, 28)
+    return np.ascontiguousarray(rows[:, :12]).view("<f4")
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What other readers find
+
+
+def test_pykitti_reads_every_frame_of_one_instant(sequence: Any, bag: Path) -> None:
+    assert len(sequence) == len(sequence.velo_files) == len(sequence.cam2_files) == len(sequence.cam3_files) == 6
+    assert [round(time.total_seconds() * 1e9) for time in sequence.timestamps] == [t - STAMPS[0] for t in STAMPS]
+    for number, stamp in enumerate(STAMPS):
+        scan = sequence.get_velo(number)
+        assert np.ascontiguousarray(scan[:, :3]).tobytes() == cloud_xyz(bag, stamp).tobytes()
+        assert not scan[:, 3].any()  # the class is no reflectance
+
+
+@pytest.mark.parametrize(("camera", "side"), [("cam2", "left"), ("cam3", "right")])
+def test_images_are_the_photographs_of_the_clouds_instant(sequence: Any, bag: Path, camera: str, side: str) -> None:
+    photographs = messages(bag, PHOTOS[side])
+    for seen, stamp in zip(getattr(sequence, camera), STAMPS, strict=True):
+        there = np.asarray(Image.open(BytesIO(photographs[stamp].data.tobytes())))
+        assert seen.size == (WIDTH, HEIGHT)
+        np.testing.assert_array_equal(np.asarray(seen), there)
+
+
+def test_poses_are_those_of_the_left_camera(sequence: Any, made: Path, bag: Path) -> None:
+    world = world_from_cam0(bag, STAMPS)
+    first = np.linalg.inv(world[0]) @ world
+    np.testing.assert_allclose(np.array(sequence.poses), first, atol=1e-9)
+    assert first[-1][2, 3] > 0.25  # it drives forward, along z
+    from_file = file_interface.read_kitti_poses_file(made / "poses" / "00.txt")
+    assert from_file.check()[0]
+    error = metrics.APE(metrics.PoseRelation.full_transformation)
+    error.process_data((PosePath3D(poses_se3=list(first)), from_file))
+    assert error.get_statistic(metrics.StatisticsType.max) < 1e-8
+
+
+def test_calibration_is_the_robots(sequence: Any) -> None:
+    calib = sequence.calib
+    fx = WIDTH / 2 / np.tan(np.radians(69.0 / 2))
+    fy = HEIGHT / 2 / np.tan(np.radians(42.0 / 2))
+    pinhole = [[fx, 0, (WIDTH - 1) / 2], [0, fy, (HEIGHT - 1) / 2], [0, 0, 1]]
+    for camera in range(4):
+        np.testing.assert_allclose(getattr(calib, f"K_cam{camera}"), pinhole, rtol=1e-9)
+    assert calib.b_rgb == pytest.approx(0.12, abs=1e-9)
+    lidar = np.array([[4.0, 1.0, -0.5, 1.0], [10.0, -3.0, 2.0, 1.0]])
+    in_cam0 = (calib.T_cam0_velo @ lidar.T).T
+    # The LiDAR is 6 cm behind, 10.6 cm above and 6 cm to the right of the left camera.
+    np.testing.assert_allclose(in_cam0[:, :3], [[-0.94, 0.394, 3.94], [3.06, -2.106, 9.94]], atol=1e-9)
+    np.testing.assert_allclose((calib.T_cam3_velo @ lidar.T).T - in_cam0, [[-0.12, 0, 0, 0]] * 2, atol=1e-9)
+
+
+@pytest.mark.parametrize(("camera", "side"), [(2, "left"), (3, "right")])
+def test_points_fall_upon_pixels_of_their_class(sequence: Any, bag: Path, camera: int, side: str) -> None:
+    tags = messages(bag, f"/stereo/camera/{side}/tag/img_raw")
+    depths = messages(bag, f"/stereo/camera/{side}/depth")
+    clouds = messages(bag, POINTS)
+    agree, compared = [], 0
+    for number, stamp in enumerate(STAMPS):
+        label = np.ascontiguousarray(clouds[stamp].data.reshape(-1, 28)[:, 24:26]).view("<u2")[:, 0]
+        colours = tags[stamp].data.reshape(HEIGHT, WIDTH, 3)
+        code = colours.astype(np.int64) @ [1, 256, 65536]
+        inside = maximum_filter(code, 3) == minimum_filter(code, 3)
+        depth = depths[stamp].data.view("<f4").reshape(HEIGHT, WIDTH)
+        scan = np.column_stack([sequence.get_velo(number)[:, :3], np.ones(len(label))])
+        projected = scan @ (_pinhole(sequence, camera) @ getattr(sequence.calib, f"T_cam{camera}_velo")[:3]).T
+        z = projected[:, 2]
+        u, v = np.rint(projected[:, :2] / np.where(z == 0.0, 1.0, z)[:, None]).astype(np.int64).T
+        shown = (z > 0.5) & (u >= 0) & (u < WIDTH) & (v >= 0) & (v < HEIGHT)
+        u, v, z, label = u[shown], v[shown], z[shown], label[shown]
+        # What the LiDAR sees past the camera's foreground is not in the picture.
+        same_place = inside[v, u] & (np.abs(depth[v, u] - z) < 0.02 * z)
+        agree.append((PALETTE[label] == colours[v, u]).all(axis=1)[same_place])
+        compared += int(shown.sum())
+    assert sum(map(len, agree)) > 0.3 * compared > 1000
+    assert np.concatenate(agree).mean() > 0.995
+
+
+def _pinhole(sequence: Any, camera: int) -> F8:
+    matrix: F8 = getattr(sequence.calib, f"K_cam{camera}")
+    return matrix
+
+
+def test_several_runs_are_several_sequences(made: Path) -> None:
+    files = sorted(
+        str(path.relative_to(made / "sequences" / "00")) for path in (made / "sequences" / "00").rglob("*.*")
+    )
+    assert len(files) == 2 + 3 * 6
+    same = filecmp.cmpfiles(made / "sequences" / "00", made / "sequences" / "01", files, shallow=False)
+    assert same == (files, [], [])
+    assert filecmp.cmp(made / "poses" / "00.txt", made / "poses" / "01.txt", shallow=False)
+    readme = (made / "README.md").read_text()
+    assert "| 00 | park_1 | 6 | 200000000 | 0 ms |" in readme
+    assert "| 01 | twin | 6 | 200000000 | 0 ms |" in readme
+
+
+def test_same_bytes_for_any_number_of_workers(small_run: Path, made: Path, tmp_path: Path) -> None:
+    again = export(small_run, "kitti", out=tmp_path / "again", workers=1)
+    names = [str(path.relative_to(again)) for path in again.rglob("*.*") if path.name != "README.md"]
+    assert len(names) == 1 + 2 + 3 * 6
+    assert filecmp.cmpfiles(made, again, names, shallow=False) == (names, [], [])
+
+
+def test_memory_does_not_grow_with_duration(bag: Path, tmp_path: Path) -> None:
+    peaks = []
+    for times in (2, 6):
+        topics = (POINTS, ODOMETRY, *PHOTOS.values())
+        long = longer(bag, tmp_path / f"{times}.bag", times, topics, ("/tf_static", *INFOS))
+        peaks.append(peak_memory(lambda run=long: export(run, "kitti", workers=2)))  # type: ignore[misc]
+        assert len(list((tmp_path / f"{times}_kitti").rglob("*.bin"))) > 5 * times
+    assert peaks[1] < 1.5 * peaks[0]  # were it all in memory, it would be thrice as much
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Bags from elsewhere
+
+
+def test_without_a_common_instant_the_nearest_photographs_are_taken(bag: Path, tmp_path: Path) -> None:
+    def change(topic: str, stamp_ns: int, data: bytes) -> bytes | None:
+        return None if topic == POINTS and stamp_ns in STAMPS else data
+
+    made = export(copied(bag, tmp_path / "odd.bag", change), "kitti")
+    images = [stamp - 120_000_000 for stamp in STAMPS]  # 20 ms before a cloud and as much after it: the earlier
+    photographs = messages(bag, PHOTOS["right"])
+    for number, stamp in enumerate(images):
+        seen = Image.open(made / "sequences" / "00" / "image_3" / f"{number:06d}.png")
+        there = Image.open(BytesIO(photographs[stamp].data.tobytes()))
+        np.testing.assert_array_equal(np.asarray(seen), np.asarray(there))
+        scan = np.fromfile(made / "sequences" / "00" / "velodyne" / f"{number:06d}.bin", "<f4").reshape(-1, 4)
+        assert scan[:, :3].tobytes() == cloud_xyz(bag, stamp + 20_000_000).tobytes()
+    world = world_from_cam0(bag, images)
+    poses = np.loadtxt(made / "poses" / "00.txt").reshape(-1, 3, 4)
+    np.testing.assert_allclose(poses, (np.linalg.inv(world[0]) @ world)[:, :3], atol=1e-9)
+    assert "| 00 | odd | 6 | 80000000 | 20 ms |" in (made / "README.md").read_text()
+
+
+def test_clouds_need_no_labels(bag: Path, tmp_path: Path) -> None:
+    def change(topic: str, stamp_ns: int, data: bytes) -> bytes:
+        if topic != POINTS:
+            return data
+        cloud: Any = STORE.deserialize_ros1(data, "sensor_msgs/msg/PointCloud2")
+        bare = PointCloud2(
+            cloud.header,
+            cloud.height,
+            cloud.width,
+            cloud.fields[:3],
+            cloud.is_bigendian,
+            cloud.point_step,
+            cloud.row_step,
+            cloud.data,
+            cloud.is_dense,
+        )
+        return bytes(STORE.serialize_ros1(bare, "sensor_msgs/msg/PointCloud2"))
+
+    made = export(copied(bag, tmp_path / "bare.bag", change), "kitti")
+    scan = np.fromfile(made / "sequences" / "00" / "velodyne" / "000000.bin", "<f4").reshape(-1, 4)
+    assert scan[:, :3].tobytes() == cloud_xyz(bag, STAMPS[0]).tobytes()
+
+
+@pytest.mark.parametrize(
+    ("topics", "words"),
+    [
+        ([POINTS], f"has no {POINTS}; it has: /clock"),
+        ([PHOTOS["right"]], f"has no {PHOTOS['right']}; it has"),
+        (["/tf_static"], "has no /tf_static; it has"),
+        ([INFOS[0]], f"has no {INFOS[0]}; it has"),
+        ([ODOMETRY, "/gazebo/model_states"], f"has no {ODOMETRY}; it has"),
+    ],
+)
+def test_what_is_missing_is_one_line(bag: Path, tmp_path: Path, topics: list[str], words: str) -> None:
+    less = without(bag, tmp_path / "less.bag", *topics)
+    with pytest.raises(BagError, match=words) as caught:
+        export(less, "kitti")
+    assert "\n" not in str(caught.value)
+    assert [path.name for path in tmp_path.iterdir()] == ["less.bag"]
+
+
+def test_photographs_of_another_day_are_one_line(bag: Path, tmp_path: Path) -> None:
+    def change(topic: str, stamp_ns: int, data: bytes) -> bytes:
+        return data[:4] + (1000).to_bytes(4, "little") + data[8:] if topic in PHOTOS.values() else data
+
+    with pytest.raises(BagError, match=r"has no cloud with photographs of both cameras within 0\.5 s"):
+        export(copied(bag, tmp_path / "apart.bag", change), "kitti")
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Pairing, with messages that come late
+
+
+def pairs(items: list[tuple[int, str | None, int]], *, exact: bool) -> list[tuple[int, int, int]]:
+    """Stamps of cloud, left and right of each frame, for messages given as time of arrival, side and stamp."""
+    pairing, frames = _Pairing(exact=exact), []
+    for bag_ns, side, stamp in sorted(items, key=lambda item: item[0]):
+        frames += list(pairing.add(side, _Item(bag_ns, stamp, SimpleNamespace(stamp=stamp))))
+        held = len(pairing._clouds) + sum(map(len, pairing._images.values()))
+        assert held < 100
+    frames += list(pairing.rest())
+    return [(frame.cloud.stamp, frame.left.stamp, frame.right.stamp) for frame in frames]
+
+
+def arrivals(seconds: int, latest_ns: int, seed: int = 0) -> list[tuple[int, str | None, int]]:
+    """Clouds at 10 Hz and photographs at 25 Hz, up to so much late; those of a topic keep their order."""
+    rng, items = np.random.default_rng(seed), []
+    for side, period in ((None, 10**8), ("left", 4 * 10**7), ("right", 4 * 10**7)):
+        stamps = np.arange(period, seconds * 10**9, period)
+        arrived = np.maximum.accumulate(stamps + rng.integers(0, latest_ns + 1, len(stamps)))
+        items += [(int(bag_ns), side, int(stamp)) for bag_ns, stamp in zip(arrived, stamps, strict=True)]
+    return items
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_messages_of_one_instant_find_each_other_however_late_they_are(seed: int) -> None:
+    found = pairs(arrivals(20, WINDOW_NS, seed), exact=True)
+    assert found == [(t, t, t) for t in range(2 * 10**8, 20 * 10**9, 2 * 10**8)]
+    nearest = pairs(arrivals(20, WINDOW_NS, seed), exact=False)
+    assert [cloud for cloud, _, _ in nearest] == list(range(10**8, 20 * 10**9, 10**8))
+    assert {cloud - left for cloud, left, _ in nearest} == {0, 2 * 10**7}
+
+
+def test_a_camera_that_stops_holds_nothing_up() -> None:
+    items = arrivals(20, 0)
+    stopped = [item for item in items if item[1] != "right" or item[2] <= 5 * 10**9]
+    assert pairs(stopped, exact=True) == [(t, t, t) for t in range(2 * 10**8, 5 * 10**9 + 1, 2 * 10**8)]
+
+
+def test_nearest_photographs_are_used_once() -> None:
+    slow = [(stamp, side, stamp) for stamp in range(10**9, 4 * 10**9, 10**9) for side in ("left", "right")]
+    clouds = [(stamp, None, stamp) for stamp in range(10**9 - 10**8, 3 * 10**9, 3 * 10**8)]
+    found = pairs([*slow, *clouds], exact=False)
+    assert [left for _, left, _ in found] == [10**9, 2 * 10**9, 3 * 10**9]
+    assert all(left == right and abs(cloud - left) <= WINDOW_NS for cloud, left, right in found)
