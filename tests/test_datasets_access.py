@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from fieldtruth.datasets import GEOMETRY, ITEMS, RunDataset, collate, storage
 from fieldtruth.errors import FieldtruthError
 from fieldtruth.export.label_map import label_map_of
+from fieldtruth.record.stored import open_stored
 
 ALL = (*ITEMS, *GEOMETRY)
 POINTS, ODOMETRY = "/os1_cloud_node/points", "/ground_truth/odom"
@@ -34,6 +35,7 @@ def test_any_order_any_thread_and_a_pickled_copy_give_the_same(
     dataset = RunDataset(small_run.name, ("image", "cloud", "pose"))
     one_by_one = [dataset[k] for k in range(len(dataset))]
     monkeypatch.chdir(tmp_path)
+    storage._RECENT.forget()
     order = np.random.default_rng(0).permutation(len(dataset))
     copy = pickle.loads(pickle.dumps(dataset))
     with ThreadPoolExecutor(4) as pool:
@@ -219,6 +221,13 @@ def test_a_run_without_a_frame_says_why(small_run: Path, tmp_path: Path) -> None
     still = rewrite(small_run, tmp_path / "still.bag", keep=lambda topic, k: topic != ODOMETRY or k == 0)
     with pytest.raises(FieldtruthError, match="there is no true pose at their stamps"):
         RunDataset(still, ["mask", "pose"])
+
+
+def test_an_index_that_points_to_another_topic_is_damage(small_run: Path) -> None:
+    with open_stored(small_run / "park_1.bag") as bag:
+        found, elsewhere = storage.Storage(bag), bag.places(POINTS)
+    with pytest.raises(FieldtruthError, match=f"its index says {ODOMETRY} where a message of {POINTS} lies"):
+        found.message(ODOMETRY, int(elsewhere.chunk[3]), int(elsewhere.offset[3]))
 
 
 @pytest.fixture
