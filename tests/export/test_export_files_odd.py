@@ -1,0 +1,142 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The human-readable form of bags with less in them, with other things in them, and with damage."""
+
+import struct
+from collections.abc import Callable
+from copy import deepcopy
+from pathlib import Path
+
+import numpy as np
+import pytest
+from export_bags import bag_of, copied, longer, peak_memory
+from files_read_back import (
+    IMU,
+    MODELS,
+    ODOMETRY,
+    POINTS,
+    camera,
+    cloud_columns,
+    header_ns,
+    messages,
+    names,
+)
+
+from fieldtruth.cli import main
+from fieldtruth.errors import OutputError
+from fieldtruth.export import export
+from fieldtruth.record import ros
+from fieldtruth.record.stored import BagError
+
+
+@pytest.fixture(scope="module")
+def bag(small_run: Path) -> Path:
+    return small_run / "park_1.bag"
+
+
+def test_a_stamp_of_0_gives_way_to_the_bags_and_equal_stamps_are_refused(bag: Path, tmp_path: Path) -> None:
+    topic = camera("left", "tag/img_raw")
+
+    def stamped(path: Path, stamp_ns: int) -> Path:
+        stamp = struct.pack("<2L", *divmod(stamp_ns, 10**9))
+        return copied(bag, path, lambda t, _, data: data[:4] + stamp + data[12:] if t == topic else None)
+
+    found = export(stamped(tmp_path / "zero.bag", 0), "files", out=tmp_path / "found")
+    assert names(found / "img_left_tag", ".png") == [40_000_000 * k for k in range(1, 31)]
+    with pytest.raises(BagError, match=r"tag/img_raw has two messages with the stamp 5000000003 ns"):
+        export(stamped(tmp_path / "same.bag", 5_000_000_003), "files", out=tmp_path / "none")
+    assert not (tmp_path / "none").exists()
+
+
+def test_points_without_a_place_are_no_returns(tmp_path: Path, bag: Path) -> None:
+    message = deepcopy(messages(bag, POINTS)[0][1])
+    data = message.data.copy().reshape(message.width, message.point_step)
+    data[[0, 7], 4:8] = np.frombuffer(np.array([np.nan, -np.inf], "<f4").tobytes(), np.uint8).reshape(2, 4)
+    message.data = data.reshape(-1)
+    found = export(bag_of(tmp_path / "b.bag", [(POINTS, 5, message)]), "files")
+    back = np.loadtxt(found / "lidar" / f"{header_ns(message)}.csv", delimiter=",", dtype=np.float32)
+    assert back.tobytes() == np.delete(cloud_columns(message), [0, 7], axis=0).tobytes()
+
+
+def test_a_cloud_without_points_is_an_empty_file(tmp_path: Path, bag: Path) -> None:
+    message = deepcopy(messages(bag, POINTS)[0][1])
+    message.width, message.row_step, message.data = 0, 0, message.data[:0]
+    found = export(bag_of(tmp_path / "b.bag", [(POINTS, 5, message)]), "files")
+    assert (found / "lidar" / f"{header_ns(message)}.csv").read_bytes() == b""
+    assert not (found / "data_proportion.xlsx").exists()
+
+
+def bad_colour(data: bytes) -> bytes:
+    return data[:-3] + bytes([1, 2, 3])
+
+
+def cut_short(data: bytes) -> bytes:
+    return data[:-100]
+
+
+def no_jpeg(data: bytes) -> bytes:
+    return data.replace(b"\xff\xd8\xff", b"\0\0\0", 1)
+
+
+def bad_class(data: bytes) -> bytes:
+    return data[:-5] + b"\x63\0" + data[-3:]  # the label of the last point; object and is_dense follow
+
+
+@pytest.mark.parametrize(
+    ("topic", "change", "words"),
+    [
+        (camera("right", "tag/img_raw"), bad_colour, "at 40000000 ns: tag image: pixel in row 183, column 319"),
+        (camera("left", "tag/img_raw"), cut_short, "the message of .*/left/tag/img_raw at 40000000 ns is damaged"),
+        (
+            camera("left", "real/compressed"),
+            no_jpeg,
+            "left/real/compressed at 40000000 ns: a compressed image .* is no",
+        ),
+        (POINTS, bad_class, "the cloud at 100000000 ns in .*wrong.bag has a point of class 99"),
+        (POINTS, cut_short, "the message of /os1_cloud_node/points at 100000000 ns is damaged"),
+        (MODELS, cut_short, "a message of /gazebo/model_states is damaged"),
+        (IMU, cut_short, "the message of /imu/data at 20000000 ns is damaged"),
+    ],
+)
+def test_damage_is_one_line_that_names_the_place(
+    bag: Path, tmp_path: Path, topic: str, change: Callable[[bytes], bytes], words: str
+) -> None:
+    def hand_on(name: str, _: int, data: bytes) -> bytes | None:
+        return change(data) if name == topic else data if name == "/navsat/fix" else None
+
+    with pytest.raises(BagError, match=words):
+        export(copied(bag, tmp_path / "wrong.bag", hand_on), "files", out=tmp_path / "none")
+    assert [path.name for path in tmp_path.iterdir()] == ["wrong.bag"]
+
+
+def test_a_bag_without_a_sensor_is_refused(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    lean = copied(bag, tmp_path / "b.bag", lambda topic, _, data: data if topic in ("/clock", ODOMETRY) else None)
+    assert main(["export", str(lean), "--to", "files", "--out", str(tmp_path / "none")]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "has no sensor's messages" in error
+    assert "it has: /clock, /ground_truth/odom" in error
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_topic_of_another_type_is_refused(tmp_path: Path) -> None:
+    number = ros.STORE.types["std_msgs/msg/Float32"](1.0)
+    wrong = bag_of(tmp_path / "b.bag", [(IMU, 5, number)])
+    with pytest.raises(BagError, match=r"/imu/data of .* is std_msgs/msg/Float32; needed is sensor_msgs/msg/Imu"):
+        export(wrong, "files")
+
+
+def test_what_is_there_already_stays(small_run: Path, tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("keep")
+    with pytest.raises(OutputError, match="is there already"):
+        export(small_run, "files", out=tmp_path / "mine")
+    assert [path.name for path in tmp_path.rglob("*")] == ["mine", "notes.txt"]
+
+
+def test_memory_does_not_grow_with_the_bag(bag: Path, tmp_path: Path) -> None:
+    topics = (camera("left", "tag/img_raw"), IMU)
+    bags = [longer(bag, tmp_path / f"{times}.bag", times, topics, ()) for times in (1, 4)]
+    peaks = [peak_memory(lambda path=path: export(path, "files", workers=1)) for path in bags]  # type: ignore[misc]
+    assert len(list((tmp_path / "4_files" / "img_left_tag").iterdir())) == 120
+    assert peaks[1] < 1.2 * peaks[0] + 1e6
