@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 import yaml
 import zstandard
+from export_bags import peak_memory
 from mcap.exceptions import InvalidMagic
 from mcap.reader import SeekingReader
 from mcap.records import Chunk, MessageIndex
@@ -256,6 +257,16 @@ def test_frames_of_sensors_hang_together(ros2: list[Row]) -> None:
 def test_the_same_bytes_with_any_number_of_workers(small_run: Path, exported: Path, tmp_path: Path) -> None:
     alone = export(small_run, "mcap", out=tmp_path / "alone.mcap", workers=1)
     assert alone.read_bytes() == exported.read_bytes()
+
+
+def test_memory_does_not_grow_with_the_drive(
+    small_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ros1: list[Row]
+) -> None:
+    """With chunks of 128 kB; the reader holds one of the bag's, of 4 MB and more."""
+    monkeypatch.setattr("fieldtruth.export.mcap._CHUNK_SIZE", 2**17)
+    peak = peak_memory(lambda: export(small_run, "mcap", out=tmp_path / "run.mcap", workers=1))
+    whole = sum(len(data) for *_, data in ros1)
+    assert peak < 0.5 * whole, f"{peak} of {whole}"
 
 
 def states(names: list[str], start: float) -> Any:
