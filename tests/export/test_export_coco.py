@@ -25,6 +25,7 @@ from scipy.spatial.transform import Rotation
 
 from fieldtruth.classes import CLASSES, PALETTE, Label
 from fieldtruth.export import export
+from fieldtruth.export.coco_categories import Numbering, categories_of
 from fieldtruth.export.coco_segments import segments_of
 from fieldtruth.export.label_map import LABEL_MAPS
 from fieldtruth.record.stored import BagError
@@ -307,6 +308,17 @@ def test_names_tell_single_objects_from_swarms(environment: str) -> None:
     for swarm in world.swarms:
         labels = {int(world.materials[name].label) for mesh in swarm.meshes for name in world.meshes[mesh].materials}
         assert labels <= STUFF.keys() or not numbered(swarm.name), swarm.name
+
+
+def test_numbers_of_segments() -> None:
+    """Stuff has no objects, even where a single one is made of it: a lake, or reeds, a swarm with a number."""
+    names = ["husky", "lake_ground", "lake_1", "high_grass_reed_1", "cable_1", "cables_beyond", "meadow_tree_12"]
+    numbering = Numbering(categories_of(None), None, names)
+    rows = [(1, 1, 0), (7, 1, 0), (3, 1, 0), (14, 2, 0), (6, 3, 0), (13, 4, 4), (13, 5, 0), (2, 6, 6), (3, 6, 6),
+            (15, 0, 0)]  # fmt: skip
+    label, instance, single = np.array(rows).T
+    numbers = numbering.number(label[None].astype(np.uint8), instance[None].astype(np.uint16))
+    np.testing.assert_array_equal(numbers, (label * 65536 + single)[None])
 
 
 @given(arrays(np.uint32, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.sampled_from([0, 1, 7, 1 << 20])))
