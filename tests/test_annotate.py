@@ -31,7 +31,7 @@ from fieldtruth import annotate as package
 from fieldtruth import cli
 from fieldtruth.annotate import annotate
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import CameraConfig, Rig
 from fieldtruth.record import read
 from fieldtruth.record.read import image, read_bag, static_transforms
 from fieldtruth.record.run import open_run
@@ -166,6 +166,14 @@ def test_either_source_of_poses_and_any_compression_will_do(
     messages = [message for message in original if message.kind.topic == source and message.stamp <= 120_000_000]
     bag = annotate(write(tmp_path / "x.bag", messages, packed), "park", rig=rig, lidar=True, out=tmp_path / "y.bag")
     assert seen(stored(bag)) == seen([message for message in original if message.stamp <= 120_000_000])
+
+
+def test_a_sweep_that_the_poses_do_not_cover_is_left_out(original: list[Message], rig: Rig, tmp_path: Path) -> None:
+    messages = [m for m in original if m.kind.topic == ODOMETRY and m.stamp < 300_000_000]
+    sweeping = rig.lidar.model_copy(update={"spinning": True, "columns": 16})
+    clouds = Rig(cameras=CameraConfig(enabled=False), lidar=sweeping)
+    bag = annotate(write(tmp_path / "x.bag", messages), "park", rig=clouds, lidar=True)
+    assert [stamp for stamp, *_ in seen(stored(bag))] == [100_000_000]  # that at 0.2 s would end at 0.3 s
 
 
 def test_stamps_of_a_wall_clock(original: list[Message], rig: Rig, tmp_path: Path) -> None:

@@ -92,9 +92,9 @@ def test_messages_before_the_clock_and_before_the_robot_do_not_count(tmp_path: P
 
 
 def test_of_poses_with_one_stamp_the_first_counts(tmp_path: Path) -> None:
-    # a clock of 20 Hz, the simulation of 100 Hz
-    bunches = [states(k // 5 * 50_000_000, {"husky": way(k * 0.01)}) for k in range(5, 60)]
-    assert_on_the_way(poses_of(tmp_path, bunches), [50_000_000, 100_000_000, 200_000_000])
+    # a clock that ticks every 7 ms, a simulation that publishes every millisecond
+    bunches = [states(k // 7 * 7_000_000, {"husky": way(k * 0.001)}) for k in range(7, 300)]
+    assert_on_the_way(poses_of(tmp_path, bunches), [40_000_000, 100_000_000, 200_000_000, 280_000_000], 1e-6)
 
 
 @pytest.mark.parametrize(

@@ -13,10 +13,9 @@ from fieldtruth.export.calibration import StaticFrames, first_message, read_stat
 from fieldtruth.record import topics as table
 from fieldtruth.record.images import optical_frame
 from fieldtruth.record.messages import static_transforms
-from fieldtruth.record.read import pose_matrix
 from fieldtruth.record.ros import F8
 from fieldtruth.record.run import Run
-from fieldtruth.record.stored import BagError
+from fieldtruth.record.stored import BagError, damage
 from fieldtruth.record.streams import Stream
 from fieldtruth.record.trajectory import Trajectory
 from fieldtruth.world.model import World
@@ -25,6 +24,16 @@ _SAME: Final = 1e-3
 """[m], and entries of rotations: frames that agree to this are the same; a robot's description is rounded."""
 _MOVED: Final = 0.05
 """[m]; an object farther from its place stands elsewhere."""
+
+
+def static_frames(run: Run) -> StaticFrames:
+    """Fixed frames of a bag, which may have none.
+
+    Raises:
+        BagError: /tf_static is damaged.
+    """
+    with damage(run.bag):
+        return read_static_frames(run) if table.TF_STATIC in run.counts else StaticFrames({}, str(run.bag))
 
 
 def check_frames(run: Run, rig: Rig) -> dict[tuple[str, str], F8]:
@@ -37,12 +46,15 @@ def check_frames(run: Run, rig: Rig) -> dict[tuple[str, str], F8]:
     needed = cameras * rig.cameras.enabled + ["os1_lidar"] * rig.lidar.enabled
     own = {(parent, child): matrix for (parent, child), matrix in static_transforms(rig).items() if child in needed}
     ours = StaticFrames({child: (parent, matrix) for (parent, child), matrix in own.items()}, "the rig")
-    theirs = read_static_frames(run) if table.TF_STATIC in run.counts else StaticFrames({}, str(run.bag))
+    theirs = static_frames(run)
     for frame in needed:
-        if frame in theirs.parents and not np.allclose(ours.base_from(frame), theirs.base_from(frame), 0.0, _SAME):
+        if frame not in theirs.parents:
+            continue
+        here, there = ours.base_from(frame), theirs.base_from(frame)
+        if not np.allclose(here, there, 0.0, _SAME):
             raise BagError(
-                f"/tf_static of {run.bag} has {frame!r} at {_place(theirs.base_from(frame))} of base_link, the rig at "
-                f"{_place(ours.base_from(frame))}, or turned; an experiment's file (--experiment) can say where it is"
+                f"/tf_static of {run.bag} has {frame!r} at {_place(there[:3, 3])} of base_link, the rig at "
+                f"{_place(here[:3, 3])}, or turned; an experiment's file (--experiment) can say where it is"
             )
     return {key: matrix for key, matrix in own.items() if key[1] not in theirs.parents}
 
@@ -55,14 +67,16 @@ def check_objects(run: Run, world: World) -> None:
     """
     if table.MODEL_STATES not in run.counts:
         return
-    states = first_message(run, table.MODEL_STATES)
-    theirs = dict(zip(states.name, states.pose, strict=True))
+    with damage(run.bag):
+        states = first_message(run, table.MODEL_STATES)
+        theirs = dict(zip(states.name, states.pose, strict=True))
     common = [instance for instance in world.instances if instance.name in theirs]
     for instance in common:
-        there, here = pose_matrix(theirs[instance.name]), instance.world_from_object
-        if not np.linalg.norm(there[:3, 3] - here[:3, 3]) <= _MOVED:
+        there, here = theirs[instance.name].position, instance.world_from_object[:3, 3]
+        xyz = np.array([there.x, there.y, there.z])
+        if not np.linalg.norm(xyz - here) <= _MOVED:
             raise BagError(
-                f"{run.bag} was recorded in another world: {instance.name!r} stands at {_place(there)}, "
+                f"{run.bag} was recorded in another world: {instance.name!r} stands at {_place(xyz)}, "
                 f"in {world.name} with seed {world.seed} at {_place(here)}"
             )
 
@@ -78,7 +92,7 @@ def check_place(trajectory: Trajectory, streams: Sequence[Stream], rig: Rig, wor
     stamps = np.unique(np.concatenate([stream.stamps_ns for stream in streams]))
     for stamp in stamps.tolist():
         world_from_base = trajectory.world_from_base(stamp)
-        when = f"at {stamp / 1e9:.3f} s base_link is at {_place(world_from_base)}"
+        when = f"at {stamp / 1e9:.3f} s base_link is at {_place(world_from_base[:3, 3])}"
         if (np.abs(world_from_base[:2, 3]) > half).any():
             x, y = half
             raise BagError(f"{when}, outside of {world.name}, which spans x -{x:g} to {x:g} m, y -{y:g} to {y:g} m")
@@ -91,5 +105,5 @@ def check_place(trajectory: Trajectory, streams: Sequence[Stream], rig: Rig, wor
             )
 
 
-def _place(a_from_b: F8) -> str:
-    return "x {:.3f}, y {:.3f}, z {:.3f} m".format(*a_from_b[:3, 3])
+def _place(xyz: F8) -> str:
+    return "x {:.3f}, y {:.3f}, z {:.3f} m".format(*xyz)

@@ -16,9 +16,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from fieldtruth import frames
+from fieldtruth.annotate.check import static_frames
 from fieldtruth.errors import UnknownNameError, nearest_first
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.export.calibration import StaticFrames, read_static_frames
 from fieldtruth.record import topics as table
 from fieldtruth.record.messages import BASE
 from fieldtruth.record.model_states import ModelStatesReader
@@ -228,7 +228,7 @@ def _base_from(frame: str, run: Run, rig: Rig) -> F8 | None:
     """Where in base_link the frame is whose poses were recorded: the bag knows, or the rig. None for base_link."""
     if frame in ("", BASE):
         return None
-    static = read_static_frames(run) if table.TF_STATIC in run.counts else StaticFrames({}, str(run.bag))
+    static = static_frames(run)
     if frame in static.parents or frame in {parent for parent, _ in static.parents.values()}:
         return static.base_from(frame)
     if frame in rig.mounts():
