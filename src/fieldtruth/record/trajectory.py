@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The robot's true way through a bag, and its pose at any stamp in between."""
 
+from array import array
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,8 @@ from fieldtruth.record.stored import BagError, decoder, open_stored
 
 F8 = NDArray[np.float64]
 I8 = NDArray[np.int64]
-Rows = tuple[list[int], list[tuple[float, ...]]]
+Rows = tuple["array[int]", "array[float]"]
+"""Stamps [ns], and seven numbers for each: packed, because there may be a thousand a second."""
 
 
 @dataclass(frozen=True)
@@ -84,24 +86,22 @@ def read_trajectory(run: Run) -> Trajectory:
 
 
 def _from_odometry(run: Run) -> Rows:
-    stamps: list[int] = []
-    rows: list[tuple[float, ...]] = []
+    stamps, rows = array("q"), array("d")
     with open_stored(run.bag) as bag:
         decode = decoder(bag)
         for raw in bag.messages([table.ODOMETRY]):
             message = decode(raw)
             p, q = message.pose.pose.position, message.pose.pose.orientation
             stamps.append(message.header.stamp.sec * 10**9 + message.header.stamp.nanosec)
-            rows.append((p.x, p.y, p.z, q.x, q.y, q.z, q.w))
+            rows.extend((p.x, p.y, p.z, q.x, q.y, q.z, q.w))
     return stamps, rows
 
 
 def _from_model_states(run: Run) -> Rows:
     reader = ModelStatesReader()
-    stamps: list[int] = []
-    rows: list[tuple[float, ...]] = []
+    stamps, rows = array("q"), array("d")
     with open_stored(run.bag) as bag:
         for raw in bag.messages([table.MODEL_STATES]):
             stamps.append(raw.stamp_ns)
-            rows.append(tuple(reader.poses(raw.data)[reader.row(raw.data, ROBOT)].tolist()))
+            rows.frombytes(reader.poses(raw.data)[reader.row(raw.data, ROBOT)].tobytes())
     return stamps, rows
