@@ -90,6 +90,7 @@ def test_pykitti_reads_every_frame_of_one_instant(sequence: Any, bag: Path) -> N
     assert len(sequence) == len(sequence.velo_files) == len(sequence.cam2_files) == len(sequence.cam3_files) == 6
     assert [round(time.total_seconds() * 1e9) for time in sequence.timestamps] == [t - STAMPS[0] for t in STAMPS]
     for number, stamp in enumerate(STAMPS):
+        assert Path(sequence.velo_files[number]).name == f"{number:06d}.bin"
         scan = sequence.get_velo(number)
         assert np.ascontiguousarray(scan[:, :3]).tobytes() == cloud_xyz(bag, stamp).tobytes()
         assert not scan[:, 3].any()  # the class is no reflectance
@@ -124,6 +125,7 @@ def test_calibration_is_the_robots(sequence: Any) -> None:
     for camera in range(4):
         np.testing.assert_allclose(getattr(calib, f"K_cam{camera}"), pinhole, rtol=1e-9)
     assert calib.b_rgb == pytest.approx(0.12, abs=1e-9)
+    assert calib.b_gray == pytest.approx(0.12, abs=1e-9)
     lidar = np.array([[4.0, 1.0, -0.5, 1.0], [10.0, -3.0, 2.0, 1.0]])
     in_cam0 = (calib.T_cam0_velo @ lidar.T).T
     # The LiDAR is 6 cm behind, 10.6 cm above and 6 cm to the right of the left camera.
