@@ -136,6 +136,11 @@ def way(t: float) -> F8:
     return frames.pose((0.2 * t, 0.1 * t, 0.4 + 0.05 * t), (0.0, 4.0, np.degrees(0.5 * t)))
 
 
+def rough(t: float) -> F8:
+    """The same way over rough ground: no two steps are alike."""
+    return way(t) @ frames.pose((0.01 * np.sin(70.0 * t), 0.0, 0.02 * np.sin(90.0 * t)), (3.0 * np.sin(80.0 * t), 0, 0))
+
+
 def drive(pose: Callable[[float], F8] = way, rate: int = 50, first: int = 1, last: int = 30) -> list[Message]:
     """Odometry at k / rate for k from ``first`` to ``last``."""
     return [odometry(k * 10**9 // rate, pose(k / rate)) for k in range(first, last + 1)]

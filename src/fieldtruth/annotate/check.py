@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether a bag fits the rig and the world: a label would be wrong without a word if it did not."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Final
 
 import numpy as np
@@ -26,14 +27,39 @@ _MOVED: Final = 0.05
 """[m]; an object farther from its place stands elsewhere."""
 
 
+def check_type(run: Run, topic: str) -> None:
+    """Make sure that a topic has the type that it has in a run of ours.
+
+    Raises:
+        BagError: it has another.
+    """
+    expected = next(row.msgtype for row in table.TOPICS if row.name == topic)
+    if (there := run.msgtypes[topic]) != expected:
+        told, needed = (name.replace("/msg/", "/") for name in (there, expected))
+        raise BagError(f"{topic} of {run.bag} is of type {told}; needed is {needed}")
+
+
+@contextmanager
+def _defined_as_usual(run: Run, topic: str) -> Iterator[None]:
+    """Turn what goes wrong with a topic into one clear line: damage, another type, another definition of it."""
+    check_type(run, topic)
+    try:
+        with damage(run.bag):
+            yield
+    except AttributeError as error:
+        raise BagError(f"{topic} of {run.bag} has another definition than usual: {error}") from error
+
+
 def static_frames(run: Run) -> StaticFrames:
     """Fixed frames of a bag, which may have none.
 
     Raises:
         BagError: /tf_static is damaged.
     """
-    with damage(run.bag):
-        return read_static_frames(run) if table.TF_STATIC in run.counts else StaticFrames({}, str(run.bag))
+    if table.TF_STATIC not in run.counts:
+        return StaticFrames({}, str(run.bag))
+    with _defined_as_usual(run, table.TF_STATIC):
+        return read_static_frames(run)
 
 
 def check_frames(run: Run, rig: Rig) -> dict[tuple[str, str], F8]:
@@ -67,13 +93,12 @@ def check_objects(run: Run, world: World) -> None:
     """
     if table.MODEL_STATES not in run.counts:
         return
-    with damage(run.bag):
+    with _defined_as_usual(run, table.MODEL_STATES):
         states = first_message(run, table.MODEL_STATES)
-        theirs = dict(zip(states.name, states.pose, strict=True))
-    common = [instance for instance in world.instances if instance.name in theirs]
-    for instance in common:
-        there, here = theirs[instance.name].position, instance.world_from_object[:3, 3]
-        xyz = np.array([there.x, there.y, there.z])
+        places = [np.array([pose.position.x, pose.position.y, pose.position.z]) for pose in states.pose]
+        theirs = dict(zip(states.name, places, strict=True))
+    for instance in (each for each in world.instances if each.name in theirs):
+        xyz, here = theirs[instance.name], instance.world_from_object[:3, 3]
         if not np.linalg.norm(xyz - here) <= _MOVED:
             raise BagError(
                 f"{run.bag} was recorded in another world: {instance.name!r} stands at {_place(xyz)}, "

@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from fieldtruth import frames
-from fieldtruth.annotate.check import static_frames
+from fieldtruth.annotate.check import check_type, static_frames
 from fieldtruth.errors import UnknownNameError, nearest_first
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.record import topics as table
@@ -85,6 +85,7 @@ def read_poses(run: Run, rig: Rig, robot: str, advance: Advance) -> Poses:
             f"{run.bag} has no poses: neither {table.ODOMETRY} nor {table.MODEL_STATES}; "
             f"it has: {', '.join(sorted(run.counts))}"
         )
+    check_type(run, source)
     log = _Log(source, rig)
     with open_stored(run.bag) as bag:
         reader = _Odometry(bag) if source == table.ODOMETRY else _ModelStates(robot)
@@ -119,14 +120,18 @@ class _Odometry:
 
     def pose(self, raw: RawMessage) -> _Pose | None:
         message = self._decode(raw)
-        stamp, frame = stamp_ns(message.header), message.child_frame_id.strip("/")
+        try:
+            p, q = message.pose.pose.position, message.pose.pose.orientation
+            values = (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
+            stamp, frame = stamp_ns(message.header), message.child_frame_id.strip("/")
+        except AttributeError as error:
+            raise BagError(f"{raw.topic} has another definition than nav_msgs/Odometry: {error}") from error
         if stamp == 0:
             return None
         if self.frame not in ("", frame):
             raise BagError(f"{raw.topic} has poses of two frames, {self.frame!r} and {frame!r}; needed is one")
         self.frame = frame
-        p, q = message.pose.pose.position, message.pose.pose.orientation
-        return _Pose(stamp, (p.x, p.y, p.z, q.x, q.y, q.z, q.w))
+        return _Pose(stamp, values)
 
     def explain_absence(self) -> None:
         raise BagError(f"{table.ODOMETRY} has no stamps: those in all its headers are 0")
