@@ -137,7 +137,7 @@ def _other_classes(label_map: LabelMap) -> str:
 _STAMPS: Final = (
     "Stamps are nanoseconds of simulated time, whole numbers. They name the files and begin each line of text; what "
     "has the same stamp was measured at the same instant. They are those of the messages' headers; wheel speeds and "
-    "model states have none, so there they are the bag's."
+    "model states have none, so there, and where a header holds 0, they are the bag's."
 )
 _NUMBERS: Final = (
     "No file has a line of headings, so that every line is a reading; where a program wants one, the columns' names "
