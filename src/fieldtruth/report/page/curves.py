@@ -109,7 +109,7 @@ def _curve(key: str, channels: Mapping[str, Line], start_ns: int, span_ns: int) 
     high = max(float(line.values.max()) for line in filled.values())
     middle, span = (low + high) / 2, max(high - low, kind.least) * (1 + 2 * _MARGIN)
     low, high = middle - span / 2, middle + span / 2
-    steps = _steps(low, high, 4)
+    steps = _steps(low, high, 5)
     fine = steps[0][1] / 100
     return Curve(
         key, kind.title, kind.unit, kind.note,
