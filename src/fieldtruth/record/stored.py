@@ -272,6 +272,8 @@ def _in_words(error: BaseException) -> str:
     text = str(error)
     if "not indexed" in text:
         return "it has no index, as when a recording was cut off; `rosbag reindex` may mend it"
+    if text.startswith("Bag index looks damaged"):
+        return "its index is damaged, as when a file was cut off"
     return " ".join(text.split())[:_LONGEST] or type(error).__name__
 
 
