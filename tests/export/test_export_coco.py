@@ -5,17 +5,13 @@
 import contextlib
 import io
 import json
-import struct
 from collections import defaultdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from export_bags import copied, longer, peak_memory, without
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
+from export_bags import copied
 from numpy.typing import NDArray
 from PIL import Image
 from pycocotools import mask as masks
@@ -25,11 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from fieldtruth.classes import CLASSES, PALETTE, Label
 from fieldtruth.export import export
-from fieldtruth.export.coco_categories import Numbering, categories_of
-from fieldtruth.export.coco_segments import segments_of
 from fieldtruth.export.label_map import LABEL_MAPS
-from fieldtruth.record.stored import BagError
-from fieldtruth.world import load_world
 
 THINGS = {2: "trunk and branch", 3: "treetop", 4: "bush", 5: "rock", 8: "lamp post", 9: "trash bin", 10: "table",
           11: "bench", 12: "post", 13: "cable"}  # fmt: skip
@@ -299,129 +291,3 @@ def test_labels_of_another_ontology(name: str, short: Path, bag: Bag, tmp_path: 
     detection = coco(made / "instances.json")
     assert {category["id"] for category in detection.dataset["categories"]} == things
     assert {annotation["category_id"] for annotation in detection.anns.values()} <= things
-
-
-@pytest.mark.parametrize("environment", ["park", "lake", "forest", "hillside"])
-def test_names_tell_single_objects_from_swarms(environment: str) -> None:
-    world = load_world(environment, 0)
-    assert all(numbered(instance.name) for instance in world.instances)
-    for swarm in world.swarms:
-        labels = {int(world.materials[name].label) for mesh in swarm.meshes for name in world.meshes[mesh].materials}
-        assert labels <= STUFF.keys() or not numbered(swarm.name), swarm.name
-
-
-def test_numbers_of_segments() -> None:
-    """Stuff has no objects, even where a single one is made of it: a lake, or reeds, a swarm with a number."""
-    names = ["husky", "lake_ground", "lake_1", "high_grass_reed_1", "cable_1", "cables_beyond", "meadow_tree_12"]
-    numbering = Numbering(categories_of(None), None, names)
-    rows = [(1, 1, 0), (7, 1, 0), (3, 1, 0), (14, 2, 0), (6, 3, 0), (13, 4, 4), (13, 5, 0), (2, 6, 6), (3, 6, 6),
-            (15, 0, 0)]  # fmt: skip
-    label, instance, single = np.array(rows).T
-    numbers = numbering.number(label[None].astype(np.uint8), instance[None].astype(np.uint16))
-    np.testing.assert_array_equal(numbers, (label * 65536 + single)[None])
-
-
-@given(arrays(np.uint32, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.sampled_from([0, 1, 7, 1 << 20])))
-def test_run_lengths_are_those_of_pycocotools(ids: NDArray[np.uint32]) -> None:
-    assert_segments(ids)
-
-
-@pytest.mark.parametrize(("height", "width"), [(720, 1280), (1, 5000), (5000, 1)])
-def test_long_runs_are_those_of_pycocotools(height: int, width: int) -> None:
-    """Numbers of one to five characters, of either sign."""
-    rng = np.random.default_rng(height)
-    ids = np.full((height, width), 3, np.uint32)
-    assert_segments(ids)
-    ids[-1, -1] = 9
-    assert_segments(ids)
-    for _ in range(20):
-        row, column = rng.integers(0, height), rng.integers(0, width)
-        ids[row : row + rng.integers(1, 400), column : column + rng.integers(1, 400)] = rng.integers(0, 5)
-    assert_segments(ids)
-    assert_segments(rng.integers(0, 40, (height, width)).astype(np.uint32))
-
-
-def assert_segments(ids: NDArray[np.uint32]) -> None:
-    segments = segments_of(ids)
-    assert [segment.id for segment in segments] == [number for number in np.unique(ids).tolist() if number]
-    for segment in segments:
-        rle = masks.encode(np.asfortranarray(ids == segment.id))
-        assert segment.counts == rle["counts"].decode()
-        assert segment.area == masks.area(rle)
-        assert [*segment.bbox] == masks.toBbox(rle).tolist()
-
-
-def test_memory_does_not_grow_with_the_drive(short: Path, tmp_path: Path) -> None:
-    pictures = [f"/stereo/camera/left/{kind}" for kind in ("real/compressed", "tag/img_raw", "instances")]
-    once = ["/gazebo/model_states", "/tf_static", "/stereo/camera/left/camera_info"]
-    long = longer(short, tmp_path / "long.bag", 15, [*pictures, "/ground_truth/odom"], once)
-    assert peak_memory(lambda: export(long, "coco", workers=1)) < 16e6  # it is 6 to 10; 90 pictures are 32
-    assert len(coco(tmp_path / "long_coco" / "instances.json").imgs) == 90
-
-
-def failure(bag: Path) -> str:
-    with pytest.raises(BagError) as caught:
-        export(bag, "coco", workers=2)
-    assert sorted(path.name for path in bag.parent.iterdir()) == [bag.name]
-    text = str(caught.value)
-    assert "\n" not in text
-    return text
-
-
-def test_a_run_without_objects_is_told_how_to_get_them(short: Path, tmp_path: Path) -> None:
-    text = failure(without(short, tmp_path / "a.bag", INSTANCES))
-    assert "has no /stereo/camera/left/instances" in text
-    assert "`fieldtruth generate NAME --extras instances`" in text
-
-
-def test_a_camera_alone_is_enough(short: Path, tmp_path: Path) -> None:
-    right = [f"/stereo/camera/right/{kind}" for kind in ("real/compressed", "tag/img_raw", "instances", "camera_info")]
-    alone = without(short, tmp_path / "left.bag", *right)
-    made = coco(export(alone, "coco", workers=1) / "instances.json")
-    assert {image["camera"] for image in made.imgs.values()} == {"left"}
-    assert len(made.imgs) == 6
-    assert made.dataset["licenses"] == []  # the bag of somebody else
-
-
-@pytest.mark.parametrize(
-    ("topics", "words"),
-    [
-        ([f"/stereo/camera/{side}/real/compressed" for side in SIDES], "has no /stereo/camera/left/real/compressed"),
-        ([TAGS], f"has no {TAGS}"),
-        (["/gazebo/model_states"], "has no /gazebo/model_states"),
-        (["/tf_static"], "has no /tf_static"),
-        (["/stereo/camera/right/camera_info"], "has no /stereo/camera/right/camera_info"),
-    ],
-)
-def test_what_is_missing_is_named(topics: list[str], words: str, short: Path, tmp_path: Path) -> None:
-    assert words in failure(without(short, tmp_path / "a.bag", *topics))
-
-
-def stamped(data: bytes, stamp_ns: int) -> bytes:
-    return data[:4] + struct.pack("<LL", *divmod(stamp_ns, 10**9)) + data[12:]
-
-
-def test_frames_that_lack_a_part_are_left_out(short: Path, tmp_path: Path) -> None:
-    def change(topic: str, stamp: int, data: bytes) -> bytes | None:
-        gone = {PHOTOS: 40_000_000, TAGS: 160_000_000, INSTANCES: 240_000_000}
-        return None if gone.get(topic) == stamp else data
-
-    made = coco(export(copied(short, tmp_path / "a.bag", change), "coco", workers=2) / "instances.json")
-    stamps = [image["stamp_ns"] for image in made.imgs.values() if image["camera"] == "left"]
-    assert stamps == [k * 40_000_000 for k in (2, 3, 5)]
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (lambda t, s, d: stamped(d, 0) if t in (PHOTOS, TAGS, INSTANCES) else d, "do not rise: 0 ns comes after 0 ns"),
-        (lambda t, s, d: stamped(d, s + 7) if t.endswith("compressed") else d, "no photograph has classes and objects"),
-        (lambda t, s, d: d.replace(b"\xff\xd8\xff", b"\xff\xd8\xfe", 1) if t == PHOTOS else d, "is no JPEG"),
-        (lambda t, s, d: d[:-1] if t == "/gazebo/model_states" else d, "damaged"),
-        (lambda t, s, d: d[:9] if t == TAGS else d, f"the message of {TAGS} at 40000000 ns is damaged"),
-        (lambda t, s, d: d[:-1] + b"\xff" if t == INSTANCES else d, "left camera at 40000000 ns: object 65"),
-        (lambda t, s, d: d[:-1] + b"\x01" if t == TAGS else d, "which no class has"),
-    ],
-)  # fmt: skip
-def test_damage_is_one_line(change: Any, words: str, short: Path, tmp_path: Path) -> None:
-    assert words in failure(copied(short, tmp_path / "a.bag", change))
