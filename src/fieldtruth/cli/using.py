@@ -61,7 +61,14 @@ def _validate(options: argparse.Namespace) -> int:
     from fieldtruth.validate import as_json, as_text, validate
 
     with show_progress() as progress:
-        checks = validate(options.run_path, workers=options.workers, progress=progress)
+        checks = validate(
+            options.run_path,
+            workers=options.workers,
+            progress=progress,
+            quick=options.quick,
+            full=options.full,
+            samples=options.samples,
+        )
     print(as_json(checks) if options.json else as_text(checks))
     return FAILED if any(check.passed is False for check in checks) else 0
 
@@ -113,6 +120,10 @@ def add_commands(command: AddCommand) -> None:
     validate = command("validate", _validate, "Check everything in a run; exit code 1 if something is wrong.")
     validate.add_argument("run_path", metavar="RUN", type=Path, help=RUN)
     validate.add_argument("--json", action="store_true", help="one JSON object instead of lines")
+    extent = validate.add_mutually_exclusive_group()
+    extent.add_argument("--quick", action="store_true", help="do not build the world and measure in it again")
+    extent.add_argument("--full", action="store_true", help="see every image again, not only a sample")
+    validate.add_argument("--samples", metavar="N", type=count, default=20, help="moments in the sample (20)")
     add_workers(validate, "threads (all cores); the result is the same")
 
     report = command("report", _report, "Write one HTML page that shows a run.")

@@ -30,14 +30,14 @@ DIRECTION_BOUND: Final = 2.4e-7
 RANGE_ROUNDING: Final = 1e-6
 """Of a range, by which coordinates in single precision may place a point before or behind the limits."""
 
-_RETURNS: Final = np.zeros(1 << 16, np.bool_)
-_RETURNS[[int(c.label) for c in CLASSES if c.label is not Label.VOID and c.label not in NO_RETURN]] = True
+_RETURNS: Final = [int(c.label) for c in CLASSES if c.label is not Label.VOID and c.label not in NO_RETURN]
 
 
 class Laws(NamedTuple):
     """The laws of clouds."""
 
     layout: Law
+    finite: Law
     same: Law
     known: Law
     rays: Law
@@ -70,7 +70,8 @@ class Clouds(Examiner):
         self._objects = objects
         self._points = self._clouds = 0
         self._laws = Laws(
-            layout=subject.law("clouds have the fields of the package's point, all finite"),
+            layout=subject.law("clouds have the fields of this package's point"),
+            finite=subject.law("points are finite"),
             same=subject.law("intensity is the label"),
             known=subject.law("classes are known and return a pulse"),
             rays=subject.law("ring and column are the LiDAR's"),
@@ -90,7 +91,7 @@ class Clouds(Examiner):
         laws = self._laws
         nothing = f"no {table.POINTS}" if table.POINTS not in self._subject.run.counts else "no such fields"
         return [
-            check_of("labels", [laws.layout, laws.same, laws.known],
+            check_of("labels", [laws.layout, laws.finite, laws.same, laws.known],
                      f"{self._points:,} points of {self._clouds:,} clouds: intensity is the label, "
                      "and a class that returns a pulse", nothing),
             check_of("beams", [laws.rays, laws.order, laws.time, laws.reach, laws.direction],
@@ -123,13 +124,15 @@ def _examine(message: Any, config: LidarConfig, laws: Laws, place: str) -> Seen:
     if "label" in names and "intensity" in names:
         label, intensity = cloud["label"], cloud["intensity"]
         laws.same.see_all(label == intensity, lambda k: f"{row(k)}: label {label[k]}, intensity {intensity[k]:g}")
-        laws.known.see_all(_RETURNS[label], lambda k: f"{row(k)}: class {label[k]}")
+    classes = next((cloud[name] for name in ("label", "intensity") if name in names), None)
+    if classes is not None:
+        laws.known.see_all(np.isin(classes, _RETURNS), lambda k: f"{row(k)}: class {classes[k]:g}")
     if {"x", "y", "z"} <= set(names):
         xyz = np.stack([cloud[axis] for axis in "xyz"], axis=-1).astype(np.float64)
-        laws.layout.see_all(np.isfinite(xyz).all(axis=-1), lambda k: f"{row(k)}: {xyz[k]} m")
+        laws.finite.see_all(np.asarray(np.isfinite(xyz).all(axis=-1)), lambda k: f"{row(k)}: {xyz[k]} m")
         if {"ring", "column"} <= set(names):
             _examine_rays(cloud, xyz, config, laws, row)
-    if "instance" not in names or "label" not in names:
+    if cloud.dtype != POINT:
         return nothing._replace(points=len(cloud))
     pairs, first = _pairs(cloud["instance"], cloud["label"], row)
     return Seen(laws, len(cloud), pairs, first)
@@ -139,7 +142,7 @@ def _examine_rays(
     cloud: NDArray[np.void], xyz: NDArray[np.float64], config: LidarConfig, laws: Laws, row: Callable[[int], str]
 ) -> None:
     ring, column = cloud["ring"].astype(np.int64), cloud["column"].astype(np.int64)
-    inside = (ring < config.rings) & (column < config.columns)
+    inside = (ring >= 0) & (ring < config.rings) & (column >= 0) & (column < config.columns)
     laws.rays.see_all(inside, lambda k: f"{row(k)}: ring {ring[k]}, column {column[k]}")
     number = column * config.rings + ring
     laws.order.see_all(np.diff(number) > 0, lambda k: f"{row(k + 1)}: column {column[k + 1]}, ring {ring[k + 1]}")

@@ -9,16 +9,18 @@ last way-point is taken when the antenna is nearer than the arrival distance, an
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fieldtruth.errors import FieldtruthError
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.record import topics as table
-from fieldtruth.record.state import State
 from fieldtruth.record.stored import RawMessage
 from fieldtruth.validate.check import Check
 from fieldtruth.validate.law import check_of
 from fieldtruth.validate.subject import STEP_NS, Examiner, Subject
+
+F8 = NDArray[np.float64]
 
 START_BOUND: Final = 0.3  # [m]
 STOP_WAY: Final = 0.5  # [m] driven at most from the fix that reaches the last way-point to standing
@@ -35,13 +37,13 @@ class Drive(Examiner):
         self._start = subject.law("the drive begins at the route's start", START_BOUND, "m")
         self._end = subject.law("the drive ends as the experiment has it")
         self._figures = ""
-        self._first: State | None = None
+        self._first: F8 | None = None
         self._last_ns = 0
 
     def feed(self, raw: RawMessage, message: Any) -> None:
         """See a message, after the motion did."""
         if self._first is None and self._subject.motion.started:
-            self._first = self._subject.motion.state(raw.stamp_ns)
+            self._first = self._subject.motion.state(raw.stamp_ns).position.copy()
         self._last_ns = raw.stamp_ns
 
     def finish(self) -> None:
@@ -54,7 +56,7 @@ class Drive(Examiner):
         except FieldtruthError:
             corners = None  # a random route has no points before it is planned
         if corners is not None:
-            away = float(np.linalg.norm(self._first.position[:2] - corners[0]))
+            away = float(np.linalg.norm(self._first[:2] - corners[0]))
             self._start.measure(away, f"the first pose is {away:.2f} m from the start")
         self._judge_end(experiment, None if corners is None else corners[-1])
 

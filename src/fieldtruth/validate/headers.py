@@ -88,7 +88,7 @@ class Headers(Examiner):
             check_of(
                 "headers",
                 [self._count, self._frame],
-                f"{self._count.seen:,} headers count up and name {len(self._named)} frames",
+                f"{self._count.obeyed:,} headers count up and name {len(self._named)} frames",
                 "no message has a header",
             ),
             check_of(

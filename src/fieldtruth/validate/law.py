@@ -98,6 +98,11 @@ class Law:
         return False if self.binding or self.broken <= (1.0 - OBEYED) * self.seen else None
 
     @property
+    def obeyed(self) -> int:
+        """Items that obey, if the law was judged."""
+        return self.seen - self.broken if self.passed is not None else 0
+
+    @property
     def text(self) -> str:
         """What is wrong."""
         if self.seen == 1:
@@ -108,7 +113,7 @@ class Law:
     @property
     def margin(self) -> str:
         """How near the worst of those that obey came to the bound."""
-        return f"{self.worst:.1e} {self.unit} (allowed {self.bound:.0e})"
+        return f"{self.worst:.1e} {self.unit} (allowed {self.bound:.2g})"
 
     def _blame(self, count: int, first: str) -> None:
         if not self.broken:

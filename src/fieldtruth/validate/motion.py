@@ -64,7 +64,7 @@ class MotionWindow:
             heapq.heappush(self._waiting, (stamp_ns, self._asked, action))
 
     def state(self, stamp_ns: int) -> State:
-        """State at a stamp [ns]: a row, or the way between two."""
+        """State at a stamp [ns]: a row, or the way between two. It is only valid until the next row is added."""
         return state_at(self.motion, stamp_ns)
 
     def row(self, stamp_ns: int) -> int | None:

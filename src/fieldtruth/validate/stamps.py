@@ -66,7 +66,9 @@ class Stamps(Examiner):
         self._counts = subject.law("each topic has duration times rate messages, within one")
         self._step = subject.law("what belongs together has the same stamps")
         self._groups = [
-            (tuple(name for name in group if name in run.counts), OrderedDict[int, int]()) for group in _IN_STEP
+            (present, OrderedDict[int, int]())
+            for group in _IN_STEP
+            if len(present := tuple(name for name in group if name in run.counts)) > 1
         ]
 
     def feed(self, raw: RawMessage, message: Any) -> None:
@@ -90,41 +92,44 @@ class Stamps(Examiner):
         ends = [self._last[name] for name in (table.CLOCK, table.MODEL_STATES) if name in self._last]
         end = min(ends) if ends else max(self._last.values(), default=0)
         for name, beat in self._beats.items():
+            if self._on_beat[name].passed is None:
+                continue
             count, expected = self._seen.get(name, 0), beat.count(end)
             self._counts.see(
                 abs(count - expected) <= 1,
                 f"{name}: {count:,} messages; {end / 1e9:.3f} s at {beat.rate_hz:g} Hz make {expected:,}",
             )
-            if self._on_beat[name].passed:
-                number = self._number.get(name, 0)
-                self._no_gap.see(number == expected, f"{name} ends with reading {number:,} of {expected:,}")
+            number = self._number.get(name, 0)
+            self._no_gap.see(number == expected, f"{name} ends with reading {number:,} of {expected:,}")
         for group, waiting in self._groups:
             for stamp, met in waiting.items():
                 self._step.see(False, f"{stamp} ns: {_missing(group, met)}")
 
     def results(self) -> list[Check]:
         """Counts, stamps, in step."""
-        total, clocked = sum(self._seen.values()), sum(law.seen for law in self._on_beat.values())
-        rates = sorted({f"{self._beats[n].rate_hz:g}" for n in self._beats}, key=float)
-        nothing = "no topic of the topic table is there"
-        # Where a topic follows another clock it cannot be said how many messages there should be.
-        judged = {name: law for name, law in self._on_beat.items() if law.passed is not None}
-        counts = check_of("counts", [self._counts] if judged else [],
-                          f"{len(self._seen)} topics, {total:,} messages", "no topic keeps its rate")  # fmt: skip
+        # Where a topic follows another clock it cannot be said how many messages there should be, and when.
+        judged = [name for name, law in self._on_beat.items() if law.passed is not None]
+        rates = sorted({f"{self._beats[name].rate_hz:g}" for name in judged}, key=float)
+        on_beat = sum(self._on_beat[name].seen for name in judged)
+        parts = [f"{self._rising.obeyed:,} stamps rise"]
+        parts += [f"{self._header.obeyed:,} headers agree"] * bool(self._header.obeyed)
+        parts += [f"{on_beat:,} are on the beat of {', '.join(rates)} Hz"] * bool(rates)
+        others = len(self._on_beat) - len(judged)
+        parts += [f"{others} topics follow another clock"] * bool(others)
+        laws = [self._rising, self._header, *(self._on_beat[name] for name in judged), self._no_gap]
         return [
-            counts,
             check_of(
-                "stamps",
-                [self._rising, self._header, *self._on_beat.values(), self._no_gap],
-                f"{self._rising.seen:,} stamps rise, {self._header.seen:,} headers agree, {clocked:,} are on the beat "
-                f"of {', '.join(rates)} Hz",
-                nothing,
+                "counts",
+                [self._counts] if judged else [],
+                f"{len(self._seen)} topics, {sum(self._seen.values()):,} messages",
+                "no topic keeps its rate",
             ),
+            check_of("stamps", laws, ", ".join(parts), "no topic of the topic table is there"),
             check_of(
                 "in step",
                 [self._step],
-                f"{self._step.seen:,} moments of {sum(len(g) > 1 for g, _ in self._groups)} groups of topics",
-                nothing,
+                f"{self._step.obeyed:,} moments of {len(self._groups)} groups of topics",
+                "no topics that belong together",
             ),
         ]
 

@@ -25,6 +25,10 @@ F8 = NDArray[np.float64]
 
 MOTION_BOUND: Final = 1e-9
 """[m] and [rad] between two messages of 1 kHz."""
+JUMP_BOUND: Final = 0.05
+"""[m] off velocity times time, whatever the stamps' jitter: 10 ms at several metres a second."""
+JUMP_NS: Final = 100_000_000
+"""[ns] between messages beyond which nothing is said of jumps."""
 UNIT_BOUND: Final = 1e-9
 """Of a quaternion's length from 1; rounding makes 1e-15."""
 _BLOCK: Final = 500
@@ -65,6 +69,7 @@ class States(Examiner):
         self._still = subject.law("nothing but the robot moves, and names stay")
         self._unique = subject.law("names are unique")
         self._unit = subject.law("attitudes are unit quaternions", UNIT_BOUND, "from length 1")
+        self._jumps = subject.law("the robot does not jump", JUMP_BOUND, "m")
         self._moves = subject.law("the robot moves by its velocity times the step", MOTION_BOUND, "m")
         self._turns = subject.law("the robot turns by its turn rate times the step", MOTION_BOUND, "rad")
         self._stamps: list[int] = []
@@ -108,10 +113,14 @@ class States(Examiner):
         return [
             check_of("still objects", [self._still, self._unique],
                      f"{objects - 1} objects stay what and where they are in {self._still.seen:,} messages", nothing),
-            check_of("motion", [self._moves, self._turns, self._unit],
-                     f"{self._way:.2f} m; largest departure from velocity times time {self._moves.margin}, "
-                     f"{self._turns.margin}", nothing),
+            check_of("motion", [self._jumps, self._moves, self._turns, self._unit], self._figures, nothing),
         ]  # fmt: skip
+
+    def _figures(self) -> str:
+        if not self._moves.obeyed:
+            return f"{self._way:.2f} m without a jump"
+        margins = f"{self._moves.margin}, {self._turns.margin}"
+        return f"{self._way:.2f} m; largest departure from velocity times time {margins}"
 
     def _judge(self) -> None:
         """Hold the rows that were gathered against the laws of motion; the last one begins the next block."""
@@ -121,6 +130,10 @@ class States(Examiner):
         following = np.flatnonzero(np.diff(stamps) == STEP_NS) + 1  # gaps are another check's
         fresh = self._judged
         self._unit.measure_all(np.linalg.norm(rows[fresh:, 3:7], axis=1) - 1.0, lambda k: _at(stamps[fresh + k]))
+        spans = np.diff(stamps)[:, None] / 1e9
+        away = np.linalg.norm(np.diff(rows[:, :3], axis=0) - spans * rows[1:, 7:10], axis=1)
+        near = np.flatnonzero(np.diff(stamps) < JUMP_NS)
+        self._jumps.measure_all(away[near], lambda k: f"after {_at(stamps[near[k]])}")
         moved, turned = _departures(rows, following)
         self._moves.measure_all(moved, lambda k: _at(stamps[following[k]]))
         self._turns.measure_all(turned, lambda k: _at(stamps[following[k]]))
