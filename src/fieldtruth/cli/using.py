@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Final
 
-from fieldtruth.cli.arguments import AddCommand, UsageError, add_workers, seed
+from fieldtruth.cli.arguments import AddCommand, UsageError, add_workers, count, seed
 
 FAILED: Final = 1
 """Exit code of a run that does not pass its check."""
