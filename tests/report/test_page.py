@@ -4,8 +4,10 @@
 
 import ast
 import base64
+import dataclasses
 import re
 import shutil
+import tracemalloc
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -14,7 +16,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from report_pages import Page, changed, only, page_of, words
+from report_pages import Page, changed, longer, only, page_of, words
 from rosbags.highlevel import AnyReader
 
 from fieldtruth import cli
@@ -26,6 +28,7 @@ from fieldtruth.record.stored import BagError
 from fieldtruth.report.page import LARGEST_PAGE, orbit, place, samples, scans, thin, write_report
 from fieldtruth.report.page import map as map_figure
 from fieldtruth.report.page.gather import gather
+from fieldtruth.report.page.passage import read_through
 from fieldtruth.report.page.render import render
 from fieldtruth.report.progress import Silent
 from fieldtruth.world import World, load_world
@@ -478,9 +481,12 @@ def test_a_hostile_description_is_only_words(small_run: Path, tmp_path: Path, mo
 
 
 def test_another_place_than_the_bags_is_not_shown(
-    small_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, park: World
+    small_run: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    park: World,
+    messages: dict[str, list[Any]],
 ) -> None:
-    import dataclasses
 
     folder = tmp_path / "park_1"
     folder.mkdir()
@@ -494,8 +500,20 @@ def test_another_place_than_the_bags_is_not_shown(
     page = Page(write_report(folder))
     assert "builds another place from experiment.yaml than the bag tells of" in page.words(".//section[@id='way']")
     assert page.one(".//figure[@class='map plain']") is not None
-    grid = {words(mark) for mark in page.root.findall(".//span[@class='mark x']")}
-    assert {f"{v:g}" for v in range(-30, 41, 10)} <= grid
+    metres = [ruler(page, "x", "left"), ruler(page, "y", "top")]
+    assert metres[0][0] > 0.0 > metres[1][0]  # north is to the right, west up
+    width, height = (float(v) for v in page.one(".//figure[@class='map plain']//{*}svg").get("viewBox", "").split()[2:])
+    percent = 100 * pairs(page.one(".//{*}polyline[@class='route']").get("points", "")) / (width, height)
+    drawn = [scale * column + offset for (scale, offset), column in zip(metres, percent.T, strict=True)]
+    assert np.array(drawn) == pytest.approx(way(messages)[:, :2].T, abs=0.02)
+
+
+def ruler(page: Page, kind: str, side: str) -> NDArray[np.float64]:
+    """Metres per percent, and metres at nought, by the numbers along a side of the grid."""
+    marks = page.root.findall(f".//span[@class='mark {kind}']")
+    at = [float(re.findall(rf"{side}: ([-\d.]+)%", mark.get("style", ""))[0]) for mark in marks]
+    assert len(at) > 2
+    return np.polyfit(at, [float(words(mark)) for mark in marks], 1)
 
 
 def test_messages_of_another_form_are_named(small_run: Path, tmp_path: Path) -> None:
@@ -529,6 +547,19 @@ def test_the_page_does_not_depend_on_the_number_of_threads(small_run: Path, tmp_
     bag = only(small_run / "park_1.bag", tmp_path / "some.bag", TAGS[0], POINTS, "/imu/data")
     one, many = (render(gather(open_run(bag), workers, Silent())) for workers in (1, 5))
     assert one == many
+
+
+def test_memory_does_not_grow_with_the_run(small_run: Path, tmp_path: Path) -> None:
+    bag = only(small_run / "park_1.bag", tmp_path / "short.bag", TAGS[0], POINTS, "/imu/data", "/navsat/fix")
+    peaks = []
+    for number in (1, 2, 8):
+        run = open_run(longer(bag, tmp_path / f"{number}.bag", number))
+        tracemalloc.start()
+        found = read_through(run, 2, Silent())
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        assert found.pixels[TAGS[0]].sum() == number * 30 * 320 * 184
+    assert peaks[2] < 1.15 * peaks[1]
 
 
 def test_a_page_that_is_there_stays(small_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -57,6 +57,8 @@ class CameraRow(NamedTuple):
     frame: str
     size: str
     fov: str
+    across_deg: float
+    """Horizontal field of view."""
     distortion: str
     k: tuple[tuple[str, ...], ...]
     p: tuple[tuple[str, ...], ...]
@@ -169,11 +171,16 @@ def camera_rows(run: Run) -> tuple[list[CameraRow], str]:
         coefficients = " ".join(f"{d:g}" for d in info.D[:12])
         rows.append(
             CameraRow(
-                side, shortened(info.header.frame_id), f"{size[0]} {TIMES} {size[1]}",
-                f"{angles[0]:.2f}° {TIMES} {angles[1]:.2f}°", shortened(f"{info.distortion_model}, D = {coefficients}"),
-                _matrix(k), _matrix(p),
+                side=side,
+                frame=shortened(info.header.frame_id),
+                size=f"{size[0]} {TIMES} {size[1]}",
+                fov=f"{angles[0]:.2f}° {TIMES} {angles[1]:.2f}°",
+                across_deg=float(angles[0]),
+                distortion=shortened(f"{info.distortion_model}, D = {coefficients}"),
+                k=_matrix(k),
+                p=_matrix(p),
             )
-        )  # fmt: skip
+        )
         if side == "right" and math.isfinite(tx) and tx:
             baseline = f"{tx:.4f} m"
     return rows, baseline

@@ -87,7 +87,7 @@ def gather(run: Run, workers: int, progress: Progress) -> Findings:
     orbit, orbit_note = _orbit(run, passage.trajectory, progress)
     place, map_note = see_place(run, progress) if passage.trajectory is not None else (None, "")
     cameras, baseline = facts.camera_rows(run)
-    fov = run.experiment.rig.cameras.horizontal_fov_deg if run.experiment is not None else None
+    fov = next((camera.across_deg for camera in cameras), None)
     looks_ns = [pair.stamp_ns for pair in samples.pairs]
     classes, sums = facts.class_rows(passage)
     topics, left_out = facts.topic_rows(run)

@@ -19,7 +19,7 @@ from fieldtruth.frames import Array, rotation_from_quaternion_wxyz, yaw_from_rot
 from fieldtruth.record.run import Run
 from fieldtruth.record.trajectory import Trajectory
 from fieldtruth.report.page.place import Place
-from fieldtruth.report.page.words import TO
+from fieldtruth.report.page.words import TO, trimmed
 from fieldtruth.report.preview.aerial import Aerial
 
 PHOTO_BYTES: Final = 700_000
@@ -134,11 +134,11 @@ def _grid(points: Array) -> Ground:
     for value in np.arange(np.ceil(corner[0] / step), (corner[0] + side[0]) / step) * step:
         x = float(scale * (value - corner[0]))
         lines.append((round(x, 2), 0.0, round(x, 2), round(height, 2)))
-        marks.append(Mark(round(100 * x / _WIDE, 2), 100.0, f"{value:g}", "x"))
+        marks.append(Mark(round(100 * x / _WIDE, 2), 100.0, trimmed(value, 2), "x"))
     for value in np.arange(np.ceil((corner[1] - side[1]) / step), corner[1] / step) * step:
         y = float(scale * (corner[1] - value))
         lines.append((0.0, round(y, 2), _WIDE, round(y, 2)))
-        marks.append(Mark(0.0, round(100 * y / height, 2), f"{value:g}", "y"))
+        marks.append(Mark(0.0, round(100 * y / height, 2), trimmed(value, 2), "y"))
     return project, _WIDE, height, tuple(lines), marks
 
 
