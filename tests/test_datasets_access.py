@@ -10,14 +10,14 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 import pytest
 from dataset_bags import equal, rewrite
 from numpy.typing import NDArray
 
-from fieldtruth.datasets import GEOMETRY, ITEMS, RunDataset, collate, storage
+from fieldtruth.datasets import GEOMETRY, ITEMS, RunDataset, Sample, collate, storage
 from fieldtruth.errors import FieldtruthError
 from fieldtruth.export.label_map import label_map_of
 from fieldtruth.record.stored import open_stored
@@ -254,6 +254,14 @@ def test_a_bag_that_is_gone_changed_or_damaged_says_so(spoilt: tuple[Path, RunDa
     storage._RECENT.forget()
     with pytest.raises(FieldtruthError, match="No such file"):
         again[0]
+
+
+def test_the_documents_name_every_item_and_every_key() -> None:
+    text = (Path(__file__).parents[1] / "docs/datasets.md").read_text(encoding="utf-8")
+    rows = [line.strip("|").split("|") for line in text.splitlines() if line.startswith("| `")]
+    described = {re.findall(r"`(.*?)`", row[0])[0]: set(re.findall(r"`(.*?)`", row[1])) for row in rows}
+    assert list(described) == [*ALL, "(always)"]
+    assert set().union(*described.values()) == get_type_hints(Sample).keys()
 
 
 def test_collate_is_a_function_of_the_module() -> None:
