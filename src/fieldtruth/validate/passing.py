@@ -27,12 +27,14 @@ from fieldtruth.validate.law import Law, check_of
 from fieldtruth.validate.objects import ObjectLaw
 from fieldtruth.validate.pictures import Pictures
 from fieldtruth.validate.rebuild import Objects, rebuilt
-from fieldtruth.validate.retrace import Retrace
+from fieldtruth.validate.rescan import Rescan
+from fieldtruth.validate.reshoot import Reshoot
 from fieldtruth.validate.sampler import Sampler
 from fieldtruth.validate.stamps import Stamps
 from fieldtruth.validate.states import Clock, States
 from fieldtruth.validate.streams import PoseStreams
 from fieldtruth.validate.subject import Examiner, Job, Subject, place_of
+from fieldtruth.validate.witness import Witness
 
 SAMPLES: Final = 20
 """Moments of a run at which costly checks are made."""
@@ -139,34 +141,41 @@ class _Pass:
 
 
 def _pass(subject: Subject, workers: int, advance: Callable[[float], None], *, full: bool, samples: int) -> list[Check]:
-    run = subject.run
     objects = ObjectLaw(subject)
-    pairs, moments, clouds = (Sampler(run.start_ns, run.end_ns, samples) for _ in range(3))
     # The true motion comes first: others ask for it.
-    truth: list[Examiner] = [States(subject), Clock(subject), Objects(subject), Drive(subject)]
-    truth += [PoseStreams(subject), Imu(subject), Gnss(subject), Wheels(subject)]
-    seen: list[Examiner] = [Clouds(subject, objects), Pictures(subject, objects)]
-    compared: list[Examiner] = [Agreement(subject, pairs), Retrace(subject, moments, clouds, full=full)]
-    examiners = [Stamps(subject), Headers(subject), Calibration(subject), *truth, *seen, *compared]
-    file = BagFile(run.bag)
-    with open_stored(run.bag) as stored:
-        reading = _Pass(subject, examiners, decoder(stored))
-        for fold, result in in_order(
-            reading.jobs(file.messages(workers), advance), lambda job: (job.fold, job.work()), workers
-        ):
+    plain: list[Examiner] = [Stamps(subject), Headers(subject), Calibration(subject), States(subject), Clock(subject)]
+    plain += [Objects(subject), Drive(subject), PoseStreams(subject), Imu(subject), Gnss(subject), Wheels(subject)]
+    plain += [Clouds(subject, objects), Pictures(subject, objects)]
+    again, last = _measuring_again(subject, full=full, samples=samples)
+    file = BagFile(subject.run.bag)
+    with open_stored(subject.run.bag) as stored:
+        reading = _Pass(subject, [*plain, *again], decoder(stored))
+        jobs = reading.jobs(file.messages(workers), advance)
+        for fold, result in in_order(jobs, lambda job: (job.fold, job.work()), workers):
             fold(result)
         topics = topics_check(subject, _digests(stored))
-    messages = check_of(
-        "messages", [reading.whole], f"{reading.whole.seen:,} messages hold what their types say", "none"
-    )
-    checks = [file.result(), messages, topics]
-    for group in [examiners[:3], truth, seen]:
-        checks += [check for examiner in group for check in examiner.results()]
-    checks += [objects.result(), *(check for examiner in compared for check in examiner.results())]
+    figures = f"{reading.whole.seen:,} messages hold what their types say"
+    checks = [file.result(), check_of("messages", [reading.whole], figures, "there is none"), topics]
+    checks += [check for examiner in plain for check in examiner.results()]
+    checks += [objects.result(), *(check for examiner in again for check in examiner.results()), *last()]
     if file.whole:
         return checks
     cut = "the bag cannot be read to its end"
     return [c if c.passed is False else Check(c.name, None, cut) for c in checks]
+
+
+def _measuring_again(subject: Subject, *, full: bool, samples: int) -> tuple[list[Examiner], Callable[[], list[Check]]]:
+    """Examiners that compare measurements with each other and with the rebuilt world; and the checks that come last."""
+    run = subject.run
+    pairs, clouds, moments = (Sampler(run.start_ns, run.end_ns, samples) for _ in range(3))
+    agreement = Agreement(subject, pairs)
+    if subject.place is None:
+        names = ("retraced clouds", "retraced images", "photographs", "independent rays")
+        return [agreement], lambda: [Check(name, None, subject.no_place) for name in names]
+    witness = Witness(subject, subject.place)
+    rescan = Rescan(subject, subject.place, witness, clouds)
+    reshoot = Reshoot(subject, subject.place, witness, moments, full=full)
+    return [agreement, rescan, reshoot], lambda: [witness.result()]
 
 
 def _digests(stored: StoredBag) -> dict[str, tuple[str, str]]:
