@@ -9,9 +9,10 @@ import os
 from pathlib import Path
 
 from fieldtruth.drive import drive, plan_route
+from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment
-from fieldtruth.record.folder import fingerprint, run_folder
+from fieldtruth.record.folder import RunFolder, fingerprint, run_folder
 from fieldtruth.record.read import count_messages
 from fieldtruth.record.slices import Slices
 from fieldtruth.record.streams import Sensors, streams_of
@@ -19,7 +20,7 @@ from fieldtruth.record.topics import topics_of
 from fieldtruth.report.card import data_card
 from fieldtruth.report.progress import Progress, Silent
 from fieldtruth.sense import Camera, Lidar, Scene
-from fieldtruth.world import world_of
+from fieldtruth.world import World, world_of
 
 
 def generate(
@@ -53,8 +54,6 @@ def generate(
     """
     workers = len(os.sched_getaffinity(0)) if workers is None else workers
     progress = Silent() if progress is None else progress
-    rig = experiment.rig
-
     with run_folder(experiment, out, overwrite=overwrite) as run:
         with progress.stage("build the world"):
             world = world_of(experiment)
@@ -62,25 +61,32 @@ def generate(
             route = plan_route(world, experiment)
             track = drive(world, experiment.model_copy(update={"route": route}))
         run.begin(experiment, overwrite=overwrite)
-        with progress.stage("prepare the scene"):
-            scene = Scene(world, experiment.light)
-            if rig.cameras.enabled:
-                scene.studio  # noqa: B018  (light is baked now, before the threads ask for it)
-
-        def sensors() -> Sensors:
-            lidar = Lidar(rig.lidar, scene) if rig.lidar.enabled else None
-            camera = Camera(rig.cameras, scene, reuse=True) if rig.cameras.enabled else None
-            return Sensors(lidar, camera)
-
-        work = run.work(fingerprint(dump_experiment(experiment), world, track))
-        slices = Slices(work, streams_of(world, track, rig), topics_of(rig), sensors)
-        done = track.duration_s - sum(map(slices.seconds, slices.missing()))
-        with progress.stage("sense and label", track.duration_s, done) as advance:
-            slices.make(workers, advance)
-        whole = work / "whole.bag"
-        whole.unlink(missing_ok=True)
-        with progress.stage("write the bag", track.duration_s) as advance:
-            slices.join(whole, advance)
-        with progress.stage("sum it up"):
-            run.finish(whole, data_card(experiment, world, track, count_messages(whole)))
+        _sense_and_write(experiment, world, track, run, workers, progress)
     return run.bag
+
+
+def _sense_and_write(
+    experiment: Experiment, world: World, track: Track, run: RunFolder, workers: int, progress: Progress
+) -> None:
+    rig = experiment.rig
+    with progress.stage("prepare the scene"):
+        scene = Scene(world, experiment.light)
+        if rig.cameras.enabled:
+            scene.studio  # noqa: B018  (light is baked now, before the threads ask for it)
+
+    def sensors() -> Sensors:
+        lidar = Lidar(rig.lidar, scene) if rig.lidar.enabled else None
+        camera = Camera(rig.cameras, scene, reuse=True) if rig.cameras.enabled else None
+        return Sensors(lidar, camera)
+
+    work = run.work(fingerprint(dump_experiment(experiment), world, track))
+    slices = Slices(work, streams_of(world, track, rig), topics_of(rig), sensors)
+    done = track.duration_s - sum(map(slices.seconds, slices.missing()))
+    with progress.stage("sense and label", track.duration_s, done) as advance:
+        slices.make(workers, advance)
+    whole = work / "whole.bag"
+    whole.unlink(missing_ok=True)
+    with progress.stage("write the bag", track.duration_s) as advance:
+        slices.join(whole, advance)
+    with progress.stage("sum it up"):
+        run.finish(whole, data_card(experiment, world, track, count_messages(whole)))

@@ -85,20 +85,13 @@ def export(
         BagError: a bag that cannot be read, or that lacks what the form needs.
         OutputError: the output is there already or cannot be written, or the form cannot do what is asked.
     """
-    if to not in FORMS:
-        raise UnknownNameError("form", to, FORMS)
-    form, paths = FORMS[to], [path] if isinstance(path, Path) else list(path)
-    chosen = None if label_map is None else label_map_of(label_map)
-    if chosen is not None and not form.relabels:
-        able = ", ".join(name for name, other in FORMS.items() if other.relabels)
-        raise OutputError(f"form {to!r} holds no labels that could be mapped; those that do: {able}")
-    if len(paths) > 1 and not form.joins:
-        able = ", ".join(name for name, other in FORMS.items() if other.joins)
-        raise OutputError(f"form {to!r} is made of one run, not of {len(paths)}; forms that join several: {able}")
-    runs = [open_run(each) for each in paths]
-    places = [run.bag.resolve() for run in runs]
-    if twice := next((run.bag for run, place in zip(runs, places, strict=True) if places.count(place) > 1), None):
-        raise OutputError(f"{twice} is given twice; each run can be one sequence")
+    form = _form_of(to)
+    options = Options(
+        None if label_map is None else _label_map_for(to, label_map),
+        len(os.sched_getaffinity(0)) if workers is None else workers,
+        Silent() if progress is None else progress,
+    )
+    runs = _runs_for(to, [path] if isinstance(path, Path) else list(path))
     target = runs[0].folder / (runs[0].name + form.ending) if out is None else out
     part = target.with_name(f".{target.name}.part")
     with output_errors(target):
@@ -106,15 +99,39 @@ def export(
             raise OutputError(f"{target} is there already; remove it, or choose another --out")
         target.parent.mkdir(parents=True, exist_ok=True)
         _remove(part)
-    workers = len(os.sched_getaffinity(0)) if workers is None else workers
     write = import_module(f"fieldtruth.export.{form.module}").write
     try:
         with output_errors(target):
-            write(runs, part, Options(chosen, workers, Silent() if progress is None else progress))
+            write(runs, part, options)
             part.rename(target)
     finally:
         _remove(part)
     return target
+
+
+def _form_of(to: str) -> Form:
+    if to not in FORMS:
+        raise UnknownNameError("form", to, FORMS)
+    return FORMS[to]
+
+
+def _label_map_for(to: str, name: str) -> LabelMap:
+    found = label_map_of(name)
+    if not FORMS[to].relabels:
+        able = ", ".join(name for name, form in FORMS.items() if form.relabels)
+        raise OutputError(f"form {to!r} holds no labels that could be mapped; those that do: {able}")
+    return found
+
+
+def _runs_for(to: str, paths: Sequence[Path]) -> list[Run]:
+    if len(paths) > 1 and not FORMS[to].joins:
+        able = ", ".join(name for name, form in FORMS.items() if form.joins)
+        raise OutputError(f"form {to!r} is made of one run, not of {len(paths)}; forms that join several: {able}")
+    runs = [open_run(path) for path in paths]
+    places = [run.bag.resolve() for run in runs]
+    if twice := next((run.bag for run, place in zip(runs, places, strict=True) if places.count(place) > 1), None):
+        raise OutputError(f"{twice} is given twice; each run can be one sequence")
+    return runs
 
 
 def _remove(path: Path) -> None:
