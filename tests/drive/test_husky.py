@@ -9,8 +9,7 @@ from drive_worlds import make_robot, make_world, tilted
 
 from fieldtruth.drive.husky import STOP, Command, ramp, wheel_speeds
 from fieldtruth.drive.physics import build_physics
-from fieldtruth.drive.track import WHEELS
-from fieldtruth.experiment.rig import Rig, WheelConfig
+from fieldtruth.experiment.rig import WHEELS, Rig, WheelConfig
 from fieldtruth.frames import rotation_from_quaternion_wxyz
 from fieldtruth.world.model import World
 

@@ -12,11 +12,11 @@ from fieldtruth import frames
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.export.calibration import StaticFrames, first_message, read_static_frames
 from fieldtruth.record import topics as table
+from fieldtruth.record.damage import BagError, damage
 from fieldtruth.record.images import optical_frame
 from fieldtruth.record.messages import static_transforms
 from fieldtruth.record.ros import F8
 from fieldtruth.record.run import Run
-from fieldtruth.record.stored import BagError, damage
 from fieldtruth.record.streams import Stream
 from fieldtruth.record.trajectory import Trajectory
 from fieldtruth.world.model import World

@@ -19,8 +19,9 @@ from fieldtruth.errors import ConfigurationError, UnknownNameError
 from fieldtruth.export.calibration import read_static_frames
 from fieldtruth.export.label_map import LabelMap, label_map_of
 from fieldtruth.record import topics as table
+from fieldtruth.record.damage import BagError, damage
 from fieldtruth.record.run import Run, open_run
-from fieldtruth.record.stored import BagError, damage, open_stored
+from fieldtruth.record.stored import open_stored
 
 DEFAULT_ITEMS: Final = ("image", "mask")
 _SENSORS: Final[tuple[Sensor, ...]] = ("camera", "lidar")

@@ -12,11 +12,10 @@ from typing import Any, Final
 
 from rosbags.typesys.store import Typestore
 
+from fieldtruth.record.damage import BagError, damage
 from fieldtruth.record.stored import (
-    BagError,
     RawMessage,
     StoredBag,
-    damage,
     decoder_of,
     message_at,
     read_chunk,

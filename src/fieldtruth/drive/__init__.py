@@ -7,7 +7,6 @@ from fieldtruth.drive.husky import Command
 from fieldtruth.drive.plan import plan_route
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import (
-    WHEELS,
     GnssReadings,
     ImuReadings,
     Motion,
@@ -17,7 +16,6 @@ from fieldtruth.drive.track import (
 )
 
 __all__ = [
-    "WHEELS",
     "Command",
     "GnssReadings",
     "ImuReadings",

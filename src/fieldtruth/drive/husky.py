@@ -27,8 +27,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fieldtruth.drive.track import WHEELS
-from fieldtruth.experiment.rig import Rig, WheelConfig
+from fieldtruth.experiment.rig import WHEELS, Rig, WheelConfig
 from fieldtruth.frames import Array
 
 MASS: Final = 50.0  # [kg]

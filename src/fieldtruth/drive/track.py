@@ -3,12 +3,9 @@
 """What a drive leaves behind: the true motion at the physics rate, and the readings of the sensors that feel it."""
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-
-WHEELS: Final = ("front_left", "front_right", "rear_left", "rear_right")
 
 F8 = NDArray[np.float64]
 I8 = NDArray[np.int64]

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The robot and its sensors as numbers: frames (paper, Table 2); rates, resolutions, fields of view (Tables 1, 5)."""
 
-from typing import Annotated, Self
+from typing import Annotated, Final, Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
@@ -16,6 +16,9 @@ Switch = Annotated[bool, Strict()]
 Positive = Annotated[Number, Field(gt=0)]
 Reach = Annotated[Number, Field(gt=0, le=100_000)]  # [m]; single precision still tells 1 cm there
 Rate = Annotated[Number, Field(ge=0.01, le=1000)]  # [Hz]; the physics runs at 1 kHz
+
+
+WHEELS: Final = ("front_left", "front_right", "rear_left", "rear_right")
 
 
 class Frozen(BaseModel):

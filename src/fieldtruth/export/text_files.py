@@ -13,7 +13,7 @@ import numpy as np
 import orjson
 from numpy.typing import NDArray
 
-from fieldtruth.drive.track import WHEELS
+from fieldtruth.experiment.rig import WHEELS
 from fieldtruth.record import topics as table
 from fieldtruth.record.model_states import ModelStatesReader
 from fieldtruth.record.read import stamp_ns

@@ -29,9 +29,9 @@ from isal import isal_zlib
 from fieldtruth.export import Options
 from fieldtruth.export.parallel import in_order
 from fieldtruth.record.checksums import CHECKSUMS, read_checksums
+from fieldtruth.record.damage import BagError, damage
 from fieldtruth.record.folder import CARD
 from fieldtruth.record.run import EXPERIMENT, Run
-from fieldtruth.record.stored import BagError, damage
 
 _BLOCK: Final = 2**20  # [byte]
 _BESIDE: Final = (EXPERIMENT, CARD, CHECKSUMS, "README.md", "README.txt", "README")

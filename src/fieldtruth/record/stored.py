@@ -17,16 +17,14 @@ from numpy.typing import NDArray
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader, ReaderError
 from rosbags.rosbag1.reader import Chunk, ChunkInfo, Header, IndexData, RecordType
-from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from fieldtruth.errors import FieldtruthError, UnknownNameError
+from fieldtruth.errors import UnknownNameError
+from fieldtruth.record.damage import BagError as BagError
+from fieldtruth.record.damage import damage
 
 I8 = NDArray[np.int64]
-
-
-class BagError(FieldtruthError):
-    """A file that is no readable bag, or that lacks what is needed of it."""
 
 
 class RawMessage(NamedTuple):
@@ -48,28 +46,9 @@ class Places(NamedTuple):
     offset: I8
 
 
-_DAMAGE: Final = (ReaderError, OSError, EOFError, RuntimeError, ValueError, KeyError, struct.error, TypesysError)
-"""What the layers below raise about bytes that are not what they should be."""
-_LONGEST: Final = 200
-"""Characters of a message from below, which may quote what it read."""
 _OPERATION: Final = b"op="
 _CONNECTION: Final = b"conn="
 _TIME: Final = b"time="
-
-
-@contextmanager
-def damage(path: Path) -> Iterator[None]:
-    """Turn whatever goes wrong while a bag is read into one clear line.
-
-    Raises:
-        BagError: the path and what is wrong there.
-    """
-    try:
-        yield
-    except FieldtruthError:
-        raise
-    except _DAMAGE as error:
-        raise BagError(f"cannot read {path}: {_in_words(error)}") from error
 
 
 class StoredBag:
@@ -262,19 +241,6 @@ def _fields(data: bytes, at: int, size: int) -> dict[bytes, bytes]:
         fields[name + sign] = value
         at += 4 + size
     return fields
-
-
-def _in_words(error: BaseException) -> str:
-    if isinstance(error, OSError) and error.strerror:
-        return error.strerror
-    if isinstance(error, KeyError):
-        return f"a record lacks its field {error}"
-    text = str(error)
-    if "not indexed" in text:
-        return "it has no index, as when a recording was cut off; `rosbag reindex` may mend it"
-    if text.startswith("Bag index looks damaged"):
-        return "its index is damaged, as when a file was cut off"
-    return " ".join(text.split())[:_LONGEST] or type(error).__name__
 
 
 def types_of(definitions: Mapping[str, str]) -> Typestore:

@@ -8,8 +8,7 @@ The table's order is the order in the bag of messages with the same stamp, and t
 from collections.abc import Callable
 from typing import Final, Literal, NamedTuple
 
-from fieldtruth.drive.track import WHEELS
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import WHEELS, Rig
 
 TRUTH_RATE: Final = 1000.0  # [Hz]; the physics rate
 POSE_RATE: Final = 50.0  # [Hz]; /tf and odometry have a pose at every default stamp of IMU, cameras and LiDAR

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fieldtruth import frames, geodesy
 from fieldtruth.drive.physics import GRAVITY
-from fieldtruth.drive.track import WHEELS
+from fieldtruth.experiment.rig import WHEELS
 from fieldtruth.record import topics as table
 from fieldtruth.record.state import State
 from fieldtruth.record.stored import RawMessage
@@ -50,9 +50,14 @@ class Imu(Examiner):
         )
         self._rate = subject.law("the gyroscope reads the true turn rate", TURN_RATE_BOUND, "rad/s")
         self._force = subject.law("the accelerometer reads the change of velocity, and g", ACCELERATION_BOUND, "m/s^2")
+        self._exact = subject.law("covariances are zero")
 
     def feed(self, raw: RawMessage, message: Any) -> None:
         """See a message."""
+        covariances = (
+            message.orientation_covariance, message.angular_velocity_covariance, message.linear_acceleration_covariance
+        )  # fmt: skip
+        self._exact.see(not any(each.any() for each in covariances), lambda: place_of(raw))
         # The first step of all has none before it: its reading is that of the step after it.
         ready = raw.stamp_ns + STEP_NS if raw.stamp_ns <= STEP_NS else raw.stamp_ns
         self._subject.motion.when_known(ready, lambda: self._judge(raw, message))
@@ -62,7 +67,7 @@ class Imu(Examiner):
         return [
             check_of(
                 "imu",
-                [self._attitude, self._rate, self._force],
+                [self._attitude, self._rate, self._force, self._exact],
                 f"{self._attitude.seen:,} readings follow from the true motion: {self._attitude.margin}, "
                 f"{self._rate.margin}, {self._force.margin}",
                 f"no {table.IMU}, or no true motion",

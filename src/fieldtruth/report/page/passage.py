@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from fieldtruth.classes import CLASSES
-from fieldtruth.drive.track import WHEELS
+from fieldtruth.experiment.rig import WHEELS
 from fieldtruth.export.parallel import in_order
 from fieldtruth.record import topics as table
 from fieldtruth.record.read import stamp_ns
