@@ -5,6 +5,7 @@
 import ast
 import base64
 import dataclasses
+import os
 import re
 import shutil
 import tracemalloc
@@ -23,8 +24,10 @@ from fieldtruth import cli
 from fieldtruth.classes import CLASSES
 from fieldtruth.errors import OutputError
 from fieldtruth.export import FORMS
+from fieldtruth.record.ros import STORE
 from fieldtruth.record.run import open_run
 from fieldtruth.record.stored import BagError
+from fieldtruth.record.topics import TOPICS
 from fieldtruth.report.page import LARGEST_PAGE, orbit, place, samples, scans, thin, write_report
 from fieldtruth.report.page import map as map_figure
 from fieldtruth.report.page.gather import gather
@@ -34,6 +37,7 @@ from fieldtruth.report.progress import Silent
 from fieldtruth.world import World, load_world
 
 TAGS = ["/stereo/camera/left/tag/img_raw", "/stereo/camera/right/tag/img_raw"]
+TYPES = {topic.name: topic.msgtype for topic in TOPICS}
 POINTS, ODOMETRY = "/os1_cloud_node/points", "/ground_truth/odom"
 SCRIPTS = 5  # numbers, the cloud's settings and data, and two programs
 
@@ -529,6 +533,65 @@ def test_messages_of_another_form_are_named(small_run: Path, tmp_path: Path) -> 
     assert f"{TAGS[0]}: image is 'rgb9'" in notes
     assert "/navsat/fix: holds sensor_msgs/msg/Imu, not sensor_msgs/msg/NavSatFix" in notes
     assert f"{30 * 320 * 184:,}" in page.words(".//table[@class='shares']/tfoot")  # the right camera alone
+
+
+def test_messages_that_make_no_sense_are_no_reason_to_stop(small_run: Path, tmp_path: Path) -> None:
+    """Mounts without a rotation, a camera without a focal length, a cloud and images of another size than they say."""
+
+    def change(topic: str, stamp: int, data: bytes) -> tuple[str, int, bytes] | None:
+        if topic not in {*TAGS, POINTS, ODOMETRY, "/tf_static", "/stereo/camera/left/camera_info", "/imu/data"}:
+            return None
+        message: Any = STORE.deserialize_ros1(data, TYPES[topic])
+        if topic == "/tf_static":
+            for each in message.transforms:
+                q = each.transform.rotation
+                q.x = q.y = q.z = q.w = 0.0
+        elif topic == POINTS:
+            message.row_step += 1
+        elif topic in TAGS:
+            message.height += 1
+        elif topic == "/imu/data":
+            message.linear_acceleration.x = float("nan")
+        elif topic != ODOMETRY:
+            message.K = np.zeros(9)
+        return topic, stamp, bytes(STORE.serialize_ros1(message, TYPES[topic]))
+
+    page = Page(write_report(changed(small_run / "park_1.bag", tmp_path / "odd.bag", change)))
+    for section in ("images", "classes", "cloud"):
+        assert page.root.findall(f".//section[@id='{section}']/p[@class='lack']"), section
+    notes = page.words(".//section[@id='way']/div[@class='lack']")
+    assert all(topic in notes for topic in (*TAGS, POINTS))
+    channels = page.root.findall(".//figure[@data-key='acceleration']//span[@class='channels']/span")
+    assert [words(channel)[0] for channel in channels] == ["y", "z"]
+
+
+def test_a_bag_of_one_instant_has_a_page(small_run: Path, tmp_path: Path) -> None:
+    seen = set()
+
+    def change(topic: str, stamp: int, data: bytes) -> tuple[str, int, bytes] | None:
+        if topic in seen or topic not in {ODOMETRY, "/imu/data", POINTS}:
+            return None
+        seen.add(topic)
+        return topic, 10**8, data
+
+    page = Page(write_report(changed(small_run / "park_1.bag", tmp_path / "one.bag", change)))
+    assert page.terms(".//dl[@class='key']")["recorded"] == "0.0 s"
+    assert len(page.root.findall(".//figure[@class='curve']")) == 6
+
+
+def test_names_that_no_file_can_hold_are_mended(small_run: Path, tmp_path: Path) -> None:
+    odd = "/" + 300 * "long"
+
+    odds = {"/imu/data": odd, "/navsat/fix": "/\x01\u202e"}
+
+    def kept(topic: str, stamp: int, data: bytes) -> tuple[str, int, bytes] | None:
+        return (odds[topic], stamp, data) if topic in odds else None
+
+    bag = changed(small_run / "park_1.bag", tmp_path / "odd.bag", kept)
+    page = Page(write_report(bag.rename(tmp_path / os.fsdecode(b"n\xff.bag"))))
+    assert page.words(".//h1") == "n?"
+    names = {row[0] for row in page.rows(".//section[@id='topics']//table")}
+    assert names == {odd[:159] + "…", "/\N{REPLACEMENT CHARACTER}\N{REPLACEMENT CHARACTER}"}
 
 
 def test_a_pixel_of_no_class_is_counted_as_such(small_run: Path, tmp_path: Path) -> None:

@@ -343,6 +343,7 @@ def test_fingers_turn_and_zoom_the_cloud(browser: Any, path: Path) -> None:
         send("touchMove", (x - 20 - 8 * k, y), (x + 20 + 8 * k, y))
     send("touchEnd")
     assert differing(turned, tab.canvas()) > 0.1
+    assert tab.page.evaluate("visualViewport.scale") == 1  # the cloud was zoomed, not the page
     tab.close()
 
 

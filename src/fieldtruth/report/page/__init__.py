@@ -48,7 +48,7 @@ def write_report(
     progress = Silent() if progress is None else progress
     found = gather(run, len(os.sched_getaffinity(0)), progress)
     with progress.stage("write the page"):
-        page = render(found).encode()
+        page = render(found).encode(errors="replace")
         part = target.with_name(f".{target.name}.part")
         with output_errors(target):
             try:

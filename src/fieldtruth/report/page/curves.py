@@ -80,10 +80,9 @@ def draw_curves(lines: Lines, start_ns: int, end_ns: int) -> tuple[Curve, ...]:
 
 def time_ticks(duration_s: float) -> tuple[Tick, ...]:
     """Ticks of the time axis [s from the start]."""
-    return tuple(
-        Tick(round(100 * t / max(duration_s, 1e-9), 3), _plain(t, step))
-        for t, step in _steps(0.0, max(duration_s, 1e-9), 8)
-    )
+    if duration_s <= 0.0:
+        return (Tick(0.0, "0"),)
+    return tuple(Tick(round(100 * t / duration_s, 3), _plain(t, step)) for t, step in _steps(0.0, duration_s, 8))
 
 
 def curve_numbers(lines: Lines, start_ns: int) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from fieldtruth.record import topics as table
 from fieldtruth.record.checksums import read_checksums, sha256_of
 from fieldtruth.record.run import EXPERIMENT, Run
 from fieldtruth.record.stored import BagError
-from fieldtruth.report.page.passage import Passage, usable
+from fieldtruth.report.page.passage import FOREIGN, Passage, usable
 from fieldtruth.report.page.words import TIMES, colour_of, count_text, fixed, shortened, size_text, trimmed
 from fieldtruth.report.progress import Progress
 
@@ -153,17 +153,16 @@ def class_rows(passage: Passage) -> tuple[list[ClassRow], ClassRow | None]:
 
 
 def camera_rows(run: Run) -> tuple[list[CameraRow], str]:
-    """Calibration of each camera that publishes it, and the baseline [m] in words; empty if it is not known.
-
-    Raises:
-        BagError: the bag is damaged.
-    """
+    """Calibration of each camera that publishes it, and the baseline [m] in words; empty if it is not known."""
     rows, baseline = [], ""
     for side in table.SIDES:
         if (topic := table.camera_info(side)) not in usable(run)[0]:
             continue
-        info = first_message(run, topic)
-        k, p = np.asarray(info.K, np.float64).reshape(3, 3), np.asarray(info.P, np.float64).reshape(3, 4)
+        try:
+            info = first_message(run, topic)
+            k, p = np.asarray(info.K, np.float64).reshape(3, 3), np.asarray(info.P, np.float64).reshape(3, 4)
+        except FOREIGN:
+            continue
         size = int(info.width), int(info.height)
         with np.errstate(divide="ignore", invalid="ignore"):
             angles = np.degrees(2.0 * np.arctan(np.array(size) / (2.0 * np.array([k[0, 0], k[1, 1]]))))
@@ -187,14 +186,13 @@ def camera_rows(run: Run) -> tuple[list[CameraRow], str]:
 
 
 def frame_rows(run: Run) -> list[FrameRow]:
-    """Fixed frames of the bag as a tree, parents before children.
-
-    Raises:
-        BagError: the bag is damaged.
-    """
+    """Fixed frames of the bag as a tree, parents before children; none if it does not tell them."""
     if table.TF_STATIC not in usable(run)[0]:
         return []
-    parents = read_static_frames(run).parents
+    try:
+        parents = read_static_frames(run).parents
+    except FOREIGN:  # a quaternion of nought, say
+        return []
     children: dict[str, list[str]] = {}
     for child, (parent, _) in parents.items():
         children.setdefault(parent, []).append(child)

@@ -9,13 +9,12 @@ from typing import Any, NamedTuple
 from fieldtruth.classes import CLASSES
 from fieldtruth.record import topics as table
 from fieldtruth.record.run import Run
-from fieldtruth.record.stored import BagError
 from fieldtruth.record.trajectory import Trajectory
 from fieldtruth.report.page import facts, loading
 from fieldtruth.report.page.curves import Curve, Tick, curve_numbers, draw_curves, time_ticks
 from fieldtruth.report.page.map import Map, draw_map
 from fieldtruth.report.page.orbit import Orbit, pack
-from fieldtruth.report.page.passage import read_through
+from fieldtruth.report.page.passage import FOREIGN, read_through, reason
 from fieldtruth.report.page.place import see_place
 from fieldtruth.report.page.samples import Samples, take_samples
 from fieldtruth.report.page.scans import gather_scans
@@ -117,7 +116,10 @@ def gather(run: Run, workers: int, progress: Progress) -> Findings:
         checksums_source=source,
         forms=loading.export_commands(run),
         snippets=loading.snippets(run),
-        notes=[(shortened(topic), why) for topic, why in sorted({**samples.unreadable, **passage.unreadable}.items())],
+        notes=[
+            (shortened(topic), shortened(why))
+            for topic, why in sorted({**samples.unreadable, **passage.unreadable}.items())
+        ],
     )
 
 
@@ -125,8 +127,8 @@ def _orbit(run: Run, trajectory: Trajectory | None, progress: Progress) -> tuple
     with progress.stage("gather scans"):
         try:
             cloud = gather_scans(run, trajectory)
-        except BagError as error:
-            return None, f"The clouds cannot be shown: {error}."
+        except FOREIGN as error:
+            return None, f"The clouds cannot be shown: {reason(error)}."
         if cloud is None:
             return None, f"The bag has no {table.POINTS}."
         return (pack(cloud, trajectory), "") if len(cloud.xyz) else (None, "The clouds hold no point.")

@@ -27,7 +27,7 @@ TAGS: Final = tuple(map(table.tag, table.SIDES))
 _MSGTYPE: Final = {topic.name: topic.msgtype for topic in table.TOPICS}
 _TOLD: Final = 100_000_000  # [ns] of simulated time from one word of progress to the next
 _ANOTHER_CLOCK: Final = 10_000_000_000  # [ns]
-_FOREIGN: Final = (BagError, AttributeError, KeyError, TypeError, ValueError, IndexError)
+FOREIGN: Final = (BagError, AttributeError, KeyError, TypeError, ValueError, IndexError)
 """What a message raises that is not as its topic's messages are."""
 
 
@@ -92,8 +92,8 @@ def read_through(run: Run, workers: int, progress: Progress) -> Passage:
         def count(raw: RawMessage) -> tuple[str, Counts | str]:
             try:
                 return raw.topic, heavy[raw.topic](decode(raw))
-            except _FOREIGN as error:
-                return raw.topic, _reason(error)
+            except FOREIGN as error:
+                return raw.topic, reason(error)
 
         for topic, found in in_order(light_ones_aside(), count, workers):
             if isinstance(found, str):
@@ -127,8 +127,8 @@ def _collect(
             return
         message = decode(raw)
         collector.add(stamp_of(message, raw), collector.row(message))
-    except _FOREIGN as error:
-        unreadable[raw.topic] = _reason(error)
+    except FOREIGN as error:
+        unreadable[raw.topic] = reason(error)
 
 
 def _sum_up(passage: Passage, collectors: Mapping[str, Collector], counts: Mapping[str, Counts]) -> None:
@@ -146,5 +146,6 @@ def _sum_up(passage: Passage, collectors: Mapping[str, Collector], counts: Mappi
     passage.pixels = good
 
 
-def _reason(error: Exception) -> str:
+def reason(error: Exception) -> str:
+    """Why a message cannot be read, in words."""
     return str(error) if isinstance(error, BagError) else f"its messages have another form ({error})"

@@ -15,8 +15,8 @@ from fieldtruth.classes import PALETTE
 from fieldtruth.record import topics as table
 from fieldtruth.record.read import image, labels
 from fieldtruth.record.run import Run
-from fieldtruth.record.stored import BagError, decoder, open_stored
-from fieldtruth.report.page.passage import usable
+from fieldtruth.record.stored import decoder, open_stored
+from fieldtruth.report.page.passage import FOREIGN, reason, usable
 from fieldtruth.report.preview.aerial import halved
 
 PAIRS: Final = 6
@@ -106,8 +106,8 @@ def _view(side: str, nearest: Callable[[str, int], Any], unreadable: dict[str, s
         try:
             colours = image(message)
             put(view, message, colours)
-        except BagError as error:
-            unreadable[topic] = str(error)
+        except FOREIGN as error:
+            unreadable[topic] = reason(error)
         else:
             view.height, view.width = colours.shape[:2]
             pair.thumb = pair.thumb or jpeg_below(_small(colours, _THUMB), THUMB_BYTES)

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from fieldtruth import frames
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.export.calibration import StaticFrames, read_static_frames
+from fieldtruth.export.calibration import read_static_frames
 from fieldtruth.record import topics as table
 from fieldtruth.record.read import points
 from fieldtruth.record.run import Run
 from fieldtruth.record.stored import BagError, decoder, open_stored
 from fieldtruth.record.trajectory import Trajectory
-from fieldtruth.report.page.passage import stamp_of, usable
+from fieldtruth.report.page.passage import FOREIGN, stamp_of, usable
 from fieldtruth.report.page.tally import class_ids
 
 SCANS: Final = 120
@@ -89,12 +89,9 @@ def gather_scans(run: Run, trajectory: Trajectory | None) -> ScanCloud | None:
 
 def _mount(run: Run, frame: str) -> tuple[Array | None, str]:
     """``base_from_sensor`` (4, 4), and where it comes from if not from the bag."""
-    static = StaticFrames({}, str(run.bag))
-    if table.TF_STATIC in usable(run)[0]:
-        static = read_static_frames(run)
     try:
-        return static.base_from(frame), ""
-    except BagError:
+        return read_static_frames(run).base_from(frame), ""
+    except FOREIGN:  # there are none, or not this one, or what they say is no rotation
         mounts = (run.experiment.rig if run.experiment else Rig()).mounts()
     if frame in mounts:
         return mounts[frame].base_from_sensor, f"The bag does not say where {frame} sits; the paper's Table 2 does."

@@ -9,12 +9,13 @@ from fieldtruth.classes import CLASSES
 MINUS: Final = "\N{MINUS SIGN}"
 TIMES: Final = "\N{MULTIPLICATION SIGN}"
 TO: Final = "\N{EN DASH}"
-LETTERS: Final = 120
+LETTERS: Final = 160
 """At most so many letters of a name that the bag gives."""
 
 
 def shortened(name: str) -> str:
-    """A name that a bag gives, not longer than a page can bear."""
+    """A name that a bag gives, not longer than a page can bear, and without letters that cannot be seen."""
+    name = "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in name[: LETTERS + 1])
     return name if len(name) <= LETTERS else name[: LETTERS - 1] + "…"
 
 
