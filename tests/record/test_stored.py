@@ -3,6 +3,7 @@
 """Bags as streams: the messages that another reader finds, whatever the compression, and damage in one line."""
 
 import struct
+import zipfile
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from rosbags.rosbag1 import Reader, Writer
 
 from fieldtruth.errors import FieldtruthError, UnknownNameError
 from fieldtruth.record.read import read_bag
+from fieldtruth.record.run import open_run
 from fieldtruth.record.stored import BagError, decoder, open_stored
 
 CLOCK = "rosgraph_msgs/msg/Clock"
@@ -161,3 +163,30 @@ def test_a_damaged_message_is_named_with_its_topic(tmp_path: Path) -> None:
         decode = decoder(bag)
         with pytest.raises(BagError, match="the message of /a at 5 ns is damaged"):
             [decode(raw) for raw in bag.messages()]
+
+
+@pytest.mark.parametrize(
+    ("content", "line"),
+    [
+        (b"", "it is empty"),
+        (b"name,x,y\n", "it is no ROS 1 bag, which begins with #ROSBAG V2.0"),
+        (b"#ROSBAG V1.2\n" + bytes(99), "it is a bag of another version; needed is v2.0"),
+        (b"\x89MCAP0\r\n" + bytes(99), "it is an MCAP file of ROS 2; needed is a ROS 1 bag"),
+    ],
+)
+def test_what_is_taken_for_a_bag_is_named(tmp_path: Path, content: bytes, line: str) -> None:
+    path = tmp_path / "x.bag"
+    path.write_bytes(content)
+    with pytest.raises(BagError) as caught:
+        list(read_bag(path))
+    assert str(caught.value) == f"cannot read {path}: {line}"
+
+
+def test_a_hostile_zip_is_not_unpacked(tmp_path: Path) -> None:
+    path = tmp_path / "in" / "park_1.zip"
+    path.parent.mkdir()
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("../park_1.bag", b"#ROSBAG V2.0\n")
+    with pytest.raises(BagError, match="it is a Zip file; unpack it and name the bag in it"):
+        open_run(path)
+    assert [p.name for p in tmp_path.rglob("*")] == ["in", "park_1.zip"]

@@ -15,6 +15,14 @@ from fieldtruth.errors import FieldtruthError
 
 _DAMAGE: Final = (ReaderError, OSError, EOFError, RuntimeError, ValueError, KeyError, struct.error, TypesysError)
 """What the layers below raise about bytes that are not what they should be."""
+_BAG: Final = b"#ROSBAG V2.0"
+_KINDS: Final = {
+    b"PK\x03\x04": "it is a Zip file; unpack it and name the bag in it",
+    b"\x89MCAP": "it is an MCAP file of ROS 2; needed is a ROS 1 bag",
+    b"SQLite": "it is a database of ROS 2; needed is a ROS 1 bag",
+    b"#ROSBAG": "it is a bag of another version; needed is v2.0",
+}
+"""What users take for a bag, by its first bytes."""
 _LONGEST: Final = 200
 """Characters of a message from below, which may quote what it read."""
 
@@ -35,7 +43,20 @@ def damage(path: Path) -> Iterator[None]:
     except FieldtruthError:
         raise
     except _DAMAGE as error:
-        raise BagError(f"cannot read {path}: {_in_words(error)}") from error
+        raise BagError(f"cannot read {path}: {_other_kind(path) or _in_words(error)}") from error
+
+
+def _other_kind(path: Path) -> str:
+    """What a file is that is no bag at all."""
+    try:
+        with path.open("rb") as file:
+            start = file.read(len(_BAG))
+    except OSError:
+        return ""
+    if start.startswith(_BAG):
+        return ""
+    kinds = [words for magic, words in _KINDS.items() if start.startswith(magic)] if start else ["it is empty"]
+    return kinds[0] if kinds else f"it is no ROS 1 bag, which begins with {_BAG.decode()}"
 
 
 def _in_words(error: BaseException) -> str:
