@@ -5,32 +5,34 @@
 import json
 import re
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
 
 import html5lib
+import numpy as np
 import pytest
+from numpy.typing import NDArray
+from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Reader, Writer
 
+from fieldtruth.record.topics import TOPICS
 from fieldtruth.report.page import place, write_report
 
-_PAGES: dict[Path, Path] = {}
+TAGS = ["/stereo/camera/left/tag/img_raw", "/stereo/camera/right/tag/img_raw"]
+TYPES = {topic.name: topic.msgtype for topic in TOPICS}
+POINTS, ODOMETRY = "/os1_cloud_node/points", "/ground_truth/odom"
 
-
-def page_of(run: Path, factory: pytest.TempPathFactory) -> Path:
-    """Page of a run, with a small photograph from above, because a large one takes seconds; made once."""
-    if run not in _PAGES:
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(place, "WIDTH", 600)
-            _PAGES[run] = write_report(run, out=factory.mktemp("page") / "page.html")
-    return _PAGES[run]
+Messages = dict[str, list[Any]]
+"""By topic: stamp in the bag [ns] and message."""
 
 
 class Page:
     """A page, read by html5lib, which is strict about HTML's grammar."""
 
     def __init__(self, path: Path) -> None:
+        self.path = path
         self.text = path.read_text(encoding="utf-8")
         short = re.sub(r"base64,[A-Za-z0-9+/=]+", "base64,AA==", self.text)
         short = re.sub(r'(id="cloud-data">)[^<]*', r"\1", short)
@@ -60,6 +62,40 @@ class Page:
     def images(self, kind: str) -> list[str]:
         """Base64 of all images of a kind, ``image/png`` say, in the page's order."""
         return re.findall(rf"data:{kind};base64,([A-Za-z0-9+/=]+)", self.text)
+
+
+_PAGES: dict[Path, Page] = {}
+
+
+def page_of(run: Path, factory: pytest.TempPathFactory) -> Page:
+    """Page of a run, with a small photograph from above, because a large one takes seconds; made once."""
+    if run not in _PAGES:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(place, "WIDTH", 600)
+            _PAGES[run] = Page(write_report(run, out=factory.mktemp("page") / "page.html"))
+    return _PAGES[run]
+
+
+@cache
+def messages_of(run: Path) -> Messages:
+    """Some topics of a run, as the rosbags library reads them."""
+    wanted = {*TAGS, POINTS, ODOMETRY, "/imu/data", "/stereo/camera/left/real/compressed"}
+    found: Messages = {}
+    with AnyReader([run / "park_1.bag"]) as reader:
+        for connection, stamp, data in reader.messages([c for c in reader.connections if c.topic in wanted]):
+            found.setdefault(connection.topic, []).append((stamp, reader.deserialize(data, connection.msgtype)))
+    return found
+
+
+def way(messages: Messages) -> NDArray[np.float64]:
+    """True positions (n, 3) [m]."""
+    positions = [message.pose.pose.position for _, message in messages[ODOMETRY]]
+    return np.array([(p.x, p.y, p.z) for p in positions])
+
+
+def pairs(points: str) -> NDArray[np.float64]:
+    """Coordinates (n, 2) of an SVG's points."""
+    return np.array([[float(v) for v in point.split(",")] for point in points.split()])
 
 
 _PLAIN = str.maketrans({"\N{RIGHT SINGLE QUOTATION MARK}": "'", "\N{MULTIPLICATION SIGN}": "x", "\N{MINUS SIGN}": "-"})

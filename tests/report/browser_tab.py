@@ -1,0 +1,132 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The page in a real browser: a tab that takes note of all it asks for, and what is seen in it."""
+
+import base64
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+FLAGS = [
+    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+]  # fmt: skip
+NIGHT = (30, 35, 43)
+"""Behind the cloud."""
+
+Pixels = NDArray[np.int64]
+
+
+@contextmanager
+def opened_browser() -> Iterator[Any]:
+    """Open a browser without a window; the test is skipped where there is none."""
+    sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install 'fieldtruth[test]'")
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if found is None:
+        pytest.skip(f"needs a browser, one of {', '.join(BROWSERS)}: apt-get install chromium")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=found, headless=True, args=FLAGS)
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+class Tab:
+    """An open page, and all that it asked for or complained about."""
+
+    def __init__(self, browser: Any, path: Path, **options: Any) -> None:
+        self.context = browser.new_context(**({"viewport": {"width": 1000, "height": 700}} | options))
+        self.context.set_offline(True)
+        self.page = self.context.new_page()
+        self.requests: list[str] = []
+        self.complaints: list[str] = []
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        self.page.on("dialog", lambda dialog: self.complaints.append(f"dialog {dialog.message}"))
+        self.page.on("console", self._console)
+        self.page.goto(path.as_uri())
+        self.page.wait_for_load_state("load")
+        self.path = path
+
+    def _console(self, note: Any) -> None:
+        if note.type == "error":
+            self.complaints.append(note.text)
+
+    def close(self) -> None:
+        """Close it; whatever it was used for, it must have kept still."""
+        self.settle()
+        self.context.close()
+        assert self.requests == [self.path.as_uri()]
+        assert self.complaints == []
+
+    def settle(self) -> None:
+        """Wait until what was asked for is drawn."""
+        self.page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+    def until(self, condition: Callable[[], bool]) -> None:
+        """Wait for something, at most ten seconds. (The page forbids the scripts by which Playwright itself waits.)"""
+        for _ in range(200):
+            if condition():
+                return
+            self.page.wait_for_timeout(50)
+        raise AssertionError("waited in vain")
+
+    def canvas(self) -> Pixels:
+        """Pixels (h, w, 3) of the cloud's canvas."""
+        self.settle()
+        return pixels(base64.b64decode(self.page.evaluate("document.getElementById('canvas').toDataURL()")[22:]))
+
+    def picture(self, selector: str) -> Pixels:
+        """Pixels (h, w, 3) of an element on the screen."""
+        self.settle()
+        return pixels(self.page.locator(selector).first.screenshot())
+
+    def style(self, selector: str, name: str) -> str:
+        """Computed style of the first such element."""
+        return str(self.page.locator(selector).first.evaluate(f"e => getComputedStyle(e).getPropertyValue('{name}')"))
+
+    def words(self, selector: str) -> str:
+        """Text of the first such element."""
+        return str(self.page.locator(selector).first.inner_text()).strip()
+
+    def middle(self, selector: str) -> tuple[float, float]:
+        """Where the middle of an element is, after it was scrolled into view."""
+        found = self.page.locator(selector).first
+        found.scroll_into_view_if_needed()
+        box = found.bounding_box()
+        return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+    def drag(self, dx: float, dy: float, *, button: str = "left") -> None:
+        """Drag the cloud."""
+        x, y = self.middle("#canvas")
+        self.page.mouse.move(x, y)
+        self.page.mouse.down(button=button)
+        self.page.mouse.move(x + dx / 2, y + dy / 2)
+        self.page.mouse.move(x + dx, y + dy)
+        self.page.mouse.up(button=button)
+
+
+def pixels(png: bytes) -> Pixels:
+    """Pixels (h, w, 3) of a PNG."""
+    return np.asarray(Image.open(BytesIO(png)).convert("RGB")).astype(np.int64)
+
+
+def differing(a: Pixels, b: Pixels) -> float:
+    """Share of pixels that differ clearly."""
+    return float((np.abs(a - b).max(axis=2) > 24).mean())
+
+
+def of_ground(picture: Pixels) -> int:
+    """Pixels that are green as ground is, however dark."""
+    red, green, blue = np.moveaxis(picture, 2, 0)
+    return int(((red < 12) & (blue < 12) & (green > 40)).sum())

@@ -1,0 +1,154 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Map and cloud of the page against the world itself."""
+
+import base64
+import dataclasses
+import re
+import shutil
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+from report_pages import (
+    ODOMETRY,
+    Messages,
+    Page,
+    messages_of,
+    only,
+    page_of,
+    pairs,
+    way,
+    words,
+)
+
+from fieldtruth.classes import CLASSES
+from fieldtruth.report.page import place, scans, write_report
+from fieldtruth.world import World, load_world
+
+
+@pytest.fixture(scope="module")
+def page(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Page:
+    return page_of(small_run, tmp_path_factory)
+
+
+@pytest.fixture(scope="module")
+def messages(small_run: Path) -> Messages:
+    return messages_of(small_run)
+
+
+@pytest.fixture(scope="module")
+def park() -> World:
+    return load_world("park", 0)
+
+
+def test_the_way_lies_on_the_photograph_where_a_pinhole_sees_it(page: Page, messages: Messages, park: World) -> None:
+    x, y, _ = way(messages).T
+    above = float(park.terrain.field.heights.mean()) + 300.0 - park.terrain.field.height_at(x, y)
+    sheet = page.one(".//figure[@class='map']//{*}svg")
+    width, height = (float(v) for v in sheet.get("viewBox", "").split()[2:])
+    column = width / 2 + width / 2 * (x / above) / (51.0 / 300.0)
+    row = height / 2 - height / 2 * (y / above) / (26.0 / 300.0)
+    photo = Image.open(BytesIO(base64.b64decode(page.images("image/jpeg")[0])))
+    assert photo.size == (width, height)
+    drawn = pairs(page.one(".//{*}polyline[@class='route']").get("points", ""))
+    assert drawn == pytest.approx(np.column_stack([column, row]), abs=0.06)
+    moves = page.data("numbers")["way"]
+    assert np.array(moves)[:, 1:] == pytest.approx(100 * np.column_stack([column / width, row / height]), abs=0.02)
+    assert [t for t, *_ in moves][:3] == [19, 39, 59]  # 0.02 s, less the 0.001 s at which the bag begins
+
+
+def test_way_points_are_circles_of_the_arrival_distance(page: Page) -> None:
+    rings = [pairs(ring.get("points", "")) for ring in page.root.findall(".//{*}polygon[@class='ring']")]
+    assert len(rings) == 9
+    metre = 600 / 102.0
+    for ring in rings:
+        radius = np.linalg.norm(ring - ring.mean(axis=0), axis=1)
+        assert radius == pytest.approx(np.full(48, 2.0 * metre), rel=0.02)
+    # The route leads north, which is to the right: latitudes rise from one way-point to the next.
+    assert (np.diff([ring[:, 0].mean() for ring in rings]) > 0).all()
+
+
+def cloud_of(page: Page) -> tuple[NDArray[np.float64], NDArray[np.uint8], dict[str, Any]]:
+    """Points (n, 3) [m] and labels of the page's cloud, decoded as a stranger would."""
+    settings = page.data("cloud-settings")
+    found = re.search(r'id="cloud-data">([^<]*)<', page.text)
+    assert found is not None
+    data = base64.b64decode(found[1])
+    n = settings["count"]
+    assert len(data) == 7 * n
+    steps = np.frombuffer(data, "<i2", 3 * n).reshape(n, 3)
+    return steps * settings["step"] + settings["middle"], np.frombuffer(data, np.uint8, offset=6 * n), settings
+
+
+def test_points_of_ground_and_trail_lie_on_the_worlds_ground(page: Page, park: World) -> None:
+    xyz, label, _ = cloud_of(page)
+    inside = (np.abs(xyz[:, :2]) < np.array(park.size) / 2 - 0.5).all(axis=1)
+    low = xyz[inside & np.isin(label, (1, 7))]
+    assert len(low) > 20_000
+    off = low[:, 2] - park.terrain.field.height_at(low[:, 0], low[:, 1])
+    assert np.quantile(np.abs(off), 0.99) < 0.003  # the rest are kerbs and mulch, which are ground, too
+    assert np.abs(off).max() < 0.1
+    trail = xyz[inside & (label == 7)]
+    assert len(trail) > 500
+    spot = park.terrain.trail_distance
+    column = np.rint((trail[:, 0] - spot.x0) / spot.spacing).astype(int)
+    row = np.rint((trail[:, 1] - spot.y0) / spot.spacing).astype(int)
+    assert (spot.values[column, row] < spot.spacing).mean() > 0.999
+
+
+def test_the_cloud_shows_the_way_and_counts_what_it_shows(page: Page, messages: Messages) -> None:
+    xyz, label, settings = cloud_of(page)
+    route = xyz[label == settings["route"]]
+    positions = way(messages)
+    assert route[[0, -1]] == pytest.approx(positions[[0, -1]], abs=2 * settings["step"])
+    counts = np.bincount(label, minlength=17)
+    assert counts[:16].sum() <= scans.LARGEST
+    legend = {
+        words(row.find("span")): words(row.find("small"))  # type: ignore[arg-type]
+        for row in page.root.findall(".//fieldset[@id='legend']/label")
+    }
+    assert legend.pop("the robot's way") == ""
+    assert legend == {row.name: f"{counts[row.label]:,}" for row in CLASSES if counts[row.label]}
+    cells = np.floor(xyz[label != settings["route"]] / settings["voxel"])
+    assert len(np.unique(cells, axis=0)) > 0.9 * len(cells)  # but for points that rounding moved over a voxel's side
+
+
+def test_another_place_than_the_bags_is_not_shown(
+    small_run: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    park: World,
+    messages: Messages,
+) -> None:
+
+    folder = tmp_path / "park_1"
+    folder.mkdir()
+    only(small_run / "park_1.bag", folder / "park_1.bag", ODOMETRY, "/gazebo/model_states")
+    shutil.copy(small_run / "experiment.yaml", folder)
+    moved = park.instances[5].world_from_object.copy()
+    moved[1, 3] += 0.01
+    instances = [*park.instances]
+    instances[5] = dataclasses.replace(instances[5], world_from_object=moved)
+    monkeypatch.setattr(place, "world_of", lambda _: dataclasses.replace(park, instances=tuple(instances)))
+    page = Page(write_report(folder))
+    assert "builds another place from experiment.yaml than the bag tells of" in page.words(".//section[@id='way']")
+    assert page.one(".//figure[@class='map plain']") is not None
+    metres = [ruler(page, "x", "left"), ruler(page, "y", "top")]
+    assert metres[0][0] > 0.0 > metres[1][0]  # north is to the right, west up
+    width, height = (float(v) for v in page.one(".//figure[@class='map plain']//{*}svg").get("viewBox", "").split()[2:])
+    percent = 100 * pairs(page.one(".//{*}polyline[@class='route']").get("points", "")) / (width, height)
+    drawn = [scale * column + offset for (scale, offset), column in zip(metres, percent.T, strict=True)]
+    assert np.array(drawn) == pytest.approx(way(messages)[:, :2].T, abs=0.02)
+
+
+def ruler(page: Page, kind: str, side: str) -> NDArray[np.float64]:
+    """Metres per percent, and metres at nought, by the numbers along a side of the grid."""
+    marks = page.root.findall(f".//span[@class='mark {kind}']")
+    at = [float(re.findall(rf"{side}: ([-\d.]+)%", mark.get("style", ""))[0]) for mark in marks]
+    assert len(at) > 2
+    return np.polyfit(at, [float(words(mark)) for mark in marks], 1)

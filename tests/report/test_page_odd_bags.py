@@ -1,0 +1,192 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Pages of bags that lack something, that make no sense, or that mean harm."""
+
+import os
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from report_pages import (
+    ODOMETRY,
+    POINTS,
+    TAGS,
+    TYPES,
+    Page,
+    changed,
+    only,
+    page_of,
+    words,
+)
+
+from fieldtruth.record.ros import STORE
+from fieldtruth.report.page import write_report
+
+LACKS = {
+    "images": "no camera images",
+    "cloud": "has no /os1_cloud_node/points",
+    "classes": "neither tag images nor clouds",
+    "way": "no true poses",
+    "motion": "neither true poses nor readings",
+    "calibration": "no CameraInfo",
+}
+SCRIPTS = 5  # numbers, the cloud's settings and data, and two programs
+
+
+@pytest.fixture(scope="module")
+def page(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Page:
+    return page_of(small_run, tmp_path_factory)
+
+
+@pytest.mark.parametrize(
+    ("topics", "shown"),
+    [
+        ([POINTS, ODOMETRY, "/tf_static"], {"cloud", "classes", "way", "motion"}),
+        ([POINTS], {"cloud", "classes"}),
+        ([TAGS[1]], {"images", "classes"}),
+        (["/stereo/camera/left/real/compressed"], {"images"}),
+        (["/imu/data", "/stereo/camera/right/camera_info"], {"motion", "calibration"}),
+        (["/gazebo/model_states"], {"way", "motion"}),
+        (["/clock"], set()),
+    ],
+)
+def test_what_a_bag_lacks_the_page_lacks_and_says_so(
+    small_run: Path, tmp_path: Path, topics: list[str], shown: set[str]
+) -> None:
+    bag = only(small_run / "park_1.bag", tmp_path / "some.bag", *topics)
+    page = Page(write_report(bag))
+    for section, text in LACKS.items():
+        assert (text in page.words(f".//section[@id='{section}']")) == (section not in shown), section
+    assert [row[0] for row in page.rows(".//section[@id='topics']//table")] == sorted(topics, key=page.text.index)
+    assert ("No experiment.yaml lies beside the bag" in page.text) == ("way" in shown)
+
+
+def test_model_states_tell_the_same_way_as_odometry(small_run: Path, tmp_path: Path, page: Page) -> None:
+    bag = only(small_run / "park_1.bag", tmp_path / "states.bag", "/gazebo/model_states")
+    other = Page(write_report(bag))
+    assert other.terms(".//dl[@class='key']")["driven"] == page.terms(".//dl[@class='key']")["driven"]
+    for curve in ("speed", "heading", "height"):
+        (times, values), (_, known) = (
+            other.data("numbers")["curves"][curve][0],
+            page.data("numbers")["curves"][curve][0],
+        )
+        assert len(times) > 600  # of 1,200 readings, two in each thousandth of the time
+        assert values[-1] == pytest.approx(known[-1], rel=1e-4)
+
+
+def test_hostile_names_are_only_words(small_run: Path, tmp_path: Path) -> None:
+    evil = '</script><script>hacked=1</script><img src=x onerror="hacked=2">{{ 7*7 }}'
+    names = {POINTS: POINTS, "/imu/data": f"/{evil}", "/tf_static": "/tf_static"}
+
+    def change(topic: str, stamp: int, data: bytes) -> tuple[str, int, bytes] | None:
+        if topic == "/tf_static":
+            frame = b"<script>1</script>"
+            data = data.replace(b"\x12\x00\x00\x00left_camera_optical"[4:12], frame[:8])  # same length
+        return (names[topic], stamp, data) if topic in names else None
+
+    folder = tmp_path / "run"
+    folder.mkdir()
+    bag = changed(small_run / "park_1.bag", folder / "<b onclick=alert(1)>&.bag", change)
+    page = Page(write_report(bag))
+    assert page.words(".//h1") == "<b onclick=alert(1)>&"
+    assert f"/{evil}" in [row[0] for row in page.rows(".//section[@id='topics']//table")]
+    assert len(list(page.root.iter("script"))) == SCRIPTS
+    assert not [e for e in page.root.iter() if any(str(name).startswith("on") for name in e.keys())]  # noqa: SIM118
+    assert not list(page.root.iter("b onclick"))
+
+
+def test_a_hostile_description_is_only_words(small_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fieldtruth.report.page.gather.see_place", lambda *_: (None, ""))
+    folder = tmp_path / "park_1"
+    folder.mkdir()
+    only(small_run / "park_1.bag", folder / "park_1.bag", ODOMETRY, "/gazebo/model_states")
+    text = (small_run / "experiment.yaml").read_text()
+    evil = "</p><script>alert(1)</script> {{ run }}"
+    (folder / "experiment.yaml").write_text(re.sub(r"(?m)^description: .*$", f"description: '{evil}'", text))
+    page = Page(write_report(folder))
+    assert page.words(".//p[@class='lead']") == evil
+    assert len(list(page.root.iter("script"))) == SCRIPTS - 2  # there is no cloud
+
+
+def test_messages_of_another_form_are_named(small_run: Path, tmp_path: Path) -> None:
+    def change(topic: str, stamp: int, data: bytes) -> tuple[str, int, bytes] | None:
+        if topic == TAGS[0]:
+            return topic, stamp, data.replace(b"\x04\x00\x00\x00rgb8", b"\x04\x00\x00\x00rgb9")
+        if topic == "/imu/data":
+            return "/navsat/fix", stamp, data
+        return (topic, stamp, data) if topic == TAGS[1] else None
+
+    page = Page(write_report(changed(small_run / "park_1.bag", tmp_path / "odd.bag", change)))
+    notes = page.words(".//section[@id='way']/div[@class='lack']")
+    assert f"{TAGS[0]}: image is 'rgb9'" in notes
+    assert "/navsat/fix: holds sensor_msgs/msg/Imu, not sensor_msgs/msg/NavSatFix" in notes
+    assert f"{30 * 320 * 184:,}" in page.words(".//table[@class='shares']/tfoot")  # the right camera alone
+
+
+def test_messages_that_make_no_sense_are_no_reason_to_stop(small_run: Path, tmp_path: Path) -> None:
+    """Mounts without a rotation, a camera without a focal length, a cloud and images of another size than they say."""
+
+    def change(topic: str, stamp: int, data: bytes) -> tuple[str, int, bytes] | None:
+        if topic not in {*TAGS, POINTS, ODOMETRY, "/tf_static", "/stereo/camera/left/camera_info", "/imu/data"}:
+            return None
+        message: Any = STORE.deserialize_ros1(data, TYPES[topic])
+        if topic == "/tf_static":
+            for each in message.transforms:
+                q = each.transform.rotation
+                q.x = q.y = q.z = q.w = 0.0
+        elif topic == POINTS:
+            message.row_step += 1
+        elif topic in TAGS:
+            message.height += 1
+        elif topic == "/imu/data":
+            message.linear_acceleration.x = float("nan")
+        elif topic != ODOMETRY:
+            message.K = np.zeros(9)
+        return topic, stamp, bytes(STORE.serialize_ros1(message, TYPES[topic]))
+
+    page = Page(write_report(changed(small_run / "park_1.bag", tmp_path / "odd.bag", change)))
+    for section in ("images", "classes", "cloud"):
+        assert page.root.findall(f".//section[@id='{section}']/p[@class='lack']"), section
+    notes = page.words(".//section[@id='way']/div[@class='lack']")
+    assert all(topic in notes for topic in (*TAGS, POINTS))
+    channels = page.root.findall(".//figure[@data-key='acceleration']//span[@class='channels']/span")
+    assert [words(channel)[0] for channel in channels] == ["y", "z"]
+
+
+def test_a_bag_of_one_instant_has_a_page(small_run: Path, tmp_path: Path) -> None:
+    seen = set()
+
+    def change(topic: str, stamp: int, data: bytes) -> tuple[str, int, bytes] | None:
+        if topic in seen or topic not in {ODOMETRY, "/imu/data", POINTS}:
+            return None
+        seen.add(topic)
+        return topic, 10**8, data
+
+    page = Page(write_report(changed(small_run / "park_1.bag", tmp_path / "one.bag", change)))
+    assert page.terms(".//dl[@class='key']")["recorded"] == "0.0 s"
+    assert len(page.root.findall(".//figure[@class='curve']")) == 6
+
+
+def test_names_that_no_file_can_hold_are_mended(small_run: Path, tmp_path: Path) -> None:
+    odd = "/" + 300 * "long"
+
+    odds = {"/imu/data": odd, "/navsat/fix": "/\x01\u202e"}
+
+    def kept(topic: str, stamp: int, data: bytes) -> tuple[str, int, bytes] | None:
+        return (odds[topic], stamp, data) if topic in odds else None
+
+    bag = changed(small_run / "park_1.bag", tmp_path / "odd.bag", kept)
+    page = Page(write_report(bag.rename(tmp_path / os.fsdecode(b"n\xff.bag"))))
+    assert page.words(".//h1") == "n?"
+    names = {row[0] for row in page.rows(".//section[@id='topics']//table")}
+    assert names == {odd[:159] + "…", "/\N{REPLACEMENT CHARACTER}\N{REPLACEMENT CHARACTER}"}
+
+
+def test_a_pixel_of_no_class_is_counted_as_such(small_run: Path, tmp_path: Path) -> None:
+    def change(topic: str, stamp: int, data: bytes) -> tuple[str, int, bytes] | None:
+        return (topic, stamp, data[:-3] + b"\x01\x02\x03") if topic == TAGS[0] else None
+
+    page = Page(write_report(changed(small_run / "park_1.bag", tmp_path / "odd.bag", change)))
+    assert page.rows(".//table[@class='shares']")[0][:2] == ["no class", "< 0.01 %30"]
