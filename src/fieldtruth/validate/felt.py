@@ -162,7 +162,7 @@ class Wheels(Examiner):
         """See a message."""
         met = self._speeds.setdefault(raw.stamp_ns, {})
         met[raw.topic] = float(message.data)
-        if len(met) == len(WHEELS):
+        if len(met) == len(table.WHEEL_SPEEDS):
             speeds = np.array([met[name] for name in table.WHEEL_SPEEDS])
             del self._speeds[raw.stamp_ns]
             self._subject.motion.when_known(raw.stamp_ns, lambda: self._judge(raw, speeds))

@@ -151,12 +151,13 @@ def _parts(moment: Moment, shape: tuple[int, int]) -> Parts | None:
     """Decode a moment; None if something is wrong with a part's form, which is told by its own law."""
     parts = moment.parts
     try:
-        found = Parts(
-            read.labels(read.image(parts["tag"])),
-            read.instances(parts["instances"]) if "instances" in parts else None,
-            read.depth(parts["depth"]).astype(np.float64) if "depth" in parts else None,
-            read.image(parts["photograph"]) if "photograph" in parts else None,
-        )
+        with np.errstate(invalid="ignore"):
+            found = Parts(
+                read.labels(read.image(parts["tag"])),
+                read.instances(parts["instances"]) if "instances" in parts else None,
+                read.depth(parts["depth"]).astype(np.float64) if "depth" in parts else None,
+                read.image(parts["photograph"]) if "photograph" in parts else None,
+            )
     except (FieldtruthError, ValueError):
         return None
     return found if all(part is None or part.shape[:2] == shape for part in found) else None
