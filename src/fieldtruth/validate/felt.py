@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from fieldtruth import frames, geodesy
 from fieldtruth.drive.physics import GRAVITY
-from fieldtruth.experiment.rig import WHEELS
 from fieldtruth.record import topics as table
 from fieldtruth.record.state import State
 from fieldtruth.record.stored import RawMessage
