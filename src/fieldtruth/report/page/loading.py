@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from fieldtruth.export import FORMS
 from fieldtruth.record import topics as table
+from fieldtruth.record.checksums import CHECKSUMS
 from fieldtruth.record.run import Run
 
 
@@ -37,12 +38,15 @@ def snippets(run: Run) -> list[Snippet]:
         found.append(Snippet("evo", "shell", f"evo_traj bag {bag} {table.ODOMETRY} --plot"))
     found += [
         Snippet("ROS 1", "shell", f"rosbag info {bag}\nrosbag play --clock {bag}"),
-        Snippet("Check it", "shell", f"sha256sum -c SHA256SUMS\nfieldtruth validate {bag}"),
+        Snippet("Check it", "shell", _SUMS * (run.folder / CHECKSUMS).is_file() + f"fieldtruth validate {bag}"),
         Snippet("See it", "shell", f"fieldtruth view {bag}"),
     ]
     if run.experiment is not None:
         found.append(Snippet("Make it again", "shell", "fieldtruth generate experiment.yaml --out again"))
     return found
+
+
+_SUMS = f"sha256sum -c {CHECKSUMS}\n"
 
 
 def _package(run: Run, path: str) -> str:

@@ -12,7 +12,7 @@ from fieldtruth.classes import CLASSES
 from fieldtruth.record.trajectory import Trajectory
 from fieldtruth.report.page.samples import jpeg_below
 from fieldtruth.report.page.scans import Array, ScanCloud
-from fieldtruth.report.page.words import colour_of, count_text
+from fieldtruth.report.page.words import colour_of, count_text, fixed
 
 ROUTE: Final = len(CLASSES)
 """Label of the points that show the robot's way."""
@@ -51,6 +51,9 @@ class Orbit:
     frame: str
     note: str
     has_route: bool
+    lowest: str
+    highest: str
+    """Heights [m] at the ends of the ramp of colours."""
 
 
 def pack(cloud: ScanCloud, trajectory: Trajectory | None) -> Orbit:
@@ -67,7 +70,7 @@ def pack(cloud: ScanCloud, trajectory: Trajectory | None) -> Orbit:
     target, azimuth, distance = _first_view(cloud, way)
     low, high = np.percentile(cloud.xyz[:, 2], (1, 99))
     counts = np.bincount(cloud.label, minlength=len(CLASSES))
-    settings = {
+    settings: dict[str, Any] = {
         "count": len(xyz), "step": step, "middle": middle.tolist(), "voxel": cloud.voxel, "route": ROUTE,
         "target": target.tolist(), "azimuth": azimuth, "elevation": _ELEVATION, "distance": distance,
         "fov": _VERTICAL_FOV, "low": float(low), "high": max(float(high), float(low) + 0.1),
@@ -88,6 +91,8 @@ def pack(cloud: ScanCloud, trajectory: Trajectory | None) -> Orbit:
         frame=cloud.frame,
         note=cloud.note,
         has_route=len(way) > 1,
+        lowest=fixed(settings["low"], 1),
+        highest=fixed(settings["high"], 1),
     )  # fmt: skip
 
 
