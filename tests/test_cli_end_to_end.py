@@ -23,7 +23,8 @@ def test_a_bag_is_made_kept_and_made_again_from_its_own_experiment(
     assert re.match(rf"{bag}: {sum(counts.values())} messages of {len(counts)} topics, [\d.]+ MB; ", summary)
     assert (counts["/os1_cloud_node/points"], counts["/imu/data"], counts["/gazebo/model_states"]) == (5, 25, 500)
     assert not any("camera" in topic for topic in counts)
-    assert sorted(path.name for path in bag.parent.iterdir()) == ["DATASET.md", "SHA256SUMS", "experiment.yaml", "park_1.bag"]
+    names = sorted(path.name for path in bag.parent.iterdir())
+    assert names == ["DATASET.md", "SHA256SUMS", "experiment.yaml", "park_1.bag"]
     first = bag.read_bytes()
 
     assert cli.main(command) == 2  # finished

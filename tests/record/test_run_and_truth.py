@@ -166,3 +166,12 @@ def test_depth_and_instances_are_what_the_camera_saw(small_run: Path) -> None:
         read.depth(instance)
     with pytest.raises(BagError, match="only 16UC1"):
         read.instances(depth)
+
+
+def test_a_quaternion_of_zeros_is_one_line(small_run: Path) -> None:
+    message = next(read.read_bag(small_run / "park_1.bag", ["/ground_truth/odom"])).message
+    pose = message.pose.pose
+    assert read.pose_matrix(pose).shape == (4, 4)
+    nowhere = type(pose)(pose.position, type(pose.orientation)(0.0, 0.0, 0.0, 0.0))
+    with pytest.raises(BagError, match="a quaternion of four zeros"):
+        read.pose_matrix(nowhere)

@@ -190,4 +190,7 @@ _HASH, _SLOTS = _perfect_hash()
 
 
 def _matrix(xyz: Any, q: Any) -> F8:
-    return frames.pose_from_quaternion_wxyz([xyz.x, xyz.y, xyz.z], [q.w, q.x, q.y, q.z])
+    wxyz = [q.w, q.x, q.y, q.z]
+    if not any(wxyz):
+        raise BagError("a pose has a quaternion of four zeros, which is no attitude")
+    return frames.pose_from_quaternion_wxyz([xyz.x, xyz.y, xyz.z], wxyz)
