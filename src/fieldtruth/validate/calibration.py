@@ -37,8 +37,8 @@ class Calibration(Examiner):
             name for name in (table.TF_STATIC, *map(table.camera_info, table.SIDES)) if name in subject.run.counts
         ]
         self._mounts = subject.law("frames sit where the rig has them", MOUNT_BOUND, "m or of a rotation")
-        self._unit = subject.law("fixed rotations are unit quaternions", UNIT_BOUND, "from length 1")
-        self._once = subject.law("/tf_static is there once")
+        self._unit = subject.law("fixed rotations are unit quaternions", UNIT_BOUND, "from length 1", minor=True)
+        self._once = subject.law("/tf_static is there once", minor=True)
         self._lens = subject.law("K and P are those of the fields of view", PIXEL_BOUND, "pixel")
         self._plain = subject.law("cameras are rectified pinholes: R is the identity, D zero, P is K, nothing is cut")
         self._baseline = subject.law(

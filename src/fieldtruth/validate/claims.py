@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.classes import CLASSES, NO_RETURN
-from fieldtruth.validate.exact import ExactTracer, border_is_near, doubt, trail_labels
+from fieldtruth.validate.exact import ExactTracer, Hits, border_is_near, doubt, trail_labels
 from fieldtruth.world.model import World
 
 F8 = NDArray[np.float64]
@@ -71,8 +71,8 @@ def _answers(
 ) -> list[tuple[list[_Answer], bool]]:
     """What each ray can have met, and whether it can have met nothing up to its limit."""
     hits = tracer.hits(origins, directions, limit)
-    unsure = border_is_near(hits.margin, hits.reach, hits.cosine)
     apart = doubt(hits.reach, hits.cosine)
+    sure = _sure(hits, apart)
     bounds = np.searchsorted(hits.ray, np.arange(len(origins) + 1))
     result = []
     for ray, (first, last) in enumerate(pairwise(bounds)):
@@ -86,10 +86,21 @@ def _answers(
             if labels == {0}:
                 labels = trail_labels(world, origins[ray] + reach * directions[ray], reach, cosine)
             answers.append(_Answer(labels, int(hits.instance[k]), reach, float(apart[k])))
-            if not unsure[k]:
+            if sure[k]:
                 end = min(end, reach + float(apart[k]))
         result.append((answers, not np.isfinite(end)))
     return result
+
+
+def _sure(hits: Hits, apart: F8) -> NDArray[np.bool_]:
+    """Which triangles a ray cannot pass: it meets them far from a border, or where another one goes on behind it."""
+    near = border_is_near(hits.margin, hits.reach, hits.cosine)
+    together = (np.diff(hits.ray) == 0) & (np.diff(hits.reach) <= apart[:-1] + apart[1:])
+    together &= (hits.instance[:-1] == hits.instance[1:]) & (np.maximum(hits.margin[:-1], hits.margin[1:]) > 0.0)
+    closed = np.zeros(len(near), np.bool_)
+    closed[:-1] |= together
+    closed[1:] |= together
+    return np.asarray(~near | closed)
 
 
 def _against(claim: Claim, answers: list[_Answer], free: bool) -> str | None:

@@ -157,7 +157,8 @@ def _examine_rays(
         lambda k: f"{row(k)}: {reach[k]:.3f} m, allowed {config.min_range:g} to {config.max_range:g} m",
     )
     beams = _directions(config)[np.where(inside, column, 0), np.where(inside, ring, 0)]
-    aside = np.linalg.norm(xyz - beams * reach[:, None], axis=-1) / np.maximum(reach, 1e-9)
+    with np.errstate(invalid="ignore"):  # what is not finite is told by another law, and broken by this one
+        aside = np.linalg.norm(xyz - beams * reach[:, None], axis=-1) / np.maximum(reach, 1e-9)
     laws.direction.measure_all(aside[inside], lambda k: row(int(np.flatnonzero(inside)[k])))
 
 

@@ -49,7 +49,7 @@ class Imu(Examiner):
         )
         self._rate = subject.law("the gyroscope reads the true turn rate", TURN_RATE_BOUND, "rad/s")
         self._force = subject.law("the accelerometer reads the change of velocity, and g", ACCELERATION_BOUND, "m/s^2")
-        self._exact = subject.law("covariances are zero")
+        self._exact = subject.law("covariances are zero", minor=True)
 
     def feed(self, raw: RawMessage, message: Any) -> None:
         """See a message."""
@@ -113,7 +113,7 @@ class Gnss(Examiner):
         self._subject = subject
         self._antenna = np.array(subject.rig.gnss.mount.xyz)
         self._place = subject.law("the fix is the antenna's true place", POSITION_BOUND, "m")
-        self._fix = subject.law("each reading is a fix, its covariance unknown")
+        self._fix = subject.law("each reading is a fix, its covariance unknown", minor=True)
 
     def feed(self, raw: RawMessage, message: Any) -> None:
         """See a message."""

@@ -27,13 +27,17 @@ class Law:
         bound: largest residual that is allowed, in ``unit``; None for laws of yes and no.
         unit: of the residuals.
         binding: whether the law is known to hold.
+        minor: whether obeying it alone says too little for a check to pass.
     """
 
-    def __init__(self, rule: str, bound: float | None = None, unit: str = "", *, binding: bool = True) -> None:
+    def __init__(
+        self, rule: str, bound: float | None = None, unit: str = "", *, binding: bool = True, minor: bool = False
+    ) -> None:
         self.rule = rule
         self.bound = bound
         self.unit = unit
         self.binding = binding
+        self.minor = minor
         self.seen = 0
         self.broken = 0
         self.worst = 0.0
@@ -88,7 +92,7 @@ class Law:
 
     def another(self) -> "Law":
         """Return the same law with nothing seen, for a thread to count by itself."""
-        return Law(self.rule, self.bound, self.unit, binding=self.binding)
+        return Law(self.rule, self.bound, self.unit, binding=self.binding, minor=self.minor)
 
     @property
     def passed(self) -> bool | None:
@@ -135,6 +139,6 @@ def check_of(name: str, laws: Sequence[Law], figures: str | Callable[[], str], n
         return Check(name, False, "; ".join(wrong))
     unjudged = [law for law in laws if law.passed is None and law.seen]
     note = "".join(f"; not judged: {law.rule} ({law.broken:,} of {law.seen:,} are otherwise)" for law in unjudged)
-    if any(law.passed for law in laws):
+    if any(law.passed for law in laws if not law.minor):
         return Check(name, True, (figures if isinstance(figures, str) else figures()) + note)
     return Check(name, None, note.removeprefix("; ") or nothing)

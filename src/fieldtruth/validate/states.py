@@ -68,7 +68,7 @@ class States(Examiner):
         self._first: tuple[bytes, bytes, bytes] | None = None
         self._still = subject.law("nothing but the robot moves, and names stay")
         self._unique = subject.law("names are unique")
-        self._unit = subject.law("attitudes are unit quaternions", UNIT_BOUND, "from length 1")
+        self._unit = subject.law("attitudes are unit quaternions", UNIT_BOUND, "from length 1", minor=True)
         self._jumps = subject.law("the robot does not jump", JUMP_BOUND, "m")
         self._moves = subject.law("the robot moves by its velocity times the step", MOTION_BOUND, "m")
         self._turns = subject.law("the robot turns by its turn rate times the step", MOTION_BOUND, "rad")

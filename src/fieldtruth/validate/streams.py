@@ -35,7 +35,7 @@ class PoseStreams(Examiner):
         self._same = {n: subject.law(f"the pose of {words[n]} is the true one, bit by bit", 0.0, "m or of a quaternion")
                       for n in self.topics}  # fmt: skip
         self._twist = subject.law("the twist of odometry is the true one in base_link", TWIST_BOUND, "m/s or rad/s")
-        self._exact = subject.law("covariances are zero")
+        self._exact = subject.law("covariances are zero", minor=True)
 
     def feed(self, raw: RawMessage, message: Any) -> None:
         """See a message."""

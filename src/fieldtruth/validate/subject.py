@@ -69,9 +69,9 @@ class Subject:
         """Fixed frames read so far."""
         return StaticFrames(self.parents, str(self.run.bag))
 
-    def law(self, rule: str, bound: float | None = None, unit: str = "") -> Law:
+    def law(self, rule: str, bound: float | None = None, unit: str = "", *, minor: bool = False) -> Law:
         """Make a law that binds if the run says what made it."""
-        return Law(rule, bound, unit, binding=self.binding)
+        return Law(rule, bound, unit, binding=self.binding, minor=minor)
 
     def submit(self, work: Callable[[], Any], fold: Callable[[Any], None]) -> None:
         """Let a thread do ``work``; ``fold`` gets its result here, in the order of submission."""

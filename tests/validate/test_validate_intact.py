@@ -1,0 +1,107 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""What is right passes: the bounds of all checks hold for runs of several rigs."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from validate_bags import CAMERA_TOPICS, failures, rewritten
+
+from fieldtruth.cli import main
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.files import load_experiment, with_overrides
+from fieldtruth.pipeline import generate
+from fieldtruth.record.stored import RawMessage
+from fieldtruth.validate import Check, as_json, as_text, validate
+
+NAMES = [
+    "checksums", "experiment", "structure", "messages", "topics", "counts", "stamps", "in step", "headers", "frames",
+    "calibration", "still objects", "motion", "clock", "world", "drive", "pose streams", "imu", "gnss", "wheels",
+    "labels", "beams", "pictures", "tag colours", "depth and ids", "objects", "lidar and cameras", "retraced clouds",
+    "retraced images", "photographs", "independent rays",
+]  # fmt: skip
+"""Programs may ask for these: they do not change."""
+
+Validate = Callable[..., list[Check]]
+
+
+def passed(checks: list[Check]) -> dict[str, bool | None]:
+    return {check.name: check.passed for check in checks}
+
+
+def test_an_intact_run_passes_every_check(lean_run: Path, with_world: Validate) -> None:
+    checks = with_world(lean_run, full=True, samples=4)
+    assert passed(checks) == dict.fromkeys(NAMES, True), failures(checks)
+    assert list(passed(checks)) == NAMES
+    texts = {check.name: check.text for check in checks}
+    assert f"{5 * 512 * 64:,} rays of 5 clouds" in texts["retraced clouds"]
+    assert f"{26 * 320 * 184:,} pixels of 26 images (all)" in texts["retraced images"]
+    assert "26 photographs" in texts["photographs"]
+
+
+def test_without_the_world_only_its_checks_are_skipped(small_run: Path) -> None:
+    checks = validate(small_run, quick=True)
+    skipped = {"world", "retraced clouds", "retraced images", "photographs", "independent rays"}
+    assert passed(checks) == {name: None if name in skipped else True for name in NAMES}, failures(checks)
+
+
+def test_the_result_does_not_depend_on_the_number_of_threads(lean_run: Path) -> None:
+    assert validate(lean_run, quick=True, workers=1) == validate(lean_run, quick=True, workers=5)
+
+
+def test_a_run_without_cameras_passes(lean_run: Path, tmp_path: Path, with_world: Validate) -> None:
+    """What a rig without them records is the same bag less their topics."""
+
+    def change(raw: RawMessage, k: int) -> RawMessage | None:
+        return None if raw.topic in CAMERA_TOPICS else raw
+
+    blind = with_overrides(load_experiment(lean_run / "experiment.yaml"), cameras=False)
+    checks = with_world(rewritten(lean_run, tmp_path, change, blind))
+    about_images = {"pictures", "tag colours", "depth and ids", "lidar and cameras", "retraced images", "photographs"}
+    assert passed(checks) == {name: None if name in about_images else True for name in NAMES}, failures(checks)
+
+
+def test_a_run_with_odd_rates_and_a_turning_lidar_passes(tmp_path: Path, with_world: Validate) -> None:
+    """Rates that divide neither the second nor each other, columns that leave one after the other, a slow receiver."""
+    values = load_experiment("park_2").model_dump()
+    values["seconds"] = 0.45
+    rig = values["rig"]
+    rig["cameras"] |= {"width": 200, "height": 104, "rate_hz": 7.0, "far": 60.0, "instances": True}
+    rig["lidar"] |= {"spinning": True, "rate_hz": 3.0, "columns": 300, "rings": 16, "max_range": 20.0, "min_range": 2.0}
+    rig["imu"]["rate_hz"], rig["tachometers"]["rate_hz"] = 333.0, 7.0
+    checks = with_world(generate(Experiment.model_validate(values), tmp_path).parent)
+    skipped = {"gnss", "lidar and cameras", "photographs"}
+    assert passed(checks) == {name: None if name in skipped else True for name in NAMES}, failures(checks)
+
+
+def test_text_and_json_tell_the_same() -> None:
+    checks = [Check("stamps", True, "12 rise"), Check("imu", False, "it is wrong"), Check("gnss", None, "no receiver")]
+    assert as_text(checks).splitlines() == [
+        "pass     stamps  12 rise",
+        "FAIL     imu     it is wrong",
+        "skipped  gnss    no receiver",
+        "3 checks: 1 passed, 1 failed, 1 skipped",
+    ]
+    told = json.loads(as_json(checks))
+    assert told["passed"] is False
+    assert [(row["name"], row["passed"]) for row in told["checks"]] == [
+        ("stamps", True),
+        ("imu", False),
+        ("gnss", None),
+    ]
+    assert json.loads(as_json([checks[0], checks[2]]))["passed"] is True
+
+
+def test_the_command_prints_the_lines_and_its_exit_code_tells(
+    lean_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["validate", str(lean_run), "--quick"]) == 0
+    assert (
+        capsys.readouterr().out.splitlines()[-1] == f"{len(NAMES)} checks: {len(NAMES) - 5} passed, 0 failed, 5 skipped"
+    )
+    bad = tmp_path / "bad.bag"
+    bad.write_bytes((lean_run / "park_1.bag").read_bytes()[:-100])
+    assert main(["validate", str(bad), "--quick", "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["passed"] is False

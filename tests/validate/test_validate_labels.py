@@ -1,0 +1,160 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A changed label, object or place of a single point is found, though checksums and index fit."""
+
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from validate_bags import Edit, each, failures, first_message, only, points_in, quick_failures, rewritten
+
+from fieldtruth.classes import Label
+from fieldtruth.record import topics as table
+from fieldtruth.record.images import POINT
+from fieldtruth.validate import Check
+
+Validate = Callable[..., list[Check]]
+Points = NDArray[np.void]
+
+
+def setting(row: int, **values: float) -> Edit:
+    """Set fields of one point."""
+
+    def edit(data: bytearray) -> None:
+        for name, value in values.items():
+            points_in(data)[name][row] = value
+
+    return edit
+
+
+@pytest.fixture(scope="module")
+def cloud(lean_run: Path) -> Points:
+    """Points of the first cloud."""
+    return points_in(bytearray(first_message(lean_run, table.POINTS).data)).copy()
+
+
+def other(label: int) -> int:
+    """A class that the ground and a tree have neither."""
+    return Label.BENCH if label != Label.BENCH else Label.TABLE
+
+
+def test_the_points_are_found_in_the_message(cloud: Points) -> None:
+    """The guard of all tests here: the view on the bytes holds what a reader would find."""
+    assert set(np.unique(cloud["label"])) <= set(range(1, 14))
+    assert (cloud["label"] == cloud["intensity"]).all()
+    assert cloud["ring"].max() == 63
+
+
+@pytest.mark.parametrize("fields", [("label",), ("intensity",), ("label", "intensity")])
+@pytest.mark.parametrize("row", [0, -1])
+def test_one_label_of_one_point_is_found(
+    lean_run: Path, tmp_path: Path, cloud: Points, fields: tuple[str, ...], row: int
+) -> None:
+    """In the label alone, in the intensity alone, or in both, where the class is none of the object's."""
+    edit = setting(row, **{name: other(int(cloud["label"][row])) for name in fields})
+    texts = quick_failures(rewritten(lean_run, tmp_path, only(table.POINTS, 0, edit)))
+    where = f"100000000 ns, row {row % len(cloud)}"
+    assert ("labels" in texts) == (len(fields) == 1)
+    assert ("objects" in texts) == ("label" in fields)
+    assert all(where in text for text in texts.values())
+
+
+@pytest.mark.parametrize("label", [Label.VOID, Label.WATER, Label.SKY, 16, 300])
+def test_a_class_that_returns_no_pulse_or_is_none_is_found(lean_run: Path, tmp_path: Path, label: int) -> None:
+    edit = setting(7, label=label, intensity=label)
+    texts = quick_failures(rewritten(lean_run, tmp_path, only(table.POINTS, 3, edit)))
+    assert f"row 7: class {int(label)}" in texts["labels"]
+
+
+def test_what_no_beam_can_have_measured_is_found(lean_run: Path, tmp_path: Path) -> None:
+    def twice(data: bytearray) -> None:
+        for name in ("ring", "column"):
+            points_in(data)[name][500] = points_in(data)[name][499]
+
+    def shifted(data: bytearray) -> None:
+        points_in(data)["z"][500] += 1e-3
+
+    def too_far(data: bytearray) -> None:
+        points = points_in(data)
+        reach = np.sqrt(sum(float(points[axis][500]) ** 2 for axis in "xyz"))
+        for axis in "xyz":
+            points[axis][500] *= 121 / reach
+
+    wrong: list[tuple[str, Edit]] = [  # a law that a later one breaks as well stands before it
+        ("on the rays of", shifted),
+        ("none twice", twice),
+        ("ring and column are", setting(500, ring=64)),
+        ("t is the time", setting(500, t=1)),
+        ("ranges are", too_far),
+    ]
+    folder = rewritten(lean_run, tmp_path, each({(table.POINTS, k): edit for k, (_, edit) in enumerate(wrong)}))
+    texts = quick_failures(folder)["beams"].split("; ")
+    for k, (law, _) in enumerate(wrong):
+        told = next(text for text in texts if law in text)
+        assert f"first {table.POINTS} at {k + 1}00000000 ns, row 500" in told
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_point_that_is_nowhere_is_found(lean_run: Path, tmp_path: Path, value: float) -> None:
+    texts = quick_failures(rewritten(lean_run, tmp_path, only(table.POINTS, 0, setting(500, x=value))))
+    assert "points are finite: 1 of" in texts["labels"]
+
+
+def swapped(data: bytearray, one: int, another: int) -> None:
+    """Give a point of one class, if the cloud has any, another that its object can have as well."""
+    points = points_in(data)
+    row = np.flatnonzero(points["label"] == one)[0]
+    points["label"][row] = points["intensity"][row] = another
+
+
+def nearer(data: bytearray) -> None:
+    """Move a point by 2 mm along its ray."""
+    points = points_in(data)
+    row = len(points) // 2
+    reach = np.sqrt(sum(float(points[axis][row]) ** 2 for axis in "xyz"))
+    for axis in "xyz":
+        points[axis][row] *= 1.0 - 2e-3 / reach
+
+
+def another_tree(data: bytearray) -> None:
+    """Give a leaf to another tree."""
+    points = points_in(data)
+    row = np.flatnonzero(points["label"] == Label.TREETOP)[3]
+    points["instance"][row] = next(
+        thing for thing in points["instance"][points["label"] == Label.TREETOP] if thing != points["instance"][row]
+    )
+
+
+def vanish(data: bytearray) -> None:
+    """Take a point out of the middle of a cloud."""
+    points = points_in(data)
+    start, row = len(data) - 1 - points.nbytes, 1234
+    del points
+    del data[start + row * POINT.itemsize : start + (row + 1) * POINT.itemsize]
+    at = bytes(data).index(b"os1_lidar") + len(b"os1_lidar") + 4  # behind height: width
+    struct.pack_into("<L", data, at, struct.unpack_from("<L", data, at)[0] - 1)
+    for offset in (start - 4, start - 8):  # length of the data, row_step
+        struct.pack_into("<L", data, offset, struct.unpack_from("<L", data, offset)[0] - POINT.itemsize)
+
+
+def test_what_only_the_world_can_tell_is_found_by_the_retrace(
+    lean_run: Path, tmp_path: Path, with_world: Validate
+) -> None:
+    """One ray in each of the five clouds. Nothing else is wrong with any of them."""
+    edits: list[Edit] = [
+        lambda data: swapped(data, Label.TREETOP, Label.TRUNK),
+        lambda data: swapped(data, Label.GROUND, Label.TRAIL),
+        nearer,
+        another_tree,
+        vanish,
+    ]
+    folder = rewritten(lean_run, tmp_path, each({(table.POINTS, k): edit for k, edit in enumerate(edits)}))
+    assert quick_failures(folder) == {}
+    texts = failures(with_world(folder, samples=1))
+    assert list(texts) == ["retraced clouds"]
+    assert f"5 of {5 * 512 * 64:,} break this" in texts["retraced clouds"]
+    assert "class 2 of object" in texts["retraced clouds"]
+    assert "but there is treetop" in texts["retraced clouds"]
