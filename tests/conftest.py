@@ -2,14 +2,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """What many tests read and none may change, made once."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, Final
 
 import pytest
 
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.files import load_experiment, with_overrides
+from fieldtruth.record.run import open_run
+from fieldtruth.record.stored import RawMessage
+from fieldtruth.report.progress import Silent
+from fieldtruth.validate.check import Check
+from fieldtruth.validate.subject import Place
 from fieldtruth.world.model import World
+
+_LEAN_NS: Final = 520_000_000
 
 
 @pytest.fixture(scope="session")
@@ -40,3 +49,43 @@ def winding_track() -> Track:
 
     route = make_experiment([(5.0, 2.0), (9.0, -3.0), (5.0, -7.0), (0.0, -4.0)], start=(0.0, 0.0))
     return drive(make_world(hills), route)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# For the tests of validate
+
+
+@pytest.fixture(scope="session")
+def lean_run(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The beginning of the small run, 0.52 s: every topic, and quick to copy. It is a run of its own right."""
+
+    from validate_bags import rewritten
+
+    def change(raw: RawMessage, k: int) -> RawMessage | None:
+        return raw if raw.stamp_ns <= _LEAN_NS else None
+
+    shorter = with_overrides(load_experiment(small_run / "experiment.yaml"), seconds=_LEAN_NS / 1e9)
+    return rewritten(small_run, tmp_path_factory.mktemp("lean_run"), change, shorter)
+
+
+@pytest.fixture(scope="session")
+def place(small_run: Path) -> Place:
+    """World and scene of park_1."""
+    from fieldtruth.validate.rebuild import rebuilt
+
+    found, why = rebuilt(open_run(small_run), quick=False, progress=Silent())
+    assert found is not None, why
+    return found
+
+
+@pytest.fixture
+def with_world(place: Place, monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Check]]:
+    """``validate`` with the world at hand."""
+
+    from fieldtruth.validate import passing, validate
+
+    def rebuild(*args: Any, quick: bool, **kwargs: Any) -> tuple[Place | None, str]:
+        return (None, "quick") if quick else (place, "")
+
+    monkeypatch.setattr(passing, "rebuilt", rebuild)
+    return validate

@@ -318,11 +318,11 @@ def test_another_ontology_changes_classes_and_nothing_else(bag: Path, made: Path
 
 
 def test_several_runs_are_sequences_and_splits_take_them_whole(bag: Path, tmp_path: Path) -> None:
-    short = rewritten(bag, tmp_path / "short.bag", LIDAR_ONLY)
-    both = export([short, short], "semantickitti", out=tmp_path / "two")
+    short = [rewritten(bag, tmp_path / f"short_{k}.bag", LIDAR_ONLY) for k in range(4)]
+    both = export(short[:2], "semantickitti", out=tmp_path / "two")
     assert sorted(p.name for p in (both / "sequences").iterdir()) == ["00", "01"]
     assert read_description(both)["split"] == {"train": [0], "valid": [1], "test": []}
-    four = read_description(export([short] * 4, "semantickitti", out=tmp_path / "four"))
+    four = read_description(export(short, "semantickitti", out=tmp_path / "four"))
     assert four["split"] == {"train": [0, 1], "valid": [2], "test": [3]}
     assert four["content"] == read_description(both)["content"]
 

@@ -1,7 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""PNG encoders on the images of a bag, and the way from its JPEGs to PNG files. Run: python benchmarks/png.py BAG
+"""PNG encoders on the images of a bag, and the way from its JPEGs to PNG files.
 
+Run: python benchmarks/png_encoders.py BAG
 Encoders that are not installed are left out; all of them:
 pip install pillow imagecodecs opencv-python-headless fpng deflate zlib-ng isal
 """
