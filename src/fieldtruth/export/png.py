@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """PNG, the one lossless image format that everything reads, written fast.
 
-Of what ``benchmarks/png_encoders.py`` compares, ISA-L on rows that hold differences to the pixel on the left is best: a seventh
-of the time of Pillow and libpng at their fastest level for photographs that are 2 % larger, and tags that are smaller.
-Choosing among PNG's five filters row by row, as libpng does, would cost three times as much and save 0.4 %.
+Of what ``benchmarks/png_encoders.py`` compares, ISA-L on rows that hold differences to the pixel on the left is best: a
+seventh of the time of Pillow and libpng at their fastest level for photographs that are 2 % larger, and tags that are
+smaller. Choosing among PNG's five filters row by row, as libpng does, would cost three times as much and save 0.4 %.
 All that takes time here releases Python's lock.
 """
 
