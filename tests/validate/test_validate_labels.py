@@ -48,10 +48,11 @@ def test_the_points_are_found_in_the_message(cloud: Points) -> None:
     assert cloud["ring"].max() == 63
 
 
-@pytest.mark.parametrize("fields", [("label",), ("intensity",), ("label", "intensity")])
-@pytest.mark.parametrize("row", [0, -1])
+@pytest.mark.parametrize(
+    ("row", "fields"), [(0, ("label",)), (9999, ("intensity",)), (5555, ("label", "intensity")), (-1, ("label",))]
+)
 def test_one_label_of_one_point_is_found(
-    lean_run: Path, tmp_path: Path, cloud: Points, fields: tuple[str, ...], row: int
+    lean_run: Path, tmp_path: Path, cloud: Points, row: int, fields: tuple[str, ...]
 ) -> None:
     """In the label alone, in the intensity alone, or in both, where the class is none of the object's."""
     edit = setting(row, **{name: other(int(cloud["label"][row])) for name in fields})
@@ -62,11 +63,13 @@ def test_one_label_of_one_point_is_found(
     assert all(where in text for text in texts.values())
 
 
-@pytest.mark.parametrize("label", [Label.VOID, Label.WATER, Label.SKY, 16, 300])
-def test_a_class_that_returns_no_pulse_or_is_none_is_found(lean_run: Path, tmp_path: Path, label: int) -> None:
-    edit = setting(7, label=label, intensity=label)
-    texts = quick_failures(rewritten(lean_run, tmp_path, only(table.POINTS, 3, edit)))
-    assert f"row 7: class {int(label)}" in texts["labels"]
+def test_classes_that_return_no_pulse_or_are_none_are_found(lean_run: Path, tmp_path: Path) -> None:
+    """Void, water, sky, the first number beyond the table, and one that is none of a byte's."""
+    wrong = [setting(7, label=label, intensity=label) for label in (0, 14, 15, 16, 300)]
+    change = each({(table.POINTS, k): edit for k, edit in enumerate(wrong)})
+    text = quick_failures(rewritten(lean_run, tmp_path, change))["labels"]
+    assert text.startswith("classes are known and return a pulse: 5 of")
+    assert "row 7: class 0" in text
 
 
 def test_what_no_beam_can_have_measured_is_found(lean_run: Path, tmp_path: Path) -> None:
@@ -97,10 +100,13 @@ def test_what_no_beam_can_have_measured_is_found(lean_run: Path, tmp_path: Path)
         assert f"first {table.POINTS} at {k + 1}00000000 ns, row 500" in told
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_a_point_that_is_nowhere_is_found(lean_run: Path, tmp_path: Path, value: float) -> None:
-    texts = quick_failures(rewritten(lean_run, tmp_path, only(table.POINTS, 0, setting(500, x=value))))
-    assert "points are finite: 1 of" in texts["labels"]
+def test_points_that_are_nowhere_are_found(lean_run: Path, tmp_path: Path) -> None:
+    edits: dict[tuple[str, int], Edit] = {
+        (table.POINTS, 0): setting(5, x=np.nan),
+        (table.POINTS, 3): setting(6, y=np.inf),
+    }
+    texts = quick_failures(rewritten(lean_run, tmp_path, each(edits)))
+    assert "points are finite: 2 of" in texts["labels"]
 
 
 def swapped(data: bytearray, one: int, another: int) -> None:

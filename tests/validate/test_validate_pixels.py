@@ -6,7 +6,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 from validate_bags import Change, Edit, each, failures, first_message, only, pixels_in, quick_failures, rewritten
 
@@ -39,11 +38,13 @@ def found(run: Path, target: Path, change: Change) -> dict[str, str]:
     return quick_failures(rewritten(run, target, change))
 
 
-@pytest.mark.parametrize("colour", [(0, 0, 1), (255, 0, 128), (126, 127, 127), (254, 255, 255)])
-def test_a_colour_that_no_class_has_is_found(lean_run: Path, tmp_path: Path, colour: tuple[int, int, int]) -> None:
-    text = found(lean_run, tmp_path, only(TAG, 5, painted(183, 319, colour)))["tag colours"]
-    assert "240000000 ns, row 183, column 319: " + " ".join(map(str, colour)) in text
-    assert f"1 of {26 * 184 * 320:,}" in text
+def test_colours_that_no_class_has_are_found(lean_run: Path, tmp_path: Path) -> None:
+    """Each is one step, or one channel, from the colour of a class."""
+    colours = [(0, 0, 1), (255, 0, 128), (126, 127, 127), (254, 255, 255)]
+    change = each({(TAG, 5 + k): painted(183, 319, colour) for k, colour in enumerate(colours)})
+    text = found(lean_run, tmp_path, change)["tag colours"]
+    assert f"4 of {26 * 184 * 320:,}" in text
+    assert "240000000 ns, row 183, column 319: 0 0 1" in text
 
 
 def test_a_class_that_its_object_cannot_have_is_found(lean_run: Path, tmp_path: Path) -> None:
@@ -59,14 +60,19 @@ def test_sky_in_front_of_a_thing_is_found_by_object_and_by_depth(lean_run: Path,
     assert set(texts) == {"objects", "depth and ids"}
 
 
-@pytest.mark.parametrize("metres", [0.0, -1.0, np.inf, np.nan, 2001.0])
-def test_a_depth_that_cannot_be_is_found(lean_run: Path, tmp_path: Path, metres: float) -> None:
-    row, column = seen(lean_run, Label.GROUND)
+def test_depths_that_cannot_be_are_found(lean_run: Path, tmp_path: Path) -> None:
+    ground, sky = seen(lean_run, Label.GROUND), seen(lean_run, Label.SKY)
 
-    def edit(data: bytearray) -> None:
-        pixels_in(data, "<f4")[row, column] = metres
+    def deep(pixel: tuple[int, int], metres: float) -> Edit:
+        def edit(data: bytearray) -> None:
+            pixels_in(data, "<f4")[pixel] = metres
 
-    assert f"row {row}, column {column}" in found(lean_run, tmp_path, only(DEPTH, 0, edit))["depth and ids"]
+        return edit
+
+    wrong = [deep(ground, metres) for metres in (0.0, -1.0, np.inf, np.nan, 2001.0)] + [deep(sky, 100.0)]
+    text = found(lean_run, tmp_path, each({(DEPTH, k): edit for k, edit in enumerate(wrong)}))["depth and ids"]
+    assert f"6 of {26 * 184 * 320:,}" in text
+    assert f"40000000 ns, row {ground[0]}, column {ground[1]}: 0 m on a thing" in text
 
 
 def test_an_object_that_there_is_not_is_found(lean_run: Path, tmp_path: Path) -> None:

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from validate_bags import Change, Edit, add, first_message, only, quick_failures, rewritten
+from validate_bags import Change, Edit, add, each, first_message, only, quick_failures, rewritten
 
 from fieldtruth.record import topics as table
 from fieldtruth.record.model_states import ModelStatesReader
+from fieldtruth.record.stored import RawMessage
 
 MILLI = 1e-3
 HEADER = 4 + 8 + 4  # number, stamp, length of the frame's name
@@ -43,74 +44,83 @@ def found(lean_run: Path, target: Path, change: Change) -> dict[str, str]:
     return quick_failures(rewritten(lean_run, target, change))
 
 
-@pytest.mark.parametrize("number", [0, 300, 519])
-def test_a_millimetre_in_model_states_is_found(
-    lean_run: Path, tmp_path: Path, offsets: tuple[int, int], number: int
+def test_a_millimetre_and_a_milliradian_in_model_states_are_found(
+    lean_run: Path, tmp_path: Path, offsets: tuple[int, int]
 ) -> None:
-    """In the first message, any, and the last."""
-    texts = found(lean_run, tmp_path, only(table.MODEL_STATES, number, add(offsets[0] + 8, MILLI)))
-    stamp = max(number + 1, 2) * 1_000_000  # the first one shows when the second does not follow from it
-    assert f"{stamp} ns: 0.001 m" in texts["motion"]
+    """In the first message, in any, and in the last: one step breaks at either end, two in between."""
+    where = {"moves": (0, 300, 519), "turns": (0, 400, 519)}
+    edits: dict[tuple[str, int], Edit] = {}
+    for number in {*where["moves"], *where["turns"]}:
 
+        def edit(data: bytearray, number: int = number) -> None:
+            if number in where["moves"]:
+                add(offsets[0] + 8, MILLI)(data)
+            if number in where["turns"]:
+                turned(offsets[0] + 24, MILLI)(data)
 
-@pytest.mark.parametrize("number", [0, 519])
-def test_a_milliradian_in_model_states_is_found(
-    lean_run: Path, tmp_path: Path, offsets: tuple[int, int], number: int
-) -> None:
-    texts = found(lean_run, tmp_path, only(table.MODEL_STATES, number, turned(offsets[0] + 24, MILLI)))
-    assert "turns by its turn rate" in texts["motion"]
-    assert "0.001 rad" in texts["motion"]
+        edits[table.MODEL_STATES, number] = edit
+    first, second = found(lean_run, tmp_path, each(edits))["motion"].split("; ")
+    assert "moves by its velocity times the step: 4 of 519 break this" in first
+    assert "2000000 ns: 0.001 m" in first
+    assert "turns by its turn rate times the step: 4 of 519 break this" in second
+    assert "2000000 ns: 0.001 rad" in second
 
 
 def test_a_velocity_that_is_not_the_motions_is_found(lean_run: Path, tmp_path: Path, offsets: tuple[int, int]) -> None:
     texts = found(lean_run, tmp_path, only(table.MODEL_STATES, 333, add(offsets[1], MILLI)))
-    assert "moves by its velocity" in texts["motion"]
+    assert list(texts) == ["motion"]
+    assert "moves by its velocity times the step: 1 of 519" in texts["motion"]
 
 
 def test_an_object_that_moves_by_a_millimetre_is_found_and_named(
     lean_run: Path, tmp_path: Path, offsets: tuple[int, int]
 ) -> None:
-    texts = found(lean_run, tmp_path, only(table.MODEL_STATES, 444, add(offsets[0] + 56 * 3 + 16, MILLI)))
+    edits = {
+        (table.MODEL_STATES, 444): add(offsets[0] + 56 * 3 + 16, MILLI),
+        (table.MODEL_STATES, 519): add(offsets[1] + 48 * 4, MILLI),
+    }
+    texts = found(lean_run, tmp_path, each(edits))
     assert list(texts) == ["still objects"]
-    assert "the pose of 'lamp_post_2'" in texts["still objects"]
-    texts = found(lean_run, tmp_path / "twist", only(table.MODEL_STATES, 444, add(offsets[1] + 48 * 4, MILLI)))
-    assert "the twist of 'lamp_post_3'" in texts["still objects"]
+    assert "2 of 520 break this" in texts["still objects"]
+    assert "445000000 ns: the pose of 'lamp_post_2'" in texts["still objects"]
 
 
-@pytest.mark.parametrize("number", [0, 25])
-@pytest.mark.parametrize(
-    ("topic", "pose_at", "name"), [(table.ODOMETRY, ODOM_POSE, "odometry"), (table.TF, TF_POSE, "/tf")]
-)
-def test_a_pose_in_odometry_or_tf_is_found(
-    lean_run: Path, tmp_path: Path, topic: str, pose_at: int, name: str, number: int
-) -> None:
-    edit = add(pose_at + 16, MILLI) if number else turned(pose_at + 24, MILLI)
-    texts = found(lean_run, tmp_path, only(topic, number, edit))
+def test_poses_and_twists_in_odometry_and_tf_are_found(lean_run: Path, tmp_path: Path) -> None:
+    edits = {
+        (table.ODOMETRY, 0): add(ODOM_POSE + 16, MILLI),
+        (table.ODOMETRY, 25): turned(ODOM_POSE + 24, MILLI),
+        (table.ODOMETRY, 12): add(ODOM_POSE + 56 + 288 + 40, MILLI),
+        (table.TF, 0): turned(TF_POSE + 24, MILLI),
+        (table.TF, 25): add(TF_POSE, MILLI),
+    }
+    texts = found(lean_run, tmp_path, each(edits))
     assert list(texts) == ["pose streams"]
-    assert f"the pose of {name}" in texts["pose streams"]
-    assert f"{(number + 1) * 20_000_000} ns" in texts["pose streams"]
+    poses, transforms, twists = texts["pose streams"].split("; ")
+    assert "the pose of odometry is the true one, bit by bit: 2 of 26" in poses
+    assert f"{table.ODOMETRY} at 20000000 ns: 0.001" in poses
+    assert "the pose of /tf is the true one, bit by bit: 2 of 26" in transforms
+    assert "the twist of odometry is the true one in base_link: 1 of 26" in twists
+    assert "260000000 ns: 0.001" in twists
 
 
-def test_a_twist_in_odometry_is_found(lean_run: Path, tmp_path: Path) -> None:
-    texts = found(lean_run, tmp_path, only(table.ODOMETRY, 20, add(ODOM_POSE + 56 + 288 + 40, MILLI)))
-    assert "the twist of odometry" in texts["pose streams"]
-
-
-@pytest.mark.parametrize(
-    ("offset", "law"),
-    [(IMU_ATTITUDE, "attitude"), (IMU_ATTITUDE + 32 + 72, "gyroscope"), (IMU_ATTITUDE + 32 + 72 + 24 + 72, "g")],
-)
-def test_an_imu_reading_that_is_not_the_motions_is_found(lean_run: Path, tmp_path: Path, offset: int, law: str) -> None:
-    edit = turned(offset, MILLI) if law == "attitude" else add(offset, MILLI)
-    texts = found(lean_run, tmp_path, only(table.IMU, 17, edit))
+def test_imu_readings_that_are_not_the_motions_are_found(lean_run: Path, tmp_path: Path) -> None:
+    edits = {
+        (table.IMU, 0): turned(IMU_ATTITUDE, MILLI),
+        (table.IMU, 1): add(IMU_ATTITUDE + 32 + 72, MILLI),
+        (table.IMU, 25): add(IMU_ATTITUDE + 32 + 72 + 24 + 72, MILLI),
+        (table.IMU, 9): add(IMU_ATTITUDE + 32, MILLI),
+    }
+    texts = found(lean_run, tmp_path, each(edits))
     assert list(texts) == ["imu"]
-    assert law in texts["imu"]
-    assert "360000000 ns: 0.001" in texts["imu"]
+    laws = ["attitude", "gyroscope", "accelerometer", "covariances"]
+    for told, law, stamp in zip(texts["imu"].split("; "), laws, (20, 40, 520, 200), strict=True):
+        assert law in told
+        assert f"1 of 26 breaks this, first {table.IMU} at {stamp}000000 ns" in told
 
 
-@pytest.mark.parametrize(("offset", "amount"), [(-97, 1e-8), (-89, 1e-8), (-81, 1e-3)])
+@pytest.mark.parametrize(("offset", "amount"), [(-97, 1e-8), (-81, 1e-3)])
 def test_a_fix_that_is_a_millimetre_off_is_found(lean_run: Path, tmp_path: Path, offset: int, amount: float) -> None:
-    """1e-8 deg of latitude are 1.1 mm, of longitude 0.7 mm."""
+    """1e-8 deg of latitude are 1.1 mm."""
     texts = found(lean_run, tmp_path, only(table.NAVSAT, 0, add(offset, amount)))
     assert list(texts) == ["gnss"]
 
@@ -130,19 +140,21 @@ def test_a_mount_that_is_a_millimetre_off_is_found(lean_run: Path, tmp_path: Pat
     assert "'os1_lidar' in 'base_link': 0.001" in texts["calibration"]
 
 
-@pytest.mark.parametrize("edit", [add(-17 - 8 - 96 + 24, 1.0), add(-17 - 8 - 96 - 72 - 72, 1.0)])
-def test_a_camera_matrix_that_changes_is_found(lean_run: Path, tmp_path: Path, edit: Edit) -> None:
-    """The baseline in P, and fx in K, in one message and in all."""
-    topic = table.camera_info("right")
-    texts = found(lean_run, tmp_path, only(topic, 8, edit))
-    assert "CameraInfo never changes" in texts["calibration"]
-    (tmp_path / "all").mkdir()
-    data = bytearray(first_message(lean_run, topic).data)
-    edit(data)
-    texts = found(lean_run, tmp_path / "all", lambda raw, k: raw._replace(data=raw.data[:12] + bytes(data)[12:])
-                  if raw.topic == topic else raw)  # fmt: skip
-    assert "K and P are those of the fields of view" in texts["calibration"]
-    assert "never" not in texts["calibration"]
+def test_a_camera_matrix_that_changes_is_found(lean_run: Path, tmp_path: Path) -> None:
+    """Once, the baseline in P; and for all of a run, fx in K."""
+    left, right = map(table.camera_info, table.SIDES)
+    focal = bytearray(first_message(lean_run, left).data)
+    add(-17 - 8 - 96 - 72 - 72, 1.0)(focal)
+
+    def change(raw: RawMessage, k: int) -> RawMessage | None:
+        if raw.topic == left:
+            return raw._replace(data=raw.data[:12] + bytes(focal)[12:])
+        return only(right, 8, add(-17 - 8 - 96 + 24, 1.0))(raw, k)
+
+    text = found(lean_run, tmp_path, change)["calibration"]
+    assert "K and P are those of the fields of view: 1 of 4 breaks this, first camera left: 1 pixel" in text
+    assert "CameraInfo never changes: 1 of 24 breaks this" in text
+    assert f"{right} at 360000000 ns" in text
 
 
 def test_the_edits_are_what_they_say() -> None:

@@ -162,8 +162,9 @@ def _projected(
     points: NDArray[np.void], k: F8, optical_from_lidar: F8, shape: tuple[int, ...]
 ) -> tuple[F8, F8, F8, NDArray[np.intp]]:
     """Image point (u, v) [pixel], depth [m] and row of the points that fall into an image, 3 pixels inside."""
-    xyz = frames.transform(optical_from_lidar, np.stack([points[axis] for axis in "xyz"], axis=-1))
-    ahead = np.flatnonzero(xyz[:, 2] > _NEAR)
+    with np.errstate(invalid="ignore"):
+        xyz = frames.transform(optical_from_lidar, np.stack([points[axis] for axis in "xyz"], axis=-1))
+        ahead = np.flatnonzero(np.isfinite(xyz).all(axis=1) & (xyz[:, 2] > _NEAR))
     x, y, z = xyz[ahead].T
     u, v = k[0, 2] + k[0, 0] * x / z, k[1, 2] + k[1, 1] * y / z
     inside = (u > 3) & (u < shape[1] - 4) & (v > 3) & (v < shape[0] - 4)

@@ -5,13 +5,15 @@
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
+
+from rosbags.typesys.store import Typestore
 
 from fieldtruth.errors import ConfigurationError
 from fieldtruth.export.parallel import in_order
 from fieldtruth.record import topics as table
 from fieldtruth.record.run import EXPERIMENT, Run, bag_of, open_run
-from fieldtruth.record.stored import BagError, Decoder, RawMessage, StoredBag, decoder, open_stored
+from fieldtruth.record.stored import BagError, RawMessage, open_stored
 from fieldtruth.report.progress import Progress, Silent
 from fieldtruth.validate import bagfile
 from fieldtruth.validate.agreement import Agreement
@@ -103,10 +105,10 @@ def _opened(bag: Path) -> tuple[Run, Check]:
 class _Pass:
     """One reading of the bag."""
 
-    def __init__(self, subject: Subject, examiners: list[Examiner], decode: Decoder) -> None:
+    def __init__(self, subject: Subject, examiners: list[Examiner], store: Typestore) -> None:
         self._subject = subject
         self._examiners = examiners
-        self._decode = decode
+        self._store = store
         self._by_topic: dict[str, list[Examiner]] = {}
         for examiner in examiners:
             for topic in examiner.topics:
@@ -131,13 +133,19 @@ class _Pass:
 
     def _show(self, raw: RawMessage) -> None:
         try:
-            message = None if raw.topic in _UNPACKED_BY_HAND else self._decode(raw)
+            message = None if raw.topic in _UNPACKED_BY_HAND else self._decoded(raw)
             for examiner in self._by_topic.get(raw.topic, ()):
                 examiner.feed(raw, message)
         except BagError as error:
             self.whole.see(False, f"{place_of(raw)}: {error}")
         else:
             self.whole.see(True, "")
+
+    def _decoded(self, raw: RawMessage) -> Any:
+        try:
+            return self._store.deserialize_ros1(raw.data, raw.msgtype)
+        except Exception as error:  # the generated code raises whatever the bytes lead it to
+            raise BagError(str(error) or type(error).__name__) from error
 
 
 def _pass(subject: Subject, workers: int, advance: Callable[[float], None], *, full: bool, samples: int) -> list[Check]:
@@ -149,11 +157,14 @@ def _pass(subject: Subject, workers: int, advance: Callable[[float], None], *, f
     again, last = _measuring_again(subject, full=full, samples=samples)
     file = BagFile(subject.run.bag)
     with open_stored(subject.run.bag) as stored:
-        reading = _Pass(subject, [*plain, *again], decoder(stored))
+        store = stored.types()
+        reading = _Pass(subject, [*plain, *again], store)
         jobs = reading.jobs(file.messages(workers), advance)
         for fold, result in in_order(jobs, lambda job: (job.fold, job.work()), workers):
             fold(result)
-        topics = topics_check(subject, _digests(stored))
+        # The MD5 sum of each topic's type, as the bag states it, and as it follows from the definition there.
+        digests = {c.topic: (c.digest, store.generate_msgdef(c.msgtype)[1]) for c in stored.connections}
+        topics = topics_check(subject, digests)
     figures = f"{reading.whole.seen:,} messages hold what their types say"
     checks = [file.result(), check_of("messages", [reading.whole], figures, "there is none"), topics]
     checks += [check for examiner in plain for check in examiner.results()]
@@ -176,9 +187,3 @@ def _measuring_again(subject: Subject, *, full: bool, samples: int) -> tuple[lis
     rescan = Rescan(subject, subject.place, witness, clouds)
     reshoot = Reshoot(subject, subject.place, witness, moments, full=full)
     return [agreement, rescan, reshoot], lambda: [witness.result()]
-
-
-def _digests(stored: StoredBag) -> dict[str, tuple[str, str]]:
-    """MD5 sum of each topic's type, as stated and as it follows from the definition, by topic."""
-    store = stored.types()
-    return {c.topic: (c.digest, store.generate_msgdef(c.msgtype)[1]) for c in stored.connections}
