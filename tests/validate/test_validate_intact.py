@@ -105,3 +105,8 @@ def test_the_command_prints_the_lines_and_its_exit_code_tells(
     bad.write_bytes((lean_run / "park_1.bag").read_bytes()[:-100])
     assert main(["validate", str(bad), "--quick", "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["passed"] is False
+
+
+def test_the_documents_name_every_check() -> None:
+    text = (Path(__file__).parents[2] / "docs/validate.md").read_text(encoding="utf-8")
+    assert [line.split("`")[1] for line in text.splitlines() if line.startswith("| `")] == NAMES
