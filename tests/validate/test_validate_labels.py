@@ -164,3 +164,21 @@ def test_what_only_the_world_can_tell_is_found_by_the_retrace(
     assert f"5 of {5 * 512 * 64:,} break this" in texts["retraced clouds"]
     assert "class 2 of object" in texts["retraced clouds"]
     assert "but there is treetop" in texts["retraced clouds"]
+
+
+def test_a_single_digit_is_found_where_all_other_clouds_are_equal(
+    small_run: Path, tmp_path: Path, with_world: Validate
+) -> None:
+    """Half a micrometre along the ray: far below what another processor may do, but eleven clouds are equal."""
+
+    def next_number(data: bytearray) -> None:
+        points = points_in(data)
+        for axis in "xyz":
+            points[axis][77] = np.nextafter(points[axis][77], np.float32(0))
+
+    texts = failures(with_world(rewritten(small_run, tmp_path, only(table.POINTS, 6, next_number)), samples=1))
+    assert list(texts) == ["retraced clouds"]
+    assert (
+        f"equal to the last digit: 1 of 12 breaks this, first {table.POINTS} at 700000000 ns"
+        in texts["retraced clouds"]
+    )

@@ -18,7 +18,7 @@ from fieldtruth.validate.claims import Claim
 from fieldtruth.validate.law import check_of
 from fieldtruth.validate.sampler import Sampler
 from fieldtruth.validate.subject import Examiner, Place, Subject, place_of
-from fieldtruth.validate.witness import Outcome, Witness, close, fold_into, pardoned
+from fieldtruth.validate.witness import Outcome, Tally, Witness, close
 
 F8 = NDArray[np.float64]
 
@@ -33,8 +33,7 @@ class Rescan(Examiner):
         self._place = place
         self._witness = witness
         self._sampler = sampler
-        self._law = subject.law("the LiDAR, in the world built again, returns the cloud")
-        self._clouds = self._differ = 0
+        self._tally = Tally(subject, "the LiDAR, in the world built again, returns the cloud", "clouds")
         self._lidars = threading.local()
         config = subject.rig.lidar
         self._directions = ray_directions(config).reshape(-1, 3)
@@ -47,20 +46,22 @@ class Rescan(Examiner):
 
     def results(self) -> list[Check]:
         """Retraced clouds."""
-        figures = f"{self._law.seen:,} rays of {self._clouds:,} clouds come back the same{pardoned(self._differ)}"
-        return [check_of("retraced clouds", [self._law], figures, f"no {table.POINTS}, or no true motion")]
+        tally = self._tally
+        figures = f"{tally.law.seen:,} rays of {tally.count:,} clouds come back the same{tally.pardoned}"
+        laws = [tally.law, tally.equal]
+        return [check_of("retraced clouds", laws, figures, f"no {table.POINTS}, or no true motion")]
 
     def _ask(self, raw: RawMessage, message: Any) -> None:
         state, base_from_lidar = self._subject.motion.state, self._subject.rig.lidar.mount.base_from_sensor
         poses = np.stack([state(raw.stamp_ns + t).world_from_base @ base_from_lidar for t in self._sweep_ns])
         seed = raw.stamp_ns if self._sampler.takes(raw.stamp_ns) else None
-        self._subject.submit(lambda: self._scan(raw, message, poses, seed), self._fold)
+        self._subject.submit(
+            lambda: self._scan(raw, message, poses, seed), lambda found: self._fold(found, place_of(raw))
+        )
 
-    def _fold(self, outcome: Outcome | None) -> None:
+    def _fold(self, outcome: Outcome | None, place: str) -> None:
         if outcome is not None:
-            self._clouds += 1
-            self._differ += outcome.differ
-            fold_into(self._law, outcome)
+            self._tally.add(outcome, place)
             self._witness.fold(outcome)
 
     def _scan(self, raw: RawMessage, message: Any, poses: F8, seed: int | None) -> Outcome | None:
@@ -77,6 +78,7 @@ class Rescan(Examiner):
         number = scan.column.astype(np.int64) * config.rings + scan.ring
         seen = _dense(number, rays, scan.xyz, scan.label, scan.instance)
         same = (told.label == seen.label) & (told.instance == seen.instance)
+        equal = bool(same.all()) and np.array_equal(told.xyz, seen.xyz)
         same &= close(told.xyz, seen.xyz).all(axis=1)
 
         def claim(k: int) -> Claim:
@@ -94,7 +96,7 @@ class Rescan(Examiner):
                 pulse=True,
             )
 
-        return self._witness.judge(np.flatnonzero(~same), rays, claim, seed)
+        return self._witness.judge(np.flatnonzero(~same), rays, claim, seed, equal=equal)
 
     def _lidar(self) -> Lidar:
         """Return this thread's LiDAR."""

@@ -22,7 +22,7 @@ from fieldtruth.validate.claims import NOTHING, UNKNOWN, Claim
 from fieldtruth.validate.law import Law, check_of
 from fieldtruth.validate.sampler import Sampler
 from fieldtruth.validate.subject import Examiner, Place, Subject
-from fieldtruth.validate.witness import Outcome, Witness, close, fold_into, pardoned
+from fieldtruth.validate.witness import Outcome, Tally, Witness, close
 
 F8 = NDArray[np.float64]
 
@@ -53,11 +53,11 @@ class Reshoot(Examiner):
         parts = ("tag", "depth", "instances", *["photograph"] * full)
         self._bundler = Bundler(parts, subject.run.counts, self._ask)
         self.topics = self._bundler.topics
-        self._law = subject.law("the camera, in the world built again, sees the tags, depths and object ids")
+        rule = "the camera, in the world built again, sees the tags, depths and object ids"
+        self._tally = Tally(subject, rule, "images")
         self._photo = subject.law("photographs taken again look the same", PHOTO_BOUND, "of 255 in a block of pixels")
         # Where most are equal to the last digit, the processor is the same, and every other one was changed.
         self._equal = Law("photographs taken again are equal to the last digit", 0.0, "of 255", binding=False)
-        self._images = self._differ = 0
         self._cameras = threading.local()
 
     def feed(self, raw: RawMessage, message: Any) -> None:
@@ -70,12 +70,15 @@ class Reshoot(Examiner):
 
     def results(self) -> list[Check]:
         """Retraced images, photographs."""
-        part = "all" if self._full else "a sample"
+        tally, part = self._tally, "all" if self._full else "a sample"
         nothing = "no tag images, or no true motion"
         return [
-            check_of("retraced images", [self._law],
-                     f"{self._law.seen:,} pixels of {self._images:,} images ({part}) are seen again"
-                     f"{pardoned(self._differ)}", nothing),
+            check_of(
+                "retraced images",
+                [tally.law, tally.equal],
+                f"{tally.law.seen:,} pixels of {tally.count:,} images ({part}) are seen again{tally.pardoned}",
+                nothing,
+            ),
             check_of("photographs", [self._photo, self._equal],
                      f"{self._photo.seen:,} photographs look the same when taken again: {self._photo.margin}",
                      nothing if self._full else "photographs are taken again for a full validation only"),
@@ -99,9 +102,7 @@ class Reshoot(Examiner):
         if found is None:
             return
         outcome, photo, place = found
-        self._images += 1
-        self._differ += outcome.differ
-        fold_into(self._law, outcome)
+        self._tally.add(outcome, place)
         self._witness.fold(outcome)
         if photo is not None:
             self._photo.measure(photo, place)
@@ -135,8 +136,8 @@ class Reshoot(Examiner):
                 pulse=False,
             )
 
-        differ = np.flatnonzero(~_same(told, seen))
-        outcome = self._witness.judge(differ, told.label.size, claim, seed)
+        same, equal = _same(told, seen)
+        outcome = self._witness.judge(np.flatnonzero(~same), told.label.size, claim, seed, equal=equal)
         return outcome, photo, moment.place("photograph")
 
     def _camera(self) -> Camera:
@@ -163,15 +164,18 @@ def _parts(moment: Moment, shape: tuple[int, int]) -> Parts | None:
     return found if all(part is None or part.shape[:2] == shape for part in found) else None
 
 
-def _same(told: Parts, seen: LabelImage) -> NDArray[np.bool_]:
-    """Which pixels are the same."""
+def _same(told: Parts, seen: LabelImage) -> tuple[NDArray[np.bool_], bool]:
+    """Which pixels are the same, and whether all of them are to the last digit."""
     same = told.label == seen.label
     if told.instance is not None:
         same &= told.instance == seen.instance
+    equal = bool(same.all())
     if told.depth is not None:
+        depth = np.where(seen.depth > 0, seen.depth, np.inf).astype(np.float64)
+        equal = equal and np.array_equal(told.depth, depth)
         with np.errstate(invalid="ignore"):
-            same &= np.where(seen.depth > 0, close(told.depth, seen.depth.astype(np.float64)), told.depth == np.inf)
-    return np.asarray(same)
+            same &= np.where(seen.depth > 0, close(told.depth, depth), told.depth == np.inf)
+    return np.asarray(same), equal
 
 
 def _difference(told: NDArray[np.uint8], mine: NDArray[np.uint8], quality: int) -> float:
