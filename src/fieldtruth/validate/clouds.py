@@ -108,12 +108,15 @@ class Clouds(Examiner):
 
 
 def _examine(message: Any, config: LidarConfig, laws: Laws, place: str) -> Seen:
-    nothing = Seen(laws, 0, np.zeros((0, N_CLASSES), np.int64), {})
+    """Examine a cloud; whatever its fields lead to that is no cloud is told as such."""
     try:
-        cloud = points(message)
-    except (ValueError, KeyError, TypeError) as error:
+        return _examine_cloud(message, points(message), config, laws, place)
+    except (ValueError, KeyError, TypeError, IndexError) as error:
         laws.layout.see(False, f"{place}: {error}")
-        return nothing
+        return Seen(laws, 0, np.zeros((0, N_CLASSES), np.int64), {})
+
+
+def _examine_cloud(message: Any, cloud: NDArray[np.void], config: LidarConfig, laws: Laws, place: str) -> Seen:
     names = cloud.dtype.names or ()
     laws.layout.see(cloud.dtype == POINT and message.is_dense and not message.is_bigendian,
                     f"{place}: fields {', '.join(names)}")  # fmt: skip
@@ -133,7 +136,7 @@ def _examine(message: Any, config: LidarConfig, laws: Laws, place: str) -> Seen:
         if {"ring", "column"} <= set(names):
             _examine_rays(cloud, xyz, config, laws, row)
     if cloud.dtype != POINT:
-        return nothing._replace(points=len(cloud))
+        return Seen(laws, len(cloud), np.zeros((0, N_CLASSES), np.int64), {})
     pairs, first = _pairs(cloud["instance"], cloud["label"], row)
     return Seen(laws, len(cloud), pairs, first)
 

@@ -19,6 +19,11 @@ KEPT: Final = 4096
 """Rows that are kept at least: four seconds at 1 kHz, more than any sensor's period but the slowest receiver's."""
 
 
+def is_attitude(quaternion: F8) -> bool:
+    """Whether four numbers can be made a unit quaternion."""
+    return bool(0.5 < np.linalg.norm(quaternion) < 2.0)
+
+
 class MotionWindow:
     """True motion as it passes by; rows are added in time order.
 
@@ -37,9 +42,10 @@ class MotionWindow:
     def add(self, stamp_ns: int, row: F8) -> None:
         """Add a row: position (3) [m], quaternion wxyz (4), linear (3) [m/s] and angular velocity (3) [rad/s].
 
-        All of base_link in the world frame. A row that is not later than the one before is left out.
+        All of base_link in the world frame. A row that is not later than the one before, or without an attitude, is
+        left out; what is wrong with it is told by the laws of its own stream.
         """
-        if self._count and stamp_ns <= self._stamps[self._count - 1]:
+        if (self._count and stamp_ns <= self._stamps[self._count - 1]) or not is_attitude(row[3:7]):
             return
         if self._count == len(self._stamps):
             self._stamps[:KEPT], self._rows[:KEPT] = self._stamps[KEPT:].copy(), self._rows[KEPT:].copy()

@@ -151,6 +151,9 @@ def _decoded(moment: Moment, part: str, size: tuple[int, int] | None, laws: Laws
         laws.whole.see(True, "")
     encoding = getattr(message, "encoding", None)
     shape = (picture.shape[1], picture.shape[0])
+    if picture.size == 0:
+        laws.form.see(False, f"{place} has no pixels")
+        return None
     right = encoding == _ENCODINGS.get(part) and not getattr(message, "is_bigendian", 0) and size in (None, shape)
     laws.form.see(bool(right), f"{place}: {shape[0]} x {shape[1]} {encoding or 'photograph'}, CameraInfo says {size}")
     return picture

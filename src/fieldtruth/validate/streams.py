@@ -16,6 +16,7 @@ from fieldtruth.record import topics as table
 from fieldtruth.record.stored import RawMessage
 from fieldtruth.validate.check import Check
 from fieldtruth.validate.law import check_of
+from fieldtruth.validate.motion import is_attitude
 from fieldtruth.validate.subject import Examiner, Subject, place_of
 
 F8 = NDArray[np.float64]
@@ -47,7 +48,7 @@ class PoseStreams(Examiner):
             if self._has_states:
                 self._subject.motion.when_known(raw.stamp_ns, lambda: self._judge(raw, pose))
                 self._subject.motion.when_known(raw.stamp_ns, lambda: self._judge_twist(raw, spoken))
-            else:
+            elif is_attitude(pose[3:]):
                 rotation = frames.rotation_from_quaternion_wxyz(pose[3:])
                 world = np.concatenate([rotation @ spoken[:3], rotation @ spoken[3:]])
                 self._subject.motion.add(raw.stamp_ns, np.concatenate([pose, world]))
