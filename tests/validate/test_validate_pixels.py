@@ -76,10 +76,18 @@ def test_depths_that_cannot_be_are_found(lean_run: Path, tmp_path: Path) -> None
 
 
 def test_an_object_that_there_is_not_is_found(lean_run: Path, tmp_path: Path) -> None:
-    def edit(data: bytearray) -> None:
+    """One number beyond the last; and none, where a thing is."""
+    leaf = seen(lean_run, Label.TREETOP)
+
+    def beyond(data: bytearray) -> None:
         pixels_in(data, "<u2")[100, 100] = 141
 
-    assert "object 141 of 141" in found(lean_run, tmp_path, only(IDS, 3, edit))["depth and ids"]
+    def none(data: bytearray) -> None:
+        pixels_in(data, "<u2")[leaf] = 0
+
+    texts = found(lean_run, tmp_path, each({(IDS, 3): beyond, (IDS, 0): none}))
+    assert "object 141 of 141" in texts["depth and ids"]
+    assert f"row {leaf[0]}, column {leaf[1]}: object 0 is of class 'treetop'" in texts["objects"]
 
 
 def test_what_only_the_world_can_tell_is_found_by_a_full_retrace(

@@ -66,6 +66,20 @@ def test_a_millimetre_and_a_milliradian_in_model_states_are_found(
     assert "2000000 ns: 0.001 rad" in second
 
 
+def test_an_attitude_that_is_no_unit_quaternion_is_found(
+    lean_run: Path, tmp_path: Path, offsets: tuple[int, int]
+) -> None:
+    """Longer by 1e-6, in the first message and in the last: the turn that it stands for is the same."""
+
+    def longer(data: bytearray) -> None:
+        q = struct.unpack_from("<4d", data, offsets[0] % len(data) + 24)
+        struct.pack_into("<4d", data, offsets[0] % len(data) + 24, *(np.array(q) * (1 + 1e-6)))
+
+    edits: dict[tuple[str, int], Edit] = {(table.MODEL_STATES, 0): longer, (table.MODEL_STATES, 519): longer}
+    text = found(lean_run, tmp_path, each(edits))["motion"]
+    assert text.startswith("attitudes are unit quaternions: 2 of 520 break this")
+
+
 def test_a_velocity_that_is_not_the_motions_is_found(lean_run: Path, tmp_path: Path, offsets: tuple[int, int]) -> None:
     texts = found(lean_run, tmp_path, only(table.MODEL_STATES, 333, add(offsets[1], MILLI)))
     assert list(texts) == ["motion"]
