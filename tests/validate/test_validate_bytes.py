@@ -6,6 +6,7 @@ import re
 import shutil
 from pathlib import Path
 
+import lz4.frame
 import numpy as np
 import pytest
 from validate_bags import bag_in, failures, quick_failures
@@ -16,6 +17,7 @@ from fieldtruth.report.progress import Silent
 from fieldtruth.validate import validate
 from fieldtruth.validate.bagfile import BagFile
 from fieldtruth.validate.files import checksums_check
+from fieldtruth.validate.records import Record, StructureError, unpack
 
 PARTS = ("magic", "header", "padding", "chunks", "packed", "index records", "index")
 
@@ -65,6 +67,16 @@ def test_the_structure_of_an_intact_bag_is_sound(lean_run: Path) -> None:
     assert bag.result().passed is True
     assert len(stamps) == sum(bag.counts.values()) > 1000
     assert stamps == sorted(stamps)
+
+
+def test_a_chunk_that_goes_on_behind_what_is_packed_in_it_is_a_fault() -> None:
+    """LZ4 unpacks it without a word."""
+    packed = lz4.frame.compress(b"twelve bytes", content_checksum=True)
+    fields = {"op": b"\5", "compression": b"lz4", "size": (12).to_bytes(4, "little")}
+    assert unpack(Record(0, fields, packed)) == b"twelve bytes"
+    for data, size in [(packed + b"x", 12), (packed[:-1], 12), (packed, 13)]:
+        with pytest.raises(StructureError, match="chunk at byte 0"):
+            unpack(Record(0, {**fields, "size": size.to_bytes(4, "little")}, data))
 
 
 @pytest.mark.parametrize("name", ["park_1.bag", "experiment.yaml", "DATASET.md"])

@@ -25,9 +25,12 @@ POSE = frames.pose((10.0, 0.0, 20.0), (0.0, 0.0, 90.0))
 CONFIG = LidarConfig(columns=32, rings=24, min_range=0.5, max_range=60.0)
 
 
-def plain(place: Place, *, trail_edge_at: float = 1e3) -> World:
-    """A box of bark, turned by 90 deg about z, above a plane at height 0; the trail begins at an x [m]."""
-    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * HALF
+def plain(place: Place, *, trail_edge_at: float = 1e3, shrunk: float = 1.0) -> World:
+    """A box of bark, turned by 90 deg about z, above a plane at height 0; the trail begins at an x [m].
+
+    The mesh is larger than the box by ``shrunk``, the pose makes it smaller again.
+    """
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * HALF * shrunk
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     faces = np.array([[q[0], q[i], q[i + 1]] for q in quads for i in (1, 2)], np.int32)
     world = place.world
@@ -48,7 +51,9 @@ def plain(place: Place, *, trail_edge_at: float = 1e3) -> World:
         field=field,
         trail_distance=Raster(values=-slope, spacing=200.0, x0=-100.0, y0=-100.0),
     )
-    thing = Instance(name="box_1", kind="box", mesh="box", object_id=2, world_from_object=POSE)
+    thing = Instance(
+        name="box_1", kind="box", mesh="box", object_id=2, world_from_object=POSE @ np.diag([1 / shrunk] * 3 + [1])
+    )
     return dataclasses.replace(
         world, terrain=terrain, meshes={"box": box}, instances=(thing,), swarms=(), backdrop=None,
         object_names=("husky", "ground", "box_1"),
@@ -108,16 +113,27 @@ def test_a_true_claim_passes_and_each_untruth_is_refuted(place: Place) -> None:
     assert refuted(world, tracer, []) == []
 
 
-def test_what_grazes_a_border_may_be_either(place: Place) -> None:
-    """A ray along the box's edge, within a tenth of a micrometre: single precision may fall on either side."""
-    world = plain(place)
-    beside = 1.0 - 1e-7
+@pytest.mark.parametrize(("shrunk", "inside"), [(1.0, 1e-7), (1.0, 2.5e-5), (10.0, 2.5e-5), (0.1, 2.5e-5)])
+def test_what_grazes_a_border_may_be_either(place: Place, shrunk: float, inside: float) -> None:
+    """A ray a hair [m] inside the box's edge: single precision may fall on either side, whatever the mesh's scale."""
+    world = plain(place, shrunk=shrunk)
+    beside = 1.0 - inside
     claims = [
         claim((0, beside, 20.4), (1, 0, 0), 8.0, Label.TRUNK, 2),
         claim((0, beside, 20.4), (1, 0, 0), NOTHING, Label.SKY, 0),
         claim((0, beside, 20.4), (1, 0, 0), 8.0, Label.ROCK, 2),
     ]
     assert [answer is None for answer in refuted(world, ExactTracer(world), claims)] == [True, True, False]
+
+
+@pytest.mark.parametrize("shrunk", [1.0, 10.0, 0.1])
+def test_a_tenth_of_a_millimetre_from_a_border_there_is_no_doubt(place: Place, shrunk: float) -> None:
+    world = plain(place, shrunk=shrunk)
+    claims = [
+        claim((0, 0.9999, 20.4), (1, 0, 0), NOTHING, Label.SKY, 0),
+        claim((0, 1.0001, 20.4), (1, 0, 0), 8.0, Label.TRUNK, 2),
+    ]
+    assert None not in refuted(world, ExactTracer(world), claims)
 
 
 def test_a_trail_begins_where_its_distance_changes_sign(place: Place) -> None:

@@ -108,6 +108,8 @@ def test_a_simulator_s_bag_is_not_judged_by_laws_that_are_not_its_own(tmp_path: 
     assert checks["motion"].text == "0.15 m without a jump"
     assert "25 of 25 are otherwise" in checks["imu"].text
     assert "3 topics follow another clock" in checks["stamps"].text
+    assert "left out" not in checks["stamps"].text
+    assert checks["counts"].text == "no topic keeps its rate"
 
 
 def test_a_jump_is_found_in_any_bag(tmp_path: Path) -> None:

@@ -93,8 +93,10 @@ def test_an_object_that_there_is_not_is_found(lean_run: Path, tmp_path: Path) ->
 def test_what_only_the_world_can_tell_is_found_by_a_full_retrace(
     lean_run: Path, tmp_path: Path, with_world: Validate
 ) -> None:
-    """A leaf that is called wood, ground that is called trail, depth that is 1 cm too long; and a photograph of another
-    moment. Each is right by every law but that of the place."""
+    """A leaf that is called wood, ground that is called trail, depth that is 1 cm too long, a leaf of another tree.
+
+    And a photograph of another moment. Each is right by every law but that of the place.
+    """
     leaf, ground = seen(lean_run, Label.TREETOP), seen(lean_run, Label.GROUND)
     photo = first_message(lean_run, table.photograph("right")).data
 
@@ -102,7 +104,12 @@ def test_what_only_the_world_can_tell_is_found_by_a_full_retrace(
         depths: NDArray[np.float32] = pixels_in(data, "<f4")
         depths[ground] += np.float32(0.01)
 
+    def of_another_tree(data: bytearray) -> None:
+        ids = pixels_in(data, "<u2")
+        ids[leaf] = 60 if ids[leaf] != 60 else 61
+
     edits: dict[tuple[str, int], Edit] = {
+        (IDS, 3): of_another_tree,
         (TAG, 0): painted(*leaf, (255, 0, 255)),
         (TAG, 1): painted(*ground, (76, 57, 48)),
         (DEPTH, 2): deeper,
@@ -117,7 +124,7 @@ def test_what_only_the_world_can_tell_is_found_by_a_full_retrace(
     assert quick_failures(folder) == {}
     texts = failures(with_world(folder, full=True, samples=1))
     assert set(texts) == {"retraced images", "photographs"}
-    assert f"3 of {26 * 184 * 320:,} break this" in texts["retraced images"]
+    assert f"4 of {26 * 184 * 320:,} break this" in texts["retraced images"]
     assert f"row {leaf[0]}, column {leaf[1]}: class 2 of object" in texts["retraced images"]
     assert "right/real/compressed at 400000000 ns" in texts["photographs"]
     assert "1 of 26" in texts["photographs"]
