@@ -21,11 +21,11 @@ import numpy as np
 from isal import isal_zlib
 from numpy.typing import NDArray
 
-from fieldtruth.export.parallel import in_order
-from fieldtruth.export.png import _differences, encode_png
-from fieldtruth.record import topics
-from fieldtruth.record.read import depth, image, read_bag, stamp_ns
-from fieldtruth.record.stored import RawMessage, decoder, open_stored
+from fieldtruth.bag import topics
+from fieldtruth.bag.reader import RawMessage, decoder, open_stored
+from fieldtruth.bag.readings import depth, image, read_bag, stamp_ns
+from fieldtruth.core.parallel import in_order
+from fieldtruth.exporters.png import _differences, encode_png
 
 Encoder = Callable[[Any], Any]
 SAMPLE, EVERY, WORKERS = 10, 10, 2

@@ -15,8 +15,8 @@ from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__PoseWithCovar
 from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__TwistWithCovariance as TwistWithCovariance
 from rosbags.typesys.stores.ros1_noetic import nav_msgs__msg__Odometry as Odometry
 
-from fieldtruth import frames
-from fieldtruth.record import ros
+from fieldtruth.bag import types as ros
+from fieldtruth.core import frames
 
 ODOMETRY, STATES, STATIC = "/ground_truth/odom", "/gazebo/model_states", "/tf_static"
 F8 = NDArray[np.float64]

@@ -8,14 +8,14 @@ from typing import Any, Final
 
 import pytest
 
+from fieldtruth.bag.reader import RawMessage
+from fieldtruth.bag.run import open_run
+from fieldtruth.core.progress import Silent
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
-from fieldtruth.record.run import open_run
-from fieldtruth.record.stored import RawMessage
-from fieldtruth.report.progress import Silent
-from fieldtruth.validate.check import Check
-from fieldtruth.validate.subject import Place
+from fieldtruth.validation.check import Check
+from fieldtruth.validation.subject import Place
 from fieldtruth.world.model import World
 
 _LEAN_NS: Final = 520_000_000
@@ -71,7 +71,7 @@ def lean_run(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def place(small_run: Path) -> Place:
     """World and scene of park_1."""
-    from fieldtruth.validate.rebuild import rebuilt
+    from fieldtruth.validation.rebuild import rebuilt
 
     found, why = rebuilt(open_run(small_run), quick=False, progress=Silent())
     assert found is not None, why
@@ -82,7 +82,7 @@ def place(small_run: Path) -> Place:
 def with_world(place: Place, monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Check]]:
     """``validate`` with the world at hand."""
 
-    from fieldtruth.validate import passing, validate
+    from fieldtruth.validation import passing, validate
 
     def rebuild(*args: Any, quick: bool, **kwargs: Any) -> tuple[Place | None, str]:
         return (None, "quick") if quick else (place, "")

@@ -29,13 +29,14 @@ from rosbags.rosbag1 import Writer
 
 from fieldtruth import annotate as package
 from fieldtruth import cli
-from fieldtruth.annotate import annotate
+from fieldtruth.annotation import annotate
+from fieldtruth.bag import readings as read
+from fieldtruth.bag.readings import image, read_bag, static_transforms
+from fieldtruth.bag.run import open_run
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import CameraConfig, Rig
-from fieldtruth.record import read
-from fieldtruth.record.read import image, read_bag, static_transforms
-from fieldtruth.record.run import open_run
-from fieldtruth.sense import Camera, Scene
+from fieldtruth.render import Camera
+from fieldtruth.sense import Scene
 from fieldtruth.world import load_world
 
 END = 320_000_000  # [ns]; 8 images of either camera, 3 clouds
@@ -218,7 +219,7 @@ def test_the_frames_of_what_is_added_are_added(original: list[Message], rig: Rig
 
 
 def static_transforms_in(message: Message) -> list[tuple[str, str]]:
-    from fieldtruth.record.ros import STORE
+    from fieldtruth.bag.types import STORE
 
     content: Any = STORE.deserialize_ros1(message.data, "tf2_msgs/msg/TFMessage")
     return [(each.header.frame_id, each.child_frame_id) for each in content.transforms]

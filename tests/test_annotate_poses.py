@@ -11,13 +11,13 @@ from annotate_bags import F8, Kind, Message, drive, odometry, rough, standard, s
 
 from fieldtruth import annotate as package
 from fieldtruth import cli, frames
-from fieldtruth.annotate import annotate
-from fieldtruth.annotate.check import check_frames
-from fieldtruth.annotate.poses import Poses, read_poses
-from fieldtruth.errors import ConfigurationError
+from fieldtruth.annotation import annotate
+from fieldtruth.annotation.check import check_frames
+from fieldtruth.annotation.poses import Poses, read_poses
+from fieldtruth.bag.run import open_run
+from fieldtruth.bag.trajectory import read_trajectory
+from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, LidarConfig, Rig
-from fieldtruth.record.run import open_run
-from fieldtruth.record.trajectory import read_trajectory
 from fieldtruth.world import World, load_world
 
 RIG = Rig()

@@ -10,12 +10,13 @@ import pytest
 from numpy.typing import NDArray
 
 from fieldtruth import frames, geodesy
-from fieldtruth.classes import CLASSES, PALETTE, Label
+from fieldtruth.bag.readings import image, points, pose_matrix, read_bag, stamp_ns, static_transforms
+from fieldtruth.core.classes import CLASSES, PALETTE, Label
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.pipeline import generate
-from fieldtruth.record.read import image, points, pose_matrix, read_bag, stamp_ns, static_transforms
-from fieldtruth.sense import Camera, Scene
+from fieldtruth.render import Camera
+from fieldtruth.sense import Scene
 from fieldtruth.world import load_world
 
 Array = NDArray[np.float64]

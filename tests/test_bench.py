@@ -12,17 +12,18 @@ import pytest
 from numpy.typing import NDArray
 
 import fieldtruth.bench.all as all_module
-from fieldtruth import frames
 from fieldtruth.bench import FIGURES, RATIOS, Figure, Settings, run, run_all, settings_of, table, table_of_all
 from fieldtruth.bench.bare import MODES, BareTracer, Mode, best_mode
 from fieldtruth.bench.scaling import image_time_ratio, is_tree, with_trees_around
 from fieldtruth.bench.sensing import pixel_directions, poses_along
-from fieldtruth.errors import ConfigurationError, FieldtruthError, UnknownNameError
+from fieldtruth.core import frames
+from fieldtruth.core.errors import ConfigurationError, FieldtruthError, UnknownNameError
+from fieldtruth.drive.expected_path import experiments_of
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import OPTICAL, CameraConfig, LidarConfig, Rig
 from fieldtruth.experiment.route import metres_from_route, route_from_metres
-from fieldtruth.report.path import experiments_of
-from fieldtruth.sense import Camera, Lidar, Scene
+from fieldtruth.render import Camera
+from fieldtruth.sense import Lidar, Scene
 from fieldtruth.sense.embree import Engine, RayScene
 from fieldtruth.sense.lidar import ray_directions
 from fieldtruth.world.environments import ENVIRONMENTS, Environment

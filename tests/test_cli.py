@@ -19,7 +19,7 @@ from rosbags.rosbag1 import Writer
 
 import fieldtruth
 from fieldtruth import cli
-from fieldtruth.errors import OutputError
+from fieldtruth.core.errors import OutputError
 
 CLOCK = "rosgraph_msgs/msg/Clock"
 

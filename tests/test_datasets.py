@@ -16,7 +16,7 @@ from rosbags.rosbag1 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation, Slerp
 
-from fieldtruth.classes import CLASSES
+from fieldtruth.core.classes import CLASSES
 from fieldtruth.datasets import GEOMETRY, ITEMS, RunDataset, Sample
 
 ALL = (*ITEMS, *GEOMETRY)

@@ -17,10 +17,10 @@ import pytest
 from dataset_bags import equal, rewrite
 from numpy.typing import NDArray
 
+from fieldtruth.bag.reader import open_stored
+from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.datasets import GEOMETRY, ITEMS, RunDataset, Sample, collate, storage
-from fieldtruth.errors import FieldtruthError
-from fieldtruth.export.label_map import label_map_of
-from fieldtruth.record.stored import open_stored
+from fieldtruth.ontology.label_map import label_map_of
 
 ALL = (*ITEMS, *GEOMETRY)
 POINTS, ODOMETRY = "/os1_cloud_node/points", "/ground_truth/odom"

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from dataset_bags import equal
 
+from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.datasets import GEOMETRY, ITEMS, RunDataset, Runs, collate, open_runs, split
-from fieldtruth.errors import FieldtruthError
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 
 RAGGED = ("cloud", "labels", "instances", "rays")

@@ -11,7 +11,7 @@ import pytest
 import yaml
 from pydantic import BaseModel
 
-from fieldtruth.classes import CLASSES, Label
+from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.experiment.catalogue import environment_names
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import parse_experiment
@@ -114,7 +114,7 @@ def test_the_readme_lists_the_classes() -> None:
 
 
 def test_the_readme_lists_the_topics_with_types_and_rates() -> None:
-    topics = pytest.importorskip("fieldtruth.record.topics")
+    topics = pytest.importorskip("fieldtruth.bag.topics")
     listed: dict[str, tuple[str, str]] = {}
     for names, kind, rate in (c for c in table_rows(README) if c[0].startswith("`/")):
         patterns = re.findall(r"`([^`]+)`", names)

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from fieldtruth.bag import topics
+from fieldtruth.bag.messages import ModelStatesWriter
+from fieldtruth.core.frames import rotation_from_quaternion_wxyz
 from fieldtruth.drive import Track, drive, plan_route
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.frames import rotation_from_quaternion_wxyz
-from fieldtruth.record import topics
-from fieldtruth.record.messages import ModelStatesWriter
 from fieldtruth.record.streams import streams_of
 from fieldtruth.world import World, world_of
 

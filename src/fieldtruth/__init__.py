@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, Final
 if TYPE_CHECKING:
     from importlib.metadata import version
 
-    from fieldtruth import frames, geodesy
-    from fieldtruth.classes import CLASSES, NO_RETURN, PALETTE, Label, SemanticClass
-    from fieldtruth.drive.plan import plan_route
-    from fieldtruth.drive.track import Track
-    from fieldtruth.errors import (
+    from fieldtruth.bag.damage import BagError
+    from fieldtruth.bag.readings import Reading, count_messages, read_bag
+    from fieldtruth.core import frames, geodesy
+    from fieldtruth.core.classes import CLASSES, NO_RETURN, PALETTE, Label, SemanticClass
+    from fieldtruth.core.errors import (
         ConfigurationError,
         DriveError,
         EngineError,
@@ -25,6 +25,9 @@ if TYPE_CHECKING:
         RouteError,
         UnknownNameError,
     )
+    from fieldtruth.core.progress import Progress, show_progress
+    from fieldtruth.drive.plan import plan_route
+    from fieldtruth.drive.track import Track
     from fieldtruth.experiment.catalogue import list_environments, list_experiments
     from fieldtruth.experiment.config import (
         ControlConfig,
@@ -48,33 +51,32 @@ if TYPE_CHECKING:
     )
     from fieldtruth.experiment.route import random_route, route_from_metres, route_yaml
     from fieldtruth.pipeline import generate
-    from fieldtruth.record.read import Reading, count_messages, read_bag
-    from fieldtruth.record.stored import BagError
+    from fieldtruth.render import Camera, LabelImage, Picture, tag_image
     from fieldtruth.report.preview import preview
-    from fieldtruth.report.progress import Progress, show_progress
     from fieldtruth.report.shares import ClassShares, class_shares
-    from fieldtruth.sense import Camera, LabelImage, Lidar, Picture, Scan, Scene, tag_image
+    from fieldtruth.sense import Lidar, Scan, Scene
     from fieldtruth.world import World, load_world
 
     __version__ = version("fieldtruth")
 
 _HOMES: Final = {
-    "classes": "CLASSES NO_RETURN PALETTE Label SemanticClass",
+    "core.classes": "CLASSES NO_RETURN PALETTE Label SemanticClass",
     "drive.plan": "plan_route",
     "drive.track": "Track",
-    "errors": "ConfigurationError DriveError EngineError FieldtruthError OutputError RouteError UnknownNameError",
+    "core.errors": "ConfigurationError DriveError EngineError FieldtruthError OutputError RouteError UnknownNameError",
     "experiment.catalogue": "list_environments list_experiments",
     "experiment.config": "ControlConfig Experiment LightConfig MetresRouteConfig RandomRouteConfig RouteConfig",
     "experiment.files": "dump_experiment load_experiment parse_experiment with_overrides",
     "experiment.rig": "OPTICAL CameraConfig GnssConfig ImuConfig LidarConfig Mount Rig TachometerConfig WheelConfig",
     "experiment.route": "random_route route_from_metres route_yaml",
     "pipeline": "generate",
-    "record.read": "Reading count_messages read_bag",
-    "record.stored": "BagError",
+    "bag.readings": "Reading count_messages read_bag",
+    "bag.damage": "BagError",
     "report.preview": "preview",
-    "report.progress": "Progress show_progress",
+    "core.progress": "Progress show_progress",
     "report.shares": "ClassShares class_shares",
-    "sense": "Camera LabelImage Lidar Picture Scan Scene tag_image",
+    "render": "Camera LabelImage Picture tag_image",
+    "sense": "Lidar Scan Scene",
     "world": "World load_world",
 }
 _MODULES: Final = ("frames", "geodesy")
@@ -148,7 +150,7 @@ def __getattr__(name: str) -> Any:
     if name in _MODULE_OF:
         value = getattr(import_module(_MODULE_OF[name]), name)
     elif name in _MODULES:
-        value = import_module(f"fieldtruth.{name}")
+        value = import_module(f"fieldtruth.core.{name}")
     elif name == "__version__":
         value = import_module("importlib.metadata").version("fieldtruth")
     else:

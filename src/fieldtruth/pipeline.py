@@ -8,18 +8,19 @@ The stages are those of the paper's sections 3 and 4; each hands plain data to t
 import os
 from pathlib import Path
 
+from fieldtruth.bag.readings import count_messages
+from fieldtruth.bag.topics import topics_of
+from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive import drive, plan_route
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment
 from fieldtruth.record.folder import RunFolder, fingerprint, run_folder
-from fieldtruth.record.read import count_messages
 from fieldtruth.record.slices import Slices
 from fieldtruth.record.streams import Sensors, streams_of
-from fieldtruth.record.topics import topics_of
+from fieldtruth.render import Camera
 from fieldtruth.report.card import data_card
-from fieldtruth.report.progress import Progress, Silent
-from fieldtruth.sense import Camera, Lidar, Scene
+from fieldtruth.sense import Lidar, Scene
 from fieldtruth.world import World, world_of
 
 

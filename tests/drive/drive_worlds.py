@@ -7,14 +7,14 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth import frames
+from fieldtruth.core import frames
+from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.drive.controller import WaypointFollower
 from fieldtruth.drive.simulate import SimulatedHusky
 from fieldtruth.drive.watch import Watch
 from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route
-from fieldtruth.geodesy import geodetic_from_world
 from fieldtruth.world.model import Collider, Heightfield, Instance, Mesh, Raster, Terrain, World
 
 F8 = NDArray[np.float64]

@@ -5,9 +5,9 @@
 import numpy as np
 import pytest
 
+from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.drive.controller import WaypointFollower, horizontal_from_geodetic
 from fieldtruth.experiment.config import ControlConfig
-from fieldtruth.geodesy import geodetic_from_world
 
 GAINS = ControlConfig(speed=0.3, heading_gain=0.8, max_turn_rate=0.5, arrival_distance=2.0)
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from drive_worlds import F8, make_experiment, make_world, obstacle
 
+from fieldtruth.core.errors import DriveError
 from fieldtruth.drive import drive
-from fieldtruth.errors import DriveError
 from fieldtruth.experiment.config import ControlConfig
 from fieldtruth.world.model import World
 

@@ -11,9 +11,9 @@ from drive_worlds import F8, make_experiment, make_world, obstacle, tilted
 
 import fieldtruth
 from fieldtruth import pipeline
+from fieldtruth.core.errors import DriveError, RouteError
 from fieldtruth.drive import drive, plan, plan_route
 from fieldtruth.drive.rehearsal import Rehearsal, way_length
-from fieldtruth.errors import DriveError, RouteError
 from fieldtruth.experiment.config import ControlConfig, Experiment, RouteConfig
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route, random_route

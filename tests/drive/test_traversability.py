@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from drive_worlds import F8, HeightFunction, make_world, obstacle, tilted
 
-from fieldtruth import frames
+from fieldtruth.core import frames
 from fieldtruth.drive.outlines import Outline, distance_to, gap_to, obstacle_outlines
 from fieldtruth.drive.traversability import CELL, ROBOT_RADIUS, Bar, traversability
 from fieldtruth.world.model import Collider

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fieldtruth import RandomRouteConfig, RouteConfig, route_from_metres
-from fieldtruth.errors import ConfigurationError, RouteError
+from fieldtruth.core.errors import ConfigurationError, RouteError
 from fieldtruth.experiment.config import Experiment, MetresRouteConfig
 from fieldtruth.experiment.files import dump_experiment, parse_experiment, with_overrides
 from fieldtruth.experiment.route import geodetic_route, metres_from_route, random_route

@@ -12,8 +12,8 @@ import pytest
 from export_bags import copied, longer, peak_memory, without
 from pycocotools.coco import COCO
 
-from fieldtruth.export import export
-from fieldtruth.record.stored import BagError
+from fieldtruth.bag.reader import BagError
+from fieldtruth.exporters import export
 
 SIDES = ("left", "right")
 INSTANCES = "/stereo/camera/left/instances"

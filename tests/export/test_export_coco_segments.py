@@ -10,8 +10,8 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from pycocotools import mask as masks
 
-from fieldtruth.export.coco_categories import STUFF, Numbering, categories_of
-from fieldtruth.export.coco_segments import segments_of
+from fieldtruth.exporters.coco_categories import STUFF, Numbering, categories_of
+from fieldtruth.exporters.coco_segments import segments_of
 from fieldtruth.world import load_world
 
 

@@ -22,11 +22,11 @@ from files_read_back import (
 )
 from PIL import Image
 
-from fieldtruth.classes import PALETTE
-from fieldtruth.export import Options, export, files
-from fieldtruth.export.label_map import LabelMap, OtherClass
-from fieldtruth.record.run import open_run
-from fieldtruth.report.progress import Silent
+from fieldtruth.bag.run import open_run
+from fieldtruth.core.classes import PALETTE
+from fieldtruth.core.progress import Silent
+from fieldtruth.exporters import Options, export, files
+from fieldtruth.ontology.label_map import LabelMap, OtherClass
 
 FOLDERS = ("img_{}", "img_{}_tag", "depth_{}", "depth_{}_raw", "instances_{}")
 ONCE = {

@@ -22,11 +22,11 @@ from files_read_back import (
     names,
 )
 
+from fieldtruth.bag import types as ros
+from fieldtruth.bag.reader import BagError
 from fieldtruth.cli import main
-from fieldtruth.errors import OutputError
-from fieldtruth.export import export
-from fieldtruth.record import ros
-from fieldtruth.record.stored import BagError
+from fieldtruth.core.errors import OutputError
+from fieldtruth.exporters import export
 
 
 @pytest.fixture(scope="module")

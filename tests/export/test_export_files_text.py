@@ -23,8 +23,8 @@ from files_read_back import (
     table,
 )
 
-from fieldtruth.export import export
-from fieldtruth.export.text_files import points_csv
+from fieldtruth.exporters import export
+from fieldtruth.exporters.text_files import points_csv
 
 
 @pytest.fixture(scope="module")

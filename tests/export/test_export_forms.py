@@ -14,10 +14,10 @@ from typing import Any
 import pytest
 
 from fieldtruth import cli
-from fieldtruth.errors import OutputError, UnknownNameError
-from fieldtruth.export import FORMS, Options, export
-from fieldtruth.export.label_map import LABEL_MAPS
-from fieldtruth.record.stored import BagError
+from fieldtruth.bag.reader import BagError
+from fieldtruth.core.errors import OutputError, UnknownNameError
+from fieldtruth.exporters import FORMS, Options, export
+from fieldtruth.ontology.label_map import LABEL_MAPS
 
 
 def digest(path: Path) -> dict[str, str]:
@@ -130,7 +130,7 @@ def test_a_failure_takes_its_own_half_away_and_nothing_else(
         raise OSError(28, "No space left on device")
 
     (tmp_path / "mine.txt").write_text("mine")
-    monkeypatch.setattr("fieldtruth.export.pcd.write", breaks)
+    monkeypatch.setattr("fieldtruth.exporters.pcd.write", breaks)
     with pytest.raises(OutputError, match=r"cannot write .*: no space left"):
         export(small_run, "pcd", out=tmp_path / "clouds")
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
@@ -163,6 +163,6 @@ def test_the_table_names_modules_and_the_help_names_the_forms(capsys: pytest.Cap
 
 
 def test_importing_the_table_loads_no_form() -> None:
-    code = "import sys, fieldtruth.export; print([m for m in sys.modules if m.startswith('fieldtruth.export.')])"
+    code = "import sys, fieldtruth.exporters; print([m for m in sys.modules if m.startswith('fieldtruth.exporters.')])"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert {name.rpartition(".")[2].strip("']\n") for name in shown.split(",")} <= {"label_map", "ontologies"}

@@ -21,10 +21,10 @@ from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointCloud2 as 
 from scipy.ndimage import maximum_filter, minimum_filter
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.classes import PALETTE
-from fieldtruth.export import export
-from fieldtruth.record.ros import STORE
-from fieldtruth.record.stored import BagError
+from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.types import STORE
+from fieldtruth.core.classes import PALETTE
+from fieldtruth.exporters import export
 
 F8 = NDArray[np.float64]
 POINTS = "/os1_cloud_node/points"

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fieldtruth.classes import CLASSES, Label
-from fieldtruth.errors import UnknownNameError
-from fieldtruth.export.label_map import LABEL_MAPS, label_map_of
+from fieldtruth.core.classes import CLASSES, Label
+from fieldtruth.core.errors import UnknownNameError
+from fieldtruth.ontology.label_map import LABEL_MAPS, label_map_of
 
 DOCUMENT = (Path(__file__).parents[2] / "docs/labels.md").read_text(encoding="utf-8")
 NAMES = ("rellis", "rugd", "goose", "goose9", "ganav6")

@@ -23,7 +23,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag2, QosDurability, QosReliability
 
-from fieldtruth.export import export
+from fieldtruth.exporters import export
 
 Row = tuple[str, int, str, bytes]
 
@@ -221,7 +221,7 @@ def test_memory_does_not_grow_with_the_drive(
     small_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ros1: list[Row]
 ) -> None:
     """With chunks of 128 kB; the reader holds one of the bag's, of 4 MB and more."""
-    monkeypatch.setattr("fieldtruth.export.mcap._CHUNK_SIZE", 2**17)
+    monkeypatch.setattr("fieldtruth.exporters.mcap._CHUNK_SIZE", 2**17)
     peak = peak_memory(lambda: export(small_run, "mcap", out=tmp_path / "run.mcap", workers=1))
     whole = sum(len(data) for *_, data in ros1)
     assert peak < 0.5 * whole, f"{peak} of {whole}"

@@ -22,9 +22,9 @@ from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__Twist as Twis
 from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__Vector3 as Vector3
 from rosbags.typesys.stores.ros1_noetic import std_msgs__msg__Header as Header
 
-from fieldtruth.export import export
-from fieldtruth.export.ros2 import Ros2Types
-from fieldtruth.record.stored import BagError, RawMessage, open_stored
+from fieldtruth.bag.reader import BagError, RawMessage, open_stored
+from fieldtruth.exporters import export
+from fieldtruth.exporters.ros2 import Ros2Types
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fieldtruth.export.pairing import WINDOW_NS, _Item, _Pairing
+from fieldtruth.bag.pairing import WINDOW_NS, _Item, _Pairing
 
 
 def pairs(items: list[tuple[int, str | None, int]], *, exact: bool) -> list[tuple[int, int, int]]:

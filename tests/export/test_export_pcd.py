@@ -16,11 +16,11 @@ from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointCloud2 as 
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointField as PointField
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.errors import OutputError, UnknownNameError
-from fieldtruth.export import export
-from fieldtruth.record import ros
-from fieldtruth.record.ros import STORE
-from fieldtruth.record.stored import BagError
+from fieldtruth.bag import types as ros
+from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.types import STORE
+from fieldtruth.core.errors import OutputError, UnknownNameError
+from fieldtruth.exporters import export
 
 POINTS = "/os1_cloud_node/points"
 ODOMETRY = "/ground_truth/odom"

@@ -17,9 +17,9 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 from PIL import Image
 
-from fieldtruth.classes import PALETTE
-from fieldtruth.errors import OutputError
-from fieldtruth.export.png import encode_png
+from fieldtruth.core.classes import PALETTE
+from fieldtruth.core.errors import OutputError
+from fieldtruth.exporters.png import encode_png
 
 RNG = np.random.default_rng(0)
 

@@ -18,14 +18,14 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.classes import CLASSES, PALETTE
-from fieldtruth.export import export
-from fieldtruth.export.calibration import StaticFrames, read_calibration
-from fieldtruth.record import topics as table
-from fieldtruth.record.read import depth, labels, points, read_bag, stamp_ns, static_transforms
-from fieldtruth.record.ros import STORE
-from fieldtruth.record.run import open_run
-from fieldtruth.record.stored import BagError, open_stored
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.calibration import StaticFrames, read_calibration
+from fieldtruth.bag.reader import BagError, open_stored
+from fieldtruth.bag.readings import depth, labels, points, read_bag, stamp_ns, static_transforms
+from fieldtruth.bag.run import open_run
+from fieldtruth.bag.types import STORE
+from fieldtruth.core.classes import CLASSES, PALETTE
+from fieldtruth.exporters import export
 
 F8 = NDArray[np.float64]
 RELLIS = [0, 3, 4, 4, 19, 34, 3, 1, 5, 9, 9, 9, 5, 9, 6, 7]

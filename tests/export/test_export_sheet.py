@@ -12,10 +12,10 @@ from export_bags import without
 from openpyxl import load_workbook
 from rosbags.highlevel import AnyReader
 
-from fieldtruth.classes import CLASSES
-from fieldtruth.export import export
-from fieldtruth.export.label_map import LabelMap, OtherClass
-from fieldtruth.export.sheet import write_sheet
+from fieldtruth.core.classes import CLASSES
+from fieldtruth.exporters import export
+from fieldtruth.exporters.sheet import write_sheet
+from fieldtruth.ontology.label_map import LabelMap, OtherClass
 
 TAGS = {side: f"/stereo/camera/{side}/tag/img_raw" for side in ("left", "right")}
 POINTS = "/os1_cloud_node/points"

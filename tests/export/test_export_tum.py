@@ -15,9 +15,9 @@ from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__PoseWithCovar
 from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__TwistWithCovariance as TwistWithCovariance
 from rosbags.typesys.stores.ros1_noetic import nav_msgs__msg__Odometry as Odometry
 
-from fieldtruth.export import export
-from fieldtruth.record import ros
-from fieldtruth.record.stored import BagError
+from fieldtruth.bag import types as ros
+from fieldtruth.bag.reader import BagError
+from fieldtruth.exporters import export
 
 
 @pytest.fixture(scope="module")

@@ -14,11 +14,11 @@ from zipfile import ZipFile
 
 import pytest
 
-from fieldtruth.errors import OutputError
-from fieldtruth.export import Options, export, zipped
-from fieldtruth.record.run import open_run
-from fieldtruth.record.stored import BagError
-from fieldtruth.report.progress import Silent
+from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.run import open_run
+from fieldtruth.core.errors import OutputError
+from fieldtruth.core.progress import Silent
+from fieldtruth.exporters import Options, export, zipped
 
 BESIDE = ("experiment.yaml", "DATASET.md", "SHA256SUMS")
 

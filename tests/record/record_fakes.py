@@ -11,7 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from fieldtruth import frames, geodesy
-from fieldtruth.classes import Label
+from fieldtruth.bag.topics import topics_of
+from fieldtruth.core.classes import Label
 from fieldtruth.drive.track import (
     GnssReadings,
     ImuReadings,
@@ -24,7 +25,6 @@ from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.rig import CameraConfig, LidarConfig, Rig
 from fieldtruth.record.slices import Slices
 from fieldtruth.record.streams import Sensors, streams_of
-from fieldtruth.record.topics import topics_of
 from fieldtruth.world.model import Heightfield, Instance, Raster, Terrain, World
 
 SMALL = Rig(cameras=CameraConfig(width=64, height=48))

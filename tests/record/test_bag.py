@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from rosbags.rosbag1 import Reader
 
-from fieldtruth.errors import OutputError
-from fieldtruth.record.bag import BagWriter, output_errors
-from fieldtruth.record.messages import clock, wheel_speed
-from fieldtruth.record.read import read_bag
-from fieldtruth.record.topics import CLOCK, TOPICS, WHEEL_SPEEDS
+from fieldtruth.bag.messages import clock, wheel_speed
+from fieldtruth.bag.readings import read_bag
+from fieldtruth.bag.topics import CLOCK, TOPICS, WHEEL_SPEEDS
+from fieldtruth.bag.writer import BagWriter, output_errors
+from fieldtruth.core.errors import OutputError
 
 TOPIC = WHEEL_SPEEDS[0]
 

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from record_fakes import FakeScan, make_experiment, make_track, make_world
 
-from fieldtruth import frames
-from fieldtruth.classes import PALETTE
+from fieldtruth.bag import images, messages
+from fieldtruth.bag import readings as read
+from fieldtruth.bag import types as ros
+from fieldtruth.bag.topics import TOPICS
+from fieldtruth.core import frames
+from fieldtruth.core.classes import PALETTE
+from fieldtruth.drive.state import State, state_at
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, Mount, Rig
-from fieldtruth.record import images, messages, read, ros
-from fieldtruth.record.state import State, state_at
-from fieldtruth.record.topics import TOPICS
 
 MD5 = {  # as rosmsg prints them
     "gazebo_msgs/msg/ModelStates": "48c080191eb15c41858319b4d8a609c2",

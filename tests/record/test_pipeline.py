@@ -17,7 +17,7 @@ import record_slow_run
 from record_fakes import make_experiment, make_world, use_fakes
 
 from fieldtruth import pipeline
-from fieldtruth.errors import DriveError, OutputError
+from fieldtruth.core.errors import DriveError, OutputError
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.pipeline import generate
 from fieldtruth.record.folder import RunFolder, fingerprint

@@ -6,7 +6,7 @@ import threading
 
 from rich.console import Console
 
-from fieldtruth.report.progress import show_progress
+from fieldtruth.core.progress import show_progress
 
 
 def test_lines_for_a_log_file() -> None:

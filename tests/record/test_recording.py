@@ -20,13 +20,9 @@ from record_fakes import (
 )
 from rosbags.rosbag1 import Reader
 
-from fieldtruth import frames
-from fieldtruth.classes import PALETTE
-from fieldtruth.drive.track import stamps_at_rate
-from fieldtruth.errors import UnknownNameError
-from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, LidarConfig, Rig
-from fieldtruth.record import topics
-from fieldtruth.record.read import (
+from fieldtruth.bag import topics
+from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.readings import (
     Reading,
     count_messages,
     image,
@@ -37,9 +33,13 @@ from fieldtruth.record.read import (
     stamp_ns,
     static_transforms,
 )
-from fieldtruth.record.stored import BagError
+from fieldtruth.bag.topics import SIDES, TOPICS
+from fieldtruth.core import frames
+from fieldtruth.core.classes import PALETTE
+from fieldtruth.core.errors import UnknownNameError
+from fieldtruth.drive.track import stamps_at_rate
+from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, LidarConfig, Rig
 from fieldtruth.record.streams import Sensors, streams_of
-from fieldtruth.record.topics import SIDES, TOPICS
 
 SECONDS = 2.5
 EXPERIMENT = make_experiment(SECONDS, seed=3)

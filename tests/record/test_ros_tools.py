@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from record_fakes import make_experiment, make_slices
 
+from fieldtruth.bag.readings import count_messages, read_bag
+from fieldtruth.bag.topics import topics_of
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.record.read import count_messages, read_bag
-from fieldtruth.record.topics import topics_of
 
 PYTHON = "/usr/bin/python3"
 

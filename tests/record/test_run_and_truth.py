@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from rosbags.rosbag1 import Reader, Writer
 
-from fieldtruth import frames
-from fieldtruth.classes import CLASSES, PALETTE, Label
+from fieldtruth.bag import readings as read
+from fieldtruth.bag.model_states import ModelStatesReader
+from fieldtruth.bag.reader import BagError, decoder, open_stored
+from fieldtruth.bag.run import open_run
+from fieldtruth.bag.trajectory import Trajectory, _from_model_states, read_trajectory
+from fieldtruth.core import frames
+from fieldtruth.core.classes import CLASSES, PALETTE, Label
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.record import read
-from fieldtruth.record.model_states import ModelStatesReader
-from fieldtruth.record.run import open_run
-from fieldtruth.record.stored import BagError, decoder, open_stored
-from fieldtruth.record.trajectory import Trajectory, _from_model_states, read_trajectory
 
 STATES = "/gazebo/model_states"
 

@@ -8,7 +8,7 @@ import pytest
 from record_fakes import FakeCamera, make_experiment, make_slices
 from rosbags.rosbag1 import Writer
 
-from fieldtruth.errors import OutputError
+from fieldtruth.core.errors import OutputError
 
 EXPERIMENT = make_experiment(3.2)
 
@@ -103,7 +103,7 @@ def test_no_space_for_the_joined_bag(tmp_path: Path, monkeypatch: pytest.MonkeyP
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("fieldtruth.record.bag._copy", full)
+    monkeypatch.setattr("fieldtruth.bag.writer._copy", full)
     with pytest.raises(OutputError, match=r"x\.bag: no space left"):
         slices.join(tmp_path / "x.bag")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["000000.bag"]

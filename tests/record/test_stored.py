@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from rosbags.rosbag1 import Reader, Writer
 
-from fieldtruth.errors import FieldtruthError, UnknownNameError
-from fieldtruth.record.read import read_bag
-from fieldtruth.record.run import open_run
-from fieldtruth.record.stored import BagError, decoder, open_stored
+from fieldtruth.bag.reader import BagError, decoder, open_stored
+from fieldtruth.bag.readings import read_bag
+from fieldtruth.bag.run import open_run
+from fieldtruth.core.errors import FieldtruthError, UnknownNameError
 
 CLOCK = "rosgraph_msgs/msg/Clock"
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Reader, Writer
 
-from fieldtruth.record.topics import TOPICS
+from fieldtruth.bag.topics import TOPICS
 from fieldtruth.report.page import place, write_report
 
 TAGS = ["/stereo/camera/left/tag/img_raw", "/stereo/camera/right/tag/img_raw"]

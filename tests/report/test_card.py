@@ -12,10 +12,10 @@ import pytest
 import yaml
 
 import fieldtruth
-from fieldtruth.classes import CLASSES, Label
-from fieldtruth.record.checksums import CHECKSUMS, read_checksums, sha256_of
-from fieldtruth.record.read import count_messages, read_bag, static_transforms
-from fieldtruth.record.stored import BagError
+from fieldtruth.bag.checksums import CHECKSUMS, read_checksums, sha256_of
+from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.readings import count_messages, read_bag, static_transforms
+from fieldtruth.core.classes import CLASSES, Label
 
 
 def rows_of(card: str, heading: str) -> list[list[str]]:

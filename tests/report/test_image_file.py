@@ -9,7 +9,7 @@ import pytest
 import simplejpeg
 from matplotlib.image import imread
 
-from fieldtruth.errors import OutputError
+from fieldtruth.core.errors import OutputError
 from fieldtruth.report.image_file import LARGEST_JPEG, write_image
 
 NOISE = np.random.default_rng(0).integers(0, 256, (40, 60, 3)).astype(np.uint8)

@@ -25,7 +25,7 @@ from report_pages import (
 )
 from rosbags.highlevel import AnyReader
 
-from fieldtruth.classes import CLASSES
+from fieldtruth.core.classes import CLASSES
 
 
 @pytest.fixture(scope="module")

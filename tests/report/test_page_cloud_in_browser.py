@@ -13,7 +13,7 @@ import pytest
 from browser_tab import NIGHT, Tab, differing, of_ground, opened_browser, pixels
 from report_pages import Page, page_of
 
-from fieldtruth.classes import Label
+from fieldtruth.core.classes import Label
 
 
 @pytest.fixture(scope="module")

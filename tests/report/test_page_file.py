@@ -21,16 +21,16 @@ from report_pages import (
 )
 
 from fieldtruth import cli
-from fieldtruth.errors import OutputError
-from fieldtruth.export import FORMS
-from fieldtruth.record.run import open_run
-from fieldtruth.record.stored import BagError
+from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.run import open_run
+from fieldtruth.core.errors import OutputError
+from fieldtruth.core.progress import Silent
+from fieldtruth.exporters import FORMS
 from fieldtruth.report.page import LARGEST_PAGE, orbit, samples, scans, thin, write_report
 from fieldtruth.report.page import map as map_figure
 from fieldtruth.report.page.gather import gather
 from fieldtruth.report.page.passage import read_through
 from fieldtruth.report.page.render import render
-from fieldtruth.report.progress import Silent
 
 
 @pytest.fixture(scope="module")

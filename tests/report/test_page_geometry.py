@@ -26,7 +26,7 @@ from report_pages import (
     words,
 )
 
-from fieldtruth.classes import CLASSES
+from fieldtruth.core.classes import CLASSES
 from fieldtruth.report.page import place, scans, write_report
 from fieldtruth.world import World, load_world
 

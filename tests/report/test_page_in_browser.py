@@ -13,7 +13,7 @@ import pytest
 from browser_tab import NIGHT, Tab, differing, opened_browser, pixels
 from report_pages import Page, changed, page_of
 
-from fieldtruth.classes import CLASSES
+from fieldtruth.core.classes import CLASSES
 from fieldtruth.report.page import write_report
 
 

@@ -21,7 +21,7 @@ from report_pages import (
     words,
 )
 
-from fieldtruth.record.ros import STORE
+from fieldtruth.bag.types import STORE
 from fieldtruth.report.page import write_report
 
 LACKS = {

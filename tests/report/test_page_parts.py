@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fieldtruth import frames
-from fieldtruth.classes import CLASSES, PALETTE
+from fieldtruth.bag.reader import BagError
+from fieldtruth.core import frames
+from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.record.stored import BagError
 from fieldtruth.report.page.curves import draw_curves, time_ticks
 from fieldtruth.report.page.facts import rpy_deg
 from fieldtruth.report.page.series import Fixes, Motion

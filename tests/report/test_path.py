@@ -5,10 +5,10 @@
 import numpy as np
 from report_worlds import EXPERIMENT, RIG, plain
 
-from fieldtruth import frames
+from fieldtruth.core import frames
+from fieldtruth.drive.expected_path import expected_path, experiments_of, stand, stations
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.route import route_from_metres
-from fieldtruth.report.path import expected_path, experiments_of, stand, stations
 
 
 def test_a_straight_route_is_driven_straight_up_to_the_arrival_distance() -> None:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from report_worlds import EXPERIMENT, plain, small_park
 
-from fieldtruth import frames
-from fieldtruth.classes import PALETTE, Label
+from fieldtruth.core import frames
+from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.report.preview.aerial import HEIGHT, MARGIN, halved, take_aerial
 from fieldtruth.report.preview.cloud import Cloud, draw_cloud, outlook
 from fieldtruth.report.preview.map import circle, on_ground

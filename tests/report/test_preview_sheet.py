@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from report_worlds import EXPERIMENT, RIG, small_park
 
 import fieldtruth
-from fieldtruth.errors import UnknownNameError
+from fieldtruth.core.errors import UnknownNameError
+from fieldtruth.core.progress import Silent
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.report.preview import gather as gather_module
 from fieldtruth.report.preview import preview
 from fieldtruth.report.preview.chart import seen_classes
 from fieldtruth.report.preview.gather import Findings, gather
 from fieldtruth.report.preview.sheet import draw_sheet
-from fieldtruth.report.progress import Silent
 
 
 @pytest.fixture(autouse=True)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from report_worlds import EXPERIMENT, RIG, plain, small_park
 
-from fieldtruth.classes import CLASSES, Label
+from fieldtruth.core.classes import CLASSES, Label
+from fieldtruth.drive.expected_path import stand
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.report import shares as shares_module
-from fieldtruth.report.path import stand
 from fieldtruth.report.shares import ClassShares, class_shares, count_classes, shares_of, shares_table
 from fieldtruth.sense import Scene
 

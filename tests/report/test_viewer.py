@@ -13,9 +13,9 @@ import pytest
 from numpy.typing import NDArray
 
 from fieldtruth import cli
-from fieldtruth.classes import CLASSES
-from fieldtruth.errors import OutputError
-from fieldtruth.record import read
+from fieldtruth.bag import readings as read
+from fieldtruth.core.classes import CLASSES
+from fieldtruth.core.errors import OutputError
 from fieldtruth.report.viewer import entities, view
 
 pytest.importorskip("rerun", reason="the viewer's package is not installed")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from trimesh.intersections import planes_lines
 from trimesh.triangles import points_to_barycentric
 
-from fieldtruth.classes import Label
+from fieldtruth.core.classes import Label
 from fieldtruth.world.model import Heightfield, Mesh, World
 
 F8 = NDArray[np.float64]

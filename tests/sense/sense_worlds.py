@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fieldtruth.classes import Label
+from fieldtruth.core.classes import Label
 from fieldtruth.experiment.rig import LidarConfig
 from fieldtruth.sense import Lidar, Scene
 from fieldtruth.world import load_world

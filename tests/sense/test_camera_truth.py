@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from sense_worlds import F8, Thing, abyss, at, box, make_world, quad
 
-from fieldtruth import frames
-from fieldtruth.classes import PALETTE, Label
+from fieldtruth.core import frames
+from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, OPTICAL, CameraConfig, Rig
-from fieldtruth.sense import Camera, LabelImage, Scene, tag_image
+from fieldtruth.render import Camera, LabelImage, tag_image
+from fieldtruth.sense import Scene
 from fieldtruth.sense.pinhole import pinhole
 
 CONFIG = CameraConfig()

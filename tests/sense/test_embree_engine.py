@@ -4,7 +4,7 @@
 
 import pytest
 
-from fieldtruth.errors import EngineError
+from fieldtruth.core.errors import EngineError
 from fieldtruth.sense import embree
 
 

@@ -9,13 +9,14 @@ import pytest
 from numpy.typing import NDArray
 from sense_worlds import make_world, trace_rays
 
-from fieldtruth import frames
-from fieldtruth.classes import Label
+from fieldtruth.core import frames
+from fieldtruth.core.classes import Label
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import OPTICAL, Rig
 from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.sense import Camera, Lidar, Scene
+from fieldtruth.render import Camera
+from fieldtruth.sense import Lidar, Scene
 from fieldtruth.world import assembly
 from fieldtruth.world.environments.lake import LakeConfig, build_lake
 from fieldtruth.world.furniture import hang, make_cable, make_power_pole

@@ -9,8 +9,8 @@ import pytest
 import trimesh
 from sense_worlds import BOX_CORNERS, BOX_FACES, F8, Thing, abyss, at, box, make_mesh, make_world, quad
 
-from fieldtruth import frames
-from fieldtruth.classes import Label
+from fieldtruth.core import frames
+from fieldtruth.core.classes import Label
 from fieldtruth.experiment.rig import LidarConfig
 from fieldtruth.sense import Lidar, Scan, Scene
 from fieldtruth.sense.lidar import ray_directions

@@ -9,10 +9,11 @@ import pytest
 from numpy.typing import NDArray
 from sense_worlds import F8, Thing, at, box, make_world, quad
 
-from fieldtruth import frames
+from fieldtruth.core import frames
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.experiment.rig import OPTICAL, CameraConfig
-from fieldtruth.sense import Camera, Picture, Scene
+from fieldtruth.render import Camera, Picture
+from fieldtruth.sense import Scene
 
 SMALL = CameraConfig(width=320, height=184)
 SUNS = [(118.0, 41.0), (250.0, 30.0), (0.0, 45.0), (-40.0, 60.0)]

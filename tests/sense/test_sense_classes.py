@@ -7,9 +7,10 @@ import pytest
 from numpy.typing import NDArray
 from sense_worlds import BOX_CORNERS, BOX_FACES, at, box, make_mesh, make_world, trace_rays
 
-from fieldtruth.classes import Label
+from fieldtruth.core.classes import Label
 from fieldtruth.experiment.rig import CameraConfig
-from fieldtruth.sense import Camera, Scene
+from fieldtruth.render import Camera
+from fieldtruth.sense import Scene
 from fieldtruth.world.model import Raster
 
 

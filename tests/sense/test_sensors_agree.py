@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 from sense_worlds import F8, park_scene, trace_rays
 
-from fieldtruth import frames
-from fieldtruth.classes import PALETTE, Label
+from fieldtruth.core import frames
+from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, Rig
 from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.sense import Camera, LabelImage, Lidar, Scan, Scene, tag_image
+from fieldtruth.render import Camera, LabelImage, tag_image
+from fieldtruth.sense import Lidar, Scan, Scene
 from fieldtruth.sense.pinhole import pinhole
 
 RIG = Rig()

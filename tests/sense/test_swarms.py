@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from sense_worlds import at, box, make_world, trace_rays
 
-from fieldtruth.classes import Label
+from fieldtruth.core.classes import Label
 from fieldtruth.experiment.rig import OPTICAL, CameraConfig
-from fieldtruth.sense import Camera, Scene
+from fieldtruth.render import Camera
+from fieldtruth.sense import Scene
 from fieldtruth.world.model import Swarm, World
 
 

@@ -9,12 +9,13 @@ import pytest
 from numpy.typing import NDArray
 from sense_worlds import at, box, make_world, quad
 
-from fieldtruth.classes import Label
+from fieldtruth.core.classes import Label
 from fieldtruth.experiment.rig import OPTICAL, CameraConfig, LidarConfig
-from fieldtruth.sense import Camera, Lidar, Scene
-from fieldtruth.sense.paint import FIELDS, MIRROR
+from fieldtruth.render import Camera
+from fieldtruth.render.shade import FIELDS, MIRROR
+from fieldtruth.render.water import leave_water, new_second
+from fieldtruth.sense import Lidar, Scene
 from fieldtruth.sense.strip import new_strip
-from fieldtruth.sense.water import leave_water, new_second
 
 COUNT = 48
 F8 = NDArray[np.float64]

@@ -7,8 +7,8 @@ import pytest
 from oracle import judge, pieces
 from sense_worlds import F8, box, built_scene, make_world, trace_rays
 
-from fieldtruth import frames
-from fieldtruth.classes import Label
+from fieldtruth.core import frames
+from fieldtruth.core.classes import Label
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.sense import Scene

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from validate_bags import bag_in, failures, quick_failures
 
-from fieldtruth.errors import FieldtruthError
-from fieldtruth.record.checksums import CHECKSUMS
-from fieldtruth.report.progress import Silent
-from fieldtruth.validate import validate
-from fieldtruth.validate.bagfile import BagFile
-from fieldtruth.validate.files import checksums_check
-from fieldtruth.validate.records import Record, StructureError, unpack
+from fieldtruth.bag.checksums import CHECKSUMS
+from fieldtruth.core.errors import FieldtruthError
+from fieldtruth.core.progress import Silent
+from fieldtruth.validation import validate
+from fieldtruth.validation.bagfile import BagFile
+from fieldtruth.validation.files import checksums_check
+from fieldtruth.validation.records import Record, StructureError, unpack
 
 PARTS = ("magic", "header", "padding", "chunks", "packed", "index records", "index")
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fieldtruth import frames
-from fieldtruth.classes import Label
+from fieldtruth.core import frames
+from fieldtruth.core.classes import Label
 from fieldtruth.experiment.rig import LidarConfig
 from fieldtruth.sense import Lidar, Scan
 from fieldtruth.sense.lidar import ray_directions
-from fieldtruth.validate.claims import NOTHING, Claim, refuted
-from fieldtruth.validate.exact import ExactTracer
-from fieldtruth.validate.subject import Place
+from fieldtruth.validation.claims import NOTHING, Claim, refuted
+from fieldtruth.validation.exact import ExactTracer
+from fieldtruth.validation.subject import Place
 from fieldtruth.world.model import Heightfield, Instance, Mesh, Raster, World
 
 F8 = NDArray[np.float64]

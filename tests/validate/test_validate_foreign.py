@@ -14,11 +14,11 @@ from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointField as P
 from rosbags.typesys.stores.ros1_noetic import std_msgs__msg__String as String
 from validate_bags import Change, add, bag_in, failures, only, points_in, rewritten
 
-from fieldtruth.record import ros
-from fieldtruth.record import topics as table
-from fieldtruth.record.stored import RawMessage
-from fieldtruth.validate import Check, validate
-from fieldtruth.validate.law import Law, check_of
+from fieldtruth.bag import topics as table
+from fieldtruth.bag import types as ros
+from fieldtruth.bag.reader import RawMessage
+from fieldtruth.validation import Check, validate
+from fieldtruth.validation.law import Law, check_of
 
 
 def alone(run: Path, target: Path) -> Path:

@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 from validate_bags import CAMERA_TOPICS, failures, rewritten
 
+from fieldtruth.bag.reader import RawMessage
 from fieldtruth.cli import main
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.pipeline import generate
-from fieldtruth.record.stored import RawMessage
-from fieldtruth.validate import Check, as_json, as_text, validate
+from fieldtruth.validation import Check, as_json, as_text, validate
 
 NAMES = [
     "checksums", "experiment", "structure", "messages", "topics", "counts", "stamps", "in step", "headers", "frames",

@@ -11,10 +11,10 @@ import pytest
 from numpy.typing import NDArray
 from validate_bags import Edit, each, failures, first_message, only, points_in, quick_failures, rewritten
 
-from fieldtruth.classes import Label
-from fieldtruth.record import topics as table
-from fieldtruth.record.images import POINT
-from fieldtruth.validate import Check
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.images import POINT
+from fieldtruth.core.classes import Label
+from fieldtruth.validation import Check
 
 Validate = Callable[..., list[Check]]
 Points = NDArray[np.void]

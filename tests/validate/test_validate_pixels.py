@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from validate_bags import Change, Edit, each, failures, first_message, only, pixels_in, quick_failures, rewritten
 
-from fieldtruth.classes import PALETTE, Label
-from fieldtruth.record import topics as table
-from fieldtruth.record.stored import RawMessage
-from fieldtruth.validate import Check
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.reader import RawMessage
+from fieldtruth.core.classes import PALETTE, Label
+from fieldtruth.validation import Check
 
 Validate = Callable[..., list[Check]]
 TAG, DEPTH, IDS = table.tag("left"), table.depth("left"), table.instances("left")

@@ -10,9 +10,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 from validate_bags import Change, Edit, add, each, first_message, only, quick_failures, rewritten
 
-from fieldtruth.record import topics as table
-from fieldtruth.record.model_states import ModelStatesReader
-from fieldtruth.record.stored import RawMessage
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.model_states import ModelStatesReader
+from fieldtruth.bag.reader import RawMessage
 
 MILLI = 1e-3
 HEADER = 4 + 8 + 4  # number, stamp, length of the frame's name

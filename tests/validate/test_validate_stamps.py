@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from validate_bags import Change, each, quick_failures, rewritten
 
-from fieldtruth.record import topics as table
-from fieldtruth.record.stored import RawMessage
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.reader import RawMessage
 
 WAYS = [(True, False), (False, True), (True, True)]  # in the header, in the bag
 STAMPED = [(table.POINTS, *way) for way in WAYS] + [(table.photograph("right"), *WAYS[2])]

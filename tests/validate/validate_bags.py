@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.checksums import CHECKSUMS, checksum_lines
+from fieldtruth.bag.images import POINT
+from fieldtruth.bag.reader import RawMessage, open_stored
+from fieldtruth.bag.topics import topics_of
+from fieldtruth.bag.writer import BagWriter
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment
-from fieldtruth.record import topics as table
-from fieldtruth.record.bag import BagWriter
-from fieldtruth.record.checksums import CHECKSUMS, checksum_lines
-from fieldtruth.record.images import POINT
-from fieldtruth.record.stored import RawMessage, open_stored
-from fieldtruth.record.topics import topics_of
-from fieldtruth.validate import Check, validate
+from fieldtruth.validation import Check, validate
 
 Change = Callable[[RawMessage, int], RawMessage | None]
 """Gets a message and its number in its topic, from 0; gives what stands in its place, None for nothing."""

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from fieldtruth.classes import Label
+from fieldtruth.core.classes import Label
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.plants import SPECIES, grow_log, grow_snag, grow_stump, room_along

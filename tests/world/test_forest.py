@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from park_worlds import digest
 from pydantic import ValidationError
 
-from fieldtruth.classes import Label
+from fieldtruth.core.classes import Label
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route

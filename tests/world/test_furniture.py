@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fieldtruth.classes import Label
+from fieldtruth.core.classes import Label
 from fieldtruth.world.furniture import make_bench, make_lamp_post, make_table, make_trash_bin
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Collider, Mesh

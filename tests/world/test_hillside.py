@@ -12,7 +12,7 @@ from park_worlds import digest
 from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
-from fieldtruth.classes import Label
+from fieldtruth.core.classes import Label
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.world import assembly

@@ -10,7 +10,7 @@ from lake_worlds import lake_routes, lake_variant
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from fieldtruth.classes import Label
+from fieldtruth.core.classes import Label
 from fieldtruth.world.environments.lake import LakeConfig
 from fieldtruth.world.model import Instance, World
 from fieldtruth.world.placement import CrowdedWorldError

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from park_worlds import digest, park_variant, real_park, routes
 from scipy.sparse.csgraph import connected_components
 
-from fieldtruth.classes import Label
+from fieldtruth.core.classes import Label
 from fieldtruth.world import World, build_world
 from fieldtruth.world.backdrop import COARSER
 from fieldtruth.world.model import GROUND_ID, Instance, Mesh, Swarm

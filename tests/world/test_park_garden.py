@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from park_worlds import park_variant, real_park, routes
 from scipy.spatial import cKDTree
 
-from fieldtruth.classes import Label
+from fieldtruth.core.classes import Label
 from fieldtruth.world import World
 from fieldtruth.world.environments.park_beds import STONE, Bed, bed_distance
 from fieldtruth.world.model import Swarm

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fieldtruth.classes import Label
+from fieldtruth.core.classes import Label
 from fieldtruth.world.environments.power_line import string_line
 from fieldtruth.world.furniture import hang, make_cable, make_power_pole, wire_points
 from fieldtruth.world.furniture.cables import BUNDLE_RADIUS, CHORD_ERROR, CONDUCTOR_RADIUS, Catenary

@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from fieldtruth.classes import Label
+from fieldtruth.core.classes import Label
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.plants import BUSHES, Species, grow_bush

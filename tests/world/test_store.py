@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from park_worlds import digest, park_variant, real_park
 
-from fieldtruth.errors import UnknownNameError
+from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.world import World, build, load_world
 from fieldtruth.world.store import read_world, save_world
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fieldtruth.classes import Label
+from fieldtruth.core.classes import Label
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.plants import BUSHES, SPECIES, Species
 from fieldtruth.world.textures import RECIPES, make_texture, make_textures

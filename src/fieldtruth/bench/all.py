@@ -7,10 +7,10 @@ import subprocess
 import sys
 
 from fieldtruth.bench.figures import Everything
-from fieldtruth.errors import FieldtruthError
+from fieldtruth.core.errors import FieldtruthError
+from fieldtruth.core.progress import Progress, Silent
+from fieldtruth.drive.expected_path import experiments_of
 from fieldtruth.experiment.catalogue import environment_names
-from fieldtruth.report.path import experiments_of
-from fieldtruth.report.progress import Progress, Silent
 
 ONE = (
     "import json, sys; from fieldtruth.bench import run, settings_of; print(json.dumps(run(settings_of(sys.argv[1]))))"
@@ -18,7 +18,7 @@ ONE = (
 RATIOS = """
 import json, sys
 from fieldtruth.bench.scaling import measure_ratios
-from fieldtruth.report.progress import Silent
+from fieldtruth.core.progress import Silent
 print(json.dumps(measure_ratios(sys.argv[1:], Silent())))
 """
 

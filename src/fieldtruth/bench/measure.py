@@ -16,19 +16,20 @@ from dataclasses import dataclass, field, replace
 from tempfile import TemporaryDirectory
 from time import perf_counter
 
-from fieldtruth import frames
 from fieldtruth.bench.figures import FIGURES
 from fieldtruth.bench.recording import pairs_per_second
 from fieldtruth.bench.sensing import measure_cameras, measure_lidar, poses_along
+from fieldtruth.core import frames
+from fieldtruth.core.errors import ConfigurationError, UnknownNameError
+from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive import Track, drive
-from fieldtruth.errors import ConfigurationError, UnknownNameError
+from fieldtruth.drive.expected_path import experiments_of
 from fieldtruth.experiment.catalogue import environment_names
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.rig import OPTICAL, CameraConfig, LidarConfig
-from fieldtruth.report.path import experiments_of
-from fieldtruth.report.progress import Progress, Silent
-from fieldtruth.sense import Camera, Lidar, Scene
+from fieldtruth.render import Camera
+from fieldtruth.sense import Lidar, Scene
 from fieldtruth.world import World, world_of
 
 FIRST_FRAME = """

@@ -9,12 +9,13 @@ from typing import Final
 
 import numpy as np
 
+from fieldtruth.bag.topics import topics_of
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.slices import Slices
 from fieldtruth.record.streams import Sensors, streams_of
-from fieldtruth.record.topics import topics_of
-from fieldtruth.sense import Camera, Scene
+from fieldtruth.render import Camera
+from fieldtruth.sense import Scene
 
 SECONDS: Final = 4
 """Simulated time [s], so slices, that is recorded: a multiple of the usual numbers of workers."""

@@ -18,11 +18,12 @@ import numpy as np
 
 from fieldtruth.bench.measure import Settings, empty_cache, settings_of
 from fieldtruth.bench.sensing import poses_along
-from fieldtruth.classes import Label
+from fieldtruth.core.classes import Label
+from fieldtruth.core.frames import Array
+from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL
-from fieldtruth.frames import Array
-from fieldtruth.report.progress import Progress
-from fieldtruth.sense import Camera, Scene
+from fieldtruth.render import Camera
+from fieldtruth.sense import Scene
 from fieldtruth.world import World, load_world
 from fieldtruth.world.model import Instance
 

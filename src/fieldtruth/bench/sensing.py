@@ -7,14 +7,15 @@ from time import perf_counter
 
 import numpy as np
 
-from fieldtruth import frames
 from fieldtruth.bench.bare import BareTracer, Rays, best_mode
+from fieldtruth.core import frames
+from fieldtruth.core.frames import Array
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.experiment.config import Route
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, Rig
 from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.frames import Array
-from fieldtruth.sense import Camera, Lidar, Scene
+from fieldtruth.render import Camera
+from fieldtruth.sense import Lidar, Scene
 from fieldtruth.sense.lidar import ray_directions
 from fieldtruth.sense.pinhole import pinhole
 from fieldtruth.world import World

@@ -15,7 +15,7 @@ from typing import Final, NoReturn
 import fieldtruth
 from fieldtruth.cli import making, using
 from fieldtruth.cli.arguments import Command, Parser, UsageError
-from fieldtruth.errors import FieldtruthError, UnknownNameError, nearest_first
+from fieldtruth.core.errors import FieldtruthError, UnknownNameError, nearest_first
 
 INTERRUPTED: Final = 130
 MISTAKE: Final = 2

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable
 from typing import NoReturn, Protocol
 
-from fieldtruth.errors import FieldtruthError
+from fieldtruth.core.errors import FieldtruthError
 
 
 class UsageError(FieldtruthError):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from fieldtruth.cli.arguments import AddCommand, Parser, UsageError, add_workers, number, seed, whole_number, words
-from fieldtruth.errors import UnknownNameError
+from fieldtruth.core.errors import UnknownNameError
 
 EXAMPLES: Final = """\
 examples:
@@ -33,9 +33,9 @@ def _generate(options: argparse.Namespace) -> None:
     )
     start = time.monotonic()
     # After the checks: compiled kernels and physics take a second to load.
+    from fieldtruth.bag.readings import count_messages
+    from fieldtruth.core.progress import show_progress
     from fieldtruth.pipeline import generate
-    from fieldtruth.record.read import count_messages
-    from fieldtruth.report.progress import show_progress
 
     with show_progress() as progress:
         bag = generate(experiment, options.out, workers=options.workers, overwrite=options.overwrite, progress=progress)
@@ -66,8 +66,8 @@ def _preview(options: argparse.Namespace) -> None:
     path = options.out if options.out is not None else Path(f"{options.environment}_{options.seed}_preview.png")
     check_image_path(path, overwrite=options.overwrite)
     # After the checks: physics, compiled kernels and the drawing library take seconds to load.
+    from fieldtruth.core.progress import show_progress
     from fieldtruth.report.preview import WIDTH, WIDTH_IN_DOCUMENTS, preview
-    from fieldtruth.report.progress import show_progress
 
     width = WIDTH_IN_DOCUMENTS if is_jpeg(path) else WIDTH
     with show_progress() as progress:
@@ -86,7 +86,7 @@ def _shares(options: argparse.Namespace) -> None:
         raise UsageError(f"needed is --all or at least one experiment; there is: {', '.join(experiment_names())}")
     names = experiment_names() if options.all else options.experiments
     experiments = [with_overrides(load_experiment(name), seed=options.seed) for name in names]
-    from fieldtruth.report.progress import show_progress
+    from fieldtruth.core.progress import show_progress
     from fieldtruth.report.shares import shares_of, shares_table
 
     with show_progress() as progress:
@@ -99,7 +99,7 @@ def _bench(options: argparse.Namespace) -> None:
     import json
 
     from fieldtruth.bench import run, run_all, settings_of, table, table_of_all
-    from fieldtruth.report.progress import show_progress
+    from fieldtruth.core.progress import show_progress
 
     if options.env == "all":
         with show_progress() as progress:

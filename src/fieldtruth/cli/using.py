@@ -15,8 +15,8 @@ RUN: Final = "folder of a run, or a bag"
 
 
 def _export(options: argparse.Namespace) -> None:
-    from fieldtruth.export import export
-    from fieldtruth.report.progress import show_progress
+    from fieldtruth.core.progress import show_progress
+    from fieldtruth.exporters import export
 
     with show_progress() as progress:
         made = export(
@@ -32,9 +32,9 @@ def _export(options: argparse.Namespace) -> None:
 
 
 def _annotate(options: argparse.Namespace) -> None:
-    from fieldtruth.annotate import annotate
+    from fieldtruth.annotation import annotate
+    from fieldtruth.core.progress import show_progress
     from fieldtruth.experiment.files import load_experiment
-    from fieldtruth.report.progress import show_progress
 
     like = None if options.experiment is None else load_experiment(options.experiment)
     if like is not None and like.environment != options.world:
@@ -57,8 +57,8 @@ def _annotate(options: argparse.Namespace) -> None:
 
 
 def _validate(options: argparse.Namespace) -> int:
-    from fieldtruth.report.progress import show_progress
-    from fieldtruth.validate import as_json, as_text, validate
+    from fieldtruth.core.progress import show_progress
+    from fieldtruth.validation import as_json, as_text, validate
 
     with show_progress() as progress:
         checks = validate(
@@ -74,8 +74,8 @@ def _validate(options: argparse.Namespace) -> int:
 
 
 def _report(options: argparse.Namespace) -> None:
+    from fieldtruth.core.progress import show_progress
     from fieldtruth.report.page import write_report
-    from fieldtruth.report.progress import show_progress
 
     with show_progress() as progress:
         made = write_report(options.run_path, out=options.out, overwrite=options.overwrite, progress=progress)
@@ -83,7 +83,7 @@ def _report(options: argparse.Namespace) -> None:
 
 
 def _view(options: argparse.Namespace) -> None:
-    from fieldtruth.report.progress import show_progress
+    from fieldtruth.core.progress import show_progress
     from fieldtruth.report.viewer import view
 
     with show_progress() as progress:

@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.bag.reader import BagError, Places, StoredBag
+from fieldtruth.bag.readings import stamp_ns
 from fieldtruth.datasets.items import I8, Sensor
 from fieldtruth.datasets.storage import Storage
-from fieldtruth.record.read import stamp_ns
-from fieldtruth.record.stored import BagError, Places, StoredBag
 
 Mask = NDArray[np.bool_]
 

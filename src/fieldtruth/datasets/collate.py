@@ -5,8 +5,8 @@
 from collections.abc import Sequence
 from typing import Any
 
+from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.datasets.items import RAGGED, Sample
-from fieldtruth.errors import ConfigurationError
 
 
 def collate(samples: Sequence[Sample]) -> dict[str, Any]:

@@ -10,11 +10,11 @@ from typing import Any, Literal, SupportsIndex, TypedDict, Unpack
 
 import numpy as np
 
+from fieldtruth.bag.reader import BagError
+from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.datasets.items import Sensor
 from fieldtruth.datasets.run import DEFAULT_ITEMS, RunDataset, Transform, position
-from fieldtruth.errors import ConfigurationError
-from fieldtruth.export.label_map import LabelMap
-from fieldtruth.record.stored import BagError
+from fieldtruth.ontology.label_map import LabelMap
 
 
 class Options(TypedDict, total=False):

@@ -8,9 +8,9 @@ from typing import Any, Final, Literal, NamedTuple, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.record import read
-from fieldtruth.record import topics as table
-from fieldtruth.record.stored import BagError
+from fieldtruth.bag import readings as read
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.reader import BagError
 
 I8 = NDArray[np.int64]
 F8 = NDArray[np.float64]

@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 
+from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.datasets.folder import Runs
 from fieldtruth.datasets.run import RunDataset
-from fieldtruth.errors import ConfigurationError, UnknownNameError
 
 Groups = list[list[RunDataset]]
 

@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.model_states import ROBOT
+from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.run import Run
+from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.datasets.association import Mask, Stream
 from fieldtruth.datasets.items import F8, I8
 from fieldtruth.datasets.storage import Storage
-from fieldtruth.record import topics as table
-from fieldtruth.record.model_states import ROBOT
-from fieldtruth.record.run import Run
-from fieldtruth.record.stored import BagError
-from fieldtruth.record.trajectory import Trajectory
 
 
 def pose_topic(run: Run) -> str:

@@ -10,18 +10,18 @@ from typing import Any, Final, Literal, NamedTuple, SupportsIndex, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.classes import CLASSES, Label
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.calibration import read_static_frames
+from fieldtruth.bag.damage import BagError, damage
+from fieldtruth.bag.reader import open_stored
+from fieldtruth.bag.run import Run, open_run
+from fieldtruth.core.classes import CLASSES, Label
+from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.datasets.association import Stream, associate, read_streams, why_none
 from fieldtruth.datasets.items import F8, GEOMETRY, I8, ITEMS, Sample, Sensor
 from fieldtruth.datasets.poses import Poses, pose_topic
 from fieldtruth.datasets.storage import Storage
-from fieldtruth.errors import ConfigurationError, UnknownNameError
-from fieldtruth.export.calibration import read_static_frames
-from fieldtruth.export.label_map import LabelMap, label_map_of
-from fieldtruth.record import topics as table
-from fieldtruth.record.damage import BagError, damage
-from fieldtruth.record.run import Run, open_run
-from fieldtruth.record.stored import open_stored
+from fieldtruth.ontology.label_map import LabelMap, label_map_of
 
 DEFAULT_ITEMS: Final = ("image", "mask")
 _SENSORS: Final[tuple[Sensor, ...]] = ("camera", "lidar")

@@ -12,8 +12,8 @@ from typing import Any, Final
 
 from rosbags.typesys.store import Typestore
 
-from fieldtruth.record.damage import BagError, damage
-from fieldtruth.record.stored import (
+from fieldtruth.bag.damage import BagError, damage
+from fieldtruth.bag.reader import (
     RawMessage,
     StoredBag,
     decoder_of,

@@ -6,12 +6,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from fieldtruth.core.errors import RouteError
+from fieldtruth.core.frames import Array
 from fieldtruth.drive.footing import BELLY, belly_rise_on_path
 from fieldtruth.drive.outlines import distance_to, gap_to
 from fieldtruth.drive.rehearsal import Rehearsal
 from fieldtruth.drive.traversability import BAR_TEXTS, ROBOT_RADIUS, Bar, Traversability
-from fieldtruth.errors import RouteError
-from fieldtruth.frames import Array
 
 SPACING: Final = (1.0, 25.0)  # [m] between way-points; the paper has 5 to 20, and less near obstacles
 LINE_GAP: Final = 0.4  # [m] from the line through the way-points to an obstacle; the robot is 0.67 m wide

@@ -11,10 +11,10 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fieldtruth.core.frames import Array
+from fieldtruth.core.geodesy import world_from_geodetic
 from fieldtruth.drive.husky import STOP, Command
 from fieldtruth.experiment.config import ControlConfig
-from fieldtruth.frames import Array
-from fieldtruth.geodesy import world_from_geodetic
 
 
 class WaypointFollower:

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
+from fieldtruth.core.frames import Array
 from fieldtruth.drive.husky import CHASSIS_WIDTH, OUTLINE
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.frames import Array
 from fieldtruth.world.model import Heightfield
 
 BELLY: Final = -Rig().base_footprint.xyz[2]

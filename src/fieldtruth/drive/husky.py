@@ -27,8 +27,8 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fieldtruth.core.frames import Array
 from fieldtruth.experiment.rig import WHEELS, Rig, WheelConfig
-from fieldtruth.frames import Array
 
 MASS: Final = 50.0  # [kg]
 WHEEL_MASS: Final = 2.637  # [kg]

@@ -7,8 +7,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from scipy.spatial import ConvexHull
 
+from fieldtruth.core.frames import Array, pose, transform
 from fieldtruth.drive.husky import OUTLINE
-from fieldtruth.frames import Array, pose, transform
 from fieldtruth.world.model import Collider, World
 
 REACH_HEIGHT: Final = 1.2  # [m] above the ground; the robot's mast ends below

@@ -18,9 +18,9 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from fieldtruth.core.frames import Array, pose, quaternion_wxyz_from_rotation
 from fieldtruth.drive.husky import CHASSIS_BIT, OUTLINE_BIT, WHEEL_GEOMS, add_husky
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.frames import Array, pose, quaternion_wxyz_from_rotation
 from fieldtruth.world.model import Collider, Heightfield, World
 
 STEP_NS: Final = 1_000_000  # [ns]

@@ -4,12 +4,12 @@
 
 import numpy as np
 
+from fieldtruth.core.errors import DriveError, RouteError
 from fieldtruth.drive.check import check_route
 from fieldtruth.drive.rehearsal import Rehearsal
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.traversability import traversability
 from fieldtruth.drive.wander import wander
-from fieldtruth.errors import DriveError, RouteError
 from fieldtruth.experiment.config import Experiment, RandomRouteConfig, RouteConfig
 from fieldtruth.experiment.route import geodetic_route, metres_from_route, route_from_metres
 from fieldtruth.world.model import World

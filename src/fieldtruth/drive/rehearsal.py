@@ -11,10 +11,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from fieldtruth.core.frames import Array
 from fieldtruth.drive.controller import turn_rate
 from fieldtruth.drive.footing import slopes
 from fieldtruth.experiment.config import ControlConfig, Experiment
-from fieldtruth.frames import Array
 from fieldtruth.world.model import Heightfield
 
 STEP_S: Final = 0.1

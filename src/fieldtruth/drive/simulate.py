@@ -13,6 +13,7 @@ from typing import Final
 import mujoco
 import numpy as np
 
+from fieldtruth.core.frames import Array, rotation_from_quaternion_wxyz
 from fieldtruth.drive import sensors
 from fieldtruth.drive.controller import WaypointFollower, horizontal_from_geodetic
 from fieldtruth.drive.husky import STOP, Command, ramp, wheel_speeds
@@ -22,7 +23,6 @@ from fieldtruth.drive.watch import Watch
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route
-from fieldtruth.frames import Array, rotation_from_quaternion_wxyz
 from fieldtruth.world.model import World
 
 STOP_SECONDS: Final = 0.5

@@ -17,11 +17,11 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter, label
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
+from fieldtruth.core.frames import Array
 from fieldtruth.drive.check import LINE_GAP, line_conflict, line_places, path_conflict, thinned
 from fieldtruth.drive.husky import OUTLINE
 from fieldtruth.drive.rehearsal import Rehearsal, Stage
 from fieldtruth.drive.traversability import CELL, ROBOT_RADIUS, Traversability
-from fieldtruth.frames import Array
 
 STRIDE: Final = 3
 NODE: Final = STRIDE * CELL  # [m] between the places that ways are made of

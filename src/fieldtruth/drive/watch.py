@@ -5,10 +5,10 @@
 import math
 from typing import Final
 
+from fieldtruth.core.errors import DriveError
+from fieldtruth.core.frames import Array
 from fieldtruth.drive.controller import WaypointFollower
-from fieldtruth.errors import DriveError
 from fieldtruth.experiment.config import ControlConfig
-from fieldtruth.frames import Array
 from fieldtruth.world.model import World
 
 MAX_TILT_DEG: Final = 60.0  # beyond it a Husky does not come back: half track 0.29 m over a centre of mass 0.19 m high

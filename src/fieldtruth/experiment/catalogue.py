@@ -5,7 +5,7 @@
 from functools import cache
 from importlib.resources import files
 
-from fieldtruth.errors import UnknownNameError
+from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.experiment.text import parse_mapping
 
 

@@ -10,7 +10,7 @@ from typing import Any, Final
 from pydantic import ValidationError
 
 import fieldtruth
-from fieldtruth.errors import ConfigurationError, UnknownNameError
+from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.experiment.catalogue import environment_names, experiment_names, experiment_text
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.problems import configuration_error, shortened

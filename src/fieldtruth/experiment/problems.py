@@ -9,7 +9,7 @@ from typing import Annotated, Any, Final, Union, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from fieldtruth.errors import ConfigurationError, nearest_first
+from fieldtruth.core.errors import ConfigurationError, nearest_first
 
 UNKNOWN_KEY: Final = ("extra_forbidden", "invalid_key")
 KINDS: Final = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}

@@ -7,7 +7,7 @@ from typing import Annotated, Final, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
 
-from fieldtruth import frames
+from fieldtruth.core import frames
 
 # Strict: a text or a yes/no is no number, so that a slip of the pen is not read as 1.
 Number = Annotated[float, Strict()]

@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from fieldtruth import geodesy
-from fieldtruth.errors import RouteError
+from fieldtruth.core import geodesy
+from fieldtruth.core.errors import RouteError
 from fieldtruth.experiment.config import MetresRouteConfig, RandomRouteConfig, Route, RouteConfig, WanderConfig
 
 DECIMALS: Final = 9

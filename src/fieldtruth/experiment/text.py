@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import yaml
 
-from fieldtruth.errors import ConfigurationError
+from fieldtruth.core.errors import ConfigurationError
 
 _EXPONENT: Final = re.compile(r"^[-+]?[0-9]+(?:\.[0-9]*)?[eE][-+]?[0-9]+$")
 

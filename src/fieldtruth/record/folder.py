@@ -22,11 +22,11 @@ from typing import Final, NamedTuple
 import numpy as np
 
 import fieldtruth
-from fieldtruth.errors import FieldtruthError, OutputError
+from fieldtruth.bag.checksums import CHECKSUMS, checksum_lines, sha256_of
+from fieldtruth.bag.writer import output_errors
+from fieldtruth.core.errors import FieldtruthError, OutputError
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
-from fieldtruth.record.bag import output_errors
-from fieldtruth.record.checksums import CHECKSUMS, checksum_lines, sha256_of
 
 _WORK: Final = ".slices"
 _EXPERIMENT: Final = "experiment.yaml"

@@ -15,9 +15,9 @@ from typing import Final
 
 import numpy as np
 
-from fieldtruth.record.bag import BagWriter, output_errors
+from fieldtruth.bag.topics import Topic
+from fieldtruth.bag.writer import BagWriter, output_errors
 from fieldtruth.record.streams import Sensors, Stream
-from fieldtruth.record.topics import Topic
 
 SLICE_NS: Final = 10**9  # [ns] of simulated time
 TELL_NS: Final = 10**8  # [ns] of simulated time between two reports of progress

@@ -11,11 +11,11 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.bag import images, messages, topics
+from fieldtruth.bag.types import F8
+from fieldtruth.drive.state import state_at
 from fieldtruth.drive.track import I8, Track, stamps_at_rate
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, LidarConfig, Rig
-from fieldtruth.record import images, messages, topics
-from fieldtruth.record.ros import F8
-from fieldtruth.record.state import state_at
 from fieldtruth.world.model import World
 
 PoseAt = Callable[[int], F8]

@@ -9,13 +9,13 @@ from string import Template
 import numpy as np
 
 import fieldtruth
-from fieldtruth import frames
-from fieldtruth.classes import CLASSES, NO_RETURN, Label
+from fieldtruth.bag.messages import static_transforms
+from fieldtruth.bag.topics import topics_of
+from fieldtruth.core import frames
+from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.record.messages import static_transforms
-from fieldtruth.record.topics import topics_of
 from fieldtruth.world.model import World
 
 

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.errors import OutputError
+from fieldtruth.core.errors import OutputError
 
 KINDS: Final = (".png", ".jpg", ".jpeg")
 LARGEST_JPEG: Final = 400_000  # [byte]; many pages show several

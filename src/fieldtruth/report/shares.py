@@ -16,13 +16,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.classes import CLASSES
+from fieldtruth.core.classes import CLASSES
+from fieldtruth.core.frames import Array
+from fieldtruth.core.progress import Progress, Silent
+from fieldtruth.drive.expected_path import expected_path, stand, stations
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, Rig
-from fieldtruth.frames import Array
-from fieldtruth.report.path import expected_path, stand, stations
-from fieldtruth.report.progress import Progress, Silent
-from fieldtruth.sense import Camera, Lidar, Scene
+from fieldtruth.render import Camera
+from fieldtruth.sense import Lidar, Scene
 from fieldtruth.world import world_of
 
 SPACING: Final = 2.0  # [m]

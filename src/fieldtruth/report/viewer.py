@@ -16,15 +16,15 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.classes import CLASSES
-from fieldtruth.errors import OutputError
-from fieldtruth.record import read
-from fieldtruth.record import topics as table
-from fieldtruth.record.bag import output_errors
-from fieldtruth.record.run import Run, open_run
-from fieldtruth.record.stored import RawMessage, decoder, open_stored
-from fieldtruth.record.trajectory import read_trajectory
-from fieldtruth.report.progress import Progress, Silent
+from fieldtruth.bag import readings as read
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.reader import RawMessage, decoder, open_stored
+from fieldtruth.bag.run import Run, open_run
+from fieldtruth.bag.trajectory import read_trajectory
+from fieldtruth.bag.writer import output_errors
+from fieldtruth.core.classes import CLASSES
+from fieldtruth.core.errors import OutputError
+from fieldtruth.core.progress import Progress, Silent
 
 RATE: Final = 5.0  # [Hz]
 TIMELINE: Final = "time"

@@ -22,7 +22,7 @@ from llvmlite import binding as llvm
 from numba import types
 from numpy.typing import ArrayLike, NDArray
 
-from fieldtruth.errors import EngineError
+from fieldtruth.core.errors import EngineError
 
 MISS: Final = 0xFFFFFFFF
 SOLID: Final = 1

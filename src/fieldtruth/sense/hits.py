@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.classes import Label
+from fieldtruth.core.classes import Label
 from fieldtruth.sense import embree
 from fieldtruth.sense.kernel import inlined
 from fieldtruth.world.model import GROUND_ID

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.classes import NO_RETURN
+from fieldtruth.core.classes import NO_RETURN
 from fieldtruth.experiment.rig import LidarConfig
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import HitTable, classify, hit_top

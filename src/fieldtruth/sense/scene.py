@@ -14,7 +14,7 @@ from fieldtruth.sense.hits import Grid, HitTable
 from fieldtruth.world.model import GROUND_ID, Heightfield, Mesh, Raster, World
 
 if TYPE_CHECKING:
-    from fieldtruth.sense.studio import Studio
+    from fieldtruth.render.shading import Studio
 
 _PLAIN: Final = (1.0, 1.0, 1.0)
 
@@ -87,7 +87,7 @@ class Scene:
     @property
     def studio(self) -> "Studio":
         """Light, colours and film: made when the first photograph asks for them, and shared by threads."""
-        from fieldtruth.sense.studio import make_studio  # late: a LiDAR alone needs no light
+        from fieldtruth.render.shading import make_studio  # late: a LiDAR alone needs no light
 
         with self._lock:
             if self._studio is None:

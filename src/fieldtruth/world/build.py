@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
-from fieldtruth.errors import UnknownNameError
+from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.world.environments import ENVIRONMENTS
 from fieldtruth.world.model import World
 from fieldtruth.world.store import read_world, save_world

@@ -12,7 +12,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fieldtruth.classes import Label
+from fieldtruth.core.classes import Label
 
 ROBOT_ID: Final = 0
 """Object id of the robot, which none of its sensors sees; so an id of 0 in an image means that nothing was hit."""

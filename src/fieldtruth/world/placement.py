@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.errors import FieldtruthError
+from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.world.model import GROUND_ID, Heightfield, Instance, Mesh, Swarm
 from fieldtruth.world.trails import Line, Trail
 

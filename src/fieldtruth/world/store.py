@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.classes import Label
+from fieldtruth.core.classes import Label
 from fieldtruth.world.model import Collider, Heightfield, Instance, Material, Mesh, Raster, Swarm, Terrain, World
 
 _MESH_ARRAYS = ("vertices", "normals", "uv", "faces", "material")

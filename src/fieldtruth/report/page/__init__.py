@@ -6,10 +6,10 @@ import os
 from pathlib import Path
 from typing import Final
 
-from fieldtruth.errors import OutputError
-from fieldtruth.record.bag import output_errors
-from fieldtruth.record.run import open_run
-from fieldtruth.report.progress import Progress, Silent
+from fieldtruth.bag.run import open_run
+from fieldtruth.bag.writer import output_errors
+from fieldtruth.core.errors import OutputError
+from fieldtruth.core.progress import Progress, Silent
 
 LARGEST_PAGE: Final = 15_000_000
 """A page is smaller than this [byte], however long the run: the number and size of all that it shows are bounded."""

@@ -8,18 +8,18 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from fieldtruth import frames
-from fieldtruth.classes import CLASSES
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.calibration import first_message, read_static_frames
+from fieldtruth.bag.checksums import read_checksums, sha256_of
+from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.run import EXPERIMENT, Run
+from fieldtruth.core import frames
+from fieldtruth.core.classes import CLASSES
+from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.files import VERSION_KEY
 from fieldtruth.experiment.text import parse_mapping
-from fieldtruth.export.calibration import first_message, read_static_frames
-from fieldtruth.record import topics as table
-from fieldtruth.record.checksums import read_checksums, sha256_of
-from fieldtruth.record.run import EXPERIMENT, Run
-from fieldtruth.record.stored import BagError
 from fieldtruth.report.page.passage import FOREIGN, Passage, usable
 from fieldtruth.report.page.words import TIMES, colour_of, count_text, fixed, shortened, size_text, trimmed
-from fieldtruth.report.progress import Progress
 
 ROWS: Final = 200
 """At most so many rows of a table; a bag can have any number of topics and frames."""

@@ -6,10 +6,11 @@ import base64
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from fieldtruth.classes import CLASSES
-from fieldtruth.record import topics as table
-from fieldtruth.record.run import Run
-from fieldtruth.record.trajectory import Trajectory
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.run import Run
+from fieldtruth.bag.trajectory import Trajectory
+from fieldtruth.core.classes import CLASSES
+from fieldtruth.core.progress import Progress
 from fieldtruth.report.page import facts, loading
 from fieldtruth.report.page.curves import Curve, Tick, curve_numbers, draw_curves, time_ticks
 from fieldtruth.report.page.map import Map, draw_map
@@ -19,7 +20,6 @@ from fieldtruth.report.page.place import see_place
 from fieldtruth.report.page.samples import Samples, take_samples
 from fieldtruth.report.page.scans import gather_scans
 from fieldtruth.report.page.words import colour_of, shortened
-from fieldtruth.report.progress import Progress
 
 
 class Eye(NamedTuple):

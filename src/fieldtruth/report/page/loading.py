@@ -5,10 +5,10 @@
 import shlex
 from typing import NamedTuple
 
-from fieldtruth.export import FORMS
-from fieldtruth.record import topics as table
-from fieldtruth.record.checksums import CHECKSUMS
-from fieldtruth.record.run import Run
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.checksums import CHECKSUMS
+from fieldtruth.bag.run import Run
+from fieldtruth.exporters import FORMS
 
 
 class Snippet(NamedTuple):
@@ -64,7 +64,7 @@ def _package(run: Run, path: str) -> str:
 
 _PACKAGE = """\
 from pathlib import Path
-from fieldtruth.record import {names}
+from fieldtruth.bag import {names}
 
 bag = Path({path})
 for reading in read_bag(bag, [{topic}]):

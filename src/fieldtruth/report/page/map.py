@@ -13,11 +13,11 @@ from typing import Any, Final
 import numpy as np
 import simplejpeg
 
-from fieldtruth.errors import RouteError
+from fieldtruth.bag.run import Run
+from fieldtruth.bag.trajectory import Trajectory
+from fieldtruth.core.errors import RouteError
+from fieldtruth.core.frames import Array, rotation_from_quaternion_wxyz, yaw_from_rotation
 from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.frames import Array, rotation_from_quaternion_wxyz, yaw_from_rotation
-from fieldtruth.record.run import Run
-from fieldtruth.record.trajectory import Trajectory
 from fieldtruth.report.page.place import Place
 from fieldtruth.report.page.words import TO, trimmed
 from fieldtruth.report.preview.aerial import Aerial

@@ -8,8 +8,8 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from fieldtruth.classes import CLASSES
-from fieldtruth.record.trajectory import Trajectory
+from fieldtruth.bag.trajectory import Trajectory
+from fieldtruth.core.classes import CLASSES
 from fieldtruth.report.page.samples import jpeg_below
 from fieldtruth.report.page.scans import Array, ScanCloud
 from fieldtruth.report.page.words import colour_of, count_text, fixed

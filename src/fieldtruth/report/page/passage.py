@@ -11,17 +11,17 @@ from typing import Any, Final
 
 import numpy as np
 
-from fieldtruth.classes import CLASSES
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.reader import BagError, RawMessage, decoder, open_stored
+from fieldtruth.bag.readings import stamp_ns
+from fieldtruth.bag.run import Run
+from fieldtruth.bag.trajectory import Trajectory
+from fieldtruth.core.classes import CLASSES
+from fieldtruth.core.parallel import in_order
+from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.rig import WHEELS
-from fieldtruth.export.parallel import in_order
-from fieldtruth.record import topics as table
-from fieldtruth.record.read import stamp_ns
-from fieldtruth.record.run import Run
-from fieldtruth.record.stored import BagError, RawMessage, decoder, open_stored
-from fieldtruth.record.trajectory import Trajectory
 from fieldtruth.report.page.series import Collector, Fixes, Inertial, Lines, Motion, Wheel
 from fieldtruth.report.page.tally import Counts, count_pixels, count_points
-from fieldtruth.report.progress import Progress
 
 TAGS: Final = tuple(map(table.tag, table.SIDES))
 _MSGTYPE: Final = {topic.name: topic.msgtype for topic in table.TOPICS}

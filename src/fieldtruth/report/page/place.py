@@ -6,13 +6,13 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from fieldtruth.errors import FieldtruthError
-from fieldtruth.record import topics as table
-from fieldtruth.record.model_states import ROBOT, ModelStatesReader
-from fieldtruth.record.run import Run
-from fieldtruth.record.stored import open_stored
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.model_states import ROBOT, ModelStatesReader
+from fieldtruth.bag.reader import open_stored
+from fieldtruth.bag.run import Run
+from fieldtruth.core.errors import FieldtruthError
+from fieldtruth.core.progress import Progress
 from fieldtruth.report.preview.aerial import Aerial, take_aerial
-from fieldtruth.report.progress import Progress
 from fieldtruth.sense import Scene
 from fieldtruth.world import World, world_of
 

@@ -11,11 +11,11 @@ import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
 
-from fieldtruth.classes import PALETTE
-from fieldtruth.record import topics as table
-from fieldtruth.record.read import image, labels
-from fieldtruth.record.run import Run
-from fieldtruth.record.stored import decoder, open_stored
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.reader import decoder, open_stored
+from fieldtruth.bag.readings import image, labels
+from fieldtruth.bag.run import Run
+from fieldtruth.core.classes import PALETTE
 from fieldtruth.report.page.passage import FOREIGN, reason, usable
 from fieldtruth.report.preview.aerial import halved
 

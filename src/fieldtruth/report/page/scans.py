@@ -8,14 +8,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth import frames
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.calibration import read_static_frames
+from fieldtruth.bag.reader import BagError, decoder, open_stored
+from fieldtruth.bag.readings import points
+from fieldtruth.bag.run import Run
+from fieldtruth.bag.trajectory import Trajectory
+from fieldtruth.core import frames
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.export.calibration import read_static_frames
-from fieldtruth.record import topics as table
-from fieldtruth.record.read import points
-from fieldtruth.record.run import Run
-from fieldtruth.record.stored import BagError, decoder, open_stored
-from fieldtruth.record.trajectory import Trajectory
 from fieldtruth.report.page.passage import FOREIGN, stamp_of, usable
 from fieldtruth.report.page.tally import class_ids
 

@@ -10,8 +10,8 @@ import numpy as np
 import pymap3d
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.record.model_states import ROBOT, ModelStatesReader
-from fieldtruth.record.trajectory import Trajectory
+from fieldtruth.bag.model_states import ROBOT, ModelStatesReader
+from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.report.page.thin import F8, I8, Line, Thinner
 
 _BLOCK: Final = 4096

@@ -7,8 +7,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.classes import CLASSES, PALETTE
-from fieldtruth.record.read import image, points
+from fieldtruth.bag.readings import image, points
+from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.sense.kernel import kernel
 
 Counts = NDArray[np.int64]

@@ -4,7 +4,7 @@
 
 from typing import Final
 
-from fieldtruth.classes import CLASSES
+from fieldtruth.core.classes import CLASSES
 
 MINUS: Final = "\N{MINUS SIGN}"
 TIMES: Final = "\N{MULTIPLICATION SIGN}"

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.report.progress import Progress, Silent
+from fieldtruth.core.progress import Progress, Silent
 
 WIDTH: Final = 2400  # [pixel]
 WIDTH_IN_DOCUMENTS: Final = 1400  # [pixel]; as a JPEG it is then still sharp below 400 kB

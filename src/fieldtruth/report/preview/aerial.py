@@ -8,10 +8,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fieldtruth import frames
+from fieldtruth.core import frames
+from fieldtruth.core.frames import Array
 from fieldtruth.experiment.rig import CameraConfig
-from fieldtruth.frames import Array
-from fieldtruth.sense import Camera, Scene
+from fieldtruth.render import Camera
+from fieldtruth.sense import Scene
 from fieldtruth.sense.pinhole import Pinhole, pinhole
 
 HEIGHT: Final = 300.0

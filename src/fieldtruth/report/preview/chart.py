@@ -5,7 +5,7 @@
 from collections.abc import Iterator
 from typing import Final
 
-from fieldtruth.classes import CLASSES, SemanticClass
+from fieldtruth.core.classes import CLASSES, SemanticClass
 from fieldtruth.report.preview.paper import HAIRLINE, INK, MUTED, PIXELS, POINTS, Paper
 from fieldtruth.report.shares import ClassShares
 

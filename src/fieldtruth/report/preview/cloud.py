@@ -13,10 +13,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth import frames
-from fieldtruth.classes import PALETTE
+from fieldtruth.core import frames
+from fieldtruth.core.classes import PALETTE
+from fieldtruth.core.frames import Array
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.frames import Array
 from fieldtruth.report.preview.aerial import halved
 from fieldtruth.sense import Lidar, Scene
 

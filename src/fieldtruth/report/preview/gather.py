@@ -9,17 +9,18 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.core.frames import Array
+from fieldtruth.core.progress import Progress
+from fieldtruth.drive.expected_path import expected_path, experiments_of, stand, stations
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, Rig
 from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.frames import Array
-from fieldtruth.report.path import expected_path, experiments_of, stand, stations
+from fieldtruth.render import Camera, Picture
 from fieldtruth.report.preview.aerial import Aerial, take_aerial
 from fieldtruth.report.preview.cloud import Cloud, scan_from
 from fieldtruth.report.preview.views import free_stations, most_telling
-from fieldtruth.report.progress import Progress
 from fieldtruth.report.shares import SPACING, ClassShares, count_classes
-from fieldtruth.sense import Camera, Picture, Scene
+from fieldtruth.sense import Scene
 from fieldtruth.world import World
 
 VIEWS: Final = 4

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patheffects import AbstractPathEffect, withStroke
 
+from fieldtruth.core.frames import Array
 from fieldtruth.experiment.rig import CameraConfig
-from fieldtruth.frames import Array
 from fieldtruth.report.preview.aerial import Aerial
 from fieldtruth.report.preview.gather import Findings, Route, View
 from fieldtruth.report.preview.paper import BLUES, FONT, INK, RED

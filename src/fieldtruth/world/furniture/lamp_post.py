@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fieldtruth.frames import pose
+from fieldtruth.core.frames import pose
 from fieldtruth.world.furniture.outlines import rounded
 from fieldtruth.world.furniture.shapes import make_box, make_lathe, make_tube, placed
 from fieldtruth.world.model import Collider, Mesh, merge_meshes

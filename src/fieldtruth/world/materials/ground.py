@@ -4,7 +4,7 @@
 
 from typing import Final
 
-from fieldtruth.classes import Label
+from fieldtruth.core.classes import Label
 from fieldtruth.world.model import Material
 
 MATERIALS: Final = (

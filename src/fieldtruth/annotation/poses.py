@@ -1,0 +1,247 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The true poses in a bag that was recorded elsewhere: which of them count, and which bags are refused.
+
+Two clocks may differ: that of the messages' headers, in which sensors are stamped, and that of the bag, in which
+messages lie there. ``rosbag record`` takes the computer's time for the latter unless it is told of a simulated one.
+"""
+
+from array import array
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from math import ceil, floor, isfinite
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from fieldtruth.annotation.check import check_type, static_frames
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.messages import BASE
+from fieldtruth.bag.model_states import ModelStatesReader
+from fieldtruth.bag.reader import BagError, RawMessage, StoredBag, decoder, open_stored
+from fieldtruth.bag.readings import stamp_ns
+from fieldtruth.bag.run import Run
+from fieldtruth.bag.trajectory import I8, Trajectory
+from fieldtruth.bag.types import F8
+from fieldtruth.core import frames
+from fieldtruth.core.errors import UnknownNameError, nearest_first
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.record.slices import TELL_NS, Advance
+
+LARGEST_STEP_NS: Final = 200_000_000
+"""Poses farther apart than this are a gap: what a robot did in between is not known to a pixel."""
+_UNIT: Final = 1e-3
+"""By how much a quaternion's length may differ from 1."""
+_LISTED: Final = 20
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Poses of base_link in the order of their stamps, and when each was recorded: its stamp in the bag [ns]."""
+
+    source: str
+    """The topic they are from."""
+    trajectory: Trajectory
+    recorded_ns: I8
+
+    def recorded_at(self, stamp_ns: int) -> int:
+        """Stamp in the bag [ns] of the first pose at or after a stamp [ns]."""
+        return int(self.recorded_ns[np.searchsorted(self.trajectory.stamps_ns, stamp_ns)])
+
+    def stamps(self, sensor: str, rate_hz: float, sweep_ns: int = 0) -> I8:
+        """Stamps [ns] k / rate, k > 0, for which there are poses up to ``sweep_ns`` later.
+
+        Raises:
+            BagError: there is none.
+        """
+        first, last = (int(self.trajectory.stamps_ns[i]) for i in (0, -1))
+        period = Fraction(10**9) / Fraction(rate_hz)
+        numbers = range(max(1, ceil(first / period) - 1), floor(last / period) + 2)  # a stamp is rounded, up or down
+        rounded = [round(k * period) for k in numbers]
+        stamps: I8 = np.array([stamp for stamp in rounded if first <= stamp <= last - sweep_ns], np.int64)
+        if not len(stamps):
+            raise BagError(
+                f"{self.source} has poses from {first / 1e9:.3f} s to {last / 1e9:.3f} s; "
+                f"no {sensor} stamp (a multiple of {float(period) / 1e9:g} s) lies among them"
+            )
+        return stamps
+
+
+def read_poses(run: Run, rig: Rig, robot: str, advance: Advance) -> Poses:
+    """Read the poses of base_link: from /ground_truth/odom or, where that is missing, /gazebo/model_states.
+
+    The whole bag is read, so that damage anywhere shows before the hours that follow. Of the poses, those stay that are
+    next to an instant at which the rig senses.
+
+    Raises:
+        BagError: no poses or only one, a gap between them, time that runs backwards, poses of a frame that nothing ties
+            to base_link, or a damaged bag.
+        UnknownNameError: no such robot.
+    """
+    source = next((topic for topic in (table.ODOMETRY, table.MODEL_STATES) if topic in run.counts), None)
+    if source is None:
+        raise BagError(
+            f"{run.bag} has no poses: neither {table.ODOMETRY} nor {table.MODEL_STATES}; "
+            f"it has: {', '.join(sorted(run.counts))}"
+        )
+    check_type(run, source)
+    log = _Log(source, rig)
+    with open_stored(run.bag) as bag:
+        reader = _Odometry(bag) if source == table.ODOMETRY else _ModelStates(robot)
+        told_ns = run.start_ns
+        for raw in bag.messages():
+            if raw.topic == source and (pose := reader.pose(raw)) is not None:
+                log.add(pose, raw.stamp_ns)
+            if raw.stamp_ns - told_ns >= TELL_NS:
+                advance((raw.stamp_ns - told_ns) / 1e9)
+                told_ns = raw.stamp_ns
+    log.finish()
+    if not log.stamps:
+        reader.explain_absence()
+    if len(log.stamps) < 2:
+        raise BagError(f"{source} of {run.bag} has one pose only; images are taken between poses")
+    return log.poses(_base_from(reader.frame, run, rig))
+
+
+class _Pose(NamedTuple):
+    """A pose as recorded: stamp [ns], and x, y, z [m] and quaternion (x, y, z, w) of a frame in the world."""
+
+    stamp_ns: int
+    values: Sequence[float]
+
+
+class _Odometry:
+    """Reads nav_msgs/Odometry. Headers have stamps; one of zero means none, as before the first tick of the clock."""
+
+    def __init__(self, bag: StoredBag) -> None:
+        self.frame = ""
+        self._decode = decoder(bag)
+
+    def pose(self, raw: RawMessage) -> _Pose | None:
+        message = self._decode(raw)
+        try:
+            p, q = message.pose.pose.position, message.pose.pose.orientation
+            values = (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
+            stamp, frame = stamp_ns(message.header), message.child_frame_id.strip("/")
+        except AttributeError as error:
+            raise BagError(f"{raw.topic} has another definition than nav_msgs/Odometry: {error}") from error
+        if stamp == 0:
+            return None
+        if self.frame not in ("", frame):
+            raise BagError(f"{raw.topic} has poses of two frames, {self.frame!r} and {frame!r}; needed is one")
+        self.frame = frame
+        return _Pose(stamp, values)
+
+    def explain_absence(self) -> None:
+        raise BagError(f"{table.ODOMETRY} has no stamps: those in all its headers are 0")
+
+
+class _ModelStates:
+    """Reads gazebo_msgs/ModelStates. It has no header: the bag's stamps count. The robot may come late."""
+
+    frame = ""
+
+    def __init__(self, robot: str) -> None:
+        self._robot = robot
+        self._reader = ModelStatesReader()
+
+    def pose(self, raw: RawMessage) -> _Pose | None:
+        rows = self._reader.poses(raw.data)
+        if self._robot not in self._reader.names:
+            return None
+        return _Pose(raw.stamp_ns, rows[self._reader.names.index(self._robot)].tolist())
+
+    def explain_absence(self) -> None:
+        names = nearest_first(self._robot, self._reader.names)
+        raise UnknownNameError(f"model in {table.MODEL_STATES}", self._robot, names[:_LISTED])
+
+
+class _Log:
+    """Takes poses in the order of the bag and keeps those on either side of an instant at which the rig senses.
+
+    At 1000 Hz that is one of twenty. A sensor that sweeps needs all of them.
+    """
+
+    def __init__(self, source: str, rig: Rig) -> None:
+        self.source = source
+        self.stamps, self.recorded, self.values = array("q"), array("q"), array("d")
+        sensors = [sensor for sensor in (rig.lidar, rig.cameras) if sensor.enabled]
+        self._rates = [(Fraction(sensor.rate_hz) / 10**9).as_integer_ratio() for sensor in sensors]
+        self._every = rig.lidar.enabled and rig.lidar.spinning
+        self._last: tuple[_Pose, int] | None = None
+        self._kept = False
+
+    def add(self, pose: _Pose, recorded_ns: int) -> None:
+        if not (isfinite(sum(pose.values)) and abs(sum(v * v for v in pose.values[3:]) - 1.0) < _UNIT):
+            raise BagError(f"{self.source} at {_seconds(pose.stamp_ns)} is no pose: {list(pose.values)}")
+        if self._last is None:
+            self._keep(pose, recorded_ns)
+        else:
+            before = self._last[0].stamp_ns
+            # A clock that ticks slowly gives many the same stamp; the first of them is the nearest to it.
+            if pose.stamp_ns == before:
+                return
+            self._check_step(before, pose.stamp_ns)
+            if self._every or self._senses_between(before, pose.stamp_ns):
+                if not self._kept:
+                    self._keep(*self._last)
+                self._keep(pose, recorded_ns)
+            else:
+                self._kept = False
+        self._last = pose, recorded_ns
+
+    def finish(self) -> None:
+        if self._last is not None and not self._kept:
+            self._keep(*self._last)
+
+    def poses(self, base_from_frame: F8 | None) -> Poses:
+        """All that was kept, as poses of base_link; the frame is base_link itself for None."""
+        table_ = np.frombuffer(self.values).reshape(-1, 7)
+        position, quaternion = table_[:, :3], frames.wxyz_from_xyzw(table_[:, 3:])
+        if base_from_frame is not None:
+            world_from_base = frames.pose_from_quaternion_wxyz(position, quaternion) @ frames.inverse(base_from_frame)
+            position = world_from_base[:, :3, 3]
+            quaternion = frames.quaternion_wxyz_from_rotation(world_from_base[:, :3, :3])
+        stamps = np.frombuffer(self.stamps, np.int64)
+        return Poses(self.source, Trajectory(stamps, position, quaternion), np.frombuffer(self.recorded, np.int64))
+
+    def _keep(self, pose: _Pose, recorded_ns: int) -> None:
+        self.stamps.append(pose.stamp_ns)
+        self.recorded.append(recorded_ns)
+        self.values.extend(pose.values)
+        self._kept = True
+
+    def _check_step(self, before: int, after: int) -> None:
+        if after < before:
+            raise BagError(
+                f"{self.source}: time jumps back from {_seconds(before)} to {_seconds(after)}, as when a simulation is "
+                "reset; annotate a bag that ends before, or begins after"
+            )
+        if after - before > LARGEST_STEP_NS:
+            raise BagError(
+                f"{self.source} has a gap: no pose from {_seconds(before)} to {_seconds(after)}; allowed are "
+                f"{LARGEST_STEP_NS / 1e9:g} s; annotate a bag that ends before, or begins after"
+            )
+
+    def _senses_between(self, before: int, after: int) -> bool:
+        """Whether a stamp of a sensor lies there; a nanosecond more on either side, as stamps are rounded."""
+        return any((after + 1) * n // d > (before - 1) * n // d for n, d in self._rates)
+
+
+def _base_from(frame: str, run: Run, rig: Rig) -> F8 | None:
+    """Where in base_link the frame is whose poses were recorded: the bag knows, or the rig. None for base_link."""
+    if frame in ("", BASE):
+        return None
+    static = static_frames(run)
+    if frame in static.parents or frame in {parent for parent, _ in static.parents.values()}:
+        return static.base_from(frame)
+    if frame in rig.mounts():
+        return rig.mounts()[frame].base_from_sensor
+    raise BagError(
+        f"{table.ODOMETRY} of {run.bag} has poses of {frame!r}, which nothing in /tf_static ties to {BASE!r}"
+    )
+
+
+def _seconds(stamp: int) -> str:
+    return f"{stamp / 1e9:.3f} s"

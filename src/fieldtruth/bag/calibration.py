@@ -1,0 +1,138 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a run says of where its sensors sit and how its cameras project: /tf_static and CameraInfo."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.reader import BagError, decoder, open_stored
+from fieldtruth.bag.readings import matrix
+from fieldtruth.bag.run import Run
+from fieldtruth.bag.types import F8
+from fieldtruth.core import frames
+
+BASE: Final = "base_link"
+LIDAR: Final = "os1_lidar"
+
+
+@dataclass(frozen=True)
+class StaticFrames:
+    """The fixed frames of a robot: ``parents[child]`` is the parent and ``parent_from_child`` (4, 4)."""
+
+    parents: Mapping[str, tuple[str, F8]]
+    source: str
+    """Where they were read, for messages."""
+
+    def base_from(self, frame: str) -> F8:
+        """(4, 4) that takes points of a frame to base_link, along all parents that both have.
+
+        Raises:
+            BagError: there is no such frame, or no chain from it to base_link.
+        """
+        known = {BASE, *self.parents, *(parent for parent, _ in self.parents.values())}
+        if frame not in known:
+            raise BagError(f"/tf_static of {self.source} has no frame {frame!r}; it has: {', '.join(sorted(known))}")
+        (root, root_from_frame), (base_root, root_from_base) = self._to_root(frame), self._to_root(BASE)
+        if root != base_root:
+            raise BagError(f"/tf_static of {self.source} does not connect {frame!r} with {BASE!r}")
+        return frames.inverse(root_from_base) @ root_from_frame
+
+    def _to_root(self, frame: str) -> tuple[str, F8]:
+        """Frame without a parent, and ``root_from_frame``."""
+        root_from_frame: F8 = np.eye(4)
+        for _ in self.parents:
+            if frame not in self.parents:
+                break
+            frame, parent_from_child = self.parents[frame]
+            root_from_frame = parent_from_child @ root_from_frame
+        if frame in self.parents:
+            raise BagError(f"/tf_static of {self.source} goes in a circle at {frame!r}")
+        return frame, root_from_frame
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Geometry of the stereo camera and the LiDAR; by side means by ``"left"`` and ``"right"``."""
+
+    width: int
+    height: int
+    """Size [pixel] of the images of either camera."""
+    projection: Mapping[str, F8]
+    """P (3, 4) [pixel] by side: from points [m] in the left optical frame; the right one holds the baseline."""
+    base_from_lidar: F8
+    """(4, 4) from the frame of the clouds."""
+    base_from_optical: Mapping[str, F8]
+    """(4, 4) by side, from the optical frame: x right, y down, z forward."""
+    static: StaticFrames
+
+    def base_from(self, frame: str) -> F8:
+        """(4, 4) that takes points of any frame of /tf_static to base_link.
+
+        Raises:
+            BagError: there is no such frame, or no chain from it to base_link.
+        """
+        return self.static.base_from(frame)
+
+
+def read_calibration(run: Run) -> Calibration:
+    """Read the calibration of a run with a stereo camera.
+
+    Raises:
+        BagError: /tf_static or a camera's CameraInfo is missing, says nothing, or does not fit the other.
+    """
+    run.require(table.TF_STATIC, *map(table.camera_info, table.SIDES))
+    static = read_static_frames(run)
+    infos = {side: first_message(run, table.camera_info(side)) for side in table.SIDES}
+    projection = {side: np.asarray(info.P, np.float64).reshape(3, 4) for side, info in infos.items()}
+    for side, matrix34 in projection.items():
+        fx, fy = matrix34[0, 0], matrix34[1, 1]
+        if not (np.isfinite(matrix34).all() and fx > 0.0 and fy > 0.0):
+            raise BagError(f"{table.camera_info(side)} of {run.bag} holds no projection: P has fx {fx}, fy {fy}")
+    sizes = {side: (int(info.width), int(info.height)) for side, info in infos.items()}
+    if sizes["left"] != sizes["right"]:
+        raise BagError(f"the cameras of {run.bag} differ in size: {sizes['left']} and {sizes['right']}")
+    return Calibration(
+        *sizes["left"],
+        projection,
+        base_from_lidar(run, static),
+        {side: static.base_from(info.header.frame_id) for side, info in infos.items()},
+        static,
+    )
+
+
+def read_static_frames(run: Run) -> StaticFrames:
+    """Read the fixed frames of a run.
+
+    Raises:
+        BagError: the bag has no /tf_static, or is damaged.
+    """
+    run.require(table.TF_STATIC)
+    with open_stored(run.bag) as bag:
+        decode = decoder(bag)
+        stamped = [each for raw in bag.messages([table.TF_STATIC]) for each in decode(raw).transforms]
+    parents = {each.child_frame_id: (each.header.frame_id, matrix(each.transform)) for each in stamped}
+    return StaticFrames(parents, str(run.bag))
+
+
+def base_from_lidar(run: Run, static: StaticFrames) -> F8:
+    """(4, 4) from the frame of the run's clouds, or of os1_lidar where it has none.
+
+    Raises:
+        BagError: /tf_static does not connect the frame with base_link.
+    """
+    has_clouds = table.POINTS in run.counts
+    return static.base_from(first_message(run, table.POINTS).header.frame_id if has_clouds else LIDAR)
+
+
+def first_message(run: Run, topic: str) -> Any:
+    """Read the first message of a topic that the run has, with ROS's field names.
+
+    Raises:
+        BagError: the bag is damaged.
+    """
+    with open_stored(run.bag) as bag:
+        return decoder(bag)(next(bag.messages([topic])))

@@ -1,0 +1,145 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""From the drive's arrays to messages: clock, transforms, odometry, model states, IMU, GNSS and wheels.
+
+Covariances are all zero: the readings are exact. ROS reads zeros as "unknown", so a filter must be given its own.
+"""
+
+import struct
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__PoseWithCovariance as PoseWithCovariance
+from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__TwistWithCovariance as TwistWithCovariance
+from rosbags.typesys.stores.ros1_noetic import nav_msgs__msg__Odometry as Odometry
+from rosbags.typesys.stores.ros1_noetic import rosgraph_msgs__msg__Clock as Clock
+from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__Imu as Imu
+from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__NavSatFix as NavSatFix
+from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__NavSatStatus as NavSatStatus
+from rosbags.typesys.stores.ros1_noetic import std_msgs__msg__Float32 as Float32
+
+from fieldtruth.bag import types as ros
+from fieldtruth.bag.types import F8
+from fieldtruth.core import frames
+from fieldtruth.drive.state import State
+from fieldtruth.drive.track import GnssReadings, ImuReadings, Motion
+from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, Rig
+from fieldtruth.world.model import World
+
+WORLD: Final = "world"
+BASE: Final = "base_link"
+ROBOT: Final = "husky"
+
+
+def clock(stamp_ns: int) -> bytes:
+    """rosgraph_msgs/Clock: the simulated time."""
+    return ros.serialize(Clock(ros.time(stamp_ns)), "rosgraph_msgs/msg/Clock")
+
+
+def static_transforms(rig: Rig) -> dict[tuple[str, str], F8]:
+    """Every fixed ``parent_from_child`` (4, 4) by (parent, child): the paper's Table 2, and the optical frames."""
+    result = {(BASE, name): mount.base_from_sensor for name, mount in rig.mounts().items()}
+    optical = {(f"{side}_camera", f"{side}_camera_optical"): CAMERA_FROM_OPTICAL for side in ("left", "right")}
+    return result | optical
+
+
+def tf_static(stamp_ns: int, transforms: Mapping[tuple[str, str], F8]) -> bytes:
+    """tf2_msgs/TFMessage of all fixed transforms."""
+    stamped = [
+        ros.transform_stamped(ros.header(0, stamp_ns, parent), child, parent_from_child)
+        for (parent, child), parent_from_child in transforms.items()
+    ]
+    return ros.serialize(ros.TFMessage(stamped), "tf2_msgs/msg/TFMessage")
+
+
+def tf(seq: int, stamp_ns: int, state: State) -> bytes:
+    """tf2_msgs/TFMessage of base_link in the world."""
+    transform = ros.Transform(ros.vector(state.position), ros.quaternion(state.quaternion_wxyz))
+    stamped = ros.TransformStamped(ros.header(seq, stamp_ns, WORLD), BASE, transform)
+    return ros.serialize(ros.TFMessage([stamped]), "tf2_msgs/msg/TFMessage")
+
+
+def odometry(seq: int, stamp_ns: int, state: State) -> bytes:
+    """nav_msgs/Odometry: the pose in the world, the twist in base_link."""
+    base_from_world = frames.rotation_from_quaternion_wxyz(state.quaternion_wxyz).T
+    linear, angular = base_from_world @ state.linear_velocity, base_from_world @ state.angular_velocity
+    twist = ros.Twist(ros.vector(linear), ros.vector(angular))
+    pose = ros.Pose(ros.point(state.position), ros.quaternion(state.quaternion_wxyz))
+    message = Odometry(
+        ros.header(seq, stamp_ns, WORLD),
+        BASE,
+        PoseWithCovariance(pose, np.zeros(36)),
+        TwistWithCovariance(twist, np.zeros(36)),
+    )
+    return ros.serialize(message, "nav_msgs/msg/Odometry")
+
+
+def imu(k: int, readings: ImuReadings) -> bytes:
+    """sensor_msgs/Imu, everything in imu_link (REP-145); the orientation is world_from_imu."""
+    zeros = np.zeros(9)
+    message = Imu(
+        ros.header(k, int(readings.stamps_ns[k]), "imu_link"),
+        ros.quaternion(readings.quaternion_wxyz[k]),
+        zeros,
+        ros.vector(readings.angular_velocity[k]),
+        zeros,
+        ros.vector(readings.linear_acceleration[k]),
+        zeros,
+    )
+    return ros.serialize(message, "sensor_msgs/msg/Imu")
+
+
+def navsat(k: int, readings: GnssReadings) -> bytes:
+    """sensor_msgs/NavSatFix of the antenna: latitude and longitude [deg], ellipsoidal height [m]."""
+    latitude, longitude, height = map(float, readings.geodetic[k])
+    message = NavSatFix(
+        ros.header(k, int(readings.stamps_ns[k]), "GNSS_link"),
+        NavSatStatus(NavSatStatus.STATUS_FIX, NavSatStatus.SERVICE_GPS),
+        latitude,
+        longitude,
+        height,
+        position_covariance=np.zeros(9),
+        position_covariance_type=NavSatFix.COVARIANCE_TYPE_UNKNOWN,
+    )
+    return ros.serialize(message, "sensor_msgs/msg/NavSatFix")
+
+
+def wheel_speed(speed: float) -> bytes:
+    """std_msgs/Float32 [rad/s]; it has no header, so its stamp is the bag's."""
+    return ros.serialize(Float32(float(speed)), "std_msgs/msg/Float32")
+
+
+class ModelStatesWriter:
+    """gazebo_msgs/ModelStates at the physics rate: only the robot moves, so 104 bytes of a template are patched.
+
+    Row i is the object with id i, as in the cloud's ``instance``: first the robot, then the ground, then the rest.
+    The twist is of base_link's origin in the world frame, as Gazebo has it.
+    """
+
+    def __init__(self, world: World) -> None:
+        names = [ROBOT, *world.object_names[1:]]
+        origin = ros.Pose(ros.Point(0.0, 0.0, 0.0), ros.Quaternion(0.0, 0.0, 0.0, 1.0))
+        still = ros.Twist(ros.Vector3(0.0, 0.0, 0.0), ros.Vector3(0.0, 0.0, 0.0))
+        poses = [origin] * len(names)
+        for instance in world.instances:
+            poses[instance.object_id] = _pose(instance.world_from_object)
+        message = ros.ModelStates(names, poses, [still] * len(names))
+        self.template = ros.serialize(message, "gazebo_msgs/msg/ModelStates")
+        self._pose_at = 4 + sum(4 + len(name.encode()) for name in names) + 4
+        self._twist_at = self._pose_at + 56 * len(names) + 4
+
+    def message(self, k: int, motion: Motion) -> bytes:
+        """Bytes of the message at row ``k`` of the motion."""
+        data = bytearray(self.template)
+        w, x, y, z = motion.quaternion_wxyz[k]
+        struct.pack_into("<7d", data, self._pose_at, *motion.position[k], x, y, z, w)
+        struct.pack_into("<6d", data, self._twist_at, *motion.linear_velocity[k], *motion.angular_velocity[k])
+        return bytes(data)
+
+
+def _pose(world_from_object: F8) -> ros.Pose:
+    """Pose of an object, whose matrix may also scale."""
+    rotation = world_from_object[:3, :3] / np.cbrt(np.linalg.det(world_from_object[:3, :3]))
+    orientation = ros.quaternion(frames.quaternion_wxyz_from_rotation(rotation))
+    return ros.Pose(ros.point(world_from_object[:3, 3]), orientation)

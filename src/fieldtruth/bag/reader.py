@@ -1,0 +1,271 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A stored bag, read as a stream: the list of its chunks is in memory and one chunk at a time, however long it is.
+
+ROS's own readers, and the one this is built upon, first read where each message lies. At 1000 Hz that list is larger
+than all the images that are in memory at once, and takes longer to read than a trajectory.
+"""
+
+import struct
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.interfaces import Connection
+from rosbags.rosbag1 import Reader, ReaderError
+from rosbags.rosbag1.reader import Chunk, ChunkInfo, Header, IndexData, RecordType
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from fieldtruth.bag.damage import BagError as BagError
+from fieldtruth.bag.damage import damage
+from fieldtruth.core.errors import UnknownNameError
+
+I8 = NDArray[np.int64]
+
+
+class RawMessage(NamedTuple):
+    """A message as it is stored: stamp in the bag [ns], topic, type (``sensor_msgs/msg/Imu``) and serialised bytes."""
+
+    stamp_ns: int
+    topic: str
+    msgtype: str
+    data: bytes
+    connection: int = -1
+    """Number of its connection in the bag; a topic has one for each that published it."""
+
+
+class Places(NamedTuple):
+    """Where the messages of a topic lie, a row each, in time order: stamp [ns], the chunk's position, offset in it."""
+
+    stamps_ns: I8
+    chunk: I8
+    offset: I8
+
+
+_OPERATION: Final = b"op="
+_CONNECTION: Final = b"conn="
+_TIME: Final = b"time="
+
+
+class StoredBag:
+    """An open bag. Make it with ``open_stored``; one thread at a time may read it."""
+
+    def __init__(self, path: Path, reader: "_LeanReader") -> None:
+        self.path = path
+        self._reader = reader
+        self._by_id = {connection.id: connection for connection in reader.connections}
+        self.counts: Mapping[str, int] = {topic: info.msgcount for topic, info in reader.topics.items()}
+        """Messages by topic."""
+        self.msgtypes: Mapping[str, str] = {c.topic: c.msgtype for c in reader.connections}
+        """Message type by topic."""
+        self.start_ns: int = reader.start_time
+        self.end_ns: int = reader.end_time - 1
+        """Stamp [ns] of the last message."""
+
+    @property
+    def connections(self) -> list[Connection]:
+        """Topics with types, definitions and who published them."""
+        return list(self._by_id.values())
+
+    def types(self) -> Typestore:
+        """Return the types as the bag itself defines them."""
+        with damage(self.path):
+            return types_of({c.msgtype: c.msgdef.data for c in self.connections})
+
+    def messages(self, topics: Sequence[str] = ()) -> Iterator[RawMessage]:
+        """Messages of some topics, or of all, in time order; ties in the order in which they were written.
+
+        Raises:
+            UnknownNameError: a topic that the bag does not have.
+            BagError: the bag is damaged.
+        """
+        wanted = self._chosen(topics)
+        infos = [info for info in self._reader.chunk_infos if not wanted.isdisjoint(info.connection_counts)]
+        infos.sort(key=lambda info: (info.start_time, info.pos))
+        waiting: list[tuple[int, int, int, int, bytes]] = []  # of chunks that overlap in time
+        for order, info in enumerate(infos):
+            if waiting:
+                waiting.sort()
+                ready = next((i for i, row in enumerate(waiting) if row[0] >= info.start_time), len(waiting))
+                yield from map(self._raw, waiting[:ready])
+                del waiting[:ready]
+            data = self.chunk(info.pos)
+            with damage(self.path):
+                waiting += [
+                    (stamp, order, at, number, data[at : at + size])
+                    for stamp, number, at, size in _records(data)
+                    if number in wanted
+                ]
+        waiting.sort()
+        yield from map(self._raw, waiting)
+
+    def places(self, topic: str) -> Places:
+        """Where the messages of a topic lie, for reading them in any order with ``message``."""
+        return self.places_of([topic])[topic]
+
+    def places_of(self, topics: Sequence[str]) -> dict[str, Places]:
+        """Where the messages of each of these topics lie; one pass for all of them, several times as fast."""
+        topic_of = {number: self._by_id[number].topic for number in self._chosen(topics)} if topics else {}
+        rows: dict[str, list[tuple[int, int, int]]] = {topic: [] for topic in topics}
+        for info in self._reader.chunk_infos:
+            for number, row in self._index(info, topic_of.keys()):
+                rows[topic_of[number]].append(row)
+        tables = {topic: np.array(sorted(found), np.int64).reshape(-1, 3) for topic, found in rows.items()}
+        return {topic: Places(*np.ascontiguousarray(table.T)) for topic, table in tables.items()}
+
+    def message(self, chunk: bytes, offset: int) -> RawMessage:
+        """Return the message at an offset in an unpacked chunk."""
+        with damage(self.path):
+            stamp, number, data = message_at(chunk, offset)
+            return self._raw((stamp, 0, 0, number, data))
+
+    def chunk(self, position: int) -> bytes:
+        """Unpack the chunk at a position in the file."""
+        with damage(self.path):
+            return self._reader.unpack(self._reader.chunks[position])
+
+    def _chosen(self, topics: Sequence[str]) -> set[int]:
+        for topic in topics:
+            if topic not in self.counts:
+                raise UnknownNameError("topic", topic, self.counts)
+        return {number for number, c in self._by_id.items() if not topics or c.topic in topics}
+
+    def _raw(self, row: tuple[int, int, int, int, bytes]) -> RawMessage:
+        stamp, _, _, number, data = row
+        connection = self._by_id[number]
+        return RawMessage(stamp, connection.topic, connection.msgtype, data, number)
+
+    def _index(self, info: ChunkInfo, wanted: Set[int]) -> Iterator[tuple[int, tuple[int, int, int]]]:
+        """Connection of each wanted message of a chunk, and stamp, chunk, offset, from the index records behind it."""
+        if wanted.isdisjoint(info.connection_counts):
+            return
+        with damage(self.path):
+            chunk, source = self._reader.chunks[info.pos], self._reader.bio
+            assert source is not None
+            source.seek(chunk.datapos + chunk.datasize)
+            for _ in info.connection_counts:
+                header = Header.read(source, RecordType.IDXDATA)
+                data = source.read(int.from_bytes(source.read(4), "little"))
+                if (number := header.get_uint32("conn")) in wanted:
+                    for seconds, nanoseconds, offset in struct.iter_unpack("<LLL", data):
+                        yield number, (seconds * 10**9 + nanoseconds, info.pos, offset)
+
+
+@contextmanager
+def open_stored(path: Path) -> Iterator[StoredBag]:
+    """Open a bag for reading.
+
+    Raises:
+        BagError: no such file, it is no bag, it is cut off, or its index is damaged.
+    """
+    with damage(path):
+        reader = _LeanReader(path)
+        reader.open()
+    try:
+        with damage(path):
+            bag = StoredBag(path, reader)
+        yield bag
+    finally:
+        reader.close()
+
+
+class _LeanReader(Reader):
+    """Reads the list of chunks and not that of messages."""
+
+    def read_index_data(self, pos: int, indexes: dict[int, list[IndexData]]) -> None:
+        """Skip it."""
+
+    def read_chunk(self) -> Chunk:
+        """Read where a chunk's data is; what lies outside the file is damage."""
+        chunk = super().read_chunk()
+        if chunk.datapos + chunk.datasize > self.path.stat().st_size:
+            raise ReaderError("it ends in the middle of a chunk")
+        return chunk
+
+    def unpack(self, chunk: Chunk) -> bytes:
+        """Read and unpack a chunk."""
+        assert self.bio is not None
+        self.bio.seek(chunk.datapos)
+        packed = self.bio.read(chunk.datasize)
+        if len(packed) < chunk.datasize:
+            raise ReaderError("it ends in the middle of a chunk")
+        return chunk.decompressor(packed)
+
+
+def read_chunk(path: Path, position: int) -> bytes:
+    """Unpack the chunk at a position in a bag's file, for those who know where it is; raises as ``open_stored``."""
+    with damage(path), path.open("rb") as source:
+        reader = _LeanReader(path)
+        reader.bio = source
+        source.seek(position)
+        return reader.unpack(reader.read_chunk())
+
+
+def message_at(chunk: bytes, offset: int) -> tuple[int, int, bytes]:
+    """Stamp in the bag [ns], connection and bytes of a message at an offset in an unpacked chunk; within ``damage``."""
+    found = next(_records(chunk, offset), None)
+    if found is None:
+        raise ReaderError("there is no message where the index says")
+    stamp, number, at, size = found
+    return stamp, number, chunk[at : at + size]
+
+
+def _records(data: bytes, at: int = 0) -> Iterator[tuple[int, int, int, int]]:
+    """Stamp [ns], connection, start and size of each message in an unpacked chunk, from an offset on."""
+    while at < len(data):
+        (size,) = struct.unpack_from("<L", data, at)
+        fields, at = _fields(data, at + 4, size), at + 4 + size
+        (size,) = struct.unpack_from("<L", data, at)
+        at += 4
+        if at + size > len(data):
+            raise ReaderError("a message is cut off at the end of its chunk")
+        if fields[_OPERATION] == bytes([RecordType.MSGDATA]):
+            seconds, nanoseconds = struct.unpack("<LL", fields[_TIME])
+            yield seconds * 10**9 + nanoseconds, int.from_bytes(fields[_CONNECTION], "little"), at, size
+        at += size
+
+
+def _fields(data: bytes, at: int, size: int) -> dict[bytes, bytes]:
+    """Fields of a record's header by ``name=``."""
+    fields: dict[bytes, bytes] = {}
+    end = at + size
+    if end > len(data):
+        raise ReaderError("a record's header is cut off")
+    while at < end:
+        (size,) = struct.unpack_from("<L", data, at)
+        name, sign, value = data[at + 4 : at + 4 + size].partition(b"=")
+        fields[name + sign] = value
+        at += 4 + size
+    return fields
+
+
+def types_of(definitions: Mapping[str, str]) -> Typestore:
+    """Return the types with these names and definitions (ROS's .msg text)."""
+    store = get_typestore(Stores.EMPTY)
+    for msgtype, definition in definitions.items():
+        store.register(get_types_from_msg(definition, msgtype))
+    return store
+
+
+Decoder = Callable[[RawMessage], Any]
+
+
+def decoder(bag: StoredBag) -> Decoder:
+    """Return what turns a raw message of this bag into one with ROS's field names."""
+    return decoder_of(bag.types(), bag.path)
+
+
+def decoder_of(store: Typestore, path: Path) -> Decoder:
+    """Return what turns a raw message of the bag at ``path`` into one with ROS's field names."""
+
+    def decode(raw: RawMessage) -> Any:
+        try:
+            return store.deserialize_ros1(raw.data, raw.msgtype)
+        except Exception as error:  # the generated code raises whatever the bytes lead it to
+            raise BagError(f"cannot read {path}: the message of {raw.topic} at {raw.stamp_ns} ns is damaged") from error
+
+    return decode

@@ -1,0 +1,96 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A run as its users hand it over: the folder that ``generate`` made, or any bag with the same topics."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from fieldtruth.bag.reader import BagError, open_stored
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.files import load_experiment
+
+EXPERIMENT: str = "experiment.yaml"
+"""The file beside a bag that says how it was made."""
+
+
+class Run(NamedTuple):
+    """A bag and what is known of it without reading it through."""
+
+    bag: Path
+    experiment: Experiment | None
+    """What made it; None for a bag from elsewhere."""
+    counts: Mapping[str, int]
+    """Messages by topic; every topic has at least one."""
+    msgtypes: Mapping[str, str]
+    """Message type by topic, like ``sensor_msgs/msg/Imu``."""
+    start_ns: int
+    end_ns: int
+    """First and last stamp [ns]."""
+
+    @property
+    def name(self) -> str:
+        """The bag's name without its ending."""
+        return self.bag.stem
+
+    @property
+    def folder(self) -> Path:
+        """Where the bag lies."""
+        return self.bag.parent
+
+    @property
+    def duration_s(self) -> float:
+        """Time [s] from the first to the last stamp."""
+        return (self.end_ns - self.start_ns) / 1e9
+
+    def require(self, *topics: str) -> None:
+        """Make sure that the bag has messages of all these topics.
+
+        Raises:
+            BagError: names those that are missing, and those that are there.
+        """
+        missing = [topic for topic in topics if topic not in self.counts]
+        if missing:
+            raise BagError(f"{self.bag} has no {', '.join(missing)}; it has: {', '.join(sorted(self.counts))}")
+
+
+def open_run(path: Path) -> Run:
+    """Look at the folder of a run, or at a bag.
+
+    Raises:
+        BagError: nothing there, no bag in the folder or several, an unreadable bag, or one without a message.
+        ConfigurationError: the experiment.yaml of this bag cannot be read.
+    """
+    bag = bag_of(path)
+    with open_stored(bag) as stored:
+        counts = {topic: count for topic, count in stored.counts.items() if count}
+        if not counts:
+            raise BagError(f"{bag} holds no message")
+        return Run(bag, _experiment_of(bag), counts, stored.msgtypes, stored.start_ns, stored.end_ns)
+
+
+def bag_of(path: Path) -> Path:
+    """Path of the bag: the file itself, or the one in the folder of a run.
+
+    Raises:
+        BagError: nothing there, no bag in the folder, or several.
+    """
+    if not path.is_dir():
+        if not path.exists():
+            raise BagError(f"there is no {path}; needed is the folder of a run, or a bag")
+        return path
+    own = path / f"{path.resolve().name}.bag"
+    bags = [own] if own.exists() else sorted(path.glob("*.bag"))
+    if len(bags) != 1:
+        what = f"{len(bags)} bags ({', '.join(bag.name for bag in bags)})" if bags else "no bag"
+        raise BagError(f"{path} holds {what}; needed is the folder of one run, or a bag")
+    return bags[0]
+
+
+def _experiment_of(bag: Path) -> Experiment | None:
+    """What made the bag; another bag's experiment, in the same folder by chance, says nothing about it."""
+    path = bag.parent / EXPERIMENT
+    if not path.exists():
+        return None
+    experiment = load_experiment(path)
+    return experiment if experiment.name == bag.stem else None

@@ -1,0 +1,107 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The robot's true way through a bag, and its pose at any stamp in between."""
+
+from array import array
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.model_states import ROBOT, ModelStatesReader
+from fieldtruth.bag.reader import BagError, decoder, open_stored
+from fieldtruth.bag.run import Run
+from fieldtruth.core import frames
+
+F8 = NDArray[np.float64]
+I8 = NDArray[np.int64]
+Rows = tuple["array[int]", "array[float]"]
+"""Stamps [ns], and seven numbers for each: packed, because there may be a thousand a second."""
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Poses of base_link in the world, n rows: rising ``stamps_ns``, ``position`` [m], ``quaternion_wxyz``."""
+
+    stamps_ns: I8
+    position: F8
+    quaternion_wxyz: F8
+
+    def __len__(self) -> int:
+        return len(self.stamps_ns)
+
+    @property
+    def length_m(self) -> float:
+        """Length [m] of the way."""
+        return float(np.linalg.norm(np.diff(self.position, axis=0), axis=1).sum())
+
+    def world_from_base(self, stamp_ns: int) -> F8:
+        """Pose (4, 4) at a stamp [ns]: a row as it stands, or the straight way and even turn between two.
+
+        Raises:
+            BagError: the stamp lies outside the trajectory by more than its own largest step.
+        """
+        after = int(np.searchsorted(self.stamps_ns, stamp_ns))
+        if after < len(self) and self.stamps_ns[after] == stamp_ns:
+            return frames.pose_from_quaternion_wxyz(self.position[after], self.quaternion_wxyz[after])
+        if after in (0, len(self)):
+            nearest = min(after, len(self) - 1)
+            step = int(np.diff(self.stamps_ns).max(initial=0))
+            if abs(int(self.stamps_ns[nearest]) - stamp_ns) > step:
+                raise BagError(f"no true pose at {stamp_ns} ns; there are some from {self.stamps_ns[0]} ns "
+                               f"to {self.stamps_ns[-1]} ns")  # fmt: skip
+            return frames.pose_from_quaternion_wxyz(self.position[nearest], self.quaternion_wxyz[nearest])
+        before = after - 1
+        share = float(stamp_ns - self.stamps_ns[before]) / float(self.stamps_ns[after] - self.stamps_ns[before])
+        a, b = self.quaternion_wxyz[before], self.quaternion_wxyz[after]
+        b = b * np.copysign(1.0, a @ b)
+        angle = np.arccos(np.clip(a @ b, -1.0, 1.0))
+        if angle > 1e-6:
+            mixed = (np.sin((1.0 - share) * angle) * a + np.sin(share * angle) * b) / np.sin(angle)
+        else:
+            mixed = (1.0 - share) * a + share * b
+        position = (1.0 - share) * self.position[before] + share * self.position[after]
+        return frames.pose_from_quaternion_wxyz(position, mixed / np.linalg.norm(mixed))
+
+
+def read_trajectory(run: Run) -> Trajectory:
+    """Read the true poses: /ground_truth/odom, or where that is missing the robot in /gazebo/model_states.
+
+    Stamps are those of the headers; ModelStates has none, so the bag's stamps count.
+
+    Raises:
+        BagError: the bag has neither, or is damaged.
+    """
+    if table.ODOMETRY in run.counts:
+        stamps, rows = _from_odometry(run)
+    elif table.MODEL_STATES in run.counts:
+        stamps, rows = _from_model_states(run)
+    else:
+        run.require(table.ODOMETRY)
+    poses = np.array(rows, np.float64).reshape(-1, 7)
+    order = np.argsort(stamps, kind="stable")
+    poses, stamps_ns = poses[order], np.array(stamps, np.int64)[order]
+    return Trajectory(stamps_ns, poses[:, :3], poses[:, [6, 3, 4, 5]])
+
+
+def _from_odometry(run: Run) -> Rows:
+    stamps, rows = array("q"), array("d")
+    with open_stored(run.bag) as bag:
+        decode = decoder(bag)
+        for raw in bag.messages([table.ODOMETRY]):
+            message = decode(raw)
+            p, q = message.pose.pose.position, message.pose.pose.orientation
+            stamps.append(message.header.stamp.sec * 10**9 + message.header.stamp.nanosec)
+            rows.extend((p.x, p.y, p.z, q.x, q.y, q.z, q.w))
+    return stamps, rows
+
+
+def _from_model_states(run: Run) -> Rows:
+    reader = ModelStatesReader()
+    stamps, rows = array("q"), array("d")
+    with open_stored(run.bag) as bag:
+        for raw in bag.messages([table.MODEL_STATES]):
+            stamps.append(raw.stamp_ns)
+            rows.frombytes(reader.poses(raw.data)[reader.row(raw.data, ROBOT)].tobytes())
+    return stamps, rows

@@ -1,0 +1,195 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Bags (ROS 1, v2.0) that ROS's own tools read, that are whole or not there, and that are joined without unpacking.
+
+A bag grows under a temporary name and gets its own when it is complete, so a crashed recording never looks like a bag.
+"""
+
+import errno
+import os
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from io import BytesIO
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO, Final, Self, cast
+
+import lz4.frame
+from rosbags.interfaces import Connection, ConnectionExtRosbag1
+from rosbags.rosbag1 import Reader, Writer
+from rosbags.rosbag1.reader import Header, RecordType
+from rosbags.rosbag1.writer import MAXSIZE, WriteChunk
+
+from fieldtruth.bag.topics import Topic
+from fieldtruth.bag.types import STORE
+from fieldtruth.core.errors import OutputError
+
+CHUNK_SIZE: Final = 4 * 2**20  # [byte]; also LZ4's block size: the larger, the better model states shrink
+COPY_SIZE: Final = 8 * 2**20  # [byte]
+
+_MAGIC: Final = b"#ROSBAG V2.0\n"
+_PADDING: Final = 8  # [byte]
+
+_REASONS: Final = {
+    errno.ENOSPC: "no space left",
+    errno.EDQUOT: "no space left in your quota",
+    errno.EFBIG: "the file system allows no file of this size",
+    errno.EACCES: "no permission to write there",
+    errno.EPERM: "no permission to write there",
+    errno.EROFS: "the file system is read-only",
+    errno.ENOTDIR: "a part of the path is a file and not a folder",
+    errno.EEXIST: "a file stands where a folder should be",
+    errno.ENAMETOOLONG: "the path is too long",
+    errno.EIO: "the disk reports an error",
+}
+
+
+@contextmanager
+def output_errors(path: Path) -> Iterator[None]:
+    """Turn the operating system's errors while writing below ``path`` into one clear line.
+
+    Raises:
+        OutputError: what is wrong with the path, and whether the same command goes on once that is mended.
+    """
+    try:
+        yield
+    except OSError as error:
+        reason = _REASONS.get(error.errno or 0)
+        if reason is None and error.filename is not None and error.strerror:
+            reason = error.strerror.lower()  # about a file, in the system's own words
+        if reason is None:
+            raise
+        hint = "; make room and run the same command again: it goes on where it stopped" if "space" in reason else ""
+        raise OutputError(f"cannot write {path}: {reason}{hint}") from error
+
+
+class BagWriter:
+    """Context manager that writes messages in time order; the same messages give the same bytes.
+
+    Raises:
+        OutputError: the bag exists already.
+    """
+
+    def __init__(self, path: Path, topics: Sequence[Topic]) -> None:
+        if path.exists():
+            raise OutputError(f"{path} exists already and is not overwritten")
+        self.path = path
+        self._part = path.with_name(path.name + ".part")
+        self._part.unlink(missing_ok=True)
+        self._topics = topics
+        self._connections: dict[str, Connection] = {}
+        self._writer = Writer(self._part)
+        self._writer.set_compression(Writer.CompressionFormat.LZ4)
+        self._writer.compressor = _compress
+        self._writer.chunk_threshold = CHUNK_SIZE
+
+    def __enter__(self) -> Self:
+        self._writer.open()
+        assert self._writer.bio is not None
+        self._writer.bio.write(b" " * _PADDING)
+        for topic in self._topics:
+            self._connections[topic.name] = self._writer.add_connection(
+                topic.name, topic.msgtype, typestore=STORE, latching=1 if topic.latched else None
+            )
+        return self
+
+    def carry(self, connection: Connection) -> Connection:
+        """Add a topic as another bag has it: with its own definition, checksum, publisher and latching."""
+        for known in self._writer.connections:
+            if _told(known) == _told(connection):
+                return known
+        publisher = connection.ext
+        assert isinstance(publisher, ConnectionExtRosbag1)
+        return self._writer.add_connection(
+            connection.topic,
+            connection.msgtype,
+            msgdef=connection.msgdef.data,
+            md5sum=connection.digest,
+            callerid=publisher.callerid,
+            latching=publisher.latching,
+        )
+
+    def write(self, topic: str | Connection, stamp_ns: int, data: bytes) -> None:
+        """Add one serialised message to a topic of the table, or to one that ``carry`` gave."""
+        chunks = self._writer.chunks
+        before = len(chunks)
+        self._writer.write(self._connections[topic] if isinstance(topic, str) else topic, stamp_ns, data)
+        if len(chunks) > before:  # the index at the end needs how many messages a chunk holds, and not which
+            full = chunks[-2]
+            full.connections = _counts({number: len(rows) for number, rows in full.connections.items()})
+
+    def append(self, path: Path) -> None:
+        """Add a whole bag that was written for the same topics: its chunks are copied as they are.
+
+        Chunks and their message indices hold no absolute positions; only the index at the end does, and is made anew.
+        """
+        writer = self._writer
+        assert writer.bio is not None
+        if writer.chunks[-1].connections:
+            writer.write_chunk(writer.chunks[-1])
+        writer.chunks.pop()  # it holds nothing, or only the list of topics, which each bag brings along
+        with path.open("rb") as source, Reader(path) as reader:
+            first = min(info.pos for info in reader.chunk_infos)
+            shift = writer.bio.tell() - first
+            _copy(source, writer.bio, first, _index_position(source))
+            for info in reader.chunk_infos:
+                counts, place = _counts(info.connection_counts), info.pos + shift
+                writer.chunks.append(WriteChunk(BytesIO(), place, info.start_time, info.end_time - 1, counts))
+        writer.chunks.append(WriteChunk(BytesIO(), -1, MAXSIZE, 0, defaultdict(list)))
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if kind is None:
+                self._writer.close()
+                with self._part.open("r+b") as whole:
+                    _pad_header(whole)
+                    os.fsync(whole.fileno())
+                self._part.replace(self.path)
+        finally:
+            with suppress(OSError):
+                self._writer.abort()
+            self._part.unlink(missing_ok=True)
+
+
+def _told(connection: Connection) -> tuple[object, ...]:
+    """What a bag says of a topic's connection, beside its number."""
+    return connection.topic, connection.msgtype, connection.msgdef, connection.digest, connection.ext
+
+
+def _counts(messages: Mapping[int, int]) -> dict[int, list[tuple[int, int]]]:
+    """Message counts by connection, as a finished chunk has them: something of that length."""
+    return {number: cast(list[tuple[int, int]], range(count)) for number, count in messages.items()}
+
+
+def _compress(data: bytes) -> bytes:
+    """LZ4 as ROS's reader wants it: independent blocks, a checksum of the content, and no stored size."""
+    packed: bytes = lz4.frame.compress(
+        data, block_linked=False, content_checksum=True, store_size=False, block_size=lz4.frame.BLOCKSIZE_MAX4MB
+    )
+    return packed
+
+
+def _pad_header(bag: BinaryIO) -> None:
+    """Make the file's header as long as ROS makes it, or ROS's append and reindex overwrite the first chunk.
+
+    ROS pads header and padding to 4096 bytes without their two lengths, the writer with them.
+    """
+    bag.seek(len(_MAGIC))
+    size = int.from_bytes(bag.read(4), "little")
+    bag.seek(size, os.SEEK_CUR)
+    bag.write((4096 - size).to_bytes(4, "little"))
+
+
+def _index_position(bag: BinaryIO) -> int:
+    """Where a bag's index starts, which is where its chunks end."""
+    bag.seek(len(_MAGIC))
+    return Header.read(bag, RecordType.BAGHEADER).get_uint64("index_pos")
+
+
+def _copy(source: BinaryIO, target: BinaryIO, start: int, end: int) -> None:
+    source.seek(start)
+    while (left := end - source.tell()) > 0:
+        target.write(source.read(min(left, COPY_SIZE)))

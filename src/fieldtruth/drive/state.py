@@ -1,0 +1,48 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The robot's state at any stamp: a row of the motion, or, between two rows, the way from one to the other."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fieldtruth.bag.types import F8
+from fieldtruth.core import frames
+from fieldtruth.drive.track import Motion
+
+
+class State(NamedTuple):
+    """True state of base_link in the world; units and frames as in ``Motion``, each of shape (3,) or (4,)."""
+
+    position: F8
+    quaternion_wxyz: F8
+    linear_velocity: F8
+    angular_velocity: F8
+
+    @property
+    def world_from_base(self) -> F8:
+        """(4, 4) transform from base_link to the world."""
+        return frames.pose_from_quaternion_wxyz(self.position, self.quaternion_wxyz)
+
+
+def state_at(motion: Motion, stamp_ns: int) -> State:
+    """State at a stamp [ns]: exactly the motion's row where there is one, else linear between its neighbours.
+
+    Rates that do not divide 1000 Hz fall between rows. The attitude is the neighbours' normalised mean: a robot turns
+    less than a milliradian in a step, where this and a turn at constant speed agree to 1e-10 rad.
+    Before the first row and after the last the nearest row holds.
+    """
+    row = int(np.searchsorted(motion.stamps_ns, stamp_ns))
+    if row == 0 or row == len(motion.stamps_ns) or motion.stamps_ns[row] == stamp_ns:
+        return _row(motion, min(row, len(motion.stamps_ns) - 1))
+    before, after = _row(motion, row - 1), _row(motion, row)
+    start, end = motion.stamps_ns[row - 1 : row + 1]
+    share = float(stamp_ns - start) / float(end - start)
+    same_sign = after.quaternion_wxyz * np.copysign(1.0, before.quaternion_wxyz @ after.quaternion_wxyz)
+    after = after._replace(quaternion_wxyz=same_sign)
+    mixed = State(*((1.0 - share) * a + share * b for a, b in zip(before, after, strict=True)))
+    return mixed._replace(quaternion_wxyz=mixed.quaternion_wxyz / np.linalg.norm(mixed.quaternion_wxyz))
+
+
+def _row(motion: Motion, k: int) -> State:
+    return State(motion.position[k], motion.quaternion_wxyz[k], motion.linear_velocity[k], motion.angular_velocity[k])

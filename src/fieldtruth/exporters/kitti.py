@@ -1,0 +1,112 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""KITTI odometry: stereo photographs, clouds, poses, times and calibration, one sequence per run.
+
+A frame is one instant: a cloud, both photographs with the very same stamp, and the pose at it (see ``pairing``).
+"""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.pairing import WINDOW_NS, Frame, stereo_frames
+from fieldtruth.bag.reader import BagError, open_stored
+from fieldtruth.bag.readings import image
+from fieldtruth.bag.run import Run
+from fieldtruth.bag.trajectory import read_trajectory
+from fieldtruth.core.parallel import in_order
+from fieldtruth.exporters import Options
+from fieldtruth.exporters.png import encode_png
+from fieldtruth.exporters.sequences import (
+    CLOUDS,
+    IMAGES,
+    Geometry,
+    calib_text,
+    poses_text,
+    read_geometry,
+    returned,
+    times_text,
+    xyz_and_zero,
+)
+
+_README: Final = """\
+# Runs as KITTI odometry sequences
+
+- `sequences/NN/image_2`, `image_3`: photographs of the left and the right camera (PNG), rectified.
+- `sequences/NN/velodyne`: clouds, float32 x, y, z [m] (x forward, y left, z up) and 0, as no reflectance is simulated.
+- `sequences/NN/times.txt`: seconds after the sequence's first frame.
+- `sequences/NN/calib.txt`: projections P0 to P3 (P0 = P2 left, P1 = P3 right); Tr, from the LiDAR to the left camera.
+- `poses/NN.txt`: true pose of the left camera (x right, y down, z forward) in its own first one, 3 x 4 numbers a row.
+
+A frame is a cloud and the photographs of the same instant; clouds that have none are left out (the form semantickitti
+has them all). Only if a run has (nearly) no such instants, the nearest photographs are taken; times and poses are then
+those of the left photograph.
+
+| sequence | run | frames | first stamp [ns] | cloud and photographs are apart by at most |
+|---|---|---|---|---|
+"""
+
+
+class _Written(NamedTuple):
+    """What became of a run."""
+
+    stamps_ns: list[int]
+    apart_ns: int
+    """The most that a cloud lies apart from its photographs."""
+
+
+def write(runs: Sequence[Run], target: Path, options: Options) -> None:
+    """Make the folder ``target``: a sequence per run, their poses, and a README.
+
+    Raises:
+        BagError: no clouds, photographs, calibration or true poses, or a damaged bag.
+    """
+    for run in runs:
+        run.require(table.POINTS, *map(table.photograph, table.SIDES))
+    geometries = [read_geometry(run) for run in runs]
+    (target / "poses").mkdir(parents=True)
+    lines = []
+    for number, (run, geometry) in enumerate(zip(runs, geometries, strict=True)):
+        done = _write_sequence(run, geometry, target, f"{number:02d}", options)
+        cells = f"{run.name} | {len(done.stamps_ns)} | {done.stamps_ns[0]} | {done.apart_ns / 1e6:g} ms"
+        lines.append(f"| {number:02d} | {cells} |\n")
+    (target / "README.md").write_text(_README + "".join(lines), encoding="utf-8")
+
+
+def _write_sequence(run: Run, geometry: Geometry, target: Path, name: str, options: Options) -> _Written:
+    trajectory, folder = read_trajectory(run), target / "sequences" / name
+    done = _write_frames(run, folder, options)
+    world_from_cam0 = [trajectory.world_from_base(stamp) @ geometry.base_from_cam0 for stamp in done.stamps_ns]
+    (target / "poses" / f"{name}.txt").write_text(poses_text(np.array(world_from_cam0)), encoding="ascii")
+    (folder / "times.txt").write_text(times_text(done.stamps_ns), encoding="ascii")
+    (folder / "calib.txt").write_text(calib_text(geometry), encoding="ascii")
+    return done
+
+
+def _write_frames(run: Run, folder: Path, options: Options) -> _Written:
+    for name in (CLOUDS, *IMAGES.values()):
+        (folder / name).mkdir(parents=True)
+
+    def save(numbered: tuple[int, Frame]) -> tuple[int, int]:
+        number, frame = numbered
+        xyz_and_zero(returned(frame.cloud, run)).tofile(folder / CLOUDS / f"{number:06d}.bin")
+        for side, photograph in (("left", frame.left), ("right", frame.right)):
+            (folder / IMAGES[side] / f"{number:06d}.png").write_bytes(encode_png(image(photograph)))
+        return frame.stamp_ns, frame.apart_ns
+
+    with open_stored(run.bag) as bag, options.progress.stage(f"{run.name}: frames", run.duration_s) as advance:
+
+        def numbered() -> Iterator[tuple[int, Frame]]:
+            told_ns = run.start_ns
+            for number, frame in enumerate(stereo_frames(bag)):
+                advance((frame.bag_ns - told_ns) / 1e9)
+                told_ns = frame.bag_ns
+                yield number, frame
+
+        saved = list(in_order(numbered(), save, options.workers))
+    if not saved:
+        raise BagError(f"{run.bag} has no cloud with photographs of both cameras within {WINDOW_NS / 1e9} s")
+    return _Written([stamp for stamp, _ in saved], max(apart for _, apart in saved))

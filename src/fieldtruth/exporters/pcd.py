@@ -1,0 +1,131 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Clouds as PCD files, which CloudCompare, PCL and Open3D show in the colours of the classes."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.calibration import base_from_lidar, read_static_frames
+from fieldtruth.bag.reader import BagError, decoder, open_stored
+from fieldtruth.bag.readings import stamp_ns
+from fieldtruth.bag.run import Run
+from fieldtruth.bag.trajectory import read_trajectory
+from fieldtruth.bag.types import F8
+from fieldtruth.core import frames
+from fieldtruth.core.classes import CLASSES, PALETTE
+from fieldtruth.core.parallel import in_order
+from fieldtruth.exporters import Options
+from fieldtruth.exporters.sequences import Clock, Returns, returns
+from fieldtruth.ontology.label_map import LabelMap
+
+_TYPES: Final = {"f": "F", "u": "U", "i": "I"}
+"""PCD's letter by NumPy's kind of number."""
+_README: Final = """\
+# Clouds of {name}
+
+A PCD file (version 0.7, binary) per cloud; its name is the cloud's stamp in nanoseconds of simulated time.
+
+- `x y z` [m]: in the LiDAR's frame (x forward, y left, z up).
+- `VIEWPOINT`: the LiDAR's true pose in the world (x north, y west, z up), position [m] and quaternion w x y z. Points
+  that are moved by it make one map of all clouds.
+- `rgb`: the colour of the class, packed as PCL packs it (0x00RRGGBB in the bits of a float).
+- `label`: the id of the class, see the table.
+- All other fields are the bag's own. In a run of fieldtruth these are `intensity` (the class among fieldtruth's own),
+  `t` [ns] after the stamp, `ring` and `column` of the ray, `instance` (row of /gazebo/model_states; 1 is the ground).
+
+| label | class | red green blue |
+|---|---|---|
+"""
+
+
+def write(runs: Sequence[Run], target: Path, options: Options) -> None:
+    """Make the folder ``target``: ``<stamp in ns>.pcd`` for each cloud, and a README.
+
+    Raises:
+        BagError: no clouds, true poses or /tf_static, clouds without labels, or a damaged bag.
+    """
+    (run,) = runs
+    run.require(table.POINTS)
+    base_from_sensor, trajectory = base_from_lidar(run, read_static_frames(run)), read_trajectory(run)
+    ids, colours = _ids_and_colours(options.label_map)
+    target.mkdir()
+    (target / "README.md").write_text(_readme(run, options.label_map), encoding="utf-8")
+
+    def save(cloud: Any) -> None:
+        stamp = stamp_ns(cloud.header)
+        world_from_lidar = trajectory.world_from_base(stamp) @ base_from_sensor
+        rows = _with_colours(returns(cloud, run), ids, colours)
+        (target / f"{stamp}.pcd").write_bytes(_header(rows, world_from_lidar) + rows.tobytes())
+
+    with open_stored(run.bag) as bag, options.progress.stage("write the clouds", run.duration_s) as advance:
+        decode, clock, seen = decoder(bag), Clock(run.start_ns), set[int]()
+
+        def clouds() -> Iterator[Any]:
+            for raw in bag.messages([table.POINTS]):
+                cloud = decode(raw)
+                stamp = stamp_ns(cloud.header)
+                if stamp in seen:
+                    raise BagError(f"{run.bag} has two clouds with the stamp {stamp} ns, which would be one file")
+                seen.add(stamp)
+                advance(clock.seconds_until(raw))
+                yield cloud
+
+        for _ in in_order(clouds(), save, options.workers):
+            pass
+
+
+def _ids_and_colours(label_map: LabelMap | None) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Id to write by class id (16,), and RGB by id written (n, 3)."""
+    if label_map is None:
+        return np.arange(len(CLASSES), dtype=np.uint8), PALETTE
+    return label_map.ids, label_map.colours()
+
+
+def _with_colours(found: Returns, ids: NDArray[np.uint8], colours: NDArray[np.uint8]) -> NDArray[np.void]:
+    """Rows as they are stored: x, y, z, rgb, label (32 bits, as in PCL's PointXYZRGBL), then all other fields."""
+    dtype = found.rows.dtype
+    others = [name for name in dtype.names or () if name not in ("x", "y", "z", "rgb", "label")]
+    kinds = [(name, dtype[name].base, dtype[name].shape) for name in ("x", "y", "z", *others)]
+    rows = np.empty(len(found.rows), [*kinds[:3], ("rgb", "<u4"), ("label", "<u4"), *kinds[3:]])
+    for name, _, _ in kinds:
+        rows[name] = found.rows[name]
+    rows["label"] = ids[found.label]
+    red, green, blue = colours[rows["label"]].astype(np.uint32).T
+    rows["rgb"] = red << 16 | green << 8 | blue
+    return rows
+
+
+def _header(rows: NDArray[np.void], world_from_lidar: F8) -> bytes:
+    names = rows.dtype.names or ()
+    kinds = [rows.dtype[name] for name in names]
+    types = ["F" if name == "rgb" else _TYPES[kind.base.kind] for name, kind in zip(names, kinds, strict=True)]
+    quaternion = frames.quaternion_wxyz_from_rotation(world_from_lidar[:3, :3])
+    viewpoint = np.round([*world_from_lidar[:3, 3], *quaternion], 12) + 0.0
+    lines = {
+        "VERSION": ["0.7"],
+        "FIELDS": names,
+        "SIZE": [kind.base.itemsize for kind in kinds],
+        "TYPE": types,
+        "COUNT": [int(np.prod(kind.shape)) for kind in kinds],
+        "WIDTH": [len(rows)],
+        "HEIGHT": [1],
+        "VIEWPOINT": viewpoint.tolist(),
+        "POINTS": [len(rows)],
+        "DATA": ["binary"],
+    }
+    text = "".join(f"{key} {' '.join(map(str, values))}\n" for key, values in lines.items())
+    return f"# .PCD v0.7 - Point Cloud Data file format\n{text}".encode("ascii")
+
+
+def _readme(run: Run, label_map: LabelMap | None) -> str:
+    if label_map is None:
+        rows = [(c.label.value, c.name, c.rgb) for c in CLASSES if c.rgb is not None]
+    else:
+        rows = [(number, other.name, other.rgb) for number, other in sorted(label_map.classes.items())]
+    lines = [f"| {number} | {name} | {' '.join(map(str, rgb))} |\n" for number, name, rgb in rows]
+    return _README.format(name=run.name) + "".join(lines)

@@ -1,0 +1,228 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""SemanticKITTI: clouds with the class and the object of each point, poses, calibration, one sequence per run.
+
+Files and conventions are those of semantic-kitti-api and KITTI's odometry devkit: clouds in the LiDAR's frame (x
+forward, y left, z up), poses of the left camera's optical frame (cam0) relative to its first, ``Tr`` from the LiDAR's
+frame to cam0. A run without cameras has as cam0 the optical frame in the LiDAR's own centre, and [1 | 0] as P.
+"""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.reader import BagError, decoder, open_stored
+from fieldtruth.bag.readings import image, stamp_ns
+from fieldtruth.bag.run import Run
+from fieldtruth.bag.trajectory import read_trajectory
+from fieldtruth.bag.types import F8
+from fieldtruth.core.classes import CLASSES, NO_RETURN, PALETTE, Label
+from fieldtruth.core.parallel import in_order
+from fieldtruth.exporters import Options
+from fieldtruth.exporters.png import encode_png
+from fieldtruth.exporters.sequences import (
+    CLOUDS,
+    IMAGES,
+    Clock,
+    Geometry,
+    calib_text,
+    has_cameras,
+    poses_text,
+    read_geometry,
+    returns,
+    times_text,
+    xyz_and_zero,
+)
+from fieldtruth.ontology.label_map import LabelMap, OtherClass
+
+I8 = NDArray[np.int64]
+
+_MOST: Final = 65535
+"""Largest object id; a label has 16 bits for it."""
+_HEADER: Final = """\
+# What semantic-kitti-api and the networks built on it read: sequences/NN/velodyne/*.bin is float32 x, y, z [m] and
+# remission; sequences/NN/labels/*.label is uint32, class in the low and object in the high 16 bits.
+# Remission is 0 in all clouds: no reflectance is simulated, and the class must not be where a network looks.
+# image_2 (left) and image_3 (right) hold the photographs that were taken at a cloud's very stamp, under its number.
+# content is the share of points of the training sequences. Colours are blue, green, red.
+"""
+
+
+class _Written(NamedTuple):
+    """What became of a run."""
+
+    stamps_ns: list[int]
+    """Of its clouds, by number."""
+    points: I8
+    """(256,) by class id."""
+    images: int
+    world_from_cam0: F8
+    """(4, 4) at the first cloud; what poses.txt is relative to."""
+
+
+def write(runs: Sequence[Run], target: Path, options: Options) -> None:
+    """Make the folder ``target``: a sequence per run, and fieldtruth.yaml.
+
+    Raises:
+        BagError: a bag without clouds, true poses or /tf_static, or a damaged one.
+    """
+    for run in runs:
+        run.require(table.POINTS)
+    geometries = [read_geometry(run) for run in runs]
+    written = [
+        _write_sequence(run, geometry, target / "sequences" / f"{number:02d}", options)
+        for number, (run, geometry) in enumerate(zip(runs, geometries, strict=True))
+    ]
+    description = _description(runs, written, options.label_map)
+    text = yaml.dump(description, Dumper=_Dumper, sort_keys=False, default_flow_style=False, width=1000)
+    (target / "fieldtruth.yaml").write_text(_HEADER + text, encoding="utf-8")
+
+
+def _write_sequence(run: Run, geometry: Geometry, folder: Path, options: Options) -> _Written:
+    trajectory = read_trajectory(run)
+    stamps_ns, counts = _write_clouds(run, folder, options)
+    world_from_cam0 = np.array([trajectory.world_from_base(stamp) @ geometry.base_from_cam0 for stamp in stamps_ns])
+    (folder / "poses.txt").write_text(poses_text(world_from_cam0), encoding="ascii")
+    (folder / "times.txt").write_text(times_text(stamps_ns), encoding="ascii")
+    (folder / "calib.txt").write_text(calib_text(geometry), encoding="ascii")
+    images = _write_images(run, stamps_ns, folder, options) if has_cameras(run) else 0
+    return _Written(stamps_ns, counts, images, world_from_cam0[0])
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Clouds
+
+
+def _write_clouds(run: Run, folder: Path, options: Options) -> tuple[list[int], I8]:
+    """Write all clouds with their labels; return their stamps [ns] and the points by class id (256,)."""
+    ids = np.arange(len(CLASSES), dtype=np.uint8) if options.label_map is None else options.label_map.ids
+    (folder / CLOUDS).mkdir(parents=True)
+    (folder / "labels").mkdir()
+    stamps_ns: list[int] = []
+    counts: I8 = np.zeros(256, np.int64)
+
+    def save(numbered: tuple[int, Any]) -> I8:
+        number, cloud = numbered
+        xyzr, label, instance = _cloud_arrays(cloud, run)
+        mapped = ids[label].astype("<u4")
+        xyzr.tofile(folder / CLOUDS / f"{number:06d}.bin")
+        (mapped | instance << np.uint32(16)).astype("<u4").tofile(folder / "labels" / f"{number:06d}.label")
+        return np.bincount(mapped, minlength=256)
+
+    with open_stored(run.bag) as bag, options.progress.stage(f"{run.name}: clouds", run.duration_s) as advance:
+        decode, clock = decoder(bag), Clock(run.start_ns)
+
+        def clouds() -> Iterator[tuple[int, Any]]:
+            for number, raw in enumerate(bag.messages([table.POINTS])):
+                cloud = decode(raw)
+                stamps_ns.append(stamp_ns(cloud.header))
+                advance(clock.seconds_until(raw))
+                yield number, cloud
+
+        for count in in_order(clouds(), save, options.workers):
+            counts += count
+    return stamps_ns, counts
+
+
+def _cloud_arrays(cloud: Any, run: Run) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint32]]:
+    """Points (n, 4) with remission 0, class ids (n,) and object ids (n,): 0 where the cloud tells of no objects."""
+    found = returns(cloud, run)
+    rows, names = found.rows, found.rows.dtype.names or ()
+    instance = rows["instance"] if "instance" in names else np.zeros(len(rows), np.uint32)
+    if (odd := instance[(instance < 0) | (instance > _MOST)]).size:
+        where = f"the cloud at {stamp_ns(cloud.header)} ns in {run.bag}"
+        raise BagError(f"{where} has a point of object {odd[0]}; a label file holds 0 to {_MOST}")
+    return xyz_and_zero(rows), found.label, instance.astype(np.uint32)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Images
+
+
+def _write_images(run: Run, stamps_ns: Sequence[int], folder: Path, options: Options) -> int:
+    """Write the photographs of either camera that have the stamp of a cloud, under its number; return how many."""
+    number_at = {stamp: number for number, stamp in enumerate(stamps_ns)}
+    folders = {table.photograph(side): folder / name for side, name in IMAGES.items()}
+    present = [topic for topic in folders if topic in run.counts]
+
+    def save(job: tuple[Path, Any]) -> int:
+        path, message = job
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(encode_png(image(message)))
+        return 1
+
+    if not present:
+        return 0
+    with open_stored(run.bag) as bag, options.progress.stage(f"{run.name}: images", run.duration_s) as advance:
+        decode, clock = decoder(bag), Clock(run.start_ns)
+
+        def jobs() -> Iterator[tuple[Path, Any]]:
+            for raw in bag.messages(present):
+                message = decode(raw)
+                advance(clock.seconds_until(raw))
+                number = number_at.get(stamp_ns(message.header))
+                if number is not None:
+                    yield folders[raw.topic] / f"{number:06d}.png", message
+
+        return sum(in_order(jobs(), save, options.workers))
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# fieldtruth.yaml
+
+
+class _Dumper(yaml.SafeDumper):
+    """A line per entry; lists in one line."""
+
+    def represent_sequence(self, tag: str, sequence: Any, flow_style: bool | None = None) -> yaml.SequenceNode:
+        """Lists in one line."""
+        return super().represent_sequence(tag, sequence, flow_style=True)
+
+
+def _description(runs: Sequence[Run], written: Sequence[_Written], label_map: LabelMap | None) -> dict[str, Any]:
+    """Everything of fieldtruth.yaml, as that package's configuration files have it."""
+    if label_map is None:
+        classes = {c.label.value: OtherClass(c.name, rgb) for c, rgb in zip(CLASSES, PALETTE.tolist(), strict=True)}
+        ids = {label: label.value for label in Label}
+    else:
+        classes = dict(sorted(label_map.classes.items()))
+        ids = {label: int(label_map.ids[label]) for label in Label}
+    split = _split(len(runs))
+    counts = sum((written[number].points for number in split["train"]), np.zeros(256, np.int64))
+    total = max(int(counts.sum()), 1)
+    seen = {number for label, number in ids.items() if label not in NO_RETURN} - {ids[Label.VOID]}
+    return {
+        "name": "fieldtruth" if label_map is None else f"fieldtruth, labels of {label_map.name}",
+        "labels": {number: other.name for number, other in classes.items()},
+        "color_map": {number: list(other.rgb)[::-1] for number, other in classes.items()},
+        "content": {number: int(counts[number]) / total for number in classes},
+        # A network's outputs are numbered without gaps; what no LiDAR point can be is ignored.
+        "learning_map": {number: train for train, number in enumerate(classes)},
+        "learning_map_inv": dict(enumerate(classes)),
+        "learning_ignore": {train: number not in seen for train, number in enumerate(classes)},
+        "split": split,
+        "sequences": {
+            number: {
+                "run": run.name,
+                "clouds": len(done.stamps_ns),
+                "points": int(done.points.sum()),
+                "images": done.images,
+                "first_stamp_ns": done.stamps_ns[0],
+                "world_from_first_cam0": done.world_from_cam0[:3].ravel().tolist(),
+            }
+            for number, (run, done) in enumerate(zip(runs, written, strict=True))
+        },
+    }
+
+
+def _split(sequences: int) -> dict[str, list[int]]:
+    """Whole runs only: the last for tests, the one before for validation; of two the last, of one none."""
+    valid, test = (1 if sequences > 1 else 0), (1 if sequences > 2 else 0)
+    numbers = list(range(sequences))
+    train = sequences - valid - test
+    return {"train": numbers[:train], "valid": numbers[train : train + valid], "test": numbers[train + valid :]}

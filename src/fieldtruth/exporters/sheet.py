@@ -1,0 +1,197 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The class shares of a run as an Excel workbook: a table, the bar chart of the paper's Figure 21, and what they mean.
+
+XlsxWriter fixes every time-stamp in the file, so that the same counts give the same bytes.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import xlsxwriter
+from numpy.typing import NDArray
+
+from fieldtruth.core.classes import CLASSES
+from fieldtruth.ontology.label_map import LabelMap
+from fieldtruth.report.preview.paper import HAIRLINE, PIXELS, POINTS
+
+Counts = NDArray[np.int64]
+
+SHARES: Final = "class shares"
+FIGURE: Final = "figure 21"
+EXPLANATION: Final = "explanation"
+_THE_FIRST: Final = datetime(1980, 1, 1)
+_FIRST_ROW: Final = 2
+"""Of the classes; two rows of headings stand above them."""
+_WIDTHS: Final = (6, 24, 10)
+"""[characters] of the columns id, class and colour."""
+
+
+class _Class(NamedTuple):
+    number: int
+    name: str
+    rgb: tuple[int, int, int] | None
+
+
+class _Column(NamedTuple):
+    """Counts by class id under a heading."""
+
+    title: str
+    counts: Counts
+
+    @property
+    def shares(self) -> NDArray[np.float64]:
+        """Share of each class in all; 0 where nothing was counted."""
+        share: NDArray[np.float64] = self.counts / max(int(self.counts.sum()), 1)
+        return share
+
+
+def write_sheet(path: Path, name: str, counts: Mapping[str, Counts], label_map: LabelMap | None = None) -> None:
+    """Write the workbook of a run.
+
+    Args:
+        path: the .xlsx file.
+        name: of the run.
+        counts: (16,) by class id, of the pixels of the ``"left"`` and the ``"right"`` camera and of the ``"points"``;
+            those that the run does not have are not there.
+        label_map: adds a table of the same pixels and points in that ontology's classes.
+    """
+    columns = list(_columns(counts))
+    rows = [_Class(*row) for row in CLASSES if row.rgb is not None or _occurs(row.label, columns)]
+    with xlsxwriter.Workbook(str(path), {"in_memory": True}) as book:
+        book.set_properties({"title": f"{name}: share of each class in pixels and points", "created": _THE_FIRST})
+        _write_table(book, SHARES, rows, columns)
+        _write_figure(book, [row for row in rows if _occurs(row.number, columns)], columns)
+        if label_map is not None:
+            named = [(int(number), label_map.classes[int(number)]) for number in np.unique(label_map.ids)]
+            others = [_Class(number, other.name, other.rgb) for number, other in named]
+            mapped = [_Column(column.title, _mapped(column.counts, label_map)) for column in columns]
+            _write_table(book, f"{label_map.name} classes", others, mapped)
+        _write_explanation(book, name, columns, label_map)
+
+
+def _columns(counts: Mapping[str, Counts]) -> Iterator[_Column]:
+    cameras = [side for side in ("left", "right") if side in counts]
+    for side in cameras:
+        yield _Column(f"pixels, {side} camera", counts[side])
+    if len(cameras) > 1:
+        yield _Column("pixels, both cameras", counts["left"] + counts["right"])
+    if "points" in counts:
+        yield _Column("points", counts["points"])
+
+
+def _occurs(number: int, columns: Sequence[_Column]) -> bool:
+    return any(column.counts[number] for column in columns)
+
+
+def _mapped(counts: Counts, label_map: LabelMap) -> Counts:
+    found = np.zeros(256, np.int64)
+    np.add.at(found, label_map.ids, counts)
+    return found
+
+
+def _write_table(book: Any, title: str, rows: Sequence[_Class], columns: Sequence[_Column]) -> None:
+    sheet = _add_sheet(book, title)
+    bold, right, middle = (book.add_format({"bold": True, "align": align}) for align in ("left", "right", "center"))
+    number = book.add_format({"align": "left"})
+    total, count = book.add_format({"bold": True, "top": 1, "num_format": "#,##0"}), _number(book, "#,##0")
+    share, whole = _number(book, "0.0000%"), book.add_format({"bold": True, "top": 1, "num_format": "0.0000%"})
+    for k, (heading, width) in enumerate(zip(("id", "class", "colour"), _WIDTHS, strict=True)):
+        sheet.set_column(k, k, width)
+        sheet.write_string(1, k, heading, bold)
+    for at, row in enumerate(rows, start=_FIRST_ROW):
+        sheet.write_number(at, 0, row.number, number)
+        sheet.write_string(at, 1, row.name)
+        sheet.write_blank(at, 2, None, book.add_format({"bg_color": _hex(row.rgb), "border": 1}))
+    end = _FIRST_ROW + len(rows)
+    for k in range(3):
+        sheet.write_string(end, k, "all" if k == 1 else "", total)
+    for k, column in enumerate(columns):
+        left = 3 + 2 * k
+        sheet.set_column(left, left + 1, 17)
+        sheet.merge_range(0, left, 0, left + 1, column.title, middle)
+        sheet.write_string(1, left, "count", right)
+        sheet.write_string(1, left + 1, "share", right)
+        for at, row in enumerate(rows, start=_FIRST_ROW):
+            sheet.write_number(at, left, int(column.counts[row.number]), count)
+            sheet.write_number(at, left + 1, float(column.shares[row.number]), share)
+        sheet.write_number(end, left, int(column.counts.sum()), total)
+        sheet.write_number(end, left + 1, float(column.shares.sum()), whole)
+    sheet.freeze_panes(_FIRST_ROW, 3)
+
+
+def _write_figure(book: Any, rows: Sequence[_Class], columns: Sequence[_Column]) -> None:
+    """Per unit, as in the paper: the classes that were seen, pixels of both cameras and points."""
+    sheet = _add_sheet(book, FIGURE)
+    bold, right = (book.add_format({"bold": True, "align": align}) for align in ("left", "right"))
+    share = _number(book, "0.000000")
+    pixels = [column for column in columns if column.title != "points"][-1:]
+    bars = [("pixels", PIXELS, c) for c in pixels] + [("points", POINTS, c) for c in columns if c.title == "points"]
+    sheet.set_column(0, 0, _WIDTHS[1])
+    sheet.set_column(1, 2, 12)
+    sheet.write_string(0, 0, "class", bold)
+    for at, row in enumerate(rows, start=1):
+        sheet.write_string(at, 0, row.name)
+    chart = book.add_chart({"type": "column"})
+    for k, (title, colour, column) in enumerate(bars, start=1):
+        sheet.write_string(0, k, title, right)
+        for at, row in enumerate(rows, start=1):
+            sheet.write_number(at, k, float(column.shares[row.number]), share)
+        chart.add_series(
+            {
+                "name": [FIGURE, 0, k],
+                "categories": [FIGURE, 1, 0, len(rows), 0],
+                "values": [FIGURE, 1, k, len(rows), k],
+                "fill": {"color": colour},
+                "gap": 60,
+                "overlap": 0,
+            }
+        )
+    chart.set_title({"name": "Share of each class in pixels and points", "name_font": {"size": 13}})
+    lines = {"visible": True, "line": {"color": HAIRLINE}}
+    chart.set_y_axis({"name": "per unit", "num_format": "0.00", "min": 0, "major_gridlines": lines})
+    chart.set_legend({"position": "top"})
+    chart.set_size({"width": 900, "height": 460})
+    sheet.insert_chart(0, 4, chart)
+
+
+def _write_explanation(book: Any, name: str, columns: Sequence[_Column], label_map: LabelMap | None) -> None:
+    sheet = _add_sheet(book, EXPLANATION)
+    sheet.set_column(0, 0, 110, book.add_format({"text_wrap": True, "valign": "top"}))
+    counted = "; ".join(f"{column.title}: {int(column.counts.sum()):,}" for column in columns)
+    lines = [
+        f"Share of each class in everything that the cameras and the LiDAR of {name} saw.",
+        f"Counted were all of them. {counted}.",
+        f"Sheet '{SHARES}': how many pixels and points belong to each class, and their share in all of that column.",
+        f"Sheet '{FIGURE}': the shares per unit, of the classes that occur, as in Figure 21 of the paper below: "
+        "pixels blue, points red.",
+        "A pixel has the class of what a ray through its centre hits; it is read from its colour in the tag image.",
+        "A point has the class of what it hit; this is its reflectivity. Water and sky return no laser pulse.",
+        "Near things fill more pixels, and more points, than far ones: these are shares of the view, not of the place.",
+        "M. Sánchez, J. Morales, J. L. Martínez, J. J. Fernández-Lozano, A. García-Cerezo: Automatically Annotated "
+        "Dataset of a Ground Mobile Robot in Natural Environments via Gazebo Simulations. Sensors 2022, 22(15), 5599.",
+    ]
+    if label_map is not None:
+        lines.insert(4, f"Sheet '{label_map.name} classes': the same pixels and points by that ontology's classes.")
+    for at, text in enumerate(lines):
+        sheet.write_string(at, 0, text)
+
+
+def _add_sheet(book: Any, title: str) -> Any:
+    """Add a sheet that prints on one page, lying."""
+    sheet = book.add_worksheet(title)
+    sheet.set_landscape()
+    sheet.set_paper(9)  # A4
+    sheet.fit_to_pages(1, 1)
+    return sheet
+
+
+def _number(book: Any, form: str) -> Any:
+    return book.add_format({"num_format": form})
+
+
+def _hex(rgb: tuple[int, int, int] | None) -> str:
+    return "#{:02X}{:02X}{:02X}".format(*(rgb or (0, 0, 0)))
