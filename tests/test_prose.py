@@ -1,0 +1,69 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Messages, docstrings, comments, names and documents use the words of docs/glossary.md."""
+
+import io
+import re
+import tokenize
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SOURCE = ROOT / "src" / "fieldtruth"
+FOLDERS = sorted(p for p in [*SOURCE.iterdir(), *(ROOT / "tests").iterdir()] if p.is_dir() and any(p.rglob("*.py")))
+LOOSE = [ROOT / "benchmarks", ROOT / "examples", *SOURCE.glob("*.py"), *(ROOT / "tests").glob("*.py")]
+DOCUMENTS = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
+
+# Each banned pattern with what to write instead; matched without regard to case.
+PROSE = {
+    r"\bthings?\b": "object, or the noun itself",
+    r"(?<!in )(?<!take )(?<!takes )(?<!decimal )\bplaces?\b": "environment, world, pose, position or file",
+    r"\bsites?\b(?!-packages)": "world builder, or the noun itself",
+    r"\bway-points?\b": "waypoint",
+    r"(?<!by the )\bways?\b": "path, route, direction, or how",
+    r"\b(?:tells?|told|telling)\b": "states, reports, shows",
+    r"\b(?:whoever|whatever|nobody|somebody)\b": "name the subject",
+    r"\bthe rather\b": "the more",
+    r"\bthere is no \w+; needed\b|\bneeded is\b|\ballowed is\b": "'KEY must be ..., got ...'",
+    r"\b(?:is|are) none\b|\bis no (?:number|file|bag|folder|name|text)\b": "'is not a ...'",
+    r"\bas it stands\b|\bhow it stands\b": "as is",
+    r"\bfelt\b": "measured",
+    r"\bwitness(?:es)?\b|\bpardon(?:ed|s)?\b|\brefut(?:e|es|ed)\b": "reference, tolerated, mismatch",
+    r"\bdarkroom\b|\bstudio\b": "tonemapping, shading",
+}
+
+
+PROSE_TOKENS = {tokenize.STRING, tokenize.COMMENT, getattr(tokenize, "FSTRING_MIDDLE", tokenize.STRING)}
+
+
+def findings(path: Path) -> Iterator[str]:
+    """Banned words in one file, as ``file:line: word (write ...)``."""
+    text = path.read_text(encoding="utf-8")
+    if path.suffix == ".md":
+        pieces = list(enumerate(text.splitlines(), 1))
+    else:
+        tokens = tokenize.generate_tokens(io.StringIO(text).readline)
+        pieces = [
+            (t.start[0] + i, line)
+            for t in tokens
+            if t.type in PROSE_TOKENS
+            for i, line in enumerate(t.string.splitlines())
+        ]
+    for number, line in pieces:
+        for pattern, better in PROSE.items():
+            for match in re.finditer(pattern, line, re.IGNORECASE):
+                yield f"{path.relative_to(ROOT)}:{number}: {match[0]!r} (write: {better})"
+
+
+def files_of(path: Path) -> list[Path]:
+    """Python files of a folder, or the file itself."""
+    return sorted(path.rglob("*.py")) if path.is_dir() else [path]
+
+
+@pytest.mark.parametrize("path", [*FOLDERS, *LOOSE, *DOCUMENTS], ids=lambda p: str(p.relative_to(ROOT)))
+def test_prose_uses_the_words_of_the_glossary(path: Path) -> None:
+    ours = [p for p in files_of(path) if p.resolve() != Path(__file__).resolve() and p.name != "glossary.md"]
+    found = [line for p in ours for line in findings(p)]
+    assert not found, f"{len(found)} words that docs/glossary.md replaces:\n" + "\n".join(found)
