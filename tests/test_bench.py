@@ -18,7 +18,7 @@ from fieldtruth.bench.scaling import image_time_ratio, is_tree, with_trees_aroun
 from fieldtruth.bench.sensing import pixel_directions, poses_along
 from fieldtruth.core import frames
 from fieldtruth.core.errors import ConfigurationError, FieldtruthError, UnknownNameError
-from fieldtruth.drive.expected_path import experiments_of
+from fieldtruth.drive.expected_path import experiments_in
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import OPTICAL, CameraConfig, LidarConfig, Rig
 from fieldtruth.experiment.route import metres_from_route, route_from_metres
@@ -167,7 +167,7 @@ def test_all_environments_are_measured_apart_and_the_ratios_stand_beside_them(
     monkeypatch.setitem(ENVIRONMENTS, "desert", Environment("sand", "park", "build_park", "ParkConfig"))
     monkeypatch.setattr(all_module, "measured", measured)
     everything = run_all()
-    names = [name for name in ENVIRONMENTS if experiments_of(name)]
+    names = [name for name in ENVIRONMENTS if experiments_in(name)]
     assert "desert" not in names
     assert "park" in names
     assert calls == [*((name,) for name in names), tuple(names)]

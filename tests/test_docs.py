@@ -15,7 +15,7 @@ from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.experiment.catalogue import environment_names
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import parse_experiment
-from fieldtruth.experiment.problems import allowed_at, models_of
+from fieldtruth.experiment.problems import condition_at, models_of
 from fieldtruth.experiment.rig import Mount, Rig
 from fieldtruth.world.environments import ENVIRONMENTS
 
@@ -68,7 +68,7 @@ def test_the_reference_names_every_value_with_its_default_and_what_is_allowed() 
         _, default, allowed, meaning = described[".".join(key)]
         if default != "(required)":
             assert yaml.safe_load(default.strip("`")) == default_of(key), key
-        assert allowed in (allowed_at(Experiment, key), "a mount"), key
+        assert allowed in (condition_at(Experiment, key), "a mount"), key
         assert meaning
 
 
@@ -90,7 +90,7 @@ def test_the_layout_of_each_environment_is_described(name: str) -> None:
         assert (yaml.safe_load(default.strip("`")) if count is None else count) == (
             defaults[key] if count is None else len(defaults[key])
         ), key
-        assert allowed == allowed_at(config, (key,)), key
+        assert allowed == condition_at(config, (key,)), key
         assert meaning, key
 
 

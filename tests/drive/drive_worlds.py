@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from fieldtruth.core import frames
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.drive.controller import WaypointFollower
+from fieldtruth.drive.monitor import Watch
 from fieldtruth.drive.simulate import SimulatedHusky
-from fieldtruth.drive.watch import Watch
 from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route

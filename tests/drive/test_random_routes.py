@@ -13,7 +13,7 @@ import fieldtruth
 from fieldtruth import pipeline
 from fieldtruth.core.errors import DriveError, RouteError
 from fieldtruth.drive import drive, plan, plan_route
-from fieldtruth.drive.rehearsal import Rehearsal, way_length
+from fieldtruth.drive.kinematics import KinematicSimulator, way_length
 from fieldtruth.experiment.config import ControlConfig, Experiment, RouteConfig
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route, random_route
@@ -27,7 +27,7 @@ def asked(length_m: float, seed: int, **changes: object) -> Experiment:
 
 def path_of(route: RouteConfig, experiment: Experiment, world: World | None = None) -> F8:
     field = None if world is None else world.terrain.field
-    legs, endless = Rehearsal(experiment, field).legs(metres_from_route(route))
+    legs, endless = KinematicSimulator(experiment, field).legs(metres_from_route(route))
     assert endless is None
     return np.concatenate(legs)
 

@@ -26,7 +26,7 @@ from fieldtruth.bag.run import open_run
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.core.progress import Silent
 from fieldtruth.exporters import Options, export, files
-from fieldtruth.ontology.label_map import LabelMap, OtherClass
+from fieldtruth.ontology.label_map import LabelMap, OntologyClass
 
 FOLDERS = ("img_{}", "img_{}_tag", "depth_{}", "depth_{}_raw", "instances_{}")
 ONCE = {
@@ -36,7 +36,7 @@ ONCE = {
 OTHER = LabelMap(
     "other",
     (200 + np.arange(16)).astype(np.uint8),
-    {200 + k: OtherClass(f"thing {k}", (k, 255 - k, 7 * k)) for k in range(16)},
+    {200 + k: OntologyClass(f"thing {k}", (k, 255 - k, 7 * k)) for k in range(16)},
 )
 
 

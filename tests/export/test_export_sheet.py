@@ -15,7 +15,7 @@ from rosbags.highlevel import AnyReader
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.exporters import export
 from fieldtruth.exporters.sheet import write_sheet
-from fieldtruth.ontology.label_map import LabelMap, OtherClass
+from fieldtruth.ontology.label_map import LabelMap, OntologyClass
 
 TAGS = {side: f"/stereo/camera/{side}/tag/img_raw" for side in ("left", "right")}
 POINTS = "/os1_cloud_node/points"
@@ -148,7 +148,7 @@ def test_another_ontology_has_its_own_sheet_where_its_classes_join_ours(tmp_path
     ids = np.full(16, 7, np.uint8)
     ids[[2, 3]], ids[0] = 40, 0
     classes = {0: ("void", (0, 0, 0)), 7: ("rest", (1, 2, 3)), 9: ("never", (9, 9, 9)), 40: ("tree", (250, 0, 16))}
-    other = LabelMap("test", ids, {number: OtherClass(*row) for number, row in classes.items()})
+    other = LabelMap("test", ids, {number: OntologyClass(*row) for number, row in classes.items()})
     counts = counts_like(left={1: 5, 2: 10, 3: 25}, points={3: 4, 15: 12})
     write_sheet(tmp_path / "s.xlsx", "run", counts, other)
     found = load_workbook(tmp_path / "s.xlsx")

@@ -26,7 +26,7 @@ def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def gathered(monkeypatch: pytest.MonkeyPatch, experiments: list[Experiment]) -> Findings:
-    monkeypatch.setattr(gather_module, "experiments_of", lambda environment: experiments)
+    monkeypatch.setattr(gather_module, "experiments_in", lambda environment: experiments)
     return gather(small_park(), aerial_width=160, rig=RIG, spacing=3.0, workers=2, progress=Silent())
 
 

@@ -23,7 +23,7 @@ from fieldtruth.core import frames
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive import Track, drive
-from fieldtruth.drive.expected_path import experiments_of
+from fieldtruth.drive.expected_path import experiments_in
 from fieldtruth.experiment.catalogue import environment_names
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
@@ -67,7 +67,7 @@ def settings_of(environment: str) -> Settings:
     """
     if environment not in environment_names():
         raise UnknownNameError("environment", environment, [*environment_names(), "all"])
-    experiments = experiments_of(environment)
+    experiments = experiments_in(environment)
     if not experiments:
         raise ConfigurationError(f"no built-in experiment drives in {environment}, so there is nothing to measure")
     return Settings(experiment=experiments[0], more_drives=tuple(experiments[1:]))

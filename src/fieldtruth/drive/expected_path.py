@@ -10,9 +10,9 @@ import numpy as np
 
 from fieldtruth.core import frames
 from fieldtruth.core.frames import Array
+from fieldtruth.drive.kinematics import KinematicSimulator
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.drive.plan import plan_route
-from fieldtruth.drive.rehearsal import Rehearsal
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.config import Experiment, RandomRouteConfig
 from fieldtruth.experiment.files import load_experiment
@@ -21,7 +21,7 @@ from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.world.model import Heightfield, World
 
 
-def experiments_of(environment: str) -> list[Experiment]:
+def experiments_in(environment: str) -> list[Experiment]:
     """Return the experiments that ship with the package and drive in this environment, by name."""
     experiments = map(load_experiment, experiment_names())
     return [experiment for experiment in experiments if experiment.environment == environment]
@@ -34,18 +34,18 @@ def expected_path(experiment: Experiment, world: World) -> Array:
         RouteError: a random route for which there is no room.
     """
     route = plan_route(world, experiment) if isinstance(experiment.route, RandomRouteConfig) else experiment.route
-    legs, _ = Rehearsal(experiment).legs(metres_from_route(route))
+    legs, _ = KinematicSimulator(experiment).legs(metres_from_route(route))
     return np.concatenate(legs)
 
 
-def stations(path: Array, spacing: float) -> Array:
+def poses_along(path: Array, spacing: float) -> Array:
     """Rows (m, 3) of a path (n, 3), one each ``spacing`` [m] of way, the first half of that from the start."""
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path[:, :2], axis=0), axis=1))])
     at = np.arange(spacing / 2, max(way[-1], spacing), spacing)
     return path[np.minimum(np.searchsorted(way, at), len(path) - 1)]
 
 
-def stand(field: Heightfield, station: Array, rig: Rig) -> Array:
+def standing_pose(field: Heightfield, station: Array, rig: Rig) -> Array:
     """Pose world_from_base (4, 4) of a robot that stands on the ground at x, y [m] with a heading [rad]."""
     x, y, heading = station
     return frames.pose_from_quaternion_wxyz(*resting_pose(field, np.array([x, y]), float(heading), rig))

@@ -5,11 +5,11 @@
 import numpy as np
 
 from fieldtruth.core.errors import DriveError, RouteError
-from fieldtruth.drive.check import check_route
-from fieldtruth.drive.rehearsal import Rehearsal
+from fieldtruth.drive.kinematics import KinematicSimulator
+from fieldtruth.drive.random_route import wander
+from fieldtruth.drive.route_check import check_route
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.traversability import traversability
-from fieldtruth.drive.wander import wander
 from fieldtruth.experiment.config import Experiment, RandomRouteConfig, RouteConfig
 from fieldtruth.experiment.route import geodetic_route, metres_from_route, route_from_metres
 from fieldtruth.world.model import World
@@ -27,7 +27,7 @@ def plan_route(world: World, experiment: Experiment, *, proven: bool = True) -> 
         RouteError: a way-point or a way that the robot cannot take, by its number, with what is in the way; or no free
             route of the wished length, with the longest that was found.
     """
-    ground, rehearsal = traversability(world), Rehearsal(experiment, world.terrain.field)
+    ground, rehearsal = traversability(world), KinematicSimulator(experiment, world.terrain.field)
     route = experiment.route
     if not isinstance(route, RandomRouteConfig):
         planned = geodetic_route(route)

@@ -17,9 +17,9 @@ from fieldtruth.core.frames import Array, rotation_from_quaternion_wxyz
 from fieldtruth.drive import sensors
 from fieldtruth.drive.controller import WaypointFollower, horizontal_from_geodetic
 from fieldtruth.drive.husky import STOP, Command, ramp, wheel_speeds
+from fieldtruth.drive.monitor import Watch
 from fieldtruth.drive.physics import STEP_NS, STEP_S, build_physics, resting_pose
 from fieldtruth.drive.track import Motion, Track
-from fieldtruth.drive.watch import Watch
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route

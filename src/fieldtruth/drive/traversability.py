@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import distance_transform_edt
 
 from fieldtruth.core.frames import Array
-from fieldtruth.drive.footing import BELLY, greatest_belly_rise, mean_ground, slopes
+from fieldtruth.drive.ground import BELLY, greatest_belly_rise, mean_ground, slopes
 from fieldtruth.drive.husky import OUTLINE
 from fieldtruth.drive.outlines import Outline, distance_to, obstacle_outlines
 from fieldtruth.world.model import Heightfield, World

@@ -6,7 +6,7 @@ from functools import cache
 from importlib.resources import files
 
 from fieldtruth.core.errors import UnknownNameError
-from fieldtruth.experiment.text import parse_mapping
+from fieldtruth.experiment.yaml_io import parse_mapping
 
 
 @cache

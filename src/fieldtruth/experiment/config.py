@@ -7,7 +7,7 @@ from typing import Annotated, Any, Final
 
 from pydantic import Discriminator, Field, Tag
 
-from fieldtruth.experiment.rig import Frozen, Number, Positive, Rig, Whole
+from fieldtruth.experiment.rig import Frozen, Integer, Number, Positive, Rig
 
 Latitude = Annotated[Number, Field(ge=-90, le=90)]
 Longitude = Annotated[Number, Field(ge=-180, le=180)]
@@ -64,17 +64,17 @@ class MetresRouteConfig(Frozen):
     metres: MetresConfig
 
 
-class WanderConfig(Frozen):
+class RandomConfig(Frozen):
     """A route that the program finds: how far to drive [m], and which of the many ways of that length."""
 
     length_m: Annotated[Number, Field(ge=20, le=5000)]
-    seed: Annotated[Whole, Field(ge=0, lt=2**63)]
+    seed: Annotated[Integer, Field(ge=0, lt=2**63)]
 
 
 class RandomRouteConfig(Frozen):
     """A route by the program: ``random: {length_m: 150, seed: 3}``; the world decides where it can run."""
 
-    random: WanderConfig
+    random: RandomConfig
 
 
 def _form(route: object) -> str | None:
@@ -96,7 +96,7 @@ class Experiment(Frozen):
     description: OneLine = ""
     """What it is, for people."""
     environment: Name
-    seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 0
+    seed: Annotated[Integer, Field(ge=0, lt=2**63)] = 0
     layout: dict[str, Any] = Field(default_factory=dict, description="a mapping of the environment's own keys")
     """Changes to the environment's configuration, ``{old_trees: 60}`` say; see docs/environments.md."""
     seconds: Annotated[Number, Field(ge=0.001, le=86_400)] | None = None

@@ -14,7 +14,7 @@ from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.experiment.catalogue import environment_names, experiment_names, experiment_text
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.problems import configuration_error, shortened
-from fieldtruth.experiment.text import parse_mapping, write_mapping
+from fieldtruth.experiment.yaml_io import parse_mapping, write_mapping
 
 VERSION_KEY: Final = "fieldtruth"
 """Key of the version that wrote a file; a file written by hand need not have it."""

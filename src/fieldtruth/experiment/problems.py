@@ -31,7 +31,7 @@ def configuration_error(model: type[BaseModel], report: ValidationError, source:
 def _complaint(model: type[BaseModel], kind: str, loc: Sequence[int | str], value: object, message: str) -> str:
     key = dotted(loc)
     if kind == "missing":
-        return f"{key} is missing; needed is {allowed_at(model, loc)}"
+        return f"{key} is missing; needed is {condition_at(model, loc)}"
     if kind in UNKNOWN_KEY:
         key = dotted((*loc[:-1], str(loc[-1])))
         parent, _ = _field(model, loc[:-1])
@@ -41,7 +41,7 @@ def _complaint(model: type[BaseModel], kind: str, loc: Sequence[int | str], valu
         text = message.removeprefix("Value error, ")
         return f"{key}: {text}" if key else text
     where = key or "the whole"
-    return f"{where} is {shortened(value)}; allowed is {allowed_at(model, loc)}"
+    return f"{where} is {shortened(value)}; allowed is {condition_at(model, loc)}"
 
 
 def dotted(loc: Sequence[int | str]) -> str:
@@ -95,7 +95,7 @@ def _field(model: Any, loc: Sequence[int | str]) -> tuple[Any, FieldInfo]:
     return annotation, info
 
 
-def allowed_at(model: type[BaseModel], loc: Sequence[int | str]) -> str:
+def condition_at(model: type[BaseModel], loc: Sequence[int | str]) -> str:
     """Say in words what is allowed at a place of the configuration."""
     annotation, info = _field(model, loc)
     if info.description:

@@ -11,10 +11,10 @@ from fieldtruth.core import frames
 
 # Strict: a text or a yes/no is no number, so that a slip of the pen is not read as 1.
 Number = Annotated[float, Strict()]
-Whole = Annotated[int, Strict()]
-Switch = Annotated[bool, Strict()]
+Integer = Annotated[int, Strict()]
+Boolean = Annotated[bool, Strict()]
 Positive = Annotated[Number, Field(gt=0)]
-Reach = Annotated[Number, Field(gt=0, le=100_000)]  # [m]; single precision still tells 1 cm there
+Range = Annotated[Number, Field(gt=0, le=100_000)]  # [m]; single precision still tells 1 cm there
 Rate = Annotated[Number, Field(ge=0.01, le=1000)]  # [Hz]; the physics runs at 1 kHz
 
 
@@ -62,16 +62,16 @@ class GnssConfig(Frozen):
 class CameraConfig(Frozen):
     """Stereo pair of equal pinhole cameras (ZED-2). The mounts are the paper's frames: z forward, x down, y left."""
 
-    enabled: Switch = True
+    enabled: Boolean = True
     rate_hz: Rate = 25.0
-    width: Annotated[Whole, Field(ge=8, le=8192, multiple_of=8)] = 1280  # [pixel]
-    height: Annotated[Whole, Field(ge=8, le=8192, multiple_of=8)] = 720  # [pixel]
+    width: Annotated[Integer, Field(ge=8, le=8192, multiple_of=8)] = 1280  # [pixel]
+    height: Annotated[Integer, Field(ge=8, le=8192, multiple_of=8)] = 720  # [pixel]
     horizontal_fov_deg: Annotated[Number, Field(gt=1, lt=170)] = 69.0
     vertical_fov_deg: Annotated[Number, Field(gt=1, lt=170)] = 42.0
-    far: Reach = 2000.0  # [m]; farther is sky
-    jpeg_quality: Annotated[Whole, Field(ge=1, le=100)] = 90
-    depth: Switch = False
-    instances: Switch = False
+    far: Range = 2000.0  # [m]; farther is sky
+    jpeg_quality: Annotated[Integer, Field(ge=1, le=100)] = 90
+    depth: Boolean = False
+    instances: Boolean = False
     left: Mount = Mount(xyz=(0.15, 0.06, 0.720), rpy_deg=(0.0, 90.0, 0.0))
     right: Mount = Mount(xyz=(0.15, -0.06, 0.720), rpy_deg=(0.0, 90.0, 0.0))
 
@@ -93,14 +93,14 @@ class CameraConfig(Frozen):
 class LidarConfig(Frozen):
     """Rotating multi-beam LiDAR (Ouster OS1-64) in os1_lidar."""
 
-    enabled: Switch = True
+    enabled: Boolean = True
     rate_hz: Rate = 10.0
-    columns: Annotated[Whole, Field(ge=8, le=4096)] = 512
-    rings: Annotated[Whole, Field(ge=1, le=256)] = 64
+    columns: Annotated[Integer, Field(ge=8, le=4096)] = 512
+    rings: Annotated[Integer, Field(ge=1, le=256)] = 64
     vertical_fov_deg: Annotated[Number, Field(gt=0, lt=180)] = 45.0
     min_range: Annotated[Number, Field(ge=0)] = 0.3  # [m]; data sheet of the OS1
-    max_range: Reach = 120.0  # [m]; data sheet of the OS1
-    spinning: Switch = False
+    max_range: Range = 120.0  # [m]; data sheet of the OS1
+    spinning: Boolean = False
     """False: all rays leave at the stamp, as in the paper (Gazebo). True: columns are swept over one period."""
     mount: Mount = Mount(xyz=(0.09, 0.0, 0.826))
 

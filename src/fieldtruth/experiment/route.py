@@ -14,7 +14,7 @@ import numpy as np
 
 from fieldtruth.core import geodesy
 from fieldtruth.core.errors import RouteError
-from fieldtruth.experiment.config import MetresRouteConfig, RandomRouteConfig, Route, RouteConfig, WanderConfig
+from fieldtruth.experiment.config import MetresRouteConfig, RandomConfig, RandomRouteConfig, Route, RouteConfig
 
 DECIMALS: Final = 9
 """Of a degree: a step of 0.1 mm on the ground."""
@@ -32,7 +32,7 @@ def route_from_metres(start: Sequence[float], waypoints: Sequence[Sequence[float
 
 def random_route(length_m: float, seed: int) -> RandomRouteConfig:
     """Ask for a free route of this length [m]; another seed is another route through the same place."""
-    return RandomRouteConfig(random=WanderConfig(length_m=length_m, seed=seed))
+    return RandomRouteConfig(random=RandomConfig(length_m=length_m, seed=seed))
 
 
 def geodetic_route(route: Route) -> RouteConfig:

@@ -38,7 +38,7 @@ from fieldtruth.exporters.sequences import (
     times_text,
     xyz_and_zero,
 )
-from fieldtruth.ontology.label_map import LabelMap, OtherClass
+from fieldtruth.ontology.label_map import LabelMap, OntologyClass
 
 I8 = NDArray[np.int64]
 
@@ -187,7 +187,7 @@ class _Dumper(yaml.SafeDumper):
 def _description(runs: Sequence[Run], written: Sequence[_Written], label_map: LabelMap | None) -> dict[str, Any]:
     """Everything of fieldtruth.yaml, as that package's configuration files have it."""
     if label_map is None:
-        classes = {c.label.value: OtherClass(c.name, rgb) for c, rgb in zip(CLASSES, PALETTE.tolist(), strict=True)}
+        classes = {c.label.value: OntologyClass(c.name, rgb) for c, rgb in zip(CLASSES, PALETTE.tolist(), strict=True)}
         ids = {label: label.value for label in Label}
     else:
         classes = dict(sorted(label_map.classes.items()))

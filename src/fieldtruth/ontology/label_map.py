@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import UnknownNameError
-from fieldtruth.ontology.data_sets import ONTOLOGIES, Ontology, OtherClass
+from fieldtruth.ontology.data_sets import ONTOLOGIES, Ontology, OntologyClass
 
 
 class LabelMap(NamedTuple):
@@ -19,7 +19,7 @@ class LabelMap(NamedTuple):
     name: str
     ids: NDArray[np.uint8]
     """(16,) ids there by our class id; row 0 is their void."""
-    classes: Mapping[int, OtherClass]
+    classes: Mapping[int, OntologyClass]
     """Every class there, by id; ``ids`` names some of them."""
 
     def colours(self) -> NDArray[np.uint8]:
@@ -50,4 +50,4 @@ def label_map_of(name: str) -> LabelMap:
     return LABEL_MAPS[name]
 
 
-__all__ = ["LABEL_MAPS", "LabelMap", "OtherClass", "label_map_of"]
+__all__ = ["LABEL_MAPS", "LabelMap", "OntologyClass", "label_map_of"]

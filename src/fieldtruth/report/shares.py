@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.frames import Array
 from fieldtruth.core.progress import Progress, Silent
-from fieldtruth.drive.expected_path import expected_path, stand, stations
+from fieldtruth.drive.expected_path import expected_path, poses_along, standing_pose
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, Rig
 from fieldtruth.render import Camera
@@ -69,7 +69,9 @@ def class_shares(
     if scene is None:
         scene = Scene(world_of(experiment), experiment.light)
     field, rig = scene.world.terrain.field, experiment.rig
-    poses = [stand(field, station, rig) for station in stations(expected_path(experiment, scene.world), spacing)]
+    poses = [
+        standing_pose(field, station, rig) for station in poses_along(expected_path(experiment, scene.world), spacing)
+    ]
     return count_classes(scene, rig, poses, workers=workers)
 
 

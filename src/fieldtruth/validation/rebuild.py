@@ -15,7 +15,7 @@ from fieldtruth.bag.run import EXPERIMENT, Run
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.files import VERSION_KEY
-from fieldtruth.experiment.text import parse_mapping
+from fieldtruth.experiment.yaml_io import parse_mapping
 from fieldtruth.sense import Scene
 from fieldtruth.validation.check import Check
 from fieldtruth.validation.law import check_of

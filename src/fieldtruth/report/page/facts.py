@@ -17,7 +17,7 @@ from fieldtruth.core import frames
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.files import VERSION_KEY
-from fieldtruth.experiment.text import parse_mapping
+from fieldtruth.experiment.yaml_io import parse_mapping
 from fieldtruth.report.page.passage import FOREIGN, Passage, usable
 from fieldtruth.report.page.words import TIMES, colour_of, count_text, fixed, shortened, size_text, trimmed
 

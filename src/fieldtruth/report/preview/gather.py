@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.frames import Array
 from fieldtruth.core.progress import Progress
-from fieldtruth.drive.expected_path import expected_path, experiments_of, stand, stations
+from fieldtruth.drive.expected_path import expected_path, experiments_in, poses_along, standing_pose
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, Rig
 from fieldtruth.experiment.route import metres_from_route
@@ -77,7 +77,7 @@ def gather(
         workers: threads.
         progress: is told what happens.
     """
-    rig, experiments = Rig() if rig is None else rig, experiments_of(world.name)
+    rig, experiments = Rig() if rig is None else rig, experiments_in(world.name)
     with progress.stage("prepare the scene"):
         scene = Scene(world, LightConfig())
         scene.studio  # noqa: B018  (light is baked now, so that the next stage's time is its own)
@@ -87,11 +87,11 @@ def gather(
         for experiment, path in zip(experiments, paths, strict=True)
     )
     sample = (
-        np.concatenate([stations(path, spacing) for path in paths])
+        np.concatenate([poses_along(path, spacing) for path in paths])
         if paths
         else free_stations(world, FREE_PLACES, np.random.default_rng([world.seed, 3]))
     )
-    poses = [stand(world.terrain.field, station, rig) for station in sample]
+    poses = [standing_pose(world.terrain.field, station, rig) for station in sample]
     with progress.stage("count classes"):
         shares = count_classes(scene, rig, poses, workers=workers)
     chosen = most_telling(shares.pixels, sample[:, :2], VIEWS)

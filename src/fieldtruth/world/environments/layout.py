@@ -6,12 +6,12 @@ from typing import Annotated
 
 from pydantic import Field
 
-from fieldtruth.experiment.rig import Number, Positive, Whole
+from fieldtruth.experiment.rig import Integer, Number, Positive
 
 Size = Annotated[tuple[Positive, Positive], Field(description="[length, width], each a number above 0")]
-Count = Annotated[Whole, Field(ge=0, le=400)]
+Count = Annotated[Integer, Field(ge=0, le=400)]
 Density = Annotated[Number, Field(ge=0, le=20)]
-Individuals = Annotated[Whole, Field(ge=1, le=32)]
+Individuals = Annotated[Integer, Field(ge=1, le=32)]
 Share = Annotated[Number, Field(ge=0, le=1)]
 Corners = Annotated[tuple[tuple[Number, Number], ...], Field(min_length=2, description="a list of at least two [x, y]")]
 Trails = Annotated[tuple[Corners, ...], Field(description="a list of lines, each a list of at least two [x, y]")]

@@ -13,7 +13,7 @@ import numpy as np
 
 from fieldtruth.core.frames import Array
 from fieldtruth.drive.controller import turn_rate
-from fieldtruth.drive.footing import slopes
+from fieldtruth.drive.ground import slopes
 from fieldtruth.experiment.config import ControlConfig, Experiment
 from fieldtruth.world.model import Heightfield
 
@@ -31,7 +31,7 @@ class Stage(NamedTuple):
     fix_age: float = 0.0
 
 
-class Rehearsal:
+class KinematicSimulator:
     """Drives between way-points with the controls and the receiver of an experiment; without ``field``, on a plane."""
 
     def __init__(self, experiment: Experiment, field: Heightfield | None = None) -> None:

@@ -8,9 +8,9 @@ import numpy as np
 
 from fieldtruth.core.errors import RouteError
 from fieldtruth.core.frames import Array
-from fieldtruth.drive.footing import BELLY, belly_rise_on_path
+from fieldtruth.drive.ground import BELLY, belly_rise_on_path
+from fieldtruth.drive.kinematics import KinematicSimulator
 from fieldtruth.drive.outlines import distance_to, gap_to
-from fieldtruth.drive.rehearsal import Rehearsal
 from fieldtruth.drive.traversability import BAR_TEXTS, ROBOT_RADIUS, Bar, Traversability
 
 SPACING: Final = (1.0, 25.0)  # [m] between way-points; the paper has 5 to 20, and less near obstacles
@@ -62,7 +62,7 @@ def thinned(poses: Array) -> Array:
     return poses[::-apart][::-1]
 
 
-def check_route(ground: Traversability, rehearsal: Rehearsal, corners: Array) -> None:
+def check_route(ground: Traversability, rehearsal: KinematicSimulator, corners: Array) -> None:
     """Raise ``RouteError`` if the start and way-points (1 + n, 2) [m] are no route that the robot can drive."""
     for row in range(len(corners)):
         _check_point(ground, corners, row)

@@ -18,9 +18,9 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from fieldtruth.core.frames import Array
-from fieldtruth.drive.check import LINE_GAP, line_conflict, line_places, path_conflict, thinned
 from fieldtruth.drive.husky import OUTLINE
-from fieldtruth.drive.rehearsal import Rehearsal, Stage
+from fieldtruth.drive.kinematics import KinematicSimulator, Stage
+from fieldtruth.drive.route_check import LINE_GAP, line_conflict, line_places, path_conflict, thinned
 from fieldtruth.drive.traversability import CELL, ROBOT_RADIUS, Traversability
 
 STRIDE: Final = 3
@@ -62,7 +62,7 @@ class _Walk:
 
 
 def wander(
-    ground: Traversability, rehearsal: Rehearsal, length_m: float, rng: np.random.Generator
+    ground: Traversability, rehearsal: KinematicSimulator, length_m: float, rng: np.random.Generator
 ) -> Iterator[tuple[Array | None, float]]:
     """Try some random walks. Each gives start and way-points (1 + n, 2) [m], or None, and the length [m] it reached."""
     grid = _Grid(ground)
@@ -156,7 +156,7 @@ class _Grid:
         return total[0], before[0]
 
 
-def _begin(grid: _Grid, rehearsal: Rehearsal, rng: np.random.Generator, *, from_end: bool) -> _Walk:
+def _begin(grid: _Grid, rehearsal: KinematicSimulator, rng: np.random.Generator, *, from_end: bool) -> _Walk:
     """Stand anywhere where there is room, or at an end of the free ground."""
     roomy = np.flatnonzero(grid.clearance >= min(0.6, float(grid.clearance.max())))
     start = grid.nodes[rng.choice(roomy)]
@@ -165,7 +165,9 @@ def _begin(grid: _Grid, rehearsal: Rehearsal, rng: np.random.Generator, *, from_
     return _Walk([start], [rehearsal.start(start, start + rng.normal(size=2))])
 
 
-def _walk_on(walk: _Walk, grid: _Grid, rehearsal: Rehearsal, length_m: float, rng: np.random.Generator) -> None:
+def _walk_on(
+    walk: _Walk, grid: _Grid, rehearsal: KinematicSimulator, length_m: float, rng: np.random.Generator
+) -> None:
     """Walk on until it is long enough, or nothing more is found."""
     longest, failures = walk.lengths[-1], 0
     while walk.lengths[-1] < length_m and failures < PATIENCE:
@@ -180,7 +182,12 @@ def _walk_on(walk: _Walk, grid: _Grid, rehearsal: Rehearsal, length_m: float, rn
 
 
 def _follow(
-    walk: _Walk, way: Array, ground: Traversability, rehearsal: Rehearsal, length_m: float, rng: np.random.Generator
+    walk: _Walk,
+    way: Array,
+    ground: Traversability,
+    rehearsal: KinematicSimulator,
+    length_m: float,
+    rng: np.random.Generator,
 ) -> bool:
     """Add way-points on ``way``, each as far as it goes; take back what leads nowhere. True if any was added."""
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
@@ -218,7 +225,7 @@ def _choices(rng: np.random.Generator) -> list[tuple[float, bool]]:
 
 
 def _leg(
-    walk: _Walk, target: Array, ground: Traversability, rehearsal: Rehearsal, *, roomy: bool, least: float
+    walk: _Walk, target: Array, ground: Traversability, rehearsal: KinematicSimulator, *, roomy: bool, least: float
 ) -> tuple[Array, Stage] | None:
     """Poses and stage of the leg from the walk's end to ``target``, if it is free, or has much room; None otherwise.
 
@@ -256,7 +263,7 @@ def _has_room(ground: Traversability, poses: Array, roomy: bool) -> bool:
     return True
 
 
-def _cut(walk: _Walk, ground: Traversability, rehearsal: Rehearsal, length_m: float) -> Array | None:
+def _cut(walk: _Walk, ground: Traversability, rehearsal: KinematicSimulator, length_m: float) -> Array | None:
     """Start and way-points of a walk that ends after ``length_m``: its last way-point is set where that is so."""
     if walk.lengths[-1] < length_m:
         return None
@@ -274,7 +281,7 @@ def _cut(walk: _Walk, ground: Traversability, rehearsal: Rehearsal, length_m: fl
 
 
 def _end(
-    walk: _Walk, towards: Array, ground: Traversability, rehearsal: Rehearsal, rest: float, tolerance: float
+    walk: _Walk, towards: Array, ground: Traversability, rehearsal: KinematicSimulator, rest: float, tolerance: float
 ) -> Array | None:
     """The last way-point, ``towards`` which the robot drives ``rest`` [m] until it has arrived."""
     spacing = rest
