@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from fieldtruth.world.backdrop import height_beyond, make_backdrop, strew_beyond
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Heightfield, Mesh
-from fieldtruth.world.rocks import ROCKS, make_rock
+from fieldtruth.world.rocks import ROCK_TYPES, make_rock
 
 F8 = NDArray[np.float64]
 SIZE = (20.0, 10.0)
@@ -70,7 +70,7 @@ def test_heights_beyond_are_those_of_the_mesh(backdrop: Mesh) -> None:
 
 
 def test_things_strewn_beyond_stand_there_and_nowhere_else(backdrop: Mesh) -> None:
-    rock = make_rock(ROCKS["scree"], name="r", size=0.5, rng=np.random.default_rng(0), triangles=80, solid=False)
+    rock = make_rock(ROCK_TYPES["scree"], name="r", size=0.5, rng=np.random.default_rng(0), triangles=80, solid=False)
 
     def north(places: F8) -> F8:
         return (places[:, 0] > 0).astype(float)

@@ -11,25 +11,25 @@ import pytest
 from fieldtruth.core.classes import Label
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Mesh
-from fieldtruth.world.plants import SPECIES, grow_log, grow_snag, grow_stump, room_along
+from fieldtruth.world.plants import TREES, clearance_circles, grow_log, grow_snag, grow_stump
 
 Make = Callable[[np.random.Generator], Mesh]
 
 
 def snag(rng: np.random.Generator, name: str = "spruce", height: float = 7.0) -> Mesh:
-    return grow_snag(SPECIES[name], name="snag", height=height, rng=rng)
+    return grow_snag(TREES[name], name="snag", height=height, rng=rng)
 
 
 def log(rng: np.random.Generator, *, length: float = 6.0, radius: float = 0.22, roots: bool | None = False) -> Mesh:
-    return grow_log(SPECIES["beech"], name="log", length=length, radius=radius, rng=rng, roots=roots)
+    return grow_log(TREES["beech"], name="log", length=length, radius=radius, rng=rng, roots=roots)
 
 
 def stump(rng: np.random.Generator) -> Mesh:
-    return grow_stump(SPECIES["oak"], name="stump", radius=0.3, rng=rng)
+    return grow_stump(TREES["oak"], name="stump", radius=0.3, rng=rng)
 
 
 MAKERS: dict[str, Make] = {
-    **{f"snag_{name}": partial(snag, name=name) for name in SPECIES},
+    **{f"snag_{name}": partial(snag, name=name) for name in TREES},
     "snag_low": partial(snag, height=1.0),
     "snag_high": partial(snag, height=20.0),
     "log": log,
@@ -137,7 +137,7 @@ def test_boxes_cover_the_log_and_circles_cover_the_boxes(roots: bool, seed: int)
     assert inside.mean() > 0.75  # splinters, stubs and root tips stand out
     low = np.abs(mesh.vertices[:, 0]) < 2.8
     assert inside[low[mesh.vertices[:, 2] > 0]].mean() > 0.75
-    circles = room_along(mesh)
+    circles = clearance_circles(mesh)
     assert len(circles) == len(mesh.colliders)
     for (x, y, radius), box in zip(circles, mesh.colliders, strict=True):
         corner = np.array(box.size[:2]) / 2
@@ -156,9 +156,9 @@ def test_moss_grows_on_the_upper_side_of_a_log(seed: int) -> None:
 @seeds
 def test_less_detail_means_fewer_triangles(seed: int) -> None:
     for grow in (
-        partial(grow_snag, SPECIES["pine"], height=8.0),
-        partial(grow_log, SPECIES["pine"], length=6.0, radius=0.2, roots=True),
-        partial(grow_stump, SPECIES["pine"], radius=0.2),
+        partial(grow_snag, TREES["pine"], height=8.0),
+        partial(grow_log, TREES["pine"], length=6.0, radius=0.2, roots=True),
+        partial(grow_stump, TREES["pine"], radius=0.2),
     ):
         fine, coarse = (grow(name="x", rng=np.random.default_rng(seed), detail=d) for d in (1.0, 0.25))
         assert len(coarse.faces) < 0.6 * len(fine.faces)

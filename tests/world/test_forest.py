@@ -20,7 +20,7 @@ from fieldtruth.world.environments.forest import ForestConfig, build_forest
 from fieldtruth.world.environments.forest_flora import AGES
 from fieldtruth.world.model import Instance, World
 from fieldtruth.world.placement import CrowdedWorldError
-from fieldtruth.world.plants import SPECIES
+from fieldtruth.world.plants import TREES
 from fieldtruth.world.trails import Line
 
 F8 = NDArray[np.float64]
@@ -49,7 +49,7 @@ def world(request: pytest.FixtureRequest) -> World:
 
 
 def trees(world: World) -> list[Instance]:
-    return [i for i in world.instances if i.kind in SPECIES]
+    return [i for i in world.instances if i.kind in TREES]
 
 
 def scale_of(thing: Instance) -> float:
@@ -72,7 +72,7 @@ def test_counts_species_and_ages(world: World) -> None:
     for age, (low, high) in AGES.items():
         heights = [scale_of(i) * world.meshes[i.mesh].vertices[:, 2].max() for i in living if f"_{age}_" in i.mesh]
         assert 0.8 * low < min(heights) < max(heights) < 1.25 * high
-    others = Counter(i.kind for i in world.instances if i.kind not in SPECIES)
+    others = Counter(i.kind for i in world.instances if i.kind not in TREES)
     assert others == {
         "snag": CONFIG.snags, "fallen_trunk": CONFIG.fallen_trunks, "stump": CONFIG.stumps, "bush": CONFIG.bushes,
         "rock": CONFIG.rocks,
@@ -152,7 +152,7 @@ def test_classes(world: World) -> None:
     }  # fmt: skip
     for thing in world.instances:
         own = {world.materials[n].label for n in world.meshes[thing.mesh].materials}
-        if thing.kind in SPECIES:
+        if thing.kind in TREES:
             assert own == {Label.TRUNK, Label.TREETOP}
         elif thing.kind in ("snag", "stump", "fallen_trunk"):
             assert own == {Label.TRUNK}

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from fieldtruth.core.classes import Label
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Mesh
-from fieldtruth.world.plants import GRASSES, Tuft, grow_clump, grow_tuft
+from fieldtruth.world.plants import GRASSES, GrassSpecies, grow_clump, grow_tuft
 from fieldtruth.world.plants.blades import STEPS, discs, kites, midribs, pinnae, spindles, strips
 from fieldtruth.world.plants.meshing import Surface
 
@@ -20,7 +20,7 @@ seeds = pytest.mark.parametrize("seed", [1, 2, 3])
 WIDEST = {"dock": 0.12, "nettle": 0.12, "fern": 0.45, "bracken": 0.7, "reed": 0.045, "cattail": 0.04}  # [m], else 0.02
 
 
-def grow(kind: Tuft, *, share: float = 0.5, seed: int = 5, detail: float = 1.0) -> Mesh:
+def grow(kind: GrassSpecies, *, share: float = 0.5, seed: int = 5, detail: float = 1.0) -> Mesh:
     height = kind.height[0] + share * (kind.height[1] - kind.height[0])
     return grow_tuft(kind, name="tuft", height=height, rng=np.random.default_rng(seed), detail=detail)
 
@@ -46,7 +46,7 @@ def test_kinds_for_every_environment() -> None:
 
 @kinds
 @seeds
-def test_a_tuft_is_sound_and_within_its_budget(kind: Tuft, seed: int) -> None:
+def test_a_tuft_is_sound_and_within_its_budget(kind: GrassSpecies, seed: int) -> None:
     mesh = grow(kind, seed=seed)
     assert mesh.vertices.dtype == mesh.normals.dtype == mesh.uv.dtype == np.float32
     assert mesh.faces.dtype == mesh.material.dtype == np.int32
@@ -61,7 +61,7 @@ def test_a_tuft_is_sound_and_within_its_budget(kind: Tuft, seed: int) -> None:
 
 @kinds
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
-def test_it_is_as_high_as_asked(kind: Tuft, share: float) -> None:
+def test_it_is_as_high_as_asked(kind: GrassSpecies, share: float) -> None:
     mesh = grow(kind, share=share)
     height = kind.height[0] + share * (kind.height[1] - kind.height[0])
     assert height * 0.999 < mesh.vertices[:, 2].max() < 1.08 * height + 0.01
@@ -69,7 +69,7 @@ def test_it_is_as_high_as_asked(kind: Tuft, share: float) -> None:
 
 @kinds
 @seeds
-def test_it_is_rooted_on_a_slope(kind: Tuft, seed: int) -> None:
+def test_it_is_rooted_on_a_slope(kind: GrassSpecies, seed: int) -> None:
     """The lowest vertex of each blade lies 0.1 m and more in the soil, even if the ground falls by 0.5 a metre."""
     mesh = grow(kind, seed=seed)
     root = mesh.vertices[mesh.vertices[:, 2] < -0.05].astype(np.float64)
@@ -81,7 +81,7 @@ def test_it_is_rooted_on_a_slope(kind: Tuft, seed: int) -> None:
 
 
 @kinds
-def test_no_blade_is_wider_than_its_kind_s(kind: Tuft) -> None:
+def test_no_blade_is_wider_than_its_kind_s(kind: GrassSpecies) -> None:
     mesh = grow(kind, share=1.0)
     widest = WIDEST.get(kind.name, 0.02)
     disc = [row for row, name in enumerate(mesh.materials) if name.startswith(("petal", "blade_seed", "blade_plume"))]
@@ -93,14 +93,14 @@ def test_no_blade_is_wider_than_its_kind_s(kind: Tuft) -> None:
 
 
 @kinds
-def test_everything_is_high_grass(kind: Tuft) -> None:
+def test_everything_is_high_grass(kind: GrassSpecies) -> None:
     mesh = grow(kind)
     assert {MATERIALS[name].label for name in mesh.materials} == {Label.HIGH_GRASS}
     assert set(np.unique(mesh.material)) == set(range(len(mesh.materials)))
 
 
 @kinds
-def test_a_blade_has_one_shade(kind: Tuft) -> None:
+def test_a_blade_has_one_shade(kind: GrassSpecies) -> None:
     """Cameras shade by groups of four vertices, by that of a triangle's first: it is in its shape's first four."""
     mesh = grow(kind)
     thin = [MATERIALS[name].translucency > 0 for name in mesh.materials]
@@ -109,7 +109,7 @@ def test_a_blade_has_one_shade(kind: Tuft) -> None:
 
 
 @kinds
-def test_detail_takes_fewer_and_wider_blades(kind: Tuft) -> None:
+def test_detail_takes_fewer_and_wider_blades(kind: GrassSpecies) -> None:
     full, coarse = grow(kind), grow(kind, detail=0.4)
     assert len(coarse.faces) < 0.65 * len(full.faces)
     assert areas(coarse.vertices, coarse.faces).sum() > 0.4 * areas(full.vertices, full.faces).sum()
@@ -117,7 +117,7 @@ def test_detail_takes_fewer_and_wider_blades(kind: Tuft) -> None:
 
 
 @kinds
-def test_the_same_seed_gives_the_same_bytes_and_another_another_tuft(kind: Tuft) -> None:
+def test_the_same_seed_gives_the_same_bytes_and_another_another_tuft(kind: GrassSpecies) -> None:
     first, again, other = (grow(kind, seed=s) for s in (8, 8, 9))
     for part in ("vertices", "normals", "uv", "faces", "material"):
         assert getattr(first, part).tobytes() == getattr(again, part).tobytes()

@@ -15,7 +15,7 @@ from fieldtruth.core.classes import Label
 from fieldtruth.world import World, build_world
 from fieldtruth.world.backdrop import COARSER
 from fieldtruth.world.model import GROUND_ID, Instance, Mesh, Swarm
-from fieldtruth.world.plants import SPECIES
+from fieldtruth.world.plants import TREES
 
 F8 = NDArray[np.float64]
 FURNITURE = {"bench": 16, "lamp_post": 15, "table": 11, "trash_bin": 11}
@@ -234,7 +234,7 @@ def test_a_large_tree_has_20_000_triangles_of_two_classes(world: World) -> None:
 def test_species_and_individuals_of_the_real_park(park: World) -> None:
     """At least two species with four individuals each stand in the park, as shared meshes."""
     used = {i.mesh for i in park.instances if i.kind == "large_tree"}
-    per_species = Counter(species for name in used for species in SPECIES if f"_{species}_" in name)
+    per_species = Counter(species for name in used for species in TREES if f"_{species}_" in name)
     assert sum(count >= 4 for count in per_species.values()) >= 2
     assert len(used) < COUNTS["large_tree"]
     assert {"beech", "spruce", "pine"} <= set(per_species)

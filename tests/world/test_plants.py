@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from fieldtruth.core.classes import Label
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Mesh
-from fieldtruth.world.plants import BUSHES, SPECIES, GrownIn, grow_bush, grow_tree
+from fieldtruth.world.plants import BUSHES, TREES, GrownIn, grow_bush, grow_tree
 from fieldtruth.world.plants.growth import grow_skeleton
 from fieldtruth.world.plants.species import Habit, Leaf
 from fieldtruth.world.plants.variation import at_detail, individual
@@ -37,20 +37,20 @@ class Kind(NamedTuple):
         """As this individual has it."""
         if self.name in BUSHES:
             return BUSHES[self.name].habit(self.height)
-        habit = SPECIES[self.name].habit(self.height, self.grown_in)
+        habit = TREES[self.name].habit(self.height, self.grown_in)
         return at_detail(individual(habit, np.random.default_rng(seed)), self.detail)
 
 
-LARGE = [Kind(name, 11.0) for name in SPECIES]
-YOUNG = [Kind(name, height) for name in SPECIES for height in (3.0, 4.5)]
-STAND = [Kind(name, height, "stand", 0.25) for name in SPECIES for height in (8.0, 20.0)]
-FAR = [Kind(name, 14.0, "stand", 0.05) for name in SPECIES]
+LARGE = [Kind(name, 11.0) for name in TREES]
+YOUNG = [Kind(name, height) for name in TREES for height in (3.0, 4.5)]
+STAND = [Kind(name, height, "stand", 0.25) for name in TREES for height in (8.0, 20.0)]
+FAR = [Kind(name, 14.0, "stand", 0.05) for name in TREES]
 SHRUBS = [Kind("box", 0.8), Kind("box", 1.3), Kind("hazel", 1.8), Kind("hazel", 2.8)]
 KINDS = [*LARGE, *YOUNG, *STAND, *FAR, Kind("pine", 4.0, "exposed"), Kind("lime", 9.0), Kind("oak", 15.0), *SHRUBS]
 kinds = pytest.mark.parametrize("kind", KINDS, ids=str)
-trees = pytest.mark.parametrize("kind", [k for k in KINDS if k.name in SPECIES], ids=str)
+trees = pytest.mark.parametrize("kind", [k for k in KINDS if k.name in TREES], ids=str)
 seeds = pytest.mark.parametrize("seed", [1, 2, 3])
-tree = pytest.mark.parametrize("name", SPECIES)
+tree = pytest.mark.parametrize("name", TREES)
 
 
 def grow(kind: Kind, seed: int = 3) -> Mesh:
@@ -58,7 +58,7 @@ def grow(kind: Kind, seed: int = 3) -> Mesh:
     if kind.name in BUSHES:
         return grow_bush(BUSHES[kind.name], name="plant", height=kind.height, rng=rng)
     return grow_tree(
-        SPECIES[kind.name], name="plant", height=kind.height, rng=rng, detail=kind.detail, grown_in=kind.grown_in
+        TREES[kind.name], name="plant", height=kind.height, rng=rng, detail=kind.detail, grown_in=kind.grown_in
     )
 
 
@@ -152,8 +152,8 @@ def test_less_detail_means_fewer_triangles_and_the_same_leaf_area(name: str, det
 def test_every_leaf_hangs_on_a_twig(kind: Kind) -> None:
     mesh = grown(kind)
     rng = np.random.default_rng(3)
-    if kind.name in SPECIES:
-        habit = at_detail(individual(SPECIES[kind.name].habit(kind.height, kind.grown_in), rng), kind.detail)
+    if kind.name in TREES:
+        habit = at_detail(individual(TREES[kind.name].habit(kind.height, kind.grown_in), rng), kind.detail)
     else:
         habit = kind.habit()
     orders = grow_skeleton(habit, kind.height, rng)
@@ -215,7 +215,7 @@ def test_no_old_trunk_leans_over(name: str, seed: int) -> None:
     assert habit.lean_limit < 10
 
 
-@pytest.mark.parametrize("name", [n for n in SPECIES if n not in ("spruce", "pine")])
+@pytest.mark.parametrize("name", [n for n in TREES if n not in ("spruce", "pine")])
 @seeds
 def test_a_crown_is_neither_a_ball_nor_a_stick(name: str, seed: int) -> None:
     kind = Kind(name, 11.0)

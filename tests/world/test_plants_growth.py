@@ -7,12 +7,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from fieldtruth.world.plants import BUSHES, SPECIES, Species
+from fieldtruth.world.plants import BUSHES, TREES, Species
 from fieldtruth.world.plants.growth import Stems, grow_skeleton
 from fieldtruth.world.plants.meshing import trunk, tubes
 
 PLANTS = [
-    *[(s, h) for s in SPECIES.values() for h in (11.0, 3.6)],
+    *[(s, h) for s in TREES.values() for h in (11.0, 3.6)],
     (BUSHES["box"], 1.0),
     (BUSHES["hazel"], 2.4),
 ]
@@ -55,9 +55,9 @@ def test_several_orders_and_their_numbers(species: Species, height: float) -> No
 
 
 @pytest.mark.parametrize("height", [9.0, 11.0, 15.0])
-@pytest.mark.parametrize("name", SPECIES)
+@pytest.mark.parametrize("name", TREES)
 def test_the_highest_twig_is_at_the_height(name: str, height: float) -> None:
-    top = max(float(stems.axis[:, :, 2].max()) for stems in skeleton(SPECIES[name], height))
+    top = max(float(stems.axis[:, :, 2].max()) for stems in skeleton(TREES[name], height))
     assert top == pytest.approx(height, abs=1e-9)
 
 

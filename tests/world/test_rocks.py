@@ -10,7 +10,7 @@ from fieldtruth.core.classes import Label
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Heightfield, Mesh
 from fieldtruth.world.placement import CrowdedWorldError, Site
-from fieldtruth.world.rocks import ROCKS, lay_rock, make_rock, scatter_rocks
+from fieldtruth.world.rocks import ROCK_TYPES, lay_rock, make_rock, scatter_rocks
 from fieldtruth.world.rocks.laying import rim_vertices
 from fieldtruth.world.rocks.meshing import corner_normals
 from fieldtruth.world.rocks.rock import TEXTURE_LENGTH
@@ -19,9 +19,9 @@ from fieldtruth.world.rocks.shape import geodesic, worn_radius
 F8 = NDArray[np.float64]
 
 
-@pytest.fixture(params=ROCKS)
+@pytest.fixture(params=ROCK_TYPES)
 def rock(request: pytest.FixtureRequest) -> Mesh:
-    return make_rock(ROCKS[request.param], name="rock", size=1.4, rng=np.random.default_rng(4), triangles=720)
+    return make_rock(ROCK_TYPES[request.param], name="rock", size=1.4, rng=np.random.default_rng(4), triangles=720)
 
 
 def inclined(slope_deg: float) -> Heightfield:
@@ -123,7 +123,7 @@ def test_a_lying_rock_shows_no_daylight(rock: Mesh, slope_deg: float) -> None:
 
 def test_scattered_rocks_keep_apart_off_corridors_and_where_they_may() -> None:
     site = Site(inclined(10.0), (10.0, 10.0), (), ())
-    mesh = make_rock(ROCKS["scree"], name="r", size=0.4, rng=np.random.default_rng(0), triangles=80)
+    mesh = make_rock(ROCK_TYPES["scree"], name="r", size=0.4, rng=np.random.default_rng(0), triangles=80)
 
     def north(places: F8) -> F8:
         return (places[:, 0] > 0).astype(float)
@@ -140,11 +140,11 @@ def test_scattered_rocks_keep_apart_off_corridors_and_where_they_may() -> None:
 
 def test_same_seed_same_rock_and_bad_wishes() -> None:
     first, again, other = (
-        make_rock(ROCKS["granite"], name="r", size=1.0, rng=np.random.default_rng(k)) for k in (1, 1, 2)
+        make_rock(ROCK_TYPES["granite"], name="r", size=1.0, rng=np.random.default_rng(k)) for k in (1, 1, 2)
     )
     assert np.array_equal(first.vertices, again.vertices)
     assert first.vertices.shape != other.vertices.shape or not np.allclose(first.vertices, other.vertices)
     with pytest.raises(ValueError, match="triangles of a rock = 79: must be from 80 to 3000"):
-        make_rock(ROCKS["granite"], name="r", size=1.0, rng=np.random.default_rng(0), triangles=79)
+        make_rock(ROCK_TYPES["granite"], name="r", size=1.0, rng=np.random.default_rng(0), triangles=79)
     with pytest.raises(ValueError, match="size of a rock = 0 m: must be above 0"):
-        make_rock(ROCKS["granite"], name="r", size=0, rng=np.random.default_rng(0))
+        make_rock(ROCK_TYPES["granite"], name="r", size=0, rng=np.random.default_rng(0))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.classes import Label
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.plants import BUSHES, SPECIES, Species
+from fieldtruth.world.plants import BUSHES, TREES, Species
 from fieldtruth.world.textures import RECIPES, make_texture, make_textures
 from fieldtruth.world.textures.canvas import cells, even_out, finish, halve, linear, mix, noise, settle, stamps, strokes
 
@@ -97,7 +97,7 @@ def test_labels_of_materials() -> None:
         assert wanted is None or material.label == wanted, name
 
 
-@pytest.mark.parametrize("species", SPECIES.values(), ids=str)
+@pytest.mark.parametrize("species", TREES.values(), ids=str)
 def test_materials_of_trees(species: Species) -> None:
     assert MATERIALS[species.wood].label == Label.TRUNK
     assert MATERIALS[species.foliage].label == Label.TREETOP

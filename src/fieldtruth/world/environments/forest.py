@@ -20,7 +20,7 @@ from fieldtruth.world.grids import grid_axes
 from fieldtruth.world.model import Heightfield, Raster, Terrain, World
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import Site
-from fieldtruth.world.plants import SPECIES
+from fieldtruth.world.plants import TREES
 from fieldtruth.world.relief import gentled, slope_limit
 from fieldtruth.world.trails import Line, Trail, signed_distance
 
@@ -59,10 +59,10 @@ class ForestConfig(Frozen):
     @field_validator("species")
     @classmethod
     def _known(cls, species: Mapping[str, float]) -> Mapping[str, float]:
-        unknown = [name for name in species if name not in SPECIES]
+        unknown = [name for name in species if name not in TREES]
         if unknown or not sum(species.values()) > 0:
             what = f"no species {unknown[0]!r}" if unknown else "no share above 0"
-            raise ValueError(f"{what}; there is: {', '.join(sorted(SPECIES))}")
+            raise ValueError(f"{what}; there is: {', '.join(sorted(TREES))}")
         return species
 
 

@@ -12,7 +12,7 @@ from fieldtruth.world.backdrop import Cover, Land, rolling_hills, strew_beyond
 from fieldtruth.world.grids import distance_beyond
 from fieldtruth.world.model import Mesh, Swarm
 from fieldtruth.world.placement import Site
-from fieldtruth.world.plants import SPECIES, grow_tree
+from fieldtruth.world.plants import TREES, grow_tree
 
 if TYPE_CHECKING:
     from fieldtruth.world.environments.forest import ForestConfig
@@ -54,14 +54,14 @@ def wood_beyond(
     """The forest goes on beyond the world's edge: trees of little detail, and bushes at the edge itself."""
     trees = [
         grow_tree(
-            SPECIES[name], name=f"far_{name}_{k}", height=float(growth.uniform(9.0, 20.0)), rng=growth,
+            TREES[name], name=f"far_{name}_{k}", height=float(growth.uniform(9.0, 20.0)), rng=growth,
             detail=FAR_DETAIL, grown_in="stand",
         )
         for name in config.species
         for k in range(2)
     ]  # fmt: skip
     young = [
-        grow_tree(SPECIES[name], name=f"far_young_{name}", height=5.0, rng=growth, detail=4 * FAR_DETAIL)
+        grow_tree(TREES[name], name=f"far_young_{name}", height=5.0, rng=growth, detail=4 * FAR_DETAIL)
         for name in ("spruce", "beech")
     ]
     return [

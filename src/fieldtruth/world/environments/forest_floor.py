@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.placement import CrowdedWorldError, Site, random_tint, rotations_to
-from fieldtruth.world.plants import SPECIES
-from fieldtruth.world.plants.deadwood import grow_log, grow_snag, grow_stump, room_along
-from fieldtruth.world.rocks import ROCKS, make_rock, scatter_rocks
+from fieldtruth.world.plants import TREES
+from fieldtruth.world.plants.deadwood import clearance_circles, grow_log, grow_snag, grow_stump
+from fieldtruth.world.rocks import ROCK_TYPES, make_rock, scatter_rocks
 
 if TYPE_CHECKING:
     from fieldtruth.world.environments.forest import ForestConfig
@@ -28,7 +28,7 @@ def lay_trunks(site: Site, config: "ForestConfig", rng: np.random.Generator) -> 
     names = list(config.species)
     logs = [
         grow_log(
-            SPECIES[names[k % len(names)]], name=f"log_{k}", length=float(rng.uniform(3.0, 10.0)),
+            TREES[names[k % len(names)]], name=f"log_{k}", length=float(rng.uniform(3.0, 10.0)),
             radius=float(rng.uniform(0.11, 0.27)), rng=rng, detail=0.6,
         )
         for k in range(min(config.fallen_trunks, 8))
@@ -37,14 +37,14 @@ def lay_trunks(site: Site, config: "ForestConfig", rng: np.random.Generator) -> 
         _lay_log(site, logs[k % len(logs)], rng)
     snags = [
         grow_snag(
-            SPECIES[names[k % len(names)]], name=f"snag_{k}", height=float(rng.uniform(2.5, 13.0)), rng=rng, detail=0.5
+            TREES[names[k % len(names)]], name=f"snag_{k}", height=float(rng.uniform(2.5, 13.0)), rng=rng, detail=0.5
         )
         for k in range(min(config.snags, 8))
     ]
     site.scatter("snag", snags, config.snags, rng=rng, allowed=off_trails, spacing=5.0, tint=0.1)
     stumps = [
         grow_stump(
-            SPECIES[names[k % len(names)]], name=f"stump_{k}", radius=float(rng.uniform(0.12, 0.3)), rng=rng, detail=0.5
+            TREES[names[k % len(names)]], name=f"stump_{k}", radius=float(rng.uniform(0.12, 0.3)), rng=rng, detail=0.5
         )
         for k in range(min(config.stumps, 4))
     ]
@@ -53,7 +53,7 @@ def lay_trunks(site: Site, config: "ForestConfig", rng: np.random.Generator) -> 
 
 def _lay_log(site: Site, log: Mesh, rng: np.random.Generator, tries: int = 400) -> None:
     """Lay one fallen trunk along the ground where it finds room; bridges over hollows of 5 cm, and no higher."""
-    room = np.array(room_along(log))
+    room = np.array(clearance_circles(log))
     for _ in range(tries):
         (x, y), yaw = rng.uniform(-0.5, 0.5, 2) * site.size, float(rng.uniform(0.0, 2.0 * np.pi))
         ahead = np.array([np.cos(yaw), np.sin(yaw)])
@@ -83,12 +83,12 @@ def lay_rocks(site: Site, config: "ForestConfig", rng: np.random.Generator) -> N
         return np.asarray((0.12 + 0.88 * np.exp(-((away / 2.6) ** 2))) * (site.trail_distance(places) > 0.3))
 
     rocks = [
-        make_rock(ROCKS["fieldstone"], name=f"rock_{k}", size=float(size), rng=rng, triangles=700)
+        make_rock(ROCK_TYPES["fieldstone"], name=f"rock_{k}", size=float(size), rng=rng, triangles=700)
         for k, size in enumerate(np.geomspace(0.35, 1.5, 8))
     ]
     scatter_rocks(site, "rock", rocks, config.rocks, rng=rng, density=near_groups, spacing=0.6)
     stones = [
-        make_rock(ROCKS["fieldstone"], name=f"stone_{k}", size=float(size), rng=rng, triangles=80, solid=False)
+        make_rock(ROCK_TYPES["fieldstone"], name=f"stone_{k}", size=float(size), rng=rng, triangles=80, solid=False)
         for k, size in enumerate(np.geomspace(0.06, 0.22, 8))
     ]
     site.strew(

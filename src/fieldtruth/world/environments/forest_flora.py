@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.world.model import Mesh, Raster
 from fieldtruth.world.placement import Site
-from fieldtruth.world.plants import BUSHES, GRASSES, SPECIES, grow_bush, grow_clump, grow_tree
+from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_clump, grow_tree
 
 if TYPE_CHECKING:
     from fieldtruth.world.environments.forest import ForestConfig
@@ -40,7 +40,7 @@ def plant_trees(site: Site, config: "ForestConfig", growth: np.random.Generator,
             left -= count
             trees = [
                 grow_tree(
-                    SPECIES[name], name=f"{name}_{age}_{n}", height=float(growth.uniform(*heights)), rng=growth,
+                    TREES[name], name=f"{name}_{age}_{n}", height=float(growth.uniform(*heights)), rng=growth,
                     detail=TREE_DETAIL[age], grown_in="stand",
                 )
                 for n in range(min(config.individuals, count))

@@ -12,7 +12,7 @@ from fieldtruth.world.environments.hillside_ground import Ground
 from fieldtruth.world.model import Heightfield, Mesh, Swarm
 from fieldtruth.world.noise import solid_noise
 from fieldtruth.world.placement import CrowdedWorldError, Site, random_tint, rotations_to, upright_poses
-from fieldtruth.world.plants import BUSHES, GRASSES, SPECIES, grow_bush, grow_snag, grow_tree, grow_tuft
+from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_snag, grow_tree, grow_tuft
 
 Array = NDArray[np.float64]
 Rng = np.random.Generator
@@ -34,13 +34,13 @@ def plant(
         )
 
     height = rng.uniform
-    pine = [grow_tree(SPECIES["pine"], name=f"pine_{k}", height=height(6.6, 9.5), rng=rng) for k in range(individuals)]
+    pine = [grow_tree(TREES["pine"], name=f"pine_{k}", height=height(6.6, 9.5), rng=rng) for k in range(individuals)]
     oak = [
-        grow_tree(SPECIES["oak"], name=f"oak_{k}", height=height(4.0, 6.2), rng=rng, detail=0.8)
+        grow_tree(TREES["oak"], name=f"oak_{k}", height=height(4.0, 6.2), rng=rng, detail=0.8)
         for k in range(individuals)
     ]
     dead = [
-        grow_snag(SPECIES["pine"], name=f"snag_{k}", height=height(2.5, 5.5), rng=rng, detail=0.6)
+        grow_snag(TREES["pine"], name=f"snag_{k}", height=height(2.5, 5.5), rng=rng, detail=0.6)
         for k in range(min(individuals, 3))
     ]
     _scatter(site, ground, "pine", pine, pines, rng=rng, density=soil, spacing=8.0, tilt=0.0)
@@ -118,7 +118,7 @@ def vegetate_beyond(
         for k, share in enumerate((0.7, 1.0))
     ]
     trees = [
-        grow_tree(SPECIES[s], name=f"far_{s}_{k}", height=float(rng.uniform(*h)), rng=rng, detail=0.15)
+        grow_tree(TREES[s], name=f"far_{s}_{k}", height=float(rng.uniform(*h)), rng=rng, detail=0.15)
         for s, h in (("pine", (6.6, 9.5)), ("oak", (4.0, 6.0)))
         for k in range(2)
     ]

@@ -9,7 +9,7 @@ from fieldtruth.world.backdrop import strew_beyond
 from fieldtruth.world.environments.hillside_ground import Ground
 from fieldtruth.world.model import Heightfield, Mesh, Swarm
 from fieldtruth.world.placement import Site
-from fieldtruth.world.rocks import ROCKS, make_rock, scatter_rocks
+from fieldtruth.world.rocks import ROCK_TYPES, make_rock, scatter_rocks
 
 Array = NDArray[np.float64]
 Rng = np.random.Generator
@@ -19,7 +19,7 @@ def _some(kinds: str, name: str, sizes: tuple[float, float], triangles: int, num
     """``number`` rocks of each of the kinds, named in words; ``sizes`` [m] from and to."""
     return [
         make_rock(
-            ROCKS[kind], name=f"{name}_{kind}_{k}", size=float(rng.uniform(*sizes)), rng=rng, triangles=triangles,
+            ROCK_TYPES[kind], name=f"{name}_{kind}_{k}", size=float(rng.uniform(*sizes)), rng=rng, triangles=triangles,
             solid=sizes[1] > 0.3,
         )
         for k in range(number)
@@ -72,7 +72,7 @@ def rocks_beyond(
 ) -> tuple[Swarm, tuple[Mesh, ...]]:
     """Boulders on the land beyond the edge."""
     meshes = [
-        make_rock(ROCKS[kind], name=f"far_{kind}_{k}", size=s, rng=rng, triangles=320, solid=False)
+        make_rock(ROCK_TYPES[kind], name=f"far_{kind}_{k}", size=s, rng=rng, triangles=320, solid=False)
         for k, s in enumerate((0.7, 1.2, 2.2))
         for kind in ("limestone", "crag")
     ]

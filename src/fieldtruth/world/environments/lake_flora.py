@@ -15,7 +15,7 @@ from fieldtruth.world.grids import grid_axes
 from fieldtruth.world.model import Mesh, Raster, Swarm
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import Site, random_tints, upright_poses
-from fieldtruth.world.plants import BUSHES, GRASSES, SPECIES, grow_bush, grow_clump, grow_tree, grow_tuft
+from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_clump, grow_tree, grow_tuft
 
 Array = NDArray[np.float64]
 Density = Callable[[Array], Array]
@@ -49,7 +49,7 @@ def plant_trees(
     ):
         trees = [
             grow_tree(
-                SPECIES[name], name=f"{kind}_{name}_{k}", height=float(growth.uniform(*heights)), rng=growth,
+                TREES[name], name=f"{kind}_{name}_{k}", height=float(growth.uniform(*heights)), rng=growth,
                 detail=1.0 if name == "pine" else TREE_DETAIL,  # few sprays of needles read as stars
             )
             for k in range(individuals)
@@ -160,7 +160,7 @@ def grow_beyond(
     sorts = {**WATERSIDE_TREES, **MEADOW_TREES}
     woods, trees = (
         [
-            grow_tree(SPECIES[n], name=f"{name}_{n}_{k}", height=float(rng.uniform(*heights)), rng=rng, detail=detail)
+            grow_tree(TREES[n], name=f"{name}_{n}_{k}", height=float(rng.uniform(*heights)), rng=rng, detail=detail)
             for k in range(2)
             for n, heights in sorts.items()
         ]

@@ -14,7 +14,7 @@ from fieldtruth.world.grids import distance_beyond
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Mesh, Swarm, Terrain, merge_meshes
 from fieldtruth.world.placement import Site, random_tints, upright_poses
-from fieldtruth.world.plants import BUSHES, GRASSES, SPECIES, grow_bush, grow_clump, grow_tree
+from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_clump, grow_tree
 from fieldtruth.world.trails import Line, Trail
 
 Array = NDArray[np.float64]
@@ -97,9 +97,7 @@ def grow_beyond(site: Site, terrain: Terrain, share: float, rng: np.random.Gener
 def _individuals(name: str, detail: float, rng: np.random.Generator) -> list[Mesh]:
     """One tree of each species, or two."""
     return [
-        grow_tree(
-            SPECIES[kind], name=f"{name}_{kind}_{k}", height=float(rng.uniform(8.5, 14.0)), rng=rng, detail=detail
-        )
+        grow_tree(TREES[kind], name=f"{name}_{kind}_{k}", height=float(rng.uniform(8.5, 14.0)), rng=rng, detail=detail)
         for k, kind in enumerate(SPECIES_BEYOND)
     ]
 

@@ -14,7 +14,7 @@ from fieldtruth.world.grids import grid_axes
 from fieldtruth.world.model import Mesh, Raster
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import CrowdedWorldError, Site, random_tint
-from fieldtruth.world.plants import GRASSES, SPECIES, grow_clump, grow_tree, grow_tuft
+from fieldtruth.world.plants import GRASSES, TREES, grow_clump, grow_tree, grow_tuft
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ def plant_trees(
         names = [(name, 0) for name in COMMON] + [(name, 0) for name in RARE[kind] if individuals > 1]
         names += [(name, k) for k in range(1, individuals) for name in COMMON]
         trees = [
-            grow_tree(SPECIES[name], name=f"{kind}_{name}_{k}", height=float(growth.uniform(*heights)), rng=growth)
+            grow_tree(TREES[name], name=f"{kind}_{name}_{k}", height=float(growth.uniform(*heights)), rng=growth)
             for name, k in names
         ]
         _scatter_trees(site, kind, trees, count, spacing, rng)

@@ -2,21 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Grown plants: trees and bushes of trunk, branches and single leaves; grass and herbs of single blades."""
 
-from fieldtruth.world.plants.catalogue import BUSHES, SPECIES
+from fieldtruth.world.plants.catalogue import BUSHES, TREES
 from fieldtruth.world.plants.clumps import grow_clump
-from fieldtruth.world.plants.deadwood import grow_log, grow_snag, grow_stump, room_along
+from fieldtruth.world.plants.deadwood import clearance_circles, grow_log, grow_snag, grow_stump
 from fieldtruth.world.plants.plant import grow_bush, grow_tree
 from fieldtruth.world.plants.species import GrownIn, Species
-from fieldtruth.world.plants.tufts import Tuft, grow_tuft
+from fieldtruth.world.plants.tufts import GrassSpecies, grow_tuft
 from fieldtruth.world.plants.undergrowth import GRASSES
 
 __all__ = [
     "BUSHES",
     "GRASSES",
-    "SPECIES",
+    "TREES",
+    "GrassSpecies",
     "GrownIn",
     "Species",
-    "Tuft",
+    "clearance_circles",
     "grow_bush",
     "grow_clump",
     "grow_log",
@@ -24,5 +25,4 @@ __all__ = [
     "grow_stump",
     "grow_tree",
     "grow_tuft",
-    "room_along",
 ]

@@ -11,7 +11,7 @@ from fieldtruth.world.plants.shrubs import BOX, BRAMBLE, GORSE, GREY_WILLOW, HAZ
 from fieldtruth.world.plants.species import Species
 from fieldtruth.world.plants.woodland import ALDER, BEECH, WILLOW
 
-SPECIES: Final[Mapping[str, Species]] = {s.name: s for s in (LIME, BIRCH, OAK, BEECH, SPRUCE, PINE, ALDER, WILLOW)}
+TREES: Final[Mapping[str, Species]] = {s.name: s for s in (LIME, BIRCH, OAK, BEECH, SPRUCE, PINE, ALDER, WILLOW)}
 """Trees by name."""
 
 BUSHES: Final[Mapping[str, Species]] = {s.name: s for s in (BOX, HAZEL, JUNIPER, GORSE, BRAMBLE, GREY_WILLOW, HEATHER)}

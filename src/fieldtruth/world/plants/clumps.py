@@ -14,11 +14,11 @@ import numpy as np
 
 from fieldtruth.world.model import Mesh, merge_meshes
 from fieldtruth.world.plants.growth import Array
-from fieldtruth.world.plants.tufts import Tuft, grow_tuft
+from fieldtruth.world.plants.tufts import GrassSpecies, grow_tuft
 
 
 def grow_clump(
-    kinds: Mapping[Tuft, float], *, name: str, radius: float, per_m2: float, rng: np.random.Generator,
+    kinds: Mapping[GrassSpecies, float], *, name: str, radius: float, per_m2: float, rng: np.random.Generator,
     size: float = 0.5, detail: float = 1.0,
 ) -> Mesh:  # fmt: skip
     """Tufts in a disc of ``radius`` [m], ``per_m2`` of them on each square metre, with a ragged rim.

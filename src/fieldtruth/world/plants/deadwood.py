@@ -51,7 +51,7 @@ def grow_log(
     sunk by a third of its radius. ``roots`` stand upright at its thick end (None: on one of three). Its upper side
     bears moss, its bark comes off.
 
-    Colliders are boxes of 0.8 m along it; `room_along` gives the circles that it needs for itself. The footprint [m]
+    Colliders are boxes of 0.8 m along it; `clearance_circles` gives circles that cover them. The footprint [m]
     is that of the whole log.
     """
     _check("length of a log", length, 1.0, 20.0)
@@ -93,7 +93,7 @@ def grow_stump(species: Species, *, name: str, radius: float, rng: np.random.Gen
     return joined(name, parts, (Collider(shape="cylinder", size=(1.15 * radius, height)),), 1.15 * radius + 0.15)
 
 
-def room_along(log: Mesh) -> tuple[tuple[float, float, float], ...]:
+def clearance_circles(log: Mesh) -> tuple[tuple[float, float, float], ...]:
     """Circles (x, y, radius) [m] in the log's frame that cover its boxes: what no neighbour may stand in."""
     return tuple((c.position[0], c.position[1], 0.5 * float(np.hypot(c.size[0], c.size[1]))) for c in log.colliders)
 

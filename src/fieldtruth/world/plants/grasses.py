@@ -4,9 +4,9 @@
 
 from typing import Final
 
-from fieldtruth.world.plants.tufts import Blades, Leaves, Spike, Tuft
+from fieldtruth.world.plants.tufts import Blades, GrassSpecies, Leaves, Spike
 
-MEADOW: Final = Tuft(
+MEADOW: Final = GrassSpecies(
     name="meadow",
     latin="Dactylis glomerata, Festuca pratensis",
     height=(0.3, 0.6),
@@ -34,7 +34,7 @@ MEADOW: Final = Tuft(
 )  # fmt: skip
 """Meadow grass, green with dead blades between: 0.3 to 0.6 m."""
 
-DRY: Final = Tuft(
+DRY: Final = GrassSpecies(
     name="dry",
     latin="Calamagrostis arundinacea, Stipa capillata",
     height=(0.4, 0.9),
@@ -64,7 +64,7 @@ DRY: Final = Tuft(
 )  # fmt: skip
 """High dry grass with seed heads: 0.4 to 0.9 m."""
 
-REED: Final = Tuft(
+REED: Final = GrassSpecies(
     name="reed",
     latin="Phragmites australis",
     height=(1.1, 1.8),
@@ -98,7 +98,7 @@ REED: Final = Tuft(
 )  # fmt: skip
 """Common reed with plumes, last year's stalks among it: 1.1 to 1.8 m."""
 
-CATTAIL: Final = Tuft(
+CATTAIL: Final = GrassSpecies(
     name="cattail",
     latin="Typha latifolia",
     height=(1.0, 1.7),
@@ -118,7 +118,7 @@ CATTAIL: Final = Tuft(
 )  # fmt: skip
 """Broadleaf cattail with brown spikes: 1.0 to 1.7 m."""
 
-SEDGE: Final = Tuft(
+SEDGE: Final = GrassSpecies(
     name="sedge",
     latin="Carex acutiformis, Juncus effusus",
     height=(0.5, 1.0),
@@ -141,7 +141,7 @@ SEDGE: Final = Tuft(
 )  # fmt: skip
 """Sedges and rushes at the water's edge: 0.5 to 1.0 m."""
 
-FOREST: Final = Tuft(
+FOREST: Final = GrassSpecies(
     name="forest",
     latin="Deschampsia flexuosa, Brachypodium sylvaticum",
     height=(0.25, 0.5),

@@ -4,9 +4,9 @@
 
 from typing import Final
 
-from fieldtruth.world.plants.tufts import Blades, Flower, Frond, Leaves, Tuft
+from fieldtruth.world.plants.tufts import Blades, Flower, Frond, GrassSpecies, Leaves
 
-FERN: Final = Tuft(
+FERN: Final = GrassSpecies(
     name="fern",
     latin="Dryopteris filix-mas",
     height=(0.45, 0.9),
@@ -21,7 +21,7 @@ FERN: Final = Tuft(
 )  # fmt: skip
 """Male fern, a rosette of fronds: 0.45 to 0.9 m."""
 
-BRACKEN: Final = Tuft(
+BRACKEN: Final = GrassSpecies(
     name="bracken",
     latin="Pteridium aquilinum",
     height=(0.6, 1.2),
@@ -40,7 +40,7 @@ BRACKEN: Final = Tuft(
 )  # fmt: skip
 """Bracken, single fronds on tall stalks: 0.6 to 1.2 m."""
 
-NETTLE: Final = Tuft(
+NETTLE: Final = GrassSpecies(
     name="nettle",
     latin="Urtica dioica",
     height=(0.5, 1.1),
@@ -62,7 +62,7 @@ NETTLE: Final = Tuft(
 )  # fmt: skip
 """Stinging nettle: 0.5 to 1.1 m."""
 
-DOCK: Final = Tuft(
+DOCK: Final = GrassSpecies(
     name="dock",
     latin="Rumex obtusifolius, Plantago major",
     height=(0.25, 0.6),
@@ -82,9 +82,9 @@ DOCK: Final = Tuft(
 """Dock, a rosette of broad leaves with brown fruit stalks: 0.25 to 0.6 m."""
 
 
-def _flowering(name: str, latin: str, petals: str, radius: float, height: tuple[float, float]) -> Tuft:
+def _flowering(name: str, latin: str, petals: str, radius: float, height: tuple[float, float]) -> GrassSpecies:
     """Flowers on thin stalks above a few leaves and grass blades."""
-    return Tuft(
+    return GrassSpecies(
         name=name,
         latin=latin,
         height=height,

@@ -95,7 +95,7 @@ class Blades:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tuft:
+class GrassSpecies:
     """A kind of grass or herb."""
 
     name: str
@@ -109,7 +109,7 @@ class Tuft:
         return self.name
 
 
-def grow_tuft(kind: Tuft, *, name: str, height: float, rng: np.random.Generator, detail: float = 1.0) -> Mesh:
+def grow_tuft(kind: GrassSpecies, *, name: str, height: float, rng: np.random.Generator, detail: float = 1.0) -> Mesh:
     """A tuft whose highest blade or stalk ends at ``height`` [m].
 
     ``detail`` below 1 takes fewer and wider blades, below 0.6 simpler ones as well. There are no colliders: a robot

@@ -3,6 +3,6 @@
 """Rocks from fracture and noise, and how they lie in the ground."""
 
 from fieldtruth.world.rocks.laying import lay_rock, scatter_rocks
-from fieldtruth.world.rocks.rock import ROCKS, RockKind, make_rock
+from fieldtruth.world.rocks.rock import ROCK_TYPES, RockType, make_rock
 
-__all__ = ["ROCKS", "RockKind", "lay_rock", "make_rock", "scatter_rocks"]
+__all__ = ["ROCK_TYPES", "RockType", "lay_rock", "make_rock", "scatter_rocks"]

@@ -20,7 +20,7 @@ TEXTURE_LENGTH: Final = 1.2
 """Length [m] that one repeat of a rock's texture covers."""
 
 
-class RockKind(NamedTuple):
+class RockType(NamedTuple):
     """How rocks of a kind break and wear."""
 
     name: str
@@ -42,16 +42,16 @@ class RockKind(NamedTuple):
     variety: float = 0.16
 
 
-ROCKS: Final[Mapping[str, RockKind]] = MappingProxyType(
+ROCK_TYPES: Final[Mapping[str, RockType]] = MappingProxyType(
     {
         kind.name: kind
         for kind in (
-            RockKind("granite", "rock_granite", (1.0, 0.85, 0.8), 11, 0.75, 15, 0.020),
-            RockKind("limestone", "rock_limestone", (1.0, 0.8, 0.72), 13, 0.9, 30, 0.030, layers=0.05),
-            RockKind("crag", "rock_limestone", (1.0, 0.6, 0.62), 15, 0.55, 34, 0.045, layers=0.10, buried=(0.3, 0.4)),
-            RockKind("fieldstone", "rock_fieldstone", (1.0, 0.82, 0.68), 12, 0.0, 5.5, 0.016),
-            RockKind("slab", "rock_schist", (1.0, 0.74, 0.26), 9, 0.85, 34, 0.012, layers=0.05),
-            RockKind("scree", "rock_limestone", (1.0, 0.72, 0.45), 10, 0.2, 45, 0.012),
+            RockType("granite", "rock_granite", (1.0, 0.85, 0.8), 11, 0.75, 15, 0.020),
+            RockType("limestone", "rock_limestone", (1.0, 0.8, 0.72), 13, 0.9, 30, 0.030, layers=0.05),
+            RockType("crag", "rock_limestone", (1.0, 0.6, 0.62), 15, 0.55, 34, 0.045, layers=0.10, buried=(0.3, 0.4)),
+            RockType("fieldstone", "rock_fieldstone", (1.0, 0.82, 0.68), 12, 0.0, 5.5, 0.016),
+            RockType("slab", "rock_schist", (1.0, 0.74, 0.26), 9, 0.85, 34, 0.012, layers=0.05),
+            RockType("scree", "rock_limestone", (1.0, 0.72, 0.45), 10, 0.2, 45, 0.012),
         )
     }
 )
@@ -60,7 +60,7 @@ schist), scree (sharp splinters of limestone)."""
 
 
 def make_rock(
-    kind: RockKind, *, name: str, size: float, rng: np.random.Generator, triangles: int = 720, solid: bool = True
+    kind: RockType, *, name: str, size: float, rng: np.random.Generator, triangles: int = 720, solid: bool = True
 ) -> Mesh:
     """A rock whose largest horizontal extent is ``size`` [m], of at most ``triangles`` (80 to 3,000).
 
@@ -99,7 +99,7 @@ def make_rock(
     )
 
 
-def _body(kind: RockKind, frequency: int, rng: np.random.Generator) -> tuple[Array, NDArray[np.intp]]:
+def _body(kind: RockType, frequency: int, rng: np.random.Generator) -> tuple[Array, NDArray[np.intp]]:
     """Vertices (v, 3) of about unit radius and faces: fractured, worn, layered, roughened, drawn to proportions."""
     directions, faces = geodesic(frequency)
     directions = directions @ _random_turn(rng).T
