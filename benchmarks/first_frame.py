@@ -17,7 +17,7 @@ FRAME = """
 import fieldtruth as ft
 scene = ft.Scene(ft.load_world("park"))
 pose = ft.frames.pose((0, 0, float(scene.world.terrain.field.height_at(0, 0)) + 0.8)) @ ft.OPTICAL
-print(ft.Camera(ft.CameraConfig(), scene).shoot(pose).label.shape)
+print(ft.Camera(ft.CameraConfig(), ft.bake(scene)).render(pose).label.shape)
 """
 
 

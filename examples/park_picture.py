@@ -34,15 +34,16 @@ def plan(scan: "ft.Scan", height: int, width: int) -> NDArray[np.uint8]:
 def main(path: Path) -> None:
     """Shoot, scan, put side by side, write."""
     world = ft.load_world("park", seed=0)
-    scene = ft.Scene(world, ft.LightConfig())
+    scene = ft.Scene(world)
     x, y = -12.0, -1.5
     ground = float(world.terrain.field.height_at(x, y))
     world_from_base = ft.frames.pose((x, y, ground + 0.13228), (0.0, 0.0, 22.0))
     rig = ft.Rig()
-    picture = ft.Camera(rig.cameras, scene).shoot(world_from_base @ ft.frames.pose(rig.cameras.left.xyz) @ ft.OPTICAL)
+    world_from_optical = world_from_base @ ft.frames.pose(rig.cameras.left.xyz) @ ft.OPTICAL
+    images = ft.Camera(rig.cameras, ft.bake(scene)).render(world_from_optical)
     scan = ft.Lidar(rig.lidar, scene).scan(world_from_base @ rig.lidar.mount.base_from_sensor)
-    tags = ft.tag_image(picture.label)
-    left = np.concatenate([picture.photo, tags])[::2, ::2]
+    tags = ft.tag_image(images.label)
+    left = np.concatenate([images.photo, tags])[::2, ::2]
     both = np.concatenate([left, plan(scan, left.shape[0], 560)], axis=1)
     path.write_bytes(simplejpeg.encode_jpeg(np.ascontiguousarray(both), quality=78, colorspace="RGB"))
 

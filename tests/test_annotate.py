@@ -150,13 +150,13 @@ class Counting:
 
     def __init__(self, patch: pytest.MonkeyPatch) -> None:
         self.count = 0
-        shoot = Camera.shoot
+        render = Camera.render
 
         def counted(camera: Camera, pose: Any) -> Any:
             self.count += 1
-            return shoot(camera, pose)
+            return render(camera, pose)
 
-        patch.setattr(Camera, "shoot", counted)
+        patch.setattr(Camera, "render", counted)
 
 
 @pytest.mark.parametrize("source", [ODOMETRY, STATES])

@@ -15,8 +15,7 @@ from fieldtruth.core.classes import CLASSES, PALETTE, Label
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.pipeline import generate
-from fieldtruth.render import Camera
-from fieldtruth.sense import Scene
+from fieldtruth.sense import LabelCamera, Scene
 from fieldtruth.world import load_world
 
 Array = NDArray[np.float64]
@@ -54,7 +53,7 @@ def test_lidar_points_land_on_pixels_of_their_class_and_depth(park_bag: Path, si
     infos = messages(park_bag, f"/stereo/camera/{side}/camera_info")
     odometry = messages(park_bag, "/ground_truth/odom")
     rig = Rig()
-    camera = Camera(rig.cameras, Scene(load_world("park", 0)))
+    camera = LabelCamera(rig.cameras, Scene(load_world("park", 0)))
     common = sorted(set(clouds) & set(tags))
     assert len(common) == 5
     compared = 0

@@ -22,8 +22,7 @@ from fieldtruth.drive.expected_path import experiments_in
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import OPTICAL, CameraConfig, LidarConfig, Rig
 from fieldtruth.experiment.route import metres_from_route, route_from_metres
-from fieldtruth.render import Camera
-from fieldtruth.sense import Lidar, Scene
+from fieldtruth.sense import LabelCamera, Lidar, Scene
 from fieldtruth.sense.embree import Engine, RayScene
 from fieldtruth.sense.lidar import ray_directions
 from fieldtruth.world.environments import ENVIRONMENTS, Environment
@@ -84,13 +83,13 @@ def test_the_best_mode_is_one_of_them_and_tiles_must_fit() -> None:
 
 
 def test_bare_rays_are_those_of_camera_and_lidar(world: World) -> None:
-    scene = Scene(world, EXPERIMENT.light)
+    scene = Scene(world)
     pose = poses_along(EXPERIMENT.route, world, RIG, 3)[1]
     camera, world_from_optical = RIG.cameras, pose @ RIG.cameras.left.base_from_sensor @ OPTICAL
     directions = pixel_directions(camera)
     bare = BareTracer(scene.rays.handle, directions, camera.far, Mode(8, 2, True))
     bare.trace(world_from_optical)
-    depth = Camera(camera, scene).label(world_from_optical).depth
+    depth = LabelCamera(camera, scene).label(world_from_optical).depth
     seen = np.where(bare.distances < camera.far, bare.distances * directions[..., 2], 0.0)
     assert 0.2 < (depth > 0).mean() <= 1.0
     assert (np.abs(seen - depth) < 1e-3 + 1e-3 * depth).mean() > 0.998

@@ -51,10 +51,10 @@ if TYPE_CHECKING:
     )
     from fieldtruth.experiment.route import random_route, route_from_metres, route_yaml
     from fieldtruth.pipeline import generate
-    from fieldtruth.render import Camera, LabelImage, Picture, tag_image
+    from fieldtruth.render import BakedScene, Camera, CameraImages, bake
     from fieldtruth.report.preview import preview
     from fieldtruth.report.shares import ClassShares, class_shares
-    from fieldtruth.sense import Lidar, Scan, Scene
+    from fieldtruth.sense import LabelCamera, LabelImages, Lidar, Scan, Scene, tag_image
     from fieldtruth.world import World, load_world
 
     __version__ = version("fieldtruth")
@@ -75,8 +75,8 @@ _HOMES: Final = {
     "report.preview": "preview",
     "core.progress": "Progress show_progress",
     "report.shares": "ClassShares class_shares",
-    "render": "Camera LabelImage Picture tag_image",
-    "sense": "Lidar Scan Scene",
+    "render": "BakedScene Camera CameraImages bake",
+    "sense": "LabelCamera LabelImages Lidar Scan Scene tag_image",
     "world": "World load_world",
 }
 _MODULES: Final = ("frames", "geodesy")
@@ -88,8 +88,10 @@ __all__ = [
     "OPTICAL",
     "PALETTE",
     "BagError",
+    "BakedScene",
     "Camera",
     "CameraConfig",
+    "CameraImages",
     "ClassShares",
     "ConfigurationError",
     "ControlConfig",
@@ -100,14 +102,14 @@ __all__ = [
     "GnssConfig",
     "ImuConfig",
     "Label",
-    "LabelImage",
+    "LabelCamera",
+    "LabelImages",
     "Lidar",
     "LidarConfig",
     "LightConfig",
     "MetresRouteConfig",
     "Mount",
     "OutputError",
-    "Picture",
     "Progress",
     "RandomRouteConfig",
     "Reading",
@@ -123,6 +125,7 @@ __all__ = [
     "WheelConfig",
     "World",
     "__version__",
+    "bake",
     "class_shares",
     "count_messages",
     "dump_experiment",

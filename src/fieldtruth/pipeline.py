@@ -18,7 +18,7 @@ from fieldtruth.experiment.files import dump_experiment
 from fieldtruth.record.folder import RunFolder, fingerprint, run_folder
 from fieldtruth.record.slices import Slices
 from fieldtruth.record.streams import Sensors, streams_of
-from fieldtruth.render import Camera
+from fieldtruth.render import Camera, bake
 from fieldtruth.report.card import data_card
 from fieldtruth.sense import Lidar, Scene
 from fieldtruth.world import World, world_of
@@ -71,13 +71,12 @@ def _sense_and_write(
 ) -> None:
     rig = experiment.rig
     with progress.stage("prepare the scene"):
-        scene = Scene(world, experiment.light)
-        if rig.cameras.enabled:
-            scene.studio  # noqa: B018  (light is baked now, before the threads ask for it)
+        scene = Scene(world)
+        baked = bake(scene, experiment.light) if rig.cameras.enabled else None
 
     def sensors() -> Sensors:
         lidar = Lidar(rig.lidar, scene) if rig.lidar.enabled else None
-        camera = Camera(rig.cameras, scene, reuse=True) if rig.cameras.enabled else None
+        camera = Camera(rig.cameras, baked, reuse=True) if baked is not None else None
         return Sensors(lidar, camera)
 
     work = run.work(fingerprint(dump_experiment(experiment), world, track))

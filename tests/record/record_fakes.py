@@ -118,7 +118,7 @@ class FakeScan:
 
 
 @dataclass(frozen=True)
-class FakePicture:
+class FakeImages:
     photo: NDArray[np.uint8]
     label: NDArray[np.uint8]
     instance: NDArray[np.uint16]
@@ -126,9 +126,8 @@ class FakePicture:
 
 
 class FakeScene:
-    def __init__(self, world: World, light: object = None) -> None:
+    def __init__(self, world: World) -> None:
         self.world = world
-        self.studio = None
 
 
 class FakeLidar:
@@ -158,13 +157,13 @@ class FakeCamera:
     def __init__(self, config: CameraConfig, scene: FakeScene, *, reuse: bool = False) -> None:
         self.config = config
 
-    def shoot(self, world_from_optical: NDArray[np.float64]) -> FakePicture:
+    def render(self, world_from_optical: NDArray[np.float64]) -> FakeImages:
         time.sleep(self.pause)
         height, width = self.config.height, self.config.width
         x, y, z = frames.transform(world_from_optical, [[0.2, 0.4, 1.0]])[0]
         shade = np.add.outer(np.arange(height), np.arange(width)) + 1000 * (x + 2 * y + 3 * z)
         label = (np.arange(width) % int(Label.SKY) + 1).astype(np.uint8)
-        return FakePicture(
+        return FakeImages(
             photo=np.repeat((shade.astype(int) % 200).astype(np.uint8)[..., None], 3, axis=-1),
             label=np.broadcast_to(label, (height, width)),
             instance=np.broadcast_to(label.astype(np.uint16) * 300, (height, width)),
@@ -191,5 +190,6 @@ def use_fakes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pipeline, "plan_route", lambda world, experiment: experiment.route)
     monkeypatch.setattr(pipeline, "drive", make_track)
     monkeypatch.setattr(pipeline, "Scene", FakeScene)
+    monkeypatch.setattr(pipeline, "bake", lambda scene, light: scene)
     monkeypatch.setattr(pipeline, "Lidar", FakeLidar)
     monkeypatch.setattr(pipeline, "Camera", FakeCamera)

@@ -192,7 +192,7 @@ def test_a_scan_and_an_image_are_taken_from_the_pose_at_their_stamp(readings: di
             readings[topics.photograph(side)], readings[topics.tag(side)], strict=True
         ):  # the fake's photograph is brighter by a step for each millimetre
             base_from_optical = mount.base_from_sensor @ CAMERA_FROM_OPTICAL
-            picture = camera.shoot(truth[photo.stamp_ns // 10**6 - 1] @ base_from_optical)
+            picture = camera.render(truth[photo.stamp_ns // 10**6 - 1] @ base_from_optical)
             assert np.abs(image(photo.message).astype(int) - picture.photo).mean() < 1.5
             np.testing.assert_array_equal(image(tag.message), PALETTE[picture.label])
 

@@ -61,9 +61,9 @@ def test_every_worker_has_its_own_sensors(tmp_path: Path) -> None:
     class Watch(FakeCamera):
         pause = 0.001
 
-        def shoot(self, world_from_optical):  # type: ignore[no-untyped-def]
+        def render(self, world_from_optical):  # type: ignore[no-untyped-def]
             owners.setdefault(id(self), set()).add(threading.get_ident())
-            return super().shoot(world_from_optical)
+            return super().render(world_from_optical)
 
     slices = make_slices(tmp_path, EXPERIMENT)
     make = slices._make_sensors

@@ -10,6 +10,7 @@ from report_worlds import EXPERIMENT, plain, small_park
 
 from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE, Label
+from fieldtruth.render import bake
 from fieldtruth.report.preview.aerial import HEIGHT, MARGIN, halved, take_aerial
 from fieldtruth.report.preview.cloud import Cloud, draw_cloud, outlook
 from fieldtruth.report.preview.map import circle, on_ground
@@ -21,7 +22,7 @@ DARK = (10, 20, 30)
 
 def test_known_points_are_seen_at_known_pixels_from_above() -> None:
     world = plain(30.0, height=2.0)
-    aerial = take_aerial(Scene(world, EXPERIMENT.light), 160)
+    aerial = take_aerial(bake(Scene(world), EXPERIMENT.light), 160)
     assert aerial.photo.shape == (160, 160, 3)
     half = 15.0 + MARGIN
     scale = 160 / (2 * half)  # pixels per metre of ground
@@ -36,7 +37,7 @@ def test_known_points_are_seen_at_known_pixels_from_above() -> None:
 
 def test_what_lies_north_is_right_and_the_edge_between_two_grounds_is_where_the_projection_says() -> None:
     world = plain(30.0, trail_north_of_0=True)
-    aerial = take_aerial(Scene(world, EXPERIMENT.light), 160)
+    aerial = take_aerial(bake(Scene(world), EXPERIMENT.light), 160)
     bright = aerial.photo.astype(float).mean(axis=2)[20:140].mean(axis=0)
     edge = int(np.argmax(np.abs(np.diff(bright[20:140])))) + 20
     expected = float(aerial.pixels([(0.0, 0.0, 0.0)])[0, 0])

@@ -9,8 +9,7 @@ from sense_worlds import F8, Thing, abyss, at, box, make_world, quad
 from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, OPTICAL, CameraConfig, Rig
-from fieldtruth.render import Camera, LabelImage, tag_image
-from fieldtruth.sense import Scene
+from fieldtruth.sense import LabelCamera, LabelImages, Scene, tag_image
 from fieldtruth.sense.pinhole import pinhole
 
 CONFIG = CameraConfig()
@@ -32,8 +31,8 @@ def patch(name: str, u: tuple[float, float], v: tuple[float, float], z: float, m
     return quad(name, [[x[0], y[0], z], [x[1], y[0], z], [x[1], y[1], z], [x[0], y[1], z]], material), at(0, 0, 0)
 
 
-def see(*things: Thing) -> LabelImage:
-    return Camera(CONFIG, abyss(*things)).label(np.eye(4))
+def see(*things: Thing) -> LabelImages:
+    return LabelCamera(CONFIG, abyss(*things)).label(np.eye(4))
 
 
 def test_intrinsics() -> None:
@@ -82,9 +81,9 @@ def test_left_is_left_and_up_is_up() -> None:
     ]
     scene = abyss(*things)
     base = at(0, 0, 1)
-    straight = Camera(CONFIG, scene).label(base @ OPTICAL)
+    straight = LabelCamera(CONFIG, scene).label(base @ OPTICAL)
     paper = frames.pose((0, 0, 0), (0, 90, 0)) @ CAMERA_FROM_OPTICAL
-    assert np.array_equal(straight.label, Camera(CONFIG, scene).label(base @ paper).label)
+    assert np.array_equal(straight.label, LabelCamera(CONFIG, scene).label(base @ paper).label)
     places = {int(k): np.argwhere(straight.instance == k).mean(axis=0) for k in np.unique(straight.instance) if k}
     assert set(places) == {2, 3, 4, 5}
     fx, fy = pinhole(CONFIG).fx, pinhole(CONFIG).fy
@@ -103,7 +102,7 @@ def test_the_rigs_cameras_look_ahead_with_the_left_one_at_the_left() -> None:
         assert pose[:3, 3] == pytest.approx([0.15, y, 0.72])
         assert pose[:3, :3] == pytest.approx(np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], float), abs=1e-12)
     # A post 6 m ahead on the middle line: right of the left camera's middle, left of the right one's.
-    camera = Camera(CONFIG, abyss((box("post", (0.01, 0.01, 3)), at(6, 0, 0))))
+    camera = LabelCamera(CONFIG, abyss((box("post", (0.01, 0.01, 3)), at(6, 0, 0))))
     half = pinhole(CONFIG).fx * 0.06 / 5.85
     for pose, u in ((left, 639.5 + half), (right, 639.5 - half)):
         assert np.argwhere(camera.label(pose).label == Label.ROCK)[:, 1].mean() == pytest.approx(u, abs=0.5)
@@ -116,7 +115,7 @@ def test_depth_of_a_slanted_plane_lies_along_the_optical_axis() -> None:
     side = np.cross(normal, [0, 1, 0]) / np.linalg.norm(np.cross(normal, [0, 1, 0]))
     up = np.cross(normal, side) / np.linalg.norm(normal)
     corners = np.array([[0, 0, 6]]) + 40 * np.array([side + up, side - up, -side - up, -side + up])
-    seen = Camera(CONFIG, abyss((quad("plane", corners), pose))).label(pose)
+    seen = LabelCamera(CONFIG, abyss((quad("plane", corners), pose))).label(pose)
     a, b = tangents()
     expected = normal[2] * 6 / (normal[0] * a + normal[1] * b[:, None] + normal[2])
     assert expected.min() > 3
@@ -134,7 +133,7 @@ def test_depth_of_a_plane_across_the_axis_is_the_same_everywhere() -> None:
 
 def test_ground_seen_from_the_robot_in_closed_form() -> None:
     config = CameraConfig(width=320, height=184)
-    seen = Camera(config, Scene(make_world(side=60.0))).label(at(0, 0, 0.8) @ OPTICAL)
+    seen = LabelCamera(config, Scene(make_world(side=60.0))).label(at(0, 0, 0.8) @ OPTICAL)
     _, b = tangents(config)
     near = (b > 0) & (0.8 / np.maximum(b, 1e-9) < 20.0)
     assert np.count_nonzero(near) > 60
@@ -146,7 +145,7 @@ def test_ground_seen_from_the_robot_in_closed_form() -> None:
 
 def test_far_is_a_distance_along_the_ray() -> None:
     wall = patch("wall", (-9, 1289), (-9, 729), 10.0)
-    seen = Camera(CameraConfig(far=11.0), abyss(wall)).label(np.eye(4))
+    seen = LabelCamera(CameraConfig(far=11.0), abyss(wall)).label(np.eye(4))
     a, b = tangents()
     distance = 10.0 * np.sqrt(1 + a**2 + b[:, None] ** 2)
     assert np.all(seen.label[distance < 11.0 - 1e-4] == Label.ROCK)
@@ -165,7 +164,7 @@ def test_water_is_seen_and_has_depth() -> None:
 def test_sizes_and_uneven_fields_of_view(width: int, height: int) -> None:
     config = CameraConfig(width=width, height=height, horizontal_fov_deg=100.0, vertical_fov_deg=30.0)
     half = np.array([5.0, 4.0, 3.0])
-    seen = Camera(config, abyss((box("room", half.tolist()), at(0, 0, 0)))).label(at(0, 0, 0) @ OPTICAL)
+    seen = LabelCamera(config, abyss((box("room", half.tolist()), at(0, 0, 0)))).label(at(0, 0, 0) @ OPTICAL)
     a, b = tangents(config)
     expected = np.minimum(np.minimum(5.0, 4.0 / np.abs(a)), (3.0 / np.abs(b))[:, None])
     assert np.abs(seen.depth - expected).max() < 1e-4

@@ -15,8 +15,7 @@ from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import OPTICAL, Rig
 from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.render import Camera
-from fieldtruth.sense import Lidar, Scene
+from fieldtruth.sense import LabelCamera, Lidar, Scene
 from fieldtruth.world import assembly
 from fieldtruth.world.environments.lake import LakeConfig, build_lake
 from fieldtruth.world.furniture import hang, make_cable, make_power_pole
@@ -77,7 +76,7 @@ def stand(scene: Scene, line: Line, at: float) -> NDArray[np.float64]:
 def test_every_class_is_seen_from_the_route(lake: Scene) -> None:
     """By the LiDAR all but water and sky, by the camera these as well."""
     rig, hit, seen = Rig(), set[int](), set[int]()
-    lidar, camera = Lidar(rig.lidar, lake), Camera(rig.cameras, lake)
+    lidar, camera = Lidar(rig.lidar, lake), LabelCamera(rig.cameras, lake)
     for line in lines():
         for at in np.linspace(0.02, 0.98, 10):
             base = stand(lake, line, at)
@@ -93,7 +92,7 @@ def test_the_lidar_gets_nothing_back_where_the_camera_sees_water(lake: Scene) ->
     base = frames.pose((0.0, -6.5, float(lake.world.terrain.field.height_at(0.0, -6.5)) + 2.5), (0.0, 0.0, -90.0))
     rig = Rig()
     eye = base @ frames.pose(rig.cameras.left.xyz) @ OPTICAL
-    camera = Camera(rig.cameras, lake)
+    camera = LabelCamera(rig.cameras, lake)
     picture = camera.label(eye)
     assert (picture.label == Label.WATER).mean() > 0.1
     rows, columns = (n[::97] for n in np.nonzero(picture.label == Label.WATER))

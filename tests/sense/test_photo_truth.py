@@ -12,7 +12,7 @@ from sense_worlds import F8, Thing, at, box, make_world, quad
 from fieldtruth.core import frames
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.experiment.rig import OPTICAL, CameraConfig
-from fieldtruth.render import Camera, Picture
+from fieldtruth.render import BakedScene, Camera, CameraImages, bake
 from fieldtruth.sense import Scene
 
 SMALL = CameraConfig(width=320, height=184)
@@ -31,21 +31,21 @@ def cluttered() -> Scene:
     return Scene(make_world(things, height=lambda x, y: 0.1 * np.sin(x) * np.cos(y), side=30.0))
 
 
-def same(a: Picture, b: Picture) -> bool:
+def same(a: CameraImages, b: CameraImages) -> bool:
     return all(np.array_equal(getattr(a, n), getattr(b, n)) for n in ("photo", "label", "instance", "depth"))
 
 
 @pytest.fixture(scope="module")
-def scene() -> Scene:
-    return cluttered()
+def scene() -> BakedScene:
+    return bake(cluttered())
 
 
 POSE = frames.pose((0, 0.3, 1.1), (4, 8, -3)) @ OPTICAL
 
 
-def test_labels_and_photographs_come_from_the_same_hits(scene: Scene) -> None:
+def test_labels_and_photographs_come_from_the_same_hits(scene: BakedScene) -> None:
     camera = Camera(SMALL, scene)
-    labels, picture = camera.label(POSE), camera.shoot(POSE)
+    labels, picture = camera.label(POSE), camera.render(POSE)
     assert len(np.unique(labels.instance)) > 15
     for name in ("label", "instance", "depth"):
         assert np.array_equal(getattr(labels, name), getattr(picture, name)), name
@@ -54,33 +54,33 @@ def test_labels_and_photographs_come_from_the_same_hits(scene: Scene) -> None:
     assert len(np.unique(picture.photo)) > 50
 
 
-def test_same_picture_twice_by_two_cameras_and_in_two_threads(scene: Scene) -> None:
+def test_same_picture_twice_by_two_cameras_and_in_two_threads(scene: BakedScene) -> None:
     camera, other = Camera(SMALL, scene), Camera(SMALL, scene)
     poses = [frames.pose((0, 0, 1), (0, 0, 10.0 * k)) @ OPTICAL for k in range(-3, 4)]
-    first = [camera.shoot(pose) for pose in poses]
-    again = [camera.shoot(pose) for pose in poses]
+    first = [camera.render(pose) for pose in poses]
+    again = [camera.render(pose) for pose in poses]
     with ThreadPoolExecutor(2) as pool:
-        threads = list(pool.map(lambda c: [c.shoot(pose) for pose in poses], (camera, other)))
+        threads = list(pool.map(lambda c: [c.render(pose) for pose in poses], (camera, other)))
     for pictures in (again, *threads):
         assert all(same(a, b) for a, b in zip(first, pictures, strict=True))
     assert not same(first[0], first[1])
 
 
-def test_another_scene_of_the_same_world_gives_the_same_picture(scene: Scene) -> None:
-    assert same(Camera(SMALL, scene).shoot(POSE), Camera(SMALL, cluttered()).shoot(POSE))
+def test_another_scene_of_the_same_world_gives_the_same_picture(scene: BakedScene) -> None:
+    assert same(Camera(SMALL, scene).render(POSE), Camera(SMALL, bake(cluttered())).render(POSE))
 
 
-def overhead(azimuth: float, elevation: float) -> tuple[F8, F8, Picture]:
+def overhead(azimuth: float, elevation: float) -> tuple[F8, F8, CameraImages]:
     """World x, y [m] of the ground in each pixel, and the picture of a box 0.6 x 0.6 x 1.5 m from 20 m above it."""
     light = LightConfig(sun_azimuth_deg=azimuth, sun_elevation_deg=elevation)
-    scene = Scene(make_world([(box("box", (0.3, 0.3, 0.75)), at(0, 0, 0.75))], side=24.0), light)
+    scene = bake(Scene(make_world([(box("box", (0.3, 0.3, 0.75)), at(0, 0, 0.75))], side=24.0)), light)
     config = CameraConfig(width=320, height=320, horizontal_fov_deg=24.0, vertical_fov_deg=24.0)
     pose = np.eye(4)
     pose[:3, :3] = np.array([[0, -1, 0], [-1, 0, 0], [0, 0, -1]])  # image right is world -y, image down is world -x
     pose[:3, 3] = 0, 0, 20
     steps = (2 * (np.arange(320) + 0.5) / 320 - 1) * np.tan(np.radians(12.0)) * 20
     y, x = np.meshgrid(-steps, -steps)
-    return x, y, Camera(config, scene).shoot(pose)
+    return x, y, Camera(config, scene).render(pose)
 
 
 def in_shadow(x: F8, y: F8, azimuth: float, elevation: float, grow: float) -> NDArray[np.bool_]:
@@ -111,10 +111,10 @@ def test_a_shadow_lies_where_the_sun_puts_it(azimuth: float, elevation: float) -
 def test_the_side_towards_the_sun_is_the_bright_one(azimuth: float, elevation: float) -> None:
     """A box seen from its east (-y) and from its west: the sun stands in the east, then in the west."""
     light = LightConfig(sun_azimuth_deg=azimuth, sun_elevation_deg=elevation)
-    scene = Scene(make_world([(box("box", (1, 1, 1)), at(0, 0, 1.0))], side=30.0), light)
+    scene = bake(Scene(make_world([(box("box", (1, 1, 1)), at(0, 0, 1.0))], side=30.0)), light)
     east = frames.pose((0, -6, 1), (0, 0, 90)) @ OPTICAL
     west = frames.pose((0, 6, 1), (0, 0, -90)) @ OPTICAL
-    pictures = [Camera(SMALL, scene).shoot(pose) for pose in (east, west)]
+    pictures = [Camera(SMALL, scene).render(pose) for pose in (east, west)]
     from_east, from_west = (float(p.photo[p.instance == 2].mean()) for p in pictures)
     bright, dim = (from_east, from_west) if azimuth == 90.0 else (from_west, from_east)
     assert bright > 1.3 * dim
@@ -124,9 +124,10 @@ def test_an_object_shades_another_object() -> None:
     """A wall in the west carries the shadow of a box before it while the sun stands in the east."""
     wall = quad("wall", [[-3, 2, 0], [3, 2, 0], [3, 2, 3], [-3, 2, 3]])
     things: list[Thing] = [(wall, at(0, 0, 0)), (box("box", (0.5, 0.2, 0.5)), at(0, 0, 1.655))]
-    scene = Scene(make_world(things, side=30.0), LightConfig(sun_azimuth_deg=90.0, sun_elevation_deg=20.0))
+    light = LightConfig(sun_azimuth_deg=90.0, sun_elevation_deg=20.0)
+    scene = bake(Scene(make_world(things, side=30.0)), light)
     # 2.5 m before the wall and below the box, looking west: image right is north (+x).
-    picture = Camera(SMALL, scene).shoot(frames.pose((0, -0.5, 1.0), (0, 0, 90)) @ OPTICAL)
+    picture = Camera(SMALL, scene).render(frames.pose((0, -0.5, 1.0), (0, 0, 90)) @ OPTICAL)
     v, u = np.nonzero(picture.instance == 2)
     x = 2.5 * np.tan(np.radians(34.5)) * (2 * (u + 0.5) / 320 - 1)
     z = 1.0 - 2.5 * np.tan(np.radians(21.0)) * (2 * (v + 0.5) / 184 - 1)

@@ -9,8 +9,7 @@ from sense_worlds import BOX_CORNERS, BOX_FACES, at, box, make_mesh, make_world,
 
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.rig import CameraConfig
-from fieldtruth.render import Camera
-from fieldtruth.sense import Scene
+from fieldtruth.sense import LabelCamera, Scene
 from fieldtruth.world.model import Raster
 
 
@@ -58,7 +57,8 @@ def test_trails_on_a_fine_grid_agree_with_the_world_and_between_sensors() -> Non
     assert np.array_equal(from_above(scene, x, y)[clear], terrain.label_at(x, y)[clear])
     pose = np.diag([1.0, -1.0, -1.0, 1.0])  # looking down: image right is +x, image down is -y
     pose[:3, 3] = 0.3, -0.2, 6.0
-    seen = Camera(CameraConfig(width=320, height=240, horizontal_fov_deg=70, vertical_fov_deg=60), scene).label(pose)
+    config = CameraConfig(width=320, height=240, horizontal_fov_deg=70, vertical_fov_deg=60)
+    seen = LabelCamera(config, scene).label(pose)
     px = 0.3 + 6.0 * np.tan(np.radians(35)) * (2 * (np.arange(320) + 0.5) / 320 - 1)
     py = -0.2 - 6.0 * np.tan(np.radians(30)) * (2 * (np.arange(240)[:, None] + 0.5) / 240 - 1)
     clear = np.abs(terrain.trail_distance.at(px, py)) > 1e-5

@@ -15,8 +15,7 @@ from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, Rig
 from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.render import Camera, LabelImage, tag_image
-from fieldtruth.sense import Lidar, Scan, Scene
+from fieldtruth.sense import LabelCamera, LabelImages, Lidar, Scan, Scene, tag_image
 from fieldtruth.sense.pinhole import pinhole
 
 RIG = Rig()
@@ -30,8 +29,8 @@ class View(NamedTuple):
 
     world_from_base: F8
     scan: Scan
-    left: LabelImage
-    right: LabelImage
+    left: LabelImages
+    right: LabelImages
 
 
 def optical(side: str) -> F8:
@@ -48,7 +47,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
 @pytest.fixture(scope="module")
 def views(scene: Scene) -> list[View]:
     """Six places along park_1's route, each with another roll and pitch."""
-    lidar, camera = Lidar(RIG.lidar, scene), Camera(RIG.cameras, scene)
+    lidar, camera = Lidar(RIG.lidar, scene), LabelCamera(RIG.cameras, scene)
     corners = metres_from_route(load_experiment("park_1").route)
     found = []
     for (roll, pitch), start, end in zip(ATTITUDES, corners[:-1], corners[1:], strict=False):
@@ -98,7 +97,7 @@ class Smooth(NamedTuple):
     dv: F8
 
 
-def smooth(image: LabelImage) -> Smooth:
+def smooth(image: LabelImages) -> Smooth:
     """On a plane inverse depth is affine in the image; what bends it by more than 0.3 % is a silhouette or a corner."""
     with np.errstate(divide="ignore"):
         inverse = np.where(image.depth > 0, 1.0 / image.depth.astype(np.float64), 0.0)

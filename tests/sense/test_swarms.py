@@ -10,7 +10,7 @@ from sense_worlds import at, box, make_world, trace_rays
 
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.rig import OPTICAL, CameraConfig
-from fieldtruth.render import Camera
+from fieldtruth.render import Camera, bake
 from fieldtruth.sense import Scene
 from fieldtruth.world.model import Swarm, World
 
@@ -42,6 +42,6 @@ def test_ranges_classes_and_ids() -> None:
 
 
 def test_a_photograph_of_a_swarm_has_its_labels() -> None:
-    picture = Camera(CameraConfig(width=128, height=72), Scene(swarming())).shoot(at(0, 0, 0.5) @ OPTICAL)
+    picture = Camera(CameraConfig(width=128, height=72), bake(Scene(swarming()))).render(at(0, 0, 0.5) @ OPTICAL)
     assert {Label.ROCK, Label.TRUNK, Label.BENCH} <= set(np.unique(picture.label).tolist())
     assert set(np.unique(picture.instance[picture.label == Label.ROCK])) == {3}

@@ -11,10 +11,10 @@ from sense_worlds import at, box, make_world, quad
 
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.rig import OPTICAL, CameraConfig, LidarConfig
-from fieldtruth.render import Camera
+from fieldtruth.render import Camera, bake
 from fieldtruth.render.shade import FIELDS, MIRROR
 from fieldtruth.render.water import leave_water, new_second
-from fieldtruth.sense import Lidar, Scene
+from fieldtruth.sense import LabelCamera, Lidar, Scene
 from fieldtruth.sense.strip import new_strip
 
 COUNT = 48
@@ -89,29 +89,34 @@ def lake(mirror: float) -> Scene:
 def test_a_camera_sees_water_and_the_lidar_nothing_there() -> None:
     scene = lake(0.02)
     pose = at(0, 0, 1.0)
-    picture = Camera(CameraConfig(width=64, height=40), scene).label(pose @ OPTICAL)
+    picture = LabelCamera(CameraConfig(width=64, height=40), scene).label(pose @ OPTICAL)
     assert set(np.unique(picture.label[28:])) == {Label.WATER}  # from below the horizon down to the lower edge
     assert picture.label[19, 32] == Label.BENCH
     scan = Lidar(LidarConfig(columns=64, rings=16), scene).scan(pose)
     assert set(np.unique(scan.label)) == {Label.BENCH}
 
 
+def photograph(scene: Scene) -> NDArray[np.float64]:
+    camera = Camera(CameraConfig(width=640, height=400), bake(scene))
+    return camera.render(at(-4, 0, 1.0) @ OPTICAL).photo.astype(np.float64)
+
+
 def test_the_wall_stands_in_the_water_upside_down() -> None:
     """Below the wall the water is not as bright as beside it, where it mirrors the sky."""
-    photo = Camera(CameraConfig(width=640, height=400), lake(0.02)).shoot(at(-4, 0, 1.0) @ OPTICAL).photo.astype(float)
+    photo = photograph(lake(0.02))
     horizon, focus = 199.5, 320 / np.tan(np.radians(69 / 2))
     foot = horizon + focus * 1.0 / 13.5
     # The top is 2 m above the camera; in the mirror it is 4 m below it, seen over 13.5 m.
     mirrored_top = horizon + focus * 4.0 / 13.5
     inside = photo[int(foot) + 4 : int(mirrored_top) - 25, 300:340].mean()
     beyond = photo[int(mirrored_top) + 25 :, 300:340].mean()
-    dull = Camera(CameraConfig(width=640, height=400), lake(0.0)).shoot(at(-4, 0, 1.0) @ OPTICAL).photo.astype(float)
+    dull = photograph(lake(0.0))
     assert abs(inside - beyond) > 8.0
     assert abs(dull[int(foot) + 4 : int(mirrored_top) - 25, 300:340].mean() - dull[-20:, 300:340].mean()) < 4.0
 
 
 def test_light_reaches_the_bottom() -> None:
     """Water casts no shadow: the ground below it is as bright as the same ground in the open."""
-    light = lake(0.02).studio.light
+    light = bake(lake(0.02)).shading.light
     middle = light.ground_sun.values.shape[0] // 4
     assert light.ground_sun.values[middle, middle] == 1.0

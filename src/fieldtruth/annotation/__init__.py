@@ -29,7 +29,7 @@ from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.folder import RunFolder, fingerprint, locked
 from fieldtruth.record.slices import Slices
 from fieldtruth.record.streams import Sensors, Stream, camera_stream, lidar_stream
-from fieldtruth.render import Camera
+from fieldtruth.render import Camera, bake
 from fieldtruth.sense import Lidar, Scene
 from fieldtruth.world import World, load_world
 from fieldtruth.world.build import check_layout
@@ -137,13 +137,12 @@ def _work_folder(target: Path) -> Iterator[RunFolder]:
 def _sensors(world: World, rig: Rig, light: LightConfig, progress: Progress) -> Callable[[], Sensors]:
     """Prepare the scene, and return what makes each worker's sensors in it."""
     with progress.stage("prepare the scene"):
-        scene = Scene(world, light)
-        if rig.cameras.enabled:
-            scene.studio  # noqa: B018  (light is baked now, before the threads ask for it)
+        scene = Scene(world)
+        baked = bake(scene, light) if rig.cameras.enabled else None
 
     def sensors() -> Sensors:
         lidar = Lidar(rig.lidar, scene) if rig.lidar.enabled else None
-        return Sensors(lidar, Camera(rig.cameras, scene, reuse=True) if rig.cameras.enabled else None)
+        return Sensors(lidar, Camera(rig.cameras, baked, reuse=True) if baked is not None else None)
 
     return sensors
 

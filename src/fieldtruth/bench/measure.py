@@ -28,7 +28,7 @@ from fieldtruth.experiment.catalogue import environment_names
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.rig import OPTICAL, CameraConfig, LidarConfig
-from fieldtruth.render import Camera
+from fieldtruth.render import Camera, bake
 from fieldtruth.sense import Lidar, Scene
 from fieldtruth.world import World, world_of
 
@@ -37,7 +37,7 @@ import sys
 import fieldtruth as ft
 world = ft.load_world(sys.argv[1], int(sys.argv[2]))
 pose = ft.frames.pose((0, 0, float(world.terrain.field.height_at(0, 0)) + 0.8)) @ ft.OPTICAL
-ft.Camera(ft.CameraConfig(), ft.Scene(world)).shoot(pose)
+ft.Camera(ft.CameraConfig(), ft.bake(ft.Scene(world))).render(pose)
 """
 
 
@@ -88,7 +88,7 @@ def run(settings: Settings | None = None, progress: Progress | None = None) -> d
         unit = 1e6 if sys.platform == "darwin" else 1e6 / 1024
         found["peak_rss_mb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
         with progress.stage("load the world"):
-            found["world_load_s"] = _seconds(lambda: Scene(_load(experiment), experiment.light).studio)
+            found["world_load_s"] = _seconds(lambda: bake(Scene(_load(experiment)), experiment.light))
         with progress.stage("first frame"):
             start_python = [sys.executable, "-c", FIRST_FRAME, experiment.environment, str(experiment.seed)]
             for _ in range(2):  # the second finds whatever can be cached
@@ -108,9 +108,11 @@ def _measure_run(settings: Settings, progress: Progress) -> dict[str, float]:
         _compile(world)
     with progress.stage("bake the light"):
         start = perf_counter()
-        scene = Scene(world, experiment.light)
+        scene = Scene(world)
         build_s += perf_counter() - start
-        found["light_bake_s"] = _seconds(lambda: scene.studio)
+        start = perf_counter()
+        baked = bake(scene, experiment.light)
+        found["light_bake_s"] = perf_counter() - start
         found["world_build_s"] = build_s + found["light_bake_s"]
     with progress.stage("drive"):
         drives = [_timed_drive(world, each, settings.drive_seconds) for each in (experiment, *settings.more_drives)]
@@ -120,13 +122,13 @@ def _measure_run(settings: Settings, progress: Progress) -> dict[str, float]:
     with progress.stage("LiDAR"):
         found |= measure_lidar(scene, rig, poses, settings.repeats)
     with progress.stage("cameras"):
-        found |= measure_cameras(scene, rig, poses, settings.repeats)
+        found |= measure_cameras(baked, rig, poses, settings.repeats)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     rates = dict.fromkeys((1, 2, cores), 0.0)
     with progress.stage("stereo pairs"):
         for _ in range(2):
             for workers in rates:
-                rate = pairs_per_second(scene, track, rig, pairs=settings.pairs, workers=workers)
+                rate = pairs_per_second(baked, track, rig, pairs=settings.pairs, workers=workers)
                 rates[workers] = max(rates[workers], rate)
     found["stereo_pairs_per_s"] = rates[cores]
     found["two_workers_speedup"] = rates[2] / rates[1]
@@ -167,9 +169,9 @@ def _compile(world: World) -> None:
     scene = Scene(replace(world, size=(1.0, 1.0), meshes=meshes, instances=some, swarms=(), backdrop=None))
     pose = frames.pose((0.0, 0.0, float(world.terrain.field.height_at(0, 0)) + 1.0))
     Lidar(LidarConfig(), scene).scan(pose)
-    camera = Camera(CameraConfig(width=64, height=48), scene)
+    camera = Camera(CameraConfig(width=64, height=48), bake(scene))
     camera.label(pose @ OPTICAL)
-    camera.shoot(pose @ OPTICAL)
+    camera.render(pose @ OPTICAL)
 
 
 def _seconds(work: Callable[[], object]) -> float:

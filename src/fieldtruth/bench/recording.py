@@ -14,14 +14,13 @@ from fieldtruth.drive.track import Track
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.slices import Slices
 from fieldtruth.record.streams import Sensors, streams_of
-from fieldtruth.render import Camera
-from fieldtruth.sense import Scene
+from fieldtruth.render import BakedScene, Camera
 
 SECONDS: Final = 4
 """Simulated time [s], so slices, that is recorded: a multiple of the usual numbers of workers."""
 
 
-def pairs_per_second(scene: Scene, track: Track, rig: Rig, *, pairs: int, workers: int) -> float:
+def pairs_per_second(baked: BakedScene, track: Track, rig: Rig, *, pairs: int, workers: int) -> float:
     """Rate at which so many threads make about ``pairs`` stereo pairs of the drive's first seconds."""
     seconds = min(SECONDS, track.duration_s)
     cameras = rig.cameras.model_copy(update={"rate_hz": max(1.0, pairs / seconds)})
@@ -30,12 +29,12 @@ def pairs_per_second(scene: Scene, track: Track, rig: Rig, *, pairs: int, worker
     names = {topic.name for topic in topics}
     streams = [
         stream._replace(stamps_ns=stream.stamps_ns[stream.stamps_ns <= seconds * 1e9])
-        for stream in streams_of(scene.world, track, rig)
+        for stream in streams_of(baked.scene.world, track, rig)
         if names.issuperset(stream.topics)
     ]
-    ready = [Camera(cameras, scene, reuse=True) for _ in range(workers)]
+    ready = [Camera(cameras, baked, reuse=True) for _ in range(workers)]
     for camera in ready:
-        camera.shoot(np.eye(4))  # a long run pays once for a worker's memory, so this short one must not
+        camera.render(np.eye(4))  # a long run pays once for a worker's memory, so this short one must not
     with TemporaryDirectory() as folder:
         slices = Slices(Path(folder), streams, topics, lambda: Sensors(camera=ready.pop()))
         start = perf_counter()

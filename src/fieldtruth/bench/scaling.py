@@ -22,7 +22,7 @@ from fieldtruth.core.classes import Label
 from fieldtruth.core.frames import Array
 from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL
-from fieldtruth.render import Camera
+from fieldtruth.render import Camera, bake
 from fieldtruth.sense import Scene
 from fieldtruth.world import World, load_world
 from fieldtruth.world.model import Instance
@@ -98,12 +98,12 @@ def _views(world: World, settings: Settings) -> tuple[Camera, list[Array]]:
     config = experiment.rig.cameras
     poses = poses_along(experiment.route, world, experiment.rig, settings.views)
     base_from_optical = config.left.base_from_sensor @ CAMERA_FROM_OPTICAL
-    camera = Camera(config, Scene(world, experiment.light), reuse=True)
-    camera.shoot(poses[0] @ base_from_optical)  # light is baked, and kernels compiled, before the clock runs
+    camera = Camera(config, bake(Scene(world), experiment.light), reuse=True)
+    camera.render(poses[0] @ base_from_optical)  # light is baked, and kernels compiled, before the clock runs
     return camera, [pose @ base_from_optical for pose in poses]
 
 
 def _seconds(camera: Camera, pose: Array) -> float:
     start = perf_counter()
-    camera.shoot(pose)
+    camera.render(pose)
     return perf_counter() - start

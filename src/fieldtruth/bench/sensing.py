@@ -14,7 +14,7 @@ from fieldtruth.drive.physics import resting_pose
 from fieldtruth.experiment.config import Route
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, Rig
 from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.render import Camera
+from fieldtruth.render import BakedScene, Camera
 from fieldtruth.sense import Lidar, Scene
 from fieldtruth.sense.lidar import ray_directions
 from fieldtruth.sense.pinhole import pinhole
@@ -63,13 +63,15 @@ def measure_lidar(scene: Scene, rig: Rig, poses: Sequence[Array], repeats: int) 
     }
 
 
-def measure_cameras(scene: Scene, rig: Rig, poses: Sequence[Array], repeats: int) -> dict[str, float]:
+def measure_cameras(baked: BakedScene, rig: Rig, poses: Sequence[Array], repeats: int) -> dict[str, float]:
     """Label images, and photographs with labels, of both cameras against bare rays, from poses world_from_base."""
     config = rig.cameras
-    camera, directions = Camera(config, scene, reuse=True), pixel_directions(config)
+    camera, directions = Camera(config, baked, reuse=True), pixel_directions(config)
     mounts = [mount.base_from_sensor @ CAMERA_FROM_OPTICAL for mount in (config.left, config.right)]
     seen_from = [pose @ mount for pose in poses for mount in mounts]
-    bare, label, photo = _against_bare(scene, directions, config.far, seen_from, [camera.label, camera.shoot], repeats)
+    bare, label, photo = _against_bare(
+        baked.scene, directions, config.far, seen_from, [camera.label, camera.render], repeats
+    )
     return {
         "camera_bare_mrays_per_s": len(seen_from) * directions.size / 3 / 1e6 / bare,
         "label_image_over_bare": label / bare,

@@ -22,7 +22,7 @@ PoseAt = Callable[[int], F8]
 """``world_from_base`` (4, 4) at a stamp [ns]."""
 
 
-class Picture(Protocol):
+class CameraImages(Protocol):
     """What a camera hands over: ``photo`` (h, w, 3) RGB, and ``label``, ``instance``, ``depth`` (h, w)."""
 
     @property
@@ -46,8 +46,8 @@ class Lidar(Protocol):
 class Camera(Protocol):
     """A camera in a scene."""
 
-    def shoot(self, world_from_optical: F8) -> Picture:
-        """Picture from a pose (4, 4)."""
+    def render(self, world_from_optical: F8) -> CameraImages:
+        """Render from a pose (4, 4)."""
         ...
 
 
@@ -130,9 +130,9 @@ def camera_stream(config: CameraConfig, side: images.Side, stamps: I8, world_fro
     mount = config.left if side == "left" else config.right
     base_from_optical = mount.base_from_sensor @ CAMERA_FROM_OPTICAL
 
-    def shoot(k: int, sensors: Sensors) -> Iterable[bytes]:
+    def capture(k: int, sensors: Sensors) -> Iterable[bytes]:
         assert sensors.camera is not None
-        picture = sensors.camera.shoot(world_from_base(int(stamps[k])) @ base_from_optical)
+        picture = sensors.camera.render(world_from_base(int(stamps[k])) @ base_from_optical)
         yield images.camera_info(k, stamps[k], side, config)
         yield images.photograph(k, stamps[k], side, picture.photo, config.jpeg_quality)
         yield images.tag(k, stamps[k], side, picture.label)
@@ -143,4 +143,4 @@ def camera_stream(config: CameraConfig, side: images.Side, stamps: I8, world_fro
 
     names = [topics.camera_info(side), topics.photograph(side), topics.tag(side)]
     names += [topics.depth(side)] * config.depth + [topics.instances(side)] * config.instances
-    return Stream(tuple(names), stamps, shoot)
+    return Stream(tuple(names), stamps, capture)

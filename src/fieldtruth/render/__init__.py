@@ -1,7 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rendering: light, sky, water, shading and tonemapping of what the camera's rays hit."""
+"""Photographs: light is baked once per scene, then shading and tonemapping turn ray hits into colours."""
 
-from fieldtruth.render.camera import Camera, LabelImage, Picture, tag_image
+from fieldtruth.render.camera import Camera, CameraImages
+from fieldtruth.render.shading import BakedScene, bake
 
-__all__ = ["Camera", "LabelImage", "Picture", "tag_image"]
+__all__ = ["BakedScene", "Camera", "CameraImages", "bake"]

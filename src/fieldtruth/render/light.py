@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import convolve1d
 
+from fieldtruth.experiment.config import LightConfig
 from fieldtruth.render.sky import Dome, make_dome, sun_direction
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import Grid
@@ -61,9 +62,9 @@ class LightTable(NamedTuple):
     top_leaf: NDArray[np.int64]  # (tops,) first row of leaf_sun; -1: without leaves, NO_SHADOW: the far land
 
 
-def bake(scene: Scene, *, workers: int = 2) -> LightTable:
+def bake_light(scene: Scene, light: LightConfig, workers: int) -> LightTable:
     """Compute the light of a scene. The result does not depend on ``workers``."""
-    sun = sun_direction(scene.light.sun_azimuth_deg, scene.light.sun_elevation_deg)
+    sun = sun_direction(light.sun_azimuth_deg, light.sun_elevation_deg)
     disc = _disc(sun, 12)
     with ThreadPoolExecutor(workers) as pool:
         ground_sun = _ground_grid(scene, pool, SUN_TEXEL, disc, facing=False)

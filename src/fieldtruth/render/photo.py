@@ -24,7 +24,7 @@ from fieldtruth.render.shade import (
     paint_ground,
     paint_objects,
 )  # fmt: skip
-from fieldtruth.render.shading import CURVE_STEPS, CURVE_TOP, Studio
+from fieldtruth.render.shading import CURVE_STEPS, CURVE_TOP, Shading
 from fieldtruth.render.sky import sky_radiance
 from fieldtruth.render.water import Second, follow, leave_water, mix_bottom, mix_mirrored, new_second
 from fieldtruth.sense import embree
@@ -89,7 +89,7 @@ def new_darkroom(height: int, width: int) -> Darkroom:
 
 @kernel
 def take(
-    studio: Studio, room: Darkroom, pose: NDArray[np.float64], lens: Pinhole, far: float, samples: int,
+    shading: Shading, room: Darkroom, pose: NDArray[np.float64], lens: Pinhole, far: float, samples: int,
     label: NDArray[np.uint8], instance: NDArray[np.uint16], depth: NDArray[np.float32], photo: NDArray[np.uint8],
 ) -> None:  # fmt: skip
     """Take a photograph: the ray through each pixel's centre gives its class, object, depth and colour; then edges
@@ -99,13 +99,13 @@ def take(
     count = STRIP_ROWS * width
     for row in range(0, height, STRIP_ROWS):
         pixel_row_points(row, width, room.strip.image)
-        trace(studio.scene, room.packet, pose, lens, far, room.strip, count)
-        name_pixels(studio.hits, room.strip, count, label, instance, depth)
-        _colour(studio, room, count, 1.0 / lens.fx)
+        trace(shading.scene, room.packet, pose, lens, far, room.strip, count)
+        name_pixels(shading.hits, room.strip, count, label, instance, depth)
+        _colour(shading, room, count, 1.0 / lens.fx)
         _keep(room.strip.image, room.colour, count, room.linear)
     edges = find_edges(room.linear, instance, depth, room.marked, room.edges)
-    _refine(studio, room, pose, lens, far, edges, samples)
-    _develop(studio.curve, room.linear, photo)
+    _refine(shading, room, pose, lens, far, edges, samples)
+    _develop(shading.curve, room.linear, photo)
 
 
 @kernel
@@ -116,32 +116,32 @@ def _keep(image: NDArray[np.float32], colour: NDArray[np.float32], count: int, l
 
 
 @kernel
-def _colour(studio: Studio, room: Darkroom, count: int, pixel: float) -> None:
+def _colour(shading: Shading, room: Darkroom, count: int, pixel: float) -> None:
     """Colour the traced points of the strip; ``pixel`` is the angle [rad] that one pixel spans."""
-    _light(studio, room, room.strip, count, pixel, room.surface, room.colour)
-    if not studio.has_water:
+    _light(shading, room, room.strip, count, pixel, room.surface, room.colour)
+    if not shading.has_water:
         return
     second = room.second
     found = leave_water(room.strip, room.surface, count, pixel, False, second)
-    follow(studio.scene, room.packet, second, found)
-    _light(studio, room, second.strip, found, pixel, second.surface, second.colour)
+    follow(shading.scene, room.packet, second, found)
+    _light(shading, room, second.strip, found, pixel, second.surface, second.colour)
     mix_bottom(second, found, room.colour)
     found = leave_water(room.strip, room.surface, count, pixel, True, second)
-    follow(studio.scene, room.packet, second, found)
-    _light(studio, room, second.strip, found, pixel, second.surface, second.colour)
+    follow(shading.scene, room.packet, second, found)
+    _light(shading, room, second.strip, found, pixel, second.surface, second.colour)
     mix_mirrored(second, found, room.colour)
 
 
 @kernel
 def _light(
-    studio: Studio, room: Darkroom, strip: Strip, count: int, pixel: float, surface: NDArray[np.float32],
+    shading: Shading, room: Darkroom, strip: Strip, count: int, pixel: float, surface: NDArray[np.float32],
     colour: NDArray[np.float32],
 ) -> None:  # fmt: skip
     """Paint the points of a strip and let light fall on them."""
-    paint_ground(strip, count, pixel, studio.hits, studio.paint, studio.light, surface)
-    paint_objects(strip, count, pixel, studio.hits, studio.surfaces, studio.paint, studio.light, surface)
-    _trace_sun(studio.scene, room.shadow, room.shadow_rows, studio.light.sun, strip, count, surface)
-    _shine(strip, count, surface, studio.light, studio.gain, colour)
+    paint_ground(strip, count, pixel, shading.hits, shading.paint, shading.light, surface)
+    paint_objects(strip, count, pixel, shading.hits, shading.surfaces, shading.paint, shading.light, surface)
+    _trace_sun(shading.scene, room.shadow, room.shadow_rows, shading.light.sun, strip, count, surface)
+    _shine(strip, count, surface, shading.light, shading.gain, colour)
 
 
 @kernel
@@ -268,7 +268,7 @@ def find_edges(
 
 @kernel
 def _refine(
-    studio: Studio, room: Darkroom, pose: NDArray[np.float64], lens: Pinhole, far: float, count: int, samples: int
+    shading: Shading, room: Darkroom, pose: NDArray[np.float64], lens: Pinhole, far: float, count: int, samples: int
 ) -> None:
     """Add ``samples`` rays in other places of each listed pixel to the one through its centre and average them.
 
@@ -286,8 +286,8 @@ def _refine(
                 row = (turn + s * _TURNS // samples) % _TURNS
                 image[0, k * samples + s] = u + _OFFSETS[row, 0]
                 image[1, k * samples + s] = v + _OFFSETS[row, 1]
-        trace(studio.scene, room.packet, pose, lens, far, room.strip, pixels * samples)
-        _colour(studio, room, pixels * samples, 1.0 / lens.fx)
+        trace(shading.scene, room.packet, pose, lens, far, room.strip, pixels * samples)
+        _colour(shading, room, pixels * samples, 1.0 / lens.fx)
         for k in range(pixels):
             v, u = edges[first + k, 0], edges[first + k, 1]
             for channel in range(3):

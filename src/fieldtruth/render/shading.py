@@ -4,6 +4,7 @@
 
 import hashlib
 import os
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -12,10 +13,11 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.experiment.config import LightConfig
 from fieldtruth.render import light as light_module
 from fieldtruth.render import sky as sky_module
 from fieldtruth.render.atlas import srgb_from_linear
-from fieldtruth.render.light import LightTable, bake
+from fieldtruth.render.light import LightTable, bake_light
 from fieldtruth.render.shade import PaintTable, paint_table
 from fieldtruth.render.sky import SKY_OVER_SUN, Dome
 from fieldtruth.render.surfaces import SurfaceTable, surface_table
@@ -31,7 +33,7 @@ ADAPTATION: Final = 0.8
 _KEPT: Final = 8  # lights in the cache, about 20 MB each; the oldest goes first
 
 
-class Studio(NamedTuple):
+class Shading(NamedTuple):
     """Everything that a photograph needs to know of a scene; only read."""
 
     scene: np.uint64
@@ -51,17 +53,36 @@ def film_curve() -> NDArray[np.uint8]:
     return np.rint(255.0 * srgb_from_linear(film)).astype(np.uint8)
 
 
-def make_studio(scene: Scene, *, cache_folder: Path | None = None) -> Studio:
-    """Paint and light a scene; the light comes from the cache if it was baked before for the same world and sun."""
+@dataclass(frozen=True, kw_only=True)
+class BakedScene:
+    """A scene with its light: what a ``Camera`` renders. Threads may share it."""
+
+    scene: Scene
+    shading: Shading
+
+
+def bake(
+    scene: Scene, light: LightConfig | None = None, *, workers: int | None = None, cache_folder: Path | None = None
+) -> BakedScene:
+    """Compute the light of a scene, or read it from the cache.
+
+    Args:
+        scene: the world in the ray tracer.
+        light: direction of the sun; None takes the defaults.
+        workers: threads; None takes every available core. The result does not depend on it.
+        cache_folder: where baked light is kept; None takes the user's cache.
+    """
+    light = LightConfig() if light is None else light
     folder = cache_folder if cache_folder is not None else default_cache()
-    path = folder / f"light-{scene.world.name}-{_light_key(scene)}.npz"
-    light = _read_light(path)
-    if light is None:
-        light = bake(scene, workers=len(os.sched_getaffinity(0)))
-        _save_light(path, light)
-    surfaces, paint = surface_table(scene, light.vertex_sky), paint_table(scene.world)
+    path = folder / f"light-{scene.world.name}-{_light_key(scene, light)}.npz"
+    table = _read_light(path)
+    if table is None:
+        table = bake_light(scene, light, len(os.sched_getaffinity(0)) if workers is None else workers)
+        _save_light(path, table)
+    surfaces, paint = surface_table(scene, table.vertex_sky), paint_table(scene.world)
     has_water = bool((paint.mirror > 0).any())
-    return Studio(scene.rays.handle, scene.hits, surfaces, paint, light, film_curve(), has_water, _gain(light))
+    shading = Shading(scene.rays.handle, scene.hits, surfaces, paint, table, film_curve(), has_water, _gain(table))
+    return BakedScene(scene=scene, shading=shading)
 
 
 def _gain(light: LightTable) -> np.float32:
@@ -75,10 +96,10 @@ def _gain(light: LightTable) -> np.float32:
     return np.float32(np.clip((OPEN_SHARE * open_level / level) ** ADAPTATION, 0.8, 6.0))
 
 
-def _light_key(scene: Scene) -> str:
+def _light_key(scene: Scene, light: LightConfig) -> str:
     """Digest of all that light depends on: triangles, their places, what lets light through, the sun, and the code."""
     world, digest = scene.world, hashlib.blake2b(digest_size=12)
-    digest.update(f"{scene.light!r} {world.seed} {world.size} {version('numpy')} {version('scipy')}".encode())
+    digest.update(f"{light!r} {world.seed} {world.size} {version('numpy')} {version('scipy')}".encode())
     for module in (light_module, sky_module):
         digest.update(Path(str(module.__file__)).read_bytes())
     digest.update(np.ascontiguousarray(world.terrain.field.heights).data)

@@ -22,8 +22,7 @@ from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive.expected_path import expected_path, poses_along, standing_pose
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, Rig
-from fieldtruth.render import Camera
-from fieldtruth.sense import Lidar, Scene
+from fieldtruth.sense import LabelCamera, Lidar, Scene
 from fieldtruth.world import world_of
 
 SPACING: Final = 2.0  # [m]
@@ -63,11 +62,11 @@ def class_shares(
     Args:
         experiment: its environment, seed, rig and route; whether a sensor is enabled makes no difference.
         spacing: metres of way from one pose to the next.
-        scene: of the experiment's world, if there is one already; it needs no light.
+        scene: of the experiment's world, if there is one already.
         workers: threads.
     """
     if scene is None:
-        scene = Scene(world_of(experiment), experiment.light)
+        scene = Scene(world_of(experiment))
     field, rig = scene.world.terrain.field, experiment.rig
     poses = [
         standing_pose(field, station, rig) for station in poses_along(expected_path(experiment, scene.world), spacing)
@@ -96,7 +95,7 @@ def count_classes(scene: Scene, rig: Rig, poses: Sequence[Array], *, workers: in
     pixels, points = (np.zeros((len(poses), len(CLASSES)), np.int64) for _ in range(2))
 
     def look(rows: range) -> None:
-        camera, lidar = Camera(rig.cameras, scene, reuse=True), Lidar(rig.lidar, scene)
+        camera, lidar = LabelCamera(rig.cameras, scene, reuse=True), Lidar(rig.lidar, scene)
         for row in rows:
             image = camera.label(poses[row] @ base_from_optical)
             scan = lidar.scan(poses[row] @ rig.lidar.mount.base_from_sensor)

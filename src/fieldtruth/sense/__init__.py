@@ -1,8 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Labelled sensing: one ray scene, and the sensors that trace rays in it. It knows no bag and no robot."""
+"""Ray tracing and the sensors that need no light: LiDAR, and label, instance and depth images."""
 
+from fieldtruth.sense.label_camera import LabelCamera, LabelImages, tag_image
 from fieldtruth.sense.lidar import Lidar, Scan
 from fieldtruth.sense.scene import Scene
 
-__all__ = ["Lidar", "Scan", "Scene"]
+__all__ = ["LabelCamera", "LabelImages", "Lidar", "Scan", "Scene", "tag_image"]

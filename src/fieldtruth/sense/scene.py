@@ -2,19 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """One ray scene for all sensors: the world's triangles in Embree, and the tables that name what a ray hits."""
 
-from threading import Lock
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.experiment.config import LightConfig
 from fieldtruth.sense.embree import CLEAR, SOLID, Engine, RayScene
 from fieldtruth.sense.hits import Grid, HitTable
 from fieldtruth.world.model import GROUND_ID, Heightfield, Mesh, Raster, World
-
-if TYPE_CHECKING:
-    from fieldtruth.render.shading import Studio
 
 _PLAIN: Final = (1.0, 1.0, 1.0)
 
@@ -37,16 +32,13 @@ def grid_of(raster: Raster) -> Grid:
 
 
 class Scene:
-    """A world that can be looked at. Threads share it: after construction it is only read.
+    """A world in the ray tracer. Threads may share it: it does not change after construction.
 
-    ``rays`` is the Embree scene, ``hits`` names what was hit; ``light`` serves cameras.
+    ``rays`` is the Embree scene; ``hits`` are the tables that give class and instance id of a hit.
     """
 
-    def __init__(self, world: World, light: LightConfig | None = None) -> None:
+    def __init__(self, world: World) -> None:
         self.world = world
-        self.light = light if light is not None else LightConfig()
-        self._lock = Lock()
-        self._studio: Studio | None = None
         self.engine = Engine()
         self.meshes = [*world.meshes.values(), *([world.backdrop] if world.backdrop is not None else [])]
         rows = {mesh.name: row for row, mesh in enumerate(self.meshes)}
@@ -83,16 +75,6 @@ class Scene:
             raise AssertionError(f"Embree numbered a thing {row} instead of {len(self.tops)}")
         self.tops.append((row, mesh, pose))
         self.tints.append(tint)
-
-    @property
-    def studio(self) -> "Studio":
-        """Light, colours and film: made when the first photograph asks for them, and shared by threads."""
-        from fieldtruth.render.shading import make_studio  # late: a LiDAR alone needs no light
-
-        with self._lock:
-            if self._studio is None:
-                self._studio = make_studio(self)
-            return self._studio
 
     def _committed(self, mesh: Mesh) -> RayScene:
         scene = RayScene(self.engine)

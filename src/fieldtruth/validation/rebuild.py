@@ -16,6 +16,7 @@ from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.files import VERSION_KEY
 from fieldtruth.experiment.yaml_io import parse_mapping
+from fieldtruth.render import bake
 from fieldtruth.sense import Scene
 from fieldtruth.validation.check import Check
 from fieldtruth.validation.law import check_of
@@ -38,10 +39,12 @@ def rebuilt(run: Run, *, quick: bool, progress: Progress) -> tuple[Place | None,
     try:
         with progress.stage("build the world"):
             world = world_of(run.experiment)
-            scene = Scene(world, run.experiment.light)
+            scene = Scene(world)
+            filmed = any(table.photograph(side) in run.counts for side in table.SIDES)
+            baked = bake(scene, run.experiment.light) if filmed else None
     except FieldtruthError as error:
         return None, f"the world cannot be built: {error}"
-    return Place(world, scene), ""
+    return Place(world, scene, baked), ""
 
 
 class Objects(Examiner):

@@ -14,7 +14,8 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL
-from fieldtruth.render import Camera, LabelImage
+from fieldtruth.render import BakedScene, Camera
+from fieldtruth.sense import LabelCamera, LabelImages
 from fieldtruth.sense.pinhole import pinhole
 from fieldtruth.validation.bundle import Bundler, Moment
 from fieldtruth.validation.check import Check
@@ -113,10 +114,10 @@ class Reshoot(Examiner):
         told = _parts(moment, (config.height, config.width))
         if told is None:
             return None
-        if told.photo is None:
-            seen, photo = self._camera().label(pose), None
+        if told.photo is None or self._place.baked is None:
+            seen, photo = self._label_camera().label(pose), None
         else:
-            picture = self._camera().shoot(pose)
+            picture = self._camera(self._place.baked).render(pose)
             seen, photo = picture, _difference(told.photo, picture.photo, config.jpeg_quality)
 
         def claim(k: int) -> Claim:
@@ -140,11 +141,18 @@ class Reshoot(Examiner):
         outcome = self._witness.judge(np.flatnonzero(~same), told.label.size, claim, seed, equal=equal)
         return outcome, photo, moment.place("photograph")
 
-    def _camera(self) -> Camera:
-        """Return this thread's camera."""
-        if not hasattr(self._cameras, "own"):
-            self._cameras.own = Camera(self._subject.rig.cameras, self._place.scene, reuse=True)
-        camera: Camera = self._cameras.own
+    def _label_camera(self) -> LabelCamera:
+        """Return this thread's camera for labels."""
+        if not hasattr(self._cameras, "labels"):
+            self._cameras.labels = LabelCamera(self._subject.rig.cameras, self._place.scene, reuse=True)
+        camera: LabelCamera = self._cameras.labels
+        return camera
+
+    def _camera(self, baked: BakedScene) -> Camera:
+        """Return this thread's camera for photographs."""
+        if not hasattr(self._cameras, "photographs"):
+            self._cameras.photographs = Camera(self._subject.rig.cameras, baked, reuse=True)
+        camera: Camera = self._cameras.photographs
         return camera
 
 
@@ -164,7 +172,7 @@ def _parts(moment: Moment, shape: tuple[int, int]) -> Parts | None:
     return found if all(part is None or part.shape[:2] == shape for part in found) else None
 
 
-def _same(told: Parts, seen: LabelImage) -> tuple[NDArray[np.bool_], bool]:
+def _same(told: Parts, seen: LabelImages) -> tuple[NDArray[np.bool_], bool]:
     """Which pixels are the same, and whether all of them are to the last digit."""
     same = told.label == seen.label
     if told.instance is not None:

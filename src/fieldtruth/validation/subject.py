@@ -13,6 +13,7 @@ from fieldtruth.bag.run import Run
 from fieldtruth.bag.types import F8
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.render import BakedScene
 from fieldtruth.sense import Scene
 from fieldtruth.validation.check import Check
 from fieldtruth.validation.law import Law
@@ -29,6 +30,7 @@ class Place:
 
     world: World
     scene: Scene
+    baked: BakedScene | None  # if the bag has photographs
 
 
 @dataclass

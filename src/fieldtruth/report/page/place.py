@@ -12,6 +12,7 @@ from fieldtruth.bag.reader import open_stored
 from fieldtruth.bag.run import Run
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.progress import Progress
+from fieldtruth.render import bake
 from fieldtruth.report.preview.aerial import Aerial, take_aerial
 from fieldtruth.sense import Scene
 from fieldtruth.world import World, world_of
@@ -43,7 +44,7 @@ def see_place(run: Run, progress: Progress) -> tuple[Place | None, str]:
     if not _same(run, world):
         return None, "This version of fieldtruth builds another place from experiment.yaml than the bag tells of."
     with progress.stage("look from above"):
-        return Place(world, take_aerial(Scene(world, run.experiment.light), WIDTH)), ""
+        return Place(world, take_aerial(bake(Scene(world), run.experiment.light), WIDTH)), ""
 
 
 def _same(run: Run, world: World) -> bool:

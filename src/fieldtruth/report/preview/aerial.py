@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from fieldtruth.core import frames
 from fieldtruth.core.frames import Array
 from fieldtruth.experiment.rig import CameraConfig
-from fieldtruth.render import Camera
-from fieldtruth.sense import Scene
+from fieldtruth.render import BakedScene, Camera
 from fieldtruth.sense.pinhole import Pinhole, pinhole
 
 HEIGHT: Final = 300.0
@@ -37,9 +36,9 @@ class Aerial:
         return np.column_stack([self.lens.fx * x / z + self.lens.cx, self.lens.fy * y / z + self.lens.cy])
 
 
-def take_aerial(scene: Scene, width: int) -> Aerial:
+def take_aerial(baked: BakedScene, width: int) -> Aerial:
     """Photograph the whole place, ``width`` pixels along x, as many along y as its shape asks for."""
-    length, breadth = (side / 2 + MARGIN for side in scene.world.size)
+    length, breadth = (side / 2 + MARGIN for side in baked.scene.world.size)
     wide = 8 * max(1, round(width * _SAMPLES / 8))
     high = 8 * max(1, round(wide * breadth / length / 8))
     config = CameraConfig(
@@ -49,9 +48,9 @@ def take_aerial(scene: Scene, width: int) -> Aerial:
         vertical_fov_deg=2.0 * float(np.degrees(np.arctan2(breadth, HEIGHT))),
         far=10.0 * HEIGHT,
     )
-    middle = float(np.mean(scene.world.terrain.field.heights))
+    middle = float(np.mean(baked.scene.world.terrain.field.heights))
     world_from_optical = frames.pose((0.0, 0.0, middle + HEIGHT), (180.0, 0.0, 0.0))
-    photo = _levelled(halved(Camera(config, scene, gain=1.0).shoot(world_from_optical).photo, _SAMPLES))
+    photo = _levelled(halved(Camera(config, baked, exposure=1.0).render(world_from_optical).photo, _SAMPLES))
     small = config.model_copy(update={"width": photo.shape[1], "height": photo.shape[0]})
     return Aerial(photo=photo, world_from_optical=world_from_optical, lens=pinhole(small))
 

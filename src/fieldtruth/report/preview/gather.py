@@ -15,7 +15,7 @@ from fieldtruth.drive.expected_path import expected_path, experiments_in, poses_
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, Rig
 from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.render import Camera, Picture
+from fieldtruth.render import BakedScene, Camera, CameraImages, bake
 from fieldtruth.report.preview.aerial import Aerial, take_aerial
 from fieldtruth.report.preview.cloud import Cloud, scan_from
 from fieldtruth.report.preview.views import free_stations, most_telling
@@ -42,7 +42,7 @@ class View(NamedTuple):
     """What the left camera sees from x, y [m] with a heading [rad]."""
 
     station: Array  # (3,)
-    picture: Picture
+    picture: CameraImages
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,8 +79,8 @@ def gather(
     """
     rig, experiments = Rig() if rig is None else rig, experiments_in(world.name)
     with progress.stage("prepare the scene"):
-        scene = Scene(world, LightConfig())
-        scene.studio  # noqa: B018  (light is baked now, so that the next stage's time is its own)
+        scene = Scene(world)
+        baked = bake(scene, LightConfig())
     paths = [expected_path(experiment, world) for experiment in experiments]
     routes = tuple(
         Route(experiment.name, metres_from_route(experiment.route), path[:, :2])
@@ -96,14 +96,14 @@ def gather(
         shares = count_classes(scene, rig, poses, workers=workers)
     chosen = most_telling(shares.pixels, sample[:, :2], VIEWS)
     with progress.stage("photographs"):
-        aerial = take_aerial(scene, aerial_width)
-        pictures = _photographs(scene, rig.cameras, [poses[row] for row in chosen])
+        aerial = take_aerial(baked, aerial_width)
+        pictures = _photographs(baked, rig.cameras, [poses[row] for row in chosen])
     with progress.stage("cloud"):
         cloud = scan_from(scene, rig, poses[:: max(1, -(-len(poses) // SCANS))])
     views = tuple(View(sample[row], picture) for row, picture in zip(chosen, pictures, strict=True))
     return Findings(world=world, routes=routes, stations=sample, shares=shares, aerial=aerial, views=views, cloud=cloud)
 
 
-def _photographs(scene: Scene, config: CameraConfig, poses: Sequence[NDArray[np.float64]]) -> list[Picture]:
-    camera, base_from_optical = Camera(config, scene), config.left.base_from_sensor @ CAMERA_FROM_OPTICAL
-    return [camera.shoot(pose @ base_from_optical) for pose in poses]
+def _photographs(baked: BakedScene, config: CameraConfig, poses: Sequence[NDArray[np.float64]]) -> list[CameraImages]:
+    camera, base_from_optical = Camera(config, baked), config.left.base_from_sensor @ CAMERA_FROM_OPTICAL
+    return [camera.render(pose @ base_from_optical) for pose in poses]

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from fieldtruth.experiment.catalogue import list_environments
 from fieldtruth.experiment.rig import CameraConfig
-from fieldtruth.render import tag_image
 from fieldtruth.report.preview.chart import draw_shares
 from fieldtruth.report.preview.cloud import draw_cloud, outlook
 from fieldtruth.report.preview.gather import Findings
 from fieldtruth.report.preview.map import badge, draw_map
 from fieldtruth.report.preview.paper import MUTED, NIGHT, PIXELS, POINTS, Paper
+from fieldtruth.sense import tag_image
 from fieldtruth.world.model import World
 
 WIDTH: Final = 12.0  # [inch]; what follows is measured so, too

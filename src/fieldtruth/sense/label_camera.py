@@ -1,0 +1,67 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A pinhole camera's label, instance and depth images. They depend on geometry alone, not on light."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.core.classes import PALETTE
+from fieldtruth.experiment.rig import CameraConfig
+from fieldtruth.sense.packets import new_packet
+from fieldtruth.sense.pinhole import pinhole
+from fieldtruth.sense.scene import Scene
+from fieldtruth.sense.strip import STRIP_ROWS, label_image, new_strip
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabelImages:
+    """Class id ``label``, instance id ``instance`` and ``depth`` [m] per pixel, each (h, w).
+
+    Depth is measured along the optical axis. Sky has depth 0 and instance id 0.
+    """
+
+    label: NDArray[np.uint8]
+    instance: NDArray[np.uint16]
+    depth: NDArray[np.float32]
+
+
+class LabelCamera:
+    """A pinhole camera that returns labels only. Use one per thread: each owns its buffers.
+
+    The origin is the optical frame of REP-103: x right, y down, z forward. The ray of pixel (row v, column u) passes
+    through the pixel's centre in the direction ((u - cx) / fx, (v - cy) / fy, 1). Surfaces farther along the ray than
+    ``far`` are sky. There is no noise, distortion or exposure time. With ``reuse`` each call overwrites the arrays that
+    the previous call returned, which saves a tenth of the time (measured) in long sequences.
+    """
+
+    def __init__(self, config: CameraConfig, scene: Scene, *, reuse: bool = False) -> None:
+        self.config = config
+        self.scene = scene
+        self.pinhole = pinhole(config)
+        self._reuse = reuse
+        self._packet, self._strip = new_packet(coherent=True), new_strip(STRIP_ROWS * config.width)
+        self._labels: LabelImages | None = None
+
+    def label(self, world_from_optical: NDArray[np.float64]) -> LabelImages:
+        """Label, instance and depth images from a pose (4, 4)."""
+        images = self._labels
+        if images is None:
+            shape = (self.config.height, self.config.width)
+            images = LabelImages(
+                label=np.empty(shape, np.uint8), instance=np.empty(shape, np.uint16), depth=np.empty(shape, np.float32)
+            )
+        label_image(
+            self.scene.rays.handle, self.scene.hits, self._packet,
+            np.ascontiguousarray(world_from_optical, np.float64), self.pinhole,
+            self.config.far, self._strip, images.label, images.instance, images.depth,
+        )  # fmt: skip
+        if self._reuse:
+            self._labels = images
+        return images
+
+
+def tag_image(label: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Tag image (h, w, 3): the flat colour of each class id (h, w)."""
+    return np.take(PALETTE, label, axis=0)
