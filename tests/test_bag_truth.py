@@ -18,8 +18,6 @@ from fieldtruth.pipeline import generate
 from fieldtruth.sense import LabelCamera, Scene
 from fieldtruth.world import load_world
 
-Array = NDArray[np.float64]
-
 
 @pytest.fixture(scope="module")
 def park_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:

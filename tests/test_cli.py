@@ -3,7 +3,6 @@
 """The command line: a mistake is one line and exit code 2, and what it does is one call of the library."""
 
 import json
-import os
 import re
 import subprocess
 import sys
@@ -20,6 +19,7 @@ from rosbags.rosbag1 import Writer
 import fieldtruth
 from fieldtruth import cli
 from fieldtruth.core.errors import OutputError
+from fieldtruth.core.parallel import cpu_count
 
 CLOCK = "rosgraph_msgs/msg/Clock"
 
@@ -135,7 +135,7 @@ def test_generate_by_default_takes_the_experiment_as_it_is_and_all_cores(monkeyp
     [(experiment, out, options)] = pipeline.calls
     assert experiment == fieldtruth.load_experiment("park_2")
     assert out == Path("data")
-    assert (options["workers"], options["overwrite"]) == (len(os.sched_getaffinity(0)), False)
+    assert (options["workers"], options["overwrite"]) == (cpu_count(), False)
 
 
 def test_what_the_library_refuses_is_one_line(
@@ -187,7 +187,7 @@ def test_preview_writes_the_sheet_that_one_call_draws(
     assert cli.main(["preview", "park"]) == 0
     assert capsys.readouterr().out == "park_0_preview.png: 20 x 30 pixels, 0.0 MB\n"
     assert cli.main(["preview", "park", "--seed", "7", "--out", "a.jpg", "--workers", "3"]) == 0
-    assert calls == [("park", 0, 2400, len(os.sched_getaffinity(0))), ("park", 7, 1400, 3)]
+    assert calls == [("park", 0, 2400, cpu_count()), ("park", 7, 1400, 3)]
     assert (simplejpeg.decode_jpeg((tmp_path / "a.jpg").read_bytes()) == 102).all()
     capsys.readouterr()
     before = (tmp_path / "a.jpg").read_bytes()
@@ -219,7 +219,7 @@ def test_shares_counts_the_experiments_that_are_asked_for(
     header, ground, *_ = capsys.readouterr().out.splitlines()
     assert header.split()[2:] == list(fieldtruth.list_experiments())
     assert ground.split() == ["ground", *["75.00"] * len(fieldtruth.list_experiments())]
-    cores = len(os.sched_getaffinity(0))
+    cores = cpu_count()
     assert calls == [([("park_2", 5)], 2), ([(name, 0) for name in fieldtruth.list_experiments()], cores)]
 
 

@@ -5,11 +5,11 @@
 The stages are those of the paper's sections 3 and 4; each hands plain data to the next.
 """
 
-import os
 from pathlib import Path
 
 from fieldtruth.bag.readings import count_messages
 from fieldtruth.bag.topics import topics_of
+from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive import drive, plan_route
 from fieldtruth.drive.track import Track
@@ -53,7 +53,7 @@ def generate(
         DriveError: the robot cannot drive this route.
         EngineError: the ray engine is not the one that the kernels were written for.
     """
-    workers = len(os.sched_getaffinity(0)) if workers is None else workers
+    workers = cpu_count() if workers is None else workers
     progress = Silent() if progress is None else progress
     with run_folder(experiment, out, overwrite=overwrite) as run:
         with progress.stage("build the world"):

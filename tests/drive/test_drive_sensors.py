@@ -7,7 +7,8 @@ import pytest
 from drive_worlds import make_experiment, make_world, tilted
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.core.frames import Array, rotation_from_quaternion_wxyz, wxyz_from_xyzw
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.frames import rotation_from_quaternion_wxyz, wxyz_from_xyzw
 from fieldtruth.core.geodesy import world_from_geodetic
 from fieldtruth.drive.physics import STEP_NS
 from fieldtruth.drive.sensors import point_velocity, read_gnss, read_imu, read_tachometers, steps_at_rate

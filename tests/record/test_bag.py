@@ -9,8 +9,9 @@ from rosbags.rosbag1 import Reader
 from fieldtruth.bag.messages import clock, wheel_speed
 from fieldtruth.bag.readings import read_bag
 from fieldtruth.bag.topics import CLOCK, TOPICS, WHEEL_SPEEDS
-from fieldtruth.bag.writer import BagWriter, output_errors
+from fieldtruth.bag.writer import BagWriter
 from fieldtruth.core.errors import OutputError
+from fieldtruth.core.files import output_errors
 
 TOPIC = WHEEL_SPEEDS[0]
 

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.plants import GRASSES, GrassSpecies, grow_clump, grow_tuft
 from fieldtruth.world.plants.blades import STEPS, discs, kites, midribs, pinnae, spindles, strips
 from fieldtruth.world.plants.meshing import Surface
-
-Array = NDArray[np.float64]
 
 kinds = pytest.mark.parametrize("kind", GRASSES.values(), ids=str)
 seeds = pytest.mark.parametrize("seed", [1, 2, 3])

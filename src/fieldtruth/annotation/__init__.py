@@ -21,8 +21,9 @@ from fieldtruth.bag.model_states import ROBOT
 from fieldtruth.bag.reader import BagError
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.bag.types import F8
-from fieldtruth.bag.writer import output_errors
 from fieldtruth.core.errors import ConfigurationError, OutputError
+from fieldtruth.core.files import output_errors
+from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.experiment.rig import Rig
@@ -78,7 +79,7 @@ def annotate(
         OutputError: the output is there already, in use, or cannot be written.
     """
     check_layout(environment, layout)
-    workers = len(os.sched_getaffinity(0)) if workers is None else workers
+    workers = cpu_count() if workers is None else workers
     progress = Silent() if progress is None else progress
     light = LightConfig() if light is None else light
     rig = Rig() if rig is None else rig

@@ -12,7 +12,8 @@ from rosbags.interfaces import Connection
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import open_stored
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.writer import BagWriter, output_errors
+from fieldtruth.bag.writer import BagWriter
+from fieldtruth.core.files import output_errors
 from fieldtruth.record.slices import TELL_NS, Advance, Slices
 
 

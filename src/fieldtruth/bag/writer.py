@@ -5,11 +5,10 @@
 A bag grows under a temporary name and gets its own when it is complete, so a crashed recording never looks like a bag.
 """
 
-import errno
 import os
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
 from types import TracebackType
@@ -30,38 +29,6 @@ COPY_SIZE: Final = 8 * 2**20  # [byte]
 
 _MAGIC: Final = b"#ROSBAG V2.0\n"
 _PADDING: Final = 8  # [byte]
-
-_REASONS: Final = {
-    errno.ENOSPC: "no space left",
-    errno.EDQUOT: "no space left in your quota",
-    errno.EFBIG: "the file system allows no file of this size",
-    errno.EACCES: "no permission to write there",
-    errno.EPERM: "no permission to write there",
-    errno.EROFS: "the file system is read-only",
-    errno.ENOTDIR: "a part of the path is a file and not a folder",
-    errno.EEXIST: "a file stands where a folder should be",
-    errno.ENAMETOOLONG: "the path is too long",
-    errno.EIO: "the disk reports an error",
-}
-
-
-@contextmanager
-def output_errors(path: Path) -> Iterator[None]:
-    """Turn the operating system's errors while writing below ``path`` into one clear line.
-
-    Raises:
-        OutputError: what is wrong with the path, and whether the same command goes on once that is mended.
-    """
-    try:
-        yield
-    except OSError as error:
-        reason = _REASONS.get(error.errno or 0)
-        if reason is None and error.filename is not None and error.strerror:
-            reason = error.strerror.lower()  # about a file, in the system's own words
-        if reason is None:
-            raise
-        hint = "; make room and run the same command again: it goes on where it stopped" if "space" in reason else ""
-        raise OutputError(f"cannot write {path}: {reason}{hint}") from error
 
 
 class BagWriter:

@@ -16,9 +16,9 @@ from llvmlite import binding as llvm
 from numba import njit, types
 from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.sense import embree
 
-Array = NDArray[np.float64]
 Rays = NDArray[np.float32]
 
 llvm.add_symbol("rtcIntersect1", ctypes.cast(embree._library().rtcIntersect1, ctypes.c_void_p).value)

@@ -21,6 +21,7 @@ from fieldtruth.bench.recording import pairs_per_second
 from fieldtruth.bench.sensing import measure_cameras, measure_lidar, poses_along
 from fieldtruth.core import frames
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
+from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive import Track, drive
 from fieldtruth.drive.expected_path import experiments_in
@@ -123,7 +124,7 @@ def _measure_run(settings: Settings, progress: Progress) -> dict[str, float]:
         found |= measure_lidar(scene, rig, poses, settings.repeats)
     with progress.stage("cameras"):
         found |= measure_cameras(baked, rig, poses, settings.repeats)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    cores = cpu_count()
     rates = dict.fromkeys((1, 2, cores), 0.0)
     with progress.stage("stereo pairs"):
         for _ in range(2):

@@ -18,8 +18,8 @@ import numpy as np
 
 from fieldtruth.bench.measure import Settings, empty_cache, settings_of
 from fieldtruth.bench.sensing import poses_along
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
-from fieldtruth.core.frames import Array
 from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL
 from fieldtruth.render import Camera, bake

@@ -9,7 +9,7 @@ import numpy as np
 
 from fieldtruth.bench.bare import BareTracer, Rays, best_mode
 from fieldtruth.core import frames
-from fieldtruth.core.frames import Array
+from fieldtruth.core.arrays import Array
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.experiment.config import Route
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, Rig

@@ -3,11 +3,11 @@
 """What the sub-commands' arguments have in common: a parser that never prints by itself, and the types of values."""
 
 import argparse
-import os
 from collections.abc import Callable
 from typing import NoReturn, Protocol
 
 from fieldtruth.core.errors import FieldtruthError
+from fieldtruth.core.parallel import cpu_count
 
 
 class UsageError(FieldtruthError):
@@ -34,7 +34,7 @@ class AddCommand(Protocol):
 
 def available_cores() -> int:
     """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return cpu_count()
 
 
 def add_workers(parser: Parser, help_text: str) -> None:

@@ -1,43 +1,51 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What can go wrong, in one page. The command line turns each of these into one line and exit code 2."""
+"""All errors that a user can correct. The command line prints each as one line and exits with code 2."""
 
 import difflib
 from collections.abc import Iterable
 
 
 class FieldtruthError(Exception):
-    """Base of everything that a user can repair. Its text says what is wrong, where, and what would be right."""
+    """Base of all errors that a user can correct; the text states what is wrong, where, and what is allowed."""
 
 
 class UnknownNameError(FieldtruthError):
-    """A name that does not exist; the text lists those that do, the nearest first."""
+    """A name that does not exist; the text suggests the closest one and lists all."""
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
-        ranked = nearest_first(name, known)
-        super().__init__(f"no {kind} {name!r}; there is: {', '.join(ranked)}")
+        super().__init__(f"unknown {kind} {name!r}; {suggestion(name, known)}")
 
 
 class ConfigurationError(FieldtruthError):
-    """A value in a configuration that is not allowed; the text names key, value and what is allowed."""
+    """A configuration value that is not allowed; the text names the key, the value and the condition."""
 
 
 class OutputError(FieldtruthError):
-    """The output folder cannot be used: occupied, unwritable, or full."""
+    """The output folder cannot be used: occupied, not writable, or full."""
 
 
 class RouteError(FieldtruthError):
-    """A route that cannot be driven, or cannot be found; names the way-point, the place and what is in the way."""
+    """A route that cannot be driven or found; the text names the waypoint, its position and the obstacle."""
 
 
 class DriveError(FieldtruthError):
-    """The robot is stuck, tipped, touched an obstacle, drove into water or left the world; says when and where."""
+    """The robot got stuck, tipped over, touched an obstacle, entered water or left the world; says when and where."""
 
 
 class EngineError(FieldtruthError):
-    """The ray engine on this machine is not the one the kernels were written for."""
+    """The installed Embree is not the version for which the kernels were written."""
+
+
+def suggestion(name: str, known: Iterable[str]) -> str:
+    """Return "did you mean 'x'? Available: x, y, z", without the question if no known name is close."""
+    names = list(known)
+    close = {k.lower(): k for k in names}
+    match = difflib.get_close_matches(name.lower(), close, n=1)
+    question = f"did you mean {close[match[0]]!r}? " if match else ""
+    return f"{question}Available: {', '.join(names)}"
 
 
 def nearest_first(name: str, known: Iterable[str]) -> list[str]:
-    """Sort ``known`` by likeness to ``name``, the most alike first."""
+    """Sort ``known`` by similarity to ``name``, the most similar first."""
     return sorted(known, key=lambda k: (-difflib.SequenceMatcher(None, name.lower(), k.lower()).ratio(), k))

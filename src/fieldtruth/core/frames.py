@@ -11,10 +11,10 @@ optical frames: x right, y down, z forward). Quaternions are (w, x, y, z) inside
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-Array = NDArray[np.float64]
+from fieldtruth.core.arrays import Array
 
 
 def pose(xyz: Sequence[float], rpy_deg: Sequence[float] = (0.0, 0.0, 0.0)) -> Array:

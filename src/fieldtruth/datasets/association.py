@@ -7,14 +7,12 @@ from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fieldtruth.bag.reader import BagError, Places, StoredBag
 from fieldtruth.bag.readings import stamp_ns
+from fieldtruth.core.arrays import Mask
 from fieldtruth.datasets.items import I8, Sensor
 from fieldtruth.datasets.storage import Storage
-
-Mask = NDArray[np.bool_]
 
 
 class Stream(NamedTuple):

@@ -11,7 +11,8 @@ from fieldtruth.bag.model_states import ROBOT
 from fieldtruth.bag.reader import BagError
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory
-from fieldtruth.datasets.association import Mask, Stream
+from fieldtruth.core.arrays import Mask
+from fieldtruth.datasets.association import Stream
 from fieldtruth.datasets.items import F8, I8
 from fieldtruth.datasets.storage import Storage
 

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fieldtruth.core.frames import Array
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.geodesy import world_from_geodetic
 from fieldtruth.drive.husky import STOP, Command
 from fieldtruth.experiment.config import ControlConfig

@@ -9,7 +9,7 @@ on average); it takes 20 ms instead of 20 s.
 import numpy as np
 
 from fieldtruth.core import frames
-from fieldtruth.core.frames import Array
+from fieldtruth.core.arrays import Array
 from fieldtruth.drive.kinematics import KinematicSimulator
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.drive.plan import plan_route

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
-from fieldtruth.core.frames import Array
+from fieldtruth.core.arrays import Array
 from fieldtruth.drive.husky import CHASSIS_WIDTH, OUTLINE
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.model import Heightfield

@@ -27,7 +27,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fieldtruth.core.frames import Array
+from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.rig import WHEELS, Rig, WheelConfig
 
 MASS: Final = 50.0  # [kg]

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from fieldtruth.core.frames import Array
+from fieldtruth.core.arrays import Array
 from fieldtruth.drive.controller import turn_rate
 from fieldtruth.drive.ground import slopes
 from fieldtruth.experiment.config import ControlConfig, Experiment

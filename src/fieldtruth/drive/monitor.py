@@ -5,8 +5,8 @@
 import math
 from typing import Final
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import DriveError
-from fieldtruth.core.frames import Array
 from fieldtruth.drive.controller import WaypointFollower
 from fieldtruth.experiment.config import ControlConfig
 from fieldtruth.world.model import World

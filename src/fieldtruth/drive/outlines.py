@@ -7,7 +7,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from fieldtruth.core.frames import Array, pose, transform
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.frames import pose, transform
 from fieldtruth.drive.husky import OUTLINE
 from fieldtruth.world.model import Collider, World
 

@@ -18,7 +18,8 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.core.frames import Array, pose, quaternion_wxyz_from_rotation
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.frames import pose, quaternion_wxyz_from_rotation
 from fieldtruth.drive.husky import CHASSIS_BIT, OUTLINE_BIT, WHEEL_GEOMS, add_husky
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.model import Collider, Heightfield, World

@@ -17,7 +17,7 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter, label
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from fieldtruth.core.frames import Array
+from fieldtruth.core.arrays import Array
 from fieldtruth.drive.husky import OUTLINE
 from fieldtruth.drive.kinematics import KinematicSimulator, Stage
 from fieldtruth.drive.route_check import LINE_GAP, line_conflict, line_places, path_conflict, thinned

@@ -6,8 +6,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import RouteError
-from fieldtruth.core.frames import Array
 from fieldtruth.drive.ground import BELLY, belly_rise_on_path
 from fieldtruth.drive.kinematics import KinematicSimulator
 from fieldtruth.drive.outlines import distance_to, gap_to

@@ -12,7 +12,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.frames import Array, quaternion_wxyz_from_rotation, rotation_from_quaternion_wxyz
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.frames import quaternion_wxyz_from_rotation, rotation_from_quaternion_wxyz
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.drive.physics import GRAVITY, STEP_NS, STEP_S
 from fieldtruth.drive.track import I8, GnssReadings, ImuReadings, Motion, TachometerReadings, stamps_at_rate

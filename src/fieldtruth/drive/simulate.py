@@ -13,7 +13,8 @@ from typing import Final
 import mujoco
 import numpy as np
 
-from fieldtruth.core.frames import Array, rotation_from_quaternion_wxyz
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.frames import rotation_from_quaternion_wxyz
 from fieldtruth.drive import sensors
 from fieldtruth.drive.controller import WaypointFollower, horizontal_from_geodetic
 from fieldtruth.drive.husky import STOP, Command, ramp, wheel_speeds

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import distance_transform_edt
 
-from fieldtruth.core.frames import Array
+from fieldtruth.core.arrays import Array
 from fieldtruth.drive.ground import BELLY, greatest_belly_rise, mean_ground, slopes
 from fieldtruth.drive.husky import OUTLINE
 from fieldtruth.drive.outlines import Outline, distance_to, obstacle_outlines

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
 
 from fieldtruth.core import frames
+from fieldtruth.core.arrays import Array
 
 # Strict: a text or a yes/no is no number, so that a slip of the pen is not read as 1.
 Number = Annotated[float, Strict()]
@@ -34,7 +35,7 @@ class Mount(Frozen):
     rpy_deg: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
 
     @property
-    def base_from_sensor(self) -> frames.Array:
+    def base_from_sensor(self) -> Array:
         """(4, 4) transform from the mounted frame to base_link."""
         return frames.pose(self.xyz, self.rpy_deg)
 

@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from fieldtruth.bag.run import Run, open_run
-from fieldtruth.bag.writer import output_errors
 from fieldtruth.core.errors import OutputError, UnknownNameError
+from fieldtruth.core.files import output_errors
+from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.ontology.label_map import LabelMap, label_map_of
 
@@ -88,7 +89,7 @@ def export(
     form = _form_of(to)
     options = Options(
         None if label_map is None else _label_map_for(to, label_map),
-        len(os.sched_getaffinity(0)) if workers is None else workers,
+        cpu_count() if workers is None else workers,
         Silent() if progress is None else progress,
     )
     runs = _runs_for(to, [path] if isinstance(path, Path) else list(path))

@@ -14,11 +14,10 @@ import numpy as np
 import xlsxwriter
 from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.ontology.label_map import LabelMap
 from fieldtruth.report.preview.paper import HAIRLINE, PIXELS, POINTS
-
-Counts = NDArray[np.int64]
 
 SHARES: Final = "class shares"
 FIGURE: Final = "figure 21"

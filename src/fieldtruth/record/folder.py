@@ -23,8 +23,8 @@ import numpy as np
 
 import fieldtruth
 from fieldtruth.bag.checksums import CHECKSUMS, checksum_lines, sha256_of
-from fieldtruth.bag.writer import output_errors
 from fieldtruth.core.errors import FieldtruthError, OutputError
+from fieldtruth.core.files import output_errors
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
 

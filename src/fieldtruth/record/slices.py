@@ -16,7 +16,8 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.bag.topics import Topic
-from fieldtruth.bag.writer import BagWriter, output_errors
+from fieldtruth.bag.writer import BagWriter
+from fieldtruth.core.files import output_errors
 from fieldtruth.record.streams import Sensors, Stream
 
 SLICE_NS: Final = 10**9  # [ns] of simulated time

@@ -13,6 +13,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.core.parallel import cpu_count
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.render import light as light_module
 from fieldtruth.render import sky as sky_module
@@ -77,7 +78,7 @@ def bake(
     path = folder / f"light-{scene.world.name}-{_light_key(scene, light)}.npz"
     table = _read_light(path)
     if table is None:
-        table = bake_light(scene, light, len(os.sched_getaffinity(0)) if workers is None else workers)
+        table = bake_light(scene, light, cpu_count() if workers is None else workers)
         _save_light(path, table)
     surfaces, paint = surface_table(scene, table.vertex_sky), paint_table(scene.world)
     has_water = bool((paint.mirror > 0).any())

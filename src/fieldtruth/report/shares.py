@@ -14,10 +14,9 @@ from itertools import groupby
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES
-from fieldtruth.core.frames import Array
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive.expected_path import expected_path, poses_along, standing_pose
 from fieldtruth.experiment.config import Experiment
@@ -26,8 +25,6 @@ from fieldtruth.sense import LabelCamera, Lidar, Scene
 from fieldtruth.world import world_of
 
 SPACING: Final = 2.0  # [m]
-
-Counts = NDArray[np.int64]
 
 
 @dataclass(frozen=True, kw_only=True)

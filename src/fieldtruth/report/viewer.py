@@ -21,9 +21,9 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import RawMessage, decoder, open_stored
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.bag.trajectory import read_trajectory
-from fieldtruth.bag.writer import output_errors
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.errors import OutputError
+from fieldtruth.core.files import output_errors
 from fieldtruth.core.progress import Progress, Silent
 
 RATE: Final = 5.0  # [Hz]

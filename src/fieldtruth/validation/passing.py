@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pass over a bag: messages go to those who asked for their topic, heavy work to threads, in order."""
 
-import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final
@@ -13,7 +12,7 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import BagError, RawMessage, open_stored
 from fieldtruth.bag.run import EXPERIMENT, Run, bag_of, open_run
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.core.parallel import in_order
+from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.validation import bagfile
 from fieldtruth.validation.agreement import Agreement
@@ -70,7 +69,7 @@ def validate(
     Raises:
         BagError: there is no run at this path.
     """
-    workers = len(os.sched_getaffinity(0)) if workers is None else workers
+    workers = cpu_count() if workers is None else workers
     progress = Silent() if progress is None else progress
     bag = bag_of(path)
     checksums = checksums_check(bag, progress)

@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Heightfield, Mesh, Swarm
 from fieldtruth.world.placement import random_tints, rotations_to, upright_poses
-
-Array = NDArray[np.float64]
 
 Land = Callable[[Array, Array], Array]
 """Height [m] of the far land at world x, y [m], arrays of one shape."""

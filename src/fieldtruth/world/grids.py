@@ -3,9 +3,8 @@
 """Grids over a world, and what lies beyond its edge: the two questions that every environment asks of its size."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from fieldtruth.core.arrays import Array
 
 
 def grid_axes(size: tuple[float, float], spacing: float) -> tuple[Array, Array]:

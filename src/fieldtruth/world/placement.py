@@ -8,11 +8,10 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.world.model import GROUND_ID, Heightfield, Instance, Mesh, Swarm
 from fieldtruth.world.trails import Line, Trail
-
-Array = NDArray[np.float64]
 
 _EASES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
 """Shares of the wished spacing, tried in turn: things that are strewn at random may take each other's room."""

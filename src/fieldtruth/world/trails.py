@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fieldtruth.core.arrays import Array
+
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
-Array = NDArray[np.float64]
 _STEP = 0.05  # [m] between the points of a line
 
 

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Final
 
 from fieldtruth.bag.run import open_run
-from fieldtruth.bag.writer import output_errors
 from fieldtruth.core.errors import OutputError
+from fieldtruth.core.files import output_errors
+from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 
 LARGEST_PAGE: Final = 15_000_000
@@ -46,7 +47,7 @@ def write_report(
     from fieldtruth.report.page.render import render
 
     progress = Silent() if progress is None else progress
-    found = gather(run, len(os.sched_getaffinity(0)), progress)
+    found = gather(run, cpu_count(), progress)
     with progress.stage("write the page"):
         page = render(found).encode(errors="replace")
         part = target.with_name(f".{target.name}.part")

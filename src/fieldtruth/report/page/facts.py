@@ -13,7 +13,7 @@ from fieldtruth.bag.calibration import first_message, read_static_frames
 from fieldtruth.bag.checksums import read_checksums, sha256_of
 from fieldtruth.bag.reader import BagError
 from fieldtruth.bag.run import EXPERIMENT, Run
-from fieldtruth.core import frames
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.files import VERSION_KEY
@@ -238,7 +238,7 @@ def checksums(run: Run, progress: Progress) -> tuple[list[Checksum], str]:
     return [Checksum(run.bag.name, digest)], f"{problem}The folder states none for this bag; this is what it has now"
 
 
-def rpy_deg(rotation: frames.Array) -> tuple[float, float, float]:
+def rpy_deg(rotation: Array) -> tuple[float, float, float]:
     """Roll, pitch, yaw [deg] about fixed axes of a rotation (3, 3); where pitch is 90 deg up or down, roll is 0."""
     pitch = math.asin(float(np.clip(-rotation[2, 0], -1.0, 1.0)))
     if abs(abs(pitch) - math.pi / 2) < 1e-6:
@@ -266,10 +266,10 @@ def _rate(count: int, duration_s: float) -> str:
     return "once" if count == 1 or duration_s <= 0.0 else f"{float(f'{count / duration_s:.3g}'):g}"
 
 
-def _matrix(values: frames.Array) -> tuple[tuple[str, ...], ...]:
+def _matrix(values: Array) -> tuple[tuple[str, ...], ...]:
     return tuple(tuple(trimmed(v, 4) for v in row) for row in values)
 
 
-def _pose(parent_from_child: frames.Array) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _pose(parent_from_child: Array) -> tuple[tuple[str, ...], tuple[str, ...]]:
     xyz: Sequence[float] = parent_from_child[:3, 3].tolist()
     return tuple(trimmed(v, 5) for v in xyz), tuple(trimmed(v, 3) for v in rpy_deg(parent_from_child[:3, :3]))

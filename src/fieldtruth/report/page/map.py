@@ -15,8 +15,9 @@ import simplejpeg
 
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import RouteError
-from fieldtruth.core.frames import Array, rotation_from_quaternion_wxyz, yaw_from_rotation
+from fieldtruth.core.frames import rotation_from_quaternion_wxyz, yaw_from_rotation
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.report.page.place import Place
 from fieldtruth.report.page.words import TO, trimmed

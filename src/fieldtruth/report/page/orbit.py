@@ -9,9 +9,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from fieldtruth.bag.trajectory import Trajectory
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.report.page.samples import jpeg_below
-from fieldtruth.report.page.scans import Array, ScanCloud
+from fieldtruth.report.page.scans import ScanCloud
 from fieldtruth.report.page.words import colour_of, count_text, fixed
 
 ROUTE: Final = len(CLASSES)

@@ -16,12 +16,13 @@ from fieldtruth.bag.reader import BagError, RawMessage, decoder, open_stored
 from fieldtruth.bag.readings import stamp_ns
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory
+from fieldtruth.core.arrays import Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.rig import WHEELS
 from fieldtruth.report.page.series import Collector, Fixes, Inertial, Lines, Motion, Wheel
-from fieldtruth.report.page.tally import Counts, count_pixels, count_points
+from fieldtruth.report.page.tally import count_pixels, count_points
 
 TAGS: Final = tuple(map(table.tag, table.SIDES))
 _MSGTYPE: Final = {topic.name: topic.msgtype for topic in table.TOPICS}

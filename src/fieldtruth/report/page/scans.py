@@ -15,6 +15,7 @@ from fieldtruth.bag.readings import points
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core import frames
+from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.report.page.passage import FOREIGN, stamp_of, usable
 from fieldtruth.report.page.tally import class_ids
@@ -27,7 +28,6 @@ _FINEST: Final = 0.04  # [m]; side of a voxel
 _COARSER: Final = 1.12  # from one try to the next
 _WORKING: Final = 6 * LARGEST  # points that are held while scans are added
 
-Array = NDArray[np.float64]
 U1 = NDArray[np.uint8]
 
 

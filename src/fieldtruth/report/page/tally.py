@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag.readings import image, points
+from fieldtruth.core.arrays import Counts
 from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.sense.kernel import kernel
-
-Counts = NDArray[np.int64]
 
 _CODES: Final = (PALETTE.astype(np.int64) @ [1, 256, 65536]).astype(np.int64)
 

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """One sheet that shows an environment: from above, from the robot, as a cloud, and in numbers."""
 
-import os
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 
 WIDTH: Final = 2400  # [pixel]
@@ -42,7 +42,7 @@ def preview(
     from fieldtruth.report.preview.sheet import draw_sheet
     from fieldtruth.world import load_world
 
-    workers = len(os.sched_getaffinity(0)) if workers is None else workers
+    workers = cpu_count() if workers is None else workers
     progress = Silent() if progress is None else progress
     with progress.stage("build the world"):
         world = load_world(environment, seed)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core import frames
-from fieldtruth.core.frames import Array
+from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.rig import CameraConfig
 from fieldtruth.render import BakedScene, Camera
 from fieldtruth.sense.pinhole import Pinhole, pinhole

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core import frames
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import PALETTE
-from fieldtruth.core.frames import Array
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.report.preview.aerial import halved
 from fieldtruth.sense import Lidar, Scene

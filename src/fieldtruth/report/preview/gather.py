@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.frames import Array
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.progress import Progress
 from fieldtruth.drive.expected_path import expected_path, experiments_in, poses_along, standing_pose
 from fieldtruth.experiment.config import LightConfig

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patheffects import AbstractPathEffect, withStroke
 
-from fieldtruth.core.frames import Array
+from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.rig import CameraConfig
 from fieldtruth.report.preview.aerial import Aerial
 from fieldtruth.report.preview.gather import Findings, Route, View

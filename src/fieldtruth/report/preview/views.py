@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.frames import Array
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.model import World
 
 APART: Final = 12.0  # [m] between two views, where there is room for it

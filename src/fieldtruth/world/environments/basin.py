@@ -5,9 +5,8 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from fieldtruth.core.arrays import Array
 
 
 def basin_heights(

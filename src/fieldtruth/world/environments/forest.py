@@ -5,10 +5,10 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, field_validator
 from scipy.ndimage import gaussian_filter
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.rig import Frozen, Positive
 from fieldtruth.world.assembly import assemble
 from fieldtruth.world.backdrop import make_backdrop
@@ -23,8 +23,6 @@ from fieldtruth.world.placement import Site
 from fieldtruth.world.plants import TREES
 from fieldtruth.world.relief import gentled, slope_limit
 from fieldtruth.world.trails import Line, Trail, signed_distance
-
-Array = NDArray[np.float64]
 
 
 class ForestConfig(Frozen):

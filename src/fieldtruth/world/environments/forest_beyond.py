@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.backdrop import Cover, Land, rolling_hills, strew_beyond
 from fieldtruth.world.grids import distance_beyond
 from fieldtruth.world.model import Mesh, Swarm
@@ -17,7 +18,6 @@ from fieldtruth.world.plants import TREES, grow_tree
 if TYPE_CHECKING:
     from fieldtruth.world.environments.forest import ForestConfig
 
-Array = NDArray[np.float64]
 
 FAR_DETAIL: Final = 0.05
 FAR_TREES: Final = 12.0

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.placement import CrowdedWorldError, Site, random_tint, rotations_to
 from fieldtruth.world.plants import TREES
@@ -15,8 +16,6 @@ from fieldtruth.world.rocks import ROCK_TYPES, make_rock, scatter_rocks
 
 if TYPE_CHECKING:
     from fieldtruth.world.environments.forest import ForestConfig
-
-Array = NDArray[np.float64]
 
 
 def lay_trunks(site: Site, config: "ForestConfig", rng: np.random.Generator) -> None:

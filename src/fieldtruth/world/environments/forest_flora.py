@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.model import Mesh, Raster
 from fieldtruth.world.placement import Site
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_clump, grow_tree
@@ -15,7 +16,6 @@ from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_clum
 if TYPE_CHECKING:
     from fieldtruth.world.environments.forest import ForestConfig
 
-Array = NDArray[np.float64]
 
 AGES: Final[Mapping[str, tuple[float, float]]] = {"old": (15.0, 21.0), "grown": (9.0, 14.0), "young": (3.0, 6.0)}
 """Heights [m]."""

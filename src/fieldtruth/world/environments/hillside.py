@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.rig import Frozen, Number, Positive
 from fieldtruth.world.assembly import assemble
 from fieldtruth.world.backdrop import Land, make_backdrop
@@ -24,8 +24,6 @@ from fieldtruth.world.model import Heightfield, World
 from fieldtruth.world.placement import Site
 from fieldtruth.world.relief.mountain import along_routes, mountain
 from fieldtruth.world.trails import Line
-
-Array = NDArray[np.float64]
 
 
 class HillsideConfig(Frozen):

@@ -5,8 +5,8 @@
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.backdrop import strew_beyond
 from fieldtruth.world.environments.hillside_ground import Ground
 from fieldtruth.world.model import Heightfield, Mesh, Swarm
@@ -14,7 +14,6 @@ from fieldtruth.world.noise import solid_noise
 from fieldtruth.world.placement import CrowdedWorldError, Site, random_tint, rotations_to, upright_poses
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_snag, grow_tree, grow_tuft
 
-Array = NDArray[np.float64]
 Rng = np.random.Generator
 Density = Callable[[Array], Array]
 

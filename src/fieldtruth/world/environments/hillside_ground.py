@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, shift
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.backdrop import Cover, Land
 from fieldtruth.world.grids import distance_beyond
 from fieldtruth.world.model import Heightfield, Raster, Terrain
 from fieldtruth.world.noise import fractal_noise
-
-Array = NDArray[np.float64]
 
 _CELL: Final = 0.1  # [m] of the cover
 _TURF, _SOIL, _SCREE, _ROCK = range(4)

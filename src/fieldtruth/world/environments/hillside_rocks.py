@@ -3,15 +3,14 @@
 """Rocks of the hillside: outcrops where it is steep, boulders that rolled below them, stones in scree and gullies."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.backdrop import strew_beyond
 from fieldtruth.world.environments.hillside_ground import Ground
 from fieldtruth.world.model import Heightfield, Mesh, Swarm
 from fieldtruth.world.placement import Site
 from fieldtruth.world.rocks import ROCK_TYPES, make_rock, scatter_rocks
 
-Array = NDArray[np.float64]
 Rng = np.random.Generator
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.rig import Frozen, Number, Positive
 from fieldtruth.world.assembly import assemble
 from fieldtruth.world.backdrop import Land, height_beyond, make_backdrop
@@ -25,8 +26,6 @@ from fieldtruth.world.environments.shore import make_shore
 from fieldtruth.world.model import Mesh, World
 from fieldtruth.world.placement import Site
 from fieldtruth.world.trails import Line
-
-Array = NDArray[np.float64]
 
 FAR_POLES: Final = 2  # on either side of the world
 WATER_TILE: Final = 30.0  # [m] of water that its texture covers

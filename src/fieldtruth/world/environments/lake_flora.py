@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.backdrop import Land, strew_beyond
 from fieldtruth.world.environments.power_line import PowerLine
 from fieldtruth.world.environments.shore import Shore
@@ -17,7 +18,6 @@ from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import Site, random_tints, upright_poses
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_clump, grow_tree, grow_tuft
 
-Array = NDArray[np.float64]
 Density = Callable[[Array], Array]
 """Share [0, 1] of what may grow at places (n, 2), or noise about 0 that tells thick places from thin ones."""
 

@@ -3,15 +3,13 @@
 """What covers the ground of a lake's shore: grass nobody mows, earth on the scarps, mud and pebbles at the water."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.environments.shore import Shore
 from fieldtruth.world.grids import grid_axes
 from fieldtruth.world.model import Raster, Terrain
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import Site
-
-Array = NDArray[np.float64]
 
 NODE = 0.1  # [m] between the cover's nodes
 

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.rig import Frozen, Number, Positive
 from fieldtruth.world.assembly import assemble
 from fieldtruth.world.environments.layout import Count, Individuals, Share, Size, Trails
@@ -22,7 +23,6 @@ from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import Site, random_tint
 from fieldtruth.world.trails import Line, Trail
 
-Array = NDArray[np.float64]
 BUSH_INDIVIDUALS: Final = 3  # of each kind
 
 

@@ -8,13 +8,11 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.model import Mesh, Swarm
 from fieldtruth.world.placement import CrowdedWorldError, Site, random_tint, random_tints, rotations_to, upright_poses
 from fieldtruth.world.plants import BUSHES, grow_bush
-
-Array = NDArray[np.float64]
 
 SHRUBS: Final[Mapping[str, tuple[float, float]]] = {
     "box": (0.65, 1.1), "hazel": (0.5, 0.95), "heather": (0.8, 1.15), "juniper": (0.5, 0.9),

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.backdrop import Land, height_beyond, make_backdrop, rolling_hills, strew_beyond
 from fieldtruth.world.grids import distance_beyond
 from fieldtruth.world.materials import MATERIALS
@@ -17,7 +18,6 @@ from fieldtruth.world.placement import Site, random_tints, upright_poses
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_clump, grow_tree
 from fieldtruth.world.trails import Line, Trail
 
-Array = NDArray[np.float64]
 Strewn = tuple[Swarm, Sequence[Mesh]]
 
 REACH: Final = 62.0

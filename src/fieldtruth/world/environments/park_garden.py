@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.environments.park_beds import Bed, bed_distance
 from fieldtruth.world.grids import grid_axes
 from fieldtruth.world.model import Mesh, Raster
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import CrowdedWorldError, Site, random_tint
 from fieldtruth.world.plants import GRASSES, TREES, grow_clump, grow_tree, grow_tuft
-
-Array = NDArray[np.float64]
 
 COMMON: Final = ("lime", "birch", "oak")
 RARE: Final[Mapping[str, tuple[str, ...]]] = {"large_tree": ("beech", "spruce", "pine"), "small_tree": ("beech",)}

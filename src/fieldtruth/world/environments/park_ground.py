@@ -5,7 +5,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fieldtruth.world.environments.park_beds import Bed, bed_distance
 from fieldtruth.world.grids import grid_axes
@@ -13,8 +12,6 @@ from fieldtruth.world.model import Raster, Terrain
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import Site
 from fieldtruth.world.trails import signed_distance
-
-Array = NDArray[np.float64]
 
 
 def cover_ground(site: Site, beds: Sequence[Bed], border_width: float, rng: np.random.Generator) -> Terrain:

@@ -8,14 +8,12 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.furniture.cables import BUNDLE_RADIUS, CONDUCTOR_RADIUS, hang, make_cable
 from fieldtruth.world.furniture.power_pole import make_power_pole, wire_points
 from fieldtruth.world.model import Mesh, Swarm
 from fieldtruth.world.placement import CrowdedWorldError, Site
-
-Array = NDArray[np.float64]
 
 POLE_ROOM: Final = 0.8  # [m] about a pole's middle that others keep; the cross-arm is above all that is low
 _TRIES: Final = 60

@@ -14,12 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.grids import grid_axes
 from fieldtruth.world.model import Heightfield, Raster
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.trails import Line
-
-Array = NDArray[np.float64]
 
 DEPTH: Final = 3.5  # [m] of the lake's bed
 DRY: Final = 6.0  # [m] of land between a line that robots drive and the water

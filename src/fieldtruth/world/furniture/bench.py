@@ -5,14 +5,12 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.frames import pose
 from fieldtruth.world.furniture.outlines import at_length, bar_outline, path_length, rounded
 from fieldtruth.world.furniture.shapes import make_box, make_extrusion, make_lathe, make_tube, placed
 from fieldtruth.world.model import Collider, Mesh, merge_meshes
-
-Array = NDArray[np.float64]
 
 WIDTH = 1.7  # [m]
 SUNK = 0.08  # [m] of the feet below the ground

@@ -10,13 +10,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.furniture.shapes import make_tube
 from fieldtruth.world.model import Mesh
-
-Array = NDArray[np.float64]
 
 CONDUCTOR_RADIUS: Final = 0.0068
 """Radius [m] of a conductor 94-AL1/15-ST1A of 13.6 mm (EN 50182)."""

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from fieldtruth.core.arrays import Array
 
 
 def rounded(path: ArrayLike, radius: float, *, steps: int = 5) -> Array:

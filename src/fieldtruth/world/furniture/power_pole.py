@@ -10,14 +10,12 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.frames import pose
 from fieldtruth.world.furniture.outlines import rounded
 from fieldtruth.world.furniture.shapes import make_box, make_lathe, make_tube, placed
 from fieldtruth.world.model import Collider, Mesh, merge_meshes
-
-Array = NDArray[np.float64]
 
 SUNK: Final = 1.6
 """Depth [m] of the butt in the soil: a tenth of the length and 0.6 m, as lines are built."""

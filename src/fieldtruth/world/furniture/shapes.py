@@ -12,10 +12,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.furniture.outlines import triangulate
 from fieldtruth.world.model import Mesh, merge_meshes
-
-Array = NDArray[np.float64]
 
 TILE: Final = 0.5
 """Size [m] of one repeat of a furniture texture, along u; across the grain (v) it is the same."""

@@ -15,7 +15,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.world.plants.growth import Array, unit
+from fieldtruth.core.arrays import Array
+from fieldtruth.world.plants.growth import unit
 from fieldtruth.world.plants.meshing import Surface
 
 STEPS: Final = 24

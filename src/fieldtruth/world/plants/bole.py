@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.model import Collider, Mesh
-from fieldtruth.world.plants.growth import ROOT_DEPTH, Array, Stems, extend, taper, unit
+from fieldtruth.world.plants.growth import ROOT_DEPTH, Stems, extend, taper, unit
 from fieldtruth.world.plants.meshing import Surface, grid_normals, sewn, spokes, tubes
 from fieldtruth.world.plants.species import Order
 

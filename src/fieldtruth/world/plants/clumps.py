@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.model import Mesh, merge_meshes
-from fieldtruth.world.plants.growth import Array
 from fieldtruth.world.plants.tufts import GrassSpecies, grow_tuft
 
 

@@ -6,9 +6,10 @@ from typing import Final
 
 import numpy as np
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.model import Collider, Mesh
 from fieldtruth.world.plants.bole import Part, Wear, bole, joined, lying, root_plate
-from fieldtruth.world.plants.growth import ROOT_DEPTH, Array, Stems, extend, grow_trunks, sideways, taper
+from fieldtruth.world.plants.growth import ROOT_DEPTH, Stems, extend, grow_trunks, sideways, taper
 from fieldtruth.world.plants.meshing import tubes
 from fieldtruth.world.plants.species import Order, Species
 

@@ -14,9 +14,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.plants.species import Habit, Order, outline_ratio
-
-Array = NDArray[np.float64]
 
 TIP_RADIUS: Final = 0.0015  # [m]
 ROOT_DEPTH: Final = 0.2  # [m] by which stems reach into the soil

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.world.plants.growth import Array, Stems, sideways, spread_along, unit
+from fieldtruth.core.arrays import Array
+from fieldtruth.world.plants.growth import Stems, sideways, spread_along, unit
 from fieldtruth.world.plants.species import Habit, Leaf, Order
 from fieldtruth.world.plants.variation import SIDE_PRONG, outline_corners
 

@@ -7,7 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.world.plants.growth import ROOT_DEPTH, Array, Stems, unit
+from fieldtruth.core.arrays import Array
+from fieldtruth.world.plants.growth import ROOT_DEPTH, Stems, unit
 
 BARK_REPEAT: Final = 0.6  # [m] of bark per repeat of the texture on thick stems
 SMALLEST_REPEAT: Final = 0.12  # [m] along thin twigs, where the repeat around is smaller than this

@@ -13,9 +13,10 @@ from typing import Literal, assert_never
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.plants.blades import along, discs, kites, midribs, pinnae, spindles, strips
-from fieldtruth.world.plants.growth import Array, unit
+from fieldtruth.world.plants.growth import unit
 from fieldtruth.world.plants.meshing import Surface
 
 ROOT_DEPTH = 0.12

@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from fieldtruth.core.arrays import Array
 
 _DI: Final = np.array([-1, -1, -1, 0, 0, 1, 1, 1])
 _DJ: Final = np.array([-1, 0, 1, -1, 1, -1, 0, 1])

@@ -9,12 +9,11 @@ shelf, with the hill's shape kept on either side, and without an edge anywhere.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import fft
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.model import Heightfield
-
-Array = NDArray[np.float64]
 
 
 def slope_limit(distance: Array, *, within: float, beyond: float, near: float, far: float) -> Array:

@@ -9,16 +9,14 @@ can be told apart by eye (1 m), the world itself. Each is eroded, and takes its 
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator, RectBivariateSpline
 from scipy.ndimage import gaussian_filter
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.backdrop import Land
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.relief.erosion import collapsed, eroded
 from fieldtruth.world.relief.gentle import gentled, slope_limit
-
-Array = NDArray[np.float64]
 
 REGION: Final = 1100.0
 """Half the side [m] of the region."""

@@ -3,9 +3,8 @@
 """Unevenness of natural soil: pits and mounds that fallen trees left, and the swell at a tree's foot."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from fieldtruth.core.arrays import Array
 
 
 def pits_and_mounds(

@@ -6,12 +6,10 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.model import Heightfield, Instance, Mesh
 from fieldtruth.world.placement import CrowdedWorldError, Site, random_tint, rotations_to, upright_poses
-
-Array = NDArray[np.float64]
 
 LEAN: Final = 0.75
 """Share of the ground's slope that a lying rock takes on."""

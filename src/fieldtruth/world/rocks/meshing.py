@@ -5,8 +5,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
+from fieldtruth.core.arrays import Array, Index
 
 
 def corner_normals(vertices: Array, faces: Index, crease_deg: float) -> Array:

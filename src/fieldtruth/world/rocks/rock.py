@@ -9,12 +9,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.world.model import Collider, Mesh
 from fieldtruth.world.noise import solid_noise
 from fieldtruth.world.rocks.meshing import box_uv, corner_normals, welded
 from fieldtruth.world.rocks.shape import fracture_planes, geodesic, snapped, worn_radius
-
-Array = NDArray[np.float64]
 
 TEXTURE_LENGTH: Final = 1.2
 """Length [m] that one repeat of a rock's texture covers."""

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from fieldtruth.core.arrays import Array
 
 _SNAP: Final = 0.4
 """Vertices this near to an edge, in lengths of a triangle's side, move onto it, so that edges are not sawn."""

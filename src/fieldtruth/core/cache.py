@@ -1,0 +1,113 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The cache folder, and the one key under which results are kept there and in a run's slices.
+
+A result may be used again only if everything that shaped it is the same: the code, the data files that the code reads,
+the versions of the libraries, and the input values. ``cache_key`` covers all four.
+"""
+
+import dataclasses
+import hashlib
+import re
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from platformdirs import user_cache_path
+
+_ROOT: Final = Path(__file__).parents[2]
+_PACKAGE: Final = "fieldtruth"
+_IMPORT: Final = re.compile(
+    rf"^[ \t]*(?:from ({_PACKAGE}[\w.]*) import (\([^)]*\)|[^\n]+)|import ({_PACKAGE}[\w.]*))", re.MULTILINE
+)
+
+
+def cache_folder() -> Path:
+    """Folder for worlds, baked light and compiled kernels, such as ``~/.cache/fieldtruth``; it may not exist yet."""
+    return user_cache_path(_PACKAGE)
+
+
+def cache_key(modules: Iterable[str], *inputs: object, libraries: Sequence[str] = ()) -> str:
+    """Digest of modules with everything that they import of this package, of libraries' versions and of inputs.
+
+    Args:
+        modules: names of the modules that make the result. Modules that are imported by a computed name are not found
+            through imports and must be listed here.
+        inputs: dataclasses, mappings, sequences, arrays, bytes or plain values; compared by value.
+        libraries: distributions whose version shapes the result.
+
+    Returns:
+        32 hexadecimal digits.
+    """
+    digest = hashlib.sha256(_sources_digest(tuple(modules)))
+    _update(digest, [sys.version_info[:2], [(name, version(name)) for name in libraries], inputs])
+    return digest.hexdigest()[:32]
+
+
+@cache
+def _sources_digest(modules: tuple[str, ...]) -> bytes:
+    digest = hashlib.sha256()
+    for path in import_closure(modules, _ROOT):
+        _update(digest, [path.relative_to(_ROOT).as_posix(), path.read_bytes()])
+    return digest.digest()
+
+
+def import_closure(modules: Iterable[str], root: Path) -> list[Path]:
+    """Files below ``root`` on which modules depend, sorted: their sources, those of all that they import, and data.
+
+    Late imports count, too. Data files are those beside a module in its folder (``*.yaml`` and the like).
+    """
+    found: dict[str, Path] = {}
+    waiting = list(modules)
+    while waiting:
+        name = waiting.pop()
+        path = _source(name, root)
+        if name in found or path is None:
+            continue
+        found[name] = path
+        waiting += _imports(path.read_text(encoding="utf-8"))
+        waiting.append(name.rpartition(".")[0])  # importing a.b.c runs a.b/__init__.py
+    data = {p for source in found.values() for p in source.parent.iterdir() if p.is_file() and p.suffix not in _CODE}
+    return sorted({*found.values(), *data})
+
+
+_CODE: Final = (".py", ".pyi", ".pyc", ".typed", ".part")
+
+
+def _source(name: str, root: Path) -> Path | None:
+    stem = root / name.replace(".", "/") if name else None
+    candidates = [] if stem is None else [stem.with_suffix(".py"), stem / "__init__.py"]
+    return next((path for path in candidates if path.is_file()), None)
+
+
+def _imports(source: str) -> Iterator[str]:
+    for parent, names, module in _IMPORT.findall(source):
+        if module:
+            yield module
+            continue
+        yield parent
+        for name in re.sub(r"#[^\n]*|[()\s]", " ", names).split(","):
+            yield f"{parent}.{(name.split() or [''])[0]}"
+
+
+def _update(digest: Any, value: object) -> None:
+    """Feed a value to a hash object; values of different type or structure never feed the same bytes."""
+    if isinstance(value, np.ndarray):
+        digest.update(f"{value.dtype}{value.shape}".encode())
+        digest.update(np.ascontiguousarray(value).data)
+    elif dataclasses.is_dataclass(value):
+        _update(digest, [(field.name, getattr(value, field.name)) for field in dataclasses.fields(value)])
+    elif isinstance(value, Mapping):
+        _update(digest, list(value.items()))
+    elif isinstance(value, bytes):
+        digest.update(f"{len(value)}:".encode() + value)
+    elif isinstance(value, Sequence) and not isinstance(value, str):
+        digest.update(f"{len(value)}:".encode())
+        for item in value:
+            _update(digest, item)
+    else:
+        digest.update(repr(value).encode())

@@ -1,0 +1,77 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Output files are whole or absent, a folder has one writer, and a full disk is one clear line."""
+
+import errno
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from fieldtruth.core.errors import OutputError, UnknownNameError
+from fieldtruth.core.files import atomic_output, locked, output_errors, remove, write_atomically
+
+
+def test_a_file_is_replaced_only_when_it_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    write_atomically(path, "old")
+    with suppress(RuntimeError), atomic_output(path) as part:
+        part.write_text("half")
+        raise RuntimeError
+    assert path.read_text() == "old"
+    write_atomically(path, b"new")
+    assert path.read_bytes() == b"new"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_folder_is_written_as_a_whole(tmp_path: Path) -> None:
+    with atomic_output(tmp_path / "folder") as part:
+        part.mkdir()
+        (part / "x").write_text("1")
+        assert not (tmp_path / "folder").exists()
+    assert [p.name for p in tmp_path.rglob("*")] == ["folder", "x"]
+    remove(tmp_path / "folder")
+    assert not any(tmp_path.iterdir())
+
+
+def test_a_second_process_cannot_lock_a_folder_until_the_first_ends(tmp_path: Path) -> None:
+    hold = (
+        "from pathlib import Path\n"
+        "from fieldtruth.core.files import locked\n"
+        f"with locked(Path({str(tmp_path)!r})):\n"
+        "    print('held', flush=True)\n"
+        "    input()\n"
+    )
+    child = subprocess.Popen([sys.executable, "-c", hold], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert child.stdout is not None
+    assert child.stdout.readline() == b"held\n"
+    with pytest.raises(OutputError, match="in use by another process"), locked(tmp_path):
+        pass
+    child.kill()
+    child.communicate()
+    with locked(tmp_path):
+        pass
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("number", "reason"),
+    [
+        (errno.ENOSPC, "no space left; free some space and run the same command again: it resumes"),
+        (errno.EROFS, "the file system is read-only"),
+        (errno.EACCES, "permission denied"),
+    ],
+)
+def test_errors_of_the_operating_system_become_one_line(tmp_path: Path, number: int, reason: str) -> None:
+    with pytest.raises(OutputError) as caught, output_errors(tmp_path / "x"):
+        raise OSError(number, "raw")
+    assert str(caught.value) == f"cannot write {tmp_path / 'x'}: {reason}"
+
+
+def test_an_unknown_name_suggests_the_closest_one_and_lists_all() -> None:
+    assert str(UnknownNameError("experiment", "prak_1", ["lake_1", "park_1"])) == (
+        "unknown experiment 'prak_1'; did you mean 'park_1'? Available: lake_1, park_1"
+    )
+    assert str(UnknownNameError("format", "zzz", ["mcap", "pcd"])) == "unknown format 'zzz'; Available: mcap, pcd"
