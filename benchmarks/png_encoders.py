@@ -25,7 +25,7 @@ from fieldtruth.bag import topics
 from fieldtruth.bag.reader import RawMessage, decoder, open_stored
 from fieldtruth.bag.readings import depth, image, read_bag, stamp_ns
 from fieldtruth.core.parallel import in_order
-from fieldtruth.exporters.png import _differences, encode_png
+from fieldtruth.core.png import _filtered, encode_png
 
 Encoder = Callable[[Any], Any]
 SAMPLE, EVERY, WORKERS = 10, 10, 2
@@ -61,7 +61,7 @@ def fpng() -> Encoder:
 
 def ours(module: str, function: str, level: int) -> Encoder:
     compress = getattr(import_module(module), function)
-    return lambda pixels: compress(_differences(pixels), level)
+    return lambda pixels: compress(_filtered(pixels), level)
 
 
 def unfiltered(level: int) -> Encoder:

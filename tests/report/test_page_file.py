@@ -25,7 +25,7 @@ from fieldtruth.bag.reader import BagError
 from fieldtruth.bag.run import open_run
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.progress import Silent
-from fieldtruth.exporters import FORMS
+from fieldtruth.exporters import FORMATS
 from fieldtruth.report.page import LARGEST_PAGE, orbit, samples, scans, thin, write_report
 from fieldtruth.report.page import map as map_figure
 from fieldtruth.report.page.gather import gather
@@ -103,7 +103,7 @@ def test_programs_on_the_page_run_and_commands_exist(
     assert len(printed) > 12
     assert printed[0].startswith("100000000 ")
     commands = [words(code) for code in page.root.findall(".//dl[@class='forms']//code")]
-    assert commands == [f"fieldtruth export park_1.bag --to {form}" for form in FORMS]
+    assert commands == [f"fieldtruth export park_1.bag --to {form}" for form in FORMATS]
     assert snippets["Check it"] == "sha256sum -c SHA256SUMS\nfieldtruth validate park_1.bag"
     assert snippets["evo"] == "evo_traj bag park_1.bag /ground_truth/odom --plot"
 

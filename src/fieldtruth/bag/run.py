@@ -12,6 +12,8 @@ from fieldtruth.experiment.files import load_experiment
 
 EXPERIMENT: str = "experiment.yaml"
 """The file beside a bag that says how it was made."""
+CARD: str = "DATASET.md"
+"""The data card beside a bag."""
 
 
 class Run(NamedTuple):

@@ -20,7 +20,7 @@ from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.ontology.label_map import LabelMap, label_map_of
 
 
-class Form(NamedTuple):
+class Format(NamedTuple):
     """A row of the table."""
 
     module: str
@@ -34,19 +34,19 @@ class Form(NamedTuple):
     """Whether several runs make one output, a sequence each."""
 
 
-FORMS: Final[dict[str, Form]] = {
-    "files": Form(
+FORMATS: Final[dict[str, Format]] = {
+    "files": Format(
         "files", "_files", "PNG, CSV, text files and class shares, as the paper publishes them", relabels=True
     ),
-    "zip": Form("zipped", ".zip", "the bag, packed without loss, with its SHA-256"),
-    "semantickitti": Form(
+    "zip": Format("zipped", ".zip", "the bag, packed without loss, with its SHA-256"),
+    "semantickitti": Format(
         "semantickitti", "_semantickitti", "clouds with labels, poses, calibration", relabels=True, joins=True
     ),
-    "kitti": Form("kitti", "_kitti", "KITTI odometry: images, clouds, poses, calibration", joins=True),
-    "tum": Form("tum", ".tum", "the true trajectory as a text file"),
-    "mcap": Form("mcap", ".mcap", "ROS 2 messages (CDR), for ROS 2 and Foxglove"),
-    "coco": Form("coco", "_coco", "COCO panoptic and detection JSON with images", relabels=True),
-    "pcd": Form("pcd", "_pcd", "a PCD file per cloud with labels and colours", relabels=True),
+    "kitti": Format("kitti", "_kitti", "KITTI odometry: images, clouds, poses, calibration", joins=True),
+    "tum": Format("tum", ".tum", "the true trajectory as a text file"),
+    "mcap": Format("mcap", ".mcap", "ROS 2 messages (CDR), for ROS 2 and Foxglove"),
+    "coco": Format("coco", "_coco", "COCO panoptic and detection JSON with images", relabels=True),
+    "pcd": Format("pcd", "_pcd", "a PCD file per cloud with labels and colours", relabels=True),
 }
 
 
@@ -72,7 +72,7 @@ def export(
 
     Args:
         path: folder of a run, or a bag; several of them for a form that joins them as sequences.
-        to: the form, a key of ``FORMS``.
+        to: the form, a key of ``FORMATS``.
         out: what to make; by default it stands beside the (first) bag, named after it.
         label_map: ontology of the labels; None keeps this package's classes.
         workers: threads; None takes every core that the process may use. The output does not depend on it.
@@ -110,23 +110,23 @@ def export(
     return target
 
 
-def _form_of(to: str) -> Form:
-    if to not in FORMS:
-        raise UnknownNameError("form", to, FORMS)
-    return FORMS[to]
+def _form_of(to: str) -> Format:
+    if to not in FORMATS:
+        raise UnknownNameError("format", to, FORMATS)
+    return FORMATS[to]
 
 
 def _label_map_for(to: str, name: str) -> LabelMap:
     found = label_map_of(name)
-    if not FORMS[to].relabels:
-        able = ", ".join(name for name, form in FORMS.items() if form.relabels)
+    if not FORMATS[to].relabels:
+        able = ", ".join(name for name, form in FORMATS.items() if form.relabels)
         raise OutputError(f"form {to!r} holds no labels that could be mapped; those that do: {able}")
     return found
 
 
 def _runs_for(to: str, paths: Sequence[Path]) -> list[Run]:
-    if len(paths) > 1 and not FORMS[to].joins:
-        able = ", ".join(name for name, form in FORMS.items() if form.joins)
+    if len(paths) > 1 and not FORMATS[to].joins:
+        able = ", ".join(name for name, form in FORMATS.items() if form.joins)
         raise OutputError(f"form {to!r} is made of one run, not of {len(paths)}; forms that join several: {able}")
     runs = [open_run(path) for path in paths]
     places = [run.bag.resolve() for run in runs]
@@ -142,4 +142,4 @@ def _remove(path: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-__all__ = ["FORMS", "Form", "LabelMap", "Options", "Run", "export"]
+__all__ = ["FORMATS", "Format", "LabelMap", "Options", "Run", "export"]

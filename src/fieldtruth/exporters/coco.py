@@ -24,12 +24,12 @@ from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory, read_trajectory
 from fieldtruth.bag.types import F8
 from fieldtruth.core.parallel import in_order
+from fieldtruth.core.png import encode_png
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.coco_categories import Category, Numbering, categories_of
 from fieldtruth.exporters.coco_frames import Frame, frames_of, sides_of
 from fieldtruth.exporters.coco_json import LICENCE, Rows, document, head_of
 from fieldtruth.exporters.coco_segments import Segment, segments_of
-from fieldtruth.exporters.png import encode_png
 
 
 class Camera(NamedTuple):

@@ -25,10 +25,10 @@ from fieldtruth.bag.run import Run
 from fieldtruth.core.arrays import Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.parallel import in_order
+from fieldtruth.core.png import encode_png
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.calibration_file import calibration_yaml
 from fieldtruth.exporters.files_layout import CALIBRATION, LIDAR, LIDAR_LABEL, OBJECTS, README, SHEET, folders, readme
-from fieldtruth.exporters.png import encode_png
 from fieldtruth.exporters.sequences import Clock, returns
 from fieldtruth.exporters.sheet import write_sheet
 from fieldtruth.exporters.text_files import TextFile, header_or_bag_stamp, line, points_csv, text_files

@@ -18,8 +18,8 @@ from fieldtruth.bag.readings import image
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core.parallel import in_order
+from fieldtruth.core.png import encode_png
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.png import encode_png
 from fieldtruth.exporters.sequences import (
     CLOUDS,
     IMAGES,

@@ -23,8 +23,8 @@ from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.bag.types import F8
 from fieldtruth.core.classes import CLASSES, NO_RETURN, PALETTE, Label
 from fieldtruth.core.parallel import in_order
+from fieldtruth.core.png import encode_png
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.png import encode_png
 from fieldtruth.exporters.sequences import (
     CLOUDS,
     IMAGES,

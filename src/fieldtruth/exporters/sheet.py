@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from fieldtruth.core.arrays import Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.ontology.label_map import LabelMap
-from fieldtruth.report.preview.paper import HAIRLINE, PIXELS, POINTS
 
 SHARES: Final = "class shares"
 FIGURE: Final = "figure 21"
@@ -25,6 +24,8 @@ EXPLANATION: Final = "explanation"
 _THE_FIRST: Final = datetime(1980, 1, 1)
 _FIRST_ROW: Final = 2
 """Of the classes; two rows of headings stand above them."""
+_PIXELS, _POINTS, _GRID = "#2f6fde", "#dc3f36", "#d5dbe3"
+"""Colours of the chart: bars of pixels, bars of points, grid lines."""
 _WIDTHS: Final = (6, 24, 10)
 """[characters] of the columns id, class and colour."""
 
@@ -128,7 +129,7 @@ def _write_figure(book: Any, rows: Sequence[_Class], columns: Sequence[_Column])
     bold, right = (book.add_format({"bold": True, "align": align}) for align in ("left", "right"))
     share = _number(book, "0.000000")
     pixels = [column for column in columns if column.title != "points"][-1:]
-    bars = [("pixels", PIXELS, c) for c in pixels] + [("points", POINTS, c) for c in columns if c.title == "points"]
+    bars = [("pixels", _PIXELS, c) for c in pixels] + [("points", _POINTS, c) for c in columns if c.title == "points"]
     sheet.set_column(0, 0, _WIDTHS[1])
     sheet.set_column(1, 2, 12)
     sheet.write_string(0, 0, "class", bold)
@@ -150,7 +151,7 @@ def _write_figure(book: Any, rows: Sequence[_Class], columns: Sequence[_Column])
             }
         )
     chart.set_title({"name": "Share of each class in pixels and points", "name_font": {"size": 13}})
-    lines = {"visible": True, "line": {"color": HAIRLINE}}
+    lines = {"visible": True, "line": {"color": _GRID}}
     chart.set_y_axis({"name": "per unit", "num_format": "0.00", "min": 0, "major_gridlines": lines})
     chart.set_legend({"position": "top"})
     chart.set_size({"width": 900, "height": 460})

@@ -28,10 +28,9 @@ from isal import isal_zlib
 
 from fieldtruth.bag.checksums import CHECKSUMS, read_checksums
 from fieldtruth.bag.damage import BagError, damage
-from fieldtruth.bag.run import EXPERIMENT, Run
+from fieldtruth.bag.run import CARD, EXPERIMENT, Run
 from fieldtruth.core.parallel import in_order
 from fieldtruth.exporters import Options
-from fieldtruth.record.folder import CARD
 
 _BLOCK: Final = 2**20  # [byte]
 _BESIDE: Final = (EXPERIMENT, CARD, CHECKSUMS, "README.md", "README.txt", "README")

@@ -23,6 +23,7 @@ import numpy as np
 
 import fieldtruth
 from fieldtruth.bag.checksums import CHECKSUMS, checksum_lines, sha256_of
+from fieldtruth.bag.run import CARD
 from fieldtruth.core.errors import FieldtruthError, OutputError
 from fieldtruth.core.files import output_errors
 from fieldtruth.experiment.config import Experiment
@@ -30,8 +31,6 @@ from fieldtruth.experiment.files import dump_experiment, parse_experiment
 
 _WORK: Final = ".slices"
 _EXPERIMENT: Final = "experiment.yaml"
-CARD: Final = "DATASET.md"
-"""What a stranger must know about the data."""
 
 
 class RunFolder(NamedTuple):

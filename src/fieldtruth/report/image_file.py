@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.errors import OutputError
+from fieldtruth.core.png import encode_png
 
 KINDS: Final = (".png", ".jpg", ".jpeg")
 LARGEST_JPEG: Final = 400_000  # [byte]; many pages show several
@@ -43,7 +44,7 @@ def write_image(path: Path, image: NDArray[np.uint8], *, overwrite: bool = False
         OutputError: as ``check_image_path``, or the disk refuses.
     """
     check_image_path(path, overwrite=overwrite)
-    data = _jpeg(image) if is_jpeg(path) else _png(image)
+    data = _jpeg(image) if is_jpeg(path) else encode_png(image)
     partial = path.with_name(f".{path.name}.part")
     try:
         partial.write_bytes(data)
@@ -51,16 +52,6 @@ def write_image(path: Path, image: NDArray[np.uint8], *, overwrite: bool = False
     except OSError as error:
         partial.unlink(missing_ok=True)
         raise OutputError(f"cannot write {path}: {error.strerror}") from error
-
-
-def _png(image: NDArray[np.uint8]) -> bytes:
-    from io import BytesIO
-
-    from matplotlib.image import imsave
-
-    stream = BytesIO()
-    imsave(stream, image, format="png")
-    return stream.getvalue()
 
 
 def _jpeg(image: NDArray[np.uint8]) -> bytes:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.checksums import CHECKSUMS
 from fieldtruth.bag.run import Run
-from fieldtruth.exporters import FORMS
+from fieldtruth.exporters import FORMATS
 
 
 class Snippet(NamedTuple):
@@ -20,9 +20,9 @@ class Snippet(NamedTuple):
 
 
 def export_commands(run: Run) -> list[tuple[str, str, str]]:
-    """Form, what it is, and the command that makes it."""
+    """Format, what it is, and the command that makes it."""
     bag = shlex.quote(run.bag.name)
-    return [(name, form.description, f"fieldtruth export {bag} --to {name}") for name, form in FORMS.items()]
+    return [(name, form.description, f"fieldtruth export {bag} --to {name}") for name, form in FORMATS.items()]
 
 
 def snippets(run: Run) -> list[Snippet]:

@@ -4,7 +4,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from io import BytesIO
 from typing import Any, Final
 
 import numpy as np
@@ -16,6 +15,7 @@ from fieldtruth.bag.reader import decoder, open_stored
 from fieldtruth.bag.readings import image, labels
 from fieldtruth.bag.run import Run
 from fieldtruth.core.classes import PALETTE
+from fieldtruth.core.png import encode_png
 from fieldtruth.report.page.passage import FOREIGN, reason, usable
 from fieldtruth.report.preview.aerial import halved
 
@@ -123,7 +123,7 @@ def _put_photo(view: View, message: Any, colours: U1) -> None:
 def _put_tag(view: View, message: Any, colours: U1) -> None:
     ids = labels(colours)
     view.classes = frozenset(np.unique(ids).tolist())
-    while len(png := _palette_png(ids)) > TAG_BYTES or ids.shape[1] > _WIDEST:
+    while len(png := encode_png(ids, palette=PALETTE)) > TAG_BYTES or ids.shape[1] > _WIDEST:
         ids = np.ascontiguousarray(ids[::2, ::2])
     view.tag = png
 
@@ -142,13 +142,3 @@ def jpeg_below(colours: U1, limit: int) -> bytes:
             if len(data) <= limit:
                 return bytes(data)
         colours = halved(colours)
-
-
-def _palette_png(ids: U1) -> bytes:
-    from PIL import Image
-
-    picture = Image.fromarray(ids)
-    picture.putpalette(PALETTE.tobytes())
-    stream = BytesIO()
-    picture.save(stream, "png", optimize=True)
-    return stream.getvalue()

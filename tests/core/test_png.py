@@ -19,7 +19,7 @@ from PIL import Image
 
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.core.errors import OutputError
-from fieldtruth.exporters.png import encode_png
+from fieldtruth.core.png import encode_png
 
 RNG = np.random.default_rng(0)
 
@@ -59,6 +59,20 @@ def test_a_row_and_a_column_of_known_pixels() -> None:
         assert [image.getpixel((x, 0)) for x in range(4)] == [(255, 0, 0), (0, 255, 0), (0, 0, 255), (1, 2, 3)]
     with Image.open(BytesIO(encode_png(deep))) as image:
         assert [[image.getpixel((x, y)) for x in range(2)] for y in range(2)] == [[0, 1], [256, 65535]]
+
+
+@pytest.mark.parametrize("decode", [with_pillow, with_pypng])
+@pytest.mark.parametrize("colours", [2, 16, 17, 256])
+@pytest.mark.parametrize("size", [(1, 1), (4, 7), (37, 54)])
+def test_palette_images_decode_to_the_palettes_colours(decode: Any, colours: int, size: tuple[int, int]) -> None:
+    palette = noise((colours, 3), np.uint8)
+    indices = RNG.integers(0, colours, size, np.uint8)
+    data = encode_png(indices, palette=palette)
+    with Image.open(BytesIO(data)) as image:
+        assert np.array_equal(image.convert("RGB"), palette[indices])
+    if decode is with_pypng:
+        assert png.Reader(bytes=data).read()[3]["bitdepth"] == (4 if colours <= 16 else 8)
+    assert np.array_equal(decode(data), indices)
 
 
 @pytest.mark.parametrize("cut", [np.s_[::-1, ::2], np.s_[3:9, 5:6], np.s_[..., ::-1]])
@@ -115,5 +129,5 @@ def test_no_pixel_is_no_image() -> None:
 
 @pytest.mark.parametrize("image", [np.zeros((2, 2, 4), np.uint8), np.zeros((2, 2, 3), np.uint16), np.zeros((2, 2))])
 def test_other_arrays_are_refused(image: Any) -> None:
-    with pytest.raises(ValueError, match="needed is"):
+    with pytest.raises(ValueError, match="must be"):
         encode_png(image)
