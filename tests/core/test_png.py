@@ -69,7 +69,7 @@ def test_palette_images_decode_to_the_palettes_colours(decode: Any, colours: int
     indices = RNG.integers(0, colours, size, np.uint8)
     data = encode_png(indices, palette=palette)
     with Image.open(BytesIO(data)) as image:
-        assert np.array_equal(image.convert("RGB"), palette[indices])
+        assert np.array_equal(np.asarray(image.convert("RGB")), palette[indices])
     if decode is with_pypng:
         assert png.Reader(bytes=data).read()[3]["bitdepth"] == (4 if colours <= 16 else 8)
     assert np.array_equal(decode(data), indices)

@@ -47,7 +47,7 @@ def encode_png(image: NDArray[np.uint8] | NDArray[np.uint16], *, palette: NDArra
         rows = _filtered(image)
     else:
         colour_type, bits = _INDEXED, 4 if len(palette) <= 16 else 8
-        rows = np.pad(_nibbles(image) if bits == 4 else image, ((0, 0), (1, 0)), constant_values=_NONE)
+        rows = np.pad(_nibbles(image.astype(np.uint8)) if bits == 4 else image, ((0, 0), (1, 0)), constant_values=_NONE)
         colours = _chunk(b"PLTE", palette.astype(np.uint8, copy=False).tobytes())
     header = _chunk(b"IHDR", _HEADER.pack(width, height, bits, colour_type, 0, 0, 0))
     data = _chunk(b"IDAT", isal_zlib.compress(rows, _LEVEL))
@@ -66,9 +66,9 @@ def _filtered(image: NDArray[Any]) -> NDArray[np.uint8]:
     return lines
 
 
-def _nibbles(indices: NDArray[Any]) -> NDArray[np.uint8]:
+def _nibbles(indices: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Two pixels per byte, the left one in the high bits."""
-    packed: NDArray[np.uint8] = indices[:, ::2] << 4
+    packed = np.left_shift(indices[:, ::2], 4, dtype=np.uint8)
     packed[:, : indices.shape[1] // 2] |= indices[:, 1::2]
     return packed
 
