@@ -37,7 +37,7 @@ from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import CameraConfig, Rig
 from fieldtruth.render import Camera
 from fieldtruth.sense import Scene
-from fieldtruth.world import load_world
+from fieldtruth.world.build import load_world
 
 END = 320_000_000  # [ns]; 8 images of either camera, 3 clouds
 WALL = 1_600_000_000 * 10**9  # [ns]

@@ -18,7 +18,8 @@ from fieldtruth.bag.run import open_run
 from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, LidarConfig, Rig
-from fieldtruth.world import World, load_world
+from fieldtruth.world.build import load_world
+from fieldtruth.world.model import World
 
 RIG = Rig()
 FOOTPRINT = frames.pose((0.0, 0.0, -0.13228))

@@ -16,7 +16,7 @@ from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.pipeline import generate
 from fieldtruth.sense import LabelCamera, Scene
-from fieldtruth.world import load_world
+from fieldtruth.world.build import load_world
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,6 @@ import yaml
 from pydantic import BaseModel
 
 from fieldtruth.core.classes import CLASSES, Label
-from fieldtruth.experiment.catalogue import environment_names
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import parse_experiment
 from fieldtruth.experiment.problems import condition_at, models_of
@@ -139,7 +138,7 @@ def test_the_readmes_script_is_the_example() -> None:
 
 def test_the_readme_names_the_environments_that_there_are() -> None:
     status = README.partition("## Where it stands")[2].partition("\n## ")[0]
-    assert all(name in status for name in environment_names())
+    assert all(name in status for name in ENVIRONMENTS)
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)

@@ -19,7 +19,8 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.record.streams import streams_of
-from fieldtruth.world import World, world_of
+from fieldtruth.world.build import world_of
+from fieldtruth.world.model import World
 
 F8 = NDArray[np.float64]
 

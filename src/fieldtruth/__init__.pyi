@@ -32,7 +32,6 @@ from .datasets import open_runs as open_runs
 from .datasets import split as split
 from .drive.plan import plan_route as plan_route
 from .drive.track import Track as Track
-from .experiment.catalogue import list_environments as list_environments
 from .experiment.catalogue import list_experiments as list_experiments
 from .experiment.config import ControlConfig as ControlConfig
 from .experiment.config import Experiment as Experiment
@@ -75,8 +74,10 @@ from .sense import Scene as Scene
 from .sense import tag_image as tag_image
 from .validation import Check as Check
 from .validation import validate as validate
-from .world import World as World
-from .world import load_world as load_world
+from .world.build import check_experiment as check_experiment
+from .world.build import load_world as load_world
+from .world.environments import list_environments as list_environments
+from .world.model import World as World
 
 __all__: list[str]
 __version__: str

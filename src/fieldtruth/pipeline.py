@@ -21,7 +21,8 @@ from fieldtruth.record.streams import Sensors, streams_of
 from fieldtruth.render import Camera, bake
 from fieldtruth.report.card import data_card
 from fieldtruth.sense import Lidar, Scene
-from fieldtruth.world import World, world_of
+from fieldtruth.world.build import check_experiment, world_of
+from fieldtruth.world.model import World
 
 
 def generate(
@@ -48,11 +49,14 @@ def generate(
         Path of the bag.
 
     Raises:
+        UnknownNameError: unknown environment.
+        ConfigurationError: a layout that the environment does not allow.
         OutputError: the folder is occupied, in use, unwritable or full.
         RouteError: the route leads into something, or no free one of the wished length is found.
         DriveError: the robot cannot drive this route.
         EngineError: the ray engine is not the one that the kernels were written for.
     """
+    check_experiment(experiment)
     workers = cpu_count() if workers is None else workers
     progress = Silent() if progress is None else progress
     with run_folder(experiment, out, overwrite=overwrite) as run:

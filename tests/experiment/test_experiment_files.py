@@ -20,11 +20,12 @@ from fieldtruth import (
     RouteConfig,
     UnknownNameError,
 )
-from fieldtruth.experiment.catalogue import experiment_names, list_environments, list_experiments
+from fieldtruth.experiment.catalogue import experiment_names, list_experiments
 from fieldtruth.experiment.config import ControlConfig, LightConfig
 from fieldtruth.experiment.files import dump_experiment, load_experiment, parse_experiment, with_overrides
 from fieldtruth.experiment.rig import CameraConfig, Rig
 from fieldtruth.experiment.route import metres_from_route
+from fieldtruth.world.build import check_experiment
 
 SMALL = """\
 name: tiny
@@ -45,7 +46,7 @@ def park() -> Experiment:
 def test_every_shipped_experiment_loads_under_its_own_name_and_stays_inside_its_world(name: str) -> None:
     experiment = load_experiment(name)
     assert experiment.name == name
-    assert experiment.environment in list_environments()
+    check_experiment(experiment)
     assert list_experiments()[name] == experiment.description != ""
     assert (abs(metres_from_route(experiment.route)) < (50.0, 25.0)).all()
 
@@ -141,11 +142,6 @@ def test_a_name_wins_over_a_file_of_that_name(tmp_path: Path, monkeypatch: pytes
 def test_an_unknown_experiment_lists_those_that_exist_nearest_first() -> None:
     with pytest.raises(UnknownNameError, match=r"^no experiment 'park-2'; there is: park_2, park_1"):
         load_experiment("park-2")
-
-
-def test_an_unknown_environment_lists_those_that_exist() -> None:
-    with pytest.raises(UnknownNameError, match=r"^no environment 'parc'; there is: park"):
-        parse_experiment(SMALL.replace("environment: park", "environment: parc"))
 
 
 def replaced(dump: str, key: str, value: str) -> str:

@@ -12,7 +12,7 @@ from pycocotools import mask as masks
 
 from fieldtruth.exporters.coco_categories import STUFF, Numbering, categories_of
 from fieldtruth.exporters.coco_segments import segments_of
-from fieldtruth.world import load_world
+from fieldtruth.world.build import load_world
 
 
 def numbered(name: str) -> bool:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.rig import LidarConfig
 from fieldtruth.sense import Lidar, Scene
-from fieldtruth.world import load_world
+from fieldtruth.world.build import load_world
 from fieldtruth.world.model import Heightfield, Instance, Material, Mesh, Raster, Terrain, World
 
 F8 = NDArray[np.float64]

@@ -13,7 +13,8 @@ import pytest
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.world import assembly, load_world
+from fieldtruth.world import assembly
+from fieldtruth.world.build import load_world
 from fieldtruth.world.environments.park import ParkConfig, build_park
 from fieldtruth.world.model import World
 from fieldtruth.world.trails import Line

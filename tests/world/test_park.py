@@ -12,9 +12,9 @@ from park_worlds import digest, park_variant, real_park, routes
 from scipy.sparse.csgraph import connected_components
 
 from fieldtruth.core.classes import Label
-from fieldtruth.world import World, build_world
 from fieldtruth.world.backdrop import COARSER
-from fieldtruth.world.model import GROUND_ID, Instance, Mesh, Swarm
+from fieldtruth.world.build import build_world
+from fieldtruth.world.model import GROUND_ID, Instance, Mesh, Swarm, World
 from fieldtruth.world.plants import TREES
 
 F8 = NDArray[np.float64]

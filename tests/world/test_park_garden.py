@@ -11,9 +11,8 @@ from park_worlds import park_variant, real_park, routes
 from scipy.spatial import cKDTree
 
 from fieldtruth.core.classes import Label
-from fieldtruth.world import World
 from fieldtruth.world.environments.park_beds import STONE, Bed, bed_distance
-from fieldtruth.world.model import Swarm
+from fieldtruth.world.model import Swarm, World
 
 F8 = NDArray[np.float64]
 BEYOND = ("avenues_near", "avenues_beyond", "woods_beyond", "trees_near", "trees_beyond", "bushes_beyond",

@@ -32,8 +32,8 @@ from fieldtruth.record.slices import Slices
 from fieldtruth.record.streams import Sensors, Stream, camera_stream, lidar_stream
 from fieldtruth.render import Camera, bake
 from fieldtruth.sense import Lidar, Scene
-from fieldtruth.world import World, load_world
-from fieldtruth.world.build import check_layout
+from fieldtruth.world.build import check_layout, load_world
+from fieldtruth.world.model import World
 
 
 def annotate(

@@ -10,7 +10,7 @@ from fieldtruth.bench.figures import Everything
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive.expected_path import experiments_in
-from fieldtruth.experiment.catalogue import environment_names
+from fieldtruth.world.environments import ENVIRONMENTS
 
 ONE = (
     "import json, sys; from fieldtruth.bench import run, settings_of; print(json.dumps(run(settings_of(sys.argv[1]))))"
@@ -26,7 +26,7 @@ print(json.dumps(measure_ratios(sys.argv[1:], Silent())))
 def run_all(progress: Progress | None = None) -> Everything:
     """Figures by environment, for those in which a built-in experiment drives, and then those of ``RATIOS``."""
     progress = Silent() if progress is None else progress
-    names = [name for name in environment_names() if experiments_in(name)]
+    names = [name for name in ENVIRONMENTS if experiments_in(name)]
     everything: Everything = {}
     for name in names:
         with progress.stage(f"measure {name}"):

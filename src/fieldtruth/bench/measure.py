@@ -25,13 +25,14 @@ from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive import Track, drive
 from fieldtruth.drive.expected_path import experiments_in
-from fieldtruth.experiment.catalogue import environment_names
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.rig import OPTICAL, CameraConfig, LidarConfig
 from fieldtruth.render import Camera, bake
 from fieldtruth.sense import Lidar, Scene
-from fieldtruth.world import World, world_of
+from fieldtruth.world.build import world_of
+from fieldtruth.world.environments import ENVIRONMENTS
+from fieldtruth.world.model import World
 
 FIRST_FRAME = """
 import sys
@@ -66,8 +67,8 @@ def settings_of(environment: str) -> Settings:
         UnknownNameError: there is no such environment; lists those that there are.
         ConfigurationError: no experiment drives there.
     """
-    if environment not in environment_names():
-        raise UnknownNameError("environment", environment, [*environment_names(), "all"])
+    if environment not in ENVIRONMENTS:
+        raise UnknownNameError("environment", environment, [*ENVIRONMENTS, "all"])
     experiments = experiments_in(environment)
     if not experiments:
         raise ConfigurationError(f"no built-in experiment drives in {environment}, so there is nothing to measure")

@@ -24,8 +24,8 @@ from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL
 from fieldtruth.render import Camera, bake
 from fieldtruth.sense import Scene
-from fieldtruth.world import World, load_world
-from fieldtruth.world.model import Instance
+from fieldtruth.world.build import load_world
+from fieldtruth.world.model import Instance, World
 
 TIMES: Final = 10
 OPEN, DENSE = "park", "forest"

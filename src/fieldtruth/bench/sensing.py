@@ -18,7 +18,7 @@ from fieldtruth.render import BakedScene, Camera
 from fieldtruth.sense import Lidar, Scene
 from fieldtruth.sense.lidar import ray_directions
 from fieldtruth.sense.pinhole import pinhole
-from fieldtruth.world import World
+from fieldtruth.world.model import World
 
 _TRIAL_POSES = 4
 _LIDAR_TRIES = 4  # for one of a camera: a scan is so short that one disturbance spoils it

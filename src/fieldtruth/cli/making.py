@@ -5,10 +5,13 @@
 import argparse
 import time
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from fieldtruth.cli.arguments import AddCommand, Parser, UsageError, add_workers, number, seed, whole_number, words
 from fieldtruth.core.errors import UnknownNameError
+
+if TYPE_CHECKING:
+    from fieldtruth.experiment.config import Experiment
 
 EXAMPLES: Final = """\
 examples:
@@ -20,11 +23,20 @@ examples:
 """
 
 
+def _checked_experiment(name_or_path: str) -> "Experiment":
+    from fieldtruth.experiment.files import load_experiment
+    from fieldtruth.world.build import check_experiment
+
+    experiment = load_experiment(name_or_path)
+    check_experiment(experiment, name_or_path)
+    return experiment
+
+
 def _generate(options: argparse.Namespace) -> None:
-    from fieldtruth.experiment.files import load_experiment, with_overrides
+    from fieldtruth.experiment.files import with_overrides
 
     experiment = with_overrides(
-        load_experiment(options.experiment),
+        _checked_experiment(options.experiment),
         seconds=options.seconds,
         seed=options.seed,
         cameras=False if options.no_cameras else None,
@@ -48,7 +60,8 @@ def _generate(options: argparse.Namespace) -> None:
 
 
 def _list(options: argparse.Namespace) -> None:
-    from fieldtruth.experiment.catalogue import list_environments, list_experiments
+    from fieldtruth.experiment.catalogue import list_experiments
+    from fieldtruth.world.environments import list_environments
 
     for title, entries in (("experiments", list_experiments()), ("environments", list_environments())):
         width = max(map(len, entries), default=0)
@@ -58,11 +71,11 @@ def _list(options: argparse.Namespace) -> None:
 
 
 def _preview(options: argparse.Namespace) -> None:
-    from fieldtruth.experiment.catalogue import environment_names
     from fieldtruth.report.image_file import check_image_path, is_jpeg, write_image
+    from fieldtruth.world.environments import ENVIRONMENTS
 
-    if options.environment not in environment_names():
-        raise UnknownNameError("environment", options.environment, environment_names())
+    if options.environment not in ENVIRONMENTS:
+        raise UnknownNameError("environment", options.environment, ENVIRONMENTS)
     path = options.out if options.out is not None else Path(f"{options.environment}_{options.seed}_preview.png")
     check_image_path(path, overwrite=options.overwrite)
     # After the checks: physics, compiled kernels and the drawing library take seconds to load.
@@ -80,12 +93,12 @@ def _shares(options: argparse.Namespace) -> None:
     import json
 
     from fieldtruth.experiment.catalogue import experiment_names
-    from fieldtruth.experiment.files import load_experiment, with_overrides
+    from fieldtruth.experiment.files import with_overrides
 
     if options.all == bool(options.experiments):
         raise UsageError(f"needed is --all or at least one experiment; there is: {', '.join(experiment_names())}")
     names = experiment_names() if options.all else options.experiments
-    experiments = [with_overrides(load_experiment(name), seed=options.seed) for name in names]
+    experiments = [with_overrides(_checked_experiment(name), seed=options.seed) for name in names]
     from fieldtruth.core.progress import show_progress
     from fieldtruth.report.shares import shares_of, shares_table
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What there is, by name: the experiments that ship with the package, and the environments. Light: a list is quick."""
+"""The experiments that ship with the package, by name. Light: a list is quick."""
 
 from functools import cache
 from importlib.resources import files
@@ -36,15 +36,3 @@ def experiment_text(name: str) -> str:
 def list_experiments() -> dict[str, str]:
     """Name and one descriptive line of each experiment that ships with the package."""
     return {name: str(parse_mapping(text, name).get("description", "")) for name, text in _texts().items()}
-
-
-def environment_names() -> tuple[str, ...]:
-    """Names of the environments."""
-    return tuple(list_environments())
-
-
-def list_environments() -> dict[str, str]:
-    """Name and one descriptive line of each environment."""
-    from fieldtruth.world.environments import ENVIRONMENTS  # late: it brings array libraries along
-
-    return {name: environment.description for name, environment in ENVIRONMENTS.items()}

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 import fieldtruth
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
-from fieldtruth.experiment.catalogue import environment_names, experiment_names, experiment_text
+from fieldtruth.experiment.catalogue import experiment_names, experiment_text
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.problems import configuration_error, shortened
 from fieldtruth.experiment.yaml_io import parse_mapping, write_mapping
@@ -34,9 +34,10 @@ def load_experiment(name_or_path: str | Path) -> Experiment:
     """Read an experiment that ships with the package by its name, or any other by the path of its YAML file.
 
     What holds a slash or ends in .yaml or .yml is a path; a bare word is a name first, and a file if one is called so.
+    Environment and layout are checked by the world (``fieldtruth.check_experiment``), not here.
 
     Raises:
-        UnknownNameError: neither an experiment nor a file; or an environment that does not exist.
+        UnknownNameError: neither an experiment nor a file.
         ConfigurationError: unreadable or broken file, unknown key, value that is not allowed, file of a newer version.
     """
     text = str(name_or_path)
@@ -118,16 +119,9 @@ def _read(path: Path) -> str:
 
 def _validated(data: dict[str, Any], source: str) -> Experiment:
     try:
-        experiment = Experiment.model_validate(data)
+        return Experiment.model_validate(data)
     except ValidationError as report:
         raise configuration_error(Experiment, report, source) from report
-    if experiment.environment not in environment_names():
-        raise UnknownNameError("environment", experiment.environment, environment_names())
-    if experiment.layout:
-        from fieldtruth.world.build import check_layout  # late: it brings array libraries along
-
-        check_layout(experiment.environment, experiment.layout, source)
-    return experiment
 
 
 def _check_version(written_by: object, source: str) -> None:

@@ -22,7 +22,7 @@ from fieldtruth.drive.expected_path import expected_path, poses_along, standing_
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, Rig
 from fieldtruth.sense import LabelCamera, Lidar, Scene
-from fieldtruth.world import world_of
+from fieldtruth.world.build import world_of
 
 SPACING: Final = 2.0  # [m]
 

@@ -21,7 +21,7 @@ from fieldtruth.sense import Scene
 from fieldtruth.validation.check import Check
 from fieldtruth.validation.law import check_of
 from fieldtruth.validation.subject import Examiner, Place, Subject, place_of
-from fieldtruth.world import world_of
+from fieldtruth.world.build import world_of
 
 PLACE_BOUND: Final = 1e-6
 """[m] and of a quaternion: worlds built on other processors differ in a last digit."""

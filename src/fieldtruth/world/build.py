@@ -10,17 +10,18 @@ from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from zipfile import BadZipFile
 
+from pydantic import ValidationError
+
 from fieldtruth.core.errors import UnknownNameError
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.problems import configuration_error
 from fieldtruth.world.environments import ENVIRONMENTS
 from fieldtruth.world.model import World
 from fieldtruth.world.store import read_world, save_world
 from fieldtruth.world.trails import Line
-
-if TYPE_CHECKING:
-    from fieldtruth.experiment.config import Experiment
 
 
 def build_world(environment: str, seed: int = 0, layout: Mapping[str, Any] | None = None) -> World:
@@ -36,6 +37,17 @@ def build_world(environment: str, seed: int = 0, layout: Mapping[str, Any] | Non
     return ENVIRONMENTS[environment].build(seed, _corridors(environment), layout)
 
 
+def check_experiment(experiment: Experiment, source: str = "") -> None:
+    """Check that an experiment's environment exists and that its layout is allowed there.
+
+    Raises:
+        UnknownNameError: unknown environment.
+        ConfigurationError: a key or value that the environment's layout does not allow; the text starts with
+            ``source``, a file's name for example.
+    """
+    check_layout(experiment.environment, experiment.layout, source)
+
+
 def check_layout(environment: str, layout: Mapping[str, Any] | None, source: str = "") -> None:
     """Raise UnknownNameError for an unknown environment, ConfigurationError for a layout that it does not allow.
 
@@ -45,14 +57,10 @@ def check_layout(environment: str, layout: Mapping[str, Any] | None, source: str
         raise UnknownNameError("environment", environment, ENVIRONMENTS)
     if not layout:
         return
-    from pydantic import ValidationError  # late: a list of names needs none of it
-
     config = ENVIRONMENTS[environment].config
     try:
         config.model_validate(dict(layout))
     except ValidationError as report:
-        from fieldtruth.experiment.problems import configuration_error
-
         raise configuration_error(config, report, f"{source}: layout" if source else "layout") from report
 
 
@@ -86,7 +94,7 @@ def default_cache() -> Path:
     return (Path(root) if root else Path.home() / ".cache") / "fieldtruth"
 
 
-def world_of(experiment: "Experiment") -> World:
+def world_of(experiment: Experiment) -> World:
     """Return the world in which an experiment takes place."""
     return load_world(experiment.environment, experiment.seed, experiment.layout)
 

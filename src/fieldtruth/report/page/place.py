@@ -15,7 +15,8 @@ from fieldtruth.core.progress import Progress
 from fieldtruth.render import bake
 from fieldtruth.report.preview.aerial import Aerial, take_aerial
 from fieldtruth.sense import Scene
-from fieldtruth.world import World, world_of
+from fieldtruth.world.build import world_of
+from fieldtruth.world.model import World
 
 WIDTH: Final = 1800  # [pixel]
 _APART: Final = 1e-3  # [m]; an object farther from where the bag has it is another

@@ -40,7 +40,7 @@ def preview(
     """
     from fieldtruth.report.preview.gather import gather
     from fieldtruth.report.preview.sheet import draw_sheet
-    from fieldtruth.world import load_world
+    from fieldtruth.world.build import load_world
 
     workers = cpu_count() if workers is None else workers
     progress = Silent() if progress is None else progress

@@ -21,7 +21,7 @@ from fieldtruth.report.preview.cloud import Cloud, scan_from
 from fieldtruth.report.preview.views import free_stations, most_telling
 from fieldtruth.report.shares import SPACING, ClassShares, count_classes
 from fieldtruth.sense import Scene
-from fieldtruth.world import World
+from fieldtruth.world.model import World
 
 VIEWS: Final = 4
 SCANS: Final = 240

@@ -7,7 +7,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.experiment.catalogue import list_environments
 from fieldtruth.experiment.rig import CameraConfig
 from fieldtruth.report.preview.chart import draw_shares
 from fieldtruth.report.preview.cloud import draw_cloud, outlook
@@ -15,6 +14,7 @@ from fieldtruth.report.preview.gather import Findings
 from fieldtruth.report.preview.map import badge, draw_map
 from fieldtruth.report.preview.paper import MUTED, NIGHT, PIXELS, POINTS, Paper
 from fieldtruth.sense import tag_image
+from fieldtruth.world.environments import list_environments
 from fieldtruth.world.model import World
 
 WIDTH: Final = 12.0  # [inch]; what follows is measured so, too

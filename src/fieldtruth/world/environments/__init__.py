@@ -42,6 +42,11 @@ class Environment(NamedTuple):
         return import_module(f"fieldtruth.world.environments.{self.module}")
 
 
+def list_environments() -> dict[str, str]:
+    """Name and one descriptive line of each environment."""
+    return {name: environment.description for name, environment in ENVIRONMENTS.items()}
+
+
 def _environment(module: str, description: str) -> Environment:
     return Environment(description, module, f"build_{module}", f"{module.capitalize()}Config")
 

@@ -1,0 +1,48 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Environment and layout of an experiment are checked by the world, and each command reports them on one line."""
+
+from pathlib import Path
+
+import pytest
+
+from fieldtruth.cli import main
+from fieldtruth.core.errors import ConfigurationError, UnknownNameError
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.files import dump_experiment, load_experiment, parse_experiment
+from fieldtruth.world.build import check_experiment
+from fieldtruth.world.environments import ENVIRONMENTS
+
+
+@pytest.fixture
+def park() -> Experiment:
+    return load_experiment("park_1")
+
+
+def test_unknown_environment_lists_the_known_ones(park: Experiment) -> None:
+    with pytest.raises(UnknownNameError, match=r"environment 'parc'.*: park"):
+        check_experiment(park.model_copy(update={"environment": "parc"}))
+
+
+@pytest.mark.parametrize("layout", [{"bushs": 3}, {"bushes": "three"}, {"bushes": -1}])
+def test_layout_that_is_not_allowed_names_source_and_key(park: Experiment, layout: dict[str, object]) -> None:
+    with pytest.raises(ConfigurationError, match=r"^mine\.yaml: layout\b.*bushe?s"):
+        check_experiment(park.model_copy(update={"layout": layout}), "mine.yaml")
+
+
+@pytest.mark.parametrize("name", ENVIRONMENTS)
+def test_default_layout_is_allowed(park: Experiment, name: str) -> None:
+    check_experiment(park.model_copy(update={"environment": name}))
+
+
+@pytest.mark.parametrize("command", ["generate", "shares"])
+@pytest.mark.parametrize("change", [{"environment": "parc"}, {"layout": {"bushs": 3}}])
+def test_commands_fail_with_one_line_and_exit_code_2(
+    park: Experiment, tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str, change: dict[str, object]
+) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(dump_experiment(park.model_copy(update=change)))
+    assert parse_experiment(path.read_text()).name == "park_1"  # a valid file: only the world refuses it
+    assert main([command, str(path), *(["--out", str(tmp_path / "data")] if command == "generate" else [])]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    assert not (tmp_path / "data").exists()
