@@ -18,7 +18,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Reader, Writer
 
 from fieldtruth.bag.topics import TOPICS
-from fieldtruth.report.page import place, write_report
+from fieldtruth.report.page import aerial_view, write_report
 
 TAGS = ["/stereo/camera/left/tag/img_raw", "/stereo/camera/right/tag/img_raw"]
 TYPES = {topic.name: topic.msgtype for topic in TOPICS}
@@ -71,7 +71,7 @@ def page_of(run: Path, factory: pytest.TempPathFactory) -> Page:
     """Page of a run, with a small photograph from above, because a large one takes seconds; made once."""
     if run not in _PAGES:
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(place, "WIDTH", 600)
+            patch.setattr(aerial_view, "WIDTH", 600)
             _PAGES[run] = Page(write_report(run, out=factory.mktemp("page") / "page.html"))
     return _PAGES[run]
 

@@ -26,10 +26,10 @@ from fieldtruth.bag.run import open_run
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.progress import Silent
 from fieldtruth.exporters import FORMATS
-from fieldtruth.report.page import LARGEST_PAGE, orbit, samples, scans, thin, write_report
+from fieldtruth.report.page import LARGEST_PAGE, cloud_view, decimate, samples, scan_cloud, write_report
 from fieldtruth.report.page import map as map_figure
-from fieldtruth.report.page.gather import gather
-from fieldtruth.report.page.passage import read_through
+from fieldtruth.report.page.bag_pass import read_through
+from fieldtruth.report.page.content import gather
 from fieldtruth.report.page.render import render
 
 
@@ -72,9 +72,9 @@ def test_fields_have_labels_and_images_have_texts(page: Page) -> None:
 def test_no_run_makes_a_page_of_15_mb(page: Page) -> None:
     """Every large part has a limit in bytes or in number; their sum, and half a megabyte of words, stays below it."""
     images = samples.PAIRS * (2 * (samples.PHOTO_BYTES + samples.TAG_BYTES) + samples.THUMB_BYTES)
-    cloud = 7 * (scans.LARGEST + orbit.ROUTE_POINTS) + orbit.POSTER_BYTES
+    cloud = 7 * (scan_cloud.LARGEST + cloud_view.ROUTE_POINTS) + cloud_view.POSTER_BYTES
     vertex = len("9999.9,99.99L") + len("9999999,") + len("-1.2345e-05,")  # in the path and among the numbers
-    curves = 18 * thin.VERTICES * vertex
+    curves = 18 * decimate.VERTICES * vertex
     way_points = map_figure.VERTICES * (len("9999.9,9999.9 ") + len("[99999999,99.99,99.99],"))
     assert 4 / 3 * (images + cloud + map_figure.PHOTO_BYTES) + curves + 2 * way_points + 500_000 < LARGEST_PAGE
     assert sum(len(channels) for channels in page.data("numbers")["curves"].values()) == 18

@@ -27,9 +27,8 @@ from report_pages import (
 )
 
 from fieldtruth.core.classes import CLASSES
-from fieldtruth.report.page import place, scans, write_report
-from fieldtruth.world.build import load_world
-from fieldtruth.world.model import World
+from fieldtruth.report.page import aerial_view, scan_cloud, write_report
+from fieldtruth.world import World, load_world
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +107,7 @@ def test_the_cloud_shows_the_way_and_counts_what_it_shows(page: Page, messages: 
     positions = way(messages)
     assert route[[0, -1]] == pytest.approx(positions[[0, -1]], abs=2 * settings["step"])
     counts = np.bincount(label, minlength=17)
-    assert counts[:16].sum() <= scans.LARGEST
+    assert counts[:16].sum() <= scan_cloud.LARGEST
     legend = {
         words(row.find("span")): words(row.find("small"))  # type: ignore[arg-type]
         for row in page.root.findall(".//fieldset[@id='legend']/label")
@@ -135,7 +134,7 @@ def test_another_place_than_the_bags_is_not_shown(
     moved[1, 3] += 0.01
     instances = [*park.instances]
     instances[5] = dataclasses.replace(instances[5], world_from_object=moved)
-    monkeypatch.setattr(place, "world_of", lambda _: dataclasses.replace(park, instances=tuple(instances)))
+    monkeypatch.setattr(aerial_view, "world_of", lambda _: dataclasses.replace(park, instances=tuple(instances)))
     page = Page(write_report(folder))
     assert "builds another place from experiment.yaml than the bag tells of" in page.words(".//section[@id='way']")
     assert page.one(".//figure[@class='map plain']") is not None

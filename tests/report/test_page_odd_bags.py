@@ -98,7 +98,7 @@ def test_hostile_names_are_only_words(small_run: Path, tmp_path: Path) -> None:
 
 
 def test_a_hostile_description_is_only_words(small_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fieldtruth.report.page.gather.see_place", lambda *_: (None, ""))
+    monkeypatch.setattr("fieldtruth.report.page.content.see_place", lambda *_: (None, ""))
     folder = tmp_path / "park_1"
     folder.mkdir()
     only(small_run / "park_1.bag", folder / "park_1.bag", ODOMETRY, "/gazebo/model_states")

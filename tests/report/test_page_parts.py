@@ -12,11 +12,11 @@ from fieldtruth.bag.reader import BagError
 from fieldtruth.core import frames
 from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.report.page.class_counts import class_ids, count_pixels
 from fieldtruth.report.page.curves import draw_curves, time_ticks
-from fieldtruth.report.page.facts import rpy_deg
+from fieldtruth.report.page.decimate import VERTICES, Line, Thinner
 from fieldtruth.report.page.series import Fixes, Motion
-from fieldtruth.report.page.tally import class_ids, count_pixels
-from fieldtruth.report.page.thin import VERTICES, Line, Thinner
+from fieldtruth.report.page.tables import rpy_deg
 
 SECOND = 10**9
 

@@ -13,10 +13,10 @@ import fieldtruth
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.progress import Silent
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.report.preview import gather as gather_module
+from fieldtruth.report.preview import content as gather_module
 from fieldtruth.report.preview import preview
 from fieldtruth.report.preview.chart import seen_classes
-from fieldtruth.report.preview.gather import Findings, gather
+from fieldtruth.report.preview.content import Findings, gather
 from fieldtruth.report.preview.sheet import draw_sheet
 
 

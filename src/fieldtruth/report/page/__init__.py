@@ -43,7 +43,7 @@ def write_report(
     run = open_run(path)
     target = run.folder / f"{run.name}_report.html" if out is None else out
     _check(target, overwrite)
-    from fieldtruth.report.page.gather import gather
+    from fieldtruth.report.page.content import gather
     from fieldtruth.report.page.render import render
 
     progress = Silent() if progress is None else progress

@@ -8,10 +8,10 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from fieldtruth.report.drawing.text import fixed
 from fieldtruth.report.page import series
+from fieldtruth.report.page.decimate import Line
 from fieldtruth.report.page.series import Lines
-from fieldtruth.report.page.thin import Line
-from fieldtruth.report.page.words import fixed
 
 WIDE: Final = 1000.0
 HIGH: Final = 100.0

@@ -19,9 +19,9 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import RouteError
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz, yaw_from_rotation
 from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.report.page.place import Place
-from fieldtruth.report.page.words import TO, trimmed
-from fieldtruth.report.preview.aerial import Aerial
+from fieldtruth.report.drawing.aerial import Aerial
+from fieldtruth.report.drawing.text import TO, trimmed
+from fieldtruth.report.page.aerial_view import Place
 
 PHOTO_BYTES: Final = 700_000
 VERTICES: Final = 1500

@@ -15,7 +15,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 import fieldtruth
-from fieldtruth.report.page.gather import Findings
+from fieldtruth.report.page.content import Findings
 
 _SCRIPTS: Final = ("page.js", "cloud.js")
 

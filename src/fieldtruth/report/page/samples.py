@@ -16,8 +16,8 @@ from fieldtruth.bag.readings import image, labels
 from fieldtruth.bag.run import Run
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.core.png import encode_png
-from fieldtruth.report.page.passage import FOREIGN, reason, usable
-from fieldtruth.report.preview.aerial import halved
+from fieldtruth.report.drawing.aerial import halved
+from fieldtruth.report.page.bag_pass import FOREIGN, reason, usable
 
 PAIRS: Final = 6
 PHOTO_BYTES: Final = 330_000

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from fieldtruth.bag.model_states import ROBOT, ModelStatesReader
 from fieldtruth.bag.trajectory import Trajectory
-from fieldtruth.report.page.thin import F8, I8, Line, Thinner
+from fieldtruth.report.page.decimate import F8, I8, Line, Thinner
 
 _BLOCK: Final = 4096
 _POSES_APART: Final = 19_000_000  # [ns]; poses at 50 Hz are kept one and all

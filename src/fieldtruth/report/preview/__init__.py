@@ -38,7 +38,7 @@ def preview(
     Raises:
         UnknownNameError: there is no such environment; lists those that there are.
     """
-    from fieldtruth.report.preview.gather import gather
+    from fieldtruth.report.preview.content import gather
     from fieldtruth.report.preview.sheet import draw_sheet
     from fieldtruth.world.build import load_world
 

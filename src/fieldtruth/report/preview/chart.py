@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from typing import Final
 
 from fieldtruth.core.classes import CLASSES, SemanticClass
-from fieldtruth.report.preview.paper import HAIRLINE, INK, MUTED, PIXELS, POINTS, Paper
+from fieldtruth.report.drawing.style import HAIRLINE, INK, MUTED, PIXELS, POINTS
+from fieldtruth.report.preview.paper import Paper
 from fieldtruth.report.shares import ClassShares
 
 _NAME: Final = 1.52  # [inch] of swatch and name before the bars

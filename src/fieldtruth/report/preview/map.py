@@ -10,9 +10,9 @@ from matplotlib.patheffects import AbstractPathEffect, withStroke
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.rig import CameraConfig
-from fieldtruth.report.preview.aerial import Aerial
-from fieldtruth.report.preview.gather import Findings, Route, View
-from fieldtruth.report.preview.paper import BLUES, FONT, INK, RED
+from fieldtruth.report.drawing.aerial import Aerial
+from fieldtruth.report.drawing.style import FONT, INK, RED, ROUTES
+from fieldtruth.report.preview.content import Findings, Route, View
 from fieldtruth.world.model import Heightfield
 
 WAYPOINT_RADIUS: Final = 3.0  # [m]; paper, section 3
@@ -40,7 +40,7 @@ def draw_map(axes: Axes, found: Findings, lens: CameraConfig) -> None:
             ring = on_ground(aerial, field, circle(waypoint, WAYPOINT_RADIUS))
             axes.fill(*ring.T, facecolor=(1.0, 0.23, 0.19, 0.10), edgecolor=RED, linewidth=1.1)
     for k, route in enumerate(found.routes):
-        line, colour = on_ground(aerial, field, route.path), BLUES[k % len(BLUES)]
+        line, colour = on_ground(aerial, field, route.path), ROUTES[k % len(ROUTES)]
         axes.plot(*line.T, color=colour, linewidth=2.0, path_effects=_halo(3.6, "white", 0.75))
         _arrows(axes, line, route.path, colour)
         _start(axes, line[0], route, colour, aerial)

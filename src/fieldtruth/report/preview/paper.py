@@ -5,7 +5,7 @@
 Matplotlib's figure is used without pyplot, so nothing global changes; its own DejaVu Sans is there on every machine.
 """
 
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,17 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-INK: Final = "#1d2733"
-MUTED: Final = "#697586"
-HAIRLINE: Final = "#d5dbe3"
-NIGHT: Final = (30, 35, 43)
-"""Behind the cloud: dark enough for white benches, light enough for black tables."""
-BLUES: Final = ("#2f80ff", "#35d0ff", "#8f7bff")
-"""Routes; the paper's are blue."""
-RED: Final = "#ff3b30"
-PIXELS: Final = "#2f6fde"
-POINTS: Final = "#dc3f36"
-FONT: Final = "DejaVu Sans"
+from fieldtruth.report.drawing.style import FONT, INK
 
 
 class Paper:

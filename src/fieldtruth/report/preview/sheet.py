@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.experiment.rig import CameraConfig
+from fieldtruth.report.drawing.cloud import draw_cloud, outlook
+from fieldtruth.report.drawing.style import MUTED, NIGHT, PIXELS, POINTS
 from fieldtruth.report.preview.chart import draw_shares
-from fieldtruth.report.preview.cloud import draw_cloud, outlook
-from fieldtruth.report.preview.gather import Findings
+from fieldtruth.report.preview.content import Findings
 from fieldtruth.report.preview.map import badge, draw_map
-from fieldtruth.report.preview.paper import MUTED, NIGHT, PIXELS, POINTS, Paper
+from fieldtruth.report.preview.paper import Paper
 from fieldtruth.sense import tag_image
 from fieldtruth.world.environments import list_environments
 from fieldtruth.world.model import World

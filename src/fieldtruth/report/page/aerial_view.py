@@ -13,7 +13,7 @@ from fieldtruth.bag.run import Run
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.progress import Progress
 from fieldtruth.render import bake
-from fieldtruth.report.preview.aerial import Aerial, take_aerial
+from fieldtruth.report.drawing.aerial import Aerial, take_aerial
 from fieldtruth.sense import Scene
 from fieldtruth.world.build import world_of
 from fieldtruth.world.model import World

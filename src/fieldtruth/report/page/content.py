@@ -11,15 +11,17 @@ from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.progress import Progress
-from fieldtruth.report.page import facts, loading
+from fieldtruth.report.drawing.style import class_colour
+from fieldtruth.report.drawing.text import shortened
+from fieldtruth.report.page import snippets as loading
+from fieldtruth.report.page import tables as facts
+from fieldtruth.report.page.aerial_view import see_place
+from fieldtruth.report.page.bag_pass import FOREIGN, read_through, reason
+from fieldtruth.report.page.cloud_view import Orbit, pack
 from fieldtruth.report.page.curves import Curve, Tick, curve_numbers, draw_curves, time_ticks
 from fieldtruth.report.page.map import Map, draw_map
-from fieldtruth.report.page.orbit import Orbit, pack
-from fieldtruth.report.page.passage import FOREIGN, read_through, reason
-from fieldtruth.report.page.place import see_place
 from fieldtruth.report.page.samples import Samples, take_samples
-from fieldtruth.report.page.scans import gather_scans
-from fieldtruth.report.page.words import colour_of, shortened
+from fieldtruth.report.page.scan_cloud import gather_scans
 
 
 class Eye(NamedTuple):
@@ -99,7 +101,7 @@ def gather(run: Run, workers: int, progress: Progress) -> Findings:
         map=draw_map(run, passage.trajectory, place, looks_ns, fov),
         map_note=map_note,
         looks=_looks(samples, run.start_ns),
-        look_classes=tuple((row.name, colour_of(int(row.label))) for row in CLASSES if row.label in seen),
+        look_classes=tuple((row.name, class_colour(int(row.label))) for row in CLASSES if row.label in seen),
         orbit=orbit,
         orbit_note=orbit_note,
         classes=classes,

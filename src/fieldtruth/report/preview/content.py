@@ -16,9 +16,9 @@ from fieldtruth.experiment.config import LightConfig
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, Rig
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.render import BakedScene, Camera, CameraImages, bake
-from fieldtruth.report.preview.aerial import Aerial, take_aerial
-from fieldtruth.report.preview.cloud import Cloud, scan_from
-from fieldtruth.report.preview.views import free_stations, most_telling
+from fieldtruth.report.drawing.aerial import Aerial, take_aerial
+from fieldtruth.report.drawing.cloud import Cloud, scan_from
+from fieldtruth.report.preview.viewpoints import free_stations, most_telling
 from fieldtruth.report.shares import SPACING, ClassShares, count_classes
 from fieldtruth.sense import Scene
 from fieldtruth.world.model import World

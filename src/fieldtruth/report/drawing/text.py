@@ -4,8 +4,6 @@
 
 from typing import Final
 
-from fieldtruth.core.classes import CLASSES
-
 MINUS: Final = "\N{MINUS SIGN}"
 TIMES: Final = "\N{MULTIPLICATION SIGN}"
 TO: Final = "\N{EN DASH}"
@@ -42,8 +40,3 @@ def size_text(byte: int) -> tuple[str, str]:
         if byte >= scale:
             return f"{byte / scale:.3g}" if byte < 100 * scale else f"{byte / scale:.0f}", unit
     return f"{byte / 1e3:.3g}", "kB"
-
-
-def colour_of(label: int) -> str:
-    """Flat colour of a class for CSS; grey for no class."""
-    return "#{:02x}{:02x}{:02x}".format(*(CLASSES[label].rgb or (138, 138, 138)))

@@ -11,9 +11,10 @@ import numpy as np
 from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES
+from fieldtruth.report.drawing.style import class_colour
+from fieldtruth.report.drawing.text import count_text, fixed
 from fieldtruth.report.page.samples import jpeg_below
-from fieldtruth.report.page.scans import ScanCloud
-from fieldtruth.report.page.words import colour_of, count_text, fixed
+from fieldtruth.report.page.scan_cloud import ScanCloud
 
 ROUTE: Final = len(CLASSES)
 """Label of the points that show the robot's way."""
@@ -75,13 +76,13 @@ def pack(cloud: ScanCloud, trajectory: Trajectory | None) -> Orbit:
         "count": len(xyz), "step": step, "middle": middle.tolist(), "voxel": cloud.voxel, "route": ROUTE,
         "target": target.tolist(), "azimuth": azimuth, "elevation": _ELEVATION, "distance": distance,
         "fov": _VERTICAL_FOV, "low": float(low), "high": max(float(high), float(low) + 0.1),
-        "colours": [colour_of(int(row.label)) for row in CLASSES],
+        "colours": [class_colour(int(row.label)) for row in CLASSES],
     }  # fmt: skip
     return Orbit(
         data=base64.b64encode(data).decode(),
         settings=settings,
         legend=tuple(
-            LegendRow(int(row.label), row.name if row.label else "no class", colour_of(int(row.label)),
+            LegendRow(int(row.label), row.name if row.label else "no class", class_colour(int(row.label)),
                       count_text(int(counts[row.label])))
             for row in CLASSES if counts[row.label]
         ),
@@ -116,8 +117,8 @@ def _first_view(cloud: ScanCloud, way: Array) -> tuple[Array, float, float]:
 
 
 def _poster(cloud: ScanCloud, target: Array, azimuth: float, distance: float) -> str:
-    from fieldtruth.report.preview.cloud import Cloud, draw_cloud
-    from fieldtruth.report.preview.paper import NIGHT
+    from fieldtruth.report.drawing.cloud import Cloud, draw_cloud
+    from fieldtruth.report.drawing.style import NIGHT
 
     width, height = _POSTER
     across, up = np.radians(azimuth), np.radians(_ELEVATION)

@@ -17,8 +17,8 @@ from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.report.page.passage import FOREIGN, stamp_of, usable
-from fieldtruth.report.page.tally import class_ids
+from fieldtruth.report.page.bag_pass import FOREIGN, stamp_of, usable
+from fieldtruth.report.page.class_counts import class_ids
 
 SCANS: Final = 120
 LARGEST: Final = 260_000

@@ -17,7 +17,7 @@ from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.report.preview.aerial import halved
+from fieldtruth.report.drawing.aerial import halved
 from fieldtruth.sense import Lidar, Scene
 
 _OVERSAMPLED: Final = 2

@@ -18,8 +18,9 @@ from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.files import VERSION_KEY
 from fieldtruth.experiment.yaml_io import parse_mapping
-from fieldtruth.report.page.passage import FOREIGN, Passage, usable
-from fieldtruth.report.page.words import TIMES, colour_of, count_text, fixed, shortened, size_text, trimmed
+from fieldtruth.report.drawing.style import class_colour
+from fieldtruth.report.drawing.text import TIMES, count_text, fixed, shortened, size_text, trimmed
+from fieldtruth.report.page.bag_pass import FOREIGN, Passage, usable
 
 ROWS: Final = 200
 """At most so many rows of a table; a bag can have any number of topics and frames."""
@@ -147,7 +148,7 @@ def class_rows(passage: Passage) -> tuple[list[ClassRow], ClassRow | None]:
         if any(c[row.label] for c in counts):
             name = row.name if row.label else "no class"
             shares = [_share(c, int(row.label), longest) for c in (pixels, points)]
-            rows.append(ClassRow(name, colour_of(int(row.label)), *shares))
+            rows.append(ClassRow(name, class_colour(int(row.label)), *shares))
     sums = [None if c is None or not c.sum() else Share(count_text(int(c.sum())), "", 0.0) for c in (pixels, points)]
     return rows, ClassRow("all", "", *sums)
 

@@ -21,8 +21,8 @@ from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.rig import WHEELS
+from fieldtruth.report.page.class_counts import count_pixels, count_points
 from fieldtruth.report.page.series import Collector, Fixes, Inertial, Lines, Motion, Wheel
-from fieldtruth.report.page.tally import count_pixels, count_points
 
 TAGS: Final = tuple(map(table.tag, table.SIDES))
 _MSGTYPE: Final = {topic.name: topic.msgtype for topic in table.TOPICS}

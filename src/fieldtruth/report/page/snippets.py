@@ -3,12 +3,23 @@
 """How to load a run: commands and short programs that can be copied as they stand."""
 
 import shlex
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.checksums import CHECKSUMS
 from fieldtruth.bag.run import Run
-from fieldtruth.exporters import FORMATS
+
+FORMATS: Final = {
+    "files": "PNG, CSV, text files and class shares, as the paper publishes them",
+    "zip": "the bag, compressed without loss, with its SHA-256",
+    "semantickitti": "clouds with labels, poses, calibration",
+    "kitti": "KITTI odometry: images, clouds, poses, calibration",
+    "tum": "the true trajectory as a text file",
+    "mcap": "ROS 2 messages (CDR), for ROS 2 and Foxglove",
+    "coco": "COCO panoptic and detection JSON with images",
+    "pcd": "a PCD file per cloud with labels and colours",
+}
+"""Export formats and what they contain. Exporters are a higher layer; a test compares the names with theirs."""
 
 
 class Snippet(NamedTuple):
@@ -22,7 +33,7 @@ class Snippet(NamedTuple):
 def export_commands(run: Run) -> list[tuple[str, str, str]]:
     """Format, what it is, and the command that makes it."""
     bag = shlex.quote(run.bag.name)
-    return [(name, form.description, f"fieldtruth export {bag} --to {name}") for name, form in FORMATS.items()]
+    return [(name, content, f"fieldtruth export {bag} --to {name}") for name, content in FORMATS.items()]
 
 
 def snippets(run: Run) -> list[Snippet]:
