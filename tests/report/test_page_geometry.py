@@ -28,7 +28,8 @@ from report_pages import (
 
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.report.page import aerial_view, scan_cloud, write_report
-from fieldtruth.world import World, load_world
+from fieldtruth.world.build import load_world
+from fieldtruth.world.model import World
 
 
 @pytest.fixture(scope="module")
