@@ -26,8 +26,8 @@ POINTS = "/os1_cloud_node/points"
 ODOMETRY = "/ground_truth/odom"
 IN_BAG = np.dtype(
     {
-        "names": ["x", "y", "z", "intensity", "t", "ring", "column", "label", "instance"],
-        "formats": ["<f4", "<f4", "<f4", "<f4", "<u4", "<u2", "<u2", "<u2", "<u2"],
+        "names": ["x", "y", "z", "intensity", "ring", "column", "label", "instance"],
+        "formats": ["<f4", "<f4", "<f4", "<f4", "<u2", "<u2", "<u2", "<u2"],
     }
 )
 COLOURS = {1: 0x00FF00, 2: 0xFF00FF, 3: 0xFFFF00, 4: 0x0000FF, 5: 0xFF0000, 6: 0x617F38, 7: 0x4C3930, 8: 0xCC6114}
@@ -68,7 +68,7 @@ def test_pypcd4_reads_the_bits_of_the_bag(made: Path, clouds: dict[int, NDArray[
     for stamp, cloud in clouds.items():
         file = PointCloud.from_path(made / f"{stamp}.pcd")
         assert file.metadata.points == file.metadata.width == len(cloud) > 20_000
-        assert file.fields == ("x", "y", "z", "rgb", "label", "intensity", "t", "ring", "column", "instance")
+        assert file.fields == ("x", "y", "z", "rgb", "label", "intensity", "ring", "column", "instance")
         for name in IN_BAG.names or ():
             there, here = file.pc_data[name], cloud[name]
             if name == "label":
@@ -87,7 +87,6 @@ def test_types_are_those_that_pcl_expects(made: Path) -> None:
     )
     assert kinds["label"] == ("U", 4, 1)  # pcl::PointXYZRGBL
     assert kinds["ring"] == ("U", 2, 1)
-    assert kinds["t"] == ("U", 4, 1)
 
 
 def test_viewpoint_is_the_lidars_pose_in_the_world(made: Path, bag: Path) -> None:
@@ -109,7 +108,7 @@ def test_open3d_reads_points_colours_and_labels(made: Path, clouds: dict[int, ND
     file = open3d.t.io.read_point_cloud(str(made / f"{stamp}.pcd"))
     xyz = np.column_stack([cloud[axis] for axis in "xyz"])
     np.testing.assert_array_equal(file.point.positions.numpy(), xyz)
-    for name in ("label", "intensity", "t", "ring", "column", "instance"):
+    for name in ("label", "intensity", "ring", "column", "instance"):
         np.testing.assert_array_equal(file.point[name].numpy().ravel(), cloud[name], name)
     old = open3d.io.read_point_cloud(str(made / f"{stamp}.pcd"))
     red, green, blue = (255.0 * np.asarray(old.colors)).round().astype(int).T

@@ -124,10 +124,9 @@ def test_model_states_hold_names_of_any_letters() -> None:
     assert xyz(message.twist[0].angular) == TRACK.motion.angular_velocity[0].tolist()
 
 
-def test_cloud() -> None:
-    n = 300
+def fake_scan(n: int) -> FakeScan:
     k = np.arange(n)
-    scan = FakeScan(
+    return FakeScan(
         xyz=np.random.default_rng(1).normal(size=(n, 3)).astype(np.float32),
         label=(k % 13 + 1).astype(np.uint8),
         instance=(k * 200).astype(np.uint16),
@@ -135,33 +134,45 @@ def test_cloud() -> None:
         column=(k + 200).astype(np.uint16),
         t_ns=(k * 10_000_000).astype(np.uint32),
     )
-    message = back(images.point_cloud(5, STAMP, scan), "sensor_msgs/msg/PointCloud2")
+
+
+@pytest.mark.parametrize("spinning", [False, True])
+def test_cloud(spinning: bool) -> None:
+    scan = fake_scan(300)
+    message = back(images.point_cloud(5, STAMP, scan, spinning=spinning), "sensor_msgs/msg/PointCloud2")
     points = read.points(message)
-    assert (message.header.frame_id, message.height, message.width, message.point_step) == ("os1_lidar", 1, n, 28)
+    assert (message.header.frame_id, message.height, message.width) == ("os1_lidar", 1, 300)
     assert message.is_dense
     np.testing.assert_array_equal(np.stack([points["x"], points["y"], points["z"]], -1), scan.xyz)
     np.testing.assert_array_equal(points["intensity"], scan.label.astype(np.float32))
-    for name, value in {"label": scan.label, "instance": scan.instance, "t": scan.t_ns}.items():
-        np.testing.assert_array_equal(points[name], value)
-    for name in ("ring", "column"):
+    for name in ("ring", "column", "label", "instance"):
         np.testing.assert_array_equal(points[name], getattr(scan, name))
+    if spinning:
+        np.testing.assert_array_equal(points["t"], scan.t_ns)
+
+
+@pytest.mark.parametrize(("spinning", "size"), [(False, 24), (True, 28)])
+def test_only_the_points_of_a_spinning_lidar_have_times(spinning: bool, size: int) -> None:
+    message = back(images.point_cloud(5, STAMP, fake_scan(300), spinning=spinning), "sensor_msgs/msg/PointCloud2")
+    time = {"t": (16, 6)} if spinning else {}
     assert {f.name: (f.offset, f.datatype) for f in message.fields} == {
         "x": (0, 7),
         "y": (4, 7),
         "z": (8, 7),
         "intensity": (12, 7),
-        "t": (16, 6),
-        "ring": (20, 4),
-        "column": (22, 4),
-        "label": (24, 4),
-        "instance": (26, 4),
+        **time,
+        "ring": (size - 8, 4),
+        "column": (size - 6, 4),
+        "label": (size - 4, 4),
+        "instance": (size - 2, 4),
     }
+    assert (message.point_step, message.row_step) == (size, size * 300)
 
 
 def test_empty_cloud() -> None:
     none = np.zeros(0)
     scan = FakeScan(np.zeros((0, 3), np.float32), *(none.astype(t) for t in ("u1", "u2", "u2", "u2", "u4")))
-    message = back(images.point_cloud(0, STAMP, scan), "sensor_msgs/msg/PointCloud2")
+    message = back(images.point_cloud(0, STAMP, scan, spinning=False), "sensor_msgs/msg/PointCloud2")
     assert (message.width, len(read.points(message))) == (0, 0)
 
 

@@ -12,8 +12,11 @@ from numpy.typing import NDArray
 from validate_bags import Edit, each, failures, first_message, only, points_in, quick_failures, rewritten
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.images import POINT
+from fieldtruth.bag.images import POINT, SWEPT_POINT
 from fieldtruth.core.classes import Label
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.files import load_experiment
+from fieldtruth.pipeline import generate
 from fieldtruth.validation import Check
 
 Validate = Callable[..., list[Check]]
@@ -90,7 +93,6 @@ def test_what_no_beam_can_have_measured_is_found(lean_run: Path, tmp_path: Path)
         ("on the rays of", shifted),
         ("none twice", twice),
         ("ring and column are", setting(500, ring=64)),
-        ("t is the time", setting(500, t=1)),
         ("ranges are", too_far),
     ]
     folder = rewritten(lean_run, tmp_path, each({(table.POINTS, k): edit for k, (_, edit) in enumerate(wrong)}))
@@ -98,6 +100,21 @@ def test_what_no_beam_can_have_measured_is_found(lean_run: Path, tmp_path: Path)
     for k, (law, _) in enumerate(wrong):
         told = next(text for text in texts if law in text)
         assert f"first {table.POINTS} at {k + 1}00000000 ns, row 500" in told
+
+
+def test_a_wrong_time_of_a_point_of_a_spinning_lidar_is_found(tmp_path: Path) -> None:
+    values = load_experiment("park_1").model_dump()
+    values["seconds"] = 0.15
+    values["rig"]["cameras"]["enabled"], values["rig"]["lidar"]["spinning"] = False, True
+    run = generate(Experiment.model_validate(values), tmp_path).parent
+
+    def late(data: bytearray) -> None:
+        points_in(data, SWEPT_POINT)["t"][500] += 1
+
+    assert "beams" not in quick_failures(run)
+    text = quick_failures(rewritten(run, tmp_path / "late", only(table.POINTS, 0, late)))["beams"]
+    assert "t is the time at which the column's rays leave: 1 of" in text
+    assert f"first {table.POINTS} at 100000000 ns, row 500" in text
 
 
 def test_points_that_are_nowhere_are_found(lean_run: Path, tmp_path: Path) -> None:

@@ -85,12 +85,12 @@ def each(edits: dict[tuple[str, int], Edit]) -> Change:
     return change
 
 
-def points_in(data: bytearray) -> NDArray[np.void]:
+def points_in(data: bytearray, kind: np.dtype[np.void] = POINT) -> NDArray[np.void]:
     """Points of a serialised cloud of this package, to be changed in place."""
     # The last field's name, offset, type and count; is_bigendian, point_step, row_step, and the length of the data.
     start = bytes(data).index(b"instance") + len(b"instance") + (4 + 1 + 4) + (1 + 4 + 4 + 4)
-    count = struct.unpack_from("<L", data, start - 4)[0] // POINT.itemsize
-    return np.frombuffer(data, POINT, count, start)
+    count = struct.unpack_from("<L", data, start - 4)[0] // kind.itemsize
+    return np.frombuffer(data, kind, count, start)
 
 
 def pixels_in(data: bytearray, kind: str, channels: int = 1) -> NDArray[Any]:

@@ -20,25 +20,19 @@ from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig
 
-POINT: Final = np.dtype(
-    [
-        ("x", "<f4"),
-        ("y", "<f4"),
-        ("z", "<f4"),
-        ("intensity", "<f4"),
-        ("t", "<u4"),
-        ("ring", "<u2"),
-        ("column", "<u2"),
-        ("label", "<u2"),
-        ("instance", "<u2"),
-    ]
-)
-"""28 bytes: x, y, z [m] in os1_lidar; intensity = label, as the paper's reflectivity; t [ns] after the stamp."""
+_XYZI: Final = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
+_INDICES: Final = [("ring", "<u2"), ("column", "<u2"), ("label", "<u2"), ("instance", "<u2")]
+
+POINT: Final = np.dtype([*_XYZI, *_INDICES])
+"""24 bytes: x, y, z [m] in os1_lidar; intensity = label, as the paper's reflectivity; indices of the ray; ids.
+
+A scan in which all rays leave at once has no field for time: programs that find one scale it to 0..1 and divide by the
+scan's duration, 0 (KISS-ICP aborts).
+"""
+SWEPT_POINT: Final = np.dtype([*_XYZI, ("t", "<u4"), *_INDICES])
+"""28 bytes: a point of a spinning LiDAR, with the time t [ns] after the stamp at which its ray left."""
 
 _DATATYPES: Final = {"<f4": PointField.FLOAT32, "<u4": PointField.UINT32, "<u2": PointField.UINT16}
-_FIELDS: Final = [
-    PointField(name, offset, _DATATYPES[kind.str], 1) for name, (kind, offset, *_) in (POINT.fields or {}).items()
-]
 
 Side = Literal["left", "right"]
 
@@ -60,21 +54,27 @@ class Scan(Protocol):
     def t_ns(self) -> NDArray[np.uint32]: ...  # noqa: D102
 
 
-def point_cloud(seq: int, stamp_ns: int, scan: Scan) -> bytes:
-    """sensor_msgs/PointCloud2 of the returns, in the order of the scan."""
-    points = np.empty(len(scan.xyz), POINT)
+def point_cloud(seq: int, stamp_ns: int, scan: Scan, *, spinning: bool) -> bytes:
+    """sensor_msgs/PointCloud2 of the returns, in the order of the scan; the points of a spinning LiDAR have times."""
+    kind = SWEPT_POINT if spinning else POINT
+    points = np.empty(len(scan.xyz), kind)
     points["x"], points["y"], points["z"] = scan.xyz.T
     points["intensity"] = scan.label
-    points["t"], points["ring"], points["column"] = scan.t_ns, scan.ring, scan.column
+    if spinning:
+        points["t"] = scan.t_ns
+    points["ring"], points["column"] = scan.ring, scan.column
     points["label"], points["instance"] = scan.label, scan.instance
     message = PointCloud2(
         ros.header(seq, stamp_ns, "os1_lidar"),
         height=1,
         width=len(points),
-        fields=_FIELDS,
+        fields=[
+            PointField(name, offset, _DATATYPES[base.str], 1)
+            for name, (base, offset, *_) in (kind.fields or {}).items()
+        ],
         is_bigendian=False,
-        point_step=POINT.itemsize,
-        row_step=POINT.itemsize * len(points),
+        point_step=kind.itemsize,
+        row_step=points.nbytes,
         data=points.view(np.uint8),
         is_dense=True,
     )

@@ -47,7 +47,7 @@ class Sample(TypedDict, total=False):
     instances: NDArray[np.int32]
     """(n,) object ids."""
     rays: I8
-    """(n, 3) ring, column, and time [ns] after ``lidar_stamp_ns``."""
+    """(n, 3) ring, column, and time [ns] after ``lidar_stamp_ns``: 0 where the cloud has no field ``t``."""
     world_from_base: F8
     """(4, 4) true pose of base_link at ``stamp_ns``."""
     world_from_camera: F8
@@ -109,7 +109,12 @@ def _instances(message: Any, ids: I8) -> NDArray[np.int32]:
 
 
 def _rays(message: Any, ids: I8) -> I8:
-    return _columns(_returns(message), ("ring", "column", "t"), np.dtype(np.int64))
+    points = _returns(message)
+    rays = np.zeros((len(points), 3), np.int64)
+    rays[:, :2] = _columns(points, ("ring", "column"), np.dtype(np.int64))
+    if "t" in (points.dtype.names or ()):
+        rays[:, 2] = points["t"]
+    return rays
 
 
 def _returns(message: Any) -> NDArray[np.void]:

@@ -36,7 +36,8 @@ A PCD file (version 0.7, binary) per cloud; its name is the cloud's stamp in nan
 - `rgb`: the colour of the class, packed as PCL packs it (0x00RRGGBB in the bits of a float).
 - `label`: the id of the class, see the table.
 - All other fields are the bag's own. In a run of fieldtruth these are `intensity` (the class among fieldtruth's own),
-  `t` [ns] after the stamp, `ring` and `column` of the ray, `instance` (row of /gazebo/model_states; 1 is the ground).
+  `ring` and `column` of the ray, `instance` (row of /gazebo/model_states; 1 is the ground) and, from a spinning LiDAR,
+  `t` [ns] after the stamp.
 
 | label | class | red green blue |
 |---|---|---|

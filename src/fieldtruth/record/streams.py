@@ -120,7 +120,7 @@ def lidar_stream(config: LidarConfig, stamps: I8, world_from_base: PoseAt) -> St
         assert sensors.lidar is not None
         stamp = int(stamps[k])
         pose = np.stack([pose_at(stamp + int(t)) for t in sweep_ns]) if config.spinning else pose_at(stamp)
-        yield images.point_cloud(k, stamp, sensors.lidar.scan(pose))
+        yield images.point_cloud(k, stamp, sensors.lidar.scan(pose), spinning=config.spinning)
 
     return Stream((topics.POINTS,), stamps, scan)
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.images import POINT
+from fieldtruth.bag.images import POINT, SWEPT_POINT
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.readings import points
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
@@ -118,7 +118,8 @@ def _examine(message: Any, config: LidarConfig, laws: Laws, place: str) -> Seen:
 
 def _examine_cloud(message: Any, cloud: NDArray[np.void], config: LidarConfig, laws: Laws, place: str) -> Seen:
     names = cloud.dtype.names or ()
-    laws.layout.see(cloud.dtype == POINT and message.is_dense and not message.is_bigendian,
+    expected = SWEPT_POINT if config.spinning else POINT
+    laws.layout.see(cloud.dtype == expected and message.is_dense and not message.is_bigendian,
                     f"{place}: fields {', '.join(names)}")  # fmt: skip
 
     def row(k: int) -> str:
@@ -135,7 +136,7 @@ def _examine_cloud(message: Any, cloud: NDArray[np.void], config: LidarConfig, l
         laws.finite.see_all(np.asarray(np.isfinite(xyz).all(axis=-1)), lambda k: f"{row(k)}: {xyz[k]} m")
         if {"ring", "column"} <= set(names):
             _examine_rays(cloud, xyz, config, laws, row)
-    if cloud.dtype != POINT:
+    if cloud.dtype not in (POINT, SWEPT_POINT):
         return Seen(laws, len(cloud), np.zeros((0, N_CLASSES), np.int64), {})
     pairs, first = _pairs(cloud["instance"], cloud["label"], row)
     return Seen(laws, len(cloud), pairs, first)

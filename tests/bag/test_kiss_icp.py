@@ -1,0 +1,63 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""KISS-ICP with its default settings on default bags: it runs to the end and finds the true trajectory."""
+
+import os
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from evo.core import metrics, sync
+from evo.core.trajectory import PoseTrajectory3D
+from evo.tools import file_interface
+from rosbags.rosbag1 import Reader
+
+from fieldtruth.experiment.files import load_experiment, with_overrides
+from fieldtruth.pipeline import generate
+
+pytest.importorskip("kiss_icp", reason="pip install kiss-icp")
+
+SECONDS = 20
+MOUNT = [0.09, 0.0, 0.826]
+"""Position [m] of the LiDAR in base_link; its axes are those of base_link."""
+BOUNDS = {"park": 0.06, "lake": 0.06, "forest": 0.02, "hillside": 0.8}
+"""RMSE [m] of the position after rigid alignment, over 6 m of driving; measured: 0.035, 0.036, 0.008, 0.47.
+
+On the open slope of the hillside 70 % of the points are ground: its rings slide with the sensor, and point-to-point
+registration follows them.
+"""
+
+
+def estimated_trajectory(bag: Path, out: Path) -> PoseTrajectory3D:
+    """Run the program as its users do; it aborts the process when it fails."""
+    command = ["kiss_icp_pipeline", "--topic", "/os1_cloud_node/points", str(bag)]
+    environment = os.environ | {"kiss_icp_out_dir": str(out)}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+    return file_interface.read_tum_trajectory_file(out / "latest" / f"{bag.stem}_poses_tum.txt")
+
+
+def true_trajectory(bag: Path) -> PoseTrajectory3D:
+    """Poses of the LiDAR in the world."""
+    with Reader(bag) as reader:
+        trajectory = file_interface.read_bag_trajectory(reader, "/ground_truth/odom")
+    base_from_lidar = np.eye(4)
+    base_from_lidar[:3, 3] = MOUNT
+    trajectory.transform(base_from_lidar, right_mul=True)
+    return trajectory
+
+
+@pytest.mark.parametrize(
+    "environment", ["park", *(pytest.param(name, marks=pytest.mark.slow) for name in ("lake", "forest", "hillside"))]
+)
+def test_kiss_icp_finds_the_true_trajectory(environment: str, tmp_path: Path) -> None:
+    bag = generate(with_overrides(load_experiment(f"{environment}_1"), seconds=SECONDS, cameras=False), tmp_path)
+    estimate = estimated_trajectory(bag, tmp_path / "kiss_icp")
+    truth, estimate = sync.associate_trajectories(true_trajectory(bag), estimate, max_diff=1e-4)
+    assert truth.num_poses == estimate.num_poses == 10 * SECONDS
+    assert truth.path_length > 5.0
+    estimate.align(truth)
+    error = metrics.APE(metrics.PoseRelation.translation_part)
+    error.process_data((truth, estimate))
+    assert error.get_statistic(metrics.StatisticsType.rmse) < BOUNDS[environment]
