@@ -75,7 +75,7 @@ def test_it_is_rooted_on_a_slope(kind: GrassSpecies, seed: int) -> None:
     off = np.hypot(root[:, 0], root[:, 1])
     assert (root[:, 2] < -0.1 - 0.5 * off).all()
     assert off.max() < 1.05 * mesh.footprint + 1e-6
-    stems = sum(sort.number for sort in kind.sorts)
+    stems = sum(sort.number for sort in kind.blades)
     assert len(root) == stems  # and no tip has sunk into the soil
 
 

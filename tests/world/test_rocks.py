@@ -144,7 +144,7 @@ def test_same_seed_same_rock_and_bad_wishes() -> None:
     )
     assert np.array_equal(first.vertices, again.vertices)
     assert first.vertices.shape != other.vertices.shape or not np.allclose(first.vertices, other.vertices)
-    with pytest.raises(ValueError, match="triangles of a rock = 79: must be from 80 to 3000"):
+    with pytest.raises(ValueError, match="triangles must be between 80 and 3000, got 79"):
         make_rock(ROCK_TYPES["granite"], name="r", size=1.0, rng=np.random.default_rng(0), triangles=79)
-    with pytest.raises(ValueError, match="size of a rock = 0 m: must be above 0"):
+    with pytest.raises(ValueError, match="size must be above 0 m, got 0"):
         make_rock(ROCK_TYPES["granite"], name="r", size=0, rng=np.random.default_rng(0))

@@ -19,6 +19,7 @@ from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.problems import configuration_error
 from fieldtruth.world.environments import ENVIRONMENTS
+from fieldtruth.world.library import data_files
 from fieldtruth.world.model import World
 from fieldtruth.world.store import read_world, save_world
 from fieldtruth.world.trails import Line
@@ -121,6 +122,6 @@ def _code_key() -> str:
     """Digest of all that shapes a world: this package's rules and built-in routes, NumPy's and SciPy's version."""
     digest = hashlib.blake2b(f"{version('numpy')} {version('scipy')}".encode(), digest_size=8)
     root = Path(__file__).parent
-    for path in sorted([*root.rglob("*.py"), *(root.parent / "experiment" / "builtin").glob("*.yaml")]):
+    for path in sorted([*root.rglob("*.py"), *data_files(), *(root.parent / "experiment" / "builtin").glob("*.yaml")]):
         digest.update(path.read_bytes())
     return digest.hexdigest()

@@ -1,14 +1,14 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Grown plants: trees and bushes of trunk, branches and single leaves; grass and herbs of single blades."""
+"""Generated plants: trees and bushes of trunk, branches and leaves; grass and herbs of blades; dead wood."""
 
-from fieldtruth.world.plants.catalogue import BUSHES, TREES
+from fieldtruth.world.plants.catalogue import BUSHES, GRASSES, TREES
 from fieldtruth.world.plants.clumps import grow_clump
 from fieldtruth.world.plants.deadwood import clearance_circles, grow_log, grow_snag, grow_stump
+from fieldtruth.world.plants.grass_species import GrassSpecies
 from fieldtruth.world.plants.plant import grow_bush, grow_tree
 from fieldtruth.world.plants.species import GrownIn, Species
-from fieldtruth.world.plants.tufts import GrassSpecies, grow_tuft
-from fieldtruth.world.plants.undergrowth import GRASSES
+from fieldtruth.world.plants.tufts import grow_tuft
 
 __all__ = [
     "BUSHES",

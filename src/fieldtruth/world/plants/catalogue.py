@@ -1,18 +1,51 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""All plants by name. A new one is a `Species` in a family's file and a word here."""
+"""Species by name, one data file each.
+
+In a file, ``young`` and ``exposed`` state only what differs from ``grown``, order by order; ``stand`` is a `Stand`.
+"""
 
 from collections.abc import Mapping
-from typing import Final
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
 
-from fieldtruth.world.plants.broadleaves import BIRCH, LIME, OAK
-from fieldtruth.world.plants.conifers import PINE, SPRUCE
-from fieldtruth.world.plants.shrubs import BOX, BRAMBLE, GORSE, GREY_WILLOW, HAZEL, HEATHER, JUNIPER
-from fieldtruth.world.plants.species import Species
-from fieldtruth.world.plants.woodland import ALDER, BEECH, WILLOW
+from fieldtruth.world.library import Entry, Library, validated
+from fieldtruth.world.plants.grass_species import GrassSpecies
+from fieldtruth.world.plants.species import Species, Stand
+from fieldtruth.world.plants.variation import in_stand
 
-TREES: Final[Mapping[str, Species]] = {s.name: s for s in (LIME, BIRCH, OAK, BEECH, SPRUCE, PINE, ALDER, WILLOW)}
+
+def _species(name: str, content: Entry, path: Path) -> Species:
+    values = {"name": name, **content}
+    stand = values.pop("stand", None)
+    for form in ("young", "exposed"):
+        if form in values:
+            values[form] = _merged(values.get("grown"), values[form])
+    species = validated(Species, values, str(path))
+    if stand is None:
+        return species
+    return replace(species, stand=in_stand(species.grown, validated(Stand, stand, f"{path}: stand")))
+
+
+def _merged(base: Any, changes: Any) -> Any:
+    """``base`` with ``changes``: mappings key by key, lists of mappings item by item and as long as the changes."""
+    if isinstance(base, Mapping) and isinstance(changes, Mapping):
+        return {**base, **{key: _merged(base.get(key), value) for key, value in changes.items()}}
+    if isinstance(base, list) and isinstance(changes, list) and all(isinstance(item, Mapping) for item in changes):
+        return [_merged(base[k] if k < len(base) else None, item) for k, item in enumerate(changes)]
+    return changes
+
+
+def _grass(name: str, content: Entry, path: Path) -> GrassSpecies:
+    return validated(GrassSpecies, {"name": name, **content}, str(path))
+
+
+TREES: Final = Library("trees", _species)
 """Trees by name."""
 
-BUSHES: Final[Mapping[str, Species]] = {s.name: s for s in (BOX, HAZEL, JUNIPER, GORSE, BRAMBLE, GREY_WILLOW, HEATHER)}
+BUSHES: Final = Library("bushes", _species)
 """Bushes by name."""
+
+GRASSES: Final = Library("grasses", _grass)
+"""Grasses and herbs by name, class high grass."""

@@ -14,7 +14,8 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.model import Mesh, merge_meshes
-from fieldtruth.world.plants.tufts import GrassSpecies, grow_tuft
+from fieldtruth.world.plants.grass_species import GrassSpecies
+from fieldtruth.world.plants.tufts import grow_tuft
 
 
 def grow_clump(

@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The numbers that make a kind of plant: how its stems branch, bend and taper, and what its leaves are like.
+"""Parameters of trees and bushes: how stems branch, bend and taper, and what the leaves look like.
 
 The parameters are those of Weber and Penn, "Creation and Rendering of Realistic Trees" (SIGGRAPH 1995), reduced to what
-park plants need. Where they count branches per stem, we count those of the whole plant and give each stem its share by
-length: so the number of triangles hardly differs between individuals.
+these plants need. They count branches per stem; here, counts are of the whole plant, and each stem gets a share by its
+length, so that the number of triangles hardly differs between individuals. Forms follow field guides; the numbers were
+set by eye. Leaves are up to twice as long as in nature, see `leaves`.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 Outline = Literal["conical", "spherical", "hemispherical", "flame", "domed", "spire", "flat"]
 
 GrownIn = Literal["open", "stand", "exposed"]
-"""Where a tree grew up: free on all sides, among its like in a forest, or on a windy, stony place."""
+"""Where a tree grew up: in the open, in a forest stand, or on a windy, stony slope."""
 
 _OUTLINES: Final[Mapping[Outline, Callable[[NDArray[np.float64]], NDArray[np.float64]]]] = {
     "conical": lambda r: 0.2 + 0.8 * r,
@@ -34,7 +35,7 @@ def outline_ratio(outline: Outline, ratio: NDArray[np.float64]) -> NDArray[np.fl
     """Length of a limb relative to the longest, at ``ratio`` of the crown's depth: 1 at its base, 0 at its top.
 
     Weber and Penn's ShapeRatio (section 4.3; "flame" is their "tend flame"). "domed" (tall round crowns), "spire"
-    (spruce) and "flat" (old pine) are ours.
+    (spruce) and "flat" (old pine) are our additions.
     """
     return _OUTLINES[outline](ratio)
 
@@ -43,100 +44,116 @@ def outline_ratio(outline: Outline, ratio: NDArray[np.float64]) -> NDArray[np.fl
 class Order:
     """How the stems of one order grow on those of the order before: order 1 on the trunk, order 2 on the limbs, ...
 
-    Pairs are (value at the foot, value at the tip): of the parent for ``angle``, of the stem itself for ``lift``.
+    Pairs are (value at the base, value at the tip): of the parent for ``angle``, of the stem itself for ``lift``.
     """
 
     number: int  # stems of this order on the whole plant before pruning, each parent's share by its length
-    start: float = 0.0  # fraction of the parent's length below which none grows (order 1: see Habit.crown_base)
+    start: float = 0.0  # lowest position on the parent, fraction of its length (order 1: see Habit.crown_base)
     length: float  # of the longest, relative to the parent's length (order 1: to the plant's height)
     length_spread: float = 0.15  # standard deviation of the logarithm
     angle: tuple[float, float]  # [deg] from the parent's axis
     angle_spread: float = 8.0  # [deg] standard deviation
     divergence: float = 137.5  # [deg] about the parent from one sibling to the next; 180: two ranks, left and right
     divergence_spread: float = 15.0  # [deg] standard deviation
-    whorl: int = 1  # shoots that sprout at one height, as a year's growth of most conifers does
+    whorl: int = 1  # shoots that sprout at one height, as in a year's growth of most conifers
     lift: tuple[float, float] = (0.0, 0.0)  # [rad per stem length] upward bending (down if negative)
     bend: float = 0.2  # [rad per stem length] standard deviation of one steady bend in any direction
     wander: float = 0.2  # [rad per stem length] standard deviation of the random walk of the direction
     thickness: float = 1.1  # radius relative to the parent's is the length relative to the parent's to this power
-    collar: float = 0.25  # widening at the foot relative to the rest
+    collar: float = 0.25  # widening at the base relative to the rest
     segments: int = 4  # per stem
     sides: int = 4  # of the tube
     foliage: float = 0.0  # leaves per length relative to other orders; 0: none
-    leaf_start: float = 0.0  # fraction of the stem's length below which no leaf grows
-    drawn: float = 1.0  # share of the stems that get a skin: the thinnest twigs hide among large leaves
+    leaf_start: float = 0.0  # lowest leaf, fraction of the stem's length
+    drawn: float = 1.0  # share of the stems that get a surface: the thinnest twigs are hidden by large leaves
 
 
 @dataclass(frozen=True, kw_only=True)
 class Leaf:
     """The form of a leaf: a folded blade of two or, ``rounded``, four triangles, or a spray of needles.
 
-    A spray is a small twig with its needles and side shoots: its prongs spread like the toes of a bird.
+    A spray is a small twig with its needles and side shoots, its prongs spread like the toes of a bird: single needles
+    would be a million triangles.
     """
 
     number: int  # on the whole plant before pruning
     length: float  # [m] of the blade, at ``Habit.height``
     width: float  # relative to the length
     size_spread: float = 0.18  # standard deviation of the logarithm
-    widest: float = 0.4  # where along the midrib
+    widest: float = 0.4  # position of the greatest width, fraction of the length
     fold: float = 20.0  # [deg] by which each half rises from the plane
     stalk: float = 0.03  # [m]
     arrangement: float = 180.0  # [deg] about the twig from one leaf to the next
-    droop: float = 0.5  # weight of "downwards" in the midrib's direction
-    flatness: float = 1.0  # weight of "upwards" in the upper side's direction, against 1 for outwards
+    droop: float = 0.5  # weight of "down" in the midrib's direction
+    flatness: float = 1.0  # weight of "up" in the upper side's direction, against 1 for outwards
     forward: float = 0.5  # weight of the twig's direction in the midrib's, against 1 for sideways
     rounded: bool = False  # six corners instead of a kite's four
     prongs: int = 0  # of a spray of needles, each a pointed triangle; 0: a blade
     splay: float = 40.0  # [deg] between the prongs
-    stagger: float = 0.0  # of the length: where along the middle prong the outer ones leave it
+    stagger: float = 0.0  # where the outer prongs leave the middle one, fraction of the length
 
 
 @dataclass(frozen=True, kw_only=True)
 class Habit:
-    """A way of growing at one stage of life."""
+    """The form of a plant at one age in one kind of surroundings."""
 
     height: float  # [m] of an individual with leaves of ``leaf.length``; they grow with the root of the height
     trunk_radius: float  # relative to the plant's height, at the ground without the root flare
     leader: float = 0.9  # length of the trunk relative to the plant's height
-    clear: float  # [m] height below which only the trunk is: what dips below is pruned
-    crown_base: float  # height of the lowest limb's foot relative to the plant's height
+    clear: float  # [m] height of the bare trunk: lower branches are pruned
+    crown_base: float  # height of the lowest limb's base relative to the plant's height
     outline: Outline
     lopsided: float = 0.15  # how much longer limbs are on the side of the light, relative
-    vigour: tuple[float, float] = (1.0, 1.0)  # leaves of an individual relative to ``leaf.number``, from and to
-    dead_limbs: float = 0.0  # share of the limbs that bear no leaf
-    dead: Order | None = None  # dry branches on the trunk below the crown; ``start`` is where they begin
+    vigour: tuple[float, float] = (1.0, 1.0)  # least and most leaves of an individual, relative to ``leaf.number``
+    dead_limbs: float = 0.0  # share of the limbs without leaves
+    dead: Order | None = None  # dry branches on the trunk below the crown; ``start`` is the height of the lowest
     trunk_lean: float = 2.0  # [deg] standard deviation
-    lean_limit: float = 6.0  # [deg] by which the trunk's top is off its foot's vertical at most
+    lean_limit: float = 6.0  # [deg] greatest angle between the vertical and the line from the base to the top
     trunk_wander: float = 0.12  # [rad per length]
     trunk_segments: int = 20
     trunk_sides: int = 14
     flare: float = 0.6  # widening at the ground relative to the trunk's radius
     stems: int = 1  # trunks from one root
-    stem_splay: float = 0.0  # [deg] from upright of the outermost of several stems
-    stem_circle: float = 0.0  # [m] radius of the circle in which several stems stand
+    stem_splay: float = 0.0  # [deg] from vertical of the outermost of several stems
+    stem_circle: float = 0.0  # [m] radius of the circle that several stems start from
     stem_lift: tuple[float, float] = (0.2, -0.1)  # [rad per stem length] of several stems, as ``Order.lift``
-    sheared: float = 0.0  # radius, relative to the height, of the dome to which it is clipped; 0: grows freely
+    sheared: float = 0.0  # radius, relative to the height, of the dome to which it is clipped; 0: not clipped
     orders: tuple[Order, ...]
     leaf: Leaf
 
 
 @dataclass(frozen=True, kw_only=True)
+class Stand:
+    """How a tree in a forest stand differs from one in the open; the last three replace values of the habit."""
+
+    crown_base: float  # height of the lowest limb's base relative to the tree's height
+    reach: float  # of the limbs, relative
+    slim: float  # radius of the trunk, relative
+    leaves: float  # number of leaves, relative
+    clear: float  # [m], as in `Habit`
+    height: float = 13.0  # [m], as in `Habit`
+    dead: Order | None = None
+    dead_limbs: float | None = None
+    trunk_wander: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class Species:
-    """A kind of plant: its materials, and its habits by age and by where it grew up."""
+    """A species of tree or bush: its materials, and its habits by age and surroundings."""
 
     name: str
     latin: str
-    wood: str  # name of the material
-    foliage: str  # name of the material
-    upper_wood: str | None = None  # name of the bark above ``upper_from``, where it differs from the old bark below
+    wood: str  # material
+    foliage: str  # material
+    upper_wood: str | None = None  # material of the bark above ``upper_from``, if it differs from the bark below
     upper_from: float = 0.5  # of the height
-    bloom: str | None = None  # name of the flowers' material; None: not in bloom
+    bloom: str | None = None  # material of the flowers; None: not in bloom
     bloom_share: float = 0.1  # of the leaves that are flowers
     grown: Habit
     young: Habit | None = None
     young_below: float = 6.5  # [m] height below which the young habit applies
-    stand: Habit | None = None  # among others: a long clear trunk and a narrow crown; as ``grown`` if None
-    exposed: Habit | None = None  # stunted by wind and drought, of any age; as elsewhere if None
+    stand: Habit | None = None  # in a forest stand: a long clear trunk and a narrow crown; None: as ``grown``
+    exposed: Habit | None = None  # stunted by wind and drought, at any age; None: as elsewhere
 
     def __str__(self) -> str:
         return self.name

@@ -7,8 +7,8 @@ Blades are bent as the paths of particles are (see `blades`). Tufts as the unit 
 length, bend and turn, and dead ones lie between the living: a meadow of equal tufts would look mown.
 """
 
-from dataclasses import dataclass, replace
-from typing import Literal, assert_never
+from dataclasses import replace
+from typing import assert_never
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.plants.blades import along, discs, kites, midribs, pinnae, spindles, strips
+from fieldtruth.world.plants.grass_species import Blades, Flower, Frond, GrassSpecies, Leaves, Organ, Spike
 from fieldtruth.world.plants.growth import unit
 from fieldtruth.world.plants.meshing import Surface
 
@@ -27,87 +28,6 @@ SIMPLE_BELOW = 0.6
 """Detail below which every blade is a kite."""
 LIE = 0.006
 """[m] above the soil at which a blade that has sunk lies."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Leaves:
-    """Leaves or spikelets along a blade or stalk; sizes [m] hold at the recipe's usual height."""
-
-    material: str
-    number: int  # on each stalk
-    length: float
-    width: float
-    start: float  # where along the stalk the lowest is
-    end: float = 1.0  # and the highest
-    angle: float = 60.0  # [deg] from the stalk
-    droop: float = 0.3  # weight of "downwards" in their direction
-    arrangement: Literal["spiral", "pairs", "one side"] = "spiral"
-    smallest: float = 0.5  # length of the highest relative to the lowest
-    widest: float = 0.35
-
-
-@dataclass(frozen=True, kw_only=True)
-class Frond:
-    """Pinnae that make a blade a fern's frond."""
-
-    material: str
-    pairs: int
-    length: float  # of the longest pinna, relative to the frond's
-    start: float = 0.16  # where along the frond the lowest pair is
-
-
-@dataclass(frozen=True, kw_only=True)
-class Flower:
-    """A disc on top of a stalk."""
-
-    material: str
-    radius: float  # [m]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Spike:
-    """A spindle about a stalk."""
-
-    material: str
-    radius: float  # [m]
-    start: float
-    end: float
-
-
-Organ = Leaves | Frond | Flower | Spike
-
-
-@dataclass(frozen=True, kw_only=True)
-class Blades:
-    """One sort of blades or stalks in a tuft; pairs of numbers are least and most."""
-
-    material: str
-    number: int
-    length: tuple[float, float]  # along the midrib, relative to those of other sorts
-    width: float  # [m] at the widest, at the recipe's usual height
-    lean: tuple[float, float]  # [deg] from upright at the foot, in the middle and at the rim of the disc
-    bend: tuple[float, float]  # [deg] by which the tip leans further than the foot
-    drift: float = 25.0  # [deg] standard deviation: sweep to the side from foot to tip
-    roll: float = 40.0  # [deg] standard deviation: how the blade is turned about its midrib
-    twist: float = 60.0  # [deg] standard deviation: further turn from foot to tip
-    rim: float = 1.0  # radius, relative to the tuft's, within which they root
-    kite: bool = False  # two triangles in place of six: for what is thin or short
-    organs: tuple[Organ, ...] = ()
-
-
-@dataclass(frozen=True, kw_only=True)
-class GrassSpecies:
-    """A kind of grass or herb."""
-
-    name: str
-    latin: str
-    height: tuple[float, float]  # [m] usual
-    radius: float  # [m] of the disc it roots in, at the middle of the usual heights
-    lopsided: float = 0.5  # weight of the direction to which a whole tuft leans, against 1 for outwards
-    sorts: tuple[Blades, ...]
-
-    def __str__(self) -> str:
-        return self.name
 
 
 def grow_tuft(kind: GrassSpecies, *, name: str, height: float, rng: np.random.Generator, detail: float = 1.0) -> Mesh:
@@ -124,7 +44,7 @@ def grow_tuft(kind: GrassSpecies, *, name: str, height: float, rng: np.random.Ge
         raise ValueError(f"detail of {kind.name} = {detail}: must be above 0 and at most 4")
     scale = float(np.sqrt(2 * height / sum(kind.height)))
     radius = kind.radius * scale
-    sorts = [_detailed(sort, detail) for sort in kind.sorts]
+    sorts = [_detailed(sort, detail) for sort in kind.blades]
     side = rng.normal(0, 0.5 * kind.lopsided, 2)
     paths = [_grown(sort, radius, side, rng) for sort in sorts]
     top = max(float(path[:, :, 2].max()) for path in paths)

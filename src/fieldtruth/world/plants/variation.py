@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from fieldtruth.world.plants.species import Habit, Leaf, Order
+from fieldtruth.world.plants.species import Habit, Leaf, Order, Stand
 
 SIDE_PRONG: Final = 0.8  # length of a spray's outer prongs relative to the middle one's
 LARGEST_GROWTH: Final = 5.5  # longest leaf of a coarse plant relative to that of a fine one
@@ -34,29 +34,30 @@ def individual(habit: Habit, rng: np.random.Generator) -> Habit:
     )
 
 
-def in_stand(
-    habit: Habit, *, crown_base: float, reach: float, slim: float, leaves: float, clear: float, height: float = 13.0
-) -> Habit:
-    """The habit of a tree that grew up among others: the crown begins at ``crown_base`` of the height.
+def in_stand(habit: Habit, stand: Stand) -> Habit:
+    """The habit of a tree that grew up in a forest stand.
 
-    Limbs' ``reach``, the trunk's radius (``slim``) and the number of ``leaves`` are relative to those in the open.
-    Light comes from the gaps between the neighbours: crowns are more one-sided.
+    Light comes through gaps between the neighbours, so crowns are more one-sided than in the open.
     """
     first, *others = habit.orders
     return replace(
         habit,
-        height=height,
-        trunk_radius=habit.trunk_radius * slim,
+        height=stand.height,
+        trunk_radius=habit.trunk_radius * stand.slim,
         leader=max(habit.leader, 0.93),
-        clear=clear,
-        crown_base=crown_base,
+        clear=stand.clear,
+        crown_base=stand.crown_base,
         lopsided=1.6 * habit.lopsided,
-        dead_limbs=habit.dead_limbs + 0.05,
-        trunk_wander=0.7 * habit.trunk_wander,
+        dead_limbs=habit.dead_limbs + 0.05 if stand.dead_limbs is None else stand.dead_limbs,
+        dead=habit.dead if stand.dead is None else stand.dead,
+        trunk_wander=0.7 * habit.trunk_wander if stand.trunk_wander is None else stand.trunk_wander,
         flare=0.8 * habit.flare,
         vigour=(0.75, 1.0),
-        leaf=replace(habit.leaf, number=round(leaves * habit.leaf.number)),
-        orders=(replace(first, length=reach * first.length, angle=(0.85 * first.angle[0], first.angle[1])), *others),
+        leaf=replace(habit.leaf, number=round(stand.leaves * habit.leaf.number)),
+        orders=(
+            replace(first, length=stand.reach * first.length, angle=(0.85 * first.angle[0], first.angle[1])),
+            *others,
+        ),
     )
 
 

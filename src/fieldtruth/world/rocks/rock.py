@@ -1,86 +1,73 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Kinds of rock, and one rock of a kind as a mesh that lies in the soil, with its collider and the room it needs."""
+"""Rock types, and a rock of one type as a mesh that lies in the soil, with its collider and footprint."""
 
-from collections.abc import Mapping
-from types import MappingProxyType
-from typing import Final, NamedTuple
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.world.library import Entry, Library, validated
 from fieldtruth.world.model import Collider, Mesh
 from fieldtruth.world.noise import solid_noise
 from fieldtruth.world.rocks.meshing import box_uv, corner_normals, welded
 from fieldtruth.world.rocks.shape import fracture_planes, geodesic, snapped, worn_radius
 
 TEXTURE_LENGTH: Final = 1.2
-"""Length [m] that one repeat of a rock's texture covers."""
+"""Length [m] of one repeat of a rock's texture."""
 
 
-class RockType(NamedTuple):
-    """How rocks of a kind break and wear."""
+@dataclass(frozen=True, kw_only=True)
+class RockType:
+    """How rocks of one type break and weather."""
 
     name: str
     material: str
-    proportions: tuple[float, float, float]
-    """Length, width, height before they vary by ``variety``."""
-    cuts: int
-    """Random planes of fracture; fewer leave larger facets."""
-    joints: float
-    """Share of the block that three families of joints shape, 0 (none) to 1."""
-    sharpness: float
-    """Of the edges: about 5 is river-worn, 40 freshly broken."""
-    roughness: float
-    """Deviation of the fractal noise on the surface, in radii."""
-    layers: float = 0.0
-    """Depth of the joints between layers, in radii: bedding or cleavage."""
-    buried: tuple[float, float] = (0.2, 0.4)
-    """Share of the height that lies below the soil line, from and to."""
-    variety: float = 0.16
+    proportions: tuple[float, float, float]  # mean length, width and height
+    cuts: int  # random fracture planes; fewer leave larger facets
+    joints: float  # share of the block that three families of joints shape, 0 to 1
+    sharpness: float  # of the edges: about 5 is worn by a river, 40 freshly broken
+    roughness: float  # standard deviation of the fractal noise on the surface, in radii
+    layers: float = 0.0  # depth of the joints between layers (bedding or cleavage), in radii
+    buried: tuple[float, float] = (0.2, 0.4)  # least and greatest share of the height below the soil
+    variety: float = 0.16  # standard deviation of the proportions' logarithms
 
 
-ROCK_TYPES: Final[Mapping[str, RockType]] = MappingProxyType(
-    {
-        kind.name: kind
-        for kind in (
-            RockType("granite", "rock_granite", (1.0, 0.85, 0.8), 11, 0.75, 15, 0.020),
-            RockType("limestone", "rock_limestone", (1.0, 0.8, 0.72), 13, 0.9, 30, 0.030, layers=0.05),
-            RockType("crag", "rock_limestone", (1.0, 0.6, 0.62), 15, 0.55, 34, 0.045, layers=0.10, buried=(0.3, 0.4)),
-            RockType("fieldstone", "rock_fieldstone", (1.0, 0.82, 0.68), 12, 0.0, 5.5, 0.016),
-            RockType("slab", "rock_schist", (1.0, 0.74, 0.26), 9, 0.85, 34, 0.012, layers=0.05),
-            RockType("scree", "rock_limestone", (1.0, 0.72, 0.45), 10, 0.2, 45, 0.012),
-        )
-    }
-)
-"""Kinds by name: granite and limestone (jointed blocks), crag (a layered outcrop), fieldstone (rounded), slab (flat
-schist), scree (sharp splinters of limestone)."""
+def _rock_type(name: str, content: Entry, path: Path) -> RockType:
+    return validated(RockType, {"name": name, **content}, str(path))
+
+
+ROCK_TYPES: Final = Library("rocks", _rock_type)
+"""Rock types by name, one data file each."""
 
 
 def make_rock(
-    kind: RockType, *, name: str, size: float, rng: np.random.Generator, triangles: int = 720, solid: bool = True
+    rock_type: RockType, *, name: str, size: float, rng: np.random.Generator, triangles: int = 720, solid: bool = True
 ) -> Mesh:
     """A rock whose largest horizontal extent is ``size`` [m], of at most ``triangles`` (80 to 3,000).
 
-    z = 0 is the soil line; 20 to 40 % of the height lie below it, so that the rock lies in the ground. The collider, a
-    box or an upright cylinder, whichever is smaller, encloses what may stick out (none if not ``solid``, for pebbles of
-    a swarm). The footprint [m] is the radius about the origin that encloses the same.
+    z = 0 is the soil line; the share ``buried`` of the height is below it. The collider, a box or an upright cylinder,
+    whichever is smaller, encloses all that may be above the soil (no collider if not ``solid``, for pebbles of a
+    swarm). The footprint [m] is the radius about the origin that encloses the same.
     """
     if not 80 <= triangles <= 3000:
-        raise ValueError(f"triangles of a rock = {triangles}: must be from 80 to 3000")
+        raise ValueError(f"triangles must be between 80 and 3000, got {triangles}")
     if not size > 0:
-        raise ValueError(f"size of a rock = {size} m: must be above 0")
+        raise ValueError(f"size must be above 0 m, got {size}")
     frequency = int(np.sqrt(triangles / 20))
-    vertices, faces = _body(kind, frequency, rng)
+    vertices, faces = _body(rock_type, frequency, rng)
     vertices *= size / max(np.ptp(vertices[:, 0]), np.ptp(vertices[:, 1]))
     height = float(np.ptp(vertices[:, 2]))
-    depth = float(rng.uniform(*kind.buried)) * height
+    depth = float(rng.uniform(*rock_type.buried)) * height
     vertices[:, 2] -= vertices[:, 2].min() + depth
     visible = vertices[vertices[:, 2] > -depth / 2]
     vertices[:, :2] -= (visible[:, :2].max(0) + visible[:, :2].min(0)) / 2
     visible = vertices[vertices[:, 2] > -depth / 2]
-    crease = 30.0 if kind.sharpness > 10 else 60.0
+    crease = 30.0 if rock_type.sharpness > 10 else 60.0
     normals = corner_normals(vertices, faces, crease)
     smooth = corner_normals(vertices, faces, 89.0).mean(axis=1)
     uv, axis = box_uv(vertices, faces, smooth, rng.uniform(0, 8, (3, 2)))
@@ -92,38 +79,38 @@ def make_rock(
         uv=skin[2].astype(np.float32),
         faces=skin[3],
         material=np.zeros(len(faces), np.int32),
-        materials=(kind.material,),
+        materials=(rock_type.material,),
         colliders=(_collider(visible, -depth / 2),) if solid else (),
         footprint=float(np.hypot(visible[:, 0], visible[:, 1]).max()),
     )
 
 
-def _body(kind: RockType, frequency: int, rng: np.random.Generator) -> tuple[Array, NDArray[np.intp]]:
-    """Vertices (v, 3) of about unit radius and faces: fractured, worn, layered, roughened, drawn to proportions."""
+def _body(rock_type: RockType, frequency: int, rng: np.random.Generator) -> tuple[Array, NDArray[np.intp]]:
+    """Vertices (v, 3) of about unit radius and faces: fractured, worn, layered, roughened, scaled to proportions."""
     directions, faces = geodesic(frequency)
     directions = directions @ _random_turn(rng).T
-    planes = fracture_planes(rng, kind.cuts, kind.joints)
-    sharpness = kind.sharpness * float(np.exp(rng.normal(0, 0.2)))
+    planes = fracture_planes(rng, rock_type.cuts, rock_type.joints)
+    sharpness = rock_type.sharpness * float(np.exp(rng.normal(0, 0.2)))
     if sharpness > 10:
         directions = snapped(directions, planes, 1.1 / frequency)
     radius = worn_radius(directions, planes, sharpness)
     body = directions * radius[:, None]
     swell = solid_noise(body, wavelength=1.6, octaves=2, rng=rng)
     grain = solid_noise(body, wavelength=0.7, octaves=max(1, int(np.log2(frequency))), rng=rng, gain=0.55)
-    scale = 1 + 0.045 * swell.clip(-2, 2) + kind.roughness * grain.clip(-3, 3)
-    if kind.layers:
+    scale = 1 + 0.045 * swell.clip(-2, 2) + rock_type.roughness * grain.clip(-3, 3)
+    if rock_type.layers:
         tilted = body @ _random_turn(rng, 0.15)[2]
         layer = 4.2 * tilted + 0.5 * swell
-        # Weaker beds weather back; the hard ones keep the block's outline.
+        # Weak beds weather back; hard ones keep the block's outline.
         bed = np.interp(layer % 1.0, [0, 0.12, 0.25, 0.85, 1.0], [1.0, 0.9, 0.0, 0.0, 1.0])
-        scale -= kind.layers * bed * rng.uniform(0.3, 1.0, 64)[np.floor(layer).astype(int) % 64]
+        scale -= rock_type.layers * bed * rng.uniform(0.3, 1.0, 64)[np.floor(layer).astype(int) % 64]
     body *= scale[:, None]
-    body *= np.array(kind.proportions) * np.exp(rng.normal(0, kind.variety, 3))
+    body *= np.array(rock_type.proportions) * np.exp(rng.normal(0, rock_type.variety, 3))
     return body @ _random_turn(rng, 0.12).T, faces
 
 
 def _random_turn(rng: np.random.Generator, spread: float | None = None) -> Array:
-    """Rotation (3, 3): any, or one that leaves z within about ``spread`` [rad] and the heading as it is."""
+    """Random rotation (3, 3): uniform, or a small one of about ``spread`` [rad]."""
     columns = rng.normal(0, 1, (3, 3)) if spread is None else np.eye(3) + rng.normal(0, spread, (3, 3))
     q, r = np.linalg.qr(columns)
     q = q * np.sign(np.diag(r))
@@ -131,9 +118,7 @@ def _random_turn(rng: np.random.Generator, spread: float | None = None) -> Array
 
 
 def _collider(visible: Array, foot: float) -> Collider:
-    """Smallest upright box or cylinder about ``visible`` (n, 3) [m] that stands at z = ``foot``."""
-    from scipy.spatial import ConvexHull
-
+    """Smallest upright box or cylinder about ``visible`` (n, 3) [m] with its base at z = ``foot``."""
     hull = visible[ConvexHull(visible[:, :2]).vertices, :2]
     top = float(visible[:, 2].max()) - foot
     edges = np.roll(hull, -1, axis=0) - hull

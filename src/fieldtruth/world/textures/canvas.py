@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What all textures are drawn with: noise, cells and scattered pieces on a square that continues at the opposite edge.
+"""Drawing tools of all textures: noise, cells and scattered pieces on a square that wraps at its edges.
 
 An image is (n, n) or (n, n, 3): u runs along axis 1, v up axis 0 (v = 0 is the lower edge). Light is linear until
 :func:`finish` encodes it as sRGB.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,20 @@ from scipy import fft, ndimage
 
 Image = NDArray[np.float32]
 Rng = np.random.Generator
+Tone = Sequence[int]
+"""An sRGB colour, 0 to 255."""
+Tones = Sequence[Tone]
+Drawing = Callable[..., Image]
+"""Takes a random generator and the parameters of a texture's data entry as keywords; gives linear light (n, n, 3)."""
+
+DRAWINGS: Final[dict[str, Drawing]] = {}
+"""Functions that draw textures, by name."""
+
+
+def drawing(draw: Drawing) -> Drawing:
+    """Register a function that draws a texture."""
+    DRAWINGS[draw.__name__] = draw
+    return draw
 
 
 def linear(rgb8: ArrayLike) -> Image:
@@ -24,9 +38,9 @@ def linear(rgb8: ArrayLike) -> Image:
 
 
 def noise(rng: Rng, n: int, low: float, high: float, *, slope: float = 1.0, stretch: float = 1.0) -> Image:
-    """Smooth noise (n, n), mean 0, deviation 1, of ``low`` to ``high`` cycles a tile, falling as frequency^-slope.
+    """Smooth noise (n, n), mean 0, deviation 1, of ``low`` to ``high`` cycles per tile, amplitude frequency^-slope.
 
-    ``stretch`` above 1 draws it out along v by that factor, below 1 along u.
+    ``stretch`` above 1 lengthens it along v by that factor, below 1 along u.
     """
     spectrum = fft.rfft2(rng.standard_normal((n, n), np.float32))
     v = (fft.fftfreq(n, 1 / n) * np.sqrt(stretch))[:, None]
@@ -49,7 +63,7 @@ class Cells(NamedTuple):
 
 
 def cells(rng: Rng, n: int, across: int, along: int, *, jitter: float = 0.8, shift: Sequence[Image] = ()) -> Cells:
-    """Worley's cells (SIGGRAPH 1996) of across x along seeds, one in each field of a grid, moved by ``jitter`` of it.
+    """Worley's cells (SIGGRAPH 1996) of across x along seeds, one per grid cell, moved by ``jitter`` of its size.
 
     ``shift`` (u, v) [spacings] bends the borders.
     """
@@ -75,7 +89,7 @@ def cells(rng: Rng, n: int, across: int, along: int, *, jitter: float = 0.8, shi
 
 
 class Samples(NamedTuple):
-    """Points of scattered pieces, each (m,): place [pixels], height, the piece's number, place within the piece."""
+    """Points of scattered pieces, each (m,): position [pixels], height, the piece's number, position in the piece."""
 
     x: Image
     y: Image
@@ -86,7 +100,7 @@ class Samples(NamedTuple):
 
 
 class Relief(NamedTuple):
-    """The pieces seen from above, each (n, n): height, number (-1 where there is none), place within the piece."""
+    """The pieces from above, each (n, n): height, number (-1 where there is no piece), position in the piece."""
 
     height: Image
     owner: NDArray[np.int32]
@@ -95,7 +109,7 @@ class Relief(NamedTuple):
 
 
 def settle(n: int, pieces: Sequence[Samples]) -> Relief:
-    """Look at the pieces from above: at each pixel the highest sample is seen; heights lie within 0 to 1."""
+    """The pieces from above: each pixel shows its highest sample; heights are clipped to 0 to 1."""
     x, y, height, owner, a, b = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
     pixel = (np.floor(y).astype(np.int64) % n) * n + np.floor(x).astype(np.int64) % n
     key = (np.clip(height * 65535, 0, 65535).astype(np.int64) << 32) | np.arange(len(x))
@@ -117,12 +131,12 @@ def strokes(rng: Rng, n: int, count: int, length: tuple[float, float], width: fl
     a = ((np.arange(steps, dtype=np.float32) + 0.5) / steps)[None, :, None]
     b = (((np.arange(across, dtype=np.float32) + 0.5) / across - 0.5) * 2)[None, None, :]
     x, y, angle, share, top = (f.astype(np.float32)[:, None, None] for f in rng.random((5, count)))
-    reach = np.float32(length[0]) + share * np.float32(length[1] - length[0])
+    extent = np.float32(length[0]) + share * np.float32(length[1] - length[0])
     turn = np.float32(2 * np.pi) * angle + a * rng.normal(0, bend, (count, 1, 1)).astype(np.float32)
     c, s = np.cos(turn), np.sin(turn)
     side = b * np.float32(width / 2) * (1 - np.float32(0.7) * a)
-    along = reach * a
-    # Short blades are those that stand upright: they reach highest.
+    along = extent * a
+    # Short blades are upright ones: they are the highest.
     height = (np.float32(0.35) + np.float32(0.65) * top) * (1 - np.float32(0.4) * share) * a * (1.6 - 0.6 * a)
     owner = np.arange(count, dtype=np.int32)[:, None, None]
     full = (count, steps, across)
@@ -131,13 +145,13 @@ def strokes(rng: Rng, n: int, count: int, length: tuple[float, float], width: fl
 
 
 Profile = Callable[[Image, Image, NDArray[np.intp]], Image]
-"""Height 0 to 1 at places (m,) a, b within -1 to 1 of the pieces numbered by the third argument; below 0 is outside."""
+"""Height 0 to 1 at a, b (m,) in -1 to 1 of the pieces numbered by the third argument; below 0 is outside."""
 
 
 def stamps(
     rng: Rng, n: int, length: ArrayLike, width: ArrayLike, profile: Profile, rise: ArrayLike, *, turn: float = np.pi
 ) -> Samples:
-    """Pieces of half ``length`` and half ``width`` (k,) [pixels], strewn and turned up to ``turn``; top at ``rise``."""
+    """Scattered pieces of half ``length`` and ``width`` (k,) [pixels], turned by up to ``turn``; tops at ``rise``."""
     half_a, half_b = np.asarray(length, np.float32), np.asarray(width, np.float32)
     top = np.broadcast_to(np.asarray(rise, np.float32), half_a.shape)
     centre = rng.uniform(0, n, (2, len(half_a))).astype(np.float32)
@@ -146,17 +160,17 @@ def stamps(
     found: list[Samples] = []
     for step in np.unique(size_class):
         rows = np.flatnonzero(size_class == step)
-        reach = int(np.ceil(2.0 ** (step / 2)))
-        grid = np.arange(-reach, reach + 1, dtype=np.float32)
+        radius = int(np.ceil(2.0 ** (step / 2)))
+        grid = np.arange(-radius, radius + 1, dtype=np.float32)
         dx, dy = (g.ravel()[None, :] for g in np.meshgrid(grid, grid))
         c, s = np.cos(angle[rows])[:, None], np.sin(angle[rows])[:, None]
         a, b = (c * dx + s * dy) / half_a[rows, None], (c * dy - s * dx) / half_b[rows, None]
-        piece, place = np.nonzero((np.abs(a) <= 1) & (np.abs(b) <= 1))
-        at_a, at_b = a[piece, place].astype(np.float32), b[piece, place].astype(np.float32)
+        piece, pixel = np.nonzero((np.abs(a) <= 1) & (np.abs(b) <= 1))
+        at_a, at_b = a[piece, pixel].astype(np.float32), b[piece, pixel].astype(np.float32)
         owner = rows[piece]
         shape = profile(at_a, at_b, owner)
         inside = shape >= 0
-        x, y = centre[0, owner] + dx[0, place], centre[1, owner] + dy[0, place]
+        x, y = centre[0, owner] + dx[0, pixel], centre[1, owner] + dy[0, pixel]
         height = top[owner] * (np.float32(0.6) + np.float32(0.4) * shape)
         number = owner.astype(np.int32)
         found.append(Samples(x[inside], y[inside], height[inside], number[inside], at_a[inside], at_b[inside]))
@@ -169,16 +183,16 @@ def blur(image: Image, sigma: float) -> Image:
 
 
 def crevices(height: Image, sigma: float, strength: float) -> Image:
-    """Light that reaches the surface, about 1: less where it lies below its surroundings within ``sigma`` [pixels]."""
+    """Light that reaches the surface, about 1, less where it is below its surroundings within ``sigma`` [pixels]."""
     below = blur(height, sigma) - height
     return np.asarray(np.clip(1 - strength * below, 0.15, 1.3), np.float32)
 
 
 def mix(colours: ArrayLike, where: NDArray[np.floating[Any]]) -> Image:
-    """Colours (k, 3), sRGB 0 to 255, read along ``where`` (n, n) from 0 to 1."""
+    """Colours (k, 3), sRGB 0 to 255, interpolated at ``where`` (n, n) in 0 to 1."""
     table = linear(colours)
-    place = np.linspace(0, len(table) - 1, 1024)
-    fine = np.stack([np.interp(place, np.arange(len(table)), channel) for channel in table.T], axis=1)
+    steps = np.linspace(0, len(table) - 1, 1024)
+    fine = np.stack([np.interp(steps, np.arange(len(table)), channel) for channel in table.T], axis=1)
     return np.asarray(fine.astype(np.float32)[np.clip(where * 1023, 0, 1023).astype(np.int32)])
 
 
@@ -189,7 +203,7 @@ def halve(image: Image) -> Image:
 
 
 def even_out(image: Image, *, cycles: float = 3.0) -> Image:
-    """Divide by the image's own slow changes, below ``cycles`` a tile, whose repetition the eye would find."""
+    """Divide by the image's own slow changes, below ``cycles`` per tile, which would show the repetition."""
     grey = image @ np.full(3, 1 / 3, np.float32)
     n = len(grey)
     k = np.hypot(fft.fftfreq(n, 1 / n)[:, None], fft.rfftfreq(n, 1 / n)[None, :])
@@ -201,14 +215,7 @@ def finish(image: Image, albedo: Sequence[float]) -> NDArray[np.uint8]:
     """Scale each channel to its mean ``albedo`` (linear) and encode as sRGB bytes."""
     light = np.clip(image, 0, None)
     light = np.minimum(light * (np.asarray(albedo, np.float32) / light.mean((0, 1))), 1.0)
-    # Clipped highlights take from the mean; a second pass gives it back.
+    # Clipped highlights lower the mean; a second pass restores it.
     light = np.minimum(light * (np.asarray(albedo, np.float32) / light.mean((0, 1))), 1.0)
     s = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
     return np.asarray(np.round(s * 255), np.uint8)
-
-
-class Recipe(NamedTuple):
-    """How a texture is drawn, and its mean linear albedo (red, green, blue)."""
-
-    draw: Callable[[Rng], Image]
-    albedo: tuple[float, float, float]

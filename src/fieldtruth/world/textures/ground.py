@@ -1,13 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Grounds seen from above: lawns, soil, mulch, leaf litter, gravel, setts; and a meadow from afar.
+"""Ground of a park from above: lawn, soil, mulch, leaf litter, gravel, setts; and a distant meadow.
 
-A tile is 1.5 m of ground near by, 0.5 m of setts, 40 m of land from afar. Fine things are drawn at
-twice the resolution and averaged, so that a blade of grass covers part of a pixel.
+A tile is 1.5 m of ground, 0.5 m of setts, or 40 m of distant land. Fine detail is drawn at twice the resolution and
+averaged, so that a blade of grass covers part of a pixel.
 """
 
-from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -16,13 +14,14 @@ from numpy.typing import NDArray
 from fieldtruth.world.textures.canvas import (
     Image,
     Profile,
-    Recipe,
     Relief,
     Rng,
     Samples,
+    Tones,
     blur,
     cells,
     crevices,
+    drawing,
     even_out,
     halve,
     linear,
@@ -33,35 +32,25 @@ from fieldtruth.world.textures.canvas import (
     strokes,
 )
 
-N = 512
-FINE = 2 * N
+N: Final = 512
+FINE: Final = 2 * N
 
 
-def lawn(rng: Rng) -> Image:
-    """Mown grass in summer: green blades, a tenth of straw, clover leaves, soil in the gaps."""
-    return blades_over_soil(rng, blades=36_000, straw=0.06, clover=260, greens=FRESH)
+DRY_GREENS: Final = [(84, 90, 48), (110, 112, 64), (132, 128, 80), (148, 142, 96)]
+STRAW: Final = [(116, 102, 64), (152, 138, 92), (176, 162, 116)]
 
 
-def lawn_dry(rng: Rng) -> Image:
-    """Mown grass after weeks without rain: half straw, more soil."""
-    return blades_over_soil(rng, blades=34_000, straw=0.5, clover=60, greens=TIRED)
-
-
-FRESH = [(70, 84, 40), (92, 108, 53), (110, 124, 64), (132, 140, 80)]
-TIRED = [(84, 90, 48), (110, 112, 64), (132, 128, 80), (148, 142, 96)]
-STRAW = [(116, 102, 64), (152, 138, 92), (176, 162, 116)]
-
-
+@drawing
 def blades_over_soil(
     rng: Rng,
     *,
     blades: int,
     straw: float,
     clover: int,
-    greens: list[tuple[int, int, int]],
-    earth: tuple[tuple[int, int, int], tuple[int, int, int]] = ((48, 40, 28), (92, 78, 54)),
+    greens: Tones,
+    earth: Tones = ((48, 40, 28), (92, 78, 54)),
 ) -> Image:
-    """Blades of grass over soil, ``straw`` a share of them dead, with ``clover`` leaves among them."""  # fmt: skip
+    """Mown blades of grass over soil: a share ``straw`` of them is dead, ``clover`` leaves grow among them."""
     patches = noise(rng, FINE, 3, 24, slope=0.8)
     grass = strokes(rng, FINE, blades, (7.0, 24.0), 2.2, 0.5)
     leaves = stamps(
@@ -84,7 +73,7 @@ def _clover_leaf(a: Image, b: Image, _rows: NDArray[np.intp]) -> Image:
 
 
 def stone_profile(lumps: Image) -> Profile:
-    """Rounded pebble; ``lumps`` (k, 4) makes each one's outline its own."""
+    """Profile of rounded pebbles; the phases ``lumps`` (k, 4) vary their outlines."""
 
     def profile(a: Image, b: Image, rows: NDArray[np.intp]) -> Image:
         turn, wave = np.arctan2(b, a), lumps[rows]
@@ -103,7 +92,7 @@ def stone_profile(lumps: Image) -> Profile:
 def strewn_stones(
     rng: Rng, count: int, radius: tuple[float, float], *, power: float, rise: tuple[float, float]
 ) -> Samples:
-    """Stones between two radii [pixels], many small and few large: N(>r) falls as r^-power."""
+    """Scattered stones with radii [pixels] between two limits; the number above r falls as r^-power."""
     low, high = radius[0] ** -power, radius[1] ** -power
     size = (low + rng.random(count) * (high - low)) ** (-1 / power)
     lumps = rng.uniform(0, 2 * np.pi, (count, 4)).astype(np.float32)
@@ -113,8 +102,9 @@ def strewn_stones(
     )
 
 
+@drawing
 def gravel(rng: Rng) -> Image:
-    """Bound gravel of a park's trail: packed sand with stones of 3 to 25 mm pressed into it."""
+    """Bound gravel of a park path: packed sand with embedded stones of 3 to 25 mm."""
     count = 26_000
     relief = settle(FINE, [strewn_stones(rng, count, (1.3, 10.0), power=1.9, rise=(0.2, 1.0))])
     sand = mix([(150, 134, 108), (186, 170, 142), (206, 192, 166)], 0.5 + 0.25 * noise(rng, FINE, 60, 500, slope=0.2))
@@ -133,11 +123,12 @@ def gravel(rng: Rng) -> Image:
 
 
 def dome(relief: Relief) -> Image:
-    """Height 0 to 1 of round pieces as a half ball has it."""
+    """Height 0 to 1 of each piece as a hemisphere."""
     return np.asarray(np.sqrt(np.clip(1 - relief.a**2 - relief.b**2, 0, 1)), np.float32)
 
 
-def soil(rng: Rng) -> Image:
+@drawing
+def garden_soil(rng: Rng) -> Image:
     """Dark garden soil: crumbs of all sizes, a few small stones."""
     count = 16_000
     relief = settle(FINE, [strewn_stones(rng, count, (1.5, 14.0), power=1.8, rise=(0.3, 1.0))])
@@ -149,8 +140,9 @@ def soil(rng: Rng) -> Image:
     return even_out(halve(colour * crevices(relief.height, 4.0, 0.8)[..., None]))
 
 
-def mulch(rng: Rng) -> Image:
-    """Chips of conifer bark, 1 to 6 cm, thrown over each other."""
+@drawing
+def bark_mulch(rng: Rng) -> Image:
+    """Overlapping chips of conifer bark, 1 to 6 cm."""
     count = 7_000
     length = rng.gamma(4.0, 3.2, count).clip(5, 36)
     chips = stamps(rng, FINE, length, length * rng.uniform(0.2, 0.6, count), _chip, rng.uniform(0.15, 1, count))
@@ -170,8 +162,9 @@ def _chip(a: Image, b: Image, rows: NDArray[np.intp]) -> Image:
     return np.asarray(np.where(inside > 0, np.minimum(1, 4 * inside), -1), np.float32)
 
 
-def litter(rng: Rng) -> Image:
-    """Last year's leaves on the ground, 4 to 9 cm long, brown to yellow."""
+@drawing
+def leaf_litter(rng: Rng) -> Image:
+    """Dead leaves on the ground, 4 to 9 cm long, brown to yellow."""
     count = 1_500
     length = rng.uniform(14, 30, count)
     leaves = stamps(rng, FINE, length, length * rng.uniform(0.45, 0.75, count), dead_leaf, rng.uniform(0.1, 1, count))
@@ -190,14 +183,15 @@ def litter(rng: Rng) -> Image:
 
 
 def dead_leaf(a: Image, b: Image, rows: NDArray[np.intp]) -> Image:
-    """Pointed oval with a wavy margin; rows give each leaf its own waves."""
+    """Profile of a leaf: a pointed oval with a wavy margin that differs between rows."""
     wave = 1 + 0.08 * np.sin(11 * a + rows)
     half = np.clip(1 - a**2, 0, 1) ** 0.8 * (1 - 0.25 * a) * wave
     return np.asarray(np.where(np.abs(b) < half, 0.5 + 0.5 * np.abs(b), -1), np.float32)
 
 
+@drawing
 def setts(rng: Rng) -> Image:
-    """Cobbles of granite, about 8 cm, in sand; laid without a direction, so that a border may run any way."""
+    """Granite cobbles, about 8 cm, in sand, without a direction, so that they fit a border of any orientation."""
     bend = [0.05 * noise(rng, N, 4, 20, slope=1.6) for _ in range(2)]
     joint = cells(rng, N, 6, 6, jitter=0.5, shift=bend)
     gap = joint.second - joint.nearest + 0.012 * noise(rng, N, 20, 120)
@@ -213,25 +207,12 @@ def setts(rng: Rng) -> Image:
     return np.asarray(sand * (1 - share) + stone * share, np.float32)
 
 
-def meadow(rng: Rng) -> Image:
-    """Rough grassland from afar: tussocks, paler dry patches, darker weeds; one pixel is 8 cm."""
+@drawing
+def far_meadow(rng: Rng) -> Image:
+    """Distant rough grassland: tussocks, pale dry patches, dark weeds; one pixel is 8 cm."""
     tussock = noise(rng, N, 30, 250, slope=0.3)
     patch = noise(rng, N, 5, 60, slope=0.9)
     colour = mix([(70, 82, 46), (98, 108, 62), (122, 126, 78), (152, 146, 102)], 0.45 + 0.12 * patch + 0.07 * tussock)
     weeds = 0.5 * np.clip(noise(rng, N, 12, 120, slope=0.6) - 1.3, 0, 1)[..., None]
     colour = colour * (1 - weeds) + linear((62, 72, 40)) * weeds
     return even_out(colour * (1 + 0.06 * blur(tussock, 0.7))[..., None], cycles=5)
-
-
-RECIPES: Final[Mapping[str, Recipe]] = MappingProxyType(
-    {
-        "lawn": Recipe(lawn, (0.105, 0.126, 0.041)),
-        "lawn_dry": Recipe(lawn_dry, (0.170, 0.155, 0.072)),
-        "soil": Recipe(soil, (0.105, 0.075, 0.048)),
-        "mulch": Recipe(mulch, (0.105, 0.060, 0.034)),
-        "litter": Recipe(litter, (0.105, 0.075, 0.044)),
-        "gravel": Recipe(gravel, (0.305, 0.270, 0.214)),
-        "setts": Recipe(setts, (0.205, 0.192, 0.172)),
-        "meadow": Recipe(meadow, (0.115, 0.130, 0.050)),
-    }
-)

@@ -1,24 +1,17 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Grounds that nobody tends: a lake's shore and a dry hillside, from near and from afar.
-
-A tile is 1.5 m of ground near by (scree 2.5 m).
-"""
-
-from collections.abc import Mapping
-from types import MappingProxyType
-from typing import Final
+"""Ground of a lake shore and a dry hillside, and distant land. A tile of ground is 1.5 m, of scree 2.5 m."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.world.textures.canvas import (
     Image,
-    Recipe,
     Relief,
     Rng,
     Samples,
     crevices,
+    drawing,
     even_out,
     halve,
     linear,
@@ -28,11 +21,21 @@ from fieldtruth.world.textures.canvas import (
     stamps,
     strokes,
 )
-from fieldtruth.world.textures.ground import FINE, STRAW, TIRED, N, blades_over_soil, dome, stone_profile, strewn_stones
+from fieldtruth.world.textures.ground import (
+    DRY_GREENS,
+    FINE,
+    STRAW,
+    N,
+    blades_over_soil,
+    dome,
+    stone_profile,
+    strewn_stones,
+)
 
 
+@drawing
 def rough_grass(rng: Rng) -> Image:
-    """Grass that nobody mows: long blades that lie over each other, last year's straw, herbs' leaves, dark gaps."""
+    """Unmown grass: long overlapping blades, straw, dark gaps."""
     count = 15_000
     patches = noise(rng, FINE, 3, 24, slope=0.8)
     relief = settle(FINE, [strokes(rng, FINE, count, (16.0, 60.0), 3.0, 0.9)])
@@ -46,8 +49,9 @@ def rough_grass(rng: Rng) -> Image:
     return even_out(halve(colour * light[..., None]))
 
 
+@drawing
 def mud(rng: Rng) -> Image:
-    """Wet mud at the water's edge: smooth silt with ripples, worm casts, bits of reed and a few drowned pebbles."""
+    """Wet mud at the water's edge: smooth silt with ripples and bits of reed."""
     ripple = noise(rng, N, 10, 40, slope=0.6, stretch=0.35)
     grain = noise(rng, N, 60, 256, slope=0.2)
     wet = noise(rng, N, 3, 30, slope=1.0)
@@ -63,8 +67,9 @@ def mud(rng: Rng) -> Image:
     return even_out(colour * crevices(0.12 * ripple + (relief.owner >= 0), 2.0, 0.5)[..., None])
 
 
+@drawing
 def pebbles(rng: Rng) -> Image:
-    """A beach of rounded pebbles of 1 to 7 cm, washed, with coarse sand between them."""
+    """A beach of rounded pebbles of 1 to 7 cm with coarse sand between them."""
     count = 9_000
     relief = settle(FINE, [strewn_stones(rng, count, (3.0, 24.0), power=1.5, rise=(0.2, 1.0))])
     sand = mix([(112, 100, 80), (150, 136, 112), (178, 164, 138)], 0.5 + 0.25 * noise(rng, FINE, 60, 500, slope=0.2))
@@ -79,17 +84,19 @@ def pebbles(rng: Rng) -> Image:
     return even_out(halve(colour * crevices(relief.height, 4.0, 0.8)[..., None]))
 
 
-def water(rng: Rng) -> Image:
-    """What a lake scatters back from below its surface: murky green and brown, in slow clouds."""
+@drawing
+def murky_water(rng: Rng) -> Image:
+    """Light that a lake scatters back from below its surface: murky green and brown, slowly varying."""
     n = 128
     cloud = 0.5 + 0.12 * noise(rng, n, 2, 12, slope=0.8)
     return np.asarray(mix([(38, 44, 30), (46, 54, 38), (54, 60, 40)], cloud), np.float32)
 
 
-def turf_dry(rng: Rng) -> Image:
-    """Turf of a dry mountain in summer: bleached stalks with soil and pebbles between them."""
+@drawing
+def dry_turf(rng: Rng) -> Image:
+    """Turf of a dry mountain in summer: bleached blades with soil and pebbles between them."""
     grass = blades_over_soil(
-        rng, blades=17_000, straw=0.93, clover=1, greens=TIRED, earth=((92, 70, 46), (150, 122, 86))
+        rng, blades=17_000, straw=0.93, clover=1, greens=DRY_GREENS, earth=((92, 70, 46), (150, 122, 86))
     )
     relief = settle(FINE, [strewn_stones(rng, 500, (2.0, 11.0), power=1.7, rise=(0.3, 0.9))])
     tone = rng.random(500).astype(np.float32)[relief.owner]
@@ -102,8 +109,9 @@ def turf_dry(rng: Rng) -> Image:
 _OCHRE = [(108, 84, 58), (148, 120, 86), (176, 148, 110)]
 
 
-def soil_stony(rng: Rng) -> Image:
-    """Thin dry soil of a hillside: ochre dust, full of angular stones up to 8 cm."""
+@drawing
+def stony_soil(rng: Rng) -> Image:
+    """Thin dry soil of a hillside: ochre dust with many angular stones of up to 8 cm."""
     count = 9_000
     relief = settle(FINE, [_shards(rng, count, (1.5, 26.0), power=1.75)])
     dust = mix(_OCHRE, 0.5 + 0.2 * noise(rng, FINE, 4, 60, slope=0.9) + 0.12 * noise(rng, FINE, 60, 500, slope=0.2))
@@ -111,8 +119,9 @@ def soil_stony(rng: Rng) -> Image:
     return even_out(halve(np.asarray(colour * crevices(relief.height, 3.0, 0.6)[..., None], np.float32)))
 
 
+@drawing
 def scree(rng: Rng) -> Image:
-    """Broken limestone that covers the ground, splinters of 1 to 20 cm one over the other."""
+    """Broken limestone: overlapping splinters of 1 to 20 cm."""
     count = 30_000
     relief = settle(FINE, [_shards(rng, count, (2.0, 42.0), power=1.9)])
     dust = mix(_OCHRE, 0.35 + 0.2 * noise(rng, FINE, 4, 60, slope=0.9)) * np.float32(0.7)
@@ -122,7 +131,7 @@ def scree(rng: Rng) -> Image:
 
 
 def _shards(rng: Rng, count: int, radius: tuple[float, float], *, power: float) -> Samples:
-    """Splinters with straight sides, N(>r) falling as r^-power; large ones lie on top."""
+    """Splinters with straight sides, sizes as in `strewn_stones`; large ones lie on top."""
     low, high = radius[0] ** -power, radius[1] ** -power
     size = (low + rng.random(count) * (high - low)) ** (-1 / power)
     turn = (np.arange(6) / 6 * 2 * np.pi + rng.uniform(-0.5, 0.5, (count, 6))).astype(np.float32)
@@ -139,7 +148,7 @@ def _shards(rng: Rng, count: int, radius: tuple[float, float], *, power: float) 
 
 
 def _shard_colour(rng: Rng, relief: Relief, count: int) -> Image:
-    """Each splinter's own tone, and its own light as its face leans."""
+    """Colour of each splinter by its tone and the tilt of its face."""
     tone, lean, turn = rng.random(count), rng.uniform(0.05, 0.3, count), rng.uniform(0, 2 * np.pi, count)
     across = np.cos(turn)[relief.owner] * relief.a + np.sin(turn)[relief.owner] * relief.b
     light = 1 + lean[relief.owner] * across + 0.07 * noise(rng, FINE, 40, 400, slope=0.4)
@@ -149,8 +158,9 @@ def _shard_colour(rng: Rng, relief: Relief, count: int) -> Image:
     return np.asarray(stone * light[..., None], np.float32)
 
 
-def hillslope(rng: Rng) -> Image:
-    """Dry slope at some distance: straw on ochre soil, tufts, strewn stones; one pixel is 2.3 cm."""
+@drawing
+def far_hillslope(rng: Rng) -> Image:
+    """Dry slope at some distance: straw on ochre soil, tufts, scattered stones; one pixel is 2.3 cm."""
     patch, fine = noise(rng, N, 3, 30, slope=0.8), noise(rng, N, 30, 256, slope=0.35)
     straw = mix([(126, 108, 72), (160, 142, 98), (182, 166, 122)], 0.5 + 0.2 * fine)
     soil = mix(_OCHRE, 0.45 + 0.16 * fine)
@@ -158,35 +168,37 @@ def hillslope(rng: Rng) -> Image:
     count = 2_400
     size = (1.2**-1.8 + rng.random(count) * (13.0**-1.8 - 1.2**-1.8)) ** (-1 / 1.8)
     lumps = rng.uniform(0, 2 * np.pi, (count, 4)).astype(np.float32)
-    things = settle(
+    pieces = settle(
         N, [stamps(rng, N, size, size * rng.uniform(0.6, 1, count), stone_profile(lumps), rng.uniform(0.3, 1, count))]
     )
-    kind = rng.random(count).astype(np.float32)[things.owner]
+    kind = rng.random(count).astype(np.float32)[pieces.owner]
     tuft = mix([(96, 92, 56), (136, 124, 78), (168, 150, 102)], kind / 0.5 + 0.1 * fine)
     stone = mix([(130, 116, 96), (164, 150, 128), (184, 170, 148)], (kind - 0.5) / 0.5)
-    thing = np.where((kind < 0.5)[..., None], tuft, stone) * (0.66 + 0.34 * things.height)[..., None]
-    ground = (straw * share + soil * (1 - share)) * crevices(things.height, 1.5, 0.45)[..., None]
-    return even_out(np.asarray(np.where((things.owner >= 0)[..., None], thing, ground), np.float32), cycles=5)
+    piece = np.where((kind < 0.5)[..., None], tuft, stone) * (0.66 + 0.34 * pieces.height)[..., None]
+    ground = (straw * share + soil * (1 - share)) * crevices(pieces.height, 1.5, 0.45)[..., None]
+    return even_out(np.asarray(np.where((pieces.owner >= 0)[..., None], piece, ground), np.float32), cycles=5)
 
 
-def garrigue(rng: Rng) -> Image:
-    """Dry mountainside from afar: straw and bare ochre, pale rocks, dark dots of shrubs; one pixel is 8 cm."""
+@drawing
+def far_garrigue(rng: Rng) -> Image:
+    """Distant dry mountainside: straw and bare ochre, pale rocks, dark shrubs; one pixel is 8 cm."""
     patch, fine = noise(rng, N, 4, 50, slope=0.9), noise(rng, N, 40, 256, slope=0.3)
     colour = mix([(128, 108, 76), (160, 142, 100), (176, 160, 118), (188, 174, 138)], 0.5 + 0.16 * patch + 0.08 * fine)
     count = 1_500
     size = rng.gamma(3.0, 1.0, count).clip(1.2, 8)
-    shrubs = settle(N, [stamps(rng, N, size, size * rng.uniform(0.7, 1, count), stone_profile(
-        rng.uniform(0, 2 * np.pi, (count, 4)).astype(np.float32)), rng.uniform(0.3, 1, count))])  # fmt: skip
+    width, lumps = size * rng.uniform(0.7, 1, count), rng.uniform(0, 2 * np.pi, (count, 4)).astype(np.float32)
+    shrubs = settle(N, [stamps(rng, N, size, width, stone_profile(lumps), rng.uniform(0.3, 1, count))])
     kind = rng.random(count).astype(np.float32)[shrubs.owner]
     green = mix([(58, 64, 38), (84, 88, 52), (110, 108, 70)], kind / 0.72) * (0.6 + 0.4 * shrubs.height)[..., None]
     stone = mix([(150, 144, 132), (190, 184, 172)], (kind - 0.72) / 0.28) * (0.7 + 0.3 * shrubs.height)[..., None]
-    thing = np.where((kind < 0.72)[..., None], green, stone)
-    colour = np.where((shrubs.owner >= 0)[..., None], thing, colour * crevices(shrubs.height, 2.0, 0.5)[..., None])
+    piece = np.where((kind < 0.72)[..., None], green, stone)
+    colour = np.where((shrubs.owner >= 0)[..., None], piece, colour * crevices(shrubs.height, 2.0, 0.5)[..., None])
     return even_out(np.asarray(colour, np.float32), cycles=5)
 
 
-def crags(rng: Rng) -> Image:
-    """Bare rock of a mountain from afar, broken by ledges and gullies; one pixel is 8 cm."""
+@drawing
+def far_crags(rng: Rng) -> Image:
+    """Distant bare rock with ledges and gullies; one pixel is 8 cm."""
     grain, patch = noise(rng, N, 20, 256, slope=0.6), noise(rng, N, 4, 60, slope=1.0)
     beds = noise(rng, N, 6, 120, slope=0.9, stretch=0.25)
     crack = sum(np.exp(-((noise(rng, N, low, 8 * low, slope=0.9) / 0.12) ** 2)) for low in (5, 12))
@@ -194,19 +206,3 @@ def crags(rng: Rng) -> Image:
     rock *= (1 - 0.3 * np.minimum(crack, 1))[..., None]
     ledge = np.clip(noise(rng, N, 8, 90, slope=0.7) - 0.9, 0, 1)[..., None]
     return even_out(np.asarray(rock * (1 - ledge) + linear((122, 112, 74)) * ledge, np.float32), cycles=5)
-
-
-RECIPES: Final[Mapping[str, Recipe]] = MappingProxyType(
-    {
-        "turf_dry": Recipe(turf_dry, (0.242, 0.200, 0.108)),
-        "soil_stony": Recipe(soil_stony, (0.182, 0.136, 0.090)),
-        "scree": Recipe(scree, (0.215, 0.186, 0.146)),
-        "hillslope": Recipe(hillslope, (0.205, 0.163, 0.098)),
-        "garrigue": Recipe(garrigue, (0.185, 0.153, 0.092)),
-        "crags": Recipe(crags, (0.200, 0.175, 0.134)),
-        "rough_grass": Recipe(rough_grass, (0.095, 0.110, 0.038)),
-        "mud": Recipe(mud, (0.085, 0.068, 0.046)),
-        "water": Recipe(water, (0.024, 0.031, 0.021)),
-        "pebbles": Recipe(pebbles, (0.220, 0.195, 0.160)),
-    }
-)

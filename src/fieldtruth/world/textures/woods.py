@@ -1,18 +1,16 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The floor of a forest: needles and twigs, fallen leaves on soil, moss, and trodden earth. A tile is 1.5 m."""
+"""Forest floor: needles and twigs, moss, trodden earth. A tile is 1.5 m."""
 
-from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 
 from fieldtruth.world.textures.canvas import (
     Image,
-    Recipe,
     Rng,
     crevices,
+    drawing,
     even_out,
     halve,
     linear,
@@ -27,7 +25,8 @@ from fieldtruth.world.textures.ground import FINE, dead_leaf, dome, strewn_stone
 _HUMUS: Final = [(44, 34, 26), (78, 62, 48)]
 
 
-def needles(rng: Rng) -> Image:
+@drawing
+def needle_litter(rng: Rng) -> Image:
     """Fallen needles in every direction, twigs over them, some dead leaves, humus in the gaps."""
     count, twigs, leaves = 30_000, 260, 190
     fallen = strokes(rng, FINE, count, (6.0, 20.0), 1.7, 0.12)
@@ -49,8 +48,9 @@ def needles(rng: Rng) -> Image:
     return even_out(halve(colour * light[..., None]))
 
 
+@drawing
 def moss(rng: Rng) -> Image:
-    """Cushions of moss: soft short shoots, brighter where a cushion rises, needles strewn over them."""
+    """Cushions of moss: short shoots, brighter on top of a cushion, with scattered needles."""
     shoots, fallen = 42_000, 1_400
     cushion = noise(rng, FINE, 5, 40, slope=1.1)
     grown = strokes(rng, FINE, shoots, (3.0, 8.0), 2.6, 0.7)
@@ -65,8 +65,9 @@ def moss(rng: Rng) -> Image:
     return even_out(halve(colour * light[..., None]))
 
 
-def path(rng: Rng) -> Image:
-    """Trodden earth of a forest's path: fine packed soil, small stones, some needles and crumbled leaves."""
+@drawing
+def trodden_earth(rng: Rng) -> Image:
+    """Packed earth of a forest path with small stones and some needles."""
     stones, fallen = 1_500, 5_500
     pebbles = strewn_stones(rng, stones, (1.2, 9.0), power=2.2, rise=(0.4, 1.0))
     dead = strokes(rng, FINE, fallen, (5.0, 16.0), 1.6, 0.12)
@@ -79,12 +80,3 @@ def path(rng: Rng) -> Image:
     colour = np.where((relief.owner >= stones)[..., None], needle, stone)
     colour = np.where((relief.owner < 0)[..., None], earth, colour)
     return even_out(halve(colour * (crevices(relief.height, 2.5, 0.4) * (1 + 0.04 * lumps))[..., None]))
-
-
-RECIPES: Final[Mapping[str, Recipe]] = MappingProxyType(
-    {
-        "needles": Recipe(needles, (0.098, 0.068, 0.044)),
-        "moss": Recipe(moss, (0.072, 0.090, 0.028)),
-        "path": Recipe(path, (0.158, 0.122, 0.088)),
-    }
-)

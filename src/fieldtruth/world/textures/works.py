@@ -1,30 +1,29 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Made materials: planks (grain along u), painted iron, galvanised steel, concrete, milky glass. A tile is 0.5 m."""
-
-from collections.abc import Mapping
-from types import MappingProxyType
-from typing import Final
+"""Man-made materials: planks (grain along u), painted iron, galvanised steel, concrete, glass. A tile is 0.5 m."""
 
 import numpy as np
 
-from fieldtruth.world.textures.canvas import Image, Recipe, Rng, cells, even_out, linear, mix, noise, settle, stamps
+from fieldtruth.world.textures.canvas import (
+    Image,
+    Rng,
+    Tones,
+    cells,
+    drawing,
+    even_out,
+    linear,
+    mix,
+    noise,
+    settle,
+    stamps,
+)
 
 N = 512
 
 
-def wood(rng: Rng) -> Image:
-    """Oiled planks, brown, a few years old."""
-    return _planks(rng, [(92, 60, 36), (134, 94, 58), (160, 118, 76), (178, 138, 94)], cracks=0.35)
-
-
-def wood_grey(rng: Rng) -> Image:
-    """Planks left to sun and rain: silver grey, with cracks along the grain."""
-    return _planks(rng, [(92, 86, 78), (134, 127, 116), (158, 151, 140), (174, 168, 158)], cracks=0.9)
-
-
-def _planks(rng: Rng, tones: list[tuple[int, int, int]], *, cracks: float) -> Image:
-    """Growth rings cut lengthwise, bent around two knots, under fibres."""
+@drawing
+def planks(rng: Rng, *, tones: Tones, cracks: float) -> Image:
+    """Planks with growth rings bent around two knots, fibres, and ``cracks`` (0 to 1) along the grain."""
     grid = (np.arange(N, dtype=np.float32) + 0.5) / N
     bend = 0.55 * noise(rng, N, 1, 12, slope=1.6, stretch=0.02)
     knot = np.zeros((N, N), np.float32)
@@ -41,8 +40,9 @@ def _planks(rng: Rng, tones: list[tuple[int, int, int]], *, cracks: float) -> Im
     return even_out(colour * (1 - split)[..., None])
 
 
-def pole(rng: Rng) -> Image:
-    """A trunk impregnated and left to the weather: brown grey, split along the grain as it dried."""
+@drawing
+def weathered_pole(rng: Rng) -> Image:
+    """An impregnated and weathered trunk: brown grey, split along the grain."""
     fibre = noise(rng, N, 12, 256, slope=0.3, stretch=0.006)
     bleached = noise(rng, N, 4, 40, slope=0.8, stretch=0.05)
     colour = mix([(84, 70, 54), (116, 100, 80), (138, 124, 104), (152, 141, 124)], 0.5 + 0.13 * fibre + 0.12 * bleached)
@@ -50,8 +50,9 @@ def pole(rng: Rng) -> Image:
     return even_out(colour * (1 - split)[..., None])
 
 
-def iron(rng: Rng) -> Image:
-    """Cast iron under dark green paint, chipped to primer and rust in places."""
+@drawing
+def painted_iron(rng: Rng) -> Image:
+    """Cast iron under dark green paint, with rust where it is chipped."""
     coat = mix(
         [(34, 48, 42), (42, 58, 50), (50, 66, 58)],
         0.5 + 0.1 * noise(rng, N, 8, 120) + 0.07 * noise(rng, N, 60, 256, slope=0),
@@ -64,8 +65,9 @@ def iron(rng: Rng) -> Image:
     return even_out(coat * (1 - edge) + rust * edge)
 
 
-def steel(rng: Rng) -> Image:
-    """Hot-dip galvanised steel: spangles of zinc, each with a grey of its own, dulled by weather."""
+@drawing
+def galvanised_steel(rng: Rng) -> Image:
+    """Hot-dip galvanised steel: spangles of zinc in different greys, dulled by weather."""
     n = 256
     bend = [0.2 * noise(rng, n, 4, 60) for _ in range(2)]
     spangle = cells(rng, n, 26, 26, jitter=1.0, shift=bend)
@@ -74,8 +76,9 @@ def steel(rng: Rng) -> Image:
     return even_out(mix([(140, 144, 148), (170, 173, 176), (196, 198, 200)], dull))
 
 
+@drawing
 def concrete(rng: Rng) -> Image:
-    """Cast concrete: fine sand, pores, stains of weather."""
+    """Cast concrete: fine sand, pores, weather stains."""
     tone = 0.5 + 0.08 * noise(rng, N, 4, 60) + 0.07 * noise(rng, N, 80, 256, slope=0) + 0.06 * noise(rng, N, 20, 200)
     colour = mix([(132, 128, 120), (160, 156, 147), (184, 180, 170)], tone)
     size = rng.gamma(1.2, 0.6, 700).clip(0.6, 3)
@@ -83,20 +86,8 @@ def concrete(rng: Rng) -> Image:
     return even_out(np.where((pores.owner >= 0)[..., None], colour * np.float32(0.62), colour))
 
 
-def glass(rng: Rng) -> Image:
-    """Opal glass of a lantern: almost even, a little dusty."""
+@drawing
+def opal_glass(rng: Rng) -> Image:
+    """Opal glass of a lantern: almost even, slightly dusty."""
     n = 128
     return np.asarray(mix([(205, 203, 194), (236, 234, 226)], 0.55 + 0.10 * noise(rng, n, 2, 30)), np.float32)
-
-
-RECIPES: Final[Mapping[str, Recipe]] = MappingProxyType(
-    {
-        "wood": Recipe(wood, (0.250, 0.137, 0.062)),
-        "wood_grey": Recipe(wood_grey, (0.265, 0.238, 0.200)),
-        "pole": Recipe(pole, (0.168, 0.135, 0.102)),
-        "iron": Recipe(iron, (0.030, 0.045, 0.036)),
-        "steel": Recipe(steel, (0.400, 0.410, 0.420)),
-        "concrete": Recipe(concrete, (0.365, 0.350, 0.318)),
-        "glass": Recipe(glass, (0.760, 0.750, 0.700)),
-    }
-)

@@ -1,0 +1,148 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Species, rock types, materials and textures as data: YAML files in ``data/``, read when they are first used.
+
+A file's name is the name of its species or rock type, its folder says which of the two it is. Every file may also hold
+the sections ``materials`` and ``textures``, whose entries all files share.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from copy import deepcopy
+from functools import cache
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+import yaml
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+from fieldtruth.core.errors import ConfigurationError
+
+FOLDER: Final = Path(__file__).parent / "data"
+SECTIONS: Final = ("materials", "textures")
+T = TypeVar("T")
+Entry = Mapping[str, Any]
+
+_ADAPTERS: Final[dict[type, TypeAdapter[list[Any]]]] = {}
+
+
+@cache
+def _files() -> dict[str, dict[str, Path]]:
+    """Data files by folder and name."""
+    return {
+        folder.name: {path.stem: path for path in sorted(folder.glob("*.yaml"))}
+        for folder in sorted(FOLDER.iterdir())
+        if folder.is_dir()
+    }
+
+
+def data_files() -> list[Path]:
+    """Every data file that is in use, for digests of what shapes a world."""
+    return [path for folder in _files().values() for path in folder.values()]
+
+
+@cache
+def _document(path: Path) -> Entry:
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    try:
+        document = yaml.load(path.read_bytes(), loader)
+    except OSError as error:
+        raise ConfigurationError(f"cannot read {path}: {error.strerror}") from error
+    except yaml.YAMLError as error:
+        raise ConfigurationError(f"{path}: broken YAML: {error}") from error
+    if not isinstance(document, dict):
+        raise ConfigurationError(f"{path} must be a mapping, got {document!r}")
+    return document
+
+
+@cache
+def _section(name: str) -> dict[str, tuple[Path, Entry]]:
+    """Entries of one section of all files, each with its file."""
+    entries: dict[str, tuple[Path, Entry]] = {}
+    for path in data_files():
+        for key, entry in (_document(path).get(name) or {}).items():
+            if key in entries:
+                raise ConfigurationError(f"{path}: {name}.{key} is already defined in {entries[key][0]}")
+            entries[key] = path, entry
+    return entries
+
+
+class Library(Mapping[str, T]):
+    """The models of one folder of data files by name; each file is read when its name is first looked up."""
+
+    def __init__(self, folder: str, read: Callable[[str, Entry, Path], T]) -> None:
+        """``read`` makes a model from a name, the file's content without the shared sections, and the file's path."""
+        self._folder = folder
+        self._read = read
+        self._models: dict[str, T] = {}
+
+    def __getitem__(self, name: str) -> T:
+        if name not in self._models:
+            path = _files()[self._folder][name]
+            content = {key: value for key, value in _document(path).items() if key not in SECTIONS}
+            self._models[name] = self._read(name, deepcopy(content), path)
+        return self._models[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_files()[self._folder])
+
+    def __len__(self) -> int:
+        return len(_files()[self._folder])
+
+    def add(self, path: Path) -> T:
+        """Add a file from outside the package, and return its model; raises ConfigurationError if it is not valid."""
+        known = _files()[self._folder]
+        if path.stem in known:
+            raise ConfigurationError(f"{path}: the name {path.stem!r} is already used by {known[path.stem]}")
+        known[path.stem] = path
+        _section.cache_clear()
+        try:
+            for section in SECTIONS:
+                _section(section)
+            return self[path.stem]
+        except ConfigurationError:
+            self.remove(path.stem)
+            raise
+
+    def remove(self, name: str) -> None:
+        """Forget a file and its materials and textures."""
+        _files()[self._folder].pop(name)
+        self._models.pop(name, None)
+        _section.cache_clear()
+
+
+class Section(Mapping[str, T]):
+    """The entries of one section of all data files by name: those of ``first`` in that order, then in files' order."""
+
+    def __init__(self, name: str, read: Callable[[str, Entry, str], T], first: tuple[str, ...] = ()) -> None:
+        """``read`` makes a model from a name, the entry, and the place to name in messages."""
+        self._name = name
+        self._read = read
+        self._first = first
+
+    def __getitem__(self, name: str) -> T:
+        path, entry = _section(self._name)[name]
+        return self._read(name, entry, f"{path}: {self._name}.{name}")
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(dict.fromkeys((*self._first, *_section(self._name))))
+
+    def __len__(self) -> int:
+        return len(_section(self._name))
+
+
+def validated(model: type[T], values: Mapping[str, Any], source: str) -> T:
+    """Make a frozen dataclass from plain data; raises ConfigurationError that names ``source``, key and value."""
+    if model not in _ADAPTERS:  # a configuration reaches standard dataclasses only through a container
+        _ADAPTERS[model] = TypeAdapter(list[model], config=ConfigDict(extra="forbid", allow_inf_nan=False))  # type: ignore[valid-type]
+    try:
+        result: T = _ADAPTERS[model].validate_python([values])[0]
+        return result
+    except ValidationError as report:
+        first = report.errors()[0]
+        key = ".".join(str(step) for step in first["loc"][1:])
+        if first["type"] == "unexpected_keyword_argument":
+            raise ConfigurationError(f"{source}: unknown key {key!r}") from report
+        if first["type"] in ("missing", "missing_keyword_only_argument"):
+            raise ConfigurationError(f"{source}: {key} is missing") from report
+        rule = first["msg"].replace("Input should be", "must be")
+        raise ConfigurationError(f"{source}: {key} {rule}, got {first['input']!r}") from report

@@ -1,0 +1,40 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Materials by name, from the ``materials`` sections of the data files.
+
+A material belongs to exactly one class. Its texture, by default the one of its own name, has the albedo of the surface;
+a tint only distinguishes materials that share a texture.
+"""
+
+from typing import Final
+
+from fieldtruth.core.classes import Label
+from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.world.library import Entry, Section, validated
+from fieldtruth.world.model import Material
+
+_FIRST: Final = """
+    lawn lawn_dry soil mulch bed_edge litter meadow rough_grass mud pebbles water turf_dry soil_stony scree rock_face
+    hillslope garrigue crags gravel setts needles moss path path_edge canopy
+    bark_lime bark_birch bark_oak bark_beech bark_alder bark_willow bark_spruce bark_pine bark_pine_upper bark_dead
+    bark_moss bark_soil bark_torn
+    leaf_lime leaf_birch leaf_oak leaf_beech leaf_alder leaf_willow leaf_spruce leaf_pine
+    wood_bush leaf_box leaf_hazel leaf_juniper leaf_gorse leaf_bramble leaf_willow_grey leaf_heather
+    petal_gorse petal_heather
+    blade_green blade_fine blade_dry blade_reed blade_seed blade_plume frond_fern frond_dry leaf_nettle
+    petal_daisy petal_buttercup petal_yarrow spike_cattail
+    rock_granite rock_limestone rock_fieldstone rock_schist
+"""
+"""Row order in stored worlds. It keeps existing worlds the same bytes; materials that are not listed follow."""
+
+
+def _material(name: str, entry: Entry, source: str) -> Material:
+    label = str(entry.get("label", "")).upper()
+    if label not in Label.__members__:
+        names = ", ".join(m.lower() for m in Label.__members__)
+        raise ConfigurationError(f"{source}: label must be one of {names}, got {entry.get('label')!r}")
+    return validated(Material, {"texture": name, **entry, "name": name, "label": Label[label]}, source)
+
+
+MATERIALS: Final = Section("materials", _material, tuple(_FIRST.split()))
+"""Every material; a world holds those that it uses."""
