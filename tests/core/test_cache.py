@@ -37,6 +37,12 @@ def test_the_key_of_the_lidar_changes_with_every_module_that_it_imports(copied_s
     assert key_after_edit(copied_source / edited, "fieldtruth.sense.lidar") != before
 
 
+@pytest.mark.parametrize("edited", ["trees/lime.yaml", "rocks/slab.yaml", "materials/ground.yaml"])
+def test_the_key_of_worlds_changes_with_every_species_rock_type_and_material(copied_source: Path, edited: str) -> None:
+    before = cache_key(["fieldtruth.world.environments.forest"])
+    assert key_after_edit(copied_source / "world" / "data" / edited, "fieldtruth.world.environments.forest") != before
+
+
 @pytest.mark.parametrize("edited", ["report/card.py", "cli/__init__.py", "validation/__init__.py"])
 def test_the_key_of_the_lidar_does_not_change_with_other_modules(copied_source: Path, edited: str) -> None:
     before = cache_key(["fieldtruth.sense.lidar"])

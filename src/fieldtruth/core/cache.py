@@ -24,6 +24,7 @@ _PACKAGE: Final = "fieldtruth"
 _IMPORT: Final = re.compile(
     rf"^[ \t]*(?:from ({_PACKAGE}[\w.]*) import (\([^)]*\)|[^\n]+)|import ({_PACKAGE}[\w.]*))", re.MULTILINE
 )
+_DATA: Final = re.compile(r'Path\(__file__\)\.parent / "(\w+)"')
 
 
 def cache_folder() -> Path:
@@ -59,9 +60,11 @@ def _sources_digest(modules: tuple[str, ...]) -> bytes:
 def import_closure(modules: Iterable[str], root: Path) -> list[Path]:
     """Files below ``root`` on which modules depend, sorted: their sources, those of all that they import, and data.
 
-    Late imports count, too. Data files are those beside a module in its folder (``*.yaml`` and the like).
+    Late imports count, too. Data files are those beside a module in its folder (``*.yaml`` and the like)
+    and in folders that a module names as ``Path(__file__).parent / "NAME"``.
     """
     found: dict[str, Path] = {}
+    data: set[Path] = set()
     waiting = list(modules)
     while waiting:
         name = waiting.pop()
@@ -69,9 +72,11 @@ def import_closure(modules: Iterable[str], root: Path) -> list[Path]:
         if name in found or path is None:
             continue
         found[name] = path
-        waiting += _imports(path.read_text(encoding="utf-8"))
+        source = path.read_text(encoding="utf-8")
+        waiting += _imports(source)
+        data |= {p for name in _DATA.findall(source) for p in (path.parent / name).rglob("*") if p.is_file()}
         waiting.append(name.rpartition(".")[0])  # importing a.b.c runs a.b/__init__.py
-    data = {p for source in found.values() for p in source.parent.iterdir() if p.is_file() and p.suffix not in _CODE}
+    data |= {p for source in found.values() for p in source.parent.iterdir() if p.is_file() and p.suffix not in _CODE}
     return sorted({*found.values(), *data})
 
 

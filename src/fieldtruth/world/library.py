@@ -17,7 +17,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from fieldtruth.core.errors import ConfigurationError
 
-FOLDER: Final = Path(__file__).parent / "data"
+FOLDER: Final = Path(__file__).parent / "data"  # written like this, `core.cache` finds the files
 SECTIONS: Final = ("materials", "textures")
 T = TypeVar("T")
 Entry = Mapping[str, Any]
