@@ -35,8 +35,8 @@ from fieldtruth.bag.readings import image, read_bag, static_transforms
 from fieldtruth.bag.run import open_run
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import CameraConfig, Rig
-from fieldtruth.render import Camera
-from fieldtruth.sense import Scene
+from fieldtruth.render.camera import Camera
+from fieldtruth.sense.scene import Scene
 from fieldtruth.world.build import load_world
 
 END = 320_000_000  # [ns]; 8 images of either camera, 3 clouds

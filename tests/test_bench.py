@@ -22,9 +22,10 @@ from fieldtruth.drive.expected_path import experiments_in
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import OPTICAL, CameraConfig, LidarConfig, Rig
 from fieldtruth.experiment.route import metres_from_route, route_from_metres
-from fieldtruth.sense import LabelCamera, Lidar, Scene
 from fieldtruth.sense.embree import Engine, RayScene
-from fieldtruth.sense.lidar import ray_directions
+from fieldtruth.sense.label_camera import LabelCamera
+from fieldtruth.sense.lidar import Lidar, ray_directions
+from fieldtruth.sense.scene import Scene
 from fieldtruth.world.environments import ENVIRONMENTS, Environment
 from fieldtruth.world.environments.park import ParkConfig, build_park
 from fieldtruth.world.model import World

@@ -18,9 +18,11 @@ from fieldtruth.experiment.files import dump_experiment
 from fieldtruth.record.folder import RunFolder, fingerprint, run_folder
 from fieldtruth.record.slices import Slices
 from fieldtruth.record.streams import Sensors, streams_of
-from fieldtruth.render import Camera, bake
+from fieldtruth.render.bake import bake
+from fieldtruth.render.camera import Camera
 from fieldtruth.report.card import data_card
-from fieldtruth.sense import Lidar, Scene
+from fieldtruth.sense.lidar import Lidar
+from fieldtruth.sense.scene import Scene
 from fieldtruth.world.build import check_experiment, world_of
 from fieldtruth.world.model import World
 

@@ -10,12 +10,12 @@ from report_worlds import EXPERIMENT, plain, small_park
 
 from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE, Label
-from fieldtruth.render import bake
+from fieldtruth.render.bake import bake
 from fieldtruth.report.drawing.aerial import HEIGHT, MARGIN, halved, take_aerial
 from fieldtruth.report.drawing.cloud import Cloud, draw_cloud, outlook
 from fieldtruth.report.preview.map import circle, on_ground
 from fieldtruth.report.preview.viewpoints import free_stations, most_telling, obstacles
-from fieldtruth.sense import Scene
+from fieldtruth.sense.scene import Scene
 
 DARK = (10, 20, 30)
 

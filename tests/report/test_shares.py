@@ -11,7 +11,7 @@ from fieldtruth.drive.expected_path import standing_pose
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.report import shares as shares_module
 from fieldtruth.report.shares import ClassShares, class_shares, count_classes, shares_of, shares_table
-from fieldtruth.sense import Scene
+from fieldtruth.sense.scene import Scene
 
 
 def test_on_a_plain_half_of_the_pixels_and_the_lower_half_of_the_beams_meet_ground() -> None:

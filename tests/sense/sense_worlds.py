@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.rig import LidarConfig
-from fieldtruth.sense import Lidar, Scene
+from fieldtruth.sense.lidar import Lidar
+from fieldtruth.sense.scene import Scene
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import Heightfield, Instance, Material, Mesh, Raster, Terrain, World
 

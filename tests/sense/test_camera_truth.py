@@ -9,8 +9,9 @@ from sense_worlds import F8, Thing, abyss, at, box, make_world, quad
 from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, OPTICAL, CameraConfig, Rig
-from fieldtruth.sense import LabelCamera, LabelImages, Scene, tag_image
+from fieldtruth.sense.label_camera import LabelCamera, LabelImages, tag_image
 from fieldtruth.sense.pinhole import pinhole
+from fieldtruth.sense.scene import Scene
 
 CONFIG = CameraConfig()
 WIDTH, HEIGHT = 1280, 720

@@ -15,7 +15,9 @@ from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import OPTICAL, Rig
 from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.sense import LabelCamera, Lidar, Scene
+from fieldtruth.sense.label_camera import LabelCamera
+from fieldtruth.sense.lidar import Lidar
+from fieldtruth.sense.scene import Scene
 from fieldtruth.world import assembly
 from fieldtruth.world.environments.lake import LakeConfig, build_lake
 from fieldtruth.world.furniture import hang, make_cable, make_power_pole

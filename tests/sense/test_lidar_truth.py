@@ -12,8 +12,8 @@ from sense_worlds import BOX_CORNERS, BOX_FACES, F8, Thing, abyss, at, box, make
 from fieldtruth.core import frames
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.rig import LidarConfig
-from fieldtruth.sense import Lidar, Scan, Scene
-from fieldtruth.sense.lidar import ray_directions
+from fieldtruth.sense.lidar import Lidar, Scan, ray_directions
+from fieldtruth.sense.scene import Scene
 
 TOLERANCE = 1e-4  # [m]
 

@@ -9,7 +9,8 @@ from sense_worlds import BOX_CORNERS, BOX_FACES, at, box, make_mesh, make_world,
 
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.rig import CameraConfig
-from fieldtruth.sense import LabelCamera, Scene
+from fieldtruth.sense.label_camera import LabelCamera
+from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import Raster
 
 

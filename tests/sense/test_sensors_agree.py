@@ -15,8 +15,10 @@ from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, Rig
 from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.sense import LabelCamera, LabelImages, Lidar, Scan, Scene, tag_image
+from fieldtruth.sense.label_camera import LabelCamera, LabelImages, tag_image
+from fieldtruth.sense.lidar import Lidar, Scan
 from fieldtruth.sense.pinhole import pinhole
+from fieldtruth.sense.scene import Scene
 
 RIG = Rig()
 LENS = pinhole(RIG.cameras)

@@ -10,8 +10,9 @@ from sense_worlds import at, box, make_world, trace_rays
 
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.rig import OPTICAL, CameraConfig
-from fieldtruth.render import Camera, bake
-from fieldtruth.sense import Scene
+from fieldtruth.render.bake import bake
+from fieldtruth.render.camera import Camera
+from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import Swarm, World
 
 

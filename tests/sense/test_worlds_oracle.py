@@ -11,7 +11,7 @@ from fieldtruth.core import frames
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.sense import Scene
+from fieldtruth.sense.scene import Scene
 
 RAYS = {"park": 3000, "lake": 900, "forest": 900, "hillside": 900}
 CLASSES = {"park": 9, "lake": 7, "forest": 7, "hillside": 6}

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from fieldtruth.core import frames
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.rig import LidarConfig
-from fieldtruth.sense import Lidar, Scan
-from fieldtruth.sense.lidar import ray_directions
+from fieldtruth.sense.lidar import Lidar, Scan, ray_directions
 from fieldtruth.validation.claims import NOTHING, Claim, refuted
 from fieldtruth.validation.exact import ExactTracer
 from fieldtruth.validation.subject import Place

@@ -30,8 +30,10 @@ from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.folder import RunFolder, fingerprint, locked
 from fieldtruth.record.slices import Slices
 from fieldtruth.record.streams import Sensors, Stream, camera_stream, lidar_stream
-from fieldtruth.render import Camera, bake
-from fieldtruth.sense import Lidar, Scene
+from fieldtruth.render.bake import bake
+from fieldtruth.render.camera import Camera
+from fieldtruth.sense.lidar import Lidar
+from fieldtruth.sense.scene import Scene
 from fieldtruth.world.build import check_layout, load_world
 from fieldtruth.world.model import World
 

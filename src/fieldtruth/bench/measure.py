@@ -28,8 +28,10 @@ from fieldtruth.drive.expected_path import experiments_in
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.rig import OPTICAL, CameraConfig, LidarConfig
-from fieldtruth.render import Camera, bake
-from fieldtruth.sense import Lidar, Scene
+from fieldtruth.render.bake import bake
+from fieldtruth.render.camera import Camera
+from fieldtruth.sense.lidar import Lidar
+from fieldtruth.sense.scene import Scene
 from fieldtruth.world.build import world_of
 from fieldtruth.world.environments import ENVIRONMENTS
 from fieldtruth.world.model import World

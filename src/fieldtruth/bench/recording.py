@@ -14,7 +14,8 @@ from fieldtruth.drive.track import Track
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.slices import Slices
 from fieldtruth.record.streams import Sensors, streams_of
-from fieldtruth.render import BakedScene, Camera
+from fieldtruth.render.bake import BakedScene
+from fieldtruth.render.camera import Camera
 
 SECONDS: Final = 4
 """Simulated time [s], so slices, that is recorded: a multiple of the usual numbers of workers."""

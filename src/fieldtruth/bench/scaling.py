@@ -22,8 +22,9 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL
-from fieldtruth.render import Camera, bake
-from fieldtruth.sense import Scene
+from fieldtruth.render.bake import bake
+from fieldtruth.render.camera import Camera
+from fieldtruth.sense.scene import Scene
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import Instance, World
 

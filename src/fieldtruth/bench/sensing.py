@@ -14,10 +14,11 @@ from fieldtruth.drive.physics import resting_pose
 from fieldtruth.experiment.config import Route
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, Rig
 from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.render import BakedScene, Camera
-from fieldtruth.sense import Lidar, Scene
-from fieldtruth.sense.lidar import ray_directions
+from fieldtruth.render.bake import BakedScene
+from fieldtruth.render.camera import Camera
+from fieldtruth.sense.lidar import Lidar, ray_directions
 from fieldtruth.sense.pinhole import pinhole
+from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import World
 
 _TRIAL_POSES = 4

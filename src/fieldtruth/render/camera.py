@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.experiment.rig import CameraConfig
+from fieldtruth.render.bake import BakedScene
 from fieldtruth.render.photo import new_darkroom, take
-from fieldtruth.render.shading import BakedScene
 from fieldtruth.sense.label_camera import LabelCamera, LabelImages
 
 EXTRA_SAMPLES: Final = 2

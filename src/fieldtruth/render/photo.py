@@ -7,6 +7,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.render.bake import CURVE_STEPS, CURVE_TOP, Shading
 from fieldtruth.render.light import LightTable
 from fieldtruth.render.shade import (
     BLUE,
@@ -24,7 +25,6 @@ from fieldtruth.render.shade import (
     paint_ground,
     paint_objects,
 )  # fmt: skip
-from fieldtruth.render.shading import CURVE_STEPS, CURVE_TOP, Shading
 from fieldtruth.render.sky import sky_radiance
 from fieldtruth.render.water import Second, follow, leave_water, mix_bottom, mix_mirrored, new_second
 from fieldtruth.sense import embree

@@ -21,7 +21,9 @@ from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive.expected_path import expected_path, poses_along, standing_pose
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, Rig
-from fieldtruth.sense import LabelCamera, Lidar, Scene
+from fieldtruth.sense.label_camera import LabelCamera
+from fieldtruth.sense.lidar import Lidar
+from fieldtruth.sense.scene import Scene
 from fieldtruth.world.build import world_of
 
 SPACING: Final = 2.0  # [m]

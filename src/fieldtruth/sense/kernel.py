@@ -1,51 +1,46 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""How kernels are compiled: without the GIL, and kept on disk until any file of this package changes.
+"""Compilation of kernels: without the GIL, and cached on disk until one of their sources changes.
 
-Numba's own cache looks only at the file of the outermost function, so a kernel that calls one from another file would
-go on running the old one. Here the folder's name is a digest of the whole package.
+Numba's own cache checks only the file of the outermost function, so edited constants or callees in other files would
+not reach a compiled kernel. Here the cache folder's name covers every module that the kernel's module imports.
 """
 
-import hashlib
 from collections.abc import Callable
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar
 
 from numba import config, njit
 
-from fieldtruth.world.build import default_cache
+from fieldtruth.core.cache import cache_folder, cache_key
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 
 def kernel(function: F) -> F:
-    """Compile a function with NumPy's rules of division, so that no branch for an exception hinders the compiler."""
+    """Compile a function with NumPy's division rules: a branch that raises would keep loops from being vectorized."""
     return _compiled(function, inline="never")
 
 
 def inlined(function: F) -> F:
-    """Compile like ``kernel``, but into its callers: for the few lines that stand in an inner loop."""
+    """Compile like ``kernel``, and inline into callers: for short functions in inner loops."""
     return _compiled(function, inline="always")
 
 
 def _compiled(function: F, inline: str) -> F:
     options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "inline": inline}
     settings: Any = config
-    elsewhere, settings.CACHE_DIR = settings.CACHE_DIR, str(_folder())
+    previous, settings.CACHE_DIR = settings.CACHE_DIR, str(_folder(function.__module__))
     try:
         compiled: F = njit(cache=True, **options)(function)
-    except (RuntimeError, OSError):  # nowhere to write: compile in each process
+    except (RuntimeError, OSError):  # the cache is not writable: compile in each process
         compiled = njit(**options)(function)
     finally:
-        settings.CACHE_DIR = elsewhere
+        settings.CACHE_DIR = previous
     return compiled
 
 
 @cache
-def _folder() -> Path:
-    digest = hashlib.blake2b(f"{version('numba')} {version('embreex')}".encode(), digest_size=8)
-    for path in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(path.read_bytes())
-    return default_cache() / f"kernels-{digest.hexdigest()}"
+def _folder(module: str) -> Path:
+    return cache_folder() / "kernels" / cache_key([module], libraries=("numba", "llvmlite", "embreex"))

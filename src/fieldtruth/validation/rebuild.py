@@ -16,8 +16,8 @@ from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.files import VERSION_KEY
 from fieldtruth.experiment.yaml_io import parse_mapping
-from fieldtruth.render import bake
-from fieldtruth.sense import Scene
+from fieldtruth.render.bake import bake
+from fieldtruth.sense.scene import Scene
 from fieldtruth.validation.check import Check
 from fieldtruth.validation.law import check_of
 from fieldtruth.validation.subject import Examiner, Place, Subject, place_of

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from fieldtruth.bag import readings as read
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.sense import Lidar
-from fieldtruth.sense.lidar import ray_directions
+from fieldtruth.sense.lidar import Lidar, ray_directions
 from fieldtruth.validation.check import Check
 from fieldtruth.validation.claims import Claim
 from fieldtruth.validation.law import check_of

@@ -14,8 +14,9 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL
-from fieldtruth.render import BakedScene, Camera
-from fieldtruth.sense import LabelCamera, LabelImages
+from fieldtruth.render.bake import BakedScene
+from fieldtruth.render.camera import Camera
+from fieldtruth.sense.label_camera import LabelCamera, LabelImages
 from fieldtruth.sense.pinhole import pinhole
 from fieldtruth.validation.bundle import Bundler, Moment
 from fieldtruth.validation.check import Check

@@ -13,8 +13,8 @@ from fieldtruth.bag.run import Run
 from fieldtruth.bag.types import F8
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.render import BakedScene
-from fieldtruth.sense import Scene
+from fieldtruth.render.bake import BakedScene
+from fieldtruth.sense.scene import Scene
 from fieldtruth.validation.check import Check
 from fieldtruth.validation.law import Law
 from fieldtruth.validation.motion import MotionWindow

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.rig import CameraConfig
-from fieldtruth.render import BakedScene, Camera
+from fieldtruth.render.bake import BakedScene
+from fieldtruth.render.camera import Camera
 from fieldtruth.sense.pinhole import Pinhole, pinhole
 
 HEIGHT: Final = 300.0

@@ -18,7 +18,8 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.report.drawing.aerial import halved
-from fieldtruth.sense import Lidar, Scene
+from fieldtruth.sense.lidar import Lidar
+from fieldtruth.sense.scene import Scene
 
 _OVERSAMPLED: Final = 2
 _DARKENING: Final = 22.0

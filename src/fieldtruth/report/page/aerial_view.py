@@ -12,9 +12,9 @@ from fieldtruth.bag.reader import open_stored
 from fieldtruth.bag.run import Run
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.progress import Progress
-from fieldtruth.render import bake
+from fieldtruth.render.bake import bake
 from fieldtruth.report.drawing.aerial import Aerial, take_aerial
-from fieldtruth.sense import Scene
+from fieldtruth.sense.scene import Scene
 from fieldtruth.world.build import world_of
 from fieldtruth.world.model import World
 

@@ -15,12 +15,13 @@ from fieldtruth.drive.expected_path import expected_path, experiments_in, poses_
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, Rig
 from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.render import BakedScene, Camera, CameraImages, bake
+from fieldtruth.render.bake import BakedScene, bake
+from fieldtruth.render.camera import Camera, CameraImages
 from fieldtruth.report.drawing.aerial import Aerial, take_aerial
 from fieldtruth.report.drawing.cloud import Cloud, scan_from
 from fieldtruth.report.preview.viewpoints import free_stations, most_telling
 from fieldtruth.report.shares import SPACING, ClassShares, count_classes
-from fieldtruth.sense import Scene
+from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import World
 
 VIEWS: Final = 4

@@ -14,7 +14,7 @@ from fieldtruth.report.preview.chart import draw_shares
 from fieldtruth.report.preview.content import Findings
 from fieldtruth.report.preview.map import badge, draw_map
 from fieldtruth.report.preview.paper import Paper
-from fieldtruth.sense import tag_image
+from fieldtruth.sense.label_camera import tag_image
 from fieldtruth.world.environments import list_environments
 from fieldtruth.world.model import World
 

@@ -12,8 +12,9 @@ from sense_worlds import F8, Thing, at, box, make_world, quad
 from fieldtruth.core import frames
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.experiment.rig import OPTICAL, CameraConfig
-from fieldtruth.render import BakedScene, Camera, CameraImages, bake
-from fieldtruth.sense import Scene
+from fieldtruth.render.bake import BakedScene, bake
+from fieldtruth.render.camera import Camera, CameraImages
+from fieldtruth.sense.scene import Scene
 
 SMALL = CameraConfig(width=320, height=184)
 SUNS = [(118.0, 41.0), (250.0, 30.0), (0.0, 45.0), (-40.0, 60.0)]

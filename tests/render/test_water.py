@@ -11,10 +11,13 @@ from sense_worlds import at, box, make_world, quad
 
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.rig import OPTICAL, CameraConfig, LidarConfig
-from fieldtruth.render import Camera, bake
+from fieldtruth.render.bake import bake
+from fieldtruth.render.camera import Camera
 from fieldtruth.render.shade import FIELDS, MIRROR
 from fieldtruth.render.water import leave_water, new_second
-from fieldtruth.sense import LabelCamera, Lidar, Scene
+from fieldtruth.sense.label_camera import LabelCamera
+from fieldtruth.sense.lidar import Lidar
+from fieldtruth.sense.scene import Scene
 from fieldtruth.sense.strip import new_strip
 
 COUNT = 48

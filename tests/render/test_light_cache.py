@@ -1,0 +1,88 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Baked light is read back as it was made, and only for the same scene, sun and code."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sense_worlds import at, box, make_world
+
+import fieldtruth
+from fieldtruth.core.cache import import_closure
+from fieldtruth.experiment.config import LightConfig
+from fieldtruth.render.light import LightTable, bake_light
+from fieldtruth.render.light_cache import cached_light, light_key
+from fieldtruth.sense.scene import Scene
+from fieldtruth.world.model import World
+
+SUN = LightConfig()
+
+
+def small_world() -> World:
+    return make_world([(box("crown", (0.5, 0.5, 0.5), "leaf"), at(0, 0, 2)), (box("rock", (1, 1, 1)), at(2, 0, 1))])
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return Scene(replace(small_world(), size=(4.0, 4.0)))
+
+
+@pytest.fixture(scope="module")
+def baked(scene: Scene) -> LightTable:
+    return bake_light(scene, SUN, 2)
+
+
+def never() -> LightTable:
+    raise AssertionError("the cache was not used")
+
+
+def assert_equal(a: LightTable, b: LightTable) -> None:
+    for name, value in a._asdict().items():
+        other = getattr(b, name)
+        pairs = zip(value, other, strict=True) if isinstance(value, tuple) else [(value, other)]
+        assert all(np.array_equal(x, y) for x, y in pairs), name
+
+
+def test_cached_light_equals_computed_light(scene: Scene, baked: LightTable, tmp_path: Path) -> None:
+    made = cached_light(scene, SUN, tmp_path, lambda: baked)
+    assert made is baked
+    assert_equal(cached_light(scene, SUN, tmp_path, never), baked)
+
+
+def test_light_is_computed_again_if_its_file_is_damaged(scene: Scene, baked: LightTable, tmp_path: Path) -> None:
+    cached_light(scene, SUN, tmp_path, lambda: baked)
+    (file,) = tmp_path.iterdir()
+    file.write_bytes(file.read_bytes()[:5000])
+    assert cached_light(scene, SUN, tmp_path, lambda: baked) is baked
+    assert_equal(cached_light(scene, SUN, tmp_path, never), baked)
+
+
+def test_light_does_not_depend_on_workers(scene: Scene, baked: LightTable) -> None:
+    assert_equal(bake_light(scene, SUN, 1), baked)
+
+
+def test_unwritable_cache_is_ignored(scene: Scene, baked: LightTable, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    assert cached_light(scene, SUN, tmp_path / "file", lambda: baked) is baked
+
+
+def test_key_covers_sun_and_everything_that_lets_light_through(scene: Scene) -> None:
+    world = scene.world
+    stone = world.materials["stone"]
+    changed = [
+        replace(world, materials={**world.materials, "stone": other})
+        for other in (replace(stone, mirror=0.5), replace(stone, translucency=0.5))
+    ]
+    moved = replace(world, instances=(*world.instances[:1], replace(world.instances[1], world_from_object=at(2, 1, 1))))
+    keys = [light_key(Scene(each), SUN) for each in (world, *changed, moved)]
+    keys.append(light_key(scene, LightConfig(sun_elevation_deg=20.0)))
+    assert keys[0] == light_key(scene, SUN)
+    assert len(set(keys)) == len(keys)
+
+
+@pytest.mark.parametrize("module", ["sense/packets.py", "sense/embree.py", "sense/kernel.py", "render/sky.py"])
+def test_key_covers_every_module_that_bakes(module: str) -> None:
+    root = Path(fieldtruth.__file__).parents[1]
+    assert root / "fieldtruth" / module in import_closure(["fieldtruth.render.light"], root)

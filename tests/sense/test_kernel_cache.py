@@ -1,0 +1,34 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled kernels are reused only while all their sources are unchanged."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import fieldtruth
+
+CLASSIFY_A_MISS = """
+import numpy as np
+from fieldtruth.sense.hits import Grid, HitTable, classify
+none = np.zeros(0, np.uint16), np.zeros(0, np.int32), np.zeros(0, np.int64), np.zeros(0, np.uint8)
+table = HitTable(*none, Grid(np.ones((2, 2), np.float32), 0.0, 0.0, 1.0))
+print(*classify(table, -1, 0, 0.0, 0.0))
+"""
+
+
+def classify_a_miss(source: Path, cache: Path) -> str:
+    environment = os.environ | {"PYTHONPATH": str(source), "XDG_CACHE_HOME": str(cache)}
+    command = [sys.executable, "-c", CLASSIFY_A_MISS]
+    return subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def test_edited_class_ids_reach_compiled_kernels(tmp_path: Path) -> None:
+    source = tmp_path / "src"
+    shutil.copytree(Path(fieldtruth.__file__).parent, source / "fieldtruth")
+    assert classify_a_miss(source, tmp_path) == "15 0"
+    classes = source / "fieldtruth" / "core" / "classes.py"
+    classes.write_text(classes.read_text(encoding="utf-8").replace("SKY = 15", "SKY = 16"), encoding="utf-8")
+    assert classify_a_miss(source, tmp_path) == "16 0"
