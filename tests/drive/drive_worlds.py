@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Small worlds to drive in: a heightfield by a function of x and y, and boxes and cylinders to run into."""
+"""Small worlds to drive in: a heightfield from a function of x and y, with boxes and cylinders as obstacles."""
 
 from collections.abc import Callable, Sequence
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fieldtruth.core import frames
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.drive.controller import WaypointFollower
-from fieldtruth.drive.monitor import Watch
+from fieldtruth.drive.monitor import DriveMonitor
 from fieldtruth.drive.simulate import SimulatedHusky
 from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.rig import Rig
@@ -62,7 +62,7 @@ def make_world(
         for name, collider, _ in obstacles
     }
     instances = tuple(
-        Instance(name=name, kind="thing", mesh=name, object_id=k + 2, world_from_object=world_from_object)
+        Instance(name=name, kind="obstacle", mesh=name, object_id=k + 2, world_from_object=world_from_object)
         for k, (name, _, world_from_object) in enumerate(obstacles)
     )
     return World(
@@ -104,20 +104,20 @@ def make_experiment(
 def obstacle(
     name: str, shape: str, size: tuple[float, ...], x: float, y: float, **pose: float
 ) -> tuple[str, Collider, F8]:
-    """A collider at x, y; ``pose``: height z [m] of its foot, yaw [deg] and scale of the object."""
+    """A collider at x, y; ``pose``: height z [m] of its base, yaw [deg] and scale of the object."""
     world_from_object = frames.pose((x, y, pose.get("z", 0.0)), (0.0, 0.0, pose.get("yaw", 0.0)))
     world_from_object[:3, :3] *= pose.get("scale", 1.0)
     return name, Collider(shape=shape, size=size), world_from_object  # type: ignore[arg-type]
 
 
 def make_robot(world: World, start: tuple[float, float] = (0.0, 0.0), *, yaw_deg: float = 0.0) -> SimulatedHusky:
-    """The settled robot without a route."""
+    """A settled robot without a route."""
     ahead = np.array(start) + 100 * np.array([np.cos(np.deg2rad(yaw_deg)), np.sin(np.deg2rad(yaw_deg))])
     experiment = make_experiment([(float(ahead[0]), float(ahead[1]))])
     waypoints = geodetic_route(experiment.route).waypoints
-    watch = Watch(world, WaypointFollower(waypoints, experiment.control), experiment.control)
-    robot = SimulatedHusky(world, Rig(), watch)
-    robot.place(world, np.array(start), ahead)
+    monitor = DriveMonitor(world, WaypointFollower(waypoints, experiment.control), experiment.control)
+    robot = SimulatedHusky(world, Rig(), monitor)
+    robot.spawn(world, np.array(start), ahead)
     return robot
 
 
@@ -128,7 +128,7 @@ def tilted(along_deg: float, across_deg: float) -> HeightFunction:
 
 
 def hills(x: F8, y: F8) -> F8:
-    """Gently rolling: 0.1 m high, 5 to 30 m long."""
+    """Sum of waves: 0.1 m high, 5 to 30 m long."""
     waves = [(5.0, 0.3, 1.0), (8.0, 2.0, 4.0), (13.0, 4.0, 2.0), (21.0, 5.5, 0.5), (30.0, 1.2, 3.0)]
     return np.asarray(
         sum(0.02 * np.sqrt(w / 5) * np.sin(2 * np.pi / w * (x * np.cos(a) + y * np.sin(a)) + p) for w, a, p in waves)

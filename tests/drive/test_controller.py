@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The way-point follower, without physics."""
+"""The waypoint follower, without physics."""
 
 import numpy as np
 import pytest
@@ -12,8 +12,8 @@ from fieldtruth.experiment.config import ControlConfig
 GAINS = ControlConfig(speed=0.3, heading_gain=0.8, max_turn_rate=0.5, arrival_distance=2.0)
 
 
-def geodetic(*places: tuple[float, float]) -> list[tuple[float, float]]:
-    world = np.column_stack([np.array(places), np.zeros(len(places))])
+def geodetic(*points: tuple[float, float]) -> list[tuple[float, float]]:
+    world = np.column_stack([np.array(points), np.zeros(len(points))])
     return [(float(p[0]), float(p[1])) for p in geodetic_from_world(world)]
 
 
@@ -23,16 +23,16 @@ def follower(*waypoints: tuple[float, float], at: tuple[float, float] = (0.0, 0.
     return made
 
 
-def test_geodetic_waypoints_come_back_in_metres() -> None:
-    places = [(48.0, -24.0), (-50.0, 25.0), (0.0, 0.0)]
-    np.testing.assert_allclose(horizontal_from_geodetic(geodetic(*places)), places, atol=1e-3)
+def test_geodetic_waypoints_are_converted_to_metres() -> None:
+    points = [(48.0, -24.0), (-50.0, 25.0), (0.0, 0.0)]
+    np.testing.assert_allclose(horizontal_from_geodetic(geodetic(*points)), points, atol=1e-3)
 
 
 @pytest.mark.parametrize(
     ("target", "heading_deg", "error_deg"),
     [
         ((10.0, 0.0), 0.0, 0.0),
-        ((10.0, 0.0), 20.0, -20.0),  # looks too far left: turn right
+        ((10.0, 0.0), 20.0, -20.0),  # heading too far left: turn right
         ((10.0, 0.0), -20.0, 20.0),
         ((0.0, 10.0), 70.0, 20.0),  # target in the west, which is left of north
         ((0.0, -10.0), -70.0, -20.0),
@@ -51,7 +51,7 @@ def test_turn_rate_is_proportional_to_the_heading_error(
     assert command.speed == 0.3
 
 
-def test_turn_rate_is_limited_both_ways() -> None:
+def test_turn_rate_is_limited_to_both_sides() -> None:
     assert follower((0.0, 10.0)).command(0.0).turn_rate == 0.5
     assert follower((0.0, -10.0)).command(0.0).turn_rate == -0.5
 
@@ -65,11 +65,11 @@ def test_next_waypoint_is_taken_below_the_arrival_distance() -> None:
     assert driver.command(0.0).turn_rate > 0
 
 
-def test_waypoints_that_lie_together_are_passed_at_once() -> None:
+def test_waypoints_within_the_arrival_distance_are_skipped() -> None:
     assert follower((1.0, 0.0), (0.0, 1.5), (9.0, 0.0)).target == 2
 
 
-def test_it_stops_at_the_last_waypoint() -> None:
+def test_robot_stops_at_the_last_waypoint() -> None:
     driver = follower((10.0, 0.0))
     assert not driver.finished
     driver.see_fix(*geodetic((9.0, 1.0))[0])

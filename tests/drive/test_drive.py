@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whole drives: where they lead, how long they take, and that they can be repeated."""
+"""Whole drives: path, duration, rates, and reproducibility."""
 
 import numpy as np
 import pytest
@@ -23,14 +23,14 @@ def arrays(track: Track) -> dict[str, bytes]:
     return {f"{type(p).__name__}.{name}": a.tobytes() for p in parts for name, a in vars(p).items()}
 
 
-def test_straight_drive_ends_at_the_last_waypoint(flat_world: World) -> None:
+def test_straight_drive_ends_at_the_arrival_distance(flat_world: World) -> None:
     track = drive(flat_world, make_experiment([(7.0, 0.0), (10.0, 0.0)]))
-    # The antenna, 0.1 m ahead, comes within 2 m of the last way-point at x = 7.9; fixes come every 0.15 m.
+    # The antenna, 0.1 m ahead, comes within 2 m of the last waypoint at x = 7.9; fixes come every 0.15 m.
     end = track.motion.position[-1]
     assert 7.9 - 0.01 < end[0] < 7.9 + 0.15 + 0.03
     assert abs(end[1]) < 0.01
     assert track.length_m == pytest.approx(end[0], abs=0.01)
-    # 0.5 s of standing; ramping up and down cost half of 0.1 s each.
+    # 0.5 s at rest; ramping up and down cost half of 0.1 s each.
     assert track.duration_s == pytest.approx(end[0] / 0.3 + 0.5 - 0.1 + 0.1, abs=0.1)
     np.testing.assert_allclose(track.motion.linear_velocity[-1], 0.0, atol=1e-3)
     np.testing.assert_allclose(track.motion.linear_velocity[5000:20000, 0], 0.3, atol=0.01)
@@ -42,14 +42,14 @@ def test_mean_speed_is_the_commanded_one_on_a_winding_route(winding_track: Track
     assert winding_track.length_m / moving == pytest.approx(0.3, rel=0.01)
 
 
-def test_it_passes_each_waypoint_within_the_arrival_distance(winding_track: Track) -> None:
+def test_each_waypoint_is_passed_within_the_arrival_distance(winding_track: Track) -> None:
     xy = winding_track.motion.position[:, :2]
     for waypoint in [(5.0, 2.0), (9.0, -3.0), (5.0, -7.0), (0.0, -4.0)]:
         nearest = np.linalg.norm(xy - waypoint, axis=1).min()
         assert nearest < 2.1
 
 
-def test_the_first_readings_are_quiet_and_at_the_start() -> None:
+def test_robot_is_at_rest_at_the_start() -> None:
     motion = drive(make_world(hills), make_experiment([(3.0, 4.0)], start=(-2.0, 1.0), seconds=0.01)).motion
     assert len(motion.stamps_ns) == 10
     np.testing.assert_array_equal(motion.stamps_ns, np.arange(1, 11) * 1_000_000)
@@ -71,37 +71,37 @@ def test_each_sensor_reads_at_its_rate_up_to_and_including_the_end(flat_world: W
 
 
 @pytest.mark.parametrize("rate", [0.7, 2.0, 3.0, 50.0, 60.0, 333.0, 1000.0])
-def test_the_follower_looks_when_the_sensors_read(rate: float) -> None:
+def test_follower_runs_at_the_steps_of_the_sensors(rate: float) -> None:
     due = _DueSteps(rate)
     steps = steps_at_rate(rate, 20 * 10**9)
     assert [due.pop() for _ in steps] == steps.tolist()
 
 
-def test_seconds_end_the_drive_wherever_it_is(flat_world: World) -> None:
+def test_seconds_limit_the_duration(flat_world: World) -> None:
     assert drive(flat_world, make_experiment([(9.0, 0.0)], seconds=0.001)).duration_s == 0.001
     whole = drive(flat_world, make_experiment([(4.0, 0.0)]))
     longer = drive(flat_world, make_experiment([(4.0, 0.0)], seconds=60.0))
     assert arrays(longer) == arrays(whole)
 
 
-def test_equal_input_gives_equal_bytes_and_a_short_drive_is_the_beginning_of_a_long_one() -> None:
+def test_drive_is_reproducible_and_a_short_drive_is_a_prefix_of_a_long_one() -> None:
     route = [(3.0, 4.0), (8.0, 0.0)]
     long = drive(make_world(hills), make_experiment(route, seconds=6.0))
     again = drive(make_world(hills), make_experiment(route, seconds=6.0))
     short = drive(make_world(hills), make_experiment(route, seconds=2.5))
     assert arrays(long) == arrays(again)
-    beginning = arrays(long)
+    expected = arrays(long)
     for name, content in arrays(short).items():
-        assert beginning[name].startswith(content), name
+        assert expected[name].startswith(content), name
 
 
-def test_progress_counts_the_seconds(flat_world: World) -> None:
-    seen: list[float] = []
-    drive(flat_world, make_experiment([(9.0, 0.0)], seconds=3.5), progress=seen.append)
-    assert seen == [1.0, 2.0, 3.0]
+def test_progress_is_called_every_second(flat_world: World) -> None:
+    reported: list[float] = []
+    drive(flat_world, make_experiment([(9.0, 0.0)], seconds=3.5), progress=reported.append)
+    assert reported == [1.0, 2.0, 3.0]
 
 
-def test_it_turns_round_when_the_waypoint_lies_behind(flat_world: World) -> None:
+def test_robot_turns_around_for_a_waypoint_behind_it(flat_world: World) -> None:
     control = ControlConfig(heading_gain=2.0)
     track = drive(flat_world, make_experiment([(5.0, 0.0), (-5.0, 0.3)], control=control))
     assert track.motion.position[-1, 0] < -2.0

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A drive that cannot succeed says why, when, where and on the way to which way-point, in one line."""
+"""A drive that cannot succeed ends with one line: cause, time, position and waypoint."""
 
 import re
 
@@ -14,12 +14,12 @@ from fieldtruth.experiment.config import ControlConfig
 from fieldtruth.world.model import World
 
 WHERE = (
-    r" at (?P<t>[\d.]+) s, x, y = (?P<x>-?[\d.]+), (?P<y>-?[\d.]+) m, on the way to way-point (?P<k>\d+) of (?P<n>\d+)$"
+    r" at (?P<t>[\d.]+) s, x, y = (?P<x>-?[\d.]+), (?P<y>-?[\d.]+) m, heading for waypoint (?P<k>\d+) of (?P<n>\d+)$"
 )
 
 
 def failure(world: World, *waypoints: tuple[float, float], **changes: object) -> tuple[str, float, float, float, str]:
-    """What was wrong, when, where, and which way-point of how many."""
+    """Cause, time, position, and waypoint of how many."""
     with pytest.raises(DriveError) as caught:
         drive(world, make_experiment(waypoints, **changes))  # type: ignore[arg-type]
     text = str(caught.value)
@@ -30,7 +30,7 @@ def failure(world: World, *waypoints: tuple[float, float], **changes: object) ->
     return text[: found.start()], numbers[0], numbers[1], numbers[2], f"{found['k']} of {found['n']}"
 
 
-def test_a_wall_is_touched_when_the_bumper_gets_there() -> None:
+def test_wall_is_touched_by_the_front_of_the_robot() -> None:
     wall = obstacle("wall_7", "box", (0.4, 6.0, 1.0), 5.0, 0.0)
     what, when, x, y, waypoint = failure(make_world(obstacles=[wall]), (2.9, 0.0), (9.0, 0.0))
     assert what == "robot touched wall_7"
@@ -40,39 +40,39 @@ def test_a_wall_is_touched_when_the_bumper_gets_there() -> None:
     assert waypoint == "2 of 2"
 
 
-def test_a_trunk_beside_the_way_is_touched_by_the_side() -> None:
+def test_trunk_beside_the_path_is_touched_by_the_side() -> None:
     near = make_world(obstacles=[obstacle("oak_1", "cylinder", (0.2, 4.0), 4.0, 0.52)])
     assert failure(near, (9.0, 0.0))[0] == "robot touched oak_1"
     clear = make_world(obstacles=[obstacle("oak_1", "cylinder", (0.2, 4.0), 4.0, 0.57)])
     drive(clear, make_experiment([(9.0, 0.0)]))
 
 
-def test_the_mast_does_not_pass_under_a_table() -> None:
+def test_mast_collides_with_a_table() -> None:
     table = obstacle("table_3", "box", (1.0, 1.0, 0.05), 4.0, 0.0, z=0.7)
     assert failure(make_world(obstacles=[table]), (9.0, 0.0))[0] == "robot touched table_3"
     branch = obstacle("branch", "box", (1.0, 1.0, 0.05), 4.0, 0.0, z=1.05)
     drive(make_world(obstacles=[branch]), make_experiment([(9.0, 0.0)]))
 
 
-def test_a_start_inside_an_obstacle_is_said_at_once() -> None:
+def test_start_inside_an_obstacle_fails_at_time_0() -> None:
     bin_here = obstacle("bin_2", "cylinder", (0.3, 1.0), 0.3, 0.0)
     what, when, *_ = failure(make_world(obstacles=[bin_here]), (9.0, 0.0))
     assert (what, when) == ("robot touched bin_2", 0.0)
 
 
-def test_a_route_out_of_the_world() -> None:
+def test_route_out_of_the_world_fails_at_the_edge() -> None:
     what, _, x, _, waypoint = failure(make_world(size=(10.0, 10.0)), (2.5, 0.0), (8.0, 0.0))
     assert what == "robot outside the world"
     assert x == pytest.approx(5.0, abs=0.02)
     assert waypoint == "2 of 2"
 
 
-def test_a_start_outside_the_world() -> None:
+def test_start_outside_the_world_fails_at_time_0() -> None:
     what, when, *_ = failure(make_world(size=(10.0, 10.0)), (0.0, 0.0), start=(8.0, 0.0))
     assert (what, when) == ("robot outside the world", 0.0)
 
 
-def test_a_cliff_tips_it_over() -> None:
+def test_robot_tips_over_at_a_cliff() -> None:
     def cliff(x: F8, y: F8) -> F8:
         return np.where(x < 3.0, 0.0, -3.0) + 0.0 * y
 
@@ -81,7 +81,7 @@ def test_a_cliff_tips_it_over() -> None:
     assert 2.5 < x < 4.5
 
 
-def test_a_pit_that_it_cannot_leave() -> None:
+def test_robot_gets_stuck_in_a_pit() -> None:
     def pit(x: F8, y: F8) -> F8:
         return np.where(np.hypot(x, y) < 1.2, 0.0, 1.5)
 
@@ -91,8 +91,8 @@ def test_a_pit_that_it_cannot_leave() -> None:
     assert np.hypot(x, y) < 1.2
 
 
-def test_a_way_point_that_it_can_only_circle() -> None:
+def test_circling_a_waypoint_counts_as_stuck() -> None:
     control = ControlConfig(speed=1.0, max_turn_rate=0.6, arrival_distance=0.5)
     what, *_, waypoint = failure(make_world(), (3.0, 0.0), (3.0, 2.0), control=control)
-    assert what == "robot stuck (came no nearer to its way-point in 40 s)"
+    assert what == "robot stuck (no closer to its waypoint for 40 s)"
     assert waypoint == "2 of 2"

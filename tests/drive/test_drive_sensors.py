@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The robot's own sensors against closed forms, and against the motion that they felt."""
+"""IMU, GNSS and tachometers against closed forms and against the true motion."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def made_motion(position: Array, rotation: Rotation, velocity: Array, turn_rate:
 
 
 def circling(radius: float, turn_rate: float, count: int = 2000) -> Motion:
-    """To the left on a level circle, the nose along the way."""
+    """Motion on a level circle to the left, heading along the path."""
     angle = turn_rate * np.arange(1, count + 1) * 1e-3
     still = np.zeros(count)
     return made_motion(
@@ -39,7 +39,7 @@ def circling(radius: float, turn_rate: float, count: int = 2000) -> Motion:
     )
 
 
-def test_imu_axes_are_those_of_the_mount() -> None:
+def test_imu_axes_follow_the_mount() -> None:
     # Pitch -90 then yaw 180: x up, y to the right, z forwards.
     readings = read_imu(circling(2.0, 0.5), ImuConfig())
     np.testing.assert_allclose(readings.angular_velocity, np.tile((0.5, 0.0, 0.0), (100, 1)), atol=1e-12)
@@ -48,7 +48,7 @@ def test_imu_axes_are_those_of_the_mount() -> None:
     np.testing.assert_allclose(readings.linear_acceleration[1:], expected[1:], atol=3e-4)
 
 
-def test_imu_at_rest_shows_gravity_upwards_in_the_world() -> None:
+def test_imu_at_rest_measures_gravity_upwards_in_the_world() -> None:
     attitude = Rotation.from_euler("xyz", (10.0, -20.0, 130.0), degrees=True)
     still = np.zeros((40, 3))
     readings = read_imu(made_motion(still, Rotation.concatenate([attitude] * 40), still, still), ImuConfig())
@@ -57,7 +57,7 @@ def test_imu_at_rest_shows_gravity_upwards_in_the_world() -> None:
     np.testing.assert_allclose(world, np.tile((0.0, 0.0, 9.81), (2, 1)), atol=1e-12)
 
 
-def test_stamps_are_those_of_the_steps_that_were_read() -> None:
+def test_stamps_are_those_of_the_physics_steps() -> None:
     motion = circling(2.0, 0.5, 1000)
     np.testing.assert_array_equal(read_imu(motion, ImuConfig()).stamps_ns, np.arange(1, 51) * 20_000_000)
     readings = read_imu(motion, ImuConfig(rate_hz=3.0))
@@ -71,28 +71,28 @@ def test_stamps_are_those_of_the_steps_that_were_read() -> None:
 
 
 @pytest.mark.parametrize("rate", [2.0, 50.0, 3.0, 30.0, 7.7, 999.0, 1000.0])
-def test_no_step_is_read_twice(rate: float) -> None:
+def test_each_physics_step_is_read_at_most_once(rate: float) -> None:
     steps = steps_at_rate(rate, 10 * 10**9)
     assert np.all(np.diff(steps) > 0)
     assert steps[0] >= 1
     assert len(steps) == int(10 * rate)
 
 
-def test_a_drive_too_short_for_a_reading_has_none() -> None:
+def test_drive_shorter_than_a_period_has_no_readings() -> None:
     motion = circling(2.0, 0.5, 10)
     assert read_imu(motion, ImuConfig()).quaternion_wxyz.shape == (0, 4)
     assert read_gnss(motion, GnssConfig()).geodetic.shape == (0, 3)
     assert read_tachometers(motion, np.zeros((10, 4)), TachometerConfig()).wheel_speed.shape == (0, 4)
 
 
-def test_gnss_is_the_antenna_within_a_millimetre(winding_track: Track) -> None:
+def test_gnss_position_is_the_antenna_within_a_millimetre(winding_track: Track) -> None:
     motion, gnss = winding_track.motion, winding_track.gnss
     rows = gnss.stamps_ns // STEP_NS - 1
     lever = rotation_from_quaternion_wxyz(motion.quaternion_wxyz[rows]) @ np.array((0.10, 0.0, 0.890))
     np.testing.assert_allclose(world_from_geodetic(gnss.geodetic), motion.position[rows] + lever, atol=1e-3)
 
 
-def test_imu_attitude_turned_by_the_mount_is_base_links(winding_track: Track) -> None:
+def test_imu_attitude_and_mount_give_the_attitude_of_base_link(winding_track: Track) -> None:
     motion, imu = winding_track.motion, winding_track.imu
     rows = imu.stamps_ns // STEP_NS - 1
     base_from_imu = Mount(xyz=(0, 0, 0), rpy_deg=(0, -90, 180)).base_from_sensor[:3, :3]
@@ -118,12 +118,12 @@ def test_accelerometer_integrates_to_the_velocity() -> None:
     world_from_imu = rotation_from_quaternion_wxyz(imu.quaternion_wxyz)
     acceleration = np.einsum("nij,nj->ni", world_from_imu, imu.linear_acceleration) - (0.0, 0.0, 9.81)
     velocity = point_velocity(motion, np.arange(3000), np.array((0.19, 0.0, 0.149)))
-    gained = np.cumsum(acceleration[1:], axis=0) * 1e-3
-    np.testing.assert_allclose(gained, velocity[1:] - velocity[0], atol=1e-9)
+    integral = np.cumsum(acceleration[1:], axis=0) * 1e-3
+    np.testing.assert_allclose(integral, velocity[1:] - velocity[0], atol=1e-9)
     assert np.linalg.norm(velocity[-1]) > 0.25
 
 
-def test_wheel_speed_explains_the_driven_length() -> None:
+def test_wheel_speeds_integrate_to_the_driven_length() -> None:
     track = drive(make_world(tilted(4.0, 0.0)), make_experiment([(9.0, 0.0)]))
     seconds = np.diff(track.tachometers.stamps_ns, prepend=0) / 1e9
     by_wheels = (track.tachometers.wheel_speed * seconds[:, None]).sum(axis=0) * 0.1651

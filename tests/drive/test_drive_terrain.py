@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The terrain that the wheels feel is the terrain that the sensors see: same corners, same triangles, same heights."""
+"""The terrain of the physics is that of the sensors: same corners, same triangles, same heights."""
 
 from typing import Any
 
@@ -18,7 +18,7 @@ RADIUS = 0.001
 
 
 def probe_model(field: Heightfield) -> tuple[Any, Any]:
-    """A world of the terrain and one small ball that can be put anywhere."""
+    """A model of the terrain and one small ball that can be moved anywhere."""
     spec = mujoco.MjSpec()
     add_terrain(spec, field)
     body = spec.worldbody.add_body(name="probe")
@@ -28,8 +28,8 @@ def probe_model(field: Heightfield) -> tuple[Any, Any]:
     return model, mujoco.MjData(model)
 
 
-def felt_height(model: Any, data: Any, x: float, y: float, guess: float, normal: F8) -> float:
-    """Height of the ground at x, y out of the contact of a ball a little above it, on a facet of this ``normal``."""
+def contact_height(model: Any, data: Any, x: float, y: float, guess: float, normal: F8) -> float:
+    """Height of the ground at x, y from the contact of a ball just above it, on a facet with this ``normal``."""
     lift = 0.003
     data.qpos[:3] = (x, y, guess + lift)
     mujoco.mj_forward(model, data)
@@ -46,7 +46,7 @@ def ridge(x: F8, y: F8) -> F8:
 
 
 @pytest.mark.parametrize("height", [tilted(10.0, -7.0), bump, hills, ridge])
-def test_wheels_feel_the_heights_of_the_heightfield(height: HeightFunction) -> None:
+def test_contact_heights_are_those_of_the_heightfield(height: HeightFunction) -> None:
     field = make_field(height, size=(8.0, 6.0))
     model, data = probe_model(field)
     rng = np.random.default_rng(3)
@@ -63,10 +63,10 @@ def test_wheels_feel_the_heights_of_the_heightfield(height: HeightFunction) -> N
         slope = np.array([first, second] if along else [second, first]) / field.spacing
         normal = np.array([-slope[0], -slope[1], 1.0]) / np.sqrt(1 + slope @ slope)
         expected = float(field.height_at(x, y))
-        assert felt_height(model, data, x, y, expected, normal) == pytest.approx(expected, abs=2e-6)
+        assert contact_height(model, data, x, y, expected, normal) == pytest.approx(expected, abs=2e-6)
 
 
-def test_obstacles_stand_where_the_objects_stand() -> None:
+def test_obstacles_have_the_poses_and_sizes_of_the_objects() -> None:
     world = make_world_of(
         obstacles=[
             obstacle("lamp", "cylinder", (0.1, 3.0), 4.0, -2.0, scale=2.0),
@@ -76,7 +76,7 @@ def test_obstacles_stand_where_the_objects_stand() -> None:
     model, names = build_physics(world, Rig())
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    lamp, bench = (next(g for g, name in names.items() if name == wanted) for wanted in ("lamp", "bench"))
+    lamp, bench = (next(g for g, name in names.items() if name == name_wanted) for name_wanted in ("lamp", "bench"))
     np.testing.assert_allclose(data.geom_xpos[lamp], (4.0, -2.0, 3.0))
     np.testing.assert_allclose(model.geom_size[lamp][:2], (0.2, 3.0))
     np.testing.assert_allclose(data.geom_xpos[bench], (-3.0, 5.0, 0.4))

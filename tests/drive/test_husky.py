@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The robot alone: its frames and mass, how it stands, drives straight and turns."""
+"""The robot alone: frames, mass, resting pose, straight speed and turn rate."""
 
 import mujoco
 import numpy as np
@@ -14,7 +14,7 @@ from fieldtruth.experiment.rig import WHEELS, Rig, WheelConfig
 from fieldtruth.world.model import World
 
 
-def test_frames_and_mass_are_the_papers(flat_world: World) -> None:
+def test_frames_and_mass_match_the_paper(flat_world: World) -> None:
     model = build_physics(flat_world, Rig()).model
     assert model.body_subtreemass[model.body("base_link").id] == pytest.approx(50.0)
     mounts = Rig().mounts()
@@ -25,7 +25,7 @@ def test_frames_and_mass_are_the_papers(flat_world: World) -> None:
     assert model.opt.timestep == 0.001
 
 
-def test_wheels_and_servos_come_in_the_order_of_the_tachometers(flat_world: World) -> None:
+def test_wheels_and_servos_are_in_the_order_of_the_tachometers(flat_world: World) -> None:
     model = build_physics(flat_world, Rig()).model
     joints = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, i) for i in range(1, model.njnt)]
     servos = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, i) for i in range(model.nu)]
@@ -35,16 +35,16 @@ def test_wheels_and_servos_come_in_the_order_of_the_tachometers(flat_world: Worl
 def test_wheel_speeds_in_closed_form() -> None:
     wheels = WheelConfig(half_wheelbase=0.3, half_track=0.3, radius=0.2)
     np.testing.assert_allclose(wheel_speeds((0.4, 0.0), wheels), [2.0] * 4)
-    # Equal arms: friction takes half of the turn, so the wheels are asked for twice of it.
+    # Equal arms: friction halves the turn rate, so the wheels are commanded twice as fast.
     np.testing.assert_allclose(wheel_speeds((0.0, 0.5), wheels), [-1.5, 1.5, -1.5, 1.5])
 
 
-def test_ramp_keeps_the_limits_of_acceleration() -> None:
+def test_ramp_keeps_the_acceleration_limits() -> None:
     commands = ramp(Command(0.3, 0.0), Command(0.0, -0.6), np.array([0.05, 0.1, 0.2]))
     np.testing.assert_allclose(commands, [[0.15, -0.3], [0.0, -0.6], [0.0, -0.6]], atol=1e-12)
 
 
-def test_it_stands_still_at_its_nominal_height(flat_world: World) -> None:
+def test_robot_rests_at_its_nominal_height(flat_world: World) -> None:
     states = make_robot(flat_world).advance(STOP, 500)
     np.testing.assert_allclose(states[:, 2], 0.13228, atol=1e-4)
     np.testing.assert_allclose(states[:, 7:13], 0.0, atol=1e-6)
@@ -52,7 +52,7 @@ def test_it_stands_still_at_its_nominal_height(flat_world: World) -> None:
 
 
 @pytest.mark.parametrize(("along", "across"), [(8.0, 10.0), (-8.0, 10.0), (8.0, -10.0)])
-def test_on_a_slope_it_pitches_and_rolls_as_the_slope_says(along: float, across: float) -> None:
+def test_attitude_on_a_slope_matches_its_plane(along: float, across: float) -> None:
     robot = make_robot(make_world(tilted(along, across)))
     states = robot.advance(STOP, 500)
     rotation = rotation_from_quaternion_wxyz(states[-1, 3:7])
@@ -74,16 +74,16 @@ def test_straight_speed(flat_world: World, speed: float) -> None:
     robot = make_robot(flat_world)
     robot.advance(Command(speed, 0.0), 1000)
     states = robot.advance(Command(speed, 0.0), 3001)
-    way = states[-1, :2] - states[0, :2]
-    assert way[0] == pytest.approx(3 * speed, rel=5e-3)
-    assert abs(way[1]) < 3e-3 * way[0]
+    moved = states[-1, :2] - states[0, :2]
+    assert moved[0] == pytest.approx(3 * speed, rel=5e-3)
+    assert abs(moved[1]) < 3e-3 * moved[0]
     np.testing.assert_allclose(states[:, 13:].mean(axis=0) * 0.1651, speed, rtol=2e-3)
 
 
 @pytest.mark.parametrize(
     ("speed", "turn_rate"), [(0.3, 0.6), (0.3, -0.6), (0.3, 0.2), (0.3, -0.2), (0.0, 1.0), (0.0, -1.0)]
 )
-def test_turn_rate_is_the_commanded_one(flat_world: World, speed: float, turn_rate: float) -> None:
+def test_turn_rate_matches_the_command(flat_world: World, speed: float, turn_rate: float) -> None:
     robot = make_robot(flat_world)
     robot.advance(Command(speed, turn_rate), 1000)
     states = robot.advance(Command(speed, turn_rate), 3001)
@@ -94,7 +94,7 @@ def test_turn_rate_is_the_commanded_one(flat_world: World, speed: float, turn_ra
     assert length == pytest.approx(3 * speed, rel=0.01, abs=0.02)
 
 
-def test_skidding_does_not_make_it_hop(flat_world: World) -> None:
+def test_skidding_does_not_lift_the_wheels(flat_world: World) -> None:
     robot = make_robot(flat_world)
     robot.advance(Command(0.3, 0.5), 1000)
     velocity = robot.advance(Command(0.3, 0.5), 2000)[:, 7:10]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Random routes are free, as long as was asked for, drivable to their end, and the same for the same seed."""
+"""Random routes are free, of the requested length, drivable to their end, and the same for the same seed."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,71 +13,71 @@ import fieldtruth
 from fieldtruth import pipeline
 from fieldtruth.core.errors import DriveError, RouteError
 from fieldtruth.drive import drive, plan, plan_route
-from fieldtruth.drive.kinematics import KinematicSimulator, way_length
+from fieldtruth.drive.kinematics import KinematicSimulator, path_length
 from fieldtruth.experiment.config import ControlConfig, Experiment, RouteConfig
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route, random_route
 from fieldtruth.world.model import World
 
 
-def asked(length_m: float, seed: int, **changes: object) -> Experiment:
+def random_experiment(length_m: float, seed: int, **changes: object) -> Experiment:
     route = random_route(length_m, seed)
     return make_experiment([(5.0, 0.0)], **changes).model_copy(update={"route": route})  # type: ignore[arg-type]
 
 
 def path_of(route: RouteConfig, experiment: Experiment, world: World | None = None) -> F8:
     field = None if world is None else world.terrain.field
-    legs, endless = KinematicSimulator(experiment, field).legs(metres_from_route(route))
+    legs, endless = KinematicSimulator(experiment, field).drive_route(metres_from_route(route))
     assert endless is None
     return np.concatenate(legs)
 
 
-def planted(count: int = 60, free: Sequence[tuple[float, float]] = ()) -> World:
-    """Trunks at random."""
+def forest(count: int = 60, free: Sequence[tuple[float, float]] = ()) -> World:
+    """Trunks at random positions."""
     rng = np.random.default_rng(5)
-    places = [p for p in rng.uniform((-19, -9), (19, 9), (count, 2)) if all(np.hypot(*(p - f)) > 1.5 for f in free)]
-    trunks = [obstacle(f"tree_{k}", "cylinder", (0.2, 5.0), float(x), float(y)) for k, (x, y) in enumerate(places)]
+    points = [p for p in rng.uniform((-19, -9), (19, 9), (count, 2)) if all(np.hypot(*(p - f)) > 1.5 for f in free)]
+    trunks = [obstacle(f"tree_{k}", "cylinder", (0.2, 5.0), float(x), float(y)) for k, (x, y) in enumerate(points)]
     return make_world(obstacles=trunks)
 
 
 @pytest.mark.parametrize("length", [20.0, 50.0, 200.0])
 @pytest.mark.parametrize("speed", [0.3, 1.0])
-def test_it_is_as_long_as_asked_and_its_way_points_5_to_20_m_apart(length: float, speed: float) -> None:
-    experiment = asked(length, 1, control=ControlConfig(speed=speed))
-    route = plan_route(make_world(), experiment, proven=False)
-    assert way_length(path_of(route, experiment)) == pytest.approx(length, rel=0.02)
+def test_length_is_as_requested_and_waypoints_are_5_to_20_m_apart(length: float, speed: float) -> None:
+    experiment = random_experiment(length, 1, control=ControlConfig(speed=speed))
+    route = plan_route(make_world(), experiment, verify=False)
+    assert path_length(path_of(route, experiment)) == pytest.approx(length, rel=0.02)
     spacing = np.linalg.norm(np.diff(metres_from_route(route), axis=0), axis=1)
     assert spacing.max() <= 20.0
     assert np.median(spacing) >= 5.0
 
 
-def test_on_a_slope_the_length_is_that_of_the_way_and_not_of_the_map() -> None:
-    world, experiment = make_world(tilted(15.0, 0.0)), asked(30.0, 1)
-    route = plan_route(world, experiment, proven=False)
-    assert way_length(path_of(route, experiment, world)) < 29.5
+def test_length_on_a_slope_is_measured_along_the_ground() -> None:
+    world, experiment = make_world(tilted(15.0, 0.0)), random_experiment(30.0, 1)
+    route = plan_route(world, experiment, verify=False)
+    assert path_length(path_of(route, experiment, world)) < 29.5
     track = drive(world, experiment.model_copy(update={"route": route}))
     assert track.length_m == pytest.approx(30.0, rel=0.02)
 
 
-def test_same_seed_same_route_other_seed_other_route() -> None:
-    world = planted()
-    routes = [plan_route(world, asked(80.0, seed), proven=False) for seed in (3, 3, 4, 5)]
+def test_same_seed_gives_same_route_and_other_seed_another() -> None:
+    world = forest()
+    routes = [plan_route(world, random_experiment(80.0, seed), verify=False) for seed in (3, 3, 4, 5)]
     assert routes[0] == routes[1]
     assert len({route.start for route in routes}) == 3
 
 
-def test_it_keeps_off_every_trunk() -> None:
-    world = planted()
+def test_path_keeps_its_gap_to_every_trunk() -> None:
+    world = forest()
     trunks = np.array([i.world_from_object[:2, 3] for i in world.instances])
     for seed in range(6):
-        experiment = asked(80.0, seed)
-        path = path_of(plan_route(world, experiment, proven=False), experiment)
+        experiment = random_experiment(80.0, seed)
+        path = path_of(plan_route(world, experiment, verify=False), experiment)
         away = np.linalg.norm(path[:, None, :2] - trunks, axis=-1).min()
-        assert away > 0.2 + 0.335 + 0.15  # the trunk's radius, half the robot's width, and room
+        assert away > 0.2 + 0.335 + 0.15  # the trunk's radius, half the robot's width, and a gap
         assert (np.abs(path[:, :2]) < (18.5, 8.5)).all()
 
 
-def test_it_goes_through_the_gap_in_a_wall() -> None:
+def test_path_passes_through_a_gap_in_a_wall() -> None:
     """A wall along y at x = 0 from edge to edge with a gap of 2 m about y = 4."""
     wall = [
         obstacle("south", "box", (0.3, 13.0, 1.0), 0.0, -3.5),
@@ -85,53 +85,57 @@ def test_it_goes_through_the_gap_in_a_wall() -> None:
     ]
     world = make_world(obstacles=wall)
     for seed in range(4):
-        experiment = asked(120.0, seed)
-        path = path_of(plan_route(world, experiment, proven=False), experiment)
+        experiment = random_experiment(120.0, seed)
+        path = path_of(plan_route(world, experiment, verify=False), experiment)
         crossing = path[1:][np.diff(np.sign(path[:, 0])) != 0]
         assert len(crossing)
-        assert (np.abs(crossing[:, 1] - 4.0) < 1.0 - 0.335 - 0.2 + 1e-3).all()  # half the robot's width and its room
+        assert (np.abs(crossing[:, 1] - 4.0) < 1.0 - 0.335 - 0.2 + 1e-3).all()  # half the robot's width and its gap
 
 
-def test_it_wanders_through_the_whole_place() -> None:
-    experiment = asked(300.0, 2)
-    path = path_of(plan_route(make_world(size=(60.0, 40.0)), experiment, proven=False), experiment)
+def test_path_visits_all_quarters_of_the_world() -> None:
+    experiment = random_experiment(300.0, 2)
+    path = path_of(plan_route(make_world(size=(60.0, 40.0)), experiment, verify=False), experiment)
     quarters = {(x > 0, y > 0) for x, y in path[:, :2]}
     assert len(quarters) == 4
     assert np.ptp(path[:, 0]) > 40.0
     assert np.ptp(path[:, 1]) > 22.0
 
 
-def test_a_corridor_without_room_to_turn_ends_and_the_longest_way_is_told() -> None:
-    """A corridor 2 m wide and 36 m long: 20 m fit, 60 m do not."""
+def test_error_states_the_longest_route_that_was_found() -> None:
+    """A corridor 2 m wide, too narrow to turn, and 36 m long: 20 m fit, 60 m do not."""
     walls = [obstacle(f"wall_{k}", "box", (40.0, 8.0, 1.0), 0.0, y) for k, y in enumerate((-5.0, 5.0))]
     world = make_world(obstacles=walls)
-    path = path_of(plan_route(world, asked(20.0, 0), proven=False), asked(20.0, 0))
+    path = path_of(plan_route(world, random_experiment(20.0, 0), verify=False), random_experiment(20.0, 0))
     assert np.abs(path[:, 1]).max() < 0.4
     with pytest.raises(RouteError) as caught:
-        plan_route(world, asked(60.0, 0), proven=False)
+        plan_route(world, random_experiment(60.0, 0), verify=False)
     text = str(caught.value)
     assert text.startswith("no free route of 60 m found in test (seed 0); the longest that was found is ")
     assert 18.0 < float(text.split()[-2]) < 37.0
 
 
-def test_no_ground_at_all() -> None:
+def test_world_without_free_ground_is_refused() -> None:
     with pytest.raises(RouteError, match="the longest that was found is 0 m"):
-        plan_route(make_world(obstacles=[obstacle("rock", "box", (50.0, 50.0, 1.0), 0.0, 0.0)]), asked(20.0, 0))
+        plan_route(
+            make_world(obstacles=[obstacle("rock", "box", (50.0, 50.0, 1.0), 0.0, 0.0)]), random_experiment(20.0, 0)
+        )
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_the_park_is_driven_to_the_end(seed: int) -> None:
+def test_random_route_in_the_park_is_driven_to_its_end(seed: int) -> None:
     world = fieldtruth.load_world("park", 0)
     experiment = load_experiment("park_1").model_copy(update={"route": random_route(40.0, seed)})
-    route = plan_route(world, experiment, proven=False)
-    track = drive(world, experiment.model_copy(update={"route": route}))  # a touch would be a DriveError
+    route = plan_route(world, experiment, verify=False)
+    track = drive(world, experiment.model_copy(update={"route": route}))  # a collision would be a DriveError
     assert track.length_m == pytest.approx(40.0, rel=0.02)
     path = path_of(route, experiment, world)
     away = np.linalg.norm(track.motion.position[::500, None, :2] - path[None, :, :2], axis=-1).min(axis=1)
     assert away.max() < 0.15
 
 
-def test_a_run_drives_the_plan_and_keeps_the_users_experiment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_run_drives_the_planned_route_and_writes_the_original_experiment(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     world, driven = make_world(), []
 
     def no_scene(*_: object) -> None:
@@ -140,17 +144,17 @@ def test_a_run_drives_the_plan_and_keeps_the_users_experiment(tmp_path: Path, mo
     monkeypatch.setattr(pipeline, "world_of", lambda _: world)
     monkeypatch.setattr(pipeline, "drive", lambda _, experiment: driven.append(experiment.route))
     monkeypatch.setattr(pipeline, "Scene", no_scene)
-    experiment = asked(50.0, 3).model_copy(update={"environment": "park"})
+    experiment = random_experiment(50.0, 3).model_copy(update={"environment": "park"})
     with pytest.raises(DriveError, match="enough"):
         pipeline.generate(experiment, tmp_path)
-    assert driven == [plan_route(world, experiment, proven=False)]
+    assert driven == [plan_route(world, experiment, verify=False)]
     assert load_experiment(tmp_path / "test" / "experiment.yaml") == experiment
 
 
-def test_a_route_on_which_the_robot_fails_is_not_handed_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The physics has the last word, and hears of the whole route even if the experiment is cut short."""
+def test_routes_that_fail_in_the_physics_simulation_are_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The whole route is driven, even if the experiment ends earlier."""
     world, tried = make_world(), []
-    experiment = asked(50.0, 3).model_copy(update={"seconds": 1.0})
+    experiment = random_experiment(50.0, 3).model_copy(update={"seconds": 1.0})
 
     def fails_twice(_: World, whole: Experiment) -> None:
         tried.append(whole)

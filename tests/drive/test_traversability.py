@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The map knows what the robot cannot stand on, and how much room is left, to the cell."""
+"""Blockage and clearance of the traversability map against closed forms, to the cell."""
 
 import numpy as np
 import pytest
@@ -8,18 +8,18 @@ from drive_worlds import F8, HeightFunction, make_world, obstacle, tilted
 
 from fieldtruth.core import frames
 from fieldtruth.drive.outlines import Outline, distance_to, gap_to, obstacle_outlines
-from fieldtruth.drive.traversability import CELL, ROBOT_RADIUS, Bar, traversability
+from fieldtruth.drive.traversability import CELL, ROBOT_RADIUS, Blockage, traversability
 from fieldtruth.world.model import Collider
 
 SQUARE = Outline("square", np.array([(1.0, -1.0), (3.0, -1.0), (3.0, 1.0), (1.0, 1.0)]))
 
 
-def test_distance_to_an_outline() -> None:
-    places = np.array([(0.0, 0.0), (0.0, -2.0), (2.0, 5.0), (2.0, 0.5), (1.0, 0.0)])
-    np.testing.assert_allclose(distance_to(SQUARE, places), [1.0, np.sqrt(2), 4.0, -0.5, 0.0], atol=1e-12)
+def test_distance_to_outline_in_closed_form() -> None:
+    points = np.array([(0.0, 0.0), (0.0, -2.0), (2.0, 5.0), (2.0, 0.5), (1.0, 0.0)])
+    np.testing.assert_allclose(distance_to(SQUARE, points), [1.0, np.sqrt(2), 4.0, -0.5, 0.0], atol=1e-12)
 
 
-def test_the_gap_of_the_robots_outline_depends_on_its_heading() -> None:
+def test_gap_of_the_robot_outline_depends_on_its_heading() -> None:
     poses = np.array([(0.0, 0.0, 0.0), (0.0, 0.0, np.pi / 2), (0.0, 0.0, np.pi), (0.6, 0.0, 0.0), (2.0, 5.0, 0.0)])
     gaps = [1 - 0.495, 1 - 0.335, 1 - 0.495, 0.4 - 0.495, 4 - 0.335]
     np.testing.assert_allclose(gap_to(SQUARE, poses), gaps, atol=1e-12)
@@ -27,7 +27,7 @@ def test_the_gap_of_the_robots_outline_depends_on_its_heading() -> None:
     assert diagonal[0] == pytest.approx(1 - (0.495 + 0.335) / np.sqrt(2), abs=1e-12)
 
 
-def test_outlines_are_what_stands_within_reach() -> None:
+def test_outlines_are_of_colliders_between_ground_and_robot_height() -> None:
     world = make_world(
         obstacles=[
             obstacle("post", "cylinder", (0.2, 4.0), 3.0, 1.0, scale=1.5),
@@ -42,44 +42,44 @@ def test_outlines_are_what_stands_within_reach() -> None:
     np.testing.assert_allclose([table.corners.min(axis=0), table.corners.max(axis=0)], [(-5.5, -1.0), (-4.5, 1.0)])
 
 
-def test_a_fallen_trunk_blocks_all_its_length_and_a_leaning_one_as_far_as_it_is_low() -> None:
+def test_fallen_trunk_blocks_its_length_and_leaning_trunk_its_low_part() -> None:
     trunk = Collider(shape="cylinder", size=(0.2, 6.0))
     lying = frames.pose((0.0, 0.0, 0.15), (0.0, 90.0, 0.0))
     leaning = frames.pose((0.0, 5.0, 0.0), (0.0, 60.0, 0.0))  # 60 deg off the vertical, towards +x
     low, high = obstacle_outlines(make_world(obstacles=[("lying", trunk, lying), ("leaning", trunk, leaning)]))
     np.testing.assert_allclose([low.corners.min(axis=0), low.corners.max(axis=0)], [(0.0, -0.2), (6.0, 0.2)], atol=0.01)
-    # Its underside leaves the robot's reach of 1.2 m at (1.2 + 0.2 sin 60) / cos 60 along the axis.
+    # Its underside rises above 1.2 m at (1.2 + 0.2 sin 60) / cos 60 along the axis.
     along = (1.2 + 0.2 * np.sin(np.pi / 3)) / np.cos(np.pi / 3)
     leaves = along * np.sin(np.pi / 3) + 0.2 * np.cos(np.pi / 3)
     assert leaves - 0.25 < high.corners[:, 0].max() <= leaves + 0.01
 
 
-def test_clearance_is_the_room_around_the_robot() -> None:
+def test_clearance_is_the_free_distance_around_the_robot() -> None:
     ground = traversability(make_world(obstacles=[obstacle("post", "cylinder", (0.3, 2.0), 0.0, 0.0)]))
     for distance in (1.0, 1.5, 3.0):
-        room = distance - 0.3 - ROBOT_RADIUS
+        free = distance - 0.3 - ROBOT_RADIUS
         for angle in np.linspace(0, 2 * np.pi, 12):
             found = ground.clearance_at([(distance * np.cos(angle), distance * np.sin(angle))])[0]
-            assert room - 2.0 * CELL < found <= room + 0.02  # never more room than there is
-    assert ground.bar_at([(0.2, 0.0), (1.0, 0.0)]).tolist() == [Bar.OBSTACLE, Bar.NOTHING]
+            assert free - 2.0 * CELL < found <= free + 0.02  # never more than is free
+    assert ground.blockage_at([(0.2, 0.0), (1.0, 0.0)]).tolist() == [Blockage.OBSTACLE, Blockage.NONE]
 
 
-def test_the_edge_keeps_its_distance() -> None:
+def test_cells_near_the_edge_are_blocked() -> None:
     ground = traversability(make_world(size=(20.0, 12.0)))
-    places = [(8.4, 0.0), (8.7, 0.0), (0.0, -4.4), (0.0, -4.7), (30.0, 0.0)]
-    wanted = [Bar.NOTHING, Bar.EDGE, Bar.NOTHING, Bar.EDGE, Bar.EDGE]
-    assert ground.bar_at(places).tolist() == wanted
+    points = [(8.4, 0.0), (8.7, 0.0), (0.0, -4.4), (0.0, -4.7), (30.0, 0.0)]
+    expected = [Blockage.NONE, Blockage.EDGE, Blockage.NONE, Blockage.EDGE, Blockage.EDGE]
+    assert ground.blockage_at(points).tolist() == expected
     assert np.isneginf(ground.clearance_at([(30.0, 0.0)])).all()
 
 
 @pytest.mark.parametrize(
-    ("slope", "bar"), [(10.0, Bar.NOTHING), (19.0, Bar.NOTHING), (21.0, Bar.STEEP), (25, Bar.STEEP)]
+    ("slope", "blockage"), [(10.0, Blockage.NONE), (19.0, Blockage.NONE), (21.0, Blockage.STEEP), (25, Blockage.STEEP)]
 )
 @pytest.mark.parametrize("spacing", [0.1, 0.2])
-def test_a_ramp_of_25_deg_is_blocked_and_one_of_10_deg_is_not(slope: float, bar: Bar, spacing: float) -> None:
+def test_ramps_steeper_than_20_deg_are_blocked(slope: float, blockage: Blockage, spacing: float) -> None:
     for ramp in (tilted(slope, 0.0), tilted(0.0, -slope)):
         ground = traversability(make_world(ramp, spacing=spacing))
-        assert (ground.bar_at([(0.0, 0.0), (5.0, -3.0), (-12.0, 6.0)]) == bar).all()
+        assert (ground.blockage_at([(0.0, 0.0), (5.0, -3.0), (-12.0, 6.0)]) == blockage).all()
 
 
 def step(height: float) -> HeightFunction:
@@ -93,23 +93,23 @@ def boulder(x: F8, y: F8) -> F8:
     return np.asarray(0.3 * (np.hypot(x, y) < 0.35))
 
 
-def test_steps_and_boulders_in_the_ground() -> None:
-    assert traversability(make_world(step(0.05))).bar_at([(0.0, 0.0)])[0] == Bar.NOTHING
-    assert traversability(make_world(step(0.5))).bar_at([(0.0, 0.0)])[0] in (Bar.ROUGH, Bar.STEEP)
+def test_steps_and_boulders_of_the_terrain_are_blocked() -> None:
+    assert traversability(make_world(step(0.05))).blockage_at([(0.0, 0.0)])[0] == Blockage.NONE
+    assert traversability(make_world(step(0.5))).blockage_at([(0.0, 0.0)])[0] in (Blockage.ROUGH, Blockage.STEEP)
     ground = traversability(make_world(boulder))
-    assert ground.bar_at([(0.0, 0.0)])[0] in (Bar.ROUGH, Bar.STEEP)
-    assert ground.bar_at([(2.0, 0.0), (0.0, -2.0)]).tolist() == [Bar.NOTHING, Bar.NOTHING]
+    assert ground.blockage_at([(0.0, 0.0)])[0] in (Blockage.ROUGH, Blockage.STEEP)
+    assert ground.blockage_at([(2.0, 0.0), (0.0, -2.0)]).tolist() == [Blockage.NONE, Blockage.NONE]
 
 
-def test_water_is_barred_and_its_bank_leaves_no_room() -> None:
+def test_water_is_blocked_and_its_bank_has_no_clearance() -> None:
     ground = traversability(make_world(tilted(0.0, 10.0), water_level=0.0))
-    assert ground.bar_at([(0.0, -0.5), (0.0, 1.0)]).tolist() == [Bar.WATER, Bar.NOTHING]
-    dry = 0.05 / np.tan(np.radians(10.0))  # [m] from the water's line to ground 0.05 m above it
+    assert ground.blockage_at([(0.0, -0.5), (0.0, 1.0)]).tolist() == [Blockage.WATER, Blockage.NONE]
+    dry = 0.05 / np.tan(np.radians(10.0))  # [m] from the shoreline to ground 0.05 m above it
     assert ground.clearance_at([(0.0, dry + ROBOT_RADIUS - 0.1)])[0] < 0
     assert ground.clearance_at([(0.0, dry + ROBOT_RADIUS + 0.3)])[0] > 0
 
 
-def test_an_empty_plane_is_free_but_for_its_edge() -> None:
+def test_plane_is_free_except_for_its_edge() -> None:
     ground = traversability(make_world())
     assert (ground.clearance[20:-20, 20:-20] > 0).all()
     assert ground.clearance_at([(0.0, 0.0)])[0] == pytest.approx(8.5, abs=CELL)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The drive: a Husky in MuJoCo among obstacles, the way-point follower, the route's plan, the robot's own sensors."""
+"""Simulated drive of a Husky in MuJoCo: physics, waypoint follower, route planning, IMU, GNSS and tachometers."""
 
 from fieldtruth.drive.controller import WaypointFollower
 from fieldtruth.drive.husky import Command

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The way-point follower of the paper's section 3: constant speed, turn rate proportional to the heading error.
+"""Waypoint follower of the paper's section 3: constant speed, turn rate proportional to the heading error.
 
-It sees the latest fix of the GNSS antenna and the heading of the IMU and nothing else; between two fixes it aims from
-where the last one was.
+Its only inputs are the latest fix of the GNSS antenna and the heading of the IMU; between two fixes it steers from the
+position of the last one.
 """
 
 import math
@@ -18,10 +18,10 @@ from fieldtruth.experiment.config import ControlConfig
 
 
 class WaypointFollower:
-    """Drives to each way-point in turn, and stops at the last one.
+    """Drives to each waypoint in turn and stops at the last one.
 
-    ``waypoints`` (n, 2) are latitude and longitude [deg]. ``target`` is the row of the way-point that it heads for; it
-    equals the number of way-points once the last one is reached.
+    ``waypoints`` (n, 2) are latitude and longitude [deg]. ``target`` is the row of the current waypoint, and the number
+    of waypoints once the last one is reached.
     """
 
     def __init__(self, waypoints: ArrayLike, control: ControlConfig) -> None:
@@ -32,11 +32,11 @@ class WaypointFollower:
 
     @property
     def finished(self) -> bool:
-        """True once the last way-point is reached."""
+        """True once the last waypoint is reached."""
         return self.target == len(self.waypoints_xy)
 
     def see_fix(self, latitude_deg: float, longitude_deg: float) -> None:
-        """Take a fix of the GNSS; below the arrival distance the next way-point becomes the target."""
+        """Take a GNSS fix; below the arrival distance the next waypoint becomes the target."""
         self._antenna_xy = horizontal_from_geodetic((latitude_deg, longitude_deg))
         while not self.finished and self.distance < self._control.arrival_distance:
             self.target += 1
@@ -47,7 +47,7 @@ class WaypointFollower:
         return math.dist(self._antenna_xy, self.waypoints_xy[self.target])
 
     def command(self, heading: float) -> Command:
-        """What to do at this ``heading`` [rad]: 0 is north, positive towards west."""
+        """Command at this ``heading`` [rad]: 0 is north, positive towards west."""
         if self.finished:
             return STOP
         north, west = self.waypoints_xy[self.target] - self._antenna_xy
@@ -61,7 +61,7 @@ def turn_rate(heading_error: float, control: ControlConfig) -> float:
 
 
 def horizontal_from_geodetic(geodetic: ArrayLike) -> Array:
-    """World x, y (..., 2) [m] of latitude and longitude (..., 2) [deg], taken to lie at height 0."""
+    """World x, y (..., 2) [m] of latitude and longitude (..., 2) [deg] at height 0."""
     latitude_longitude = np.asarray(geodetic, np.float64)
     height = np.zeros((*latitude_longitude.shape[:-1], 1))
     return world_from_geodetic(np.concatenate([latitude_longitude, height], axis=-1))[..., :2]

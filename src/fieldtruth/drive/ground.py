@@ -1,12 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""How the robot stands on uneven ground: whether its belly would sit on what lies between the wheels."""
+"""Terrain below the robot: slope, mean height, and bumps between the wheels that would touch the chassis."""
 
 from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
 from fieldtruth.core.arrays import Array
@@ -14,20 +13,20 @@ from fieldtruth.drive.husky import CHASSIS_WIDTH, OUTLINE
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.model import Heightfield
 
-BELLY: Final = -Rig().base_footprint.xyz[2]
-"""Height [m] of the belly above the plane on which the wheels stand."""
+CHASSIS_CLEARANCE: Final = -Rig().base_footprint.xyz[2]
+"""Height [m] of the chassis above the plane through the wheels' contact points."""
 _HEADINGS: Final = 8
-_MOST_NODES: Final = 200_000
+_MAX_NODES: Final = 200_000
 _WHEELS: Final = Rig().wheels
-_BELLY_PLACES: Final = [
+_CHASSIS_POINTS: Final = [
     (x * OUTLINE[0], y * CHASSIS_WIDTH) for x in (-0.5, -0.25, 0.0, 0.25, 0.5) for y in (-0.35, 0.0, 0.35)
 ]
 
 
-def belly_rise(ground: Callable[[Array, Array], Array], heading: Array) -> Array:
-    """How high [m] the ground below the belly rises above the plane through the ground below the wheels.
+def bump_height(ground: Callable[[Array, Array], Array], heading: Array) -> Array:
+    """Height [m] of the ground below the chassis above the plane through the ground below the wheels.
 
-    ``ground`` gives the heights at offsets x, y [m] in the world frame; ``heading`` [rad].
+    ``ground`` returns the heights at offsets x, y [m] in the world frame; ``heading`` [rad].
     """
     cos, sin = np.cos(heading), np.sin(heading)
 
@@ -39,21 +38,21 @@ def belly_rise(ground: Callable[[Array, Array], Array], heading: Array) -> Array
     middle = (front_left + front_right + rear_left + rear_right) / 4
     along = (front_left + front_right - rear_left - rear_right) / (4 * a)
     across = (front_left - front_right + rear_left - rear_right) / (4 * b)
-    rise = below(0.0, 0.0) - middle
-    for x, y in _BELLY_PLACES:
-        rise = np.maximum(rise, below(x, y) - (middle + along * x + across * y))
-    return rise
+    bump = below(0.0, 0.0) - middle
+    for x, y in _CHASSIS_POINTS:
+        bump = np.maximum(bump, below(x, y) - (middle + along * x + across * y))
+    return bump
 
 
-def belly_rise_on_path(field: Heightfield, poses: Array) -> Array:
-    """The same, (n,), for poses (n, 3) of x, y [m] and heading [rad]."""
+def bump_height_on_path(field: Heightfield, poses: Array) -> Array:
+    """Bump height [m], (n,), at poses (n, 3) of x, y [m] and heading [rad]."""
     x, y, heading = poses.T
-    return belly_rise(lambda dx, dy: field.height_at(x + dx, y + dy), heading)
+    return bump_height(lambda dx, dy: field.height_at(x + dx, y + dy), heading)
 
 
-def greatest_belly_rise(field: Heightfield) -> Array:
-    """The greatest over all headings, at every node (nx, ny) of ``field``; a fine one is looked at every 2 nodes."""
-    stride = 1 if field.heights.size <= _MOST_NODES else 2
+def max_bump_height(field: Heightfield) -> Array:
+    """Greatest bump height [m] over all headings at each node (nx, ny); large fields are sampled every 2 nodes."""
+    stride = 1 if field.heights.size <= _MAX_NODES else 2
     heights = field.heights[::stride, ::stride]
     nx, ny = heights.shape
     spacing = field.spacing * stride
@@ -68,19 +67,19 @@ def greatest_belly_rise(field: Heightfield) -> Array:
         return np.asarray(part[:, :-1] * np.float32(1 - v) + part[:, 1:] * np.float32(v))
 
     headings = np.arange(_HEADINGS) * np.pi / _HEADINGS
-    rise = np.max([belly_rise(shifted, heading) for heading in headings], axis=0)
+    bump = np.max([bump_height(shifted, heading) for heading in headings], axis=0)
     return np.asarray(
-        rise.repeat(stride, axis=0).repeat(stride, axis=1)[: field.heights.shape[0], : field.heights.shape[1]]
+        bump.repeat(stride, axis=0).repeat(stride, axis=1)[: field.heights.shape[0], : field.heights.shape[1]]
     )
 
 
-def slopes(field: Heightfield, length: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def slopes(field: Heightfield, length: float) -> tuple[Array, Array]:
     """Rise per metre along x and y, (nx, ny) each, of the mean ground over a square of about ``length`` [m]."""
-    gradients = np.gradient(mean_ground(field, length), field.spacing)
-    return np.asarray(gradients[0]), np.asarray(gradients[1])
+    along_x, along_y = np.gradient(mean_ground(field, length), field.spacing)
+    return np.asarray(along_x), np.asarray(along_y)
 
 
-def mean_ground(field: Heightfield, length: float) -> NDArray[np.float64]:
+def mean_ground(field: Heightfield, length: float) -> Array:
     """Mean height [m], (nx, ny), of the ground over a square of about ``length`` [m]."""
     nodes = 2 * max(1, round(length / 2 / field.spacing)) + 1
     return np.asarray(uniform_filter(field.heights.astype(np.float64), nodes, mode="nearest"))

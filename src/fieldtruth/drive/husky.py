@@ -1,23 +1,23 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The Clearpath Husky as a MuJoCo body: 50 kg on four wheels, each with a stiff speed servo, steered by skidding.
+"""Clearpath Husky as a MuJoCo body: 50 kg, four wheels, each with a stiff speed servo, skid steering.
 
-Where a number comes from:
+Sources of the parameters:
 
-- Mass (50 kg), outline (0.99 x 0.67 x 0.39 m), wheel places and radius: the paper, section 2.1 and Table 2.
+- Mass (50 kg), outline (0.99 x 0.67 x 0.39 m), wheel positions and radius: the paper, section 2.1 and Table 2.
 - Mass and inertia of a wheel, inertia and centre of mass of the chassis, its width of 0.5709 m, limits of acceleration:
-  the maker's packages husky_description (husky.urdf.xacro, wheel.urdf.xacro) and husky_control (control.yaml). Two
-  departures: the URDF sets the centre of mass 85 mm to the right, we centre it; it names the wheel's polar inertia izz
-  although the axle is y, we put it on the axle.
-- Torque limit: we know of no published one. The maker's brochure lets the Husky climb 45 deg (quoted from memory); with
-  20 kg on its back that takes 80 N m in all, 40 N m a side, where one motor turns both wheels. The tyres slip before:
+  the manufacturer's packages husky_description (husky.urdf.xacro, wheel.urdf.xacro) and husky_control (control.yaml).
+  Two deviations: the URDF sets the centre of mass 85 mm to the right, here it is centred; it names the wheel's polar
+  inertia izz although the axle is y, here it is on the axle.
+- Torque limit: none is published. The manufacturer's brochure states a climb of 45 deg (quoted from memory); with a
+  payload of 20 kg that takes 80 N m in all, 40 N m a side, where one motor turns both wheels. The tyres slip first, at
   0.68 x 200 N x 0.165 m = 22 N m, so the limit acts only when a wheel is jammed.
-- Servo: ours, a speed servo with an integral part. Without one the torque of skidding takes its share of the turn rate
-  (7 % at 1000 N m s/rad), and a gain that is stiff enough alone hits the torque limit in every step and chatters.
+- Servo: our own, a speed servo with an integral part. Without one the torque of skidding reduces the turn rate (by 7 %
+  at 1000 N m s/rad), and a proportional gain that is stiff enough hits the torque limit in every step and chatters.
   Rotor inertia: an assumed 1.6e-5 kg m^2 behind the gear's 79 : 1 (GP52-079, as users of the robot list it).
-- A skid-steered turn is slower than its wheels say. For four equally loaded wheels whose friction opposes their slip,
-  the moments about the middle balance at (commanded - actual) b^2 = actual a^2, with a half the wheel base and b half
-  the track, at any speed. The wheels are driven faster by 1 + (a / b)^2 = 1.805 (the maker's controller: 1.875).
+- A skid-steered turn is slower than the wheel speeds imply. For four equally loaded wheels whose friction opposes their
+  slip, the moments about the middle balance at (commanded - actual) b^2 = actual a^2, with a half the wheel base and b
+  half the track, at any speed. The wheels are driven faster by 1 + (a / b)^2 = 1.805 (the manufacturer's: 1.875).
 """
 
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ MASS: Final = 50.0  # [kg]
 WHEEL_MASS: Final = 2.637  # [kg]
 WHEEL_INERTIA: Final = (0.02467, 0.04411, 0.02467)  # [kg m^2], y is the axle
 CHASSIS_CENTRE: Final = (-0.00065, 0.0, 0.062)  # [m], of mass, in base_link
-CHASSIS_INERTIA: Final = (0.6022, 1.7386, 2.0296)  # [kg m^2], of the maker's chassis ...
+CHASSIS_INERTIA: Final = (0.6022, 1.7386, 2.0296)  # [kg m^2], of the manufacturer's chassis ...
 CHASSIS_INERTIA_MASS: Final = 46.034  # [kg], ... which weighs this
 
 OUTLINE: Final = (0.99, 0.67, 0.39)  # [m]
@@ -42,7 +42,7 @@ CHASSIS_WIDTH: Final = 0.5709  # [m], between the wheels
 
 SERVO_INTEGRAL_GAIN: Final = 5000.0  # [N m/rad]
 SERVO_DAMPING: Final = 60.0  # [N m s/rad]
-ROTOR_INERTIA: Final = 0.1  # [kg m^2], felt on the axle
+ROTOR_INERTIA: Final = 0.1  # [kg m^2], at the axle
 MAX_TORQUE: Final = 40.0  # [N m] of one wheel
 MAX_ACCELERATION: Final = 3.0  # [m/s^2]
 MAX_TURN_ACCELERATION: Final = 6.0  # [rad/s^2]
@@ -56,7 +56,7 @@ WHEEL_GEOMS: Final = tuple(f"{name}_wheel" for name in WHEELS)
 
 
 class Command(NamedTuple):
-    """What a controller asks for: forward speed [m/s] and turn rate [rad/s], positive to the left."""
+    """Controller output: forward speed [m/s] and turn rate [rad/s], positive to the left."""
 
     speed: float
     turn_rate: float
@@ -75,17 +75,17 @@ def wheel_speeds(commands: ArrayLike, wheels: WheelConfig) -> Array:
 
 
 def ramp(current: Command, target: Command, times: ArrayLike) -> Array:
-    """Commands (n, 2) at ``times`` (n,) [s] from now on, going to ``target`` within the limits of acceleration."""
-    reach = np.asarray(times)[:, None] * (MAX_ACCELERATION, MAX_TURN_ACCELERATION)
-    commands: Array = np.clip(np.asarray(target), np.asarray(current) - reach, np.asarray(current) + reach)
+    """Commands (n, 2) at ``times`` (n,) [s] from now on, towards ``target`` within the acceleration limits."""
+    change = np.asarray(times)[:, None] * (MAX_ACCELERATION, MAX_TURN_ACCELERATION)
+    commands: Array = np.clip(np.asarray(target), np.asarray(current) - change, np.asarray(current) + change)
     return commands
 
 
 def add_husky(spec: Any, rig: Rig) -> None:
-    """Add the robot to ``spec`` (mujoco.MjSpec): body base_link with a free joint, wheels, servos and collision shapes.
+    """Add the robot to ``spec`` (mujoco.MjSpec): body base_link with a free joint, wheels, actuators and geoms.
 
-    Joints, actuators and shapes of the wheels come in the order of ``WHEELS``; joints and servos bear these names, the
-    shapes those of ``WHEEL_GEOMS``. The wheels' shapes touch the ground only through explicit contact pairs.
+    Joints, actuators and geoms of the wheels are in the order of ``WHEELS``; joints and actuators have these names, the
+    geoms those of ``WHEEL_GEOMS``. The wheels' geoms touch the ground only through explicit contact pairs.
     """
     base = spec.worldbody.add_body(name="base_link")
     base.add_freejoint()
@@ -107,10 +107,10 @@ def _add_outline(base: Any, rig: Rig) -> None:
     base.add_geom(name="chassis", type=box, size=half, pos=centre, contype=CHASSIS_BIT, conaffinity=0)
     half = [length / 2, width / 2, top / 2]
     base.add_geom(name="outline", type=box, size=half, pos=centre, contype=OUTLINE_BIT, conaffinity=0)
-    # What the sensors' mast fills above the chassis, so that the robot cannot pass under a table either.
-    places = np.array([m.xyz for m in rig.mounts().values() if m.xyz[2] > top])
-    if len(places):
-        low, high = places.min(axis=0) - 0.05, places.max(axis=0) + np.array([0.05, 0.05, 0.0])
+    # The sensor mast above the chassis, so that the robot does not pass under a table.
+    mounts = np.array([m.xyz for m in rig.mounts().values() if m.xyz[2] > top])
+    if len(mounts):
+        low, high = mounts.min(axis=0) - 0.05, mounts.max(axis=0) + np.array([0.05, 0.05, 0.0])
         low[2] = top
         base.add_geom(
             name="mast", type=box, size=(high - low) / 2, pos=(high + low) / 2, contype=OUTLINE_BIT, conaffinity=0
@@ -121,13 +121,13 @@ def _add_wheel(spec: Any, base: Any, name: str, geom: str, xyz: Sequence[float],
     body = base.add_body(name=name, pos=xyz)
     body.mass, body.inertia, body.explicitinertial = WHEEL_MASS, WHEEL_INERTIA, True
     body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0], armature=ROTOR_INERTIA)
-    # A tyre's tread is round across: an ellipsoid touches in one point that moves smoothly over the terrain's edges,
-    # where a cylinder's rim catches.
+    # A tread is round across: an ellipsoid touches in one point that moves smoothly over the terrain's edges, where a
+    # cylinder's rim would catch.
     half_width = max(OUTLINE[1] / 2 - wheels.half_track, 0.02)
     size = [wheels.radius, half_width, wheels.radius]
     body.add_geom(name=geom, type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=size, contype=OUTLINE_BIT, conaffinity=0)
     servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    # The wanted angle is the integral of the wanted speed, so the mean speed is exact whatever the load.
+    # The commanded angle is the integral of the commanded speed, so the mean speed is exact at any load.
     servo.dyntype, servo.gaintype = mujoco.mjtDyn.mjDYN_INTEGRATOR, mujoco.mjtGain.mjGAIN_FIXED
     servo.biastype = mujoco.mjtBias.mjBIAS_AFFINE
     servo.gainprm[0], servo.biasprm[1:3] = SERVO_INTEGRAL_GAIN, (-SERVO_INTEGRAL_GAIN, -SERVO_DAMPING)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Ends a drive that cannot succeed, and says why, when, where and on the way to which way-point."""
+"""Ends a drive that cannot succeed, with the cause, the time, the position and the waypoint."""
 
 import math
 from typing import Final
@@ -11,22 +11,22 @@ from fieldtruth.drive.controller import WaypointFollower
 from fieldtruth.experiment.config import ControlConfig
 from fieldtruth.world.model import World
 
-MAX_TILT_DEG: Final = 60.0  # beyond it a Husky does not come back: half track 0.29 m over a centre of mass 0.19 m high
+MAX_TILT_DEG: Final = 60.0  # beyond it a Husky tips over: half track 0.29 m, centre of mass 0.19 m high
 STUCK_SECONDS: Final = 5.0
-STUCK_SHARE: Final = 0.2  # of the way that the commanded speed makes in that time
-PATIENCE_SECONDS: Final = 30.0  # without coming nearer to the way-point, beside the time for one full turn
+STUCK_SHARE: Final = 0.2  # of the distance that the commanded speed makes in that time
+TIMEOUT_SECONDS: Final = 30.0  # without getting closer to the waypoint, in addition to the time for one full turn
 
 
-class Watch:
-    """Looks at the state once per control step, and raises ``DriveError``."""
+class DriveMonitor:
+    """Checks the state once per control step, and raises ``DriveError``."""
 
     def __init__(self, world: World, follower: WaypointFollower, control: ControlConfig) -> None:
         self._half_size = (world.size[0] / 2, world.size[1] / 2)
         self._field = world.terrain.field
         self._wet = None if world.water_level is None else self._field.heights < world.water_level
         self._follower = follower
-        self._least_way = STUCK_SHARE * control.speed * STUCK_SECONDS
-        self._patience = PATIENCE_SECONDS + math.tau / control.max_turn_rate
+        self._min_distance = STUCK_SHARE * control.speed * STUCK_SECONDS
+        self._timeout = TIMEOUT_SECONDS + math.tau / control.max_turn_rate
         self._moved_at, self._moved_from = 0.0, (math.inf, math.inf)
         self._nearer_at, self._nearest, self._target = 0.0, math.inf, -1
 
@@ -41,27 +41,27 @@ class Watch:
         if up < math.cos(math.radians(MAX_TILT_DEG)):
             self.fail("tipped over", time_s, x, y)
         if not self._follower.finished:
-            self._check_headway(time_s, x, y)
+            self._check_progress(time_s, x, y)
 
     def _node(self, x: float, y: float) -> tuple[int, int]:
-        """The terrain's node that is nearest; the world does not reach beyond its nodes."""
+        """Nearest node of the terrain, which covers the whole world."""
         field = self._field
         return round((x - field.x0) / field.spacing), round((y - field.y0) / field.spacing)
 
-    def _check_headway(self, time_s: float, x: float, y: float) -> None:
-        if math.dist((x, y), self._moved_from) > self._least_way:
+    def _check_progress(self, time_s: float, x: float, y: float) -> None:
+        if math.dist((x, y), self._moved_from) > self._min_distance:
             self._moved_at, self._moved_from = time_s, (x, y)
         elif time_s - self._moved_at > STUCK_SECONDS:
-            self.fail(f"stuck (moved less than {self._least_way:.2g} m in {STUCK_SECONDS:.0f} s)", time_s, x, y)
+            self.fail(f"stuck (moved less than {self._min_distance:.2g} m in {STUCK_SECONDS:.0f} s)", time_s, x, y)
         distance = math.dist((x, y), self._follower.waypoints_xy[self._follower.target])
         if self._follower.target != self._target or distance < self._nearest - 0.1:
             self._nearer_at, self._nearest, self._target = time_s, distance, self._follower.target
-        elif time_s - self._nearer_at > self._patience:
-            self.fail(f"stuck (came no nearer to its way-point in {self._patience:.0f} s)", time_s, x, y)
+        elif time_s - self._nearer_at > self._timeout:
+            self.fail(f"stuck (no closer to its waypoint for {self._timeout:.0f} s)", time_s, x, y)
 
     def fail(self, what: str, time_s: float, x: float, y: float) -> None:
-        """Raise ``DriveError``: the robot is ``what`` at this time [s] and place [m]."""
+        """Raise ``DriveError``: the robot is ``what`` at this time [s] and position [m]."""
         count = len(self._follower.waypoints_xy)
         number = min(self._follower.target + 1, count)
         where = f"at {time_s:.2f} s, x, y = {x:.2f}, {y:.2f} m"
-        raise DriveError(f"robot {what} {where}, on the way to way-point {number} of {count}")
+        raise DriveError(f"robot {what} {where}, heading for waypoint {number} of {count}")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Obstacles seen from above: the outline of all that the robot could touch, and how far it keeps from it."""
+"""Obstacles in plan view: convex outlines of the colliders at the robot's height, and distances to them."""
 
 from typing import Final, NamedTuple
 
@@ -12,26 +12,26 @@ from fieldtruth.core.frames import pose, transform
 from fieldtruth.drive.husky import OUTLINE
 from fieldtruth.world.model import Collider, World
 
-REACH_HEIGHT: Final = 1.2  # [m] above the ground; the robot's mast ends below
-_ROUND: Final = 24  # corners of a circle
+MAX_HEIGHT: Final = 1.2  # [m] above the ground; the robot's mast ends below
+_CIRCLE_CORNERS: Final = 24
 _SLICE: Final = 0.2  # [m] between the samples of a collider that lies or leans
 
 
 class Outline(NamedTuple):
-    """A convex polygon (m, 2) [m], anticlockwise, of the object's part below REACH_HEIGHT, and the object's name."""
+    """Convex polygon (m, 2) [m], anticlockwise, of the part of an object below MAX_HEIGHT, and the object's name."""
 
     name: str
     corners: Array
 
     @property
     def circle(self) -> tuple[float, float, float]:
-        """Middle x, y and radius [m] of a circle about it."""
+        """Centre x, y and radius [m] of a circle around it."""
         middle = (self.corners.min(axis=0) + self.corners.max(axis=0)) / 2
         return float(middle[0]), float(middle[1]), float(np.linalg.norm(self.corners - middle, axis=1).max())
 
 
 def obstacle_outlines(world: World) -> list[Outline]:
-    """One outline per collider that reaches out of the ground and below REACH_HEIGHT above it."""
+    """One outline per collider that has parts above the ground and parts lower than MAX_HEIGHT."""
     names: list[str] = []
     solids: list[Array] = []
     for instance in world.instances:
@@ -44,21 +44,22 @@ def obstacle_outlines(world: World) -> list[Outline]:
     above = points[:, 2] - world.terrain.field.height_at(points[:, 0], points[:, 1])
     pieces = np.split(above, np.cumsum([len(solid) for solid in solids])[:-1])
     return [
-        Outline(name, _hull(solid[heights <= REACH_HEIGHT, :2]))
+        Outline(name, _hull(solid[heights <= MAX_HEIGHT, :2]))
         for name, solid, heights in zip(names, solids, pieces, strict=True)
-        if (heights <= REACH_HEIGHT).any() and (heights > 0).any()
+        if (heights <= MAX_HEIGHT).any() and (heights > 0).any()
     ]
 
 
 def _surface(collider: Collider, world_from_object: Array) -> Array:
-    """Points (n, 3) in the object's frame whose hull is the collider, dense enough to be cut where it leaves reach."""
+    """Points (n, 3) in the object's frame whose hull is the collider, dense enough to be cut at MAX_HEIGHT."""
     height = collider.size[-1]
     scale = float(np.cbrt(np.linalg.det(world_from_object[:3, :3])))
     upright = world_from_object[2, 2] > 0.9999 * scale
     levels = _samples(height * scale, upright) * height
     if collider.shape == "cylinder":
-        angles = np.linspace(0.0, 2 * np.pi, _ROUND, endpoint=False)
-        rim = np.stack([np.cos(angles), np.sin(angles)], axis=-1) * collider.size[0] / np.cos(np.pi / _ROUND)
+        angles = np.linspace(0.0, 2 * np.pi, _CIRCLE_CORNERS, endpoint=False)
+        circumscribed = collider.size[0] / np.cos(np.pi / _CIRCLE_CORNERS)
+        rim = np.stack([np.cos(angles), np.sin(angles)], axis=-1) * circumscribed
     else:
         across = [(_samples(s * scale, upright) - 0.5) * s for s in collider.size[:2]]
         rim = np.stack(np.meshgrid(*across, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -71,41 +72,41 @@ def _samples(length: float, ends_only: bool) -> Array:
 
 
 def _hull(points: Array) -> Array:
-    if np.linalg.matrix_rank(points - points[0], tol=1e-6) < 2:  # cut down to a line, which no hull takes
+    if np.linalg.matrix_rank(points - points[0], tol=1e-6) < 2:  # a line has no hull: widen it by 1 mm
         points = np.concatenate([points + np.array(offset) * 1e-3 for offset in ((1, 1), (-1, 1), (0, -1))])
     corners: Array = points[ConvexHull(points).vertices]
     return corners
 
 
-def distance_to(outline: Outline, places: Array) -> Array:
-    """Distance [m], (n,), of places (n, 2) to an outline; inside it, 0 and below."""
+def distance_to(outline: Outline, points: Array) -> Array:
+    """Distance [m], (n,), of points (n, 2) to an outline; inside it 0 and below."""
     first = outline.corners
     edges = np.roll(first, -1, axis=0) - first
     lengths = np.linalg.norm(edges, axis=1)
-    to_place = places[:, None, :] - first
+    to_point = points[:, None, :] - first
     outwards = np.stack([edges[:, 1], -edges[:, 0]], axis=-1) / lengths[:, None]
-    depth = (to_place * outwards).sum(-1).max(axis=1)  # of the edge that it is farthest out of
-    along = np.clip((to_place * edges).sum(-1) / lengths**2, 0.0, 1.0)
-    away = np.linalg.norm(to_place - along[..., None] * edges, axis=-1).min(axis=1)
+    depth = (to_point * outwards).sum(-1).max(axis=1)  # signed distance to the farthest edge line
+    along = np.clip((to_point * edges).sum(-1) / lengths**2, 0.0, 1.0)
+    away = np.linalg.norm(to_point - along[..., None] * edges, axis=-1).min(axis=1)
     return np.asarray(np.where(depth > 0, away, depth))
 
 
 def gap_to(outline: Outline, poses: Array) -> Array:
-    """Gap [m], (n,), between the robot's outline at poses (n, 3) of x, y [m] and heading [rad] and an outline.
+    """Gap [m], (n,), between an outline and the robot's outline at poses (n, 3) of x, y [m] and heading [rad].
 
-    By the theorem of separating axes: the greatest gap of the shadows on the normals of all edges. Corner to corner it
-    is a little less than the distance; where they overlap it is below 0.
+    Separating axis theorem: the largest gap of the projections on the normals of all edges. Corner to corner it is a
+    little less than the distance; where the two overlap it is negative.
     """
     half = np.array(OUTLINE[:2]) / 2
     forward = np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=-1)
     left = np.stack([-forward[:, 1], forward[:, 0]], axis=-1)
     to_corner = outline.corners[None] - poses[:, None, :2]
     gaps = []
-    for axis, reach in ((forward, half[0]), (left, half[1])):
-        shadow = np.einsum("nmk,nk->nm", to_corner, axis)
-        gaps += [shadow.min(axis=1) - reach, -reach - shadow.max(axis=1)]
+    for axis, extent in ((forward, half[0]), (left, half[1])):
+        projection = np.einsum("nmk,nk->nm", to_corner, axis)
+        gaps += [projection.min(axis=1) - extent, -extent - projection.max(axis=1)]
     edges = np.roll(outline.corners, -1, axis=0) - outline.corners
     outwards = np.stack([edges[:, 1], -edges[:, 0]], axis=-1) / np.linalg.norm(edges, axis=1, keepdims=True)
-    reach = np.abs(forward @ outwards.T) * half[0] + np.abs(left @ outwards.T) * half[1]
-    gaps.append((-np.einsum("nmk,mk->nm", to_corner, outwards) - reach).max(axis=1))
+    extent = np.abs(forward @ outwards.T) * half[0] + np.abs(left @ outwards.T) * half[1]
+    gaps.append((-np.einsum("nmk,mk->nm", to_corner, outwards) - extent).max(axis=1))
     return np.asarray(np.max(gaps, axis=0))

@@ -1,15 +1,15 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The world as MuJoCo feels it: the heightfield, the obstacles, and how a tyre grips.
+"""MuJoCo model of a world and the robot: heightfield, obstacles, and the contact of tyre and soil.
 
-Contact of tyre and soil. Friction 0.68 is the peak value of a tyre on a dry earth road (Wong, Theory of Ground
-Vehicles, table of average coefficients of road adhesion, quoted from memory), isotropic. MuJoCo's contact is soft and
-convex, and a sliding contact is pushed apart by mu * b_t * slip (b_t: the damping that its friction aims at). Beyond
-g (1 - d) / d (d: the impedance) the wheel takes off: with the default values a skidding robot chattered at 4 m/s^2. So
-the friction aims slowly (time constant 0.5 s, b_t = 4.4 / s), and ``impratio`` keeps it stiff against creeping: on a
-slope of 13 deg a standing robot moves by 0.08 mm/s. The normal force aims fast (10 ms), and is felt ``margin`` above
-the ground, by as much as the soft contact sinks in under the robot's weight: base_link stands at its nominal height.
-Measured on 501 x 251 heights with 120 obstacles: elliptic cones, Newton; pyramidal ones are a third faster and chatter.
+Friction 0.68 is the peak value of a tyre on a dry earth road (Wong, Theory of Ground Vehicles, table of average
+coefficients of road adhesion, quoted from memory), isotropic. MuJoCo's contact is soft and convex, and sliding pushes
+it apart by mu * b_t * slip (b_t: the damping of the friction's reference). Beyond g (1 - d) / d (d: the impedance) the
+wheel lifts off: with the default values a skidding robot chattered at 4 m/s^2. So the friction's reference is slow
+(time constant 0.5 s, b_t = 4.4 / s), and ``impratio`` keeps it stiff against creeping: on a slope of 13 deg a standing
+robot moves by 0.08 mm/s. The normal force's reference is fast (10 ms) and acts from ``margin`` above the ground, the
+depth by which the soft contact yields under the robot's weight: base_link rests at its nominal height. Measured on
+501 x 251 heights with 120 obstacles: elliptic cones, Newton; pyramidal ones are a third faster and chatter.
 """
 
 from typing import Any, Final, NamedTuple
@@ -34,24 +34,24 @@ _FRICTION_REFERENCE: Final = (0.5, 1.0)
 _IMPEDANCE: Final = (0.9, 0.9, 0.001, 0.5, 2.0)
 _STATIC_DEPTH: Final = 0.00018  # [m], measured
 _FRICTION_STIFFNESS: Final = 1000.0
-_SOLVER_ITERATIONS: Final = 100  # 20 are too few now and then, which shows as spikes of one step in the acceleration
+_SOLVER_ITERATIONS: Final = 100  # with 20, single steps have spikes in the acceleration
 _BEDROCK: Final = 1.0  # [m] of solid ground below the lowest point
 
 
 class Physics(NamedTuple):
-    """A compiled MuJoCo model; ``obstacles`` gives the object's name for the id of each obstacle's shape."""
+    """Compiled MuJoCo model; ``obstacles`` maps the id of each obstacle's geom to the object's name."""
 
     model: Any
     obstacles: dict[int, str]
 
 
 def build_physics(world: World, rig: Rig) -> Physics:
-    """The robot of ``rig`` on the terrain of ``world``, with every object that has colliders as a fixed obstacle."""
+    """Build the robot of ``rig`` on the terrain of ``world``; every object with colliders is a fixed obstacle."""
     spec = mujoco.MjSpec()
     option = spec.option
     option.timestep, option.gravity = STEP_S, [0.0, 0.0, -GRAVITY]
-    # An implicit integrator changes the wheels' acceleration after the contacts were solved: a robot that braked
-    # slid back by 12 mm. Joints carry no damping, so Euler is explicit here and keeps what the contacts decided.
+    # An implicit integrator changes the wheels' acceleration after the contacts were solved: a braking robot slid back
+    # by 12 mm. Joints have no damping, so Euler is explicit here and keeps the solution of the contacts.
     option.integrator = mujoco.mjtIntegrator.mjINT_EULER
     option.cone, option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, _FRICTION_STIFFNESS
     option.iterations, option.ls_iterations = _SOLVER_ITERATIONS, 50
@@ -75,10 +75,10 @@ def build_physics(world: World, rig: Rig) -> Physics:
 
 
 def add_terrain(spec: Any, field: Heightfield) -> None:
-    """Add ``field`` to ``spec`` (mujoco.MjSpec) as a shape named "ground" with the very same triangles.
+    """Add ``field`` to ``spec`` (mujoco.MjSpec) as a geom named "ground" with the same triangles.
 
-    MuJoCo's rows run along y and its columns along x; its cells are divided from (x, y) to (x + 1, y + 1) as ours are.
-    Its heights are numbers from 0 to 1 times a scale, above the shape's origin.
+    MuJoCo's rows run along y and its columns along x; its cells are split from (x, y) to (x + 1, y + 1), as ours are.
+    Its heights are 0 to 1 times a scale, above the geom's origin.
     """
     nx, ny = field.heights.shape
     low = float(field.heights.min())
@@ -98,7 +98,7 @@ def add_terrain(spec: Any, field: Heightfield) -> None:
 
 
 def _add_obstacles(spec: Any, world: World) -> dict[str, str]:
-    """Add the colliders of all instances; returns the object's name for each shape's name."""
+    """Add the colliders of all instances; return the object's name for each geom's name."""
     names: dict[str, str] = {}
     for instance in world.instances:
         for collider in world.meshes[instance.mesh].colliders:

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the robot's own sensors read, as pure functions of its true motion: IMU, GNSS, tachometers. All free of noise.
+"""Readings of IMU, GNSS and tachometers as pure functions of the true motion, without noise.
 
 A reading is the state at the physics step nearest to the sensor's due time, and carries that step's own stamp; for
-rates that divide 1000 Hz both are the same. The accelerometer reads the change of the IMU's velocity over the physics
-step that ends at the stamp: its sum over all steps is the velocity, and a short drive is the beginning of a long one.
+rates that divide 1000 Hz the two are equal. The accelerometer reads the change of the IMU's velocity over the physics
+step that ends at the stamp: its sum over all steps is the velocity, and a short drive equals the start of a long one.
 """
 
 import math
@@ -12,26 +12,26 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array
+from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.frames import quaternion_wxyz_from_rotation, rotation_from_quaternion_wxyz
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.drive.physics import GRAVITY, STEP_NS, STEP_S
-from fieldtruth.drive.track import I8, GnssReadings, ImuReadings, Motion, TachometerReadings, stamps_at_rate
+from fieldtruth.drive.track import GnssReadings, ImuReadings, Motion, TachometerReadings, stamps_at_rate
 from fieldtruth.experiment.rig import GnssConfig, ImuConfig, Mount, TachometerConfig
 
 
-def steps_at_rate(rate_hz: float, duration_ns: int) -> I8:
+def steps_at_rate(rate_hz: float, duration_ns: int) -> Counts:
     """Physics steps (n,), counted from 1, at which a sensor of ``rate_hz`` reads, ``duration_ns`` included."""
     return np.rint(stamps_at_rate(rate_hz, duration_ns) / STEP_NS).astype(np.int64)
 
 
 def read_imu(motion: Motion, config: ImuConfig) -> ImuReadings:
-    """Attitude, angular velocity and specific force in imu_link (REP-145), lever arm included."""
+    """Return attitude, angular velocity and specific force in imu_link (REP-145), lever arm included."""
     steps = steps_at_rate(config.rate_hz, int(motion.stamps_ns[-1]))
     base_from_imu = config.mount.base_from_sensor
     rows = steps - 1
     world_from_imu = rotation_from_quaternion_wxyz(motion.quaternion_wxyz[rows]) @ base_from_imu[:3, :3]
-    # The first step has no step before it; the robot starts at rest, so its neighbour's change stands for it.
+    # The first step has no step before it; the robot starts at rest, so the next step's change is used.
     later = np.clip(rows, 1, len(motion.stamps_ns) - 1)
     lever = base_from_imu[:3, 3]
     velocity, velocity_before = (point_velocity(motion, k, lever) for k in (later, np.maximum(later - 1, 0)))
@@ -45,14 +45,14 @@ def read_imu(motion: Motion, config: ImuConfig) -> ImuReadings:
 
 
 def read_gnss(motion: Motion, config: GnssConfig) -> GnssReadings:
-    """Geodetic position of the antenna."""
+    """Return the geodetic position of the antenna."""
     rows = steps_at_rate(config.rate_hz, int(motion.stamps_ns[-1])) - 1
     geodetic = antenna_geodetic(motion.position[rows], motion.quaternion_wxyz[rows], config.mount)
     return GnssReadings(stamps_ns=motion.stamps_ns[rows], geodetic=geodetic)
 
 
 def read_tachometers(motion: Motion, wheel_speed: Array, config: TachometerConfig) -> TachometerReadings:
-    """Wheel speeds out of those of every physics step, (n, 4) [rad/s]."""
+    """Return the readings of ``wheel_speed`` (n, 4) [rad/s], given at every physics step."""
     rows = steps_at_rate(config.rate_hz, int(motion.stamps_ns[-1])) - 1
     return TachometerReadings(stamps_ns=motion.stamps_ns[rows], wheel_speed=wheel_speed[rows])
 
@@ -70,7 +70,7 @@ def heading(quaternion_wxyz: Array) -> float:
 
 
 def point_velocity(motion: Motion, rows: NDArray[np.int64], lever_base: Array) -> Array:
-    """World velocity (n, 3) [m/s] at ``rows`` of the point that is fixed at ``lever_base`` (3,) [m] in base_link."""
+    """World velocity (n, 3) [m/s] at ``rows`` of the point ``lever_base`` (3,) [m] that is fixed in base_link."""
     lever = rotation_from_quaternion_wxyz(motion.quaternion_wxyz[rows]) @ lever_base
     velocity: Array = motion.linear_velocity[rows] + np.cross(motion.angular_velocity[rows], lever)
     return velocity

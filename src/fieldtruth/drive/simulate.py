@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Drives an experiment's route: physics at 1 kHz, the follower at the IMU's rate, and the whole motion on record.
+"""Drive of an experiment's route: physics at 1 kHz, the follower at the IMU's rate, the whole motion recorded.
 
-The receiver and the IMU run before the recording begins, so the follower has a fix and a heading at time 0, when the
-robot starts to move. The drive ends half a second after the fix that reaches the last way-point, the robot standing.
+GNSS receiver and IMU run before the recording begins, so the follower has a fix and a heading at time 0, when the robot
+starts to move. The drive ends half a second after the fix that reaches the last waypoint, with the robot at rest.
 """
 
 import math
@@ -18,7 +18,7 @@ from fieldtruth.core.frames import rotation_from_quaternion_wxyz
 from fieldtruth.drive import sensors
 from fieldtruth.drive.controller import WaypointFollower, horizontal_from_geodetic
 from fieldtruth.drive.husky import STOP, Command, ramp, wheel_speeds
-from fieldtruth.drive.monitor import Watch
+from fieldtruth.drive.monitor import DriveMonitor
 from fieldtruth.drive.physics import STEP_NS, STEP_S, build_physics, resting_pose
 from fieldtruth.drive.track import Motion, Track
 from fieldtruth.experiment.config import Experiment
@@ -27,27 +27,34 @@ from fieldtruth.experiment.route import geodetic_route
 from fieldtruth.world.model import World
 
 STOP_SECONDS: Final = 0.5
-"""From the fix that reaches the last way-point to the end of the drive; braking from 0.3 m/s takes 0.1 s of it."""
+"""From the fix that reaches the last waypoint to the end of the drive; braking from 0.3 m/s takes 0.1 s of it."""
 SETTLE_SECONDS: Final = 2.0
-"""The robot stands this long before time 0, so that its first reading is quiet."""
+"""The robot rests this long before time 0, so that the contacts are settled at the first reading."""
 
-# A state is one row: base_link's position and attitude, velocity in the world, turn rate in itself; the wheels' speeds.
+# A state is one row: base_link's position, quaternion, velocity in the world, turn rate in base_link; wheel speeds.
 _POSITION, _QUATERNION, _VELOCITY, _TURN_RATE, _WHEELS = np.split(np.arange(17), [3, 7, 10, 13])
 
 
 def drive(world: World, experiment: Experiment, *, progress: Callable[[float], None] | None = None) -> Track:
-    """Drive the experiment's route through ``world`` to its last way-point, or for ``experiment.seconds``.
+    """Drive the experiment's route through ``world`` to its last waypoint, or for ``experiment.seconds``.
 
-    ``progress`` is called after every simulated second with the simulated time [s]. Equal input gives equal bytes, and
-    a shorter drive is the beginning of a longer one. Raises ``DriveError`` when the robot gets stuck, tips over,
-    touches an obstacle, drives into water or leaves the world, and ``RouteError`` for a random route without a plan.
+    Equal input gives equal bytes, and a shorter drive equals the start of a longer one.
+
+    Args:
+        world: the world to drive in.
+        experiment: its route, control, rig and seconds count.
+        progress: called after every simulated second with the simulated time [s].
+
+    Raises:
+        DriveError: the robot gets stuck, tips over, touches an obstacle, drives into water or leaves the world.
+        RouteError: a random route that was not planned.
     """
     rig, route = experiment.rig, geodetic_route(experiment.route)
     follower = WaypointFollower(route.waypoints, experiment.control)
-    watch = Watch(world, follower, experiment.control)
-    robot = SimulatedHusky(world, rig, watch)
-    state = robot.place(world, horizontal_from_geodetic(route.start), follower.waypoints_xy[0])
-    _show_fix(follower, state, rig)
+    monitor = DriveMonitor(world, follower, experiment.control)
+    robot = SimulatedHusky(world, rig, monitor)
+    state = robot.spawn(world, horizontal_from_geodetic(route.start), follower.waypoints_xy[0])
+    _update_fix(follower, state, rig)
 
     end = math.inf if experiment.seconds is None else max(1, round(experiment.seconds / STEP_S))
     imu_due, gnss_due = _DueSteps(rig.imu.rate_hz), _DueSteps(rig.gnss.rate_hz)
@@ -62,23 +69,23 @@ def drive(world: World, experiment: Experiment, *, progress: Callable[[float], N
         blocks.append(block)
         state = block[-1]
         while gnss_due.next <= robot.step:
-            _show_fix(follower, block[gnss_due.pop() - began - 1], rig)
+            _update_fix(follower, block[gnss_due.pop() - began - 1], rig)
         if progress is not None and int(robot.seconds) > int(began * STEP_S):
             progress(robot.seconds)
     return _track(np.concatenate(blocks), rig)
 
 
 class SimulatedHusky:
-    """The robot in the physics. ``step`` counts the physics steps since the recording began."""
+    """The robot in the physics simulation. ``step`` counts the physics steps since the recording began."""
 
-    def __init__(self, world: World, rig: Rig, watch: Watch) -> None:
+    def __init__(self, world: World, rig: Rig, monitor: DriveMonitor) -> None:
         self.step = 0
         self._model, self._obstacles = build_physics(world, rig)
         self._data = mujoco.MjData(self._model)
         self._ground = self._model.geom("ground").id
         self._wheels = rig.wheels
         self._rig = rig
-        self._watch = watch
+        self._monitor = monitor
         self._command = STOP
 
     @property
@@ -86,8 +93,8 @@ class SimulatedHusky:
         """Simulated time [s]; 0 while the robot settles."""
         return max(0, self.step) * STEP_NS / 1e9
 
-    def place(self, world: World, start_xy: Array, ahead_xy: Array) -> Array:
-        """Set the robot down at ``start_xy`` [m], facing ``ahead_xy``, let it settle; returns the state at time 0."""
+    def spawn(self, world: World, start_xy: Array, ahead_xy: Array) -> Array:
+        """Put the robot at ``start_xy`` [m], facing ``ahead_xy``, let it settle, and return the state at time 0."""
         north, west = ahead_xy - start_xy
         pose = resting_pose(world.terrain.field, start_xy, math.atan2(west, north), self._rig)
         self._data.qpos[:3], self._data.qpos[3:7] = pose
@@ -96,7 +103,7 @@ class SimulatedHusky:
         return settled
 
     def advance(self, command: Command, count: int) -> Array:
-        """Drive ``count`` physics steps towards ``command``; returns the state after each, (count, 17)."""
+        """Drive ``count`` physics steps towards ``command`` and return the state after each, (count, 17)."""
         model, data = self._model, self._data
         commands = ramp(self._command, command, np.arange(1, count + 1) * STEP_S)
         states = np.empty((count, 17))
@@ -106,11 +113,11 @@ class SimulatedHusky:
             self.step += 1
             state[:7] = data.qpos[:7]
             state[7:] = data.qvel
-            # A heightfield comes first in every contact of its own.
+            # In contacts with the heightfield, the heightfield is always geom1.
             if (data.contact.geom1 != self._ground).any():
-                self._watch.fail(f"touched {self._touched()}", self.seconds, *state[:2])
+                self._monitor.fail(f"touched {self._touched()}", self.seconds, *state[:2])
         self._command = Command(*commands[-1])
-        self._watch.check(self.seconds, state[_POSITION], state[_QUATERNION])
+        self._monitor.check(self.seconds, state[_POSITION], state[_QUATERNION])
         return states
 
     def _touched(self) -> str:
@@ -118,7 +125,7 @@ class SimulatedHusky:
 
 
 class _DueSteps:
-    """The physics steps at which a sensor reads, one after the other; the same as ``sensors.steps_at_rate``."""
+    """Iterates over the physics steps at which a sensor reads, those of ``sensors.steps_at_rate``."""
 
     def __init__(self, rate_hz: float) -> None:
         self._period = 1e9 / rate_hz
@@ -127,14 +134,14 @@ class _DueSteps:
         self.pop()
 
     def pop(self) -> int:
-        """Return ``next`` and go on to the one after it."""
+        """Return ``next`` and advance it."""
         due = self.next
         self._count += 1
         self.next = round(round(self._count * self._period) / STEP_NS)
         return due
 
 
-def _show_fix(follower: WaypointFollower, state: Array, rig: Rig) -> None:
+def _update_fix(follower: WaypointFollower, state: Array, rig: Rig) -> None:
     latitude, longitude, _ = sensors.antenna_geodetic(state[_POSITION], state[_QUATERNION], rig.gnss.mount)
     follower.see_fix(float(latitude), float(longitude))
 

@@ -1,36 +1,36 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The robot's state at any stamp: a row of the motion, or, between two rows, the way from one to the other."""
+"""State of the robot at any stamp, interpolated between the rows of the motion."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from fieldtruth.bag.types import F8
 from fieldtruth.core import frames
+from fieldtruth.core.arrays import Array
 from fieldtruth.drive.track import Motion
 
 
 class State(NamedTuple):
     """True state of base_link in the world; units and frames as in ``Motion``, each of shape (3,) or (4,)."""
 
-    position: F8
-    quaternion_wxyz: F8
-    linear_velocity: F8
-    angular_velocity: F8
+    position: Array
+    quaternion_wxyz: Array
+    linear_velocity: Array
+    angular_velocity: Array
 
     @property
-    def world_from_base(self) -> F8:
-        """(4, 4) transform from base_link to the world."""
+    def world_from_base(self) -> Array:
+        """Pose (4, 4) of base_link in the world."""
         return frames.pose_from_quaternion_wxyz(self.position, self.quaternion_wxyz)
 
 
 def state_at(motion: Motion, stamp_ns: int) -> State:
-    """State at a stamp [ns]: exactly the motion's row where there is one, else linear between its neighbours.
+    """State at a stamp [ns]: the motion's row at that stamp, or linear between its neighbours.
 
-    Rates that do not divide 1000 Hz fall between rows. The attitude is the neighbours' normalised mean: a robot turns
-    less than a milliradian in a step, where this and a turn at constant speed agree to 1e-10 rad.
-    Before the first row and after the last the nearest row holds.
+    Stamps of rates that do not divide 1000 Hz lie between rows. Quaternions are interpolated linearly and normalised: a
+    robot turns by less than a milliradian in a step, where this and slerp agree to 1e-10 rad. Before the first and
+    after the last row, the nearest row is returned.
     """
     row = int(np.searchsorted(motion.stamps_ns, stamp_ns))
     if row == 0 or row == len(motion.stamps_ns) or motion.stamps_ns[row] == stamp_ns:

@@ -1,14 +1,16 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a drive leaves behind: the true motion at the physics rate, and the readings of the sensors that feel it."""
+"""Result of a drive: the true motion at the physics rate, and the readings of IMU, GNSS and tachometers."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-F8 = NDArray[np.float64]
-I8 = NDArray[np.int64]
+from fieldtruth.core.arrays import Array
+
+Stamps = NDArray[np.int64]
+"""Simulated time (n,) [ns]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -16,45 +18,45 @@ class Motion:
     """True motion of base_link at the physics rate; row k is the state at ``stamps_ns[k]``, the first after one step.
 
     ``position`` (n, 3) [m] and ``quaternion_wxyz`` (n, 4) are world_from_base; ``linear_velocity`` (n, 3) [m/s] and
-    ``angular_velocity`` (n, 3) [rad/s] are of base_link's origin, expressed in the world frame as gazebo_msgs has them.
+    ``angular_velocity`` (n, 3) [rad/s] are those of base_link's origin in the world frame, as in gazebo_msgs.
     """
 
-    stamps_ns: I8
-    position: F8
-    quaternion_wxyz: F8
-    linear_velocity: F8
-    angular_velocity: F8
+    stamps_ns: Stamps
+    position: Array
+    quaternion_wxyz: Array
+    linear_velocity: Array
+    angular_velocity: Array
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImuReadings:
-    """Readings in imu_link (REP-145): orientation is world_from_imu; at rest the acceleration shows +g upwards."""
+    """Readings in imu_link (REP-145): orientation is world_from_imu; at rest the acceleration is +g upwards."""
 
-    stamps_ns: I8
-    quaternion_wxyz: F8  # (n, 4)
-    angular_velocity: F8  # (n, 3) [rad/s], in imu_link
-    linear_acceleration: F8  # (n, 3) [m/s^2], specific force in imu_link
+    stamps_ns: Stamps
+    quaternion_wxyz: Array  # (n, 4)
+    angular_velocity: Array  # (n, 3) [rad/s], in imu_link
+    linear_acceleration: Array  # (n, 3) [m/s^2], specific force in imu_link
 
 
 @dataclass(frozen=True, kw_only=True)
 class GnssReadings:
     """Position of the antenna (GNSS_link): ``geodetic`` (n, 3) latitude, longitude [deg], ellipsoidal height [m]."""
 
-    stamps_ns: I8
-    geodetic: F8
+    stamps_ns: Stamps
+    geodetic: Array
 
 
 @dataclass(frozen=True, kw_only=True)
 class TachometerReadings:
     """Angular speed of each wheel (n, 4) [rad/s], positive forwards, columns as in ``WHEELS``."""
 
-    stamps_ns: I8
-    wheel_speed: F8
+    stamps_ns: Stamps
+    wheel_speed: Array
 
 
 @dataclass(frozen=True, kw_only=True)
 class Track:
-    """A whole drive. Every sensor of rate r reads at k / r for k = 1, 2, ..., up to and including the end."""
+    """One drive. A sensor of rate r reads at k / r for k = 1, 2, ..., up to and including the end."""
 
     motion: Motion
     imu: ImuReadings
@@ -68,13 +70,13 @@ class Track:
 
     @property
     def length_m(self) -> float:
-        """Driven length [m]: base_link's path sampled at 10 Hz, so that the wheels' jitter does not add to it."""
+        """Driven length [m]: base_link's path sampled at 10 Hz, so that jitter does not add to it."""
         corners = self.motion.position[:: max(1, round(1e8 / float(self.motion.stamps_ns[0])))]
         return float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum())
 
 
-def stamps_at_rate(rate_hz: float, duration_ns: int) -> I8:
+def stamps_at_rate(rate_hz: float, duration_ns: int) -> Stamps:
     """Stamps [ns] of a sensor of ``rate_hz``: k / rate for k = 1, 2, ... up to and including ``duration_ns``."""
     count = int(duration_ns * rate_hz / 1e9 + 1e-9)
-    stamps: I8 = np.rint(np.arange(1, count + 1) * (1e9 / rate_hz)).astype(np.int64)
+    stamps: Stamps = np.rint(np.arange(1, count + 1) * (1e9 / rate_hz)).astype(np.int64)
     return stamps

@@ -39,7 +39,7 @@ def geodetic_route(route: Route) -> RouteConfig:
     """The route with its points in degrees. Raises ``RouteError`` for a random one: it has no points before a plan."""
     if isinstance(route, RandomRouteConfig):
         raise RouteError(
-            "a random route has no way-points before it is planned: fieldtruth.plan_route(world, experiment)"
+            "a random route has no waypoints before it is planned; call fieldtruth.plan_route(world, experiment)"
         )
     if isinstance(route, MetresRouteConfig):
         return route_from_metres(route.metres.start, route.metres.waypoints)

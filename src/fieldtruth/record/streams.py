@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from fieldtruth.bag import images, messages, topics
 from fieldtruth.bag.types import F8
 from fieldtruth.drive.state import state_at
-from fieldtruth.drive.track import I8, Track, stamps_at_rate
+from fieldtruth.drive.track import Stamps, Track, stamps_at_rate
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, LidarConfig, Rig
 from fieldtruth.world.model import World
 
@@ -62,7 +62,7 @@ class Stream(NamedTuple):
     """Readings of one source: reading k was taken at ``stamps_ns[k]`` and gives one message to each of ``topics``."""
 
     topics: tuple[str, ...]
-    stamps_ns: I8
+    stamps_ns: Stamps
     messages: Callable[[int, Sensors], Iterable[bytes]]
 
 
@@ -108,7 +108,7 @@ def _felt(track: Track) -> list[Stream]:
     ]
 
 
-def lidar_stream(config: LidarConfig, stamps: I8, world_from_base: PoseAt) -> Stream:
+def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt) -> Stream:
     """Clouds at ``stamps`` [ns] of a LiDAR on a base that is at ``world_from_base(stamp_ns)``, (4, 4)."""
     base_from_lidar = config.mount.base_from_sensor
     sweep_ns = np.rint(np.arange(config.columns) * (1e9 / config.rate_hz / config.columns))
@@ -125,7 +125,7 @@ def lidar_stream(config: LidarConfig, stamps: I8, world_from_base: PoseAt) -> St
     return Stream((topics.POINTS,), stamps, scan)
 
 
-def camera_stream(config: CameraConfig, side: images.Side, stamps: I8, world_from_base: PoseAt) -> Stream:
+def camera_stream(config: CameraConfig, side: images.Side, stamps: Stamps, world_from_base: PoseAt) -> Stream:
     """Calibration and images at ``stamps`` [ns] of a camera on a base that is at ``world_from_base(stamp_ns)``."""
     mount = config.left if side == "left" else config.right
     base_from_optical = mount.base_from_sensor @ CAMERA_FROM_OPTICAL

@@ -1,0 +1,97 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Grid of free ground, and random paths on it: Dijkstra with random costs that are high near obstacles."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, gaussian_filter, label
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra
+
+from fieldtruth.core.arrays import Array, Mask
+from fieldtruth.drive.kinematics import KinematicState
+from fieldtruth.drive.traversability import CELL, Traversability
+
+STRIDE: Final = 3  # cells of the traversability map per node
+NODE: Final = STRIDE * CELL  # [m] between nodes
+NODE_CLEARANCE: Final = 0.1  # [m] of every node
+PATH_CLEARANCE: Final = 0.4  # [m] of the simulated robot, wherever there is that much
+MIN_DISTANCE: Final = 8.0  # [m] from the robot to the end of a path
+NEW_GROUND: Final = 25.0  # [m]; no node is preferred for being farther from driven ground
+
+
+class RouteGrid:
+    """Nodes of the largest connected free part of the ground, and the cost of moving between neighbours."""
+
+    def __init__(self, ground: Traversability) -> None:
+        self._ground = ground
+        clearance = ground.clearance[::STRIDE, ::STRIDE]
+        parts, count = label(clearance >= NODE_CLEARANCE)
+        sizes = np.bincount(parts.ravel(), minlength=count + 1)
+        sizes[0] = 0
+        self._free: Mask = (parts == sizes.argmax()) & (parts > 0)
+        cells = np.argwhere(self._free)
+        self.nodes: Array = (cells * NODE + (ground.x0, ground.y0)).astype(np.float64)
+        self.clearance = clearance[self._free].astype(np.float64)
+        number = np.full(np.add(self._free.shape, 2), -1)
+        number[1:-1, 1:-1][self._free] = np.arange(len(self.nodes))
+        i, j = (cells + 1).T
+        pairs, lengths = [], []
+        for di, dj in ((1, 0), (0, 1), (1, 1), (1, -1)):
+            neighbour = number[i + di, j + dj]
+            node = np.flatnonzero(neighbour >= 0)
+            pairs.append(np.stack([node, neighbour[node]]))
+            lengths.append(np.full(len(node), NODE * np.hypot(di, dj)))
+        self._pairs, self._lengths = np.concatenate(pairs, axis=1), np.concatenate(lengths)
+
+    def distances_from(self, point: Array) -> Array:
+        """Length [m] of the shortest path from ``point`` to each node."""
+        return self._dijkstra(self._nearest(point), np.ones(len(self.nodes)))[0]
+
+    def random_path(self, state: KinematicState, driven: Array, rng: np.random.Generator) -> Array:
+        """Path (n, 2) [m] from ``state`` to a random node, preferably far from the ``driven`` points (m, 2)."""
+        here = np.array([state.x, state.y])
+        away = self._distance_from(driven)
+        source = self._nearest(here)
+        cost, before = self._dijkstra(source, self._cost(state, away, rng))
+        far = np.flatnonzero((np.linalg.norm(self.nodes - here, axis=1) > MIN_DISTANCE) & np.isfinite(cost))
+        far = far if len(far) else np.array([int(np.where(np.isfinite(cost), cost, -1).argmax())])
+        candidates = rng.choice(far, 40)
+        weight = np.minimum(away[candidates], NEW_GROUND) * (self.clearance[candidates] > PATH_CLEARANCE) + 0.01
+        node = int(candidates[(weight * rng.uniform(0.3, 1.0, len(candidates))).argmax()])
+        path = [node]
+        while node != source:
+            node = int(before[node])
+            path.append(node)
+        return self.nodes[path[::-1]]
+
+    def _nearest(self, point: Array) -> int:
+        return int(((self.nodes - point) ** 2).sum(axis=1).argmin())
+
+    def _distance_from(self, driven: Array) -> Array:
+        fresh = np.ones(self._free.shape, bool)
+        cells = np.rint((driven - (self._ground.x0, self._ground.y0)) / NODE).astype(int)
+        fresh[tuple(np.clip(cells, 0, np.subtract(fresh.shape, 1)).T)] = False
+        return np.asarray(distance_transform_edt(fresh)[self._free] * NODE)
+
+    def _cost(self, state: KinematicState, away: Array, rng: np.random.Generator) -> Array:
+        """Cost per metre at each node: random, and high near obstacles, on driven ground and behind the robot."""
+        noise = gaussian_filter(rng.standard_normal(self._free.shape), 3.0 / NODE)[self._free]
+        offset = self.nodes - (state.x, state.y)
+        distance = np.linalg.norm(offset, axis=1)
+        ahead = offset @ (np.cos(state.heading), np.sin(state.heading)) / np.maximum(distance, 1e-9)
+        return np.asarray(
+            1.0
+            + 1.5 * (noise - noise.min()) / max(float(np.ptp(noise)), 1e-9)
+            + 10.0 * np.exp(-self.clearance / 0.3)
+            + 2.0 * np.exp(-((away / 1.5) ** 2))
+            + 4.0 * ((distance < 3.0) & (ahead < -0.2))
+        )
+
+    def _dijkstra(self, source: int, cost: Array) -> tuple[Array, NDArray[np.int32]]:
+        weights = self._lengths * cost[self._pairs].mean(axis=0)
+        graph = csr_matrix((weights, tuple(self._pairs)), shape=(len(cost), len(cost)))
+        total, before = dijkstra(graph, directed=False, indices=[source], return_predecessors=True)
+        return total[0], before[0]
