@@ -24,7 +24,7 @@ from rosbags.typesys.stores.ros1_noetic import std_msgs__msg__Header as Header
 
 from fieldtruth.bag.reader import BagError, RawMessage, open_stored
 from fieldtruth.exporters import export
-from fieldtruth.exporters.ros2 import Ros2Types
+from fieldtruth.exporters.mcap import Ros2Types
 
 
 @pytest.fixture(scope="module")
