@@ -6,13 +6,15 @@ import hashlib
 import shutil
 import struct
 import subprocess
-import tracemalloc
+import zipfile
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
 from zipfile import ZipFile
 
 import pytest
+from export_bags import peak_memory
+from isal import isal_zlib
 
 from fieldtruth.bag.reader import BagError
 from fieldtruth.bag.run import open_run
@@ -70,12 +72,12 @@ def test_checksums_of_the_zip_find_one_flipped_byte(packed: Path) -> None:
 
 
 @pytest.mark.parametrize("workers", [1, 3])
-def test_same_bytes_whoever_packs_it_and_when(small_run: Path, packed: Path, tmp_path: Path, workers: int) -> None:
+def test_zip_is_reproducible_with_any_workers(small_run: Path, packed: Path, tmp_path: Path, workers: int) -> None:
     again = export(small_run, "zip", out=tmp_path / "again.zip", workers=workers)
     assert digest(again) == digest(packed)
 
 
-def test_every_entry_is_zip64_so_that_size_makes_no_difference(packed: Path) -> None:
+def test_local_headers_are_zip64_without_dates(packed: Path) -> None:
     data, full = packed.read_bytes(), 2**32 - 1
     with ZipFile(packed) as archive:
         for entry in archive.infolist():
@@ -84,10 +86,32 @@ def test_every_entry_is_zip64_so_that_size_makes_no_difference(packed: Path) -> 
             assert struct.unpack_from("<2H2Q", data, at) == (1, 16, entry.file_size, entry.compress_size)
             assert entry.date_time == (1980, 1, 1, 0, 0, 0)
             assert entry.external_attr >> 16 == 0o100644
-    assert data[-22:-18] == b"PK\x05\x06"
+
+
+def test_unzip_reads_a_bag_above_the_zip64_limit(
+    small_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a lower limit, so that the test need not write 4 GB."""
+    monkeypatch.setattr(zipfile, "ZIP64_LIMIT", 1000)
+    packed = export(small_run, "zip", out=tmp_path / "run.zip")
+    monkeypatch.undo()
+    data = packed.read_bytes()
     assert data[-42:-38] == b"PK\x06\x07"
     (end,) = struct.unpack_from("<Q", data, len(data) - 34)
     assert data[end : end + 4] == b"PK\x06\x06"
+    with ZipFile(packed) as archive:
+        assert archive.testzip() is None
+        assert archive.getinfo("park_1.bag").file_size == (small_run / "park_1.bag").stat().st_size
+    if shutil.which("unzip") is not None:
+        subprocess.run(["unzip", "-tq", packed], check=True)
+
+
+def test_isa_l_packs_the_bag(small_run: Path, packed: Path) -> None:
+    packer = isal_zlib.compressobj(1, isal_zlib.DEFLATED, -15)
+    data = (small_run / "park_1.bag").read_bytes()
+    size = sum(len(packer.compress(data[at : at + 2**20])) for at in range(0, len(data), 2**20)) + len(packer.flush())
+    with ZipFile(packed) as archive:
+        assert archive.getinfo("park_1.bag").compress_size == size
 
 
 def test_the_bag_is_read_once(small_run: Path, tmp_path: Path) -> None:
@@ -104,13 +128,8 @@ def test_memory_does_not_grow_with_the_bag(tmp_path: Path) -> None:
         for number in range(blocks):
             yield bytes([number]) * 2**20
 
-    with (tmp_path / "blocks.zip").open("wb") as file:
-        tracemalloc.start()
-        archive = zipped._Archive(file, workers=2)
-        archive.add("blocks", made())
-        archive.close()
-        most = tracemalloc.get_traced_memory()[1]
-        tracemalloc.stop()
+    with ZipFile(tmp_path / "blocks.zip", "w") as archive:
+        most = peak_memory(lambda: zipped._add(archive, "blocks", made()))
     assert most < blocks * 2**20 / 12
     with ZipFile(tmp_path / "blocks.zip") as whole:
         assert whole.infolist()[0].file_size == blocks * 2**20
