@@ -22,8 +22,8 @@ from isal import isal_zlib
 from numpy.typing import NDArray
 
 from fieldtruth.bag import topics
-from fieldtruth.bag.reader import RawMessage, decoder, open_stored
-from fieldtruth.bag.readings import depth, image, read_bag, stamp_ns
+from fieldtruth.bag.decode import depth, image, read_bag, stamp_ns
+from fieldtruth.bag.reader import RawMessage, decoder, open_bag
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import _filtered, encode_png
 
@@ -92,7 +92,7 @@ ENCODERS: dict[str, Callable[[], Encoder]] = {
 
 def sample(bag: Path) -> dict[str, list[NDArray[Any]]]:
     def some(topic: str, read: Callable[[Any], NDArray[Any]]) -> list[NDArray[Any]]:
-        with open_stored(bag) as stored:
+        with open_bag(bag) as stored:
             if topic not in stored.counts:
                 return []
         readings = islice(read_bag(bag, [topic]), 0, SAMPLE * EVERY, EVERY)
@@ -120,7 +120,7 @@ def measure(encode: Encoder, images: list[NDArray[Any]]) -> tuple[float, float]:
 
 def from_jpeg_to_disk(bag: Path) -> tuple[int, float, float]:
     """Number of photographs, and seconds and processor seconds from the bag's JPEGs to PNG files."""
-    with open_stored(bag) as stored, TemporaryDirectory(dir=Path.cwd()) as folder:
+    with open_bag(bag) as stored, TemporaryDirectory(dir=Path.cwd()) as folder:
         decode = decoder(stored)
 
         def convert(raw: RawMessage) -> None:

@@ -30,8 +30,8 @@ from rosbags.rosbag1 import Writer
 from fieldtruth import annotate as package
 from fieldtruth import cli
 from fieldtruth.annotation import annotate
-from fieldtruth.bag import readings as read
-from fieldtruth.bag.readings import image, read_bag, static_transforms
+from fieldtruth.bag import decode as read
+from fieldtruth.bag.decode import image, read_bag, static_transforms
 from fieldtruth.bag.run import open_run
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import CameraConfig, Rig

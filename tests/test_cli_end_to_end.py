@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from fieldtruth import cli
-from fieldtruth.bag.readings import count_messages
+from fieldtruth.bag.decode import count_messages
 
 
 def test_a_bag_is_made_kept_and_made_again_from_its_own_experiment(

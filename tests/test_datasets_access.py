@@ -17,7 +17,7 @@ import pytest
 from dataset_bags import equal, rewrite
 from numpy.typing import NDArray
 
-from fieldtruth.bag.reader import open_stored
+from fieldtruth.bag.reader import open_bag
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.datasets import GEOMETRY, ITEMS, RunDataset, Sample, collate, storage
 from fieldtruth.ontology.label_map import label_map_of
@@ -224,7 +224,7 @@ def test_a_run_without_a_frame_says_why(small_run: Path, tmp_path: Path) -> None
 
 
 def test_an_index_that_points_to_another_topic_is_damage(small_run: Path) -> None:
-    with open_stored(small_run / "park_1.bag") as bag:
+    with open_bag(small_run / "park_1.bag") as bag:
         found, elsewhere = storage.Storage(bag), bag.places(POINTS)
     with pytest.raises(FieldtruthError, match=f"its index says {ODOMETRY} where a message of {POINTS} lies"):
         found.message(ODOMETRY, int(elsewhere.chunk[3]), int(elsewhere.offset[3]))

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from fieldtruth.bag import topics
-from fieldtruth.bag.messages import ModelStatesWriter
+from fieldtruth.bag.robot_messages import ModelStatesWriter
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz
 from fieldtruth.drive import Track, drive, plan_route
 from fieldtruth.drive.physics import resting_pose

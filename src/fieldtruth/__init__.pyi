@@ -3,10 +3,10 @@
 # The public names: type checkers read them here, and the package imports each when it is first used.
 
 from .annotation import annotate as annotate
-from .bag.damage import BagError as BagError
-from .bag.readings import Reading as Reading
-from .bag.readings import count_messages as count_messages
-from .bag.readings import read_bag as read_bag
+from .bag.decode import Reading as Reading
+from .bag.decode import count_messages as count_messages
+from .bag.decode import read_bag as read_bag
+from .bag.errors import BagError as BagError
 from .bag.run import Run as Run
 from .bag.run import open_run as open_run
 from .core import frames as frames

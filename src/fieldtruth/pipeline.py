@@ -7,7 +7,7 @@ The stages are those of the paper's sections 3 and 4; each hands plain data to t
 
 from pathlib import Path
 
-from fieldtruth.bag.readings import count_messages
+from fieldtruth.bag.decode import count_messages
 from fieldtruth.bag.topics import topics_of
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent

@@ -22,7 +22,7 @@ from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__Twist as Twis
 from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__Vector3 as Vector3
 from rosbags.typesys.stores.ros1_noetic import std_msgs__msg__Header as Header
 
-from fieldtruth.bag.reader import BagError, RawMessage, open_stored
+from fieldtruth.bag.reader import BagError, RawMessage, open_bag
 from fieldtruth.exporters import export
 from fieldtruth.exporters.mcap import Ros2Types
 
@@ -47,7 +47,7 @@ def states(names: list[str], start: float) -> Any:
 
 def test_objects_may_come_and_go(bag: Path) -> None:
     """ModelStates take a way of their own; what is right is what rosbags makes of the message itself."""
-    with open_stored(bag) as stored:
+    with open_bag(bag) as stored:
         convert = Ros2Types(stored).converter()
     for names in (["a"], ["a"], ["bc", "d"], ["bc", "e"], ["ä", "0123456", "01234567"], [], ["bc", "e"], ["ebc"]):
         message = states(names, 100.0 * len(names))

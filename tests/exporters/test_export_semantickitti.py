@@ -20,8 +20,8 @@ from scipy.spatial.transform import Rotation
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.calibration import StaticFrames, read_calibration
-from fieldtruth.bag.reader import BagError, open_stored
-from fieldtruth.bag.readings import depth, labels, points, read_bag, stamp_ns, static_transforms
+from fieldtruth.bag.decode import depth, labels, points, read_bag, stamp_ns, static_transforms
+from fieldtruth.bag.reader import BagError, open_bag
 from fieldtruth.bag.run import open_run
 from fieldtruth.bag.types import STORE
 from fieldtruth.core.classes import CLASSES, PALETTE
@@ -102,7 +102,7 @@ def true_lidar_poses(bag: Path) -> F8:
 
 def rewritten(bag: Path, target: Path, topics: Collection[str], **changes: Callable[[Any], None]) -> Path:
     """Copy some topics of a bag; ``points`` and ``camera_info`` change the messages of those kinds."""
-    with open_stored(bag) as stored, Writer(target) as writer:
+    with open_bag(bag) as stored, Writer(target) as writer:
         types = {topic: stored.msgtypes[topic] for topic in sorted(topics)}
         connections = {topic: writer.add_connection(topic, kind, typestore=STORE) for topic, kind in types.items()}
         for raw in stored.messages(sorted(topics)):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from record_fakes import FakeScan, make_experiment, make_track, make_world
 
-from fieldtruth.bag import images, messages
-from fieldtruth.bag import readings as read
+from fieldtruth.bag import decode as read
+from fieldtruth.bag import robot_messages, sensor_messages
 from fieldtruth.bag import types as ros
 from fieldtruth.bag.topics import TOPICS
 from fieldtruth.core import frames
@@ -29,7 +29,7 @@ MD5 = {  # as rosmsg prints them
     "tf2_msgs/msg/TFMessage": "94810edda583a504dfda3829e70d7eec",
 }
 
-SIDES: tuple[images.Side, ...] = ("left", "right")
+SIDES: tuple[sensor_messages.Side, ...] = ("left", "right")
 STAMP = 12_345_678_901
 WORLD = make_world()
 TRACK = make_track(WORLD, make_experiment(1.0))
@@ -54,12 +54,12 @@ def test_types_are_those_of_ros() -> None:
 
 
 def test_clock() -> None:
-    clock = back(messages.clock(STAMP), "rosgraph_msgs/msg/Clock").clock
+    clock = back(robot_messages.clock(STAMP), "rosgraph_msgs/msg/Clock").clock
     assert (clock.sec, clock.nanosec) == (12, 345_678_901)
 
 
 def test_imu_is_in_imu_link_and_its_quaternion_in_the_order_of_ros() -> None:
-    message = back(messages.imu(7, TRACK.imu), "sensor_msgs/msg/Imu")
+    message = back(robot_messages.imu(7, TRACK.imu), "sensor_msgs/msg/Imu")
     assert (message.header.seq, read.stamp_ns(message.header)) == (7, 160_000_000)
     assert message.header.frame_id == "imu_link"
     assert wxyz(message.orientation) == TRACK.imu.quaternion_wxyz[7].tolist()
@@ -69,21 +69,21 @@ def test_imu_is_in_imu_link_and_its_quaternion_in_the_order_of_ros() -> None:
 
 
 def test_navsat() -> None:
-    message = back(messages.navsat(1, TRACK.gnss), "sensor_msgs/msg/NavSatFix")
+    message = back(robot_messages.navsat(1, TRACK.gnss), "sensor_msgs/msg/NavSatFix")
     assert (message.header.frame_id, read.stamp_ns(message.header)) == ("GNSS_link", 10**9)
     assert [message.latitude, message.longitude, message.altitude] == TRACK.gnss.geodetic[1].tolist()
     assert message.status.status == message.status.STATUS_FIX
 
 
 def test_wheel_speed() -> None:
-    assert back(messages.wheel_speed(-1.8125), "std_msgs/msg/Float32").data == -1.8125
+    assert back(robot_messages.wheel_speed(-1.8125), "std_msgs/msg/Float32").data == -1.8125
 
 
 def test_twist_of_odometry_is_in_base_link() -> None:
     # The robot looks north-west and moves to the west: half of it forwards, half of it to its left.
     q = frames.quaternion_wxyz_from_rotation(frames.pose((0, 0, 0), (0, 0, 45.0))[:3, :3])
     state = State(np.array([1.0, 2.0, 3.0]), q, np.array([0.0, 1.0, 0.5]), np.array([1.0, 0.0, 0.25]))
-    message = back(messages.odometry(3, STAMP, state), "nav_msgs/msg/Odometry")
+    message = back(robot_messages.odometry(3, STAMP, state), "nav_msgs/msg/Odometry")
     half = np.sqrt(0.5)
     assert (message.header.frame_id, message.child_frame_id, message.header.seq) == ("world", "base_link", 3)
     assert xyz(message.pose.pose.position) == [1.0, 2.0, 3.0]
@@ -94,14 +94,14 @@ def test_twist_of_odometry_is_in_base_link() -> None:
 
 def test_tf() -> None:
     state = state_at(TRACK.motion, 500_000_000)
-    (stamped,) = back(messages.tf(24, 500_000_000, state), "tf2_msgs/msg/TFMessage").transforms
+    (stamped,) = back(robot_messages.tf(24, 500_000_000, state), "tf2_msgs/msg/TFMessage").transforms
     assert (stamped.header.frame_id, stamped.child_frame_id, stamped.header.seq) == ("world", "base_link", 24)
     assert xyz(stamped.transform.translation) == TRACK.motion.position[499].tolist()
     assert wxyz(stamped.transform.rotation) == TRACK.motion.quaternion_wxyz[499].tolist()
 
 
 def test_model_states_are_the_robot_and_every_object_by_its_id() -> None:
-    writer = messages.ModelStatesWriter(WORLD)
+    writer = robot_messages.ModelStatesWriter(WORLD)
     message = back(writer.message(499, TRACK.motion), "gazebo_msgs/msg/ModelStates")
     assert message.name == ["husky", "ground", "tree_2", "tree_3", "tree_4", "tree_5", "tree_6"]
     assert xyz(message.pose[0].position) == TRACK.motion.position[499].tolist()
@@ -118,7 +118,7 @@ def test_model_states_are_the_robot_and_every_object_by_its_id() -> None:
 def test_model_states_hold_names_of_any_letters() -> None:
     world = make_world(objects=1)
     odd = world.__class__(**{**world.__dict__, "object_names": ("husky", "Böden", "bäume")})
-    message = back(messages.ModelStatesWriter(odd).message(0, TRACK.motion), "gazebo_msgs/msg/ModelStates")
+    message = back(robot_messages.ModelStatesWriter(odd).message(0, TRACK.motion), "gazebo_msgs/msg/ModelStates")
     assert message.name == ["husky", "Böden", "bäume"]
     assert xyz(message.pose[0].position) == TRACK.motion.position[0].tolist()
     assert xyz(message.twist[0].angular) == TRACK.motion.angular_velocity[0].tolist()
@@ -139,7 +139,7 @@ def fake_scan(n: int) -> FakeScan:
 @pytest.mark.parametrize("spinning", [False, True])
 def test_cloud(spinning: bool) -> None:
     scan = fake_scan(300)
-    message = back(images.point_cloud(5, STAMP, scan, spinning=spinning), "sensor_msgs/msg/PointCloud2")
+    message = back(sensor_messages.point_cloud(5, STAMP, scan, spinning=spinning), "sensor_msgs/msg/PointCloud2")
     points = read.points(message)
     assert (message.header.frame_id, message.height, message.width) == ("os1_lidar", 1, 300)
     assert message.is_dense
@@ -153,7 +153,9 @@ def test_cloud(spinning: bool) -> None:
 
 @pytest.mark.parametrize(("spinning", "size"), [(False, 24), (True, 28)])
 def test_only_the_points_of_a_spinning_lidar_have_times(spinning: bool, size: int) -> None:
-    message = back(images.point_cloud(5, STAMP, fake_scan(300), spinning=spinning), "sensor_msgs/msg/PointCloud2")
+    message = back(
+        sensor_messages.point_cloud(5, STAMP, fake_scan(300), spinning=spinning), "sensor_msgs/msg/PointCloud2"
+    )
     time = {"t": (16, 6)} if spinning else {}
     assert {f.name: (f.offset, f.datatype) for f in message.fields} == {
         "x": (0, 7),
@@ -172,13 +174,13 @@ def test_only_the_points_of_a_spinning_lidar_have_times(spinning: bool, size: in
 def test_empty_cloud() -> None:
     none = np.zeros(0)
     scan = FakeScan(np.zeros((0, 3), np.float32), *(none.astype(t) for t in ("u1", "u2", "u2", "u2", "u4")))
-    message = back(images.point_cloud(0, STAMP, scan, spinning=False), "sensor_msgs/msg/PointCloud2")
+    message = back(sensor_messages.point_cloud(0, STAMP, scan, spinning=False), "sensor_msgs/msg/PointCloud2")
     assert (message.width, len(read.points(message))) == (0, 0)
 
 
 def test_tag_is_exact() -> None:
     label = np.arange(48 * 64).reshape(48, 64) % 15 + 1
-    message = back(images.tag(0, STAMP, "left", label.astype(np.uint8)), "sensor_msgs/msg/Image")
+    message = back(sensor_messages.tag(0, STAMP, "left", label.astype(np.uint8)), "sensor_msgs/msg/Image")
     assert (message.encoding, message.step, message.header.frame_id) == ("rgb8", 192, "left_camera_optical")
     np.testing.assert_array_equal(read.image(message), PALETTE[label])
 
@@ -186,14 +188,16 @@ def test_tag_is_exact() -> None:
 def test_photograph_is_near() -> None:
     y, x = np.mgrid[:48, :64]
     photo = np.stack([2 * x + 50, 3 * y + 20, x + y], axis=-1).astype(np.uint8)
-    message = back(images.photograph(0, STAMP, "right", photo, 95), "sensor_msgs/msg/CompressedImage")
+    message = back(sensor_messages.photograph(0, STAMP, "right", photo, 95), "sensor_msgs/msg/CompressedImage")
     assert (message.format, message.header.frame_id) == ("jpeg", "right_camera_optical")
     assert np.abs(read.image(message).astype(int) - photo).max() <= 6
 
 
 def test_calibration_of_the_zed() -> None:
     config = CameraConfig()
-    left, right = (back(images.camera_info(0, STAMP, side, config), "sensor_msgs/msg/CameraInfo") for side in SIDES)
+    left, right = (
+        back(sensor_messages.camera_info(0, STAMP, side, config), "sensor_msgs/msg/CameraInfo") for side in SIDES
+    )
     fx, fy = 640 / np.tan(np.radians(34.5)), 360 / np.tan(np.radians(21.0))
     assert left.K.tolist() == pytest.approx([fx, 0, 639.5, 0, fy, 359.5, 0, 0, 1], rel=1e-14)
     assert left.P.tolist() == pytest.approx([fx, 0, 639.5, 0, 0, fy, 359.5, 0, 0, 0, 1, 0], rel=1e-14)
@@ -205,7 +209,7 @@ def test_calibration_of_the_zed() -> None:
 
 
 def test_the_outer_pixel_edges_span_the_field_of_view() -> None:
-    k = images.camera_matrix(CameraConfig())
+    k = sensor_messages.camera_matrix(CameraConfig())
     corner = np.linalg.inv(k) @ [-0.5, -0.5, 1.0]
     assert np.degrees(np.arctan(corner[:2])).tolist() == pytest.approx([-34.5, -21.0], rel=1e-12)
 
@@ -219,13 +223,13 @@ def test_a_point_projects_to_both_images_as_the_transforms_say() -> None:
         frames.transform(frames.inverse(mount.base_from_sensor @ CAMERA_FROM_OPTICAL), point_base)[0]
         for mount in (config.left, config.right)
     )
-    pixel = images.camera_matrix(config) @ in_right
-    projected = images.projection_matrix(config, "right") @ [*in_left, 1.0]
+    pixel = sensor_messages.camera_matrix(config) @ in_right
+    projected = sensor_messages.projection_matrix(config, "right") @ [*in_left, 1.0]
     np.testing.assert_allclose(projected / projected[2], pixel / pixel[2], atol=1e-9)
 
 
 def test_fixed_frames_are_the_papers_and_the_optical_ones() -> None:
-    fixed = messages.static_transforms(Rig())
+    fixed = robot_messages.rig_transforms(Rig())
     assert len(fixed) == 12
     forward, right, down = [0, 0, 1], [1, 0, 0], [0, 1, 0]
     base_from_optical = fixed["base_link", "left_camera"] @ fixed["left_camera", "left_camera_optical"]

@@ -21,8 +21,7 @@ from record_fakes import (
 from rosbags.rosbag1 import Reader
 
 from fieldtruth.bag import topics
-from fieldtruth.bag.reader import BagError
-from fieldtruth.bag.readings import (
+from fieldtruth.bag.decode import (
     Reading,
     count_messages,
     image,
@@ -33,6 +32,7 @@ from fieldtruth.bag.readings import (
     stamp_ns,
     static_transforms,
 )
+from fieldtruth.bag.reader import BagError
 from fieldtruth.bag.topics import SIDES, TOPICS
 from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from record_fakes import make_experiment, make_slices
 
-from fieldtruth.bag.readings import count_messages, read_bag
+from fieldtruth.bag.decode import count_messages, read_bag
 from fieldtruth.bag.topics import topics_of
 from fieldtruth.experiment.rig import Rig
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from rosbags.rosbag1 import Reader, Writer
 
-from fieldtruth.bag import readings as read
+from fieldtruth.bag import decode as read
 from fieldtruth.bag.model_states import ModelStatesReader
-from fieldtruth.bag.reader import BagError, decoder, open_stored
+from fieldtruth.bag.reader import BagError, decoder, open_bag
 from fieldtruth.bag.run import open_run
 from fieldtruth.bag.trajectory import Trajectory, _from_model_states, read_trajectory
 from fieldtruth.core import frames
@@ -70,7 +70,7 @@ def test_what_is_no_run_is_one_line(small_run: Path, tmp_path: Path) -> None:
 
 def test_model_states_in_place_equal_the_message(small_run: Path) -> None:
     reader = ModelStatesReader()
-    with open_stored(small_run / "park_1.bag") as bag:
+    with open_bag(small_run / "park_1.bag") as bag:
         decode = decoder(bag)
         for raw in list(bag.messages([STATES]))[::400]:
             message = decode(raw)

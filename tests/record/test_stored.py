@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from rosbags.rosbag1 import Reader, Writer
 
-from fieldtruth.bag.reader import BagError, decoder, open_stored
-from fieldtruth.bag.readings import read_bag
+from fieldtruth.bag.decode import read_bag
+from fieldtruth.bag.reader import BagError, decoder, open_bag
 from fieldtruth.bag.run import open_run
 from fieldtruth.core.errors import FieldtruthError, UnknownNameError
 
@@ -46,7 +46,7 @@ def shuffled_rows(rng: np.random.Generator) -> list[tuple[str, int]]:
 def test_messages_come_in_time_order_though_chunks_overlap(tmp_path: Path, compression: str | None) -> None:
     rows = shuffled_rows(np.random.default_rng(0))
     path = write_bag(tmp_path / "o.bag", rows, compression)
-    with open_stored(path) as bag:
+    with open_bag(path) as bag:
         found = [(raw.topic, raw.stamp_ns) for raw in bag.messages()]
         only_b = [(raw.topic, raw.stamp_ns) for raw in bag.messages(["b"])]
         assert len(bag._reader.chunk_infos) > 20
@@ -60,7 +60,7 @@ def test_messages_come_in_time_order_though_chunks_overlap(tmp_path: Path, compr
 
 def test_messages_are_found_by_their_places(small_run: Path) -> None:
     topic = "/stereo/camera/left/tag/img_raw"
-    with open_stored(small_run / "park_1.bag") as bag:
+    with open_bag(small_run / "park_1.bag") as bag:
         expected = list(bag.messages([topic]))
         places = bag.places(topic)
         assert places.stamps_ns.tolist() == [raw.stamp_ns for raw in expected]
@@ -71,7 +71,7 @@ def test_messages_are_found_by_their_places(small_run: Path) -> None:
 
 def test_every_message_equals_what_another_reader_reads(small_run: Path) -> None:
     bag = small_run / "park_1.bag"
-    with Reader(bag) as reader, open_stored(bag) as stored:
+    with Reader(bag) as reader, open_bag(bag) as stored:
         theirs = {(c.topic, stamp): bytes(data) for c, stamp, data in reader.messages()}
         ours = {(raw.topic, raw.stamp_ns): raw.data for raw in stored.messages()}
     assert ours == theirs
@@ -79,7 +79,7 @@ def test_every_message_equals_what_another_reader_reads(small_run: Path) -> None
 
 def test_only_a_few_chunks_are_in_memory(small_run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     opened: list[int] = []
-    with open_stored(small_run / "park_1.bag") as bag:
+    with open_bag(small_run / "park_1.bag") as bag:
         unpack = bag.chunk
 
         def noted(position: int) -> bytes:
@@ -148,7 +148,7 @@ def test_no_byte_that_is_changed_leads_to_anything_but_a_clear_line(tmp_path: Pa
 
 
 def test_a_missing_file_and_an_unknown_topic_are_named(small_run: Path, tmp_path: Path) -> None:
-    with pytest.raises(BagError, match=r"none\.bag"), open_stored(tmp_path / "none.bag"):
+    with pytest.raises(BagError, match=r"none\.bag"), open_bag(tmp_path / "none.bag"):
         pass
     with pytest.raises(UnknownNameError, match="no topic '/imu'; there is: /imu/data"):
         list(read_bag(small_run / "park_1.bag", ["/imu"]))
@@ -159,7 +159,7 @@ def test_a_damaged_message_is_named_with_its_topic(tmp_path: Path) -> None:
     with Writer(path) as writer:
         connection = writer.add_connection("/a", "std_msgs/msg/String", msgdef="string data", md5sum="0" * 32)
         writer.write(connection, 5, struct.pack("<L", 1000) + b"abc")
-    with open_stored(path) as bag:
+    with open_bag(path) as bag:
         decode = decoder(bag)
         with pytest.raises(BagError, match="the message of /a at 5 ns is damaged"):
             [decode(raw) for raw in bag.messages()]

@@ -13,8 +13,8 @@ import yaml
 
 import fieldtruth
 from fieldtruth.bag.checksums import CHECKSUMS, read_checksums, sha256_of
+from fieldtruth.bag.decode import count_messages, read_bag, static_transforms
 from fieldtruth.bag.reader import BagError
-from fieldtruth.bag.readings import count_messages, read_bag, static_transforms
 from fieldtruth.core.classes import CLASSES, Label
 
 

@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from fieldtruth import cli
-from fieldtruth.bag import readings as read
+from fieldtruth.bag import decode as read
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.errors import OutputError
 from fieldtruth.report.viewer import entities, view

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from validate_bags import Edit, each, failures, first_message, only, points_in, quick_failures, rewritten
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.images import POINT, SWEPT_POINT
+from fieldtruth.bag.sensor_messages import POINT, SWEPT_POINT
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.checksums import CHECKSUMS, checksum_lines
-from fieldtruth.bag.images import POINT
-from fieldtruth.bag.reader import RawMessage, open_stored
+from fieldtruth.bag.reader import RawMessage, open_bag
+from fieldtruth.bag.sensor_messages import POINT
 from fieldtruth.bag.topics import topics_of
 from fieldtruth.bag.writer import BagWriter
 from fieldtruth.experiment.config import Experiment
@@ -54,7 +54,7 @@ def rewritten(run: Path, target: Path, change: Change, experiment: Experiment | 
     rig = load_experiment(folder / "experiment.yaml").rig
     counts: dict[str, int] = {}
     changes = 0
-    with open_stored(bag_in(run)) as source, BagWriter(folder / bag_in(run).name, topics_of(rig)) as bag:
+    with open_bag(bag_in(run)) as source, BagWriter(folder / bag_in(run).name, topics_of(rig)) as bag:
         for raw in source.messages():
             k = counts[raw.topic] = counts.get(raw.topic, -1) + 1
             changed = change(raw, k)
@@ -111,7 +111,7 @@ def add(offset: int, amount: float) -> Edit:
 
 
 def first_message(run: Path, topic: str) -> RawMessage:
-    with open_stored(bag_in(run)) as bag:
+    with open_bag(bag_in(run)) as bag:
         return next(bag.messages([topic]))
 
 

@@ -16,9 +16,9 @@ from fieldtruth.annotation.check import check_frames, check_objects, check_place
 from fieldtruth.annotation.poses import Poses, read_poses
 from fieldtruth.annotation.weave import weave
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.messages import tf_static
 from fieldtruth.bag.model_states import ROBOT
 from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.robot_messages import tf_static
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.bag.types import F8
 from fieldtruth.core.errors import ConfigurationError, OutputError

@@ -10,10 +10,10 @@ import numpy as np
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.calibration import StaticFrames, first_message, read_static_frames
-from fieldtruth.bag.damage import BagError, damage
-from fieldtruth.bag.images import optical_frame
-from fieldtruth.bag.messages import static_transforms
+from fieldtruth.bag.errors import BagError, read_errors
+from fieldtruth.bag.robot_messages import rig_transforms
 from fieldtruth.bag.run import Run
+from fieldtruth.bag.sensor_messages import optical_frame
 from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.bag.types import F8
 from fieldtruth.core import frames
@@ -44,7 +44,7 @@ def _defined_as_usual(run: Run, topic: str) -> Iterator[None]:
     """Turn what goes wrong with a topic into one clear line: damage, another type, another definition of it."""
     check_type(run, topic)
     try:
-        with damage(run.bag):
+        with read_errors(run.bag):
             yield
     except AttributeError as error:
         raise BagError(f"{topic} of {run.bag} has another definition than usual: {error}") from error
@@ -70,7 +70,7 @@ def check_frames(run: Run, rig: Rig) -> dict[tuple[str, str], F8]:
     """
     cameras = [frame for side in table.SIDES for frame in (f"{side}_camera", optical_frame(side))]
     needed = cameras * rig.cameras.enabled + ["os1_lidar"] * rig.lidar.enabled
-    own = {(parent, child): matrix for (parent, child), matrix in static_transforms(rig).items() if child in needed}
+    own = {(parent, child): matrix for (parent, child), matrix in rig_transforms(rig).items() if child in needed}
     ours = StaticFrames({child: (parent, matrix) for (parent, child), matrix in own.items()}, "the rig")
     theirs = static_frames(run)
     for frame in needed:

@@ -17,10 +17,10 @@ import numpy as np
 
 from fieldtruth.annotation.check import check_type, static_frames
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.messages import BASE
+from fieldtruth.bag.decode import stamp_ns
 from fieldtruth.bag.model_states import ModelStatesReader
-from fieldtruth.bag.reader import BagError, RawMessage, StoredBag, decoder, open_stored
-from fieldtruth.bag.readings import stamp_ns
+from fieldtruth.bag.reader import BagError, BagReader, RawMessage, decoder, open_bag
+from fieldtruth.bag.robot_messages import BASE
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import I8, Trajectory
 from fieldtruth.bag.types import F8
@@ -87,7 +87,7 @@ def read_poses(run: Run, rig: Rig, robot: str, advance: Advance) -> Poses:
         )
     check_type(run, source)
     log = _Log(source, rig)
-    with open_stored(run.bag) as bag:
+    with open_bag(run.bag) as bag:
         reader = _Odometry(bag) if source == table.ODOMETRY else _ModelStates(robot)
         told_ns = run.start_ns
         for raw in bag.messages():
@@ -114,7 +114,7 @@ class _Pose(NamedTuple):
 class _Odometry:
     """Reads nav_msgs/Odometry. Headers have stamps; one of zero means none, as before the first tick of the clock."""
 
-    def __init__(self, bag: StoredBag) -> None:
+    def __init__(self, bag: BagReader) -> None:
         self.frame = ""
         self._decode = decoder(bag)
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from rosbags.interfaces import Connection
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.reader import open_stored
+from fieldtruth.bag.reader import open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.writer import BagWriter
 from fieldtruth.core.files import output_errors
@@ -46,7 +46,7 @@ def weave(
         advance: is called with the time [s] just written.
     """
     once = [topic for topic in table.TOPICS if topic.name in fixed]
-    with output_errors(target), open_stored(run.bag) as source, BagWriter(target, [*once, *slices.topics]) as bag:
+    with output_errors(target), open_bag(run.bag) as source, BagWriter(target, [*once, *slices.topics]) as bag:
         carried = {connection.id: bag.carry(connection) for connection in source.connections}
 
         def theirs() -> Iterator[_Entry]:
@@ -56,7 +56,7 @@ def weave(
         def ours() -> Iterator[_Entry]:
             yield from (_Entry(stamp, topic, data) for topic, (stamp, data) in fixed.items())
             for k in range(slices.count):
-                with open_stored(slices.path(k)) as part:
+                with open_bag(slices.path(k)) as part:
                     for raw in part.messages():
                         yield _Entry(recorded_at(raw.stamp_ns), raw.topic, raw.data)
 

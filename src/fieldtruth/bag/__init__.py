@@ -5,8 +5,7 @@
 Here are the names for reading. What writes brings the physics along, which a reader should not have to wait for.
 """
 
-from fieldtruth.bag.damage import BagError
-from fieldtruth.bag.readings import (
+from fieldtruth.bag.decode import (
     Reading,
     count_messages,
     depth,
@@ -20,6 +19,7 @@ from fieldtruth.bag.readings import (
     stamp_ns,
     static_transforms,
 )
+from fieldtruth.bag.errors import BagError
 
 __all__ = [
     "BagError",

@@ -9,8 +9,8 @@ from typing import Any, Final
 import numpy as np
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.reader import BagError, decoder, open_stored
-from fieldtruth.bag.readings import matrix
+from fieldtruth.bag.decode import matrix
+from fieldtruth.bag.reader import BagError, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.types import F8
 from fieldtruth.core import frames
@@ -111,7 +111,7 @@ def read_static_frames(run: Run) -> StaticFrames:
         BagError: the bag has no /tf_static, or is damaged.
     """
     run.require(table.TF_STATIC)
-    with open_stored(run.bag) as bag:
+    with open_bag(run.bag) as bag:
         decode = decoder(bag)
         stamped = [each for raw in bag.messages([table.TF_STATIC]) for each in decode(raw).transforms]
     parents = {each.child_frame_id: (each.header.frame_id, matrix(each.transform)) for each in stamped}
@@ -134,5 +134,5 @@ def first_message(run: Run, topic: str) -> Any:
     Raises:
         BagError: the bag is damaged.
     """
-    with open_stored(run.bag) as bag:
+    with open_bag(run.bag) as bag:
         return decoder(bag)(next(bag.messages([topic])))

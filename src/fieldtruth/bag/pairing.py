@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.reader import StoredBag, decoder
-from fieldtruth.bag.readings import stamp_ns
+from fieldtruth.bag.decode import stamp_ns
+from fieldtruth.bag.reader import BagReader, decoder
 
 WINDOW_NS: Final = 500_000_000
 """How far [ns] the messages of a frame may lie apart, in the bag and by their headers."""
@@ -44,7 +44,7 @@ class Frame(NamedTuple):
     """Stamp in the bag [ns] of the cloud."""
 
 
-def stereo_frames(bag: StoredBag) -> Iterator[Frame]:
+def stereo_frames(bag: BagReader) -> Iterator[Frame]:
     """Frames of a bag that has clouds and both cameras' photographs, in time order; a second of it is in memory.
 
     Raises:
@@ -59,7 +59,7 @@ def stereo_frames(bag: StoredBag) -> Iterator[Frame]:
     yield from pairing.rest()
 
 
-def _in_step(bag: StoredBag) -> bool:
+def _in_step(bag: BagReader) -> bool:
     """Whether clouds have photographs of their own stamp."""
     stamps: dict[str, set[int]] = {topic: set() for topic in (table.POINTS, *map(table.photograph, table.SIDES))}
     decode = decoder(bag)

@@ -20,8 +20,8 @@ from rosbags.rosbag1.reader import Chunk, ChunkInfo, Header, IndexData, RecordTy
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from fieldtruth.bag.damage import BagError as BagError
-from fieldtruth.bag.damage import damage
+from fieldtruth.bag.errors import BagError as BagError
+from fieldtruth.bag.errors import read_errors
 from fieldtruth.core.errors import UnknownNameError
 
 I8 = NDArray[np.int64]
@@ -51,8 +51,8 @@ _CONNECTION: Final = b"conn="
 _TIME: Final = b"time="
 
 
-class StoredBag:
-    """An open bag. Make it with ``open_stored``; one thread at a time may read it."""
+class BagReader:
+    """An open bag. Make it with ``open_bag``; one thread at a time may read it."""
 
     def __init__(self, path: Path, reader: "_LeanReader") -> None:
         self.path = path
@@ -73,7 +73,7 @@ class StoredBag:
 
     def types(self) -> Typestore:
         """Return the types as the bag itself defines them."""
-        with damage(self.path):
+        with read_errors(self.path):
             return types_of({c.msgtype: c.msgdef.data for c in self.connections})
 
     def messages(self, topics: Sequence[str] = ()) -> Iterator[RawMessage]:
@@ -94,7 +94,7 @@ class StoredBag:
                 yield from map(self._raw, waiting[:ready])
                 del waiting[:ready]
             data = self.chunk(info.pos)
-            with damage(self.path):
+            with read_errors(self.path):
                 waiting += [
                     (stamp, order, at, number, data[at : at + size])
                     for stamp, number, at, size in _records(data)
@@ -119,13 +119,13 @@ class StoredBag:
 
     def message(self, chunk: bytes, offset: int) -> RawMessage:
         """Return the message at an offset in an unpacked chunk."""
-        with damage(self.path):
+        with read_errors(self.path):
             stamp, number, data = message_at(chunk, offset)
             return self._raw((stamp, 0, 0, number, data))
 
     def chunk(self, position: int) -> bytes:
         """Unpack the chunk at a position in the file."""
-        with damage(self.path):
+        with read_errors(self.path):
             return self._reader.unpack(self._reader.chunks[position])
 
     def _chosen(self, topics: Sequence[str]) -> set[int]:
@@ -143,7 +143,7 @@ class StoredBag:
         """Connection of each wanted message of a chunk, and stamp, chunk, offset, from the index records behind it."""
         if wanted.isdisjoint(info.connection_counts):
             return
-        with damage(self.path):
+        with read_errors(self.path):
             chunk, source = self._reader.chunks[info.pos], self._reader.bio
             assert source is not None
             source.seek(chunk.datapos + chunk.datasize)
@@ -156,18 +156,18 @@ class StoredBag:
 
 
 @contextmanager
-def open_stored(path: Path) -> Iterator[StoredBag]:
+def open_bag(path: Path) -> Iterator[BagReader]:
     """Open a bag for reading.
 
     Raises:
         BagError: no such file, it is no bag, it is cut off, or its index is damaged.
     """
-    with damage(path):
+    with read_errors(path):
         reader = _LeanReader(path)
         reader.open()
     try:
-        with damage(path):
-            bag = StoredBag(path, reader)
+        with read_errors(path):
+            bag = BagReader(path, reader)
         yield bag
     finally:
         reader.close()
@@ -197,8 +197,8 @@ class _LeanReader(Reader):
 
 
 def read_chunk(path: Path, position: int) -> bytes:
-    """Unpack the chunk at a position in a bag's file, for those who know where it is; raises as ``open_stored``."""
-    with damage(path), path.open("rb") as source:
+    """Unpack the chunk at a position in a bag's file, for those who know where it is; raises as ``open_bag``."""
+    with read_errors(path), path.open("rb") as source:
         reader = _LeanReader(path)
         reader.bio = source
         source.seek(position)
@@ -254,7 +254,7 @@ def types_of(definitions: Mapping[str, str]) -> Typestore:
 Decoder = Callable[[RawMessage], Any]
 
 
-def decoder(bag: StoredBag) -> Decoder:
+def decoder(bag: BagReader) -> Decoder:
     """Return what turns a raw message of this bag into one with ROS's field names."""
     return decoder_of(bag.types(), bag.path)
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from fieldtruth.bag.reader import BagError, open_stored
+from fieldtruth.bag.reader import BagError, open_bag
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
 
@@ -63,15 +63,15 @@ def open_run(path: Path) -> Run:
         BagError: nothing there, no bag in the folder or several, an unreadable bag, or one without a message.
         ConfigurationError: the experiment.yaml of this bag cannot be read.
     """
-    bag = bag_of(path)
-    with open_stored(bag) as stored:
+    bag = find_bag(path)
+    with open_bag(bag) as stored:
         counts = {topic: count for topic, count in stored.counts.items() if count}
         if not counts:
             raise BagError(f"{bag} holds no message")
         return Run(bag, _experiment_of(bag), counts, stored.msgtypes, stored.start_ns, stored.end_ns)
 
 
-def bag_of(path: Path) -> Path:
+def find_bag(path: Path) -> Path:
     """Path of the bag: the file itself, or the one in the folder of a run.
 
     Raises:

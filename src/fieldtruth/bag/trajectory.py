@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.model_states import ROBOT, ModelStatesReader
-from fieldtruth.bag.reader import BagError, decoder, open_stored
+from fieldtruth.bag.reader import BagError, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.core import frames
 
@@ -87,7 +87,7 @@ def read_trajectory(run: Run) -> Trajectory:
 
 def _from_odometry(run: Run) -> Rows:
     stamps, rows = array("q"), array("d")
-    with open_stored(run.bag) as bag:
+    with open_bag(run.bag) as bag:
         decode = decoder(bag)
         for raw in bag.messages([table.ODOMETRY]):
             message = decode(raw)
@@ -100,7 +100,7 @@ def _from_odometry(run: Run) -> Rows:
 def _from_model_states(run: Run) -> Rows:
     reader = ModelStatesReader()
     stamps, rows = array("q"), array("d")
-    with open_stored(run.bag) as bag:
+    with open_bag(run.bag) as bag:
         for raw in bag.messages([table.MODEL_STATES]):
             stamps.append(raw.stamp_ns)
             rows.frombytes(reader.poses(raw.data)[reader.row(raw.data, ROBOT)].tobytes())

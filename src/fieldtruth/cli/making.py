@@ -45,7 +45,7 @@ def _generate(options: argparse.Namespace) -> None:
     )
     start = time.monotonic()
     # After the checks: compiled kernels and physics take a second to load.
-    from fieldtruth.bag.readings import count_messages
+    from fieldtruth.bag.decode import count_messages
     from fieldtruth.core.progress import show_progress
     from fieldtruth.pipeline import generate
 

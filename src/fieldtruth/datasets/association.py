@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fieldtruth.bag.reader import BagError, Places, StoredBag
-from fieldtruth.bag.readings import stamp_ns
+from fieldtruth.bag.decode import stamp_ns
+from fieldtruth.bag.reader import BagError, BagReader, Places
 from fieldtruth.core.arrays import Mask
 from fieldtruth.datasets.items import I8, Sensor
 from fieldtruth.datasets.storage import Storage
@@ -28,7 +28,7 @@ class Stream(NamedTuple):
         return Stream(self.topic, self.stamps_ns[chosen], self.chunk[chosen], self.offset[chosen])
 
 
-def read_streams(bag: StoredBag, storage: Storage, topics: Sequence[str]) -> dict[str, Stream]:
+def read_streams(bag: BagReader, storage: Storage, topics: Sequence[str]) -> dict[str, Stream]:
     """Find the messages of topics by the bag's index, which holds the bag's own stamps.
 
     Where the first and the last message of a topic bear the bag's stamp in their header, or have no header, these

@@ -8,7 +8,7 @@ from typing import Any, Final, Literal, NamedTuple, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag import readings as read
+from fieldtruth.bag import decode as read
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import BagError
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.calibration import read_static_frames
-from fieldtruth.bag.damage import BagError, damage
-from fieldtruth.bag.reader import open_stored
+from fieldtruth.bag.errors import BagError, read_errors
+from fieldtruth.bag.reader import open_bag
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
@@ -118,7 +118,7 @@ class RunDataset:
             if topic not in messages:
                 stream = self._streams[topic]
                 messages[topic] = self._storage.message(topic, int(stream.chunk[i]), int(stream.offset[i]))
-            with damage(self.run.bag):
+            with read_errors(self.run.bag):
                 sample[item] = ITEMS[item].value(messages[topic], self._ids)
         if self._poses is not None:
             sample |= self._true_poses(i, self._poses)
@@ -176,7 +176,7 @@ def _open(run: Run, topics: Mapping[Sensor, list[str]], items: Sequence[str], ca
     geometry = any(item in GEOMETRY for item in items)
     info = table.camera_info(camera) if "calibration" in items and "camera" in topics else None
     run.require(*[table.TF_STATIC] * geometry, *filter(None, [info]))
-    with open_stored(run.bag) as bag:
+    with open_bag(run.bag) as bag:
         storage = Storage(bag)
         streams = read_streams(bag, storage, [*readings, *filter(None, (pose, info))])
     fixed: dict[str, F8] = {}

@@ -12,10 +12,10 @@ from typing import Any, Final
 
 from rosbags.typesys.store import Typestore
 
-from fieldtruth.bag.damage import BagError, damage
+from fieldtruth.bag.errors import BagError, read_errors
 from fieldtruth.bag.reader import (
+    BagReader,
     RawMessage,
-    StoredBag,
     decoder_of,
     message_at,
     read_chunk,
@@ -30,7 +30,7 @@ Key = tuple[Path, tuple[int, int], int]
 class Storage:
     """The messages of one bag by place. It holds no file and no message, so it is pickled and forked freely."""
 
-    def __init__(self, bag: StoredBag) -> None:
+    def __init__(self, bag: BagReader) -> None:
         self.path = bag.path.resolve()
         self._version = _version(self.path)
         self._definitions = tuple(sorted({c.msgtype: c.msgdef.data for c in bag.connections}.items()))
@@ -43,7 +43,7 @@ class Storage:
             BagError: the bag is gone, has changed since it was opened, or is damaged.
         """
         unpacked = _RECENT.get((self.path, self._version, chunk), lambda: self._unpack(chunk))
-        with damage(self.path):
+        with read_errors(self.path):
             stamp, number, data = message_at(unpacked, offset)
         found, msgtype = self._kinds.get(number, ("no topic", ""))
         if found != topic:
@@ -99,6 +99,6 @@ def _types(definitions: tuple[tuple[str, str], ...]) -> Typestore:
 
 def _version(path: Path) -> tuple[int, int]:
     """Tells a file from another that was put in its place."""
-    with damage(path):
+    with read_errors(path):
         stat = path.stat()
     return stat.st_mtime_ns, stat.st_size

@@ -16,10 +16,10 @@ import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
 
-from fieldtruth.bag import readings as read
+from fieldtruth.bag import decode as read
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.calibration import first_message, read_static_frames
-from fieldtruth.bag.reader import BagError, Decoder, StoredBag, decoder, open_stored
+from fieldtruth.bag.reader import BagError, BagReader, Decoder, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory, read_trajectory
 from fieldtruth.bag.types import F8
@@ -64,7 +64,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         (target / "images" / side).mkdir(parents=True)
         (target / "panoptic" / side).mkdir(parents=True)
     with (
-        open_stored(run.bag) as bag,
+        open_bag(run.bag) as bag,
         options.progress.stage("pictures", run.duration_s) as advance,
         ExitStack() as files,
     ):
@@ -188,7 +188,7 @@ def _jpeg_size(data: bytes) -> tuple[int, int] | None:
     return int(width), int(height)
 
 
-def _object_names(bag: StoredBag) -> list[str]:
+def _object_names(bag: BagReader) -> list[str]:
     """Names of the objects, by id."""
     first = next(bag.messages([table.MODEL_STATES]))
     return [*decoder(bag)(first).name]

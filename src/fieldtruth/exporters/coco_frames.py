@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.reader import BagError, RawMessage, StoredBag
+from fieldtruth.bag.reader import BagError, BagReader, RawMessage
 from fieldtruth.bag.run import Run
 
 _MOST_WAITING: Final = 100
@@ -40,7 +40,7 @@ def sides_of(run: Run) -> list[str]:
     return sides
 
 
-def frames_of(bag: StoredBag, sides: Sequence[str]) -> Iterator[Frame]:
+def frames_of(bag: BagReader, sides: Sequence[str]) -> Iterator[Frame]:
     """Frames that are complete, in the order in which they become so; what lacks a part is left out.
 
     Raises:
@@ -66,7 +66,7 @@ def frames_of(bag: StoredBag, sides: Sequence[str]) -> Iterator[Frame]:
             raise BagError(f"{bag.path}: {topics} have no stamps in common, so no label belongs to a photograph")
 
 
-def _header_stamp_ns(bag: StoredBag, raw: RawMessage) -> int:
+def _header_stamp_ns(bag: BagReader, raw: RawMessage) -> int:
     """Stamp [ns] in the header, with which these messages begin, behind its ``seq``."""
     if len(raw.data) < 12:
         raise BagError(f"cannot read {bag.path}: the message of {raw.topic} at {raw.stamp_ns} ns is damaged")

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.decode import depth, image, instances, labels, stamp_ns
 from fieldtruth.bag.model_states import ModelStatesReader
-from fieldtruth.bag.reader import BagError, RawMessage, StoredBag, decoder, open_stored
-from fieldtruth.bag.readings import depth, image, instances, labels, stamp_ns
+from fieldtruth.bag.reader import BagError, BagReader, RawMessage, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.core.arrays import Counts
 from fieldtruth.core.classes import CLASSES
@@ -71,7 +71,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     counts: dict[str, Counts] = {}
     with (
         ExitStack() as stack,
-        open_stored(run.bag) as bag,
+        open_bag(run.bag) as bag,
         options.progress.stage("write files", run.duration_s) as advance,
     ):
         take = _line_writers(stack, bag, target, [text for text in all_texts if text.topic in topics])
@@ -99,7 +99,7 @@ def _check(run: Run, known: Sequence[str]) -> None:
 
 
 def _line_writers(
-    stack: ExitStack, bag: StoredBag, target: Path, texts: Sequence[TextFile]
+    stack: ExitStack, bag: BagReader, target: Path, texts: Sequence[TextFile]
 ) -> Mapping[str, Callable[[RawMessage], object]]:
     """What takes the messages of each topic that becomes lines."""
     decode = decoder(bag)
@@ -238,7 +238,7 @@ def _write_beside(
 
 def _objects(run: Run) -> str:
     """CSV of the ids and names of all objects, which are the rows of /gazebo/model_states."""
-    with open_stored(run.bag) as bag:
+    with open_bag(run.bag) as bag:
         states, first = ModelStatesReader(), next(bag.messages([table.MODEL_STATES]))
         states.poses(first.data)
     text = StringIO()

@@ -12,9 +12,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.decode import image
 from fieldtruth.bag.pairing import WINDOW_NS, Frame, stereo_frames
-from fieldtruth.bag.reader import BagError, open_stored
-from fieldtruth.bag.readings import image
+from fieldtruth.bag.reader import BagError, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core.parallel import in_order
@@ -97,7 +97,7 @@ def _write_frames(run: Run, folder: Path, options: Options) -> _Written:
             (folder / IMAGES[side] / f"{number:06d}.png").write_bytes(encode_png(image(photograph)))
         return frame.stamp_ns, frame.apart_ns
 
-    with open_stored(run.bag) as bag, options.progress.stage(f"{run.name}: frames", run.duration_s) as advance:
+    with open_bag(run.bag) as bag, options.progress.stage(f"{run.name}: frames", run.duration_s) as advance:
 
         def numbered() -> Iterator[tuple[int, Frame]]:
             told_ns = run.start_ns

@@ -27,7 +27,7 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typest
 
 import fieldtruth
 from fieldtruth.bag.model_states import ModelStatesReader
-from fieldtruth.bag.reader import BagError, RawMessage, StoredBag, open_stored
+from fieldtruth.bag.reader import BagError, BagReader, RawMessage, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.sequences import Clock
@@ -60,7 +60,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     """
     (run,) = runs
     with (
-        open_stored(run.bag) as bag,
+        open_bag(run.bag) as bag,
         target.open("wb") as stream,
         options.progress.stage("messages", run.duration_s) as advance,
     ):
@@ -81,7 +81,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         writer.finish()  # type: ignore[no-untyped-call]
 
 
-def _channels(bag: StoredBag, types: "Ros2Types") -> list[_Channel]:
+def _channels(bag: BagReader, types: "Ros2Types") -> list[_Channel]:
     """One channel per topic and type, however many nodes published it."""
     latched: dict[tuple[str, str], bool] = {}
     for connection in bag.connections:
@@ -176,7 +176,7 @@ class Ros2Types:
         BagError: a message definition in the bag cannot be read, or contradicts the one of ROS 2 with the same name.
     """
 
-    def __init__(self, bag: StoredBag) -> None:
+    def __init__(self, bag: BagReader) -> None:
         self._path = bag.path
         self._ros1 = bag.types()
         self._ros2 = get_typestore(Stores.ROS2_HUMBLE)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.calibration import base_from_lidar, read_static_frames
-from fieldtruth.bag.reader import BagError, decoder, open_stored
-from fieldtruth.bag.readings import stamp_ns
+from fieldtruth.bag.decode import stamp_ns
+from fieldtruth.bag.reader import BagError, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.bag.types import F8
@@ -63,7 +63,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         rows = _with_colours(returns(cloud, run), ids, colours)
         (target / f"{stamp}.pcd").write_bytes(_header(rows, world_from_lidar) + rows.tobytes())
 
-    with open_stored(run.bag) as bag, options.progress.stage("write the clouds", run.duration_s) as advance:
+    with open_bag(run.bag) as bag, options.progress.stage("write the clouds", run.duration_s) as advance:
         decode, clock, seen = decoder(bag), Clock(run.start_ns), set[int]()
 
         def clouds() -> Iterator[Any]:

@@ -16,8 +16,8 @@ import yaml
 from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.reader import BagError, decoder, open_stored
-from fieldtruth.bag.readings import image, stamp_ns
+from fieldtruth.bag.decode import image, stamp_ns
+from fieldtruth.bag.reader import BagError, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.bag.types import F8
@@ -114,7 +114,7 @@ def _write_clouds(run: Run, folder: Path, options: Options) -> tuple[list[int], 
         (mapped | instance << np.uint32(16)).astype("<u4").tofile(folder / "labels" / f"{number:06d}.label")
         return np.bincount(mapped, minlength=256)
 
-    with open_stored(run.bag) as bag, options.progress.stage(f"{run.name}: clouds", run.duration_s) as advance:
+    with open_bag(run.bag) as bag, options.progress.stage(f"{run.name}: clouds", run.duration_s) as advance:
         decode, clock = decoder(bag), Clock(run.start_ns)
 
         def clouds() -> Iterator[tuple[int, Any]]:
@@ -158,7 +158,7 @@ def _write_images(run: Run, stamps_ns: Sequence[int], folder: Path, options: Opt
 
     if not present:
         return 0
-    with open_stored(run.bag) as bag, options.progress.stage(f"{run.name}: images", run.duration_s) as advance:
+    with open_bag(run.bag) as bag, options.progress.stage(f"{run.name}: images", run.duration_s) as advance:
         decode, clock = decoder(bag), Clock(run.start_ns)
 
         def jobs() -> Iterator[tuple[Path, Any]]:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.calibration import base_from_lidar, read_calibration, read_static_frames
+from fieldtruth.bag.decode import points, stamp_ns
 from fieldtruth.bag.reader import BagError, RawMessage
-from fieldtruth.bag.readings import points, stamp_ns
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.types import F8
 from fieldtruth.core import frames

@@ -14,9 +14,9 @@ import orjson
 from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.decode import stamp_ns
 from fieldtruth.bag.model_states import ModelStatesReader
 from fieldtruth.bag.reader import Decoder, RawMessage
-from fieldtruth.bag.readings import stamp_ns
 from fieldtruth.bag.run import Run
 from fieldtruth.experiment.rig import WHEELS
 

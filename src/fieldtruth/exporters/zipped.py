@@ -24,7 +24,7 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 from isal import isal_zlib
 
 from fieldtruth.bag.checksums import CHECKSUMS, read_checksums
-from fieldtruth.bag.damage import BagError, damage
+from fieldtruth.bag.errors import BagError, read_errors
 from fieldtruth.bag.run import CARD, EXPERIMENT, Run
 from fieldtruth.exporters import Options
 
@@ -60,7 +60,7 @@ def _beside(run: Run) -> list[Path]:
 
 
 def _blocks(run: Run, update: Callable[[bytes], None], advance: Callable[[float], None]) -> Iterator[bytes]:
-    with damage(run.bag), run.bag.open("rb") as source:
+    with read_errors(run.bag), run.bag.open("rb") as source:
         size = os.fstat(source.fileno()).st_size
         while block := source.read(_BLOCK):
             update(block)

@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag import images, messages, topics
+from fieldtruth.bag import robot_messages, sensor_messages, topics
 from fieldtruth.bag.types import F8
 from fieldtruth.drive.state import state_at
 from fieldtruth.drive.track import Stamps, Track, stamps_at_rate
@@ -38,7 +38,7 @@ class CameraImages(Protocol):
 class Lidar(Protocol):
     """A LiDAR in a scene."""
 
-    def scan(self, world_from_lidar: F8) -> images.Scan:
+    def scan(self, world_from_lidar: F8) -> sensor_messages.Scan:
         """Scan from a pose (4, 4), or from a pose for each column, (columns, 4, 4)."""
         ...
 
@@ -84,27 +84,31 @@ def streams_of(world: World, track: Track, rig: Rig) -> list[Stream]:
 
 def _truth(world: World, track: Track, rig: Rig) -> list[Stream]:
     motion = track.motion
-    states = messages.ModelStatesWriter(world)
-    fixed = messages.static_transforms(rig)
+    states = robot_messages.ModelStatesWriter(world)
+    fixed = robot_messages.rig_transforms(rig)
     every_step = motion.stamps_ns
     poses = stamps_at_rate(topics.POSE_RATE, int(every_step[-1]))
     return [
-        Stream((topics.CLOCK,), every_step, lambda k, _: [messages.clock(every_step[k])]),
-        Stream((topics.TF_STATIC,), every_step[:1], lambda k, _: [messages.tf_static(every_step[k], fixed)]),
+        Stream((topics.CLOCK,), every_step, lambda k, _: [robot_messages.clock(every_step[k])]),
+        Stream((topics.TF_STATIC,), every_step[:1], lambda k, _: [robot_messages.tf_static(every_step[k], fixed)]),
         Stream((topics.MODEL_STATES,), every_step, lambda k, _: [states.message(k, motion)]),
         Stream(
-            (topics.ODOMETRY,), poses, lambda k, _: [messages.odometry(k, poses[k], state_at(motion, int(poses[k])))]
+            (topics.ODOMETRY,),
+            poses,
+            lambda k, _: [robot_messages.odometry(k, poses[k], state_at(motion, int(poses[k])))],
         ),
-        Stream((topics.TF,), poses, lambda k, _: [messages.tf(k, poses[k], state_at(motion, int(poses[k])))]),
+        Stream((topics.TF,), poses, lambda k, _: [robot_messages.tf(k, poses[k], state_at(motion, int(poses[k])))]),
     ]
 
 
 def _felt(track: Track) -> list[Stream]:
     imu, gnss, wheels = track.imu, track.gnss, track.tachometers
     return [
-        Stream((topics.IMU,), imu.stamps_ns, lambda k, _: [messages.imu(k, imu)]),
-        Stream((topics.NAVSAT,), gnss.stamps_ns, lambda k, _: [messages.navsat(k, gnss)]),
-        Stream(topics.WHEEL_SPEEDS, wheels.stamps_ns, lambda k, _: map(messages.wheel_speed, wheels.wheel_speed[k])),
+        Stream((topics.IMU,), imu.stamps_ns, lambda k, _: [robot_messages.imu(k, imu)]),
+        Stream((topics.NAVSAT,), gnss.stamps_ns, lambda k, _: [robot_messages.navsat(k, gnss)]),
+        Stream(
+            topics.WHEEL_SPEEDS, wheels.stamps_ns, lambda k, _: map(robot_messages.wheel_speed, wheels.wheel_speed[k])
+        ),
     ]
 
 
@@ -120,12 +124,12 @@ def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt) -
         assert sensors.lidar is not None
         stamp = int(stamps[k])
         pose = np.stack([pose_at(stamp + int(t)) for t in sweep_ns]) if config.spinning else pose_at(stamp)
-        yield images.point_cloud(k, stamp, sensors.lidar.scan(pose), spinning=config.spinning)
+        yield sensor_messages.point_cloud(k, stamp, sensors.lidar.scan(pose), spinning=config.spinning)
 
     return Stream((topics.POINTS,), stamps, scan)
 
 
-def camera_stream(config: CameraConfig, side: images.Side, stamps: Stamps, world_from_base: PoseAt) -> Stream:
+def camera_stream(config: CameraConfig, side: sensor_messages.Side, stamps: Stamps, world_from_base: PoseAt) -> Stream:
     """Calibration and images at ``stamps`` [ns] of a camera on a base that is at ``world_from_base(stamp_ns)``."""
     mount = config.left if side == "left" else config.right
     base_from_optical = mount.base_from_sensor @ CAMERA_FROM_OPTICAL
@@ -133,13 +137,13 @@ def camera_stream(config: CameraConfig, side: images.Side, stamps: Stamps, world
     def capture(k: int, sensors: Sensors) -> Iterable[bytes]:
         assert sensors.camera is not None
         picture = sensors.camera.render(world_from_base(int(stamps[k])) @ base_from_optical)
-        yield images.camera_info(k, stamps[k], side, config)
-        yield images.photograph(k, stamps[k], side, picture.photo, config.jpeg_quality)
-        yield images.tag(k, stamps[k], side, picture.label)
+        yield sensor_messages.camera_info(k, stamps[k], side, config)
+        yield sensor_messages.photograph(k, stamps[k], side, picture.photo, config.jpeg_quality)
+        yield sensor_messages.tag(k, stamps[k], side, picture.label)
         if config.depth:
-            yield images.depth(k, stamps[k], side, picture.depth)
+            yield sensor_messages.depth(k, stamps[k], side, picture.depth)
         if config.instances:
-            yield images.instances(k, stamps[k], side, picture.instance)
+            yield sensor_messages.instances(k, stamps[k], side, picture.instance)
 
     names = [topics.camera_info(side), topics.photograph(side), topics.tag(side)]
     names += [topics.depth(side)] * config.depth + [topics.instances(side)] * config.instances

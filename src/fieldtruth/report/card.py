@@ -9,7 +9,7 @@ from string import Template
 import numpy as np
 
 import fieldtruth
-from fieldtruth.bag.messages import static_transforms
+from fieldtruth.bag.robot_messages import rig_transforms
 from fieldtruth.bag.topics import topics_of
 from fieldtruth.core import frames
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
@@ -87,7 +87,7 @@ def _classes() -> list[str]:
 
 def _frames(rig: Rig) -> list[str]:
     rows = ["| parent | child | x, y, z [m] | quaternion x, y, z, w |", "|---|---|---|---|"]
-    for (parent, child), parent_from_child in static_transforms(rig).items():
+    for (parent, child), parent_from_child in rig_transforms(rig).items():
         xyz = ", ".join(f"{value:.6g}" for value in parent_from_child[:3, 3] + 0.0)
         wxyz = frames.quaternion_wxyz_from_rotation(parent_from_child[:3, :3])
         xyzw = ", ".join(f"{value:.6g}" for value in frames.xyzw_from_wxyz(wxyz).round(9) + 0.0)

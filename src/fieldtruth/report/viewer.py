@@ -16,9 +16,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag import readings as read
+from fieldtruth.bag import decode as read
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.reader import RawMessage, decoder, open_stored
+from fieldtruth.bag.reader import RawMessage, decoder, open_bag
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core.classes import CLASSES
@@ -89,7 +89,7 @@ class _Log:
         self.recording.log("world/way", rr.LineStrips3D([way[:: max(1, len(way) // 5000)]], radii=0.02), static=True)
         senders = {topic: sender for topic, sender in self._senders().items() if topic in run.counts}
         told = run.start_ns
-        with progress.stage("show the run", run.duration_s) as advance, open_stored(run.bag) as bag:
+        with progress.stage("show the run", run.duration_s) as advance, open_bag(run.bag) as bag:
             decode = decoder(bag)
             for raw in bag.messages(list(senders)):
                 if not self._is_thinned(raw):

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.images import camera_matrix, optical_frame, projection_matrix
-from fieldtruth.bag.messages import static_transforms
+from fieldtruth.bag.decode import matrix
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.bag.readings import matrix
+from fieldtruth.bag.robot_messages import rig_transforms
+from fieldtruth.bag.sensor_messages import camera_matrix, optical_frame, projection_matrix
 from fieldtruth.core import frames
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.experiment.rig import CameraConfig
@@ -88,7 +88,7 @@ class Calibration(Examiner):
 
     def _judge_mounts(self) -> None:
         parents = self._subject.parents
-        for (parent, child), true in static_transforms(self._subject.rig).items():
+        for (parent, child), true in rig_transforms(self._subject.rig).items():
             told = parents.get(child)
             if told is None or told[0] != parent:
                 self._mounts.measure(np.nan, f"{child!r} is no child of {parent!r}")

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.images import POINT, SWEPT_POINT
+from fieldtruth.bag.decode import points
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.bag.readings import points
+from fieldtruth.bag.sensor_messages import POINT, SWEPT_POINT
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
 from fieldtruth.experiment.rig import LidarConfig
 from fieldtruth.sense.lidar import ray_directions

@@ -5,9 +5,9 @@
 from typing import Any, Final
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.images import optical_frame
-from fieldtruth.bag.messages import BASE, WORLD
 from fieldtruth.bag.reader import RawMessage
+from fieldtruth.bag.robot_messages import BASE, WORLD
+from fieldtruth.bag.sensor_messages import optical_frame
 from fieldtruth.validation.check import Check
 from fieldtruth.validation.law import check_of
 from fieldtruth.validation.subject import Examiner, Subject, place_of

@@ -9,8 +9,8 @@ from typing import Any, Final
 from rosbags.typesys.store import Typestore
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.reader import BagError, RawMessage, open_stored
-from fieldtruth.bag.run import EXPERIMENT, Run, bag_of, open_run
+from fieldtruth.bag.reader import BagError, RawMessage, open_bag
+from fieldtruth.bag.run import EXPERIMENT, Run, find_bag, open_run
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.core.progress import Progress, Silent
@@ -71,7 +71,7 @@ def validate(
     """
     workers = cpu_count() if workers is None else workers
     progress = Silent() if progress is None else progress
-    bag = bag_of(path)
+    bag = find_bag(path)
     checksums = checksums_check(bag, progress)
     try:
         run, experiment = _opened(bag)
@@ -91,7 +91,7 @@ def _opened(bag: Path) -> tuple[Run, Check]:
     try:
         run = open_run(bag)
     except ConfigurationError as error:
-        with open_stored(bag) as stored:
+        with open_bag(bag) as stored:
             counts = {topic: count for topic, count in stored.counts.items() if count}
             bare = Run(bag, None, counts, stored.msgtypes, stored.start_ns, stored.end_ns)
         return bare, Check("experiment", False, str(error))
@@ -155,7 +155,7 @@ def _pass(subject: Subject, workers: int, advance: Callable[[float], None], *, f
     plain += [Clouds(subject, objects), Pictures(subject, objects)]
     again, last = _measuring_again(subject, full=full, samples=samples)
     file = BagFile(subject.run.bag)
-    with open_stored(subject.run.bag) as stored:
+    with open_bag(subject.run.bag) as stored:
         store = stored.types()
         reading = _Pass(subject, [*plain, *again], store)
         jobs = reading.jobs(file.messages(workers), advance)

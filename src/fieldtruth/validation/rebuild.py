@@ -8,9 +8,9 @@ import numpy as np
 
 import fieldtruth
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.messages import ModelStatesWriter
 from fieldtruth.bag.model_states import ModelStatesReader
 from fieldtruth.bag.reader import RawMessage
+from fieldtruth.bag.robot_messages import ModelStatesWriter
 from fieldtruth.bag.run import EXPERIMENT, Run
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.progress import Progress

@@ -9,7 +9,7 @@ import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
 
-from fieldtruth.bag import readings as read
+from fieldtruth.bag import decode as read
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import FieldtruthError

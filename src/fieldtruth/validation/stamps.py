@@ -9,8 +9,8 @@ from collections import OrderedDict
 from typing import Any, Final
 
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.decode import stamp_ns
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.bag.readings import stamp_ns
 from fieldtruth.validation.check import Check
 from fieldtruth.validation.law import check_of
 from fieldtruth.validation.subject import STEP_NS, Examiner, Subject, place_of

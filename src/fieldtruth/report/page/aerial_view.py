@@ -8,7 +8,7 @@ import numpy as np
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.model_states import ROBOT, ModelStatesReader
-from fieldtruth.bag.reader import open_stored
+from fieldtruth.bag.reader import open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.progress import Progress
@@ -53,7 +53,7 @@ def _same(run: Run, world: World) -> bool:
     if run.msgtypes.get(table.MODEL_STATES) != "gazebo_msgs/msg/ModelStates" or table.MODEL_STATES not in run.counts:
         return True
     reader = ModelStatesReader()
-    with open_stored(run.bag) as bag:
+    with open_bag(run.bag) as bag:
         poses = reader.poses(next(bag.messages([table.MODEL_STATES])).data)
     if reader.names != (ROBOT, *world.object_names[1:]):
         return False

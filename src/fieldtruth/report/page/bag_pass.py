@@ -12,8 +12,8 @@ from typing import Any, Final
 import numpy as np
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.reader import BagError, RawMessage, decoder, open_stored
-from fieldtruth.bag.readings import stamp_ns
+from fieldtruth.bag.decode import stamp_ns
+from fieldtruth.bag.reader import BagError, RawMessage, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core.arrays import Counts
@@ -76,7 +76,7 @@ def read_through(run: Run, workers: int, progress: Progress) -> Passage:
     if not wanted:  # an empty list would ask for all
         return passage
     counts: dict[str, Counts] = {}
-    with progress.stage("read the bag", run.duration_s) as advance, open_stored(run.bag) as bag:
+    with progress.stage("read the bag", run.duration_s) as advance, open_bag(run.bag) as bag:
         decode = decoder(bag)
 
         def light_ones_aside() -> Iterator[RawMessage]:

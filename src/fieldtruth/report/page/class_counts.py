@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag.readings import image, points
+from fieldtruth.bag.decode import image, points
 from fieldtruth.core.arrays import Counts
 from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.sense.kernel import kernel

@@ -11,8 +11,8 @@ import simplejpeg
 from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.reader import decoder, open_stored
-from fieldtruth.bag.readings import image, labels
+from fieldtruth.bag.decode import image, labels
+from fieldtruth.bag.reader import decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.core.png import encode_png
@@ -72,7 +72,7 @@ def take_samples(run: Run) -> Samples:
     found = Samples()
     if not wanted:
         return found
-    with open_stored(run.bag) as bag:
+    with open_bag(run.bag) as bag:
         decode, places = decoder(bag), {topic: bag.places(topic) for topic in wanted}
 
         def nearest(topic: str, stamp: int) -> Any:

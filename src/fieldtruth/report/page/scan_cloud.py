@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.calibration import read_static_frames
-from fieldtruth.bag.reader import BagError, decoder, open_stored
-from fieldtruth.bag.readings import points
+from fieldtruth.bag.decode import points
+from fieldtruth.bag.reader import BagError, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core import frames
@@ -56,7 +56,7 @@ def gather_scans(run: Run, trajectory: Trajectory | None) -> ScanCloud | None:
     """
     if table.POINTS not in usable(run)[0]:
         return None
-    with open_stored(run.bag) as bag:
+    with open_bag(run.bag) as bag:
         places, decode = bag.places(table.POINTS), decoder(bag)
 
         def scan(row: int) -> tuple[Any, int]:

@@ -37,7 +37,7 @@ def clock(stamp_ns: int) -> bytes:
     return ros.serialize(Clock(ros.time(stamp_ns)), "rosgraph_msgs/msg/Clock")
 
 
-def static_transforms(rig: Rig) -> dict[tuple[str, str], F8]:
+def rig_transforms(rig: Rig) -> dict[tuple[str, str], F8]:
     """Every fixed ``parent_from_child`` (4, 4) by (parent, child): the paper's Table 2, and the optical frames."""
     result = {(BASE, name): mount.base_from_sensor for name, mount in rig.mounts().items()}
     optical = {(f"{side}_camera", f"{side}_camera_optical"): CAMERA_FROM_OPTICAL for side in ("left", "right")}

@@ -11,7 +11,7 @@ import simplejpeg
 from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.reader import BagError, decoder, open_stored
+from fieldtruth.bag.reader import BagError, decoder, open_bag
 from fieldtruth.bag.types import F8
 from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE
@@ -36,7 +36,7 @@ def read_bag(path: Path, topics: Sequence[str] = ()) -> Iterator[Reading]:
         BagError: no such file, or it is no bag.
         UnknownNameError: a topic that the bag does not have.
     """
-    with open_stored(path) as bag:
+    with open_bag(path) as bag:
         decode = decoder(bag)
         for raw in bag.messages(topics):
             yield Reading(raw.stamp_ns, raw.topic, decode(raw))
@@ -48,7 +48,7 @@ def count_messages(path: Path) -> dict[str, int]:
     Raises:
         BagError: no such file, or it is no bag.
     """
-    with open_stored(path) as bag:
+    with open_bag(path) as bag:
         return dict(bag.counts)
 
 

@@ -32,7 +32,7 @@ class BagError(FieldtruthError):
 
 
 @contextmanager
-def damage(path: Path) -> Iterator[None]:
+def read_errors(path: Path) -> Iterator[None]:
     """Turn whatever goes wrong while a bag is read into one clear line.
 
     Raises:
