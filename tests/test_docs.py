@@ -4,6 +4,10 @@
 
 import itertools
 import re
+import shlex
+import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,6 +15,7 @@ import pytest
 import yaml
 from pydantic import BaseModel
 
+from fieldtruth.cli import main
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import parse_experiment
@@ -22,7 +27,8 @@ ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 EXPERIMENTS = (ROOT / "docs/experiments.md").read_text(encoding="utf-8")
 PLACES = (ROOT / "docs/environments.md").read_text(encoding="utf-8")
-DOCUMENTS = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]
+DOCUMENTS = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
+TUTORIALS = sorted((ROOT / "docs/tutorials").glob("*.md"))
 
 
 def table_rows(text: str) -> Iterator[list[str]]:
@@ -136,9 +142,32 @@ def test_the_readmes_script_is_the_example() -> None:
         assert line in example
 
 
-def test_the_readme_names_the_environments_that_there_are() -> None:
-    status = README.partition("## Where it stands")[2].partition("\n## ")[0]
-    assert all(name in status for name in ENVIRONMENTS)
+@pytest.mark.slow
+def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
+    pytest.importorskip("mkdocs")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path)]
+    ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stderr
+    assert "Lidar" in (tmp_path / "api/index.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("page", TUTORIALS, ids=lambda path: path.name)
+def test_what_a_tutorial_says_can_be_done(
+    page: Path, small_run: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Its commands and its Python run in order; only the run itself is the small one of these tests."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(small_run, tmp_path / "data" / small_run.name)
+    names: dict[str, object] = {"__name__": page.stem}
+    for kind, code in re.findall(r"```(sh|python)\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.S):
+        if kind == "python":
+            exec(compile(code, str(page), "exec"), names)
+            continue
+        for line in filter(None, code.splitlines()):
+            program, *arguments = shlex.split(line, comments=True)
+            assert program == "fieldtruth"
+            if arguments[0] != "generate":
+                assert main(arguments) == 0, line
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
