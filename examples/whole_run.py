@@ -18,7 +18,7 @@ def main(name: str = "park_1", seconds: str = "5", out: str = "data") -> None:
     print(f"{run.name}: {run.duration_s:.1f} s in {bag}")
     for topic, count in sorted(ft.count_messages(bag).items()):
         print(f"{count:>7} {topic}")
-    failed = [check.name for check in ft.validate(bag.parent) if check.status == "fail"]
+    failed = [check.name for check in ft.validate(bag.parent) if check.passed is False]
     print("all checks pass" if not failed else f"failed: {', '.join(failed)}")
 
 
