@@ -21,9 +21,8 @@ def main(old_trees: str = "30", seed: str = "5") -> None:
         share = np.bincount(scan.label, minlength=len(ft.CLASSES)) / len(scan.label)
         trees = share[ft.Label.TRUNK] + share[ft.Label.TREETOP]
         distance = float(np.median(np.linalg.norm(scan.xyz, axis=1)))
-        print(
-            f"{name:<16}{len(world.object_names):>5} objects, {trees:.0%} of the points on trees, median {distance:.1f} m"
-        )
+        objects = f"{name:<16}{len(world.object_names):>5} objects"
+        print(f"{objects}, {trees:.0%} of the points on trees, at a median range of {distance:.1f} m")
 
 
 if __name__ == "__main__":

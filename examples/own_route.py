@@ -13,16 +13,17 @@ WAYPOINTS = [(-22.0, -3.0), (-10.0, 2.0), (0.0, 0.0)]
 
 def main(out: str = "data", seconds: str | None = None) -> None:
     """Check the route against the world before driving, then drive it."""
+    route = ft.route_from_metres(START, WAYPOINTS)
     experiment = ft.Experiment(
         name="my_route",
         environment="park",
-        route=ft.route_from_metres(START, WAYPOINTS),
+        route=route,
         seconds=None if seconds is None else float(seconds),
     )
     experiment = ft.with_overrides(experiment, cameras=False)
     world = ft.load_world(experiment.environment, experiment.seed)
     ft.plan_route(world, experiment)  # raises RouteError: which waypoint is blocked, where, by what
-    print(ft.route_yaml(experiment.route), end="")  # paste it into an experiment's file
+    print(ft.route_yaml(route), end="")  # paste it into an experiment's file
 
     bag = ft.generate(experiment, Path(out))
     print(f"{ft.open_run(bag).duration_s:.1f} s in {bag}")
