@@ -6,7 +6,7 @@ A file's name is the name of its species or rock type, its folder says which of 
 the sections ``materials`` and ``textures``, whose entries all files share.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from copy import deepcopy
 from functools import cache
 from pathlib import Path
@@ -15,13 +15,14 @@ from typing import Any, Final, TypeVar
 import yaml
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
-from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.core.errors import ConfigurationError, FieldtruthError, suggestion
 
 FOLDER: Final = Path(__file__).parent / "data"  # written like this, `core.cache` finds the files
-SECTIONS: Final = ("materials", "textures")
 T = TypeVar("T")
 Entry = Mapping[str, Any]
 
+SHARED: Final = ("materials", "textures")
+_SECTIONS: Final[dict[str, "Section[Any]"]] = {}
 _ADAPTERS: Final[dict[type, TypeAdapter[list[Any]]]] = {}
 
 
@@ -69,16 +70,19 @@ def _section(name: str) -> dict[str, tuple[Path, Entry]]:
 class Library(Mapping[str, T]):
     """The models of one folder of data files by name; each file is read when its name is first looked up."""
 
-    def __init__(self, folder: str, read: Callable[[str, Entry, Path], T]) -> None:
+    def __init__(
+        self, folder: str, read: Callable[[str, Entry, Path], T], materials_of: Callable[[T], Iterable[str | None]]
+    ) -> None:
         """``read`` makes a model from a name, the file's content without the shared sections, and the file's path."""
         self._folder = folder
         self._read = read
+        self._materials_of = materials_of
         self._models: dict[str, T] = {}
 
     def __getitem__(self, name: str) -> T:
         if name not in self._models:
             path = _files()[self._folder][name]
-            content = {key: value for key, value in _document(path).items() if key not in SECTIONS}
+            content = {key: value for key, value in _document(path).items() if key not in SHARED}
             self._models[name] = self._read(name, deepcopy(content), path)
         return self._models[name]
 
@@ -96,12 +100,18 @@ class Library(Mapping[str, T]):
         known[path.stem] = path
         _section.cache_clear()
         try:
-            for section in SECTIONS:
-                _section(section)
-            return self[path.stem]
-        except ConfigurationError:
+            for name, section in _SECTIONS.items():
+                for key in _document(path).get(name) or {}:
+                    section[key]
+            model = self[path.stem]
+            for material in self._materials_of(model):
+                if material not in (None, *_section("materials")):
+                    hint = suggestion(str(material), _section("materials"))
+                    raise ConfigurationError(f"{path}: unknown material {material!r}; {hint}")
+        except FieldtruthError:
             self.remove(path.stem)
             raise
+        return model
 
     def remove(self, name: str) -> None:
         """Forget a file and its materials and textures."""
@@ -118,6 +128,7 @@ class Section(Mapping[str, T]):
         self._name = name
         self._read = read
         self._first = first
+        _SECTIONS[name] = self
 
     def __getitem__(self, name: str) -> T:
         path, entry = _section(self._name)[name]
@@ -138,7 +149,8 @@ def validated(model: type[T], values: Mapping[str, Any], source: str) -> T:
         result: T = _ADAPTERS[model].validate_python([values])[0]
         return result
     except ValidationError as report:
-        first = report.errors()[0]
+        # A misspelt key is also a missing one: report the cause.
+        first = min(report.errors(), key=lambda e: e["type"] != "unexpected_keyword_argument")
         key = ".".join(str(step) for step in first["loc"][1:])
         if first["type"] == "unexpected_keyword_argument":
             raise ConfigurationError(f"{source}: unknown key {key!r}") from report

@@ -9,9 +9,10 @@ a tint only distinguishes materials that share a texture.
 from typing import Final
 
 from fieldtruth.core.classes import Label
-from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.world.library import Entry, Section, validated
 from fieldtruth.world.model import Material
+from fieldtruth.world.textures import TEXTURES
 
 _FIRST: Final = """
     lawn lawn_dry soil mulch bed_edge litter meadow rough_grass mud pebbles water turf_dry soil_stony scree rock_face
@@ -33,7 +34,10 @@ def _material(name: str, entry: Entry, source: str) -> Material:
     if label not in Label.__members__:
         names = ", ".join(m.lower() for m in Label.__members__)
         raise ConfigurationError(f"{source}: label must be one of {names}, got {entry.get('label')!r}")
-    return validated(Material, {"texture": name, **entry, "name": name, "label": Label[label]}, source)
+    material = validated(Material, {"texture": name, **entry, "name": name, "label": Label[label]}, source)
+    if material.texture not in TEXTURES:
+        raise ConfigurationError(f"{source}: unknown texture {material.texture!r}; {suggestion(name, TEXTURES)}")
+    return material
 
 
 MATERIALS: Final = Section("materials", _material, tuple(_FIRST.split()))

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
+from fieldtruth.world import materials  # noqa: F401  (reads the materials and textures of added files)
 from fieldtruth.world.library import Entry, Library, validated
 from fieldtruth.world.plants.grass_species import GrassSpecies
 from fieldtruth.world.plants.species import Species, Stand
@@ -41,11 +42,19 @@ def _grass(name: str, content: Entry, path: Path) -> GrassSpecies:
     return validated(GrassSpecies, {"name": name, **content}, str(path))
 
 
-TREES: Final = Library("trees", _species)
+def _materials(species: Species) -> list[str | None]:
+    return [species.wood, species.foliage, species.upper_wood, species.bloom]
+
+
+def _grass_materials(species: GrassSpecies) -> list[str | None]:
+    return [part.material for blades in species.blades for part in (blades, *blades.organs)]
+
+
+TREES: Final = Library("trees", _species, _materials)
 """Trees by name."""
 
-BUSHES: Final = Library("bushes", _species)
+BUSHES: Final = Library("bushes", _species, _materials)
 """Bushes by name."""
 
-GRASSES: Final = Library("grasses", _grass)
+GRASSES: Final = Library("grasses", _grass, _grass_materials)
 """Grasses and herbs by name, class high grass."""

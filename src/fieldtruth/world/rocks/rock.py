@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.world import materials  # noqa: F401  (reads the materials and textures of added files)
 from fieldtruth.world.library import Entry, Library, validated
 from fieldtruth.world.model import Collider, Mesh
 from fieldtruth.world.noise import solid_noise
@@ -41,7 +42,7 @@ def _rock_type(name: str, content: Entry, path: Path) -> RockType:
     return validated(RockType, {"name": name, **content}, str(path))
 
 
-ROCK_TYPES: Final = Library("rocks", _rock_type)
+ROCK_TYPES: Final = Library("rocks", _rock_type, lambda rock_type: [rock_type.material])
 """Rock types by name, one data file each."""
 
 

@@ -20,7 +20,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.errors import ConfigurationError, UnknownNameError
+from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.world.library import Entry, Section, validated
 from fieldtruth.world.textures import barks, ground, leaves, rocks, wild, woods, works  # noqa: F401  (register drawings)
 from fieldtruth.world.textures.canvas import DRAWINGS, finish
@@ -40,9 +40,11 @@ def _texture(name: str, entry: Entry, source: str) -> Texture:
     values = {key: value for key, value in entry.items() if key in ("draw", "albedo")}
     texture = validated(Texture, {**values, "parameters": parameters}, source)
     if texture.draw not in DRAWINGS:
-        raise UnknownNameError("drawing", texture.draw, DRAWINGS)
+        raise ConfigurationError(f"{source}: unknown drawing {texture.draw!r}; {suggestion(texture.draw, DRAWINGS)}")
     try:
-        inspect.signature(DRAWINGS[texture.draw]).bind(None, **parameters)
+        signature = inspect.signature(DRAWINGS[texture.draw])
+        signature.bind_partial(None, **parameters)  # a misspelt key is also a missing one: report the cause
+        signature.bind(None, **parameters)
     except TypeError as error:
         raise ConfigurationError(f"{source}: {texture.draw}: {error}") from error
     return texture

@@ -1,0 +1,146 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A species or a rock type is one file: the examples of docs/extending.md work, and mistakes are reported."""
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from fieldtruth.core.classes import Label
+from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.world.library import data_files
+from fieldtruth.world.materials import MATERIALS
+from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_snag, grow_tree
+from fieldtruth.world.rocks import ROCK_TYPES, make_rock
+from fieldtruth.world.textures import TEXTURES, make_texture
+
+DOCUMENT = Path(__file__).parents[2] / "docs" / "extending.md"
+EXAMPLES = {
+    name: next(block for block in re.findall(r"```yaml\n(.*?)```", DOCUMENT.read_text(), re.DOTALL) if key in block)
+    for name, key in (("rowan", "Sorbus"), ("basalt", "rock_basalt"))
+}
+
+
+def write(folder: Path, name: str, text: str) -> Path:
+    path = folder / f"{name}.yaml"
+    path.write_text(text)
+    return path
+
+
+@pytest.fixture
+def rowan(tmp_path: Path) -> Iterator[str]:
+    TREES.add(write(tmp_path, "rowan", EXAMPLES["rowan"]))
+    yield "rowan"
+    TREES.remove("rowan")
+
+
+@pytest.fixture
+def basalt(tmp_path: Path) -> Iterator[str]:
+    ROCK_TYPES.add(write(tmp_path, "basalt", EXAMPLES["basalt"]))
+    yield "basalt"
+    ROCK_TYPES.remove("basalt")
+
+
+@pytest.mark.parametrize(("height", "grown_in"), [(3.0, "open"), (9.0, "open"), (11.0, "stand")])
+def test_species_added_from_one_file_grows_with_its_own_materials(rowan: str, height: float, grown_in: str) -> None:
+    tree = grow_tree(
+        TREES[rowan],
+        name="tree",
+        height=height,
+        rng=np.random.default_rng(1),
+        grown_in="stand" if grown_in == "stand" else "open",
+    )
+    assert tree.vertices[:, 2].max() == pytest.approx(height, rel=0.15)
+    assert tree.materials == ("bark_rowan", "leaf_rowan")
+    assert [MATERIALS[name].label for name in tree.materials] == [Label.TRUNK, Label.TREETOP]
+    snag = grow_snag(TREES[rowan], name="snag", height=4.0, rng=np.random.default_rng(2))
+    assert "bark_rowan" in snag.materials
+
+
+def test_materials_and_textures_of_an_added_file_follow_those_of_the_package(rowan: str) -> None:
+    assert list(MATERIALS)[-2:] == ["bark_rowan", "leaf_rowan"]
+    image = make_texture("leaf_rowan", np.random.SeedSequence(1))
+    assert image.shape == (256, 256, 3)
+    assert rowan in TREES
+    assert any(path.stem == rowan for path in data_files())
+
+
+def test_added_species_changes_no_texture_of_the_package(tmp_path: Path) -> None:
+    before = make_texture("leaf_lime", np.random.SeedSequence(5)).tobytes()
+    TREES.add(write(tmp_path, "rowan", EXAMPLES["rowan"]))
+    TREES.remove("rowan")
+    assert make_texture("leaf_lime", np.random.SeedSequence(5)).tobytes() == before
+    assert "rowan" not in TREES
+    assert "leaf_rowan" not in MATERIALS
+
+
+def test_rock_type_added_from_one_file_makes_rocks(basalt: str) -> None:
+    rock = make_rock(ROCK_TYPES[basalt], name="rock", size=1.0, rng=np.random.default_rng(1))
+    assert rock.materials == ("rock_basalt",)
+    assert MATERIALS["rock_basalt"].label == Label.ROCK
+    assert make_texture("rock_basalt", np.random.SeedSequence(1)).mean() < 128
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("outline: spherical", "outline: cube", r"rowan\.yaml: grown\.outline must be 'conical', .* got 'cube'"),
+        ("crown_base: 0.25", "crown_bass: 0.25", r"rowan\.yaml: unknown key 'grown\.crown_bass'"),
+        ("latin: Sorbus aucuparia", "", r"rowan\.yaml: latin is missing"),
+        ("slim: 0.8", "slim: thin", r"rowan\.yaml: stand: slim must be a valid number.*got 'thin'"),
+        ("label: treetop", "label: leaf", r"materials\.leaf_rowan: label must be one of .* got 'leaf'"),
+        ("pairs: 12", "pears: 12", r"textures\.leaf_rowan: veined_leaf: .*pears"),
+        ("draw: smooth_bark", "draw: smoth_bark", r"textures\.bark_rowan: unknown drawing 'smoth_bark'; did you mean"),
+        ("foliage: leaf_rowan", "foliage: leaf_rown", r"rowan\.yaml: unknown material 'leaf_rown'; did you mean"),
+        ("  bark_rowan: {label", "  bark_lime: {label", r"materials\.bark_lime is already defined in .*lime\.yaml"),
+        ("orders: ", "orders: [", r"rowan\.yaml: broken YAML: "),
+    ],
+)
+def test_mistake_in_a_species_is_reported_with_file_key_and_value(
+    tmp_path: Path, old: str, new: str, message: str
+) -> None:
+    assert EXAMPLES["rowan"].count(old) >= 1
+    with pytest.raises(ConfigurationError, match=message):
+        TREES.add(write(tmp_path, "rowan", EXAMPLES["rowan"].replace(old, new, 1)))
+    assert "rowan" not in TREES
+    assert "bark_rowan" not in MATERIALS
+
+
+def test_name_in_use_is_rejected(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"the name 'oak' is already used by .*oak\.yaml"):
+        TREES.add(write(tmp_path, "oak", EXAMPLES["rowan"]))
+
+
+def test_every_data_file_is_read_and_has_a_comment_on_top() -> None:
+    folders: dict[str, Mapping[str, object]] = {
+        "trees": TREES,
+        "bushes": BUSHES,
+        "grasses": GRASSES,
+        "rocks": ROCK_TYPES,
+    }
+    for path in data_files():
+        assert path.read_text().startswith("# ")
+        if path.parent.name == "materials":
+            assert set(yaml.safe_load(path.read_text())) <= {"materials", "textures"}
+        else:
+            assert path.stem in folders[path.parent.name]
+    mappings: list[Mapping[str, object]] = [*folders.values(), MATERIALS, TEXTURES]
+    for mapping in mappings:
+        assert len(list(mapping.values())) == len(mapping) > 0
+
+
+def test_importing_the_package_reads_no_data() -> None:
+    code = (
+        "import fieldtruth, sys; assert not [m for m in sys.modules if m.startswith('fieldtruth.world.')], sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+    code = (
+        "import fieldtruth.world.plants, fieldtruth.world.library as l; assert l._document.cache_info().currsize == 0"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
