@@ -2,18 +2,28 @@
 # SPDX-License-Identifier: Apache-2.0
 # In an environment with: pip install -e '.[dev]'
 
-.PHONY: check test build ci
+.PHONY: check test slow docs build lock ci
 
-check:  ## lint, format and types
+check:  ## lint, format, import layers and types
 	ruff check .
 	ruff format --check .
+	lint-imports
 	mypy src tests examples benchmarks
 
-test:
+test:  ## the default tests, five minutes
 	pytest
+
+slow:  ## the slow proofs
+	pytest -m slow
+
+docs:  ## the documentation site, in site/
+	mkdocs build --strict
 
 build:  ## the wheel, in dist/
 	python -m pip wheel --no-deps --wheel-dir dist .
+
+lock:  ## the versions of a development environment that is known to work
+	uv pip compile --quiet --universal --no-emit-index-url --extra dev --output-file requirements-dev.lock pyproject.toml
 
 ci:  ## all that a change must pass, in a fresh environment
 	bash .ci/run
