@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A route in degrees, in metres, or asked for by its length: read, written, and refused in one line."""
+"""The three forms of a route (degrees, metres, random): round trip and one-line errors."""
 
 import numpy as np
 import pytest
@@ -28,14 +28,14 @@ DEGREES = "{start: [49.9, 8.9], waypoints: [[49.9001, 8.9]]}"
 @pytest.mark.parametrize(
     ("text", "kind"), [(DEGREES, RouteConfig), (METRES, MetresRouteConfig), (RANDOM, RandomRouteConfig)]
 )
-def test_each_form_survives_being_written_and_read(text: str, kind: type) -> None:
+def test_each_form_survives_dump_and_load(text: str, kind: type) -> None:
     read = experiment(text)
     assert type(read.route) is kind
     assert parse_experiment(dump_experiment(read)) == read
     assert with_overrides(read, seed=4).route == read.route
 
 
-def test_the_forms_say_what_was_written() -> None:
+def test_forms_have_the_values_of_the_file() -> None:
     np.testing.assert_array_equal(metres_from_route(experiment(METRES).route), [(-33, -6), (-17, -3.5), (1, 3)])
     assert geodetic_route(experiment(METRES).route) == route_from_metres((-33, -6), [(-17, -3.5), (1, 3)])
     assert geodetic_route(experiment(DEGREES).route) == experiment(DEGREES).route
@@ -43,60 +43,59 @@ def test_the_forms_say_what_was_written() -> None:
     assert "length_m: 150.0\n    seed: 3\n" in dump_experiment(experiment(RANDOM))
 
 
-def test_a_random_route_has_no_points_before_it_is_planned() -> None:
+def test_random_route_has_no_points_before_it_is_planned() -> None:
     with pytest.raises(RouteError, match=r"fieldtruth\.plan_route"):
         metres_from_route(random_route(150, seed=3))
 
 
 BAD_ROUTES = [
-    ("4", f"route is 4; allowed is {FORMS}"),
-    ("null", f"route is None; allowed is {FORMS}"),
+    ("4", f"route must be {FORMS}, got 4"),
+    ("null", f"route must be {FORMS}, got None"),
     (
         "{random: {length_m: 150, seed: 3}, start: [49, 8]}",
-        f"route is {{'random': {{'length_m': 150, 'seed': 3}}, 'start': [49, 8]}}; allowed is {FORMS}",
+        f"route must be {FORMS}, got {{'random': {{'length_m': 150, 'seed': 3}}, 'start': [49, 8]}}",
     ),
     (
         "{randm: {seed: 3}}",
-        "no key 'route.randm'; there is: route.random, route.waypoints, route.start, route.metres (and 2 more)",
+        "unknown key 'route.randm'; did you mean 'route.random'? Available: start, waypoints, metres, random "
+        "(and 2 more)",
     ),
-    ("{random: 4}", "route.random is 4; allowed is a mapping with the keys length_m, seed"),
-    ("{random: {length_m: 5, seed: 3}}", "route.random.length_m is 5; allowed is a number from 20 up to 5000"),
+    ("{random: 4}", "route.random must be a mapping with the keys length_m, seed, got 4"),
+    ("{random: {length_m: 5, seed: 3}}", "route.random.length_m must be a number between 20 and 5000, got 5"),
     (
         "{random: {length_m: 50, seed: -3}}",
-        "route.random.seed is -3; allowed is a whole number from 0 below 9223372036854775808",
+        "route.random.seed must be an integer between 0 and 9223372036854775807, got -3",
     ),
     (
         "{random: {length: 50, seed: 3}}",
-        "no key 'route.random.length'; there is: route.random.length_m, route.random.seed (and 1 more)",
+        "unknown key 'route.random.length'; did you mean 'route.random.length_m'? Available: length_m, seed "
+        "(and 1 more)",
     ),
-    (
-        "{metres: {start: [0, 1]}}",
-        "route.metres.waypoints is missing; needed is a list of at least one [x, y] in metres",
-    ),
+    ("{metres: {start: [0, 1]}}", "route.metres.waypoints is required: a list with at least one [x, y] in metres"),
     (
         "{metres: {start: [0, 1], waypoints: []}}",
-        "route.metres.waypoints is []; allowed is a list of at least one [x, y] in metres",
+        "route.metres.waypoints must be a list with at least one [x, y] in metres, got []",
     ),
     (
         "{metres: {start: [0, .nan], waypoints: [[1, 2]]}}",
-        "route.metres.start[1] is nan; allowed is a number from -10000 up to 10000",
+        "route.metres.start[1] must be a number between -10000 and 10000, got nan",
     ),
     (
         "{metres: {start: [0, 1], waypoints: [[1, 2, 3]]}}",
-        "route.metres.waypoints[0] is [1, 2, 3]; allowed is a list of 2 numbers (and 1 more)",
+        "route.metres.waypoints[0] must be a list of 2 numbers, got [1, 2, 3] (and 1 more)",
     ),
-    ("{}", "route.start is missing; needed is [latitude, longitude] in degrees (and 1 more)"),
+    ("{}", "route.start is required: [latitude, longitude] in degrees (and 1 more)"),
 ]
 
 
-@pytest.mark.parametrize(("text", "complaint"), BAD_ROUTES, ids=[text for text, _ in BAD_ROUTES])
-def test_a_bad_route_is_refused_in_one_line(text: str, complaint: str) -> None:
+@pytest.mark.parametrize(("text", "message"), BAD_ROUTES, ids=[text for text, _ in BAD_ROUTES])
+def test_invalid_route_is_refused_in_one_line(text: str, message: str) -> None:
     with pytest.raises(ConfigurationError) as refusal:
         experiment(text)
-    assert str(refusal.value) == f"a.yaml: {complaint}"
+    assert str(refusal.value) == f"a.yaml: {message}"
 
 
-def test_a_missing_route_names_the_forms() -> None:
+def test_missing_route_reports_the_forms() -> None:
     with pytest.raises(ConfigurationError) as refusal:
         parse_experiment("{name: a, environment: park}")
-    assert str(refusal.value) == f"route is missing; needed is {FORMS}"
+    assert str(refusal.value) == f"route is required: {FORMS}"

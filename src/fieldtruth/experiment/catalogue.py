@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The experiments that ship with the package, by name. Light: a list is quick."""
+"""The built-in experiments by name, without heavy imports."""
 
 from functools import cache
 from importlib.resources import files
@@ -17,15 +17,15 @@ def _texts() -> dict[str, str]:
 
 
 def experiment_names() -> tuple[str, ...]:
-    """Names of the experiments that ship with the package, sorted."""
+    """Names of the built-in experiments, sorted."""
     return tuple(_texts())
 
 
 def experiment_text(name: str) -> str:
-    """YAML of an experiment that ships with the package.
+    """YAML text of a built-in experiment.
 
     Raises:
-        UnknownNameError: there is none of that name; lists those that there are.
+        UnknownNameError: unknown name.
     """
     try:
         return _texts()[name]
@@ -34,5 +34,5 @@ def experiment_text(name: str) -> str:
 
 
 def list_experiments() -> dict[str, str]:
-    """Name and one descriptive line of each experiment that ships with the package."""
+    """Name and one-line description of each built-in experiment."""
     return {name: str(parse_mapping(text, name).get("description", "")) for name, text in _texts().items()}

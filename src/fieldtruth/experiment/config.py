@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What to do: environment, route, rig, light and seed, as frozen data that can be written down and run again."""
+"""Configuration of an experiment: environment, route, rig, light and seed, as frozen data."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, Final
@@ -19,42 +19,43 @@ Name = Annotated[
     str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$", description="a word of at most 64 letters, digits, - and _")
 ]
 OneLine = Annotated[
-    str, Field(max_length=200, pattern=r"^[^\r\n]*$", description="one line of text, at most 200 characters")
+    str,
+    Field(max_length=200, pattern=r"^[^\r\n\x85\u2028\u2029]*$", description="a single line of at most 200 characters"),
 ]
 
 
 class LightConfig(Frozen):
-    """The sun: azimuth clockwise from north, elevation above the horizon [deg]. Defaults: a summer's morning."""
+    """The sun: azimuth clockwise from north, elevation above the horizon [deg]. Default: a summer morning."""
 
     sun_azimuth_deg: Annotated[Number, Field(ge=-360, le=360)] = 118.0
     sun_elevation_deg: Annotated[Number, Field(ge=5, le=90)] = 41.0
 
 
 class ControlConfig(Frozen):
-    """Way-point following (paper, section 3): constant speed, turn rate proportional to the heading error."""
+    """Waypoint following (paper, section 3): constant speed, turn rate proportional to the heading error."""
 
     speed: Annotated[Number, Field(gt=0, le=1.0)] = 0.3  # [m/s]; the Husky's maximum is 1 m/s
     heading_gain: Positive = 1.0  # [(rad/s) / rad]
     max_turn_rate: Positive = 0.6  # [rad/s]
-    arrival_distance: Positive = 2.0  # [m]; below it the next way-point is taken
+    arrival_distance: Positive = 2.0  # [m]; below it the next waypoint becomes the target
 
 
 class RouteConfig(Frozen):
-    """Where to drive: (latitude, longitude) [deg]; the robot starts at ``start`` and heads for the first way-point."""
+    """Start and waypoints as (latitude, longitude) [deg]; the robot starts heading for the first waypoint."""
 
     start: Annotated[tuple[Latitude, Longitude], Field(description="[latitude, longitude] in degrees")]
     waypoints: Annotated[
         tuple[tuple[Latitude, Longitude], ...],
-        Field(min_length=1, description="a list of at least one [latitude, longitude] in degrees"),
+        Field(min_length=1, description="a list with at least one [latitude, longitude] in degrees"),
     ]
 
 
 class MetresConfig(Frozen):
-    """A start and way-points (x north, y west) [m] in the world frame, whose origin is the middle of the place."""
+    """Start and waypoints as (x north, y west) [m] in the world frame, whose origin is the middle of the world."""
 
     start: Annotated[tuple[Metre, Metre], Field(description="[x, y] in metres")]
     waypoints: Annotated[
-        tuple[tuple[Metre, Metre], ...], Field(min_length=1, description="a list of at least one [x, y] in metres")
+        tuple[tuple[Metre, Metre], ...], Field(min_length=1, description="a list with at least one [x, y] in metres")
     ]
 
 
@@ -65,14 +66,14 @@ class MetresRouteConfig(Frozen):
 
 
 class RandomConfig(Frozen):
-    """A route that the program finds: how far to drive [m], and which of the many ways of that length."""
+    """Length [m] of a random route, and the seed that selects it."""
 
     length_m: Annotated[Number, Field(ge=20, le=5000)]
-    seed: Annotated[Integer, Field(ge=0, lt=2**63)]
+    seed: Annotated[Integer, Field(ge=0, le=2**63 - 1)]
 
 
 class RandomRouteConfig(Frozen):
-    """A route by the program: ``random: {length_m: 150, seed: 3}``; the world decides where it can run."""
+    """A random route on the free ground of the world: ``random: {length_m: 150, seed: 3}``."""
 
     random: RandomConfig
 
@@ -86,21 +87,21 @@ def _form(route: object) -> str | None:
 
 
 Route = RouteConfig | MetresRouteConfig | RandomRouteConfig
-"""The three forms; ``fieldtruth.plan_route`` makes a ``RouteConfig`` of any of them."""
+"""The three forms; ``fieldtruth.plan_route`` turns any of them into a ``RouteConfig``."""
 
 
 class Experiment(Frozen):
-    """One drive through one environment: the whole input of a data set. Same experiment, same bytes."""
+    """One drive through one environment: the complete input of a data set. Same experiment, same bytes."""
 
     name: Name
     description: OneLine = ""
-    """What it is, for people."""
+    """Shown by ``fieldtruth list``."""
     environment: Name
-    seed: Annotated[Integer, Field(ge=0, lt=2**63)] = 0
-    layout: dict[str, Any] = Field(default_factory=dict, description="a mapping of the environment's own keys")
-    """Changes to the environment's configuration, ``{old_trees: 60}`` say; see docs/environments.md."""
+    seed: Annotated[Integer, Field(ge=0, le=2**63 - 1)] = 0
+    layout: dict[str, Any] = Field(default_factory=dict, description="a mapping with keys of the environment")
+    """Changes to the environment's layout, for example ``{old_trees: 60}``; see docs/environments.md."""
     seconds: Annotated[Number, Field(ge=0.001, le=86_400)] | None = None
-    """End after this much simulated time [s], one physics step to one day; None drives to the last way-point."""
+    """End after this simulated time [s]; None drives to the last waypoint."""
     route: Annotated[
         Annotated[RouteConfig, Tag("degrees")]
         | Annotated[MetresRouteConfig, Tag("metres")]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Experiments as files: read one, change a value, write down the effective whole so that it can be run again."""
+"""Experiments as YAML files: load, override values, and write the complete effective configuration."""
 
 import re
 from collections.abc import Sequence
@@ -17,12 +17,12 @@ from fieldtruth.experiment.problems import configuration_error, shortened
 from fieldtruth.experiment.yaml_io import parse_mapping, write_mapping
 
 VERSION_KEY: Final = "fieldtruth"
-"""Key of the version that wrote a file; a file written by hand need not have it."""
+"""Key of the version that wrote a file; optional in files written by hand."""
 
-LARGEST_FILE: Final = 4 << 20  # [byte]; 50,000 way-points, and no bag read by mistake
+MAX_FILE_SIZE: Final = 4 << 20  # [byte]; enough for 50,000 waypoints, and keeps bags from being parsed
 
 EXTRAS: Final = ("depth", "instances")
-"""What a camera can publish beside photograph and tag."""
+"""Optional image streams of a camera, besides photograph and tag."""
 
 HEADER: Final = """\
 # The whole input of this data set: running it again gives the same bag.
@@ -31,14 +31,14 @@ HEADER: Final = """\
 
 
 def load_experiment(name_or_path: str | Path) -> Experiment:
-    """Read an experiment that ships with the package by its name, or any other by the path of its YAML file.
+    """Load a built-in experiment by its name, or any other by the path of its YAML file.
 
-    What holds a slash or ends in .yaml or .yml is a path; a bare word is a name first, and a file if one is called so.
-    Environment and layout are checked by the world (``fieldtruth.check_experiment``), not here.
+    A string with a slash or ending in .yaml or .yml is a path; any other is a name first, then a file in the current
+    folder. Environment and layout are checked by the world (``fieldtruth.check_experiment``), not here.
 
     Raises:
-        UnknownNameError: neither an experiment nor a file.
-        ConfigurationError: unreadable or broken file, unknown key, value that is not allowed, file of a newer version.
+        UnknownNameError: neither a built-in experiment nor a file.
+        ConfigurationError: unreadable or invalid file, unknown key, value that is not allowed, file of a newer version.
     """
     text = str(name_or_path)
     if text not in experiment_names() and (_looks_like_path(name_or_path) or Path(text).is_file()):
@@ -47,14 +47,14 @@ def load_experiment(name_or_path: str | Path) -> Experiment:
 
 
 def parse_experiment(text: str, source: str = "") -> Experiment:
-    """Read an experiment from YAML text; what is wrong with it is told as in load_experiment, behind ``source``."""
+    """Parse an experiment from YAML text; errors as in load_experiment, with ``source`` in front."""
     data = parse_mapping(text, source or "experiment")
     _check_version(data.pop(VERSION_KEY, None), source)
     return _validated(data, source)
 
 
 def dump_experiment(experiment: Experiment) -> str:
-    """Write the effective configuration as YAML: every value, in a fixed order, with the version that wrote it.
+    """Return the effective configuration as YAML: every value, in a fixed order, with the version that wrote it.
 
     Loading it gives an equal experiment; floats keep every bit.
     """
@@ -71,19 +71,19 @@ def with_overrides(
     lidar: bool | None = None,
     extras: Sequence[str] | None = None,
 ) -> Experiment:
-    """Return a copy with other values, checked anew; None keeps what the experiment says.
+    """Return a validated copy with other values; None keeps the experiment's value.
 
     Args:
-        experiment: stays as it is.
-        seconds: end after this much simulated time [s].
-        seed: of everything random.
-        cameras: whether the stereo pair is there.
-        lidar: whether the LiDAR is there.
-        extras: what each camera publishes beside photograph and tag, of ``EXTRAS``; the others are off.
+        experiment: not changed.
+        seconds: end after this simulated time [s].
+        seed: root of all randomness.
+        cameras: whether the stereo pair is simulated.
+        lidar: whether the LiDAR is simulated.
+        extras: image streams of ``EXTRAS`` to publish besides photograph and tag; the others are off.
 
     Raises:
         ConfigurationError: a value that is not allowed.
-        UnknownNameError: an extra that there is not.
+        UnknownNameError: an unknown extra.
     """
     values: dict[str, Any] = experiment.model_dump()
     values |= {key: value for key, value in (("seconds", seconds), ("seed", seed)) if value is not None}
@@ -105,15 +105,15 @@ def _looks_like_path(name: str | Path) -> bool:
 def _read(path: Path) -> str:
     try:
         if path.is_dir():
-            raise ConfigurationError(f"{path} is a folder; needed is the experiment's YAML file in it")
-        if path.stat().st_size > LARGEST_FILE:
-            raise ConfigurationError(f"{path} is no experiment: larger than {LARGEST_FILE >> 20} MiB")
+            raise ConfigurationError(f"{path} is a folder; give the experiment's YAML file in it")
+        if path.stat().st_size > MAX_FILE_SIZE:
+            raise ConfigurationError(f"{path} is too large for an experiment: more than {MAX_FILE_SIZE >> 20} MiB")
         return path.read_text(encoding="utf-8")
     except OSError as error:
         raise ConfigurationError(f"cannot read {path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise ConfigurationError(f"{path}: broken YAML: byte {error.start} is no UTF-8") from error
-    except ValueError as error:  # a path that holds a zero byte
+        raise ConfigurationError(f"cannot read {path}: byte {error.start} is not UTF-8") from error
+    except ValueError as error:  # a path with a null byte
         raise ConfigurationError(f"cannot read {str(path)!r}: {error}") from error
 
 
@@ -130,10 +130,10 @@ def _check_version(written_by: object, source: str) -> None:
     theirs, ours = _release(str(written_by)), _release(fieldtruth.__version__)
     where = f"{source}: " if source else ""
     if theirs is None or ours is None:
-        raise ConfigurationError(f"{where}{VERSION_KEY} is {shortened(written_by)}; allowed is a version such as 0.1.0")
+        raise ConfigurationError(f"{where}{VERSION_KEY} must be a version such as 0.1.0, got {shortened(written_by)}")
     if theirs > ours:
         raise ConfigurationError(
-            f"{where}written by fieldtruth {written_by}, this is {fieldtruth.__version__}; "
+            f"{where}written by fieldtruth {written_by}, but version {fieldtruth.__version__} is installed; "
             f"run: pip install 'fieldtruth>={written_by}'"
         )
 

@@ -1,62 +1,67 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""One line out of a validation report: which key, which value, and what is allowed there."""
+"""One-line messages from pydantic's validation errors: key, condition, value."""
 
 from collections.abc import Sequence
+from difflib import get_close_matches
 from types import NoneType, UnionType
 from typing import Annotated, Any, Final, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from fieldtruth.core.errors import ConfigurationError, nearest_first
+from fieldtruth.core.errors import ConfigurationError
 
 UNKNOWN_KEY: Final = ("extra_forbidden", "invalid_key")
-KINDS: Final = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
-RULES: Final = {"ge": "from {}", "gt": "above {}", "le": "up to {}", "lt": "below {}", "multiple_of": "in steps of {}"}
-LONGEST_VALUE: Final = 60  # characters
+TYPES: Final = {bool: "true or false", int: "an integer", float: "a number", str: "a string"}
+BOUNDS: Final = {"ge": "at least {}", "gt": "above {}", "le": "at most {}", "lt": "below {}"}
+MAX_VALUE_LENGTH: Final = 60  # characters
 
 
 def configuration_error(model: type[BaseModel], report: ValidationError, source: str = "") -> ConfigurationError:
-    """Make one line of the first complaint about ``model``; ``source`` (a file, say) is put in front."""
-    # A misspelt key is also a missing one: tell the cause before its consequence.
-    complaints = sorted(report.errors(), key=lambda c: c["type"] not in UNKNOWN_KEY)
-    first = complaints[0]
-    rest = f" (and {len(complaints) - 1} more)" if len(complaints) > 1 else ""
-    place = _without_tags(model, first["loc"])
-    line = _complaint(model, first["type"], place, first["input"], first["msg"])
-    return ConfigurationError(f"{source}: {line}{rest}" if source else f"{line}{rest}")
+    """Make one line of the first error of ``model``; ``source``, for example a file, is put in front."""
+    # A misspelt key is also a missing one: report the cause, not its consequence.
+    errors = sorted(report.errors(), key=lambda e: e["type"] not in UNKNOWN_KEY)
+    first = errors[0]
+    more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
+    line = _message(model, first["type"], _without_tags(model, first["loc"]), first["input"], first["msg"])
+    return ConfigurationError(f"{source}: {line}{more}" if source else f"{line}{more}")
 
 
-def _complaint(model: type[BaseModel], kind: str, loc: Sequence[int | str], value: object, message: str) -> str:
+def _message(model: type[BaseModel], kind: str, loc: Sequence[int | str], value: object, message: str) -> str:
     key = dotted(loc)
     if kind == "missing":
-        return f"{key} is missing; needed is {condition_at(model, loc)}"
+        return f"{key} is required: {condition_at(model, loc)}"
     if kind in UNKNOWN_KEY:
-        key = dotted((*loc[:-1], str(loc[-1])))
         parent, _ = _field(model, loc[:-1])
-        keys = nearest_first(str(loc[-1]), [name for home in models_of(parent) for name in home.model_fields])
-        return f"no key {key!r}; there is: {', '.join(dotted((*loc[:-1], k)) for k in keys)}"
-    if kind == "value_error":  # a rule across fields, which says itself what is right
+        known = [name for choice in models_of(parent) for name in choice.model_fields]
+        return _unknown_key(loc, known)
+    if kind == "value_error":  # a rule across fields; its text states the condition
         text = message.removeprefix("Value error, ")
         return f"{key}: {text}" if key else text
-    where = key or "the whole"
-    return f"{where} is {shortened(value)}; allowed is {condition_at(model, loc)}"
+    return f"{key or 'the configuration'} must be {condition_at(model, loc)}, got {shortened(value)}"
+
+
+def _unknown_key(loc: Sequence[int | str], known: Sequence[str]) -> str:
+    # Only the last part is compared: with the common part in front, every key would look close.
+    close = get_close_matches(str(loc[-1]).lower(), known, n=1)
+    question = f"did you mean {dotted((*loc[:-1], close[0]))!r}? " if close else ""
+    return f"unknown key {dotted((*loc[:-1], str(loc[-1])))!r}; {question}Available: {', '.join(known)}"
 
 
 def dotted(loc: Sequence[int | str]) -> str:
-    """Write a place in the configuration as people do: ``route.waypoints[3][0]``."""
+    """Write the position of a value in the configuration: ``route.waypoints[3][0]``."""
     return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in loc).removeprefix(".")
 
 
 def shortened(value: object) -> str:
-    """``repr`` on one line and of bearable length."""
+    """``repr`` of at most 60 characters."""
     text = repr(value)
-    return text if len(text) <= LONGEST_VALUE else f"{text[:LONGEST_VALUE]}..."
+    return text if len(text) <= MAX_VALUE_LENGTH else f"{text[:MAX_VALUE_LENGTH]}..."
 
 
 def models_of(annotation: Any) -> list[type[BaseModel]]:
-    """The model, or the several ones of which one is chosen; their keys differ."""
+    """Models of an annotation: one, or the choices of a union, which have different keys."""
     if get_origin(annotation) is Annotated:
         return models_of(get_args(annotation)[0])
     if get_origin(annotation) in (Union, UnionType):
@@ -65,23 +70,23 @@ def models_of(annotation: Any) -> list[type[BaseModel]]:
 
 
 def _without_tags(model: type[BaseModel], loc: Sequence[int | str]) -> tuple[int | str, ...]:
-    """The place as people write it: where one of several models is chosen, the report names the choice as well."""
-    place: tuple[int | str, ...] = ()
+    """Position without the tags that pydantic adds where one of several models is chosen."""
+    keys: tuple[int | str, ...] = ()
     at_choice = False
     for step in loc:
         if not at_choice:
-            place = (*place, step)
-        at_choice = not at_choice and len(models_of(_field(model, place)[0])) > 1
-    return place
+            keys = (*keys, step)
+        at_choice = not at_choice and len(models_of(_field(model, keys)[0])) > 1
+    return keys
 
 
 def _field(model: Any, loc: Sequence[int | str]) -> tuple[Any, FieldInfo]:
-    """Type and constraints of the place ``loc`` below ``model``, as far as it exists."""
+    """Type and constraints at the position ``loc`` of ``model``, as deep as it exists."""
     annotation, info = model, FieldInfo()
     for step in loc:
-        homes = [home for home in models_of(annotation) if step in home.model_fields]
-        if homes:
-            info = homes[0].model_fields[str(step)]
+        owners = [choice for choice in models_of(annotation) if step in choice.model_fields]
+        if owners:
+            info = owners[0].model_fields[str(step)]
         elif get_origin(annotation) is tuple and isinstance(step, int):
             items = get_args(annotation)
             info = FieldInfo.from_annotation(items[0 if Ellipsis in items else min(step, len(items) - 1)])
@@ -96,7 +101,7 @@ def _field(model: Any, loc: Sequence[int | str]) -> tuple[Any, FieldInfo]:
 
 
 def condition_at(model: type[BaseModel], loc: Sequence[int | str]) -> str:
-    """Say in words what is allowed at a place of the configuration."""
+    """State what is allowed at a position of the configuration: "an integer between 8 and 4096"."""
     annotation, info = _field(model, loc)
     if info.description:
         return info.description
@@ -104,13 +109,16 @@ def condition_at(model: type[BaseModel], loc: Sequence[int | str]) -> str:
         return f"a mapping with the keys {', '.join(models_of(annotation)[0].model_fields)}"
     if get_origin(annotation) is tuple:
         items = get_args(annotation)
-        return "a list of at least one" if Ellipsis in items else f"a list of {len(items)} numbers"
-    return f"{KINDS.get(annotation, 'a value')}{_bounds(info)}"
+        return "a list with at least one item" if Ellipsis in items else f"a list of {len(items)} numbers"
+    return f"{TYPES.get(annotation, 'a value')}{_bounds(info)}"
 
 
 def _bounds(info: FieldInfo) -> str:
-    rules = {name: getattr(rule, name) for rule in info.metadata for name in RULES if hasattr(rule, name)}
-    parts = [
-        f" {RULES[name].format(bound)}" for name, bound in sorted(rules.items(), key=lambda r: list(RULES).index(r[0]))
-    ]
-    return "".join(parts)
+    limits = {name: getattr(rule, name) for rule in info.metadata for name in (*BOUNDS, "multiple_of")
+              if hasattr(rule, name)}  # fmt: skip
+    multiple = f", a multiple of {limits.pop('multiple_of')}" if "multiple_of" in limits else ""
+    if limits.keys() == {"ge", "le"}:
+        return f" between {limits['ge']} and {limits['le']}{multiple}"
+    parts = [text.format(limits[name]) for name, text in BOUNDS.items() if name in limits]
+    of = " of" if limits.keys() & {"ge", "le"} == limits.keys() and parts else ""
+    return f"{of} {' and '.join(parts)}{multiple}" if parts else multiple

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The robot and its sensors as numbers: frames (paper, Table 2); rates, resolutions, fields of view (Tables 1, 5)."""
+"""Configuration of the robot and its sensors; defaults from the paper's Tables 1, 2 and 5."""
 
 from typing import Annotated, Final, Self
 
@@ -10,12 +10,12 @@ from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 
-# Strict: a text or a yes/no is no number, so that a slip of the pen is not read as 1.
+# Strict: strings and booleans are not numbers.
 Number = Annotated[float, Strict()]
 Integer = Annotated[int, Strict()]
 Boolean = Annotated[bool, Strict()]
 Positive = Annotated[Number, Field(gt=0)]
-Range = Annotated[Number, Field(gt=0, le=100_000)]  # [m]; single precision still tells 1 cm there
+Range = Annotated[Number, Field(gt=0, le=100_000)]  # [m]; single precision resolves 1 cm there
 Rate = Annotated[Number, Field(ge=0.01, le=1000)]  # [Hz]; the physics runs at 1 kHz
 
 
@@ -23,7 +23,7 @@ WHEELS: Final = ("front_left", "front_right", "rear_left", "rear_right")
 
 
 class Frozen(BaseModel):
-    """Base of all configuration: immutable, finite, and a key that it does not know is an error."""
+    """Base of all configuration: immutable, finite numbers only, unknown keys are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -54,14 +54,14 @@ class ImuConfig(Frozen):
 
 
 class GnssConfig(Frozen):
-    """GNSS receiver; the mount is the antenna's, GNSS_link."""
+    """GNSS receiver; the mount is that of the antenna, GNSS_link."""
 
     rate_hz: Rate = 2.0
     mount: Mount = Mount(xyz=(0.10, 0.0, 0.890))
 
 
 class CameraConfig(Frozen):
-    """Stereo pair of equal pinhole cameras (ZED-2). The mounts are the paper's frames: z forward, x down, y left."""
+    """Stereo pair of identical pinhole cameras (ZED-2). Mounts are the paper's frames: z forward, x down, y left."""
 
     enabled: Boolean = True
     rate_hz: Rate = 25.0
@@ -69,7 +69,7 @@ class CameraConfig(Frozen):
     height: Annotated[Integer, Field(ge=8, le=8192, multiple_of=8)] = 720  # [pixel]
     horizontal_fov_deg: Annotated[Number, Field(gt=1, lt=170)] = 69.0
     vertical_fov_deg: Annotated[Number, Field(gt=1, lt=170)] = 42.0
-    far: Range = 2000.0  # [m]; farther is sky
+    far: Range = 2000.0  # [m]; beyond it is sky
     jpeg_quality: Annotated[Integer, Field(ge=1, le=100)] = 90
     depth: Boolean = False
     instances: Boolean = False
@@ -80,9 +80,11 @@ class CameraConfig(Frozen):
     def _rectified(self) -> Self:
         left_from_right = frames.inverse(self.left.base_from_sensor) @ self.right.base_from_sensor
         x, y, z = left_from_right[:3, 3]
-        # CameraInfo can say one baseline along the image rows and nothing else; y points left in the paper's frames.
+        # CameraInfo describes only a baseline along the image rows; y points left in the paper's frames.
         if not np.allclose(left_from_right[:3, :3], np.eye(3), atol=1e-9) or abs(x) > 1e-9 or abs(z) > 1e-9 or y >= 0:
-            raise ValueError("left and right must look the same way, right beside left along the image rows")
+            raise ValueError(
+                "left and right must have the same orientation, with right beside left along the image rows"
+            )
         return self
 
     @property
@@ -102,18 +104,18 @@ class LidarConfig(Frozen):
     min_range: Annotated[Number, Field(ge=0)] = 0.3  # [m]; data sheet of the OS1
     max_range: Range = 120.0  # [m]; data sheet of the OS1
     spinning: Boolean = False
-    """False: all rays leave at the stamp, as in the paper (Gazebo). True: columns are swept over one period."""
+    """False: all rays are cast at the stamp, as in the paper (Gazebo). True: columns are swept over one period."""
     mount: Mount = Mount(xyz=(0.09, 0.0, 0.826))
 
     @model_validator(mode="after")
-    def _some_range(self) -> Self:
+    def _valid_range(self) -> Self:
         if self.min_range >= self.max_range:
-            raise ValueError(f"min_range {self.min_range!r} must be below max_range {self.max_range!r}")
+            raise ValueError(f"min_range must be below max_range {self.max_range!r}, got {self.min_range!r}")
         return self
 
 
 class WheelConfig(Frozen):
-    """Places and size of the wheels (paper, Table 2)."""
+    """Positions and size of the wheels (paper, Table 2)."""
 
     half_wheelbase: Positive = 0.256  # [m]
     half_track: Positive = 0.2854  # [m]
@@ -122,7 +124,7 @@ class WheelConfig(Frozen):
 
 
 class Rig(Frozen):
-    """The Husky and everything it carries."""
+    """The Husky with its sensors."""
 
     wheels: WheelConfig = WheelConfig()
     base_footprint: Mount = Mount(xyz=(0.0, 0.0, -0.13228))

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The forms of a route, one out of the other; way-points thought out in metres are geodetic in the end (paper).
+"""Conversion between the forms of a route: metres in the world frame, geodetic (as in the paper), random.
 
-To move a route, write its points in metres; ``metres:`` takes them as they are, and this prints them in degrees::
+Print a route given in metres in its geodetic form::
 
     print(fieldtruth.route_yaml(fieldtruth.route_from_metres((-33, -6), [(-22, -3), (-10, 2)])))
 """
@@ -17,11 +17,11 @@ from fieldtruth.core.errors import RouteError
 from fieldtruth.experiment.config import MetresRouteConfig, RandomConfig, RandomRouteConfig, Route, RouteConfig
 
 DECIMALS: Final = 9
-"""Of a degree: a step of 0.1 mm on the ground."""
+"""Decimals of a degree: 0.1 mm on the ground."""
 
 
 def route_from_metres(start: Sequence[float], waypoints: Sequence[Sequence[float]]) -> RouteConfig:
-    """Make a route of points (x north, y west) [m] in the world frame, at the height of its origin."""
+    """Make a geodetic route of points (x north, y west) [m] in the world frame, at the height of its origin."""
     points = np.array([start, *waypoints], np.float64)
     geodetic = geodesy.geodetic_from_world(np.column_stack([points, np.zeros(len(points))]))
     pairs = [
@@ -31,12 +31,12 @@ def route_from_metres(start: Sequence[float], waypoints: Sequence[Sequence[float
 
 
 def random_route(length_m: float, seed: int) -> RandomRouteConfig:
-    """Ask for a free route of this length [m]; another seed is another route through the same place."""
+    """Make a random route of this length [m]; another seed gives another route through the same world."""
     return RandomRouteConfig(random=RandomConfig(length_m=length_m, seed=seed))
 
 
 def geodetic_route(route: Route) -> RouteConfig:
-    """The route with its points in degrees. Raises ``RouteError`` for a random one: it has no points before a plan."""
+    """Return the route with its points in degrees; a random route raises ``RouteError``, it must be planned first."""
     if isinstance(route, RandomRouteConfig):
         raise RouteError(
             "a random route has no waypoints before it is planned; call fieldtruth.plan_route(world, experiment)"
@@ -47,10 +47,10 @@ def geodetic_route(route: Route) -> RouteConfig:
 
 
 def metres_from_route(route: Route) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    """Points (1 + n, 2) x, y [m] in the world frame of a route's start and its n way-points.
+    """Start and n waypoints (1 + n, 2) of a route as x, y [m] in the world frame.
 
     Raises:
-        RouteError: a random route, which has no points before it is planned.
+        RouteError: a random route; it must be planned first.
     """
     if isinstance(route, MetresRouteConfig):
         return np.array([route.metres.start, *route.metres.waypoints], np.float64)
@@ -60,7 +60,7 @@ def metres_from_route(route: Route) -> np.ndarray[tuple[int, int], np.dtype[np.f
 
 
 def route_yaml(route: RouteConfig) -> str:
-    """Write the ``route:`` part of an experiment's file, each point with its place in metres as a comment."""
+    """Return the ``route:`` part of an experiment file, each point with its x, y [m] in a comment."""
     pairs = [route.start, *route.waypoints]
     metres = np.round(metres_from_route(route), 1) + 0.0  # no -0.0
     texts = [

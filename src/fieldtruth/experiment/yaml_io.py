@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""YAML in and out, without surprises: safe types only, no key twice, ``1e3`` is a number, floats keep every bit."""
+"""Read and write YAML: safe types only, duplicate keys are errors, ``1e3`` is a number, floats keep every bit."""
 
 import re
 from collections.abc import Hashable, Mapping, Sequence
@@ -14,18 +14,18 @@ _EXPONENT: Final = re.compile(r"^[-+]?[0-9]+(?:\.[0-9]*)?[eE][-+]?[0-9]+$")
 
 
 class _Loader(yaml.SafeLoader):
-    """Safe YAML 1.1, and two of its traps closed: a repeated key is an error, ``1e3`` is a number as in YAML 1.2."""
+    """Safe YAML 1.1, except that a duplicate key is an error and ``1e3`` is a number as in YAML 1.2."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         keys = [key.value for key, _ in node.value if key.tag != "tag:yaml.org,2002:merge"]
         for i, (key, _) in enumerate(node.value):
             if isinstance(key, yaml.ScalarNode) and key.value in keys[:i]:
-                raise yaml.constructor.ConstructorError(None, None, f"key {key.value!r} stands twice", key.start_mark)
+                raise yaml.constructor.ConstructorError(None, None, f"duplicate key {key.value!r}", key.start_mark)
         return super().construct_mapping(node, deep)
 
 
 class _Dumper(yaml.SafeDumper):
-    """Block style, but a list of plain values stands on one line."""
+    """Block style, except that a list of scalars is written on one line."""
 
 
 def _represent_list(dumper: yaml.SafeDumper, data: Sequence[object]) -> yaml.Node:
@@ -33,35 +33,37 @@ def _represent_list(dumper: yaml.SafeDumper, data: Sequence[object]) -> yaml.Nod
     return dumper.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=plain)
 
 
-for _side in (_Loader, _Dumper):  # the writer must know as well: it then quotes a text such as "1e3"
+for _side in (_Loader, _Dumper):  # the writer too, so that it quotes a string such as "1e3"
     _side.add_implicit_resolver("tag:yaml.org,2002:float", _EXPONENT, list("-+0123456789"))
 _Dumper.add_representer(list, _represent_list)
 
 
 def parse_mapping(text: str, source: str) -> dict[str, Any]:
-    """Read one mapping with text keys.
+    """Read one mapping.
 
     Raises:
-        ConfigurationError: broken YAML (with line and column), or not a mapping of names. ``source`` stands in front.
+        ConfigurationError: invalid YAML (with line and column), or not a mapping. ``source`` is put in front.
     """
     try:
         data = yaml.load(text, Loader=_Loader)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        place = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        raise ConfigurationError(f"{source}: broken YAML{place}: {error.problem or error.context}") from error
+        where = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+        raise ConfigurationError(f"{source}: invalid YAML{where}: {error.problem or error.context}") from error
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
-        raise ConfigurationError(f"{source}: broken YAML at line {line}: {error.reason}") from error
+        raise ConfigurationError(f"{source}: invalid YAML at line {line}: {error.reason}") from error
     except RecursionError as error:
-        raise ConfigurationError(f"{source}: broken YAML: nested too deeply") from error
-    except ValueError as error:  # a date or a number that cannot be
-        raise ConfigurationError(f"{source}: broken YAML: {error}") from error
+        raise ConfigurationError(f"{source}: invalid YAML: nested too deeply") from error
+    except ValueError as error:  # a date or a number that does not exist
+        raise ConfigurationError(f"{source}: invalid YAML: {error}") from error
     if not isinstance(data, dict):
-        raise ConfigurationError(f"{source}: an experiment is a mapping (name: ..., environment: ...), this is none")
+        raise ConfigurationError(
+            f"{source}: must be a mapping (name: ..., environment: ..., route: ...), got {data!r:.60}"
+        )
     return data
 
 
 def write_mapping(data: Mapping[str, object]) -> str:
-    """Write a mapping of plain values in its own order; what :func:`parse_mapping` reads back is equal."""
+    """Write a mapping of plain values in its own order; :func:`parse_mapping` reads back an equal one."""
     return yaml.dump(dict(data), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120)
