@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ontology: one table of id, name and flat colour (paper, Table 3), used by every sensor and every format.
+"""The semantic classes: one table of id, name and flat colour (paper, Table 3), used by every sensor and format.
 
-Ids 1 to 13 are the paper's reflectivities. Water, sky and void are ours: neither water nor sky returns a laser pulse,
-so the paper gives them none. Table is (0, 0, 0); void has no colour, because no pixel is ever void.
+Ids 1 to 13 are the paper's reflectivities. Water, sky and void are ours: neither returns a laser pulse,
+so the paper gives them no reflectivity. Table is (0, 0, 0); void has no colour, because no pixel is ever void.
 """
 
 from enum import IntEnum

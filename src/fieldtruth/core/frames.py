@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rigid transforms, and the one place where quaternions change order.
+"""Rigid transforms, and the only conversion of quaternion order.
 
 A transform is a 4 x 4 float64 matrix named ``a_from_b``: it takes points of frame b to frame a, so that products read
 like a chain, ``world_from_lidar = world_from_base @ base_from_lidar``. Frames follow REP-103 (x forward, y left, z up;

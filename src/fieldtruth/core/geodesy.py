@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Between the world frame [m] and WGS 84: the world's origin lies at 49.9 deg N, 8.9 deg E, 0 m (paper, 2.2).
+"""Conversion between the world frame [m] and WGS 84; the world's origin is at 49.9 deg N, 8.9 deg E, 0 m (paper, 2.2).
 
 The world frame is North-West-Up, the plane that touches the ellipsoid in the origin: x north, y west, z up.
 """

@@ -1,36 +1,49 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""How a long run tells where it is: stages, each with a share that is done and an honest time to its end."""
+"""Progress of long work: stages, each with the share that is done and an estimate of the time left."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from threading import Lock
 from time import monotonic
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Final, Protocol, TypeVar
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress as Bars
 
 Advance = Callable[[float], None]
+_STEP_NS: Final = 200_000_000
+
+
+class Stamped(Protocol):
+    """An item of a stream in time order."""
+
+    @property
+    def stamp_ns(self) -> int:
+        """Time of the item [ns]."""
+        ...
+
+
+S = TypeVar("S", bound=Stamped)
 
 
 class Progress(Protocol):
-    """Whoever wants to know."""
+    """Receiver of progress; any object with this method will do."""
 
     def stage(self, name: str, total: float | None = None, done: float = 0.0) -> AbstractContextManager[Advance]:
-        """Enter a stage; it ends with the context. The context's value is called, from any thread, with what was done.
+        """Enter a stage, which ends with the context. The context's value is called, from any thread, with work done.
 
         Args:
-            name: what happens, in words.
+            name: what is being done.
             total: size of the work in seconds of simulated time; None if it is short or unknown.
-            done: what an earlier run has done of it; it does not count as speed.
+            done: part of it that an earlier run has done; it does not count as speed.
         """
         ...
 
 
 class Silent:
-    """Tells nobody."""
+    """Progress that is not shown."""
 
     @contextmanager
     def stage(self, name: str, total: float | None = None, done: float = 0.0) -> Iterator[Advance]:
@@ -38,11 +51,21 @@ class Silent:
         yield lambda amount: None
 
 
+def timed(items: Iterable[S], advance: Advance, start_ns: int) -> Iterator[S]:
+    """Yield items of a stream and report the simulated time [s] between them, a few times per simulated second."""
+    reported_ns = start_ns
+    for item in items:
+        if item.stamp_ns - reported_ns >= _STEP_NS:
+            advance((item.stamp_ns - reported_ns) / 1e9)
+            reported_ns = item.stamp_ns
+        yield item
+
+
 @contextmanager
 def show_progress(console: "Console | None" = None) -> Iterator[Progress]:
-    """Show a bar per stage, by default on stderr; where that is no terminal, a line of text now and then.
+    """Show a bar per stage, by default on stderr; in a log file, where there is no terminal, print a line now and then.
 
-    The time that is left follows from the speed of the last five minutes, so that a resumed run is told truly.
+    The time left follows from the speed of the last five minutes, so that it is right for a resumed run, too.
     """
     from rich.console import Console
     from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -86,18 +109,18 @@ class _Lines:
     @contextmanager
     def stage(self, name: str, total: float | None = None, done: float = 0.0) -> Iterator[Advance]:
         start, lock, made = monotonic(), Lock(), 0.0
-        told = int(10 * done / total) if total else 0
+        printed = int(10 * done / total) if total else 0
 
         def advance(amount: float) -> None:
-            nonlocal made, told
+            nonlocal made, printed
             with lock:
                 made += amount
                 tenths = int(10 * (done + made) / total) if total else 0
-                if total is None or not told < tenths < 10:
+                if total is None or not printed < tenths < 10:
                     return
-                told = tenths
+                printed = tenths
                 left = (monotonic() - start) * max(0.0, total - done - made) / made
-                self._console.print(f"{name}: {10 * told} %, {left:.0f} s left", highlight=False)
+                self._console.print(f"{name}: {10 * printed} %, {left:.0f} s left", highlight=False)
 
         yield advance
         self._console.print(f"{name}: done in {monotonic() - start:.1f} s", highlight=False)
