@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Label maps against the ontologies' own files, row by row as they stand there, and against docs/labels.md."""
+"""Label maps against rows of the ontologies' own files and against docs/labels.md."""
 
 import re
 from pathlib import Path
@@ -62,14 +62,16 @@ def hexadecimal(text: str) -> tuple[int, ...]:
     return tuple(int(text[i : i + 2], 16) for i in (1, 3, 5))
 
 
-def test_the_names_are_those_of_the_command_line() -> None:
+def test_names_are_those_of_the_command_line() -> None:
     assert tuple(LABEL_MAPS) == NAMES
-    with pytest.raises(UnknownNameError, match=r"no label map 'rellis3d'; there is: rellis, "):
+    with pytest.raises(
+        UnknownNameError, match=r"unknown label map 'rellis3d'; did you mean 'rellis'\? Available: rellis, "
+    ):
         label_map_of("rellis3d")
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_class_has_one_there_and_only_void_has_theirs(name: str) -> None:
+def test_every_class_is_mapped_and_only_void_to_void(name: str) -> None:
     labels = label_map_of(name)
     assert labels.ids.shape == (len(CLASSES),)
     assert set(labels.ids.tolist()) <= set(labels.classes)
@@ -79,7 +81,7 @@ def test_every_class_has_one_there_and_only_void_has_theirs(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_colours_tell_all_classes_apart(name: str) -> None:
+def test_colours_and_names_are_unique(name: str) -> None:
     labels = label_map_of(name)
     assert len({other.rgb for other in labels.classes.values()}) == len(labels.classes)
     assert len({other.name for other in labels.classes.values()}) == len(labels.classes)
@@ -89,7 +91,7 @@ def test_colours_tell_all_classes_apart(name: str) -> None:
     assert not colours[[i for i in range(256) if i not in labels.classes]].any()
 
 
-def test_rugd_is_as_in_its_colour_map() -> None:
+def test_rugd_matches_its_colour_map() -> None:
     labels = label_map_of("rugd")
     rows = {int(row[0]): (row[1], tuple(map(int, row[2:]))) for row in map(str.split, RUGD.splitlines())}
     assert set(labels.ids.tolist()) == set(rows)
@@ -97,7 +99,7 @@ def test_rugd_is_as_in_its_colour_map() -> None:
     assert sorted(labels.classes) == list(range(25))
 
 
-def test_rellis_is_as_in_its_configuration_and_shares_rugds_numbers_and_colours() -> None:
+def test_rellis_matches_its_configuration_and_shares_ids_and_colours_with_rugd() -> None:
     rellis, rugd = label_map_of("rellis").classes, label_map_of("rugd").classes
     assert {number: other.name for number, other in rellis.items()} == RELLIS_NAMES
     assert all(rellis[number].rgb == rgb for number, rgb in RELLIS_COLOURS.items())
@@ -106,7 +108,7 @@ def test_rellis_is_as_in_its_configuration_and_shares_rugds_numbers_and_colours(
     assert all(rellis[number].rgb == rugd[number].rgb for number in shared)
 
 
-def test_goose_and_its_challenge_are_as_in_their_mapping() -> None:
+def test_goose_and_its_challenge_match_their_mapping() -> None:
     goose, challenge = label_map_of("goose"), label_map_of("goose9")
     rows = [line.split(",") for line in GOOSE.splitlines()]
     assert set(goose.ids.tolist()) == {int(row[1]) for row in rows}
@@ -118,20 +120,20 @@ def test_goose_and_its_challenge_are_as_in_their_mapping() -> None:
     assert (sorted(goose.classes), sorted(challenge.classes)) == (list(range(64)), list(range(9)))
 
 
-def test_ganav6_is_ganavs_own_grouping_of_rugd() -> None:
+def test_ganav6_matches_the_grouping_of_rugd_by_ganav() -> None:
     groups = np.array([0, *GANAV_GROUPS])
     assert label_map_of("ganav6").ids.tolist() == groups[label_map_of("rugd").ids].tolist()
     assert [other.rgb for _, other in sorted(label_map_of("ganav6").classes.items())] == GANAV_PALETTE
 
 
 def table(heading: str) -> list[list[str]]:
-    """Cells of the rows of the table below a heading of the document, without its head."""
+    """Cells of the rows of the table below a heading of the document, without its header."""
     section = DOCUMENT.partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in section.splitlines() if line[:1] == "|"]
     return rows[2:]
 
 
-def test_the_document_has_the_whole_table() -> None:
+def test_document_has_the_mapping_of_every_class() -> None:
     rows = table("What each class becomes")
     assert [int(row[0]) for row in rows] == [c.label for c in CLASSES]
     for (number, name, *others, lost), own in zip(rows, CLASSES, strict=True):
@@ -141,7 +143,7 @@ def test_the_document_has_the_whole_table() -> None:
         assert others == [f"{m.ids[own.label]} {m.classes[int(m.ids[own.label])].name}" for m in expected], name
 
 
-def test_the_document_has_the_colours() -> None:
+def test_document_has_the_colours() -> None:
     described = {
         (row[0].strip("`"), int(row[1])): (row[2], tuple(map(int, row[3].split()))) for row in table("Colours")
     }
@@ -153,6 +155,6 @@ def test_the_document_has_the_colours() -> None:
     assert described == true
 
 
-def test_the_document_names_the_ontologies_in_the_order_of_its_columns() -> None:
+def test_document_columns_are_the_ontologies() -> None:
     head = next(line for line in DOCUMENT.splitlines() if line.startswith("| id | class |"))
     assert tuple(re.findall(r"`(\w+)`", head)) == NAMES

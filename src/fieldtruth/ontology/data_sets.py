@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ontologies of the field's own data sets, and what each of our classes is called there.
+"""Ontologies of off-road data sets, and the class of each that ours are mapped to.
 
-docs/labels.md names the sources, gives the reasons and says what is lost; a test holds it to these tables.
+Sources, reasons and losses are documented in docs/labels.md; a test compares its tables with these.
 """
 
 from collections.abc import Mapping
@@ -12,14 +12,14 @@ from fieldtruth.core.classes import Label
 
 
 class OntologyClass(NamedTuple):
-    """A class of another ontology."""
+    """Name and colour of a class of another ontology."""
 
     name: str
     rgb: tuple[int, int, int]
 
 
 class Ontology(NamedTuple):
-    """All classes there by id, and the id there of each of our classes."""
+    """All classes of an ontology by id, and the id that each of our classes is mapped to."""
 
     classes: Mapping[int, OntologyClass]
     ids: Mapping[Label, int]
@@ -182,17 +182,17 @@ _NAMES: Final[dict[Label, tuple[str, str, str, str, str]]] = {
     Label.WATER: ("water", "water", "water", "natural_ground", "non-Nav (Forbidden)"),
     Label.SKY: ("sky", "sky", "sky", "sky", "background"),
 }
-"""Names in the order of ``_CLASSES``."""
+"""Class names in the order of ``_CLASSES``."""
 
 _CLASSES: Final = {"rellis": _RELLIS, "rugd": _RUGD, "goose": _GOOSE, "goose9": _GOOSE9, "ganav6": _GANAV6}
 
 
 def _ontology(column: int, classes: Mapping[int, OntologyClass]) -> Ontology:
-    number = {other.name: number for number, other in classes.items()}
-    return Ontology(classes, {label: number[names[column]] for label, names in _NAMES.items()})
+    id_of = {other.name: number for number, other in classes.items()}
+    return Ontology(classes, {label: id_of[names[column]] for label, names in _NAMES.items()})
 
 
 ONTOLOGIES: Final[dict[str, Ontology]] = {
     name: _ontology(column, classes) for column, (name, classes) in enumerate(_CLASSES.items())
 }
-"""RELLIS-3D, RUGD, GOOSE's 64 classes, the 9 of its challenge, and the 6 groups of GANav."""
+"""RELLIS-3D, RUGD, the 64 classes of GOOSE, the 9 of its challenge, and the 6 groups of GANav."""

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The labels of other ontologies: which of their classes each of ours becomes."""
+"""Label maps as arrays: look up the id in another ontology for arrays of our class ids."""
 
 from collections.abc import Mapping
 from typing import Final, NamedTuple
@@ -14,16 +14,16 @@ from fieldtruth.ontology.data_sets import ONTOLOGIES, Ontology, OntologyClass
 
 
 class LabelMap(NamedTuple):
-    """An ontology and the way there: ``ids[label]`` is the id there of our class ``label``."""
+    """An ontology and the map to it: ``ids[label]`` is its id for our class ``label``."""
 
     name: str
     ids: NDArray[np.uint8]
-    """(16,) ids there by our class id; row 0 is their void."""
+    """(16,) ids of the ontology by our class id; row 0 is its void class."""
     classes: Mapping[int, OntologyClass]
-    """Every class there, by id; ``ids`` names some of them."""
+    """All classes of the ontology by id; ``ids`` uses some of them."""
 
     def colours(self) -> NDArray[np.uint8]:
-        """(256, 3) RGB by id there; black where there is no class."""
+        """(256, 3) RGB by id of the ontology; black where it has no class."""
         table = np.zeros((256, 3), np.uint8)
         for number, other in self.classes.items():
             table[number] = other.rgb
@@ -40,10 +40,10 @@ LABEL_MAPS: Final[dict[str, LabelMap]] = {name: _label_map(name, ontology) for n
 
 
 def label_map_of(name: str) -> LabelMap:
-    """Return an ontology by name.
+    """Return a label map by name.
 
     Raises:
-        UnknownNameError: there is none of that name; lists those that there are.
+        UnknownNameError: unknown name.
     """
     if name not in LABEL_MAPS:
         raise UnknownNameError("label map", name, LABEL_MAPS)
