@@ -30,8 +30,8 @@ def test_a_bag_is_made_kept_and_made_again_from_its_own_experiment(
     assert cli.main(command) == 2  # finished
     assert cli.main([*command, "--seed", "1"]) == 2  # another experiment
     finished, other = capsys.readouterr().err.splitlines()[-2:]
-    assert finished.startswith("fieldtruth: data/park_1/park_1.bag is finished already; ")
-    assert other.startswith("fieldtruth: data/park_1 holds another experiment (other: seed); ")
+    assert finished.startswith("fieldtruth: data/park_1/park_1.bag is already finished; ")
+    assert other.startswith("fieldtruth: data/park_1 holds another experiment (different: seed); ")
     assert bag.read_bytes() == first
 
     assert cli.main(["generate", "data/park_1/experiment.yaml", "--out", "again", "--workers", "1"]) == 0

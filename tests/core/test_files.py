@@ -75,3 +75,10 @@ def test_an_unknown_name_suggests_the_closest_one_and_lists_all() -> None:
         "unknown experiment 'prak_1'; did you mean 'park_1'? Available: lake_1, park_1"
     )
     assert str(UnknownNameError("format", "zzz", ["mcap", "pcd"])) == "unknown format 'zzz'; Available: mcap, pcd"
+
+
+def test_other_errors_of_the_system_pass_unchanged() -> None:
+    with pytest.raises(OutputError, match=r"^cannot write there: no such device$"), output_errors(Path("there")):
+        raise OSError(errno.ENODEV, "No such device", "there/file")
+    with pytest.raises(ConnectionError), output_errors(Path("there")):
+        raise ConnectionError(errno.ECONNRESET, "reset")

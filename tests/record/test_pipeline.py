@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The whole run with fakes: what it writes, what it refuses, and that no interruption shows in the result."""
+"""The whole pipeline with fake sensors: what it writes, what it refuses, and that interruptions leave no trace."""
 
-import fcntl
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,14 +13,16 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-import record_slow_run
 from record_fakes import make_experiment, make_world, use_fakes
 
 from fieldtruth import pipeline
+from fieldtruth.core import cache
 from fieldtruth.core.errors import DriveError, OutputError
+from fieldtruth.core.files import locked
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.pipeline import generate
-from fieldtruth.record.folder import RunFolder, fingerprint
+from fieldtruth.record.folder import RunFolder
+from fieldtruth.record.slices import slices_key
 
 FILES = ["DATASET.md", "SHA256SUMS", "experiment.yaml", "tiny.bag"]
 
@@ -34,7 +36,7 @@ def listing(folder: Path) -> list[str]:
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
 
 
-def test_writes_the_bag_with_what_made_it_its_card_and_its_sums_and_nothing_else(tmp_path: Path) -> None:
+def test_a_run_is_bag_experiment_card_and_checksums(tmp_path: Path) -> None:
     bag = generate(make_experiment(1.5), tmp_path / "data", workers=2)
     assert bag == tmp_path / "data" / "tiny" / "tiny.bag"
     assert listing(tmp_path) == [f"data/tiny/{name}" for name in FILES]
@@ -55,9 +57,10 @@ def test_another_seed_gives_another_bag(tmp_path: Path) -> None:
 
 def start(out: Path) -> subprocess.Popen[bytes]:
     """Start a run of 4 s that takes about 4 s, and wait until it has finished its first slice."""
-    process = subprocess.Popen(
-        [sys.executable, record_slow_run.__file__, str(out), "4.0", "0.04"], stderr=subprocess.PIPE
-    )
+    script = Path(__file__).with_name("slow_run.py")
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, str(script), str(out), "4.0", "0.04"]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, env=environment)
     end = time.monotonic() + 60
     while not list(out.glob("tiny/.slices/*/*.bag")):
         assert process.poll() is None, process.communicate()[1].decode()
@@ -67,7 +70,7 @@ def start(out: Path) -> subprocess.Popen[bytes]:
 
 
 @pytest.mark.parametrize("sign", [signal.SIGKILL, signal.SIGINT])
-def test_a_stopped_run_goes_on_and_ends_with_the_same_bytes(tmp_path: Path, sign: signal.Signals) -> None:
+def test_an_interrupted_run_resumes_and_ends_with_the_same_bytes(tmp_path: Path, sign: signal.Signals) -> None:
     whole = generate(make_experiment(4.0), tmp_path / "whole", workers=1).read_bytes()
     process = start(tmp_path)
     stopped = time.monotonic()
@@ -78,7 +81,7 @@ def test_a_stopped_run_goes_on_and_ends_with_the_same_bytes(tmp_path: Path, sign
     kept = {path: path.stat().st_mtime_ns for path in tmp_path.glob("tiny/.slices/*/*.bag")}
     assert 0 < len(kept) < 4
     assert not (tmp_path / "tiny" / "tiny.bag").exists()
-    if sign == signal.SIGINT:  # a killed one cannot clean up
+    if sign == signal.SIGINT:  # a killed process cannot clean up
         assert not list(tmp_path.glob("tiny/.slices/*/*.part"))
 
     with watch(tmp_path / "tiny") as seen:
@@ -90,7 +93,7 @@ def test_a_stopped_run_goes_on_and_ends_with_the_same_bytes(tmp_path: Path, sign
 
 @contextmanager
 def watch(folder: Path) -> Iterator[dict[Path, int]]:
-    """Note when each slice was written, at the moment at which the slices are thrown away."""
+    """Record when each slice was written, just before the slices are removed."""
     seen: dict[Path, int] = {}
     clean = RunFolder.clean
 
@@ -103,7 +106,7 @@ def watch(folder: Path) -> Iterator[dict[Path, int]]:
         yield seen
 
 
-def test_slices_of_another_world_are_not_taken_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_slices_of_another_world_are_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = generate(make_experiment(1.5), tmp_path / "whole", workers=1).read_bytes()
 
     def stop(*_: object) -> None:
@@ -115,14 +118,14 @@ def test_slices_of_another_world_are_not_taken_over(tmp_path: Path, monkeypatch:
             patch.setattr("fieldtruth.record.slices.Slices.join", stop)
             with pytest.raises(KeyboardInterrupt):
                 generate(make_experiment(1.5), tmp_path, workers=1)
-        assert len(list(tmp_path.glob("tiny/.slices/*/*.bag"))) == 2  # those of before are gone
+        assert len(list(tmp_path.glob("tiny/.slices/*/*.bag"))) == 2  # the earlier ones are removed
     assert generate(make_experiment(1.5), tmp_path, workers=1).read_bytes() == whole
 
 
-def test_a_finished_bag_is_kept_unless_told(tmp_path: Path) -> None:
+def test_a_finished_bag_is_kept_without_overwrite(tmp_path: Path) -> None:
     bag = generate(make_experiment(0.5), tmp_path, workers=1)
     before = bag.stat().st_mtime_ns
-    with pytest.raises(OutputError, match=r"tiny\.bag is finished already; .*--overwrite"):
+    with pytest.raises(OutputError, match=r"tiny\.bag is already finished; .*--overwrite"):
         generate(make_experiment(0.5), tmp_path, workers=1)
     assert bag.stat().st_mtime_ns == before
     content = bag.read_bytes()
@@ -130,11 +133,11 @@ def test_a_finished_bag_is_kept_unless_told(tmp_path: Path) -> None:
     assert bag.stat().st_mtime_ns != before
 
 
-def test_another_experiment_is_kept_unless_told(tmp_path: Path) -> None:
+def test_another_experiment_is_kept_without_overwrite(tmp_path: Path) -> None:
     bag = generate(make_experiment(0.5), tmp_path, workers=1)
     before = {path: path.read_bytes() for path in bag.parent.iterdir()}
     other = make_experiment(1.5, seed=4)
-    with pytest.raises(OutputError, match=r"another experiment \(other: seed, seconds\).*--overwrite"):
+    with pytest.raises(OutputError, match=r"another experiment \(different: seed, seconds\).*--overwrite"):
         generate(other, tmp_path, workers=1)
     assert {path: path.read_bytes() for path in bag.parent.iterdir()} == before
     generate(other, tmp_path, workers=1, overwrite=True)
@@ -142,7 +145,7 @@ def test_another_experiment_is_kept_unless_told(tmp_path: Path) -> None:
     assert bag.read_bytes() == generate(other, tmp_path / "fresh", workers=1).read_bytes()
 
 
-def test_a_broken_experiment_file_is_kept_unless_told(tmp_path: Path) -> None:
+def test_a_broken_experiment_file_is_kept_without_overwrite(tmp_path: Path) -> None:
     folder = tmp_path / "tiny"
     folder.mkdir()
     (folder / "experiment.yaml").write_text("seed: [")
@@ -159,12 +162,12 @@ def test_files_of_the_user_are_never_touched(tmp_path: Path) -> None:
     assert (tmp_path / "tiny" / "mine" / "notes.txt").read_text() == "keep"
 
 
-def test_a_file_where_the_folder_should_be(tmp_path: Path) -> None:
+def test_a_file_in_the_path_of_the_folder(tmp_path: Path) -> None:
     (tmp_path / "data").write_text("")
-    with pytest.raises(OutputError, match=r"cannot write .*tiny: a (part of the path|file stands)"):
+    with pytest.raises(OutputError, match=r"cannot write .*tiny: a (part of the path is a file|file exists)"):
         generate(make_experiment(0.5), tmp_path / "data", workers=1)
     (tmp_path / "tiny").write_text("")
-    with pytest.raises(OutputError, match=r"cannot write .*tiny: a file stands where a folder should be"):
+    with pytest.raises(OutputError, match=r"cannot write .*tiny: a file exists where a folder is needed"):
         generate(make_experiment(0.5), tmp_path, workers=1)
 
 
@@ -172,10 +175,10 @@ def refuse(*_: object, **__: object) -> None:
     raise PermissionError(13, "Permission denied")
 
 
-@pytest.mark.parametrize("method", ["mkdir", "write_text"])
+@pytest.mark.parametrize("method", ["mkdir", "write_bytes"])
 def test_an_unwritable_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str) -> None:
     monkeypatch.setattr(Path, method, refuse)  # root may write anywhere
-    with pytest.raises(OutputError, match=r"cannot write .*tiny: no permission to write there$"):
+    with pytest.raises(OutputError, match=r"cannot write .*tiny: permission denied$"):
         generate(make_experiment(0.5), tmp_path, workers=1)
 
 
@@ -202,19 +205,14 @@ def test_the_output_folder_itself_may_be_a_link(tmp_path: Path) -> None:
 
 def test_two_runs_do_not_share_a_folder(tmp_path: Path) -> None:
     (tmp_path / "tiny").mkdir()
-    handle = os.open(tmp_path / "tiny", os.O_RDONLY)
-    fcntl.flock(handle, fcntl.LOCK_EX)
-    with pytest.raises(OutputError, match="is in use"):
+    with locked(tmp_path / "tiny"), pytest.raises(OutputError, match="is in use"):
         generate(make_experiment(0.5), tmp_path, workers=1)
-    os.close(handle)
     generate(make_experiment(0.5), tmp_path, workers=1)
 
 
-def test_an_error_of_the_drive_leaves_a_folder_that_can_be_used(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failed_drive_leaves_the_folder_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def stuck(*_: object) -> None:
-        raise DriveError("stuck at 3 s before way-point 1")
+        raise DriveError("stuck at 3 s before waypoint 1")
 
     with monkeypatch.context() as patch:
         patch.setattr(pipeline, "drive", stuck)
@@ -228,12 +226,12 @@ def test_an_error_of_the_drive_leaves_a_folder_that_can_be_used(
         with pytest.raises(DriveError):
             generate(make_experiment(1.5), tmp_path, workers=1, overwrite=True)
     assert bag.read_bytes() == content  # nothing is lost
-    with pytest.raises(OutputError, match="finished already"):
+    with pytest.raises(OutputError, match="already finished"):
         generate(make_experiment(0.5), tmp_path, workers=1)
 
 
 class Notes:
-    """Notes what a run tells."""
+    """Records the progress of a run."""
 
     def __init__(self) -> None:
         self.stages: dict[str, tuple[float | None, float]] = {}
@@ -250,7 +248,7 @@ class Notes:
         yield advance
 
 
-def test_progress_is_told_stage_by_stage(tmp_path: Path) -> None:
+def test_progress_is_reported_by_stage(tmp_path: Path) -> None:
     notes = Notes()
     generate(make_experiment(2.5), tmp_path, workers=1, progress=notes)
     assert list(notes.stages) == [
@@ -259,14 +257,14 @@ def test_progress_is_told_stage_by_stage(tmp_path: Path) -> None:
         "prepare the scene",
         "sense and label",
         "write the bag",
-        "sum it up",
+        "card and checksums",
     ]
     assert notes.stages["sense and label"] == (2.5, 0.0)
     assert notes.done["sense and label"] == pytest.approx(2.5)
     assert notes.done["write the bag"] == pytest.approx(2.5)
 
 
-def test_what_an_earlier_run_has_done_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_progress_counts_the_slices_of_an_earlier_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
@@ -281,11 +279,32 @@ def test_what_an_earlier_run_has_done_is_told(tmp_path: Path, monkeypatch: pytes
     assert notes.done["sense and label"] == pytest.approx(1.0)
 
 
-def test_a_fingerprint_sees_every_value() -> None:
+def test_the_key_of_slices_depends_on_every_input_value() -> None:
     world = make_world()
-    assert fingerprint(world, 1) == fingerprint(make_world(), 1)
-    assert fingerprint(world, 1) != fingerprint(world, 2)
+    assert slices_key(world, 1) == slices_key(make_world(), 1)
+    assert slices_key(world, 1) != slices_key(world, 2)
     changed = make_world()
     changed.terrain.field.heights[1, 1] += 1e-6
-    assert fingerprint(changed, 1) != fingerprint(world, 1)
-    assert fingerprint(["ab", "c"]) != fingerprint(["a", "bc"])
+    assert slices_key(changed, 1) != slices_key(world, 1)
+
+
+SHAPES_SLICES = ("core/classes", "sense/lidar", "render/camera", "world/model", "bag/sensor_messages", "record/streams")
+LEAVES_SLICES = ("report/card", "exporters/pcd", "validation/check", "datasets/run", "cli/__main__")
+
+
+@pytest.mark.parametrize(
+    ("module", "changes"), [*((m, True) for m in SHAPES_SLICES), *((m, False) for m in LEAVES_SLICES)]
+)
+def test_only_edits_of_code_that_makes_slices_change_their_key(
+    module: str, changes: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = Path(pipeline.__file__).parent
+    shutil.copytree(source, tmp_path / "fieldtruth", ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(cache, "_ROOT", tmp_path)
+    cache._sources_digest.cache_clear()
+    before = slices_key()
+    with (tmp_path / "fieldtruth" / f"{module}.py").open("a") as file:
+        file.write("# edited\n")
+    cache._sources_digest.cache_clear()
+    assert (slices_key() != before) == changes
+    cache._sources_digest.cache_clear()

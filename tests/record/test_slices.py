@@ -21,21 +21,21 @@ def joined(folder: Path, workers: int, seed: int = 0) -> bytes:
     return (folder / "x.bag").read_bytes()
 
 
-def test_same_bytes_whoever_made_them_and_others_for_another_seed(tmp_path: Path) -> None:
+def test_bytes_depend_on_the_seed_and_not_on_the_number_of_workers(tmp_path: Path) -> None:
     alone = joined(tmp_path / "one", 1)
     assert joined(tmp_path / "two", 2) == alone
     assert joined(tmp_path / "three", 3) == alone
     assert joined(tmp_path / "other", 2, seed=1) != alone
 
 
-def test_missing_slices_alone_are_made(tmp_path: Path) -> None:
+def test_only_missing_slices_are_made(tmp_path: Path) -> None:
     whole = joined(tmp_path / "whole", 2)
     slices = make_slices(tmp_path / "again", EXPERIMENT)
     slices.folder.mkdir()
     slices.make(1)
     kept = slices.path(0).stat().st_mtime_ns
     slices.path(2).unlink()
-    slices.path(1).rename(slices.path(1).with_suffix(".bag.part"))  # as a kill leaves it
+    slices.path(1).rename(slices.path(1).with_suffix(".bag.part"))  # the state after a kill
     assert slices.missing() == [1, 2]
     slices.make(2)
     assert slices.path(0).stat().st_mtime_ns == kept
@@ -45,14 +45,14 @@ def test_missing_slices_alone_are_made(tmp_path: Path) -> None:
 
 
 def test_progress_adds_up_to_the_simulated_time(tmp_path: Path) -> None:
-    told: list[float] = []
+    reported: list[float] = []
     slices = make_slices(tmp_path, EXPERIMENT)
-    slices.make(2, told.append)
-    assert sum(told) == pytest.approx(3.2, abs=1e-9)
-    assert len(told) > 20
-    told.clear()
-    slices.join(tmp_path / "x.bag", told.append)
-    assert sum(told) == pytest.approx(3.2, abs=1e-9)
+    slices.make(2, reported.append)
+    assert sum(reported) == pytest.approx(3.2, abs=1e-9)
+    assert len(reported) > 20
+    reported.clear()
+    slices.join(tmp_path / "x.bag", reported.append)
+    assert sum(reported) == pytest.approx(3.2, abs=1e-9)
 
 
 def test_every_worker_has_its_own_sensors(tmp_path: Path) -> None:
@@ -79,7 +79,7 @@ def test_every_worker_has_its_own_sensors(tmp_path: Path) -> None:
     assert all(len(threads) == 1 for threads in owners.values())
 
 
-def test_an_error_in_one_worker_ends_all_and_keeps_what_is_done(
+def test_an_error_in_one_worker_stops_all_and_keeps_finished_slices(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     slices = make_slices(tmp_path, EXPERIMENT)
@@ -91,7 +91,9 @@ def test_an_error_in_one_worker_ends_all_and_keeps_what_is_done(
         write_chunk(self, chunk)  # type: ignore[arg-type]
 
     monkeypatch.setattr(Writer, "write_chunk", full)
-    with pytest.raises(OutputError, match=r"cannot write .*000001\.bag: no space left; make room and run the same"):
+    with pytest.raises(
+        OutputError, match=r"cannot write .*000001\.bag: no space left; free some space and run the same"
+    ):
         slices.make(1)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["000000.bag"]
 

@@ -7,8 +7,8 @@ what it holds goes unchanged, with what was seen in between, into a new bag.
 """
 
 import os
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -22,20 +22,16 @@ from fieldtruth.bag.robot_messages import tf_static
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.bag.types import F8
 from fieldtruth.core.errors import ConfigurationError, OutputError
-from fieldtruth.core.files import output_errors
+from fieldtruth.core.files import locked, output_errors
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.record.folder import RunFolder, fingerprint, locked
-from fieldtruth.record.slices import Slices
-from fieldtruth.record.streams import Sensors, Stream, camera_stream, lidar_stream
-from fieldtruth.render.bake import bake
-from fieldtruth.render.camera import Camera
-from fieldtruth.sense.lidar import Lidar
-from fieldtruth.sense.scene import Scene
+from fieldtruth.record.folder import RunFolder, new_folder
+from fieldtruth.record.sensors import sensor_factory
+from fieldtruth.record.slices import Slices, slices_key
+from fieldtruth.record.streams import Stream, camera_stream, lidar_stream
 from fieldtruth.world.build import check_layout, load_world
-from fieldtruth.world.model import World
 
 
 def annotate(
@@ -99,12 +95,13 @@ def annotate(
         check_objects(run, world)
         check_place(poses.trajectory, streams, rig, world)
 
-        work = folder.work(fingerprint(world, rig, light, poses.trajectory))
+        work = folder.slices(slices_key(world, rig, light, poses.trajectory))
         start_ns = min(int(stream.stamps_ns[0]) for stream in streams) - 1
-        slices = Slices(work, streams, added, _sensors(world, rig, light, progress), start_ns)
+        with progress.stage("prepare the scene"):
+            sensors = sensor_factory(world, rig, light)
+        slices = Slices(work, streams, added, sensors, start_ns)
         seconds = (slices.end_ns - start_ns) / 1e9
-        done = seconds - sum(map(slices.seconds, slices.missing()))
-        with progress.stage("sense and label", seconds, done) as advance:
+        with progress.stage("sense and label", seconds, slices.seconds_done) as advance:
             slices.make(workers, advance)
         with progress.stage("write the bag", run.duration_s) as advance:
             weave(run, slices, target, _fixed(poses, frames), poses.recorded_at, advance)
@@ -113,41 +110,21 @@ def annotate(
 
 @contextmanager
 def _work_folder(target: Path) -> Iterator[RunFolder]:
-    """Open a hidden folder beside the new bag for slices; they stay there when the work is stopped.
+    """Open and lock a hidden folder for slices beside the new bag; it is kept when the work is interrupted.
 
     Raises:
-        OutputError: the bag is there already, another process makes it, or it cannot be written.
+        OutputError: the bag exists, another process is making it, or it cannot be written.
     """
     path = target.with_name(f".{target.name}.parts")
     with output_errors(target):
         if os.path.lexists(target):
-            raise OutputError(f"{target} is there already; remove it, or choose another --out")
-        new = [folder for folder in (path, *path.parents) if not folder.exists()]
-        path.mkdir(parents=True, exist_ok=True)
+            raise OutputError(f"{target} already exists; remove it, or choose another --out")
     folder = RunFolder(path, target)
-    with locked(path):
-        try:
+    with new_folder(path):
+        with locked(path):
             yield folder
             folder.clean()
-            path.rmdir()
-        except BaseException:
-            with suppress(OSError):  # those that are not empty stay
-                for each in new:
-                    each.rmdir()
-            raise
-
-
-def _sensors(world: World, rig: Rig, light: LightConfig, progress: Progress) -> Callable[[], Sensors]:
-    """Prepare the scene, and return what makes each worker's sensors in it."""
-    with progress.stage("prepare the scene"):
-        scene = Scene(world)
-        baked = bake(scene, light) if rig.cameras.enabled else None
-
-    def sensors() -> Sensors:
-        lidar = Lidar(rig.lidar, scene) if rig.lidar.enabled else None
-        return Sensors(lidar, Camera(rig.cameras, baked, reuse=True) if baked is not None else None)
-
-    return sensors
+        path.rmdir()
 
 
 def _added_topics(run: Run, rig: Rig) -> list[table.Topic]:

@@ -26,8 +26,9 @@ from fieldtruth.bag.trajectory import I8, Trajectory
 from fieldtruth.bag.types import F8
 from fieldtruth.core import frames
 from fieldtruth.core.errors import UnknownNameError, nearest_first
+from fieldtruth.core.progress import Advance
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.record.slices import TELL_NS, Advance
+from fieldtruth.record.slices import PROGRESS_NS
 
 LARGEST_STEP_NS: Final = 200_000_000
 """Poses farther apart than this are a gap: what a robot did in between is not known to a pixel."""
@@ -89,13 +90,13 @@ def read_poses(run: Run, rig: Rig, robot: str, advance: Advance) -> Poses:
     log = _Log(source, rig)
     with open_bag(run.bag) as bag:
         reader = _Odometry(bag) if source == table.ODOMETRY else _ModelStates(robot)
-        told_ns = run.start_ns
+        reported_ns = run.start_ns
         for raw in bag.messages():
             if raw.topic == source and (pose := reader.pose(raw)) is not None:
                 log.add(pose, raw.stamp_ns)
-            if raw.stamp_ns - told_ns >= TELL_NS:
-                advance((raw.stamp_ns - told_ns) / 1e9)
-                told_ns = raw.stamp_ns
+            if raw.stamp_ns - reported_ns >= PROGRESS_NS:
+                advance((raw.stamp_ns - reported_ns) / 1e9)
+                reported_ns = raw.stamp_ns
     log.finish()
     if not log.stamps:
         reader.explain_absence()

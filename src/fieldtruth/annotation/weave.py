@@ -14,7 +14,8 @@ from fieldtruth.bag.reader import open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.writer import BagWriter
 from fieldtruth.core.files import output_errors
-from fieldtruth.record.slices import TELL_NS, Advance, Slices
+from fieldtruth.core.progress import Advance
+from fieldtruth.record.slices import PROGRESS_NS, Slices
 
 
 class _Entry(NamedTuple):
@@ -60,9 +61,9 @@ def weave(
                     for raw in part.messages():
                         yield _Entry(recorded_at(raw.stamp_ns), raw.topic, raw.data)
 
-        told_ns = run.start_ns
+        reported_ns = run.start_ns
         for entry in merge(theirs(), ours(), key=lambda entry: entry.stamp_ns):
             bag.write(entry.topic, entry.stamp_ns, entry.data)
-            if entry.stamp_ns - told_ns >= TELL_NS:
-                advance((entry.stamp_ns - told_ns) / 1e9)
-                told_ns = entry.stamp_ns
+            if entry.stamp_ns - reported_ns >= PROGRESS_NS:
+                advance((entry.stamp_ns - reported_ns) / 1e9)
+                reported_ns = entry.stamp_ns

@@ -1,36 +1,26 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The folder of a run: what may be written there, what is there already, and what a run that was stopped left behind.
+"""The folder of a run: what may be written there, and how an interrupted run is resumed.
 
-OUT/NAME/NAME.bag appears when the run is complete, after its card and its checksums; OUT/NAME/experiment.yaml says what
-the folder is for as soon as the robot has reached its goal; OUT/NAME/.slices holds the finished slices until then.
-Nothing else is ever touched, and a run that ends before it begins to sense (a route that leads into a tree) leaves
-everything as it was.
+OUT/NAME/experiment.yaml is written as soon as the robot has reached its goal; OUT/NAME/.slices holds the finished time
+slices; OUT/NAME/NAME.bag appears last, after the data card and the checksums. No other file is touched. A run that
+fails before it senses anything (its route leads through a tree) leaves the folder as it was.
 """
 
-import contextlib
-import dataclasses
-import fcntl
-import hashlib
-import os
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
-import numpy as np
-
-import fieldtruth
 from fieldtruth.bag.checksums import CHECKSUMS, checksum_lines, sha256_of
-from fieldtruth.bag.run import CARD
+from fieldtruth.bag.run import CARD, EXPERIMENT
 from fieldtruth.core.errors import FieldtruthError, OutputError
-from fieldtruth.core.files import output_errors
+from fieldtruth.core.files import locked, output_errors, write_atomically
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
 
-_WORK: Final = ".slices"
-_EXPERIMENT: Final = "experiment.yaml"
+_SLICES: Final = ".slices"
 
 
 class RunFolder(NamedTuple):
@@ -40,134 +30,94 @@ class RunFolder(NamedTuple):
     bag: Path
 
     def begin(self, experiment: Experiment, *, overwrite: bool) -> None:
-        """Write down what the folder is for; with ``overwrite`` what it holds of an earlier run goes now."""
+        """Write experiment.yaml and remove the outputs of an earlier run; with ``overwrite`` also its slices."""
         with output_errors(self.path):
             if overwrite:
                 self.clean()
             for path in (self.bag, self.path / CARD, self.path / CHECKSUMS):
                 path.unlink(missing_ok=True)
-            _write_whole(self.path / _EXPERIMENT, dump_experiment(experiment))
+            write_atomically(self.path / EXPERIMENT, dump_experiment(experiment))
 
-    def work(self, fingerprint: str) -> Path:
-        """Make the folder for slices of exactly this input; those of any other input are stale and go."""
-        work = self.path / _WORK / fingerprint[:16]
-        with output_errors(work):
-            work.mkdir(parents=True, exist_ok=True)
-            for other in work.parent.iterdir():
-                if other != work:
+    def slices(self, key: str) -> Path:
+        """Create the folder for the slices of one input, named by its key; slices of other inputs are removed."""
+        folder = self.path / _SLICES / key
+        with output_errors(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+            for other in folder.parent.iterdir():
+                if other != folder:
                     shutil.rmtree(other)
-        return work
+        return folder
 
     def finish(self, bag: Path, card: str) -> None:
-        """Write card and checksums, and give a bag that was made in the work folder its name; then the work is done."""
+        """Write data card and checksums, move the finished bag to its name, and remove the slices."""
         with output_errors(self.path):
-            _write_whole(self.path / CARD, card)
-            sums = f"{sha256_of(bag)}  {self.bag.name}\n" + checksum_lines(self.path, [_EXPERIMENT, CARD])
-            _write_whole(self.path / CHECKSUMS, sums)
+            write_atomically(self.path / CARD, card)
+            sums = f"{sha256_of(bag)}  {self.bag.name}\n" + checksum_lines(self.path, [EXPERIMENT, CARD])
+            write_atomically(self.path / CHECKSUMS, sums)
             bag.replace(self.bag)
         self.clean()
 
     def clean(self) -> None:
-        """Remove the slices; the bag holds them all."""
-        shutil.rmtree(self.path / _WORK, ignore_errors=True)
+        """Remove the slices."""
+        shutil.rmtree(self.path / _SLICES, ignore_errors=True)
 
 
 @contextmanager
 def run_folder(experiment: Experiment, out: Path, *, overwrite: bool = False) -> Iterator[RunFolder]:
-    """Open OUT/NAME for a run; no other process gets it until this one is done. An unfinished run is taken up again.
+    """Open OUT/NAME for a run and lock it against other processes.
 
     Raises:
         OutputError: the folder holds a finished bag or another experiment and ``overwrite`` is off, is in use, lies
             outside ``out`` through a link, or cannot be written.
     """
     path = out / experiment.name
-    new = [folder for folder in (path, *path.parents) if not folder.exists()]
-    with output_errors(path):
-        path.mkdir(parents=True, exist_ok=True)
-    if not path.resolve().is_relative_to(out.resolve()) or (path / _WORK).is_symlink():
-        raise OutputError(f"{path} leads out of {out} through a link; remove the link or choose another folder")
-    run = RunFolder(path, path / f"{experiment.name}.bag")
-    with locked(path):
-        if not overwrite:
-            _refuse_occupied(run, experiment)
-        try:
+    with new_folder(path):
+        if not path.resolve().is_relative_to(out.resolve()) or (path / _SLICES).is_symlink():
+            raise OutputError(f"{path} leads out of {out} through a link; remove the link or choose another folder")
+        run = RunFolder(path, path / f"{experiment.name}.bag")
+        with locked(path):
+            if not overwrite:
+                _refuse_occupied(run, experiment)
             yield run
-        except BaseException:
-            with contextlib.suppress(OSError):  # those that are not empty stay
-                for folder in new:
-                    folder.rmdir()
-            raise
-
-
-def fingerprint(*parts: object) -> str:
-    """SHA-256 of this package's code and of dataclasses, mappings, sequences and arrays, value by value.
-
-    Equal inputs to equal code have equal fingerprints; so slices are never joined with those of another version.
-    """
-    digest = hashlib.sha256()
-    package = Path(fieldtruth.__file__).parent
-    _feed(digest, [(str(path.relative_to(package)), path.read_bytes()) for path in sorted(package.rglob("*.py"))])
-    _feed(digest, parts)
-    return digest.hexdigest()
-
-
-def _feed(digest: "hashlib._Hash", value: object) -> None:
-    if isinstance(value, np.ndarray):
-        digest.update(f"{value.dtype}{value.shape}".encode())
-        digest.update(np.ascontiguousarray(value).data)
-    elif dataclasses.is_dataclass(value):
-        _feed(digest, [(field.name, getattr(value, field.name)) for field in dataclasses.fields(value)])
-    elif isinstance(value, Mapping):
-        _feed(digest, list(value.items()))
-    elif isinstance(value, bytes):
-        digest.update(f"{len(value)}:".encode() + value)
-    elif isinstance(value, Sequence) and not isinstance(value, str):
-        digest.update(f"{len(value)}:".encode())
-        for item in value:
-            _feed(digest, item)
-    else:
-        digest.update(repr(value).encode())
-
-
-def _refuse_occupied(run: RunFolder, experiment: Experiment) -> None:
-    differences = _differences(run.path / _EXPERIMENT, experiment)
-    if differences:
-        raise OutputError(
-            f"{run.path} holds another experiment ({differences}); choose another --out, or --overwrite replaces it"
-        )
-    if run.bag.exists():
-        run.clean()
-        raise OutputError(f"{run.bag} is finished already; choose another --out, or --overwrite makes it again")
-
-
-def _differences(path: Path, experiment: Experiment) -> str:
-    """In which keys the experiment in a file differs from this one; empty if in none, or if there is no file."""
-    if not path.exists():
-        return ""
-    try:
-        theirs = parse_experiment(path.read_text(encoding="utf-8")).model_dump()
-    except (FieldtruthError, OSError, ValueError):
-        return f"its {path.name} cannot be read"
-    keys = [key for key, value in experiment.model_dump().items() if theirs[key] != value]
-    return f"other: {', '.join(keys)}" if keys else ""
-
-
-def _write_whole(path: Path, text: str) -> None:
-    part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(path)
 
 
 @contextmanager
-def locked(path: Path) -> Iterator[None]:
-    """Hold the folder; the system lets go of it when the process ends, however it ends."""
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(handle)
-        raise OutputError(f"{path} is in use: another run is writing there; wait for it or stop it") from None
+def new_folder(path: Path) -> Iterator[None]:
+    """Make a folder and its parents; if the block raises, those that are new and still empty are removed.
+
+    Raises:
+        OutputError: the folder cannot be made.
+    """
+    new = [folder for folder in (path, *path.parents) if not folder.exists()]
+    with output_errors(path):
+        path.mkdir(parents=True, exist_ok=True)
     try:
         yield
-    finally:
-        os.close(handle)
+    except BaseException:
+        with suppress(OSError):
+            for folder in new:
+                folder.rmdir()
+        raise
+
+
+def _refuse_occupied(run: RunFolder, experiment: Experiment) -> None:
+    differences = _differences(run.path / EXPERIMENT, experiment)
+    if differences:
+        raise OutputError(
+            f"{run.path} holds another experiment ({differences}); choose another --out, or replace it with --overwrite"
+        )
+    if run.bag.exists():
+        run.clean()
+        raise OutputError(f"{run.bag} is already finished; choose another --out, or replace it with --overwrite")
+
+
+def _differences(path: Path, experiment: Experiment) -> str:
+    """Keys in which the experiment in a file differs from this one; empty if there are none, or no file."""
+    if not path.exists():
+        return ""
+    try:
+        stored = parse_experiment(path.read_text(encoding="utf-8")).model_dump()
+    except (FieldtruthError, OSError, ValueError):
+        return f"its {path.name} cannot be read"
+    keys = [key for key, value in experiment.model_dump().items() if stored[key] != value]
+    return f"different: {', '.join(keys)}" if keys else ""

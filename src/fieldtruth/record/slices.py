@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The unit of work is a time slice: a small bag that is a pure function of (world, track, rig, slice number).
+"""Time slices, the unit of work: small bags that depend on nothing but world, track, rig and slice number.
 
-Slice k holds the stamps in (k S, (k + 1) S] after the start. It gets its name only when it is whole, so what
-stands in the folder is done, whatever stopped the run; missing slices are made by threads, and joined in time order
-they are the recording.
+Slice k holds the stamps in (k S, (k + 1) S] after the start. It gets its name only when it is complete, so every slice
+in the folder is finished, however the run was interrupted. Threads make the missing slices; joined in time order they
+are the recording.
 """
 
 import threading
@@ -17,21 +17,31 @@ import numpy as np
 
 from fieldtruth.bag.topics import Topic
 from fieldtruth.bag.writer import BagWriter
+from fieldtruth.core.cache import cache_key
 from fieldtruth.core.files import output_errors
+from fieldtruth.core.progress import Advance
 from fieldtruth.record.streams import Sensors, Stream
 
-SLICE_NS: Final = 10**9  # [ns] of simulated time
-TELL_NS: Final = 10**8  # [ns] of simulated time between two reports of progress
+SLICE_NS: Final = 10**9
+"""Simulated time [ns] in a slice."""
+PROGRESS_NS: Final = 10**8
+"""Simulated time [ns] between two reports of progress."""
 
-Advance = Callable[[float], None]
+_MODULES: Final = ("fieldtruth.record.slices", "fieldtruth.record.sensors")
+_LIBRARIES: Final = ("numpy", "scipy", "numba", "embreex", "simplejpeg", "lz4", "rosbags")
+
+
+def slices_key(*inputs: object) -> str:
+    """Key of the slices made from ``inputs`` by the present code of sensors, rendering and bags; see ``cache_key``."""
+    return cache_key(_MODULES, *inputs, libraries=_LIBRARIES)
 
 
 def ignore(seconds: float) -> None:
-    """Tell nobody about progress."""
+    """Report no progress."""
 
 
-class _Stopped(Exception):  # noqa: N818 - it reports no error
-    """The run was told to stop while this slice was being made."""
+class _StoppedError(Exception):
+    """The run was stopped while this slice was being made."""
 
 
 class Slices:
@@ -71,22 +81,27 @@ class Slices:
         """Number of slices."""
         return -(-(self.end_ns - self.start_ns) // SLICE_NS)
 
+    @property
+    def seconds_done(self) -> float:
+        """Simulated time [s] in the slices that exist."""
+        return (self.end_ns - self.start_ns) / 1e9 - sum(map(self.seconds, self.missing()))
+
     def path(self, k: int) -> Path:
         """File of slice ``k``."""
         return self.folder / f"{k:06d}.bag"
 
     def seconds(self, k: int) -> float:
-        """Simulated time [s] that slice ``k`` holds."""
+        """Simulated time [s] in slice ``k``."""
         return (min(self._begin_ns(k + 1), self.end_ns) - self._begin_ns(k)) / 1e9
 
     def missing(self) -> list[int]:
-        """Slices that are still to be made."""
+        """Numbers of the slices that do not exist yet."""
         return [k for k in range(self.count) if not self.path(k).exists()]
 
     def make(self, workers: int, advance: Advance = ignore) -> None:
-        """Make what is missing; ``advance`` is called from the workers with the simulated time [s] just done.
+        """Make the missing slices; the workers call ``advance`` with the simulated time [s] just done.
 
-        An error, or Ctrl-C, stops all workers at their next message; finished slices stay.
+        An error, or Ctrl-C, stops all workers at their next message; finished slices are kept.
 
         Raises:
             OutputError: no space left, or the folder cannot be written.
@@ -113,18 +128,18 @@ class Slices:
     def _make_one(self, k: int, advance: Advance) -> None:
         if not hasattr(self._worker, "sensors"):
             self._worker.sensors = self._make_sensors()
-        told_ns = self._begin_ns(k)
+        reported_ns = self._begin_ns(k)
         with output_errors(self.path(k)), BagWriter(self.path(k), self.topics) as bag:
             for stamp_ns, stream, reading in self._readings(k):
                 if self._stop.is_set():
-                    raise _Stopped
+                    raise _StoppedError
                 messages = stream.messages(reading, self._worker.sensors)
                 for topic, data in zip(stream.topics, messages, strict=True):
                     bag.write(topic, stamp_ns, data)
-                if stamp_ns - told_ns >= TELL_NS:
-                    advance((stamp_ns - told_ns) / 1e9)
-                    told_ns = stamp_ns
-        advance(self.seconds(k) - (told_ns - self._begin_ns(k)) / 1e9)
+                if stamp_ns - reported_ns >= PROGRESS_NS:
+                    advance((stamp_ns - reported_ns) / 1e9)
+                    reported_ns = stamp_ns
+        advance(self.seconds(k) - (reported_ns - self._begin_ns(k)) / 1e9)
 
     def _readings(self, k: int) -> Iterable[tuple[int, Stream, int]]:
         """Stamp, stream and number of each reading of slice ``k``: in time order, ties in the streams' order."""

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""From world, track and rig to streams of messages: each stream knows its stamps and can make any of its readings.
+"""Streams of messages from world, track and rig: each has its stamps and can make any of its readings.
 
-A reading depends on nothing but its number, so any part of a recording can be made alone, in any order, by any thread.
+A reading depends on nothing but its number, so parts of a recording can be made in any order and by any thread.
 """
 
 from collections.abc import Callable, Iterable
@@ -12,18 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import robot_messages, sensor_messages, topics
-from fieldtruth.bag.types import F8
+from fieldtruth.core.arrays import Array
 from fieldtruth.drive.state import state_at
 from fieldtruth.drive.track import Stamps, Track, stamps_at_rate
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, LidarConfig, Rig
 from fieldtruth.world.model import World
 
-PoseAt = Callable[[int], F8]
+PoseAt = Callable[[int], Array]
 """``world_from_base`` (4, 4) at a stamp [ns]."""
 
 
 class CameraImages(Protocol):
-    """What a camera hands over: ``photo`` (h, w, 3) RGB, and ``label``, ``instance``, ``depth`` (h, w)."""
+    """Result of a camera: ``photo`` (h, w, 3) RGB, and ``label``, ``instance``, ``depth`` (h, w)."""
 
     @property
     def photo(self) -> NDArray[np.uint8]: ...  # noqa: D102
@@ -38,7 +38,7 @@ class CameraImages(Protocol):
 class Lidar(Protocol):
     """A LiDAR in a scene."""
 
-    def scan(self, world_from_lidar: F8) -> sensor_messages.Scan:
+    def scan(self, world_from_lidar: Array) -> sensor_messages.Scan:
         """Scan from a pose (4, 4), or from a pose for each column, (columns, 4, 4)."""
         ...
 
@@ -46,20 +46,20 @@ class Lidar(Protocol):
 class Camera(Protocol):
     """A camera in a scene."""
 
-    def render(self, world_from_optical: F8) -> CameraImages:
+    def render(self, world_from_optical: Array) -> CameraImages:
         """Render from a pose (4, 4)."""
         ...
 
 
 class Sensors(NamedTuple):
-    """The sensors of one worker: they own buffers, so no two threads share them."""
+    """The sensors of one worker; they own buffers, so threads must not share them."""
 
     lidar: Lidar | None = None
     camera: Camera | None = None
 
 
 class Stream(NamedTuple):
-    """Readings of one source: reading k was taken at ``stamps_ns[k]`` and gives one message to each of ``topics``."""
+    """Readings of one source: reading k is taken at ``stamps_ns[k]`` and makes one message for each of ``topics``."""
 
     topics: tuple[str, ...]
     stamps_ns: Stamps
@@ -67,13 +67,13 @@ class Stream(NamedTuple):
 
 
 def streams_of(world: World, track: Track, rig: Rig) -> list[Stream]:
-    """Every stream of a recording, in the topic table's order."""
+    """Return every stream of a recording, in the order of the topic table."""
     end_ns = int(track.motion.stamps_ns[-1])
 
-    def world_from_base(stamp_ns: int) -> F8:
+    def world_from_base(stamp_ns: int) -> Array:
         return state_at(track.motion, stamp_ns).world_from_base
 
-    streams = [*_truth(world, track, rig), *_felt(track)]
+    streams = [*_truth(world, track, rig), *_measured(track)]
     if rig.lidar.enabled:
         streams.append(lidar_stream(rig.lidar, stamps_at_rate(rig.lidar.rate_hz, end_ns), world_from_base))
     if rig.cameras.enabled:
@@ -101,7 +101,7 @@ def _truth(world: World, track: Track, rig: Rig) -> list[Stream]:
     ]
 
 
-def _felt(track: Track) -> list[Stream]:
+def _measured(track: Track) -> list[Stream]:
     imu, gnss, wheels = track.imu, track.gnss, track.tachometers
     return [
         Stream((topics.IMU,), imu.stamps_ns, lambda k, _: [robot_messages.imu(k, imu)]),
@@ -117,7 +117,7 @@ def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt) -
     base_from_lidar = config.mount.base_from_sensor
     sweep_ns = np.rint(np.arange(config.columns) * (1e9 / config.rate_hz / config.columns))
 
-    def pose_at(stamp_ns: int) -> F8:
+    def pose_at(stamp_ns: int) -> Array:
         return world_from_base(stamp_ns) @ base_from_lidar
 
     def scan(k: int, sensors: Sensors) -> Iterable[bytes]:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Same experiment, same bytes, with the real world, drive and senses: for any number of workers, and after a kill."""
+"""Same experiment, same bytes, with real worlds, drives and sensors: for any number of workers, and after a kill."""
 
 import hashlib
 import os
@@ -40,7 +40,7 @@ def test_two_workers_write_the_same_bytes(once: str, tmp_path: Path) -> None:
     assert digest(generate(small(), tmp_path, workers=2)) == once
 
 
-def test_a_killed_run_goes_on_and_ends_with_the_same_bytes(once: str, tmp_path: Path) -> None:
+def test_a_killed_run_resumes_and_ends_with_the_same_bytes(once: str, tmp_path: Path) -> None:
     source = tmp_path / "small.yaml"
     source.write_text(dump_experiment(small()))
     out = tmp_path / "data"
@@ -48,7 +48,7 @@ def test_a_killed_run_goes_on_and_ends_with_the_same_bytes(once: str, tmp_path: 
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     deadline = time.monotonic() + 300
     slices = out / "park_1" / ".slices"
-    while not list(slices.rglob("*.bag")):  # the first slice that is whole
+    while not list(slices.rglob("*.bag")):  # the first finished slice
         assert process.poll() is None
         assert time.monotonic() < deadline
         time.sleep(0.02)

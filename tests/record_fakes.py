@@ -183,13 +183,14 @@ def make_slices(folder: Path, experiment: Experiment) -> Slices:
 
 
 def use_fakes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the pipeline build, drive and sense with these."""
+    """Replace world building, driving and sensing in the pipeline."""
     from fieldtruth import pipeline
+    from fieldtruth.record import sensors
 
     monkeypatch.setattr(pipeline, "world_of", lambda experiment: make_world(experiment.environment, experiment.seed))
     monkeypatch.setattr(pipeline, "plan_route", lambda world, experiment: experiment.route)
     monkeypatch.setattr(pipeline, "drive", make_track)
-    monkeypatch.setattr(pipeline, "Scene", FakeScene)
-    monkeypatch.setattr(pipeline, "bake", lambda scene, light: scene)
-    monkeypatch.setattr(pipeline, "Lidar", FakeLidar)
-    monkeypatch.setattr(pipeline, "Camera", FakeCamera)
+    monkeypatch.setattr(sensors, "Scene", FakeScene)
+    monkeypatch.setattr(sensors, "bake", lambda scene, light: scene)
+    monkeypatch.setattr(sensors, "Lidar", FakeLidar)
+    monkeypatch.setattr(sensors, "Camera", FakeCamera)

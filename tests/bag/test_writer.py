@@ -1,6 +1,5 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-import errno
 from pathlib import Path
 
 import pytest
@@ -11,7 +10,6 @@ from fieldtruth.bag.robot_messages import clock, wheel_speed
 from fieldtruth.bag.topics import CLOCK, TOPICS, WHEEL_SPEEDS
 from fieldtruth.bag.writer import BagWriter
 from fieldtruth.core.errors import OutputError
-from fieldtruth.core.files import output_errors
 
 TOPIC = WHEEL_SPEEDS[0]
 
@@ -81,24 +79,3 @@ def test_a_bag_is_not_overwritten(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"a\.bag exists already"):
         write(path, range(5, 9))
     assert path.read_bytes() == before
-
-
-@pytest.mark.parametrize(
-    ("number", "text"),
-    [
-        (errno.ENOSPC, "no space left; make room"),
-        (errno.EACCES, "no permission"),
-        (errno.EROFS, "the file system is read-only"),
-        (errno.EDQUOT, "no space left in your quota; make room"),
-    ],
-)
-def test_errors_of_the_system_are_one_line(number: int, text: str) -> None:
-    with pytest.raises(OutputError, match=f"^cannot write there: {text}[^\n]*$"), output_errors(Path("there")):
-        raise OSError(number, "as the system says it")
-
-
-def test_other_errors_of_the_system_stay_what_they_are() -> None:
-    with pytest.raises(OutputError, match=r"^cannot write there: no such device$"), output_errors(Path("there")):
-        raise OSError(errno.ENODEV, "No such device", "there/file")
-    with pytest.raises(ConnectionError), output_errors(Path("there")):
-        raise ConnectionError(errno.ECONNRESET, "reset")

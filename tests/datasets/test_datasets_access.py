@@ -257,7 +257,7 @@ def test_a_bag_that_is_gone_changed_or_damaged_says_so(spoilt: tuple[Path, RunDa
 
 
 def test_the_documents_name_every_item_and_every_key() -> None:
-    text = (Path(__file__).parents[1] / "docs/datasets.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs/datasets.md").read_text(encoding="utf-8")
     rows = [line.strip("|").split("|") for line in text.splitlines() if line.startswith("| `")]
     described = {re.findall(r"`(.*?)`", row[0])[0]: set(re.findall(r"`(.*?)`", row[1])) for row in rows}
     assert list(described) == [*ALL, "(always)"]

@@ -1,0 +1,27 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The sensors of a rig in a world, as each worker thread needs its own."""
+
+from collections.abc import Callable
+
+from fieldtruth.experiment.config import LightConfig
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.record.streams import Sensors
+from fieldtruth.render.bake import bake
+from fieldtruth.render.camera import Camera
+from fieldtruth.sense.lidar import Lidar
+from fieldtruth.sense.scene import Scene
+from fieldtruth.world.model import World
+
+
+def sensor_factory(world: World, rig: Rig, light: LightConfig) -> Callable[[], Sensors]:
+    """Build the scene and bake its light, and return the function that makes sensors in it."""
+    scene = Scene(world)
+    baked = bake(scene, light) if rig.cameras.enabled else None
+
+    def make() -> Sensors:
+        lidar = Lidar(rig.lidar, scene) if rig.lidar.enabled else None
+        camera = Camera(rig.cameras, baked, reuse=True) if baked is not None else None
+        return Sensors(lidar, camera)
+
+    return make
