@@ -97,11 +97,11 @@ def test_frames_that_lack_a_part_are_left_out(short: Path, tmp_path: Path) -> No
     ("change", "words"),
     [
         (lambda t, s, d: stamped(d, 0) if t in (PHOTOS, TAGS, INSTANCES) else d, "do not rise: 0 ns comes after 0 ns"),
-        (lambda t, s, d: stamped(d, s + 7) if t.endswith("compressed") else d, "no photograph has classes and objects"),
-        (lambda t, s, d: d.replace(b"\xff\xd8\xff", b"\xff\xd8\xfe", 1) if t == PHOTOS else d, "is no JPEG"),
+        (lambda t, s, d: stamped(d, s + 7) if t.endswith("compressed") else d, "no photograph has a tag image and"),
+        (lambda t, s, d: d.replace(b"\xff\xd8\xff", b"\xff\xd8\xfe", 1) if t == PHOTOS else d, "is not a JPEG"),
         (lambda t, s, d: d[:-1] if t == "/gazebo/model_states" else d, "damaged"),
         (lambda t, s, d: d[:9] if t == TAGS else d, f"the message of {TAGS} at 40000000 ns is damaged"),
-        (lambda t, s, d: d[:-1] + b"\xff" if t == INSTANCES else d, "left camera at 40000000 ns: object 65"),
+        (lambda t, s, d: d[:-1] + b"\xff" if t == INSTANCES else d, "left camera at 40000000 ns: instance id 65"),
         (lambda t, s, d: d[:-1] + b"\x01" if t == TAGS else d, "which no class has"),
     ],
 )  # fmt: skip

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers of segments and their run lengths, against pycocotools' own encoder; names of objects against the worlds."""
+"""Segment ids, areas and boxes against NumPy, run lengths against masks that pycocotools encodes from pixels."""
 
 import numpy as np
 import pytest
@@ -10,8 +10,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from pycocotools import mask as masks
 
-from fieldtruth.exporters.coco_categories import STUFF, Numbering, categories_of
-from fieldtruth.exporters.coco_segments import segments_of
+from fieldtruth.exporters.coco_segments import STUFF, Numbering, categories_of, segments_of
 from fieldtruth.world.build import load_world
 
 
@@ -20,7 +19,7 @@ def numbered(name: str) -> bool:
 
 
 @pytest.mark.parametrize("environment", ["park", "lake", "forest", "hillside"])
-def test_names_tell_single_objects_from_swarms(environment: str) -> None:
+def test_only_names_of_single_objects_end_in_a_number(environment: str) -> None:
     world = load_world(environment, 0)
     assert all(numbered(instance.name) for instance in world.instances)
     for swarm in world.swarms:
@@ -28,8 +27,8 @@ def test_names_tell_single_objects_from_swarms(environment: str) -> None:
         assert labels <= STUFF or not numbered(swarm.name), swarm.name
 
 
-def test_numbers_of_segments() -> None:
-    """Stuff has no objects, even where a single one is made of it: a lake, or reeds, a swarm with a number."""
+def test_segment_ids_combine_category_and_object() -> None:
+    """Classes that are not countable have no objects, even a lake, or reeds, a swarm with a number in its name."""
     names = ["husky", "lake_ground", "lake_1", "high_grass_reed_1", "cable_1", "cables_beyond", "meadow_tree_12"]
     numbering = Numbering(categories_of(None), None, names)
     rows = [(1, 1, 0), (7, 1, 0), (3, 1, 0), (14, 2, 0), (6, 3, 0), (13, 4, 4), (13, 5, 0), (2, 6, 6), (3, 6, 6),
@@ -40,13 +39,13 @@ def test_numbers_of_segments() -> None:
 
 
 @given(arrays(np.uint32, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.sampled_from([0, 1, 7, 1 << 20])))
-def test_run_lengths_are_those_of_pycocotools(ids: NDArray[np.uint32]) -> None:
+def test_segments_match_encoded_masks(ids: NDArray[np.uint32]) -> None:
     assert_segments(ids)
 
 
 @pytest.mark.parametrize(("height", "width"), [(720, 1280), (1, 5000), (5000, 1)])
-def test_long_runs_are_those_of_pycocotools(height: int, width: int) -> None:
-    """Numbers of one to five characters, of either sign."""
+def test_segments_with_long_runs_match_encoded_masks(height: int, width: int) -> None:
+    """Run lengths that take one to five characters, of either sign."""
     rng = np.random.default_rng(height)
     ids = np.full((height, width), 3, np.uint32)
     assert_segments(ids)
@@ -63,7 +62,9 @@ def assert_segments(ids: NDArray[np.uint32]) -> None:
     segments = segments_of(ids)
     assert [segment.id for segment in segments] == [number for number in np.unique(ids).tolist() if number]
     for segment in segments:
-        rle = masks.encode(np.asfortranarray(ids == segment.id))
-        assert segment.counts == rle["counts"].decode()
-        assert segment.area == masks.area(rle)
-        assert [*segment.bbox] == masks.toBbox(rle).tolist()
+        mask = ids == segment.id
+        rows, columns = np.nonzero(mask)
+        x, y = columns.min(), rows.min()
+        assert segment.counts == masks.encode(np.asfortranarray(mask))["counts"].decode()
+        assert segment.area == mask.sum()
+        assert segment.bbox == [x, y, columns.max() - x + 1, rows.max() - y + 1]

@@ -1,16 +1,16 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A run in COCO's form: panoptic and detection annotations of the photographs of both cameras.
+"""Export a run as COCO: panoptic and detection annotations of the photographs of both cameras.
 
 ``images/SIDE/NS.jpg`` are the photographs, byte for byte as in the bag; ``panoptic.json`` with ``panoptic/SIDE/NS.png``
-says of each pixel to which segment it belongs, ``instances.json`` holds a mask for each thing and each crowd.
+holds the segment of each pixel, ``instances.json`` a mask for each countable object and each crowd.
 """
 
-from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
+import struct
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import simplejpeg
@@ -19,150 +19,143 @@ from numpy.typing import NDArray
 from fieldtruth.bag import decode as read
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.calibration import first_message, read_static_frames
-from fieldtruth.bag.reader import BagError, BagReader, Decoder, decoder, open_bag
+from fieldtruth.bag.reader import BagError, BagReader, Decoder, RawMessage, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory, read_trajectory
-from fieldtruth.bag.types import F8
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.coco_categories import Category, Numbering, categories_of
-from fieldtruth.exporters.coco_frames import Frame, frames_of, sides_of
-from fieldtruth.exporters.coco_json import LICENCE, Rows, document, head_of
-from fieldtruth.exporters.coco_segments import Segment, segments_of
+from fieldtruth.exporters.coco_json import Picture, coco_files
+from fieldtruth.exporters.coco_segments import Numbering, categories_of, segments_of
+
+_MOST_WAITING: Final = 100
+"""Incomplete stamps per camera; cameras that publish in step need one."""
 
 
 class Camera(NamedTuple):
-    """What all pictures of a camera share."""
+    """What all images of a camera share."""
 
     about: Mapping[str, Any]
-    """Keys and values for each image: frame and calibration."""
-    base_from_optical: F8
+    """Keys and values of each image's row: frame and calibration."""
+    base_from_optical: Array
 
 
-class Picture(NamedTuple):
-    """A frame that is written."""
+class Frame(NamedTuple):
+    """Messages of one camera with the same stamp [ns] in their headers."""
 
+    side: str
     stamp_ns: int
-    image: dict[str, Any]
-    """All of its row but the id."""
-    panoptic: str
-    segments: list[Segment]
+    photo: RawMessage
+    tag: RawMessage
+    instances: RawMessage
+
+
+class _Source(NamedTuple):
+    """What is needed to export a frame."""
+
+    cameras: Mapping[str, Camera]
+    trajectory: Trajectory
+    numbering: Numbering
+    decode: Decoder
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     """Write the folder.
 
     Raises:
-        BagError: the bag lacks photographs, tags, objects, calibration or poses, or is damaged.
+        BagError: photographs, tag images, instance images, calibration or poses are missing, or the bag is damaged.
     """
     (run,) = runs
-    sides = sides_of(run)
+    sides = _sides_of(run)
     run.require(table.MODEL_STATES, table.TF_STATIC, *map(table.camera_info, sides))
     categories = categories_of(options.label_map)
     for side in sides:
         (target / "images" / side).mkdir(parents=True)
         (target / "panoptic" / side).mkdir(parents=True)
-    with (
-        open_bag(run.bag) as bag,
-        options.progress.stage("pictures", run.duration_s) as advance,
-        ExitStack() as files,
-    ):
+    with open_bag(run.bag) as bag, options.progress.stage("images", run.duration_s) as advance:
         names = _object_names(bag)
         numbering = Numbering(categories, options.label_map, names)
-        trajectory, cameras = read_trajectory(run), _cameras(run, sides)
-        work = partial(_picture, target, cameras, trajectory, numbering, decoder(bag))
-        output = _Output(run, target, options, categories, names, files)
+        source = _Source(_cameras(run, sides), read_trajectory(run), numbering, decoder(bag))
         done_ns = run.start_ns
-        for picture in in_order(frames_of(bag, sides), work, options.workers):
-            output.add(picture)
-            advance((picture.stamp_ns - done_ns) / 1e9)
-            done_ns = picture.stamp_ns
-        output.check()
+        with coco_files(run, target, options.label_map, categories, names) as files:
+            for picture in in_order(_frames_of(bag, sides), partial(_write_frame, target, source), options.workers):
+                files.add(picture)
+                advance((picture.stamp_ns - done_ns) / 1e9)
+                done_ns = picture.stamp_ns
+    if not files.image_count:
+        raise BagError(f"{run.bag}: no photograph has a tag image and an instance image with the same stamp")
 
 
-class _Output:
-    """The two files."""
+def _sides_of(run: Run) -> list[str]:
+    """Cameras that took photographs.
 
-    def __init__(
-        self,
-        run: Run,
-        target: Path,
-        options: Options,
-        categories: list[Category],
-        names: Sequence[str],
-        files: ExitStack,
-    ) -> None:
-        self._run = run
-        self._things = {category.id for category in categories if category.isthing}
-        self._images_made = self._annotations_made = 0
-        rows = target / "images.part"
-        files.callback(rows.unlink, missing_ok=True)
-        head = head_of(run, options.label_map)
-        objects = [{"id": number, "name": name} for number, name in enumerate(names)]
-        everything = head | {"categories": [c.row() for c in categories], "objects": objects}
-        things = everything | {"categories": [c.row() for c in categories if c.isthing]}
-        self._panoptic = files.enter_context(document(target / "panoptic.json", everything, rows))
-        self._instances = files.enter_context(document(target / "instances.json", things, rows))
-        self._images = Rows(files.enter_context(rows.open("w", encoding="utf-8")))
-
-    def add(self, picture: Picture) -> None:
-        """Add a picture, its segments, and those of them that are things as annotations."""
-        self._images_made += 1
-        image_id = self._images_made
-        licence = {} if self._run.experiment is None else {"license": LICENCE["id"]}
-        self._images.add({"id": image_id} | picture.image | licence)
-        segments = []
-        size = [picture.image["height"], picture.image["width"]]
-        for segment in picture.segments:
-            category, single = divmod(segment.id, 1 << 16)
-            known = {
-                "category_id": category,
-                "area": segment.area,
-                "bbox": segment.bbox,
-                "iscrowd": int(category in self._things and not single),
-                "object_id": single,
-            }
-            segments.append({"id": segment.id} | known)
-            if category in self._things:
-                self._annotations_made += 1
-                mask = {"size": size, "counts": segment.counts}
-                row = {"id": self._annotations_made, "image_id": image_id} | known | {"segmentation": mask}
-                self._instances.add(row)
-        self._panoptic.add({"image_id": image_id, "file_name": picture.panoptic, "segments_info": segments})
-
-    def check(self) -> None:
-        """Make sure that there was anything."""
-        if not self._images_made:
-            raise BagError(f"{self._run.bag}: no photograph has classes and objects of the same stamp")
+    Raises:
+        BagError: there are none, or one of them has no tag or instance images; the text states how to make those.
+    """
+    sides = [side for side in table.SIDES if table.photograph(side) in run.counts]
+    run.require(*map(table.photograph, sides or table.SIDES), *map(table.tag, sides or table.SIDES))
+    missing = [topic for topic in map(table.instances, sides) if topic not in run.counts]
+    if missing:
+        name = "NAME" if run.experiment is None else run.experiment.name
+        hint = f"`fieldtruth generate {name} --extras instances` makes a bag that has them"
+        raise BagError(f"{run.bag} has no {', '.join(missing)}, the object of each pixel; {hint}")
+    return sides
 
 
-def _picture(
-    target: Path,
-    cameras: Mapping[str, Camera],
-    trajectory: Trajectory,
-    numbering: Numbering,
-    decode: Decoder,
-    frame: Frame,
-) -> Picture:
-    """Write the files of a frame; on any thread."""
-    camera = cameras[frame.side]
+def _frames_of(bag: BagReader, sides: Sequence[str]) -> Iterator[Frame]:
+    """Complete frames, in the order in which they become complete; stamps without one of the images are skipped.
+
+    Raises:
+        BagError: the bag is damaged, or a camera's stamps do not rise or never agree.
+    """
+    kinds = [table.photograph, table.tag, table.instances]
+    kind_of = {kind(side): (side, i) for side in sides for i, kind in enumerate(kinds)}
+    waiting: dict[str, dict[int, dict[int, RawMessage]]] = {side: {} for side in sides}
+    newest = dict.fromkeys(sides, -1)
+    for raw in bag.messages([*kind_of]):
+        side, kind = kind_of[raw.topic]
+        stamp = _header_stamp_ns(bag, raw)
+        if stamp <= newest[side]:
+            raise BagError(f"{bag.path}: stamps of {raw.topic} do not rise: {stamp} ns comes after {newest[side]} ns")
+        parts = waiting[side].setdefault(stamp, {})
+        parts[kind] = raw
+        if len(parts) == len(kinds):
+            yield Frame(side, stamp, parts[0], parts[1], parts[2])
+            newest[side] = stamp
+            waiting[side] = {later: rest for later, rest in waiting[side].items() if later > stamp}
+        elif len(waiting[side]) > _MOST_WAITING:
+            topics = ", ".join(kind(side) for kind in kinds)
+            raise BagError(f"{bag.path}: {topics} have no stamps in common, so photographs have no labels")
+
+
+def _header_stamp_ns(bag: BagReader, raw: RawMessage) -> int:
+    """Stamp [ns] in the header, with which these messages begin: ``seq``, then seconds and nanoseconds."""
+    if len(raw.data) < 12:
+        raise BagError(f"cannot read {bag.path}: the message of {raw.topic} at {raw.stamp_ns} ns is damaged")
+    seconds, nanoseconds = struct.unpack_from("<LL", raw.data, 4)
+    return int(seconds) * 10**9 + int(nanoseconds)
+
+
+def _write_frame(target: Path, source: _Source, frame: Frame) -> Picture:
+    """Write the image files of a frame; on any thread."""
+    camera = source.cameras[frame.side]
     name = f"{frame.side}/{frame.stamp_ns}"
     try:
-        label = read.labels(read.image(decode(frame.tag)))
-        numbers = numbering.number(label, read.instances(decode(frame.instances)))
+        label = read.labels(read.image(source.decode(frame.tag)))
+        ids = source.numbering.number(label, read.instances(source.decode(frame.instances)))
     except BagError as error:
         raise BagError(f"{frame.side} camera at {frame.stamp_ns} ns: {error}") from error
-    height, width = numbers.shape
-    photo = bytes(decode(frame.photo).data)
+    height, width = ids.shape
+    photo = bytes(source.decode(frame.photo).data)
     if (size := _jpeg_size(photo)) != (width, height):
-        found = "no JPEG" if size is None else f"a JPEG of {size[0]} x {size[1]} pixels"
-        raise BagError(f"the message of {frame.photo.topic} at {frame.stamp_ns} ns is {found}, its tags are of "
-                       f"{width} x {height}")  # fmt: skip
-    world_from_optical = trajectory.world_from_base(frame.stamp_ns) @ camera.base_from_optical
+        found = "not a JPEG" if size is None else f"a JPEG of {size[0]} x {size[1]} pixels"
+        message = f"the message of {frame.photo.topic} at {frame.stamp_ns} ns is {found}"
+        raise BagError(f"{message}; its tag image has {width} x {height} pixels")
     (target / "images" / f"{name}.jpg").write_bytes(photo)
-    (target / "panoptic" / f"{name}.png").write_bytes(encode_png(_colours(numbers)))
-    image = {
+    (target / "panoptic" / f"{name}.png").write_bytes(encode_png(_rgb(ids)))
+    world_from_optical = source.trajectory.world_from_base(frame.stamp_ns) @ camera.base_from_optical
+    row = {
         "file_name": f"{name}.jpg",
         "width": width,
         "height": height,
@@ -171,16 +164,16 @@ def _picture(
         **camera.about,
         "world_from_camera": world_from_optical.tolist(),
     }
-    return Picture(frame.stamp_ns, image, f"{name}.png", segments_of(numbers))
+    return Picture(frame.stamp_ns, row, f"{name}.png", segments_of(ids))
 
 
-def _colours(numbers: NDArray[np.uint32]) -> NDArray[np.uint8]:
-    """Numbers (h, w) as COCO's panoptic images write them: R + 256 G + 65536 B."""
-    return np.ascontiguousarray(numbers.astype("<u4", copy=False)).view(np.uint8).reshape(*numbers.shape, 4)[..., :3]
+def _rgb(ids: NDArray[np.uint32]) -> NDArray[np.uint8]:
+    """Segment ids (h, w) as in COCO's panoptic images: R + 256 G + 65536 B."""
+    return np.ascontiguousarray(ids.astype("<u4", copy=False)).view(np.uint8).reshape(*ids.shape, 4)[..., :3]
 
 
 def _jpeg_size(data: bytes) -> tuple[int, int] | None:
-    """Width and height of a JPEG; None if it is none."""
+    """Width and height of a JPEG, or None."""
     try:
         height, width, *_ = simplejpeg.decode_jpeg_header(data)
     except ValueError:
@@ -189,7 +182,7 @@ def _jpeg_size(data: bytes) -> tuple[int, int] | None:
 
 
 def _object_names(bag: BagReader) -> list[str]:
-    """Names of the objects, by id."""
+    """Names of the objects, by instance id."""
     first = next(bag.messages([table.MODEL_STATES]))
     return [*decoder(bag)(first).name]
 

@@ -1,23 +1,35 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""COCO's two files, written row by row: a long drive has more annotations than memory should hold."""
+"""COCO's two JSON files, written row by row: the annotations of a long drive may exceed the memory."""
 
 import json
 import shutil
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence, Set
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any, Final, TextIO
+from typing import Any, Final, NamedTuple, TextIO
 
 import fieldtruth
 from fieldtruth.bag.run import Run
+from fieldtruth.exporters.coco_segments import Category, Segment
 from fieldtruth.ontology.label_map import LabelMap
 
-LICENCE: Final = {"id": 1, "name": "CC BY 4.0", "url": "https://creativecommons.org/licenses/by/4.0/"}
+_LICENCE: Final = {"id": 1, "name": "CC BY 4.0", "url": "https://creativecommons.org/licenses/by/4.0/"}
 
 
-class Rows:
-    """An array in a text file that grows."""
+class Picture(NamedTuple):
+    """An exported image."""
+
+    stamp_ns: int
+    row: dict[str, Any]
+    """Its row in ``images``, without id and licence."""
+    panoptic: str
+    """File name of its panoptic PNG."""
+    segments: list[Segment]
+
+
+class _Rows:
+    """A JSON array that grows in a text file."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -29,28 +41,78 @@ class Rows:
         self._separator = ",\n"
 
 
+class CocoFiles:
+    """The rows of ``panoptic.json`` and ``instances.json``, image by image."""
+
+    def __init__(self, images: _Rows, panoptic: _Rows, instances: _Rows, countable: Set[int], *, own: bool) -> None:
+        self._images, self._panoptic, self._instances, self._countable = images, panoptic, instances, countable
+        self._licence = {"license": _LICENCE["id"]} if own else {}
+        self.image_count = self._annotation_count = 0
+
+    def add(self, picture: Picture) -> None:
+        """Add an image and its segments; segments of countable classes become annotations, too."""
+        self.image_count += 1
+        self._images.add({"id": self.image_count} | picture.row | self._licence)
+        segments = []
+        size = [picture.row["height"], picture.row["width"]]
+        for segment in picture.segments:
+            category, object_id = divmod(segment.id, 1 << 16)
+            countable = category in self._countable
+            known = {
+                "category_id": category,
+                "area": segment.area,
+                "bbox": segment.bbox,
+                "iscrowd": int(countable and not object_id),
+                "object_id": object_id,
+            }
+            segments.append({"id": segment.id} | known)
+            if countable:
+                self._annotation_count += 1
+                row = {"id": self._annotation_count, "image_id": self.image_count} | known
+                self._instances.add(row | {"segmentation": {"size": size, "counts": segment.counts}})
+        self._panoptic.add({"image_id": self.image_count, "file_name": picture.panoptic, "segments_info": segments})
+
+
 @contextmanager
-def document(path: Path, head: Mapping[str, Any], images: Path) -> Iterator[Rows]:
-    """Write the keys in ``head``, the annotations that are added, and the images, whose rows lie in a file."""
+def coco_files(
+    run: Run, folder: Path, label_map: LabelMap | None, categories: Sequence[Category], names: Sequence[str]
+) -> Iterator[CocoFiles]:
+    """Open both files; they are complete when the context ends. ``names`` are those of the objects, by instance id."""
+    rows = folder / "images.part"
+    head = _head(run, label_map)
+    objects = [{"id": number, "name": name} for number, name in enumerate(names)]
+    countable = [category for category in categories if category.isthing]
+    with ExitStack() as stack:
+        stack.callback(rows.unlink, missing_ok=True)
+        panoptic, instances = (
+            stack.enter_context(
+                _document(folder / name, head | {"categories": [c.row() for c in chosen], "objects": objects}, rows)
+            )
+            for name, chosen in (("panoptic.json", categories), ("instances.json", countable))
+        )
+        images = _Rows(stack.enter_context(rows.open("w", encoding="utf-8")))
+        yield CocoFiles(images, panoptic, instances, {c.id for c in countable}, own=run.experiment is not None)
+
+
+@contextmanager
+def _document(path: Path, head: Mapping[str, Any], images: Path) -> Iterator[_Rows]:
+    """Write the keys of ``head``, the annotations that are added, and the images, whose rows are in a file."""
     with path.open("w", encoding="utf-8") as stream:
         stream.write("{")
         for key, value in head.items():
             stream.write(f"{json.dumps(key)}:{json.dumps(value, ensure_ascii=False)},\n")
         stream.write('"annotations":[')
-        yield Rows(stream)
+        yield _Rows(stream)
         stream.write('\n],\n"images":[')
         with images.open(encoding="utf-8") as rows:
             shutil.copyfileobj(rows, stream)
         stream.write("\n]}\n")
 
 
-def head_of(run: Run, label_map: LabelMap | None) -> dict[str, Any]:
-    """Return what both files say of the whole: ``info`` and ``licenses``.
-
-    Only bags that this package made are known to be free: the licences of others are not told.
-    """
+def _head(run: Run, label_map: LabelMap | None) -> dict[str, Any]:
+    """``info`` and ``licenses`` of both files; the licence is known only for bags that fieldtruth generated."""
     info: dict[str, Any] = {
-        "description": f"{run.name}: pictures with the true class and object of each pixel",
+        "description": f"{run.name}: images with the true class and object of each pixel",
         "version": fieldtruth.__version__,
         "contributor": "fieldtruth",
         "run": run.name,
@@ -58,4 +120,4 @@ def head_of(run: Run, label_map: LabelMap | None) -> dict[str, Any]:
     }
     if run.experiment is not None:
         info |= {"environment": run.experiment.environment, "seed": run.experiment.seed}
-    return {"info": info, "licenses": [] if run.experiment is None else [LICENCE]}
+    return {"info": info, "licenses": [] if run.experiment is None else [_LICENCE]}

@@ -1,95 +1,142 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""From an image of numbers to COCO's segments: area, box and mask as compressed run lengths, all in one pass.
+"""COCO's categories, and the segments of an image: id, area, box and mask.
 
-pycocotools encodes mask by mask. For the 100 segments in a picture of the park that takes nine times as long.
+A segment of a countable class (COCO's ``isthing``) is one object. All other classes have one segment per image. So have
+the objects of a countable class that have no ids of their own: a crowd, like the trees of the backdrop, or pebbles.
 """
 
-from typing import Final, NamedTuple
+import re
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from pycocotools import mask as coco_mask
 
-I8 = NDArray[np.int64]
+from fieldtruth.bag.reader import BagError
+from fieldtruth.core.classes import CLASSES, Label
+from fieldtruth.ontology.label_map import LabelMap
+
+_SUPERCATEGORIES: Final = {
+    Label.GROUND: "terrain",
+    Label.TRAIL: "terrain",
+    Label.ROCK: "terrain",
+    Label.TRUNK: "vegetation",
+    Label.TREETOP: "vegetation",
+    Label.BUSH: "vegetation",
+    Label.HIGH_GRASS: "vegetation",
+    Label.LAMP_POST: "structure",
+    Label.TRASH_BIN: "structure",
+    Label.TABLE: "structure",
+    Label.BENCH: "structure",
+    Label.POST: "structure",
+    Label.CABLE: "structure",
+    Label.WATER: "water",
+    Label.SKY: "sky",
+}
+STUFF: Final = frozenset({Label.GROUND, Label.TRAIL, Label.HIGH_GRASS, Label.WATER, Label.SKY})
+"""Classes that are not countable. A class of another ontology is countable if all of ours that it holds are."""
+
+_SINGLE: Final = re.compile(r"_\d+$")
+"""Names of single objects end in a number (``bench_3``); those of the ground and of countable swarms do not."""
+
+
+class Category(NamedTuple):
+    """A row of COCO's categories."""
+
+    id: int
+    name: str
+    supercategory: str
+    isthing: bool
+    color: tuple[int, int, int]
+
+    def row(self) -> dict[str, Any]:
+        """Return it as JSON."""
+        return self._asdict() | {"isthing": int(self.isthing)}
 
 
 class Segment(NamedTuple):
-    """All pixels with one number."""
+    """All pixels with one id."""
 
     id: int
     area: int
     """Pixels."""
-    bbox: tuple[int, int, int, int]
-    """x, y of the first pixel, width, height."""
+    bbox: list[int]
+    """x, y of the upper left pixel, width, height."""
     counts: str
-    """Run lengths down the columns, compressed as pycocotools does it."""
+    """Run lengths down the columns, in COCO's compressed encoding."""
 
 
-_CHUNK_BITS: Final = 5
-_SIZES: Final = 1 << (_CHUNK_BITS * np.arange(1, 6) - 1)
-"""From these on a number, or the one below its negative, takes one character more."""
+def categories_of(label_map: LabelMap | None) -> list[Category]:
+    """Categories that pixels can have, by id: our classes, or those of another ontology to which ours are mapped."""
+    ids = np.arange(len(CLASSES)) if label_map is None else label_map.ids
+    result: list[Category] = []
+    for number in sorted({int(ids[label]) for label in _SUPERCATEGORIES} - {int(ids[Label.VOID])}):
+        ours = [label for label in _SUPERCATEGORIES if ids[label] == number]
+        if label_map is None:
+            name, rgb = CLASSES[number].name, CLASSES[number].rgb or (0, 0, 0)
+        else:
+            name, rgb = label_map.classes[number]
+        above = {_SUPERCATEGORIES[label] for label in ours}
+        countable = STUFF.isdisjoint(ours)
+        result.append(Category(number, name, above.pop() if len(above) == 1 else name, countable, rgb))
+    return result
+
+
+class Numbering:
+    """Segment ids: 65536 times the category, plus the instance id where the segment is a single object.
+
+    An id has the same meaning in all images of a run. 0 is void: pixels without a class, in some ontologies only.
+    """
+
+    def __init__(self, categories: Sequence[Category], label_map: LabelMap | None, names: Sequence[str]) -> None:
+        ids = np.arange(len(CLASSES)) if label_map is None else label_map.ids.astype(np.int64)
+        known = {category.id: category for category in categories}
+        countable = [int(number) in known and known[int(number)].isthing for number in ids]
+        self._base = np.array([number << 16 if int(number) in known else 0 for number in ids], np.uint32)
+        self._mask = np.where(countable, 0xFFFF, 0).astype(np.uint32)
+        single = [number if _SINGLE.search(name) else 0 for number, name in enumerate(names)]
+        self._single = np.array(single, np.uint32)
+
+    def number(self, label: NDArray[np.uint8], instance: NDArray[np.uint16]) -> NDArray[np.uint32]:
+        """Return the segment id of each pixel (h, w).
+
+        Raises:
+            BagError: labels and instance ids differ in shape, or an instance id is no row of /gazebo/model_states.
+        """
+        if label.shape != instance.shape:
+            raise BagError(f"the tag image has {_size(label)} pixels, but the instance image {_size(instance)}")
+        if (largest := int(instance.max(initial=0))) >= len(self._single):
+            raise BagError(f"instance id {largest} must be below {len(self._single)}, the rows of /gazebo/model_states")
+        objects = np.take(self._mask, label) & np.take(self._single, instance)
+        numbers: NDArray[np.uint32] = np.take(self._base, label) | objects
+        return numbers
 
 
 def segments_of(ids: NDArray[np.uint32]) -> list[Segment]:
-    """Segments of an image (h, w), by rising number; those of number 0 belong to none."""
-    flat = np.ascontiguousarray(ids.T).reshape(-1)
-    starts = np.concatenate([[0], np.flatnonzero(flat[1:] != flat[:-1]) + 1]).astype(np.int64)
-    numbers, owner = np.unique(flat[starts], return_inverse=True)
-    order = np.argsort(owner.astype(np.min_scalar_type(len(numbers))), kind="stable")
-    lengths = np.diff(starts, append=flat.size)[order]
-    starts = starts[order]
-    first = np.searchsorted(owner[order], np.arange(len(numbers)))  # run of each segment
-    areas = np.add.reduceat(lengths, first)
-    boxes = _boxes(starts, lengths, first, len(ids))
-    counts = _counts(starts, lengths, first, flat.size)
-    return [
-        Segment(int(number), int(area), (int(x), int(y), int(w), int(h)), text)
-        for number, area, (x, y, w, h), text in zip(numbers, areas, boxes, counts, strict=True)
-        if number
-    ]
+    """Segments of an image (h, w) of segment ids, by ascending id; 0 is not a segment.
 
-
-def _boxes(starts: I8, lengths: I8, first: I8, height: int) -> I8:
-    """Boxes (n, 4) of x, y, width, height; a run that goes on in the next column touches top and bottom."""
-    left, top = np.divmod(starts, height)
-    right, bottom = np.divmod(starts + lengths - 1, height)
-    wraps = left < right
-    x0, y0 = np.minimum.reduceat(left, first), np.minimum.reduceat(np.where(wraps, 0, top), first)
-    x1, y1 = np.maximum.reduceat(right, first), np.maximum.reduceat(np.where(wraps, height - 1, bottom), first)
-    return np.stack([x0, y0, x1 - x0 + 1, y1 - y0 + 1], axis=1)
-
-
-def _counts(starts: I8, lengths: I8, first: I8, size: int) -> list[str]:
-    """Compressed run lengths: by turns outside and inside, and what is outside behind the last run, unless nothing."""
-    ends = starts + lengths
-    last = np.append(first[1:], len(starts)) - 1
-    gaps = np.empty_like(starts)
-    gaps[1:] = starts[1:] - ends[:-1]
-    gaps[first] = starts[first]
-    runs = np.arange(len(first)).repeat(last - first + 1)  # segment of each run
-    at = 2 * np.arange(len(starts)) + runs  # each segment has one count more than twice its runs
-    values = np.empty(2 * len(starts) + len(first), np.int64)
-    values[at], values[at + 1] = gaps, lengths
-    begin, tail = at[first], at[last] + 2
-    values[tail] = size - ends[last]
-    place = np.arange(len(values)) - begin.repeat(tail - begin + 1)  # of each count in its segment
-    changes = values.copy()
-    later = np.flatnonzero(place > 2)
-    changes[later] -= values[later - 2]  # from the fourth on a count is stored as the change to the last but one
-    return _characters(changes, begin, tail, values[tail] == 0)
-
-
-def _characters(values: I8, begin: I8, tail: I8, drop: NDArray[np.bool_]) -> list[str]:
-    """Texts of the values from ``begin`` to ``tail``, without the last where it is to ``drop``.
-
-    A number is cut into pieces of 5 bits, the lowest first; bit 5 says that more follow, and 48 makes it printable.
+    The run lengths of all segments are found in one pass. Encoding mask by mask takes five times as long.
     """
-    sizes = 1 + np.searchsorted(_SIZES, np.where(values < 0, ~values, values), side="right")
-    sizes[tail[drop]] = 0
-    ends = np.cumsum(sizes)
-    value = values.repeat(sizes)
-    piece = np.arange(ends[-1]) - (ends - sizes).repeat(sizes)
-    more = piece < sizes.repeat(sizes) - 1
-    bits = (value >> (_CHUNK_BITS * piece)) & 0x1F | more * 0x20
-    text = (bits + 48).astype(np.uint8).tobytes().decode("ascii")
-    return [text[a:b] for a, b in zip(ends[begin] - sizes[begin], ends[tail], strict=True)]
+    flat = np.ascontiguousarray(ids.T).reshape(-1)
+    starts = np.append(0, np.flatnonzero(flat[1:] != flat[:-1]) + 1)
+    owners = flat[starts]
+    order = np.argsort(owners, kind="stable")
+    runs = np.stack([starts, np.append(starts[1:], flat.size)], axis=1)[order]
+    numbers, sizes = np.unique(owners, return_counts=True)
+    masks = [{"size": ids.shape, "counts": _counts(own, flat.size)} for own in np.split(runs, np.cumsum(sizes)[:-1])]
+    encoded = coco_mask.frPyObjects(masks, *ids.shape)
+    areas, boxes = coco_mask.area(encoded).tolist(), coco_mask.toBbox(encoded).astype(int).tolist()
+    rows = zip(numbers.tolist(), areas, boxes, encoded, strict=True)
+    return [Segment(number, area, box, rle["counts"].decode()) for number, area, box, rle in rows if number]
+
+
+def _counts(runs: NDArray[np.int64], size: int) -> NDArray[np.int64]:
+    """Alternating lengths outside and inside of runs (n, 2) of start and end; nothing after a run at the end."""
+    counts = np.diff(runs.reshape(-1), prepend=0, append=size)
+    return counts if counts[-1] else counts[:-1]
+
+
+def _size(image: NDArray[Any]) -> str:
+    return f"{image.shape[1]} x {image.shape[0]}"
