@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What many tests read and none may change, made once."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import pytest
 
@@ -17,6 +17,10 @@ from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.validation.check import Check
 from fieldtruth.validation.subject import Place
 from fieldtruth.world.model import World
+
+if TYPE_CHECKING:
+    from browser_tab import Tab
+    from report_pages import Page
 
 _LEAN_NS: Final = 520_000_000
 
@@ -89,3 +93,42 @@ def with_world(place: Place, monkeypatch: pytest.MonkeyPatch) -> Callable[..., l
 
     monkeypatch.setattr(passing, "rebuilt", rebuild)
     return validate
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# For the tests of report
+
+
+@pytest.fixture(scope="session")
+def page(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> "Page":
+    """HTML page of the small run."""
+    from report_pages import page_of
+
+    return page_of(small_run, tmp_path_factory.mktemp("page") / "page.html")
+
+
+@pytest.fixture(scope="session")
+def messages(small_run: Path) -> dict[str, list[Any]]:
+    """Messages of some topics of the small run, as the rosbags library reads them."""
+    from report_pages import read_messages
+
+    return read_messages(small_run / "park_1.bag")
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    """Headless browser; tests are skipped if none is installed."""
+    from browser_tab import opened_browser
+
+    with opened_browser() as opened:
+        yield opened
+
+
+@pytest.fixture
+def tab(browser: Any, page: "Page") -> Iterator["Tab"]:
+    """The page of the small run in the browser."""
+    from browser_tab import Tab
+
+    opened = Tab(browser, page.path)
+    yield opened
+    opened.close()

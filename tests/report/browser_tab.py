@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The page in a real browser: a tab that takes note of all it asks for, and what is seen in it."""
+"""A page in a real browser: a tab that records requests and errors, and reads pixels."""
 
 import base64
 import shutil
@@ -21,14 +21,14 @@ FLAGS = [
     "--disable-component-update", "--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
 ]  # fmt: skip
 NIGHT = (30, 35, 43)
-"""Behind the cloud."""
+"""Background of the cloud."""
 
 Pixels = NDArray[np.int64]
 
 
 @contextmanager
 def opened_browser() -> Iterator[Any]:
-    """Open a browser without a window; the test is skipped where there is none."""
+    """Open a headless browser; skip the test if none is installed."""
     sync_api = pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install 'fieldtruth[test]'")
     found = next(filter(None, map(shutil.which, BROWSERS)), None)
     if found is None:
@@ -42,17 +42,17 @@ def opened_browser() -> Iterator[Any]:
 
 
 class Tab:
-    """An open page, and all that it asked for or complained about."""
+    """An open page with its requests and errors."""
 
     def __init__(self, browser: Any, path: Path, **options: Any) -> None:
         self.context = browser.new_context(**({"viewport": {"width": 1000, "height": 700}} | options))
         self.context.set_offline(True)
         self.page = self.context.new_page()
         self.requests: list[str] = []
-        self.complaints: list[str] = []
+        self.errors: list[str] = []
         self.page.on("request", lambda request: self.requests.append(request.url))
-        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        self.page.on("dialog", lambda dialog: self.complaints.append(f"dialog {dialog.message}"))
+        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.on("dialog", lambda dialog: self.errors.append(f"dialog {dialog.message}"))
         self.page.on("console", self._console)
         self.page.goto(path.as_uri())
         self.page.wait_for_load_state("load")
@@ -60,34 +60,34 @@ class Tab:
 
     def _console(self, note: Any) -> None:
         if note.type == "error":
-            self.complaints.append(note.text)
+            self.errors.append(note.text)
 
     def close(self) -> None:
-        """Close it; whatever it was used for, it must have kept still."""
+        """Close the page and check that it made no request and had no error."""
         self.settle()
         self.context.close()
         assert self.requests == [self.path.as_uri()]
-        assert self.complaints == []
+        assert self.errors == []
 
     def settle(self) -> None:
-        """Wait until what was asked for is drawn."""
+        """Wait for two animation frames."""
         self.page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
     def until(self, condition: Callable[[], bool]) -> None:
-        """Wait for something, at most ten seconds. (The page forbids the scripts by which Playwright itself waits.)"""
+        """Wait at most ten seconds for a condition. (The page's security policy blocks Playwright's own waiting.)"""
         for _ in range(200):
             if condition():
                 return
             self.page.wait_for_timeout(50)
-        raise AssertionError("waited in vain")
+        raise AssertionError("condition not met within 10 s")
 
     def canvas(self) -> Pixels:
-        """Pixels (h, w, 3) of the cloud's canvas."""
+        """Pixels (h, w, 3) of the canvas of the cloud."""
         self.settle()
         return pixels(base64.b64decode(self.page.evaluate("document.getElementById('canvas').toDataURL()")[22:]))
 
     def picture(self, selector: str) -> Pixels:
-        """Pixels (h, w, 3) of an element on the screen."""
+        """Pixels (h, w, 3) of a screenshot of an element."""
         self.settle()
         return pixels(self.page.locator(selector).first.screenshot())
 
@@ -100,14 +100,14 @@ class Tab:
         return str(self.page.locator(selector).first.inner_text()).strip()
 
     def middle(self, selector: str) -> tuple[float, float]:
-        """Where the middle of an element is, after it was scrolled into view."""
+        """Middle of an element [pixel], after scrolling it into view."""
         found = self.page.locator(selector).first
         found.scroll_into_view_if_needed()
         box = found.bounding_box()
         return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
     def drag(self, dx: float, dy: float, *, button: str = "left") -> None:
-        """Drag the cloud."""
+        """Drag on the cloud by dx, dy [pixel]."""
         x, y = self.middle("#canvas")
         self.page.mouse.move(x, y)
         self.page.mouse.down(button=button)
@@ -122,11 +122,11 @@ def pixels(png: bytes) -> Pixels:
 
 
 def differing(a: Pixels, b: Pixels) -> float:
-    """Share of pixels that differ clearly."""
+    """Share of the pixels that differ by more than 24 in a channel."""
     return float((np.abs(a - b).max(axis=2) > 24).mean())
 
 
 def of_ground(picture: Pixels) -> int:
-    """Pixels that are green as ground is, however dark."""
+    """Number of pixels in the green of ground, at any brightness."""
     red, green, blue = np.moveaxis(picture, 2, 0)
     return int(((red < 12) & (blue < 12) & (green > 40)).sum())

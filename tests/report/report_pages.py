@@ -1,11 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The page of a run, made once and read by many tests, and bags with something changed or taken away."""
+"""Pages of runs, parsed, and bags with changed or removed messages."""
 
 import json
 import re
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -18,18 +17,18 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Reader, Writer
 
 from fieldtruth.bag.topics import TOPICS
-from fieldtruth.report.page import aerial_view, write_report
+from fieldtruth.report.page import world_view, write_report
 
 TAGS = ["/stereo/camera/left/tag/img_raw", "/stereo/camera/right/tag/img_raw"]
 TYPES = {topic.name: topic.msgtype for topic in TOPICS}
 POINTS, ODOMETRY = "/os1_cloud_node/points", "/ground_truth/odom"
 
 Messages = dict[str, list[Any]]
-"""By topic: stamp in the bag [ns] and message."""
+"""Stamp in the bag [ns] and message by topic."""
 
 
 class Page:
-    """A page, read by html5lib, which is strict about HTML's grammar."""
+    """A page, parsed by html5lib in strict mode."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -39,62 +38,56 @@ class Page:
         self.root: Element = html5lib.HTMLParser(strict=True, namespaceHTMLElements=False).parse(short)
 
     def one(self, path: str) -> Element:
-        """The only element at a path of ElementTree's."""
+        """The only element at an ElementTree path."""
         (found,) = self.root.findall(path)
         return found
 
     def words(self, path: str) -> str:
-        """What is written there, with single blanks."""
+        """Text of the only element at a path, with single blanks."""
         return words(self.one(path))
 
     def rows(self, path: str) -> list[list[str]]:
-        """Cells of a table's body."""
+        """Cells of the body of a table."""
         return [[words(cell) for cell in row] for row in self.root.findall(f"{path}/tbody/tr")]
 
     def terms(self, path: str) -> dict[str, str]:
-        """Texts of a list by their terms."""
+        """Texts of a definition list by term."""
         return {words(row[0]): words(row[1]) for row in self.root.findall(f"{path}/div")}
 
     def data(self, name: str) -> Any:
-        """What the scripts are given."""
+        """Data for the scripts."""
         return json.loads(self.words(f".//script[@id='{name}']"))
 
     def images(self, kind: str) -> list[str]:
-        """Base64 of all images of a kind, ``image/png`` say, in the page's order."""
+        """Base64 of all images of a media type, in the order of the page."""
         return re.findall(rf"data:{kind};base64,([A-Za-z0-9+/=]+)", self.text)
 
 
-_PAGES: dict[Path, Page] = {}
+def page_of(run: Path, path: Path) -> Page:
+    """Write the page of a run with a small aerial view, because a large one takes seconds."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(world_view, "WIDTH", 600)
+        return Page(write_report(run, out=path))
 
 
-def page_of(run: Path, factory: pytest.TempPathFactory) -> Page:
-    """Page of a run, with a small photograph from above, because a large one takes seconds; made once."""
-    if run not in _PAGES:
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(aerial_view, "WIDTH", 600)
-            _PAGES[run] = Page(write_report(run, out=factory.mktemp("page") / "page.html"))
-    return _PAGES[run]
-
-
-@cache
-def messages_of(run: Path) -> Messages:
-    """Some topics of a run, as the rosbags library reads them."""
+def read_messages(bag: Path) -> Messages:
+    """Messages of some topics, read by the rosbags library."""
     wanted = {*TAGS, POINTS, ODOMETRY, "/imu/data", "/stereo/camera/left/real/compressed"}
     found: Messages = {}
-    with AnyReader([run / "park_1.bag"]) as reader:
+    with AnyReader([bag]) as reader:
         for connection, stamp, data in reader.messages([c for c in reader.connections if c.topic in wanted]):
             found.setdefault(connection.topic, []).append((stamp, reader.deserialize(data, connection.msgtype)))
     return found
 
 
-def way(messages: Messages) -> NDArray[np.float64]:
+def positions_of(messages: Messages) -> NDArray[np.float64]:
     """True positions (n, 3) [m]."""
     positions = [message.pose.pose.position for _, message in messages[ODOMETRY]]
     return np.array([(p.x, p.y, p.z) for p in positions])
 
 
 def pairs(points: str) -> NDArray[np.float64]:
-    """Coordinates (n, 2) of an SVG's points."""
+    """Coordinates (n, 2) in the points attribute of an SVG element."""
     return np.array([[float(v) for v in point.split(",")] for point in points.split()])
 
 
@@ -102,12 +95,12 @@ _PLAIN = str.maketrans({"\N{RIGHT SINGLE QUOTATION MARK}": "'", "\N{MULTIPLICATI
 
 
 def words(element: Element) -> str:
-    """All text in an element, with single blanks and plain signs."""
+    """Text of an element with single blanks and ASCII signs."""
     return " ".join("".join(element.itertext()).translate(_PLAIN).split())
 
 
 def changed(bag: Path, path: Path, change: Callable[[str, int, bytes], tuple[str, int, bytes] | None]) -> Path:
-    """Copy a bag; ``change`` gives topic, stamp and bytes of each message, or None where there shall be none."""
+    """Copy a bag; ``change`` returns topic, stamp and bytes of each message, or None to drop it."""
     made: dict[str, Any] = {}
     with Reader(bag) as reader, Writer(path) as writer:
         for old, stamp_ns, data in reader.messages():
@@ -126,7 +119,7 @@ def only(bag: Path, path: Path, *topics: str) -> Path:
 
 
 def longer(bag: Path, path: Path, times: int) -> Path:
-    """Repeat a bag, one time after the other; the stamps in the bag go on, those of the headers do not."""
+    """Repeat the messages of a bag; stamps in the bag continue, those in the headers repeat."""
     made: dict[str, Any] = {}
     with Reader(bag) as reader, Writer(path) as writer:
         for number in range(times):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A park of 24 m, a plain without end, and an experiment and a rig that fit them."""
+"""A small park, a plain, and an experiment and a rig for them."""
 
 from dataclasses import replace
 from functools import cache
@@ -21,7 +21,7 @@ EXPERIMENT = Experiment(
 
 @cache
 def small_park() -> World:
-    """A park with one or two of each kind."""
+    """A park of 24 m with one or two objects of each kind."""
     config = ParkConfig(
         size=(24.0, 24.0), trails=(((-14, -6), (14, -6)),), large_trees=1, small_trees=1, bushes=2, benches=1,
         lamp_posts=1, tables=1, trash_bins=1, individuals=1,
@@ -30,7 +30,7 @@ def small_park() -> World:
 
 
 def plain(side: float = 8000.0, *, height: float = 0.0, trail_north_of_0: bool = False) -> World:
-    """Flat ground and nothing else; if asked for, all of it north of x = 0 is trail."""
+    """Flat ground without objects; optionally, everything north of x = 0 is trail."""
     park, half = small_park(), side / 2
     x = np.array([half, -half] if trail_north_of_0 else [1.0, 1.0], np.float32)
     ground = Heightfield(heights=np.full((2, 2), height, np.float32), spacing=side, x0=-half, y0=-half)

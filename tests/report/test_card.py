@@ -29,7 +29,7 @@ def card(small_run: Path) -> str:
     return (small_run / "DATASET.md").read_text(encoding="utf-8")
 
 
-def test_the_card_has_front_matter_licence_citation_and_no_gap(card: str) -> None:
+def test_card_has_front_matter_licence_citation_and_no_placeholder(card: str) -> None:
     front = yaml.safe_load(card.split("---")[1])
     assert (front["license"], front["pretty_name"]) == ("cc-by-4.0", "park_1")
     assert "10.3390/s22155599" in card
@@ -38,12 +38,12 @@ def test_the_card_has_front_matter_licence_citation_and_no_gap(card: str) -> Non
     assert "## Known limits" in card
 
 
-def test_its_topics_are_those_of_the_bag(card: str, small_run: Path) -> None:
+def test_card_topics_match_the_bag(card: str, small_run: Path) -> None:
     counted = {row[0]: int(row[3]) for row in rows_of(card, "Contents")}
     assert counted == count_messages(small_run / "park_1.bag")
 
 
-def test_its_length_is_that_of_the_drive(card: str, small_run: Path) -> None:
+def test_card_length_matches_the_drive(card: str, small_run: Path) -> None:
     way = [r.message.pose.pose.position for r in read_bag(small_run / "park_1.bag", ["/ground_truth/odom"])]
     chord = np.linalg.norm(np.diff([[p.x, p.y, p.z] for p in way], axis=0), axis=1).sum()
     found = re.search(r"drives ([\d.]+) m in ([\d.]+) s", card)
@@ -52,7 +52,7 @@ def test_its_length_is_that_of_the_drive(card: str, small_run: Path) -> None:
     assert float(found[2]) == 1.2
 
 
-def test_its_frames_are_those_of_the_bag(card: str, small_run: Path) -> None:
+def test_card_frames_match_tf_static(card: str, small_run: Path) -> None:
     listed = {(row[0], row[1]): [float(x) for x in row[2].split(",")] for row in rows_of(card, "Frames")}
     true = static_transforms(small_run / "park_1.bag")
     assert listed.keys() == true.keys()
@@ -60,13 +60,13 @@ def test_its_frames_are_those_of_the_bag(card: str, small_run: Path) -> None:
         assert np.allclose(true[pair][:3, 3], xyz, atol=1e-5)
 
 
-def test_its_classes_are_the_table(card: str) -> None:
+def test_card_classes_match_the_class_table(card: str) -> None:
     listed = {int(row[0]): (row[1], row[2]) for row in rows_of(card, "Classes")}
     assert listed == {int(c.label): (c.name, "{} {} {}".format(*c.rgb)) for c in CLASSES if c.rgb}
     assert Label.VOID not in listed
 
 
-def test_sha256sum_accepts_the_folder_and_notices_one_flipped_bit(small_run: Path, tmp_path: Path) -> None:
+def test_sha256sum_accepts_the_folder_and_detects_one_flipped_bit(small_run: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(small_run, tmp_path / "copy"))
     command = ["sha256sum", "-c", "--strict", CHECKSUMS]
     checked = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
@@ -80,7 +80,7 @@ def test_sha256sum_accepts_the_folder_and_notices_one_flipped_bit(small_run: Pat
     assert read_checksums(folder)["park_1.bag"] != sha256_of(folder / "park_1.bag")
 
 
-def test_checksums_that_lead_out_of_the_folder_are_refused(tmp_path: Path) -> None:
+def test_checksums_of_files_outside_the_folder_are_refused(tmp_path: Path) -> None:
     assert read_checksums(tmp_path) == {}
     for line in ("0" * 64 + "  ../secret", "0" * 64 + "  /etc/passwd", "0" * 63 + "  a", "0" * 64 + " a", "\xff"):
         (tmp_path / CHECKSUMS).write_text(line + "\n", encoding="utf-8")

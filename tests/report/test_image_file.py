@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Image files: PNG keeps every pixel, JPEG stays small, nothing is overwritten unasked."""
+"""Image files: PNG is lossless, JPEG is small, existing files are kept."""
 
 from pathlib import Path
 
@@ -15,13 +15,13 @@ from fieldtruth.report.image_file import LARGEST_JPEG, write_image
 NOISE = np.random.default_rng(0).integers(0, 256, (40, 60, 3)).astype(np.uint8)
 
 
-def test_a_png_holds_every_pixel(tmp_path: Path) -> None:
+def test_png_keeps_every_pixel(tmp_path: Path) -> None:
     write_image(tmp_path / "a.png", NOISE)
     np.testing.assert_array_equal(np.rint(255 * imread(tmp_path / "a.png")[..., :3]), NOISE)
     assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
 
 
-def test_a_jpeg_is_as_good_as_its_size_allows(tmp_path: Path) -> None:
+def test_jpeg_has_the_best_quality_below_the_size_limit(tmp_path: Path) -> None:
     smooth = np.broadcast_to(np.linspace(0, 255, 200).astype(np.uint8)[:, None], (100, 200, 3))
     write_image(tmp_path / "smooth.jpg", smooth.copy())
     seen = simplejpeg.decode_jpeg((tmp_path / "smooth.jpg").read_bytes())
@@ -35,14 +35,14 @@ def test_a_jpeg_is_as_good_as_its_size_allows(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "text"),
     [
-        ("a.bmp", r"its name must end in \.png, \.jpg or \.jpeg"),
-        ("a", r"its name must end in \.png, \.jpg or \.jpeg"),
-        ("old.png", "old.png is there already; choose another --out, or --overwrite replaces it"),
-        ("folder.png", "folder.png is a folder"),
-        ("no/a.png", "there is no folder .*no"),
+        ("a.bmp", r"its name must end in \.png or \.jpg or \.jpeg"),
+        ("a", r"its name must end in \.png or \.jpg or \.jpeg"),
+        ("old.png", "old.png already exists; choose another --out, or use --overwrite to replace it"),
+        ("folder.png", "folder.png: it is a folder"),
+        ("no/a.png", "folder .*no does not exist"),
     ],
 )
-def test_what_cannot_be_written_is_told(name: str, text: str, tmp_path: Path) -> None:
+def test_invalid_image_paths_are_errors(name: str, text: str, tmp_path: Path) -> None:
     (tmp_path / "old.png").write_bytes(b"old")
     (tmp_path / "folder.png").mkdir()
     with pytest.raises(OutputError, match=text):
@@ -50,7 +50,7 @@ def test_what_cannot_be_written_is_told(name: str, text: str, tmp_path: Path) ->
     assert (tmp_path / "old.png").read_bytes() == b"old"
 
 
-def test_overwriting_replaces_the_file(tmp_path: Path) -> None:
+def test_overwrite_replaces_the_file(tmp_path: Path) -> None:
     (tmp_path / "old.png").write_bytes(b"old")
     write_image(tmp_path / "old.png", NOISE, overwrite=True)
     assert imread(tmp_path / "old.png").shape[:2] == (40, 60)

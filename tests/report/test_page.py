@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the page says is what other readers find in the bag."""
+"""The page shows what other readers find in the bag."""
 
 import base64
 import re
@@ -18,9 +18,7 @@ from report_pages import (
     TAGS,
     Messages,
     Page,
-    messages_of,
-    page_of,
-    way,
+    positions_of,
     words,
 )
 from rosbags.highlevel import AnyReader
@@ -28,18 +26,8 @@ from rosbags.highlevel import AnyReader
 from fieldtruth.core.classes import CLASSES
 
 
-@pytest.fixture(scope="module")
-def page(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Page:
-    return page_of(small_run, tmp_path_factory)
-
-
-@pytest.fixture(scope="module")
-def messages(small_run: Path) -> Messages:
-    return messages_of(small_run)
-
-
 def test_key_figures(page: Page, messages: Messages) -> None:
-    length = np.linalg.norm(np.diff(way(messages), axis=0), axis=1).sum()
+    length = np.linalg.norm(np.diff(positions_of(messages), axis=0), axis=1).sum()
     assert 0.3 < length < 0.4
     found = page.terms(".//dl[@class='key']")
     expected = {
@@ -55,8 +43,8 @@ def test_key_figures(page: Page, messages: Messages) -> None:
     assert found["bag"].endswith("MB")
 
 
-def test_what_was_driven(page: Page, small_run: Path) -> None:
-    found = page.terms(".//section[@id='way']/dl")
+def test_experiment_facts(page: Page, small_run: Path) -> None:
+    found = page.terms(".//section[@id='path']/dl")
     version = re.search(r"^fieldtruth: (\S+)$", (small_run / "experiment.yaml").read_text(), re.MULTILINE)
     assert version is not None
     expected = {
@@ -65,14 +53,14 @@ def test_what_was_driven(page: Page, small_run: Path) -> None:
         "Seed": "0",
         "Made by": f"fieldtruth {version[1]}",
         "Commanded speed": "0.3 m/s",
-        "Ended after": "1.2 s, as asked",
+        "Time limit": "1.2 s",
         "Stamps": "0.001 s to 1.200 s",
     }
     assert {key: found[key] for key in expected} == expected
     assert page.words(".//h1") == "park_1"
 
 
-def test_every_pixel_and_every_point_is_counted(page: Page, messages: Messages) -> None:
+def test_class_shares_count_every_pixel_and_point(page: Page, messages: Messages) -> None:
     pixels = dict.fromkeys(range(1, 16), 0)
     for topic in TAGS:
         for _, tag in messages[topic]:
@@ -97,7 +85,7 @@ def test_every_pixel_and_every_point_is_counted(page: Page, messages: Messages) 
                 assert cell == f"{percent}{count:,}", row.name
 
 
-def test_bars_are_as_long_as_the_shares(page: Page) -> None:
+def test_bar_lengths_are_proportional_to_the_shares(page: Page) -> None:
     widths, shares = [], []
     for cell in page.root.findall(".//table[@class='shares']/tbody/tr/td"):
         percent = words(cell.find("span[1]"))  # type: ignore[arg-type]
@@ -109,7 +97,7 @@ def test_bars_are_as_long_as_the_shares(page: Page) -> None:
     assert widths == pytest.approx([100 * share / max(shares) for share in shares], abs=0.03)
 
 
-def test_topics_with_counts_and_rates(page: Page, small_run: Path) -> None:
+def test_topic_table_has_counts_and_rates(page: Page, small_run: Path) -> None:
     with AnyReader([small_run / "park_1.bag"]) as reader:
         expected = {
             topic: [(info.msgtype or "").replace("/msg/", "/"), f"{info.msgcount:,}"]
@@ -128,7 +116,7 @@ def test_topics_with_counts_and_rates(page: Page, small_run: Path) -> None:
     assert {topic: rows[topic][2] for topic in rates} == rates
 
 
-def test_calibration_is_the_closed_form(page: Page) -> None:
+def test_calibration_matches_closed_form(page: Page) -> None:
     fx, fy = 160 / np.tan(np.radians(34.5)), 92 / np.tan(np.radians(21.0))
     left, right = page.root.findall(".//div[@class='camera']")
     for camera, tx in ((left, 0.0), (right, -0.12 * fx)):
@@ -139,14 +127,14 @@ def test_calibration_is_the_closed_form(page: Page) -> None:
         assert numbers(p) == pytest.approx(np.array(expected), abs=5e-5)
         assert "320 x 184" in words(camera)
         assert "69.00° x 42.00°" in words(camera)
-    assert "Baseline, from the right camera's P: 0.1200 m." in page.words(".//section[@id='calibration']/p[1]")
+    assert "Baseline, from P of the right camera: 0.1200 m." in page.words(".//section[@id='calibration']/p[1]")
 
 
 def numbers(table: Any) -> NDArray[np.float64]:
     return np.array([[float(words(cell)) for cell in row] for row in table.findall("tbody/tr")])
 
 
-def test_fixed_frames_are_those_of_the_papers_table_2(page: Page) -> None:
+def test_static_frames_match_table_2_of_the_paper(page: Page) -> None:
     rows = {row[0]: [float(v) for v in row[1:] if v] for row in page.rows(".//table[@class='numbers frames']")}
     assert rows == {
         "base_link": [],
@@ -169,14 +157,14 @@ def test_fixed_frames_are_those_of_the_papers_table_2(page: Page) -> None:
     ]  # fmt: skip
 
 
-def test_checksums_are_those_of_the_folder(page: Page, small_run: Path) -> None:
+def test_checksums_match_sha256sums(page: Page, small_run: Path) -> None:
     lines = (small_run / "SHA256SUMS").read_text().splitlines()
     stated = {name: digest for digest, name in (line.split("  ") for line in lines)}
     assert page.terms(".//dl[@class='sums']") == stated
     assert "park_1.bag" in stated
 
 
-def test_images_are_the_bags_own(page: Page, messages: Messages) -> None:
+def test_images_are_copies_from_the_bag(page: Page, messages: Messages) -> None:
     photos = {bytes(message.data): stamp for stamp, message in messages["/stereo/camera/left/real/compressed"]}
     shown = [data for data in map(base64.b64decode, page.images("image/jpeg")) if data in photos]
     seconds = [label.split()[1] for label in map(words, page.root.findall(".//fieldset[@class='strip']/label"))]
@@ -192,7 +180,7 @@ def test_images_are_the_bags_own(page: Page, messages: Messages) -> None:
         assert (png == tags[stamp].data.reshape(184, 320, 3)).all()
 
 
-def test_curves_are_readings(page: Page, messages: Messages) -> None:
+def test_curve_values_are_readings_from_the_bag(page: Page, messages: Messages) -> None:
     curves = page.data("numbers")["curves"]
     channels = {"speed": 1, "tilt": 2, "heading": 1, "height": 1}
     channels |= {"turning": 3, "acceleration": 3, "wheels": 4, "gnss": 3}
@@ -207,4 +195,4 @@ def test_curves_are_readings(page: Page, messages: Messages) -> None:
             assert values == pytest.approx(exact, rel=1e-4, abs=1e-12)
     speeds = [np.linalg.norm([v.x, v.y, v.z]) for v in (m.twist.twist.linear for _, m in messages[ODOMETRY])]
     assert curves["speed"][0][1] == pytest.approx(speeds, rel=1e-4)
-    assert curves["height"][0][1] == pytest.approx(way(messages)[:, 2], rel=1e-4)
+    assert curves["height"][0][1] == pytest.approx(positions_of(messages)[:, 2], rel=1e-4)

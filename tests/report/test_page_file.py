@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The page as a file: valid, whole, small, asking for nothing; how it is written, and when it is not."""
+"""The page as a file: valid, self-contained, bounded in size, written whole or not at all."""
 
 import ast
 import base64
@@ -16,7 +16,6 @@ from report_pages import (
     Page,
     longer,
     only,
-    page_of,
     words,
 )
 
@@ -26,19 +25,15 @@ from fieldtruth.bag.run import open_run
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.progress import Silent
 from fieldtruth.exporters import FORMATS
-from fieldtruth.report.page import LARGEST_PAGE, cloud_view, decimate, samples, scan_cloud, write_report
+from fieldtruth.report.drawing.images import jpeg_below
+from fieldtruth.report.page import LARGEST_PAGE, cloud_view, decimate, samples, scan_cloud, snippets, write_report
 from fieldtruth.report.page import map as map_figure
-from fieldtruth.report.page.bag_pass import read_through
-from fieldtruth.report.page.content import gather
-from fieldtruth.report.page.render import render
+from fieldtruth.report.page.bag_pass import summarize_bag
+from fieldtruth.report.page.content import collect_content
+from fieldtruth.report.page.render import render_page
 
 
-@pytest.fixture(scope="module")
-def page(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Page:
-    return page_of(small_run, tmp_path_factory)
-
-
-def test_the_page_is_valid_whole_and_asks_for_nothing(page: Page) -> None:
+def test_page_is_valid_html_and_self_contained(page: Page) -> None:
     ids = [element.get("id") for element in page.root.iter() if element.get("id")]
     assert len(ids) == len(set(ids))
     for element in page.root.iter():
@@ -54,7 +49,7 @@ def test_the_page_is_valid_whole_and_asks_for_nothing(page: Page) -> None:
     assert "unsafe-inline" not in policy.split("script-src")[1]
 
 
-def test_fields_have_labels_and_images_have_texts(page: Page) -> None:
+def test_inputs_have_labels_and_images_have_alt_texts(page: Page) -> None:
     labelled = {label.get("for") for label in page.root.iter("label")} | {
         element.get("id") for label in page.root.iter("label") for element in label.iter("input")
     }
@@ -69,14 +64,14 @@ def test_fields_have_labels_and_images_have_texts(page: Page) -> None:
     assert max(np.diff(levels)) == 1
 
 
-def test_no_run_makes_a_page_of_15_mb(page: Page) -> None:
-    """Every large part has a limit in bytes or in number; their sum, and half a megabyte of words, stays below it."""
-    images = samples.PAIRS * (2 * (samples.PHOTO_BYTES + samples.TAG_BYTES) + samples.THUMB_BYTES)
-    cloud = 7 * (scan_cloud.LARGEST + cloud_view.ROUTE_POINTS) + cloud_view.POSTER_BYTES
-    vertex = len("9999.9,99.99L") + len("9999999,") + len("-1.2345e-05,")  # in the path and among the numbers
+def test_size_of_any_page_is_below_15_mb(page: Page) -> None:
+    """Every large part has a limit in bytes or in number; with half a megabyte of text, the sum is below the limit."""
+    images = samples.PAIRS * (2 * (samples.PHOTO_BYTES + samples.TAG_BYTES) + samples.THUMBNAIL_BYTES)
+    cloud = 7 * (scan_cloud.LARGEST + cloud_view.PATH_POINTS) + cloud_view.POSTER_BYTES
+    vertex = len("9999.9,99.99L") + len("9999999,") + len("-1.2345e-05,")  # in the SVG path and in the values
     curves = 18 * decimate.VERTICES * vertex
-    way_points = map_figure.VERTICES * (len("9999.9,9999.9 ") + len("[99999999,99.99,99.99],"))
-    assert 4 / 3 * (images + cloud + map_figure.PHOTO_BYTES) + curves + 2 * way_points + 500_000 < LARGEST_PAGE
+    positions = map_figure.VERTICES * (len("9999.9,9999.9 ") + len("[99999999,99.99,99.99],"))
+    assert 4 / 3 * (images + cloud + map_figure.PHOTO_BYTES) + curves + 2 * positions + 500_000 < LARGEST_PAGE
     assert sum(len(channels) for channels in page.data("numbers")["curves"].values()) == 18
     assert all(len(base64.b64decode(p)) <= samples.TAG_BYTES for p in page.images("image/png"))
     rest = re.sub(r"base64,[A-Za-z0-9+/=]+|(?<=cloud-data\">)[^<]*|(?<= d=\")[^\"]*", "", page.text)
@@ -84,33 +79,34 @@ def test_no_run_makes_a_page_of_15_mb(page: Page) -> None:
     assert len(rest) < 150_000
 
 
-def test_large_and_noisy_images_are_made_small() -> None:
+def test_jpeg_of_a_large_noisy_image_is_below_the_limit() -> None:
     noise = np.random.default_rng(5).integers(0, 256, (1080, 1920, 3), np.uint8)
-    assert len(samples.jpeg_below(noise, samples.PHOTO_BYTES)) <= samples.PHOTO_BYTES
+    assert len(jpeg_below(noise, samples.PHOTO_BYTES)) <= samples.PHOTO_BYTES
 
 
-def test_programs_on_the_page_run_and_commands_exist(
+def test_snippets_run_and_commands_exist(
     page: Page, small_run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(small_run)
-    snippets = {
+    code = {
         words(figure.find("figcaption/b")): "".join(figure.find("pre").itertext())  # type: ignore[arg-type, union-attr]
         for figure in page.root.findall(".//figure[@class='snippet']")
     }
-    for title in ("This package", "rosbags, without ROS", "PyTorch"):
-        exec(compile(ast.parse(snippets[title]), title, "exec"), {})
+    for title in ("fieldtruth", "rosbags, without ROS", "PyTorch"):
+        exec(compile(ast.parse(code[title]), title, "exec"), {})
     printed = capsys.readouterr().out.splitlines()
     assert len(printed) > 12
     assert printed[0].startswith("100000000 ")
-    commands = [words(code) for code in page.root.findall(".//dl[@class='forms']//code")]
+    commands = [words(code) for code in page.root.findall(".//dl[@class='exports']//code")]
     assert commands == [f"fieldtruth export park_1.bag --to {form}" for form in FORMATS]
-    assert snippets["Check it"] == "sha256sum -c SHA256SUMS\nfieldtruth validate park_1.bag"
-    assert snippets["evo"] == "evo_traj bag park_1.bag /ground_truth/odom --plot"
+    assert list(snippets.FORMATS) == list(FORMATS)
+    assert code["Validate"] == "sha256sum -c SHA256SUMS\nfieldtruth validate park_1.bag"
+    assert code["evo"] == "evo_traj bag park_1.bag /ground_truth/odom --plot"
 
 
-def test_the_page_does_not_depend_on_the_number_of_threads(small_run: Path, tmp_path: Path) -> None:
+def test_page_does_not_depend_on_the_number_of_threads(small_run: Path, tmp_path: Path) -> None:
     bag = only(small_run / "park_1.bag", tmp_path / "some.bag", TAGS[0], POINTS, "/imu/data")
-    one, many = (render(gather(open_run(bag), workers, Silent())) for workers in (1, 5))
+    one, many = (render_page(collect_content(open_run(bag), workers, Silent())) for workers in (1, 5))
     assert one == many
 
 
@@ -120,14 +116,16 @@ def test_memory_does_not_grow_with_the_run(small_run: Path, tmp_path: Path) -> N
     for number in (1, 2, 8):
         run = open_run(longer(bag, tmp_path / f"{number}.bag", number))
         tracemalloc.start()
-        found = read_through(run, 2, Silent())
+        found = summarize_bag(run, 2, Silent())
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
         assert found.pixels[TAGS[0]].sum() == number * 30 * 320 * 184
-    assert peaks[2] < 1.5 * peaks[1]  # four times the run; threads are not always equally far ahead
+    assert peaks[2] < 1.5 * peaks[1]  # for four times the messages; the threads are not always equally far ahead
 
 
-def test_a_page_that_is_there_stays(small_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_existing_page_is_replaced_only_with_overwrite(
+    small_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     bag = only(small_run / "park_1.bag", tmp_path / "some.bag", "/imu/data")
     assert cli.main(["report", str(bag)]) == 0
     made = tmp_path / "some_report.html"
@@ -135,7 +133,7 @@ def test_a_page_that_is_there_stays(small_run: Path, tmp_path: Path, capsys: pyt
     made.write_text("mine")
     assert cli.main(["report", str(bag)]) == 2
     assert capsys.readouterr().err.splitlines() == [
-        f"fieldtruth: {made} is there already; choose another --out, or --overwrite replaces it"
+        f"fieldtruth: {made} already exists; choose another --out, or use --overwrite to replace it"
     ]
     assert made.read_text() == "mine"
     assert cli.main(["report", str(bag), "--overwrite"]) == 0
@@ -147,18 +145,18 @@ def test_a_page_that_is_there_stays(small_run: Path, tmp_path: Path, capsys: pyt
     ("out", "says"),
     [
         ("page.pdf", "must end in .html or .htm"),
-        ("none/page.html", "there is no folder"),
+        ("none/page.html", "does not exist"),
         ("folder.html", "is a folder"),
     ],
 )
-def test_places_where_no_page_can_be(small_run: Path, tmp_path: Path, out: str, says: str) -> None:
+def test_invalid_page_paths_are_errors(small_run: Path, tmp_path: Path, out: str, says: str) -> None:
     (tmp_path / "folder.html").mkdir()
     with pytest.raises(OutputError, match=re.escape(says)):
         write_report(small_run, out=tmp_path / out)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["folder.html"]
 
 
-def test_a_broken_bag_makes_no_page(small_run: Path, tmp_path: Path) -> None:
+def test_damaged_bag_makes_no_page(small_run: Path, tmp_path: Path) -> None:
     whole = (small_run / "park_1.bag").read_bytes()
     for name, data in {"cut": whole[: len(whole) // 2], "empty": b"", "foreign": b"PK\x03\x04" + b"\0" * 5000}.items():
         bag = tmp_path / f"{name}.bag"

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Map and cloud of the page against the world itself."""
+"""Map and cloud of the page against the world."""
 
 import base64
 import dataclasses
@@ -18,28 +18,16 @@ from report_pages import (
     ODOMETRY,
     Messages,
     Page,
-    messages_of,
     only,
-    page_of,
     pairs,
-    way,
+    positions_of,
     words,
 )
 
 from fieldtruth.core.classes import CLASSES
-from fieldtruth.report.page import aerial_view, scan_cloud, write_report
+from fieldtruth.report.page import scan_cloud, world_view, write_report
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World
-
-
-@pytest.fixture(scope="module")
-def page(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Page:
-    return page_of(small_run, tmp_path_factory)
-
-
-@pytest.fixture(scope="module")
-def messages(small_run: Path) -> Messages:
-    return messages_of(small_run)
 
 
 @pytest.fixture(scope="module")
@@ -47,8 +35,8 @@ def park() -> World:
     return load_world("park", 0)
 
 
-def test_the_way_lies_on_the_photograph_where_a_pinhole_sees_it(page: Page, messages: Messages, park: World) -> None:
-    x, y, _ = way(messages).T
+def test_path_on_the_map_matches_pinhole_projection(page: Page, messages: Messages, park: World) -> None:
+    x, y, _ = positions_of(messages).T
     above = float(park.terrain.field.heights.mean()) + 300.0 - park.terrain.field.height_at(x, y)
     sheet = page.one(".//figure[@class='map']//{*}svg")
     width, height = (float(v) for v in sheet.get("viewBox", "").split()[2:])
@@ -56,26 +44,26 @@ def test_the_way_lies_on_the_photograph_where_a_pinhole_sees_it(page: Page, mess
     row = height / 2 - height / 2 * (y / above) / (26.0 / 300.0)
     photo = Image.open(BytesIO(base64.b64decode(page.images("image/jpeg")[0])))
     assert photo.size == (width, height)
-    drawn = pairs(page.one(".//{*}polyline[@class='route']").get("points", ""))
+    drawn = pairs(page.one(".//{*}polyline[@class='path']").get("points", ""))
     assert drawn == pytest.approx(np.column_stack([column, row]), abs=0.06)
-    moves = page.data("numbers")["way"]
+    moves = page.data("numbers")["path"]
     assert np.array(moves)[:, 1:] == pytest.approx(100 * np.column_stack([column / width, row / height]), abs=0.02)
-    assert [t for t, *_ in moves][:3] == [19, 39, 59]  # 0.02 s, less the 0.001 s at which the bag begins
+    assert [t for t, *_ in moves][:3] == [19, 39, 59]  # 0.02 s minus 0.001 s, the start of the bag
 
 
-def test_way_points_are_circles_of_the_arrival_distance(page: Page) -> None:
+def test_waypoints_are_circles_of_the_arrival_distance(page: Page) -> None:
     rings = [pairs(ring.get("points", "")) for ring in page.root.findall(".//{*}polygon[@class='ring']")]
     assert len(rings) == 9
     metre = 600 / 102.0
     for ring in rings:
         radius = np.linalg.norm(ring - ring.mean(axis=0), axis=1)
-        assert radius == pytest.approx(np.full(48, 2.0 * metre), rel=0.02)
-    # The route leads north, which is to the right: latitudes rise from one way-point to the next.
+        assert radius == pytest.approx(np.full(64, 2.0 * metre), rel=0.02)
+    # The route leads north, which is right.
     assert (np.diff([ring[:, 0].mean() for ring in rings]) > 0).all()
 
 
 def cloud_of(page: Page) -> tuple[NDArray[np.float64], NDArray[np.uint8], dict[str, Any]]:
-    """Points (n, 3) [m] and labels of the page's cloud, decoded as a stranger would."""
+    """Points (n, 3) [m], labels and settings of the cloud, decoded independently."""
     settings = page.data("cloud-settings")
     found = re.search(r'id="cloud-data">([^<]*)<', page.text)
     assert found is not None
@@ -86,13 +74,13 @@ def cloud_of(page: Page) -> tuple[NDArray[np.float64], NDArray[np.uint8], dict[s
     return steps * settings["step"] + settings["middle"], np.frombuffer(data, np.uint8, offset=6 * n), settings
 
 
-def test_points_of_ground_and_trail_lie_on_the_worlds_ground(page: Page, park: World) -> None:
+def test_ground_and_trail_points_lie_on_the_terrain(page: Page, park: World) -> None:
     xyz, label, _ = cloud_of(page)
     inside = (np.abs(xyz[:, :2]) < np.array(park.size) / 2 - 0.5).all(axis=1)
     low = xyz[inside & np.isin(label, (1, 7))]
     assert len(low) > 20_000
     off = low[:, 2] - park.terrain.field.height_at(low[:, 0], low[:, 1])
-    assert np.quantile(np.abs(off), 0.99) < 0.003  # the rest are kerbs and mulch, which are ground, too
+    assert np.quantile(np.abs(off), 0.99) < 0.003  # the rest are kerbs and mulch, which also have the class ground
     assert np.abs(off).max() < 0.1
     trail = xyz[inside & (label == 7)]
     assert len(trail) > 500
@@ -102,10 +90,10 @@ def test_points_of_ground_and_trail_lie_on_the_worlds_ground(page: Page, park: W
     assert (spot.values[column, row] < spot.spacing).mean() > 0.999
 
 
-def test_the_cloud_shows_the_way_and_counts_what_it_shows(page: Page, messages: Messages) -> None:
+def test_cloud_contains_the_path_and_legend_counts_match(page: Page, messages: Messages) -> None:
     xyz, label, settings = cloud_of(page)
-    route = xyz[label == settings["route"]]
-    positions = way(messages)
+    route = xyz[label == settings["path"]]
+    positions = positions_of(messages)
     assert route[[0, -1]] == pytest.approx(positions[[0, -1]], abs=2 * settings["step"])
     counts = np.bincount(label, minlength=17)
     assert counts[:16].sum() <= scan_cloud.LARGEST
@@ -113,13 +101,13 @@ def test_the_cloud_shows_the_way_and_counts_what_it_shows(page: Page, messages: 
         words(row.find("span")): words(row.find("small"))  # type: ignore[arg-type]
         for row in page.root.findall(".//fieldset[@id='legend']/label")
     }
-    assert legend.pop("the robot's way") == ""
+    assert legend.pop("path of the robot") == ""
     assert legend == {row.name: f"{counts[row.label]:,}" for row in CLASSES if counts[row.label]}
-    cells = np.floor(xyz[label != settings["route"]] / settings["voxel"])
-    assert len(np.unique(cells, axis=0)) > 0.9 * len(cells)  # but for points that rounding moved over a voxel's side
+    cells = np.floor(xyz[label != settings["path"]] / settings["voxel"])
+    assert len(np.unique(cells, axis=0)) > 0.9 * len(cells)  # rounding moves some points across the side of a voxel
 
 
-def test_another_place_than_the_bags_is_not_shown(
+def test_a_different_world_is_not_shown(
     small_run: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -135,20 +123,20 @@ def test_another_place_than_the_bags_is_not_shown(
     moved[1, 3] += 0.01
     instances = [*park.instances]
     instances[5] = dataclasses.replace(instances[5], world_from_object=moved)
-    monkeypatch.setattr(aerial_view, "world_of", lambda _: dataclasses.replace(park, instances=tuple(instances)))
+    monkeypatch.setattr(world_view, "world_of", lambda _: dataclasses.replace(park, instances=tuple(instances)))
     page = Page(write_report(folder))
-    assert "builds another place from experiment.yaml than the bag tells of" in page.words(".//section[@id='way']")
+    assert "builds another world from experiment.yaml than the one in the bag" in page.words(".//section[@id='path']")
     assert page.one(".//figure[@class='map plain']") is not None
     metres = [ruler(page, "x", "left"), ruler(page, "y", "top")]
-    assert metres[0][0] > 0.0 > metres[1][0]  # north is to the right, west up
+    assert metres[0][0] > 0.0 > metres[1][0]  # north is right, west is up
     width, height = (float(v) for v in page.one(".//figure[@class='map plain']//{*}svg").get("viewBox", "").split()[2:])
-    percent = 100 * pairs(page.one(".//{*}polyline[@class='route']").get("points", "")) / (width, height)
+    percent = 100 * pairs(page.one(".//{*}polyline[@class='path']").get("points", "")) / (width, height)
     drawn = [scale * column + offset for (scale, offset), column in zip(metres, percent.T, strict=True)]
-    assert np.array(drawn) == pytest.approx(way(messages)[:, :2].T, abs=0.02)
+    assert np.array(drawn) == pytest.approx(positions_of(messages)[:, :2].T, abs=0.02)
 
 
 def ruler(page: Page, kind: str, side: str) -> NDArray[np.float64]:
-    """Metres per percent, and metres at nought, by the numbers along a side of the grid."""
+    """Metres per percent, and metres at zero, from the numbers along a side of the grid."""
     marks = page.root.findall(f".//span[@class='mark {kind}']")
     at = [float(re.findall(rf"{side}: ([-\d.]+)%", mark.get("style", ""))[0]) for mark in marks]
     assert len(at) > 2

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pages of bags that lack something, that make no sense, or that mean harm."""
+"""Pages of incomplete, invalid and hostile bags."""
 
 import os
 import re
@@ -17,7 +17,6 @@ from report_pages import (
     Page,
     changed,
     only,
-    page_of,
     words,
 )
 
@@ -28,42 +27,35 @@ LACKS = {
     "images": "no camera images",
     "cloud": "has no /os1_cloud_node/points",
     "classes": "neither tag images nor clouds",
-    "way": "no true poses",
+    "path": "no true poses",
     "motion": "neither true poses nor readings",
     "calibration": "no CameraInfo",
 }
-SCRIPTS = 5  # numbers, the cloud's settings and data, and two programs
-
-
-@pytest.fixture(scope="module")
-def page(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Page:
-    return page_of(small_run, tmp_path_factory)
+SCRIPTS = 5  # numbers, settings and data of the cloud, and two scripts
 
 
 @pytest.mark.parametrize(
     ("topics", "shown"),
     [
-        ([POINTS, ODOMETRY, "/tf_static"], {"cloud", "classes", "way", "motion"}),
+        ([POINTS, ODOMETRY, "/tf_static"], {"cloud", "classes", "path", "motion"}),
         ([POINTS], {"cloud", "classes"}),
         ([TAGS[1]], {"images", "classes"}),
         (["/stereo/camera/left/real/compressed"], {"images"}),
         (["/imu/data", "/stereo/camera/right/camera_info"], {"motion", "calibration"}),
-        (["/gazebo/model_states"], {"way", "motion"}),
+        (["/gazebo/model_states"], {"path", "motion"}),
         (["/clock"], set()),
     ],
 )
-def test_what_a_bag_lacks_the_page_lacks_and_says_so(
-    small_run: Path, tmp_path: Path, topics: list[str], shown: set[str]
-) -> None:
+def test_page_states_what_the_bag_lacks(small_run: Path, tmp_path: Path, topics: list[str], shown: set[str]) -> None:
     bag = only(small_run / "park_1.bag", tmp_path / "some.bag", *topics)
     page = Page(write_report(bag))
     for section, text in LACKS.items():
         assert (text in page.words(f".//section[@id='{section}']")) == (section not in shown), section
     assert [row[0] for row in page.rows(".//section[@id='topics']//table")] == sorted(topics, key=page.text.index)
-    assert ("No experiment.yaml lies beside the bag" in page.text) == ("way" in shown)
+    assert ("there is no experiment.yaml beside the bag" in page.text) == ("path" in shown)
 
 
-def test_model_states_tell_the_same_way_as_odometry(small_run: Path, tmp_path: Path, page: Page) -> None:
+def test_model_states_give_the_same_path_as_odometry(small_run: Path, tmp_path: Path, page: Page) -> None:
     bag = only(small_run / "park_1.bag", tmp_path / "states.bag", "/gazebo/model_states")
     other = Page(write_report(bag))
     assert other.terms(".//dl[@class='key']")["driven"] == page.terms(".//dl[@class='key']")["driven"]
@@ -72,11 +64,11 @@ def test_model_states_tell_the_same_way_as_odometry(small_run: Path, tmp_path: P
             other.data("numbers")["curves"][curve][0],
             page.data("numbers")["curves"][curve][0],
         )
-        assert len(times) > 600  # of 1,200 readings, two in each thousandth of the time
+        assert len(times) > 600  # of 1,200 readings, two per bucket
         assert values[-1] == pytest.approx(known[-1], rel=1e-4)
 
 
-def test_hostile_names_are_only_words(small_run: Path, tmp_path: Path) -> None:
+def test_hostile_names_are_escaped(small_run: Path, tmp_path: Path) -> None:
     evil = '</script><script>hacked=1</script><img src=x onerror="hacked=2">{{ 7*7 }}'
     names = {POINTS: POINTS, "/imu/data": f"/{evil}", "/tf_static": "/tf_static"}
 
@@ -97,8 +89,8 @@ def test_hostile_names_are_only_words(small_run: Path, tmp_path: Path) -> None:
     assert not list(page.root.iter("b onclick"))
 
 
-def test_a_hostile_description_is_only_words(small_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fieldtruth.report.page.content.see_place", lambda *_: (None, ""))
+def test_hostile_description_is_escaped(small_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fieldtruth.report.page.content.view_world", lambda *_: (None, ""))
     folder = tmp_path / "park_1"
     folder.mkdir()
     only(small_run / "park_1.bag", folder / "park_1.bag", ODOMETRY, "/gazebo/model_states")
@@ -110,7 +102,7 @@ def test_a_hostile_description_is_only_words(small_run: Path, tmp_path: Path, mo
     assert len(list(page.root.iter("script"))) == SCRIPTS - 2  # there is no cloud
 
 
-def test_messages_of_another_form_are_named(small_run: Path, tmp_path: Path) -> None:
+def test_unusable_topics_are_listed_with_reasons(small_run: Path, tmp_path: Path) -> None:
     def change(topic: str, stamp: int, data: bytes) -> tuple[str, int, bytes] | None:
         if topic == TAGS[0]:
             return topic, stamp, data.replace(b"\x04\x00\x00\x00rgb8", b"\x04\x00\x00\x00rgb9")
@@ -119,14 +111,14 @@ def test_messages_of_another_form_are_named(small_run: Path, tmp_path: Path) -> 
         return (topic, stamp, data) if topic == TAGS[1] else None
 
     page = Page(write_report(changed(small_run / "park_1.bag", tmp_path / "odd.bag", change)))
-    notes = page.words(".//section[@id='way']/div[@class='lack']")
+    notes = page.words(".//section[@id='path']/div[@class='lack']")
     assert f"{TAGS[0]}: image is 'rgb9'" in notes
-    assert "/navsat/fix: holds sensor_msgs/msg/Imu, not sensor_msgs/msg/NavSatFix" in notes
-    assert f"{30 * 320 * 184:,}" in page.words(".//table[@class='shares']/tfoot")  # the right camera alone
+    assert "/navsat/fix: contains sensor_msgs/msg/Imu, not sensor_msgs/msg/NavSatFix" in notes
+    assert f"{30 * 320 * 184:,}" in page.words(".//table[@class='shares']/tfoot")  # the right camera only
 
 
-def test_messages_that_make_no_sense_are_no_reason_to_stop(small_run: Path, tmp_path: Path) -> None:
-    """Mounts without a rotation, a camera without a focal length, a cloud and images of another size than they say."""
+def test_invalid_messages_do_not_stop_the_report(small_run: Path, tmp_path: Path) -> None:
+    """Mounts with a zero quaternion, a camera without focal length, a cloud and images of a wrong size."""
 
     def change(topic: str, stamp: int, data: bytes) -> tuple[str, int, bytes] | None:
         if topic not in {*TAGS, POINTS, ODOMETRY, "/tf_static", "/stereo/camera/left/camera_info", "/imu/data"}:
@@ -149,13 +141,13 @@ def test_messages_that_make_no_sense_are_no_reason_to_stop(small_run: Path, tmp_
     page = Page(write_report(changed(small_run / "park_1.bag", tmp_path / "odd.bag", change)))
     for section in ("images", "classes", "cloud"):
         assert page.root.findall(f".//section[@id='{section}']/p[@class='lack']"), section
-    notes = page.words(".//section[@id='way']/div[@class='lack']")
+    notes = page.words(".//section[@id='path']/div[@class='lack']")
     assert all(topic in notes for topic in (*TAGS, POINTS))
     channels = page.root.findall(".//figure[@data-key='acceleration']//span[@class='channels']/span")
     assert [words(channel)[0] for channel in channels] == ["y", "z"]
 
 
-def test_a_bag_of_one_instant_has_a_page(small_run: Path, tmp_path: Path) -> None:
+def test_bag_with_a_single_stamp_has_a_page(small_run: Path, tmp_path: Path) -> None:
     seen = set()
 
     def change(topic: str, stamp: int, data: bytes) -> tuple[str, int, bytes] | None:
@@ -169,7 +161,7 @@ def test_a_bag_of_one_instant_has_a_page(small_run: Path, tmp_path: Path) -> Non
     assert len(page.root.findall(".//figure[@class='curve']")) == 6
 
 
-def test_names_that_no_file_can_hold_are_mended(small_run: Path, tmp_path: Path) -> None:
+def test_long_and_unprintable_names_are_shortened(small_run: Path, tmp_path: Path) -> None:
     odd = "/" + 300 * "long"
 
     odds = {"/imu/data": odd, "/navsat/fix": "/\x01\u202e"}
@@ -184,7 +176,7 @@ def test_names_that_no_file_can_hold_are_mended(small_run: Path, tmp_path: Path)
     assert names == {odd[:159] + "…", "/\N{REPLACEMENT CHARACTER}\N{REPLACEMENT CHARACTER}"}
 
 
-def test_a_pixel_of_no_class_is_counted_as_such(small_run: Path, tmp_path: Path) -> None:
+def test_pixels_without_a_class_are_counted(small_run: Path, tmp_path: Path) -> None:
     def change(topic: str, stamp: int, data: bytes) -> tuple[str, int, bytes] | None:
         return (topic, stamp, data[:-3] + b"\x01\x02\x03") if topic == TAGS[0] else None
 

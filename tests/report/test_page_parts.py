@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Parts of the page, each against an answer that is known beforehand."""
+"""Parts of the page against known answers."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -14,26 +14,26 @@ from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.report.page.class_counts import class_ids, count_pixels
 from fieldtruth.report.page.curves import draw_curves, time_ticks
-from fieldtruth.report.page.decimate import VERTICES, Line, Thinner
+from fieldtruth.report.page.decimate import VERTICES, Decimator, Line
 from fieldtruth.report.page.series import Fixes, Motion
 from fieldtruth.report.page.tables import rpy_deg
 
 SECOND = 10**9
 
 
-def thinned(stamps: Any, values: Any, *, blocks: int = 1) -> list[Line]:
-    thinner = Thinner(values.shape[1], int(stamps[0]), int(stamps[-1]))
+def decimated(stamps: Any, values: Any, *, blocks: int = 1) -> list[Line]:
+    decimator = Decimator(values.shape[1], int(stamps[0]), int(stamps[-1]))
     for part in np.array_split(np.arange(len(stamps)), blocks):
-        thinner.add(stamps[part], values[part])
-    return thinner.lines()
+        decimator.add(stamps[part], values[part])
+    return decimator.lines()
 
 
-def test_a_long_series_keeps_readings_and_every_extreme() -> None:
+def test_decimation_keeps_readings_and_every_extreme() -> None:
     rng = np.random.default_rng(1)
     stamps = np.arange(1, 700_001, dtype=np.int64) * 1_000_000
     values = rng.normal(size=(700_000, 2)).cumsum(axis=0)
     values[123_456, 0], values[654_321, 1] = 1e6, -1e6  # single readings far outside
-    for channel, line in enumerate(thinned(stamps, values)):
+    for channel, line in enumerate(decimated(stamps, values)):
         assert 1000 < len(line.values) <= VERTICES
         assert (np.diff(line.stamps_ns) > 0).all()
         rows = line.stamps_ns // 1_000_000 - 1
@@ -46,32 +46,32 @@ def test_a_long_series_keeps_readings_and_every_extreme() -> None:
             assert (extreme.reduceat(values[:, channel], edges) == extreme.reduceat(line.values, kept_edges)).all()
 
 
-def test_a_series_is_thinned_alike_in_one_block_and_in_many() -> None:
+def test_decimation_does_not_depend_on_the_blocks() -> None:
     rng = np.random.default_rng(2)
     stamps = np.sort(rng.integers(0, 10 * SECOND, 20_000))
     values = rng.normal(size=(20_000, 3))
-    for one, many in zip(thinned(stamps, values), thinned(stamps, values, blocks=37), strict=True):
+    for one, many in zip(decimated(stamps, values), decimated(stamps, values, blocks=37), strict=True):
         assert (one.stamps_ns == many.stamps_ns).all()
         assert (one.values == many.values).all()
 
 
-def test_a_short_series_is_kept_whole_and_what_is_no_number_is_left_out() -> None:
+def test_short_series_is_kept_whole_without_nan_and_inf() -> None:
     stamps = np.arange(1, 101, dtype=np.int64) * 20_000_000
     values = np.sin(stamps / 1e8)[:, None]
-    (line,) = thinned(stamps, values)
+    (line,) = decimated(stamps, values)
     assert (line.stamps_ns == stamps).all()
     values[10], values[20] = np.nan, np.inf
-    (line,) = thinned(stamps, values)
+    (line,) = decimated(stamps, values)
     assert len(line.values) == 98
     assert np.isfinite(line.values).all()
 
 
 @pytest.mark.parametrize(("encoding", "order"), [("rgb8", 1), ("bgr8", -1), ("8UC3", -1)])
-def test_pixels_are_counted_by_their_colours(encoding: str, order: int) -> None:
+def test_pixels_are_counted_by_colour(encoding: str, order: int) -> None:
     label = np.random.default_rng(3).integers(1, len(CLASSES), (40, 56)).astype(np.uint8)
     label[:, 30:] = 3
     colours = PALETTE[label]
-    colours[0, 0], colours[39, 55] = (1, 2, 3), (0, 255, 1)  # no class has them
+    colours[0, 0], colours[39, 55] = (1, 2, 3), (0, 255, 1)  # colours without a class
     padded = np.zeros((40, 56 * 3 + 8), np.uint8)
     padded[:, : 56 * 3] = colours[..., ::order].reshape(40, -1)
     message = SimpleNamespace(
@@ -83,13 +83,13 @@ def test_pixels_are_counted_by_their_colours(encoding: str, order: int) -> None:
     assert count_pixels(message).tolist() == expected.tolist()
 
 
-def test_a_tag_of_one_byte_a_pixel_is_refused() -> None:
+def test_tag_image_with_one_byte_per_pixel_is_an_error() -> None:
     message = SimpleNamespace(encoding="mono8", width=2, height=1, step=2, is_bigendian=0, data=np.zeros(2, np.uint8))
     with pytest.raises(BagError, match="mono8"):
         count_pixels(message)
 
 
-def test_points_have_the_class_of_their_label_or_of_their_intensity() -> None:
+def test_class_ids_come_from_label_or_intensity() -> None:
     both = np.array([(3.0, 7), (4.0, 15), (5.0, 16), (5.0, 0)], [("intensity", "<f4"), ("label", "<u2")])
     assert class_ids(both).tolist() == [7, 15, 0, 0]
     intensity = np.array([3.0, 3.5, -1.0, 200.0, np.nan, 13.0], "<f4")
@@ -97,20 +97,20 @@ def test_points_have_the_class_of_their_label_or_of_their_intensity() -> None:
     assert class_ids(np.zeros(2, [("x", "<f4")])).tolist() == [0, 0]
 
 
-def test_a_curve_runs_where_its_readings_are() -> None:
+def test_curve_vertices_match_readings_and_ticks() -> None:
     line = Line(np.array([0, 5, 10]) * SECOND, np.array([-3.0, 1.0, 5.0]))
     (curve,) = draw_curves({"height": {"height": line}}, 0, 10 * SECOND)
     x, y = np.array([pair.split(",") for pair in curve.channels[0].path[1:].split("L")], float).T
     assert x.tolist() == [0.0, 500.0, 1000.0]
     zero = next(tick.at for tick in curve.ticks if tick.text == "0")
     two = next(tick.at for tick in curve.ticks if tick.text == "2")
-    per_metre = (zero - two) / 2  # down the picture is down
+    per_metre = (zero - two) / 2  # SVG y points down
     assert per_metre > 0
     assert y == pytest.approx([zero + 3 * per_metre, zero - per_metre, zero - 5 * per_metre], abs=0.05)
     assert (curve.channels[0].lowest, curve.channels[0].highest) == ("\N{MINUS SIGN}3.00", "5.00")
 
 
-def test_ticks_of_time_stand_at_their_seconds() -> None:
+def test_time_ticks_are_at_their_seconds() -> None:
     ticks = time_ticks(254.5)
     assert [tick.text for tick in ticks] == ["0", "50", "100", "150", "200", "250"]
     assert [tick.at for tick in ticks] == pytest.approx(
@@ -118,7 +118,7 @@ def test_ticks_of_time_stand_at_their_seconds() -> None:
     )
 
 
-def test_a_reading_that_hardly_changes_does_not_fill_the_picture() -> None:
+def test_nearly_constant_readings_are_drawn_flat() -> None:
     line = Line(np.array([0, 10]) * SECOND, np.array([1.0, 1.0 + 1e-6]))
     (curve,) = draw_curves({"height": {"height": line}}, 0, 10 * SECOND)
     heights = [float(pair.split(",")[1]) for pair in curve.channels[0].path[1:].split("L")]
@@ -138,7 +138,7 @@ def odometry(pose: Any, velocity: Any) -> Any:
     )
 
 
-def test_attitude_is_about_fixed_axes_and_heading_does_not_jump_at_south() -> None:
+def test_attitude_is_about_fixed_axes_and_heading_is_unwrapped() -> None:
     motion = Motion(0, 40 * SECOND // 10, from_model_states=False)
     yaws = np.arange(150.0, 230.0, 2.0)
     for k, yaw in enumerate(yaws):
@@ -151,13 +151,13 @@ def test_attitude_is_about_fixed_axes_and_heading_does_not_jump_at_south() -> No
     assert lines["heading"]["heading"].values == pytest.approx(yaws)
     assert lines["speed"]["speed"].values == pytest.approx(np.full(40, 0.5))
     assert lines["height"]["height"].values == pytest.approx(np.full(40, 0.5))
-    way = motion.trajectory()
-    assert way is not None
-    assert way.length_m == pytest.approx(39.0)
-    assert way.world_from_base(SECOND) == pytest.approx(frames.pose((10.0, 0.0, 0.5), (3.0, -7.0, 170.0)))
+    trajectory = motion.trajectory()
+    assert trajectory is not None
+    assert trajectory.length_m == pytest.approx(39.0)
+    assert trajectory.world_from_base(SECOND) == pytest.approx(frames.pose((10.0, 0.0, 0.5), (3.0, -7.0, 170.0)))
 
 
-def test_a_pose_without_a_rotation_is_left_out() -> None:
+def test_pose_with_zero_quaternion_is_skipped() -> None:
     motion = Motion(0, SECOND, from_model_states=False)
     motion.add(0, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     assert motion.trajectory() is None
@@ -178,11 +178,11 @@ def test_fixes_are_metres_from_the_first() -> None:
 
 
 @pytest.mark.parametrize("name", Rig().mounts())
-def test_angles_of_a_mount_are_those_that_it_was_given(name: str) -> None:
+def test_rpy_of_a_mount_matches_its_configuration(name: str) -> None:
     mount = Rig().mounts()[name]
     assert rpy_deg(mount.base_from_sensor[:3, :3]) == pytest.approx(mount.rpy_deg, abs=1e-6)
 
 
-def test_angles_make_the_same_rotation_again() -> None:
+def test_rpy_round_trip() -> None:
     for rpy in np.random.default_rng(4).uniform((-180, -89, -180), (180, 89, 180), (50, 3)):
         assert rpy_deg(frames.pose((0, 0, 0), tuple(rpy))[:3, :3]) == pytest.approx(rpy, abs=1e-6)

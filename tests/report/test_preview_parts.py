@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Parts of the sheet: what is drawn upon the view from above is where it must be, and views and clouds show things."""
+"""Parts of the sheet: projection of the aerial view, choice of viewpoints, drawing of clouds."""
 
 from dataclasses import replace
 
@@ -11,33 +11,34 @@ from report_worlds import EXPERIMENT, plain, small_park
 from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.render.bake import bake
-from fieldtruth.report.drawing.aerial import HEIGHT, MARGIN, halved, take_aerial
-from fieldtruth.report.drawing.cloud import Cloud, draw_cloud, outlook
-from fieldtruth.report.preview.map import circle, on_ground
-from fieldtruth.report.preview.viewpoints import free_stations, most_telling, obstacles
+from fieldtruth.report.drawing.aerial import HEIGHT, MARGIN, render_aerial
+from fieldtruth.report.drawing.cloud import Cloud, draw_cloud
+from fieldtruth.report.drawing.geometry import arc
+from fieldtruth.report.drawing.images import downscaled
+from fieldtruth.report.drawing.style import NIGHT
+from fieldtruth.report.preview.sheet import view_of
+from fieldtruth.report.preview.viewpoints import free_viewpoints, most_informative, obstacles
 from fieldtruth.sense.scene import Scene
 
-DARK = (10, 20, 30)
 
-
-def test_known_points_are_seen_at_known_pixels_from_above() -> None:
+def test_aerial_projection_matches_closed_form() -> None:
     world = plain(30.0, height=2.0)
-    aerial = take_aerial(bake(Scene(world), EXPERIMENT.light), 160)
+    aerial = render_aerial(bake(Scene(world), EXPERIMENT.light), 160)
     assert aerial.photo.shape == (160, 160, 3)
     half = 15.0 + MARGIN
     scale = 160 / (2 * half)  # pixels per metre of ground
-    corners = on_ground(aerial, world.terrain.field, np.array([[0.0, 0.0], [half, half], [-half, 4.0]]))
+    corners = aerial.ground_pixels(np.array([[0.0, 0.0], [half, half], [-half, 4.0]]))
     np.testing.assert_allclose(corners, [(79.5, 79.5), (159.5, -0.5), (-0.5, 79.5 - 4 * scale)], atol=1e-9)
-    # A point on a roof of 10 m leans outwards by its height over the camera's.
+    # A point on a roof at 10 m is displaced outwards.
     roof = aerial.pixels([(6.0, -6.0, 12.0)])[0]
     np.testing.assert_allclose(roof - 79.5, 6 * scale * HEIGHT / (HEIGHT - 10) * np.ones(2), atol=1e-9)
-    ring = on_ground(aerial, world.terrain.field, circle(np.array([5.0, -3.0]), 3.0))
+    ring = aerial.ground_pixels(arc(np.array([5.0, -3.0]), 3.0))
     np.testing.assert_allclose(np.hypot(*(ring - (79.5 + 5 * scale, 79.5 + 3 * scale)).T), 3 * scale, atol=1e-9)
 
 
-def test_what_lies_north_is_right_and_the_edge_between_two_grounds_is_where_the_projection_says() -> None:
+def test_aerial_photo_matches_projection_with_north_right() -> None:
     world = plain(30.0, trail_north_of_0=True)
-    aerial = take_aerial(bake(Scene(world), EXPERIMENT.light), 160)
+    aerial = render_aerial(bake(Scene(world), EXPERIMENT.light), 160)
     bright = aerial.photo.astype(float).mean(axis=2)[20:140].mean(axis=0)
     edge = int(np.argmax(np.abs(np.diff(bright[20:140])))) + 20
     expected = float(aerial.pixels([(0.0, 0.0, 0.0)])[0, 0])
@@ -45,29 +46,29 @@ def test_what_lies_north_is_right_and_the_edge_between_two_grounds_is_where_the_
     assert bright[100:140].mean() > bright[20:60].mean() + 20  # gravel is brighter than grass
 
 
-def test_images_are_halved_by_means() -> None:
+def test_downscaling_averages_blocks() -> None:
     image = np.array([[[0, 0, 10], [2, 0, 10]], [[4, 0, 10], [6, 200, 10]]], np.uint8)
-    np.testing.assert_array_equal(halved(image), [[[3, 50, 10]]])
+    np.testing.assert_array_equal(downscaled(image), [[[3, 50, 10]]])
 
 
 def counts(*rows: tuple[int, ...]) -> NDArray[np.int64]:
     return np.array(rows, np.int64)
 
 
-def test_the_most_telling_views_show_different_things_and_stand_apart() -> None:
+def test_most_informative_viewpoints_differ_in_classes_and_are_apart() -> None:
     everything = counts((90, 10, 0), (100, 0, 0), (30, 40, 30), (0, 0, 100))
     along = np.column_stack([np.arange(4) * 50.0, np.zeros(4)])
-    assert most_telling(everything, along, 1) == [2]
-    # Roots of the shares added up: 2.350 with the first, 2.320 with the second or the fourth.
-    assert most_telling(everything, along, 2) == [0, 2]
-    assert most_telling(everything, along, 9) == [0, 1, 2, 3]
+    assert most_informative(everything, along, 1) == [2]
+    # Sum of the square roots of the shares: 2.350 with the first, 2.320 with the second or the fourth.
+    assert most_informative(everything, along, 2) == [0, 2]
+    assert most_informative(everything, along, 9) == [0, 1, 2, 3]
     near = np.array([[101.0, 0.0], [0.0, 0.0], [100.0, 0.0], [90.0, 0.0]])
-    assert most_telling(everything, near, 2) == [1, 2]  # the only one that is far away from the third
+    assert most_informative(everything, near, 2) == [1, 2]  # the only one far from the third
 
 
-def test_free_places_are_free_dry_and_look_inwards() -> None:
+def test_free_viewpoints_are_clear_of_obstacles_dry_and_face_the_middle() -> None:
     park = small_park()
-    found = free_stations(park, 20, np.random.default_rng(1))
+    found = free_viewpoints(park, 20, np.random.default_rng(1))
     assert len(found) == 20
     assert (np.abs(found[:, :2]) < 12).all()
     x, y, radius = obstacles(park).T
@@ -78,30 +79,30 @@ def test_free_places_are_free_dry_and_look_inwards() -> None:
     towards = found[:, :2] + 5 * np.column_stack([np.cos(found[:, 2]), np.sin(found[:, 2])])
     assert np.hypot(*towards.T).mean() < np.hypot(*found[:, :2].T).mean()
     level = float(np.median(park.terrain.field.heights))
-    dry = free_stations(replace(park, water_level=level), 20, np.random.default_rng(1))
+    dry = free_viewpoints(replace(park, water_level=level), 20, np.random.default_rng(1))
     assert (park.terrain.field.height_at(dry[:, 0], dry[:, 1]) > level).all()
-    assert len(free_stations(replace(park, water_level=99.0), 20, np.random.default_rng(1))) == 0
+    assert len(free_viewpoints(replace(park, water_level=99.0), 20, np.random.default_rng(1))) == 0
 
 
-def test_a_point_is_drawn_in_its_colour_where_it_is_seen_and_hides_what_is_behind_it() -> None:
+def test_cloud_points_are_drawn_at_their_projection_with_occlusion() -> None:
     cloud = Cloud(
         xyz=np.array([[10.0, 0, 0], [20.0, 0, 0], [10.0, 2.0, 0], [-5.0, 0, 0]]),
         label=np.array([Label.ROCK, Label.BUSH, Label.TREETOP, Label.TRUNK], np.uint8),
         scans=1,
     )
     ahead = frames.pose((0, 0, 0), (-90, 0, -90))  # optical frame of a camera that looks along x
-    picture = draw_cloud(cloud, ahead, width=200, height=100, fov_deg=90, background=DARK, size=0.5)
+    picture = draw_cloud(cloud, ahead, width=200, height=100, fov_deg=90, size=0.5)
     np.testing.assert_array_equal(picture[50, 100], PALETTE[Label.ROCK])
     np.testing.assert_array_equal(picture[50, 80], PALETTE[Label.TREETOP])  # 2 m left of 10 m: a tenth of the width
-    np.testing.assert_array_equal(picture[5, 5], DARK)
+    np.testing.assert_array_equal(picture[5, 5], NIGHT)
     colours = {tuple(colour) for colour in picture.reshape(-1, 3).tolist()}
     assert tuple(PALETTE[Label.BUSH].tolist()) not in colours
     assert tuple(PALETTE[Label.TRUNK].tolist()) not in colours
 
 
-def test_an_outlook_has_nearly_all_points_in_the_picture_and_fills_it() -> None:
+def test_view_of_points_contains_nearly_all_and_fills_the_image() -> None:
     points = np.random.default_rng(0).uniform((-50, -25, 0), (50, 25, 10), (5000, 3))
-    pose = outlook(points, (10, 40, -20), fov_deg=50, aspect=1.6)
+    pose = view_of(points, (10, 40, -20), fov_deg=50, aspect=1.6)
     np.testing.assert_allclose(pose[:3, 2], np.array((10, 40, -20)) / np.sqrt(2100), atol=1e-12)
     assert pose[2, 0] == 0.0  # upright
     assert pose[2, 1] < 0
@@ -110,4 +111,4 @@ def test_an_outlook_has_nearly_all_points_in_the_picture_and_fills_it() -> None:
     inside = (np.abs(x / z) < slope) & (np.abs(y / z) * 1.6 < slope) & (z > 0)
     assert inside.mean() > 0.93
     assert np.abs(x / z).max() > 0.8 * slope
-    assert np.isfinite(outlook(np.zeros((0, 3)), (1, 0, -1), fov_deg=50, aspect=1.6)).all()
+    assert np.isfinite(view_of(np.zeros((0, 3)), (1, 0, -1), fov_deg=50, aspect=1.6)).all()

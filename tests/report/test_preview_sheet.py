@@ -1,8 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The whole sheet of a small park, with an experiment and without one."""
-
-from pathlib import Path
+"""The sheet of a small park, with and without an experiment."""
 
 import numpy as np
 import pytest
@@ -13,41 +11,36 @@ import fieldtruth
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.progress import Silent
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.report.preview import content as gather_module
+from fieldtruth.report.preview import content as content_module
 from fieldtruth.report.preview import preview
-from fieldtruth.report.preview.chart import seen_classes
-from fieldtruth.report.preview.content import Findings, gather
+from fieldtruth.report.preview.chart import occurring_classes
+from fieldtruth.report.preview.content import SheetContent, collect_content
 from fieldtruth.report.preview.sheet import draw_sheet
 
 
-@pytest.fixture(autouse=True)
-def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-
-
-def gathered(monkeypatch: pytest.MonkeyPatch, experiments: list[Experiment]) -> Findings:
-    monkeypatch.setattr(gather_module, "experiments_in", lambda environment: experiments)
-    return gather(small_park(), aerial_width=160, rig=RIG, spacing=3.0, workers=2, progress=Silent())
+def content_of(monkeypatch: pytest.MonkeyPatch, experiments: list[Experiment]) -> SheetContent:
+    monkeypatch.setattr(content_module, "experiments_in", lambda environment: experiments)
+    return collect_content(small_park(), aerial_width=160, rig=RIG, spacing=3.0, workers=2, progress=Silent())
 
 
 def near(picture: NDArray[np.uint8], colour: tuple[int, int, int]) -> int:
-    """Pixels that differ from a colour by less than 12 in each channel."""
+    """Number of pixels that differ from a colour by less than 12 in each channel."""
     return int((np.abs(picture.astype(int) - colour) < 12).all(axis=2).sum())
 
 
-def test_a_sheet_shows_the_route_the_views_the_cloud_and_the_shares(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = gathered(monkeypatch, [EXPERIMENT])
+def test_sheet_shows_route_views_cloud_and_shares(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = content_of(monkeypatch, [EXPERIMENT])
     [route] = found.routes
     assert route.name == "small_1"
     np.testing.assert_allclose(route.waypoints, [(-8, 0), (0, 0), (8, 0)], atol=1e-3)
-    assert len(found.stations) == len(found.shares.pixels) == found.cloud.scans == 5
+    assert len(found.viewpoints) == len(found.shares.pixels) == found.cloud.scans == 5
     assert len(found.views) == 4
     for view in found.views:
-        assert view.picture.photo.shape == (48, 64, 3)
-        assert any((view.station == station).all() for station in found.stations)
+        assert view.images.photo.shape == (48, 64, 3)
+        assert any((view.viewpoint == viewpoint).all() for viewpoint in found.viewpoints)
     assert len(found.cloud.label) <= found.shares.points.sum()
     assert (np.abs(found.cloud.xyz[:, :2]) < 12).all()
-    assert {row.name for row, _, _ in seen_classes(found.shares)} >= {"ground", "trail", "treetop", "sky"}
+    assert {row.name for row, _, _ in occurring_classes(found.shares)} >= {"ground", "trail", "treetop", "sky"}
 
     sheet = draw_sheet(found, 1200)
     assert sheet.shape[1:] == (1200, 3)
@@ -62,16 +55,16 @@ def test_a_sheet_shows_the_route_the_views_the_cloud_and_the_shares(monkeypatch:
     np.testing.assert_array_equal(sheet, draw_sheet(found, 1200))
 
 
-def test_a_place_without_experiments_has_a_sheet_without_routes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(gather_module, "FREE_PLACES", 6)
-    found = gathered(monkeypatch, [])
+def test_environment_without_experiments_has_a_sheet_without_routes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(content_module, "FREE_VIEWPOINTS", 6)
+    found = content_of(monkeypatch, [])
     assert found.routes == ()
-    assert (len(found.stations), len(found.views)) == (6, 4)
+    assert (len(found.viewpoints), len(found.views)) == (6, 4)
     sheet = draw_sheet(found, 1200)
     assert near(sheet[150:1260], (47, 128, 255)) == 0
 
 
-def test_an_unknown_environment_lists_those_that_there_are() -> None:
+def test_unknown_environment_lists_the_known_ones() -> None:
     assert fieldtruth.preview is preview
     with pytest.raises(UnknownNameError, match="no environment 'prak'; there is: park"):
         preview("prak")

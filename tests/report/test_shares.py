@@ -14,7 +14,7 @@ from fieldtruth.report.shares import ClassShares, class_shares, count_classes, s
 from fieldtruth.sense.scene import Scene
 
 
-def test_on_a_plain_half_of_the_pixels_and_the_lower_half_of_the_beams_meet_ground() -> None:
+def test_shares_on_a_plain_match_closed_form() -> None:
     world = plain()
     poses = [standing_pose(world.terrain.field, np.array([x, 3.0, 0.4]), RIG) for x in (0.0, 10.0, 20.0)]
     shares = count_classes(Scene(world), RIG, poses, workers=2)
@@ -27,7 +27,7 @@ def test_on_a_plain_half_of_the_pixels_and_the_lower_half_of_the_beams_meet_grou
     assert shares.as_dict() == {"poses": 3, "pixels": {"ground": 4608, "sky": 4608}, "points": {"ground": 1536}}
 
 
-def test_trail_and_ground_are_told_apart_along_the_route() -> None:
+def test_shares_separate_trail_and_ground_along_the_route() -> None:
     shares = class_shares(EXPERIMENT, spacing=2.0, scene=Scene(plain(trail_north_of_0=True)))
     assert len(shares.pixels) == 7  # the way ends 2 m before the last way-point, 16 m away
     assert shares.points[:, [Label.GROUND, Label.TRAIL]].sum() == shares.points.sum() == 7 * 64 * 8
@@ -59,7 +59,7 @@ def test_experiments_in_one_world_load_it_once(monkeypatch: pytest.MonkeyPatch) 
     np.testing.assert_array_equal(found["small_1"].pixels, found["other"].pixels)
 
 
-def test_the_table_has_a_row_per_class_and_a_column_per_experiment() -> None:
+def test_table_has_a_row_per_class_and_a_column_per_experiment() -> None:
     def counted(**counts: int) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:
         rows = np.zeros((2, len(CLASSES)), np.int64)
         for name, count in counts.items():

@@ -59,14 +59,14 @@ def messages(run: Path, topic: str) -> dict[int, Any]:
     return {r.stamp_ns: r.message for r in read.read_bag(run / "park_1.bag", [topic])}
 
 
-def test_the_viewers_own_tool_accepts_the_file(file: Path) -> None:
+def test_rerun_verifies_the_file(file: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "rerun", "rrd", "verify", str(file)], capture_output=True, text=True, check=True
     )
     assert "1 file verified without error" in done.stdout + done.stderr
 
 
-def test_clouds_stand_at_the_lidar_with_their_classes(small_run: Path, rows: dict[str, list[dict[str, Any]]]) -> None:
+def test_clouds_are_in_the_lidar_frame_with_classes(small_run: Path, rows: dict[str, list[dict[str, Any]]]) -> None:
     clouds = messages(small_run, "/os1_cloud_node/points")
     shown = rows[f"{LIDAR}/points"]
     assert [row["time"] for row in shown] == list(clouds)
@@ -77,7 +77,7 @@ def test_clouds_stand_at_the_lidar_with_their_classes(small_run: Path, rows: dic
         assert np.array_equal(values(row, "Points3D:class_ids"), cloud["label"])
 
 
-def test_the_robot_moves_as_the_odometry_says(small_run: Path, rows: dict[str, list[dict[str, Any]]]) -> None:
+def test_robot_poses_match_odometry(small_run: Path, rows: dict[str, list[dict[str, Any]]]) -> None:
     odometry = messages(small_run, "/ground_truth/odom")
     shown = [row for row in rows["/world/base_link"] if "Transform3D:translation" in row]
     assert [row["time"] for row in shown] == list(odometry)
@@ -88,7 +88,7 @@ def test_the_robot_moves_as_the_odometry_says(small_run: Path, rows: dict[str, l
         assert np.allclose(columns.T, pose[:3, :3], atol=1e-6)
 
 
-def test_sensors_stand_where_tf_static_says(small_run: Path, rows: dict[str, list[dict[str, Any]]]) -> None:
+def test_sensor_frames_match_tf_static(small_run: Path, rows: dict[str, list[dict[str, Any]]]) -> None:
     static = read.static_transforms(small_run / "park_1.bag")
     for (_, child), transform in static.items():
         [row] = [r for r in rows["/" + entities(static)[child]] if "Transform3D:translation" in r]
@@ -97,9 +97,7 @@ def test_sensors_stand_where_tf_static_says(small_run: Path, rows: dict[str, lis
     assert entities(static)["left_camera_optical"] == OPTICAL[1:]
 
 
-def test_images_and_tags_are_those_of_the_bag_five_times_a_second(
-    small_run: Path, rows: dict[str, list[dict[str, Any]]]
-) -> None:
+def test_images_and_tags_match_the_bag_at_5_hz(small_run: Path, rows: dict[str, list[dict[str, Any]]]) -> None:
     photographs = messages(small_run, "/stereo/camera/left/real/compressed")
     tags = messages(small_run, "/stereo/camera/left/tag/img_raw")
     shown = rows[f"{OPTICAL}/photograph"]
@@ -112,7 +110,7 @@ def test_images_and_tags_are_those_of_the_bag_five_times_a_second(
     assert np.array_equal(values(row, "SegmentationImage:buffer")[0].astype(np.uint8), label.ravel())
 
 
-def test_the_lens_projects_to_the_pixel_that_ros_means(small_run: Path, rows: dict[str, list[dict[str, Any]]]) -> None:
+def test_pinhole_uses_pixel_corners(small_run: Path, rows: dict[str, list[dict[str, Any]]]) -> None:
     info = next(iter(messages(small_run, "/stereo/camera/left/camera_info").values()))
     [row] = [r for r in rows[OPTICAL] if "Pinhole:image_from_camera" in r]
     matrix = values(row, "Pinhole:image_from_camera")[0].reshape(3, 3).T
@@ -123,7 +121,7 @@ def test_the_lens_projects_to_the_pixel_that_ros_means(small_run: Path, rows: di
     assert values(row, "Pinhole:resolution")[0].tolist() == [320, 184]
 
 
-def test_the_legend_is_the_table_of_classes(rows: dict[str, list[dict[str, Any]]]) -> None:
+def test_annotation_context_matches_the_class_table(rows: dict[str, list[dict[str, Any]]]) -> None:
     [row] = [r for r in rows["/"] if "AnnotationContext:context" in r]
     listed = {
         entry["class_id"]: (entry["class_description"]["info"]["label"], entry["class_description"]["info"]["color"])
@@ -135,7 +133,7 @@ def test_the_legend_is_the_table_of_classes(rows: dict[str, list[dict[str, Any]]
     assert len(listed) == len(CLASSES) - 1
 
 
-def test_mistakes_are_one_line_and_nothing_is_written(
+def test_errors_are_one_line_and_nothing_is_written(
     small_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     taken = tmp_path / "taken.rrd"

@@ -71,13 +71,13 @@ def _list(options: argparse.Namespace) -> None:
 
 
 def _preview(options: argparse.Namespace) -> None:
-    from fieldtruth.report.image_file import check_image_path, is_jpeg, write_image
+    from fieldtruth.report.image_file import IMAGE_ENDINGS, check_output_path, is_jpeg, write_image
     from fieldtruth.world.environments import ENVIRONMENTS
 
     if options.environment not in ENVIRONMENTS:
         raise UnknownNameError("environment", options.environment, ENVIRONMENTS)
     path = options.out if options.out is not None else Path(f"{options.environment}_{options.seed}_preview.png")
-    check_image_path(path, overwrite=options.overwrite)
+    check_output_path(path, IMAGE_ENDINGS, overwrite=options.overwrite)
     # After the checks: physics, compiled kernels and the drawing library take seconds to load.
     from fieldtruth.core.progress import show_progress
     from fieldtruth.report.preview import WIDTH, WIDTH_IN_DOCUMENTS, preview

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The place from above, by the package's own camera: north to the right, west up. Points find their pixel."""
+"""Aerial view of a world, rendered with the camera model, and its projection. North is right, west is up."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -13,32 +13,41 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.rig import CameraConfig
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.render.camera import Camera
+from fieldtruth.report.drawing.images import downscaled
 from fieldtruth.sense.pinhole import Pinhole, pinhole
+from fieldtruth.world.model import Heightfield
 
 HEIGHT: Final = 300.0
-"""Height [m] of the camera above the middle of the place: a crown of 12 m at the edge leans outwards by 2 m."""
-MARGIN: Final = 1.0  # [m] that is seen beyond the edge
-_SAMPLES: Final = 2  # squared: rays per pixel
-_DARKEST, _BRIGHTEST = 0.2, 99.8  # percentiles that become black and white, because 300 m of air are hazy
-_MIDDLE: Final = 0.36  # what the median becomes, at least
+"""Height [m] of the camera above the mean ground: a crown at 12 m, at the edge, is displaced by 2 m."""
+MARGIN: Final = 1.0
+"""Width [m] of the strip that is visible beyond the edge of the world."""
+_SAMPLES: Final = 2  # per pixel and axis
+_DARKEST, _BRIGHTEST = 0.2, 99.8  # percentiles that become black and white: 300 m of air are hazy
+_LEAST_MEDIAN: Final = 0.36
 
 
 @dataclass(frozen=True, kw_only=True)
 class Aerial:
-    """A photograph (h, w, 3) from above, and the projection that made it."""
+    """A photograph (h, w, 3) from above, its projection, and the ground that it shows."""
 
     photo: NDArray[np.uint8]
     world_from_optical: Array
     lens: Pinhole
+    field: Heightfield
 
     def pixels(self, points_world: ArrayLike) -> Array:
-        """Column and row (n, 2) at which points (n, 3) [m] of the world are seen; (0, 0) is a pixel's centre."""
+        """Project points (n, 3) [m] to columns and rows (n, 2); (0, 0) is the centre of the first pixel."""
         x, y, z = frames.transform(frames.inverse(self.world_from_optical), points_world).T
         return np.column_stack([self.lens.fx * x / z + self.lens.cx, self.lens.fy * y / z + self.lens.cy])
 
+    def ground_pixels(self, xy: Array) -> Array:
+        """Project points x, y (n, 2) [m] on the ground to columns and rows (n, 2)."""
+        return self.pixels(np.column_stack([xy, self.field.height_at(xy[:, 0], xy[:, 1])]))
 
-def take_aerial(baked: BakedScene, width: int) -> Aerial:
-    """Photograph the whole place, ``width`` pixels along x, as many along y as its shape asks for."""
+
+def render_aerial(baked: BakedScene, width: int) -> Aerial:
+    """Render the whole world from above, ``width`` pixels along x."""
+    field = baked.scene.world.terrain.field
     length, breadth = (side / 2 + MARGIN for side in baked.scene.world.size)
     wide = 8 * max(1, round(width * _SAMPLES / 8))
     high = 8 * max(1, round(wide * breadth / length / 8))
@@ -49,26 +58,17 @@ def take_aerial(baked: BakedScene, width: int) -> Aerial:
         vertical_fov_deg=2.0 * float(np.degrees(np.arctan2(breadth, HEIGHT))),
         far=10.0 * HEIGHT,
     )
-    middle = float(np.mean(baked.scene.world.terrain.field.heights))
-    world_from_optical = frames.pose((0.0, 0.0, middle + HEIGHT), (180.0, 0.0, 0.0))
-    photo = _levelled(halved(Camera(config, baked, exposure=1.0).render(world_from_optical).photo, _SAMPLES))
-    small = config.model_copy(update={"width": photo.shape[1], "height": photo.shape[0]})
-    return Aerial(photo=photo, world_from_optical=world_from_optical, lens=pinhole(small))
+    world_from_optical = frames.pose((0.0, 0.0, float(np.mean(field.heights)) + HEIGHT), (180.0, 0.0, 0.0))
+    photo = _stretched(downscaled(Camera(config, baked, exposure=1.0).render(world_from_optical).photo, _SAMPLES))
+    lens = pinhole(config.model_copy(update={"width": photo.shape[1], "height": photo.shape[0]}))
+    return Aerial(photo=photo, world_from_optical=world_from_optical, lens=lens, field=field)
 
 
-def halved(image: NDArray[np.uint8], by: int = 2) -> NDArray[np.uint8]:
-    """Means over squares of ``by`` x ``by`` pixels."""
-    h, w = (side // by * by for side in image.shape[:2])
-    squares = image[:h, :w].reshape(h // by, by, w // by, by, -1)
-    means: NDArray[np.uint8] = np.rint(squares.mean(axis=(1, 3), dtype=np.float32)).astype(np.uint8)
-    return means
-
-
-def _levelled(photo: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Take the haze out, and brighten what lies in shadow: a forest from above is as dark as deep water."""
+def _stretched(photo: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Remove haze and brighten shadow: from above, a forest is as dark as deep water."""
     dark = np.percentile(photo, _DARKEST, axis=(0, 1))
     clear = np.maximum(photo - dark, 0.0)
     clear /= max(float(np.percentile(clear, _BRIGHTEST)), 1.0)
-    middle = float(np.clip(np.median(clear), 0.01, 0.99))
-    gamma = float(np.clip(np.log(_MIDDLE) / np.log(middle), 0.6, 1.0))
+    median = float(np.clip(np.median(clear), 0.01, 0.99))
+    gamma = float(np.clip(np.log(_LEAST_MEDIAN) / np.log(median), 0.6, 1.0))
     return (255.0 * np.clip(clear, 0.0, 1.0) ** gamma).astype(np.uint8)

@@ -20,5 +20,5 @@ _NO_CLASS: Final = (138, 138, 138)
 
 
 def class_colour(label: int) -> str:
-    """Flat colour of a class as ``#rrggbb``; grey for void."""
+    """Colour of a class as ``#rrggbb``; grey for void."""
     return "#{:02x}{:02x}{:02x}".format(*(CLASSES[label].rgb or _NO_CLASS))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers and names as a reader wants them."""
+"""Numbers and names as text for readers."""
 
 from typing import Final
 
@@ -8,35 +8,38 @@ MINUS: Final = "\N{MINUS SIGN}"
 TIMES: Final = "\N{MULTIPLICATION SIGN}"
 TO: Final = "\N{EN DASH}"
 LETTERS: Final = 160
-"""At most so many letters of a name that the bag gives."""
+"""Maximum length of a name from a bag."""
 
 
 def shortened(name: str) -> str:
-    """A name that a bag gives, not longer than a page can bear, and without letters that cannot be seen."""
+    """Cut a name from a bag to ``LETTERS`` and replace letters that are not printable."""
     name = "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in name[: LETTERS + 1])
     return name if len(name) <= LETTERS else name[: LETTERS - 1] + "…"
 
 
-def count_text(count: int) -> str:
-    """A whole number with its thousands apart."""
-    return f"{count:,}"
-
-
 def fixed(value: float, decimals: int) -> str:
-    """A number with so many decimals; nought has no sign."""
+    """Format with a fixed number of decimals; zero has no sign."""
     text = f"{value:.{decimals}f}"
     return (text if float(text) else text.lstrip("-")).replace("-", MINUS)
 
 
 def trimmed(value: float, decimals: int) -> str:
-    """A number with at most so many decimals."""
+    """Format with at most so many decimals, without trailing zeros."""
     text = fixed(value, decimals)
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 
-def size_text(byte: int) -> tuple[str, str]:
-    """A file's size and its unit."""
+def percent(share: float, decimals: int) -> str:
+    """Format a share of 1 as percent; "none" for zero, "< 0.01 %" for what would be rounded to zero."""
+    if share == 0.0:
+        return "none"
+    least = 10.0**-decimals
+    return f"< {least:g} %" if 100 * share < least / 2 else f"{100 * share:.{decimals}f} %"
+
+
+def file_size(size: int) -> tuple[str, str]:
+    """Size of a file, given in bytes, as a number of three digits and its unit."""
     for unit, scale in (("GB", 1e9), ("MB", 1e6)):
-        if byte >= scale:
-            return f"{byte / scale:.3g}" if byte < 100 * scale else f"{byte / scale:.0f}", unit
-    return f"{byte / 1e3:.3g}", "kB"
+        if size >= scale:
+            return f"{size / scale:.3g}" if size < 100 * scale else f"{size / scale:.0f}", unit
+    return f"{size / 1e3:.3g}", "kB"

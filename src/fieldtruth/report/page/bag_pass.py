@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""One passage through a bag, from its first message to its last: curves, the robot's way, and counts of classes.
+"""One pass through a bag: time series, the robot's trajectory, and counts of the classes.
 
-What is kept does not grow with the bag, but for a pose each 20 ms (64 bytes).
+Memory does not grow with the bag, except for a pose every 20 ms (64 bytes).
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -25,89 +25,95 @@ from fieldtruth.report.page.class_counts import count_pixels, count_points
 from fieldtruth.report.page.series import Collector, Fixes, Inertial, Lines, Motion, Wheel
 
 TAGS: Final = tuple(map(table.tag, table.SIDES))
+UNEXPECTED: Final = (BagError, AttributeError, KeyError, TypeError, ValueError, IndexError)
+"""Exceptions from a message that differs from what its topic promises."""
 _MSGTYPE: Final = {topic.name: topic.msgtype for topic in table.TOPICS}
-_TOLD: Final = 100_000_000  # [ns] of simulated time from one word of progress to the next
-_ANOTHER_CLOCK: Final = 10_000_000_000  # [ns]
-FOREIGN: Final = (BagError, AttributeError, KeyError, TypeError, ValueError, IndexError)
-"""What a message raises that is not as its topic's messages are."""
+_PROGRESS_INTERVAL: Final = 100_000_000  # [ns]
+_OTHER_CLOCK: Final = 10_000_000_000  # [ns]
 
 
 @dataclass
-class Passage:
-    """What a passage through a bag leaves behind."""
+class BagSummary:
+    """Result of a pass through a bag."""
 
     lines: Lines = field(default_factory=dict)
     trajectory: Trajectory | None = None
     first_fix: tuple[float, float, float] | None = None
     """Latitude, longitude [deg], height [m]."""
     pixels: dict[str, Counts] = field(default_factory=dict)
-    """By topic of tag images: pixels by class id (16,); row 0 are those of no class."""
+    """Pixels by class id (16,) of each tag topic; row 0 counts colours that no class has."""
     points: Counts | None = None
     """Points by class id (16,); None without clouds."""
     unreadable: dict[str, str] = field(default_factory=dict)
-    """Why, by topic that is there and yet is not shown."""
+    """By topic that exists and cannot be shown: the reason."""
 
 
-def usable(run: Run) -> tuple[set[str], dict[str, str]]:
-    """Topics whose messages are of the type that their name promises, and why the others are not."""
+def usable_topics(run: Run) -> tuple[set[str], dict[str, str]]:
+    """Topics whose messages have the type that we publish under this name, and why the others are not usable."""
     known = {topic: msgtype for topic, msgtype in run.msgtypes.items() if topic in _MSGTYPE and topic in run.counts}
-    foreign = {t: f"holds {has}, not {_MSGTYPE[t]}" for t, has in known.items() if has != _MSGTYPE[t]}
-    return set(known) - set(foreign), foreign
+    other = {t: f"contains {found}, not {_MSGTYPE[t]}" for t, found in known.items() if found != _MSGTYPE[t]}
+    return set(known) - set(other), other
 
 
 def stamp_of(message: Any, raw: RawMessage) -> int:
-    """Stamp [ns] of a message: its header's, unless it has none, or one from another clock than the bag's."""
+    """Stamp [ns] from the header; the bag's stamp if there is no header or it is from a different clock."""
     header = getattr(message, "header", None)
     stamp = raw.stamp_ns if header is None else stamp_ns(header)
-    return stamp if abs(stamp - raw.stamp_ns) < _ANOTHER_CLOCK else raw.stamp_ns
+    return stamp if abs(stamp - raw.stamp_ns) < _OTHER_CLOCK else raw.stamp_ns
 
 
-def read_through(run: Run, workers: int, progress: Progress) -> Passage:
-    """Read a run once.
+def reason(error: Exception) -> str:
+    """Explain why a message cannot be read."""
+    return str(error) if isinstance(error, BagError) else f"its messages have an unexpected form ({error})"
+
+
+def summarize_bag(run: Run, workers: int, progress: Progress) -> BagSummary:
+    """Read a bag once.
 
     Raises:
         BagError: the bag is damaged.
     """
-    topics, foreign = usable(run)
-    passage = Passage(unreadable=foreign)
+    topics, unusable = usable_topics(run)
+    summary = BagSummary(unreadable=unusable)
     collectors = _collectors(run, topics)
-    heavy: dict[str, Callable[[Any], Counts]] = dict.fromkeys(TAGS, count_pixels) | {table.POINTS: count_points}
-    wanted = [topic for topic in (*collectors, *heavy) if topic in topics]
-    if not wanted:  # an empty list would ask for all
-        return passage
+    counters: dict[str, Callable[[Any], Counts]] = dict.fromkeys(TAGS, count_pixels) | {table.POINTS: count_points}
+    wanted = [topic for topic in (*collectors, *counters) if topic in topics]
+    if not wanted:  # an empty list would mean all topics
+        return summary
     counts: dict[str, Counts] = {}
     with progress.stage("read the bag", run.duration_s) as advance, open_bag(run.bag) as bag:
         decode = decoder(bag)
 
-        def light_ones_aside() -> Iterator[RawMessage]:
-            told = run.start_ns
+        def large_messages() -> Iterator[RawMessage]:
+            """Collect small messages at once and yield the others, for the threads."""
+            reported = run.start_ns
             for raw in bag.messages(wanted):
-                if raw.topic in heavy:
+                if raw.topic in counters:
                     yield raw
-                elif raw.topic not in passage.unreadable:
-                    _collect(collectors[raw.topic], raw, decode, passage.unreadable)
-                if raw.stamp_ns - told >= _TOLD:
-                    advance((raw.stamp_ns - told) / 1e9)
-                    told = raw.stamp_ns
+                elif raw.topic not in summary.unreadable:
+                    _collect(collectors[raw.topic], raw, decode, summary.unreadable)
+                if raw.stamp_ns - reported >= _PROGRESS_INTERVAL:
+                    advance((raw.stamp_ns - reported) / 1e9)
+                    reported = raw.stamp_ns
 
         def count(raw: RawMessage) -> tuple[str, Counts | str]:
             try:
-                return raw.topic, heavy[raw.topic](decode(raw))
-            except FOREIGN as error:
+                return raw.topic, counters[raw.topic](decode(raw))
+            except UNEXPECTED as error:
                 return raw.topic, reason(error)
 
-        for topic, found in in_order(light_ones_aside(), count, workers):
+        for topic, found in in_order(large_messages(), count, workers):
             if isinstance(found, str):
-                passage.unreadable.setdefault(topic, found)
+                summary.unreadable.setdefault(topic, found)
             else:
                 counts.setdefault(topic, np.zeros(len(CLASSES), np.int64))
                 counts[topic] += found
-    _sum_up(passage, collectors, counts)
-    return passage
+    _finish(summary, collectors, counts)
+    return summary
 
 
 def _collectors(run: Run, topics: set[str]) -> dict[str, Collector]:
-    """Who takes the small messages, by topic. Odometry tells all that ModelStates does, at a twentieth of the rate."""
+    """Collectors of the small messages by topic; Odometry replaces ModelStates, whose rate is 20 times as high."""
     span = run.start_ns, run.end_ns
     poses = table.ODOMETRY if table.ODOMETRY in topics else table.MODEL_STATES
     made: Mapping[str, Collector] = {
@@ -128,25 +134,20 @@ def _collect(
             return
         message = decode(raw)
         collector.add(stamp_of(message, raw), collector.row(message))
-    except FOREIGN as error:
+    except UNEXPECTED as error:
         unreadable[raw.topic] = reason(error)
 
 
-def _sum_up(passage: Passage, collectors: Mapping[str, Collector], counts: Mapping[str, Counts]) -> None:
+def _finish(summary: BagSummary, collectors: Mapping[str, Collector], counts: Mapping[str, Counts]) -> None:
     for topic, collector in collectors.items():
-        if topic in passage.unreadable:
+        if topic in summary.unreadable:
             continue
         for curve, lines in collector.lines().items():
-            passage.lines.setdefault(curve, {}).update(lines)
+            summary.lines.setdefault(curve, {}).update(lines)
         if isinstance(collector, Motion):
-            passage.trajectory = collector.trajectory()
+            summary.trajectory = collector.trajectory()
         if isinstance(collector, Fixes):
-            passage.first_fix = collector.first
-    good = {topic: found for topic, found in counts.items() if topic not in passage.unreadable}
-    passage.points = good.pop(table.POINTS, None)
-    passage.pixels = good
-
-
-def reason(error: Exception) -> str:
-    """Why a message cannot be read, in words."""
-    return str(error) if isinstance(error, BagError) else f"its messages have another form ({error})"
+            summary.first_fix = collector.first
+    good = {topic: found for topic, found in counts.items() if topic not in summary.unreadable}
+    summary.points = good.pop(table.POINTS, None)
+    summary.pixels = good

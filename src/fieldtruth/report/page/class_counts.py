@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""How many pixels of a tag image, and how many points of a cloud, belong to each class."""
+"""Counts of the classes in tag images and clouds."""
 
 from typing import Any, Final
 
@@ -16,10 +16,10 @@ _CODES: Final = (PALETTE.astype(np.int64) @ [1, 256, 65536]).astype(np.int64)
 
 
 def count_pixels(tag: Any) -> Counts:
-    """Pixels by class id (16,) of a tag image's message; in row 0 those with a colour that no class has.
+    """Count the pixels of a tag image message by class id (16,); row 0 counts colours that no class has.
 
     Raises:
-        BagError: no image of three bytes a pixel.
+        BagError: the image does not have three bytes per pixel.
     """
     counts = np.zeros(len(CLASSES), np.int64)
     _count_runs(np.ascontiguousarray(image(tag)).reshape(-1, 3), _CODES, counts)
@@ -27,12 +27,12 @@ def count_pixels(tag: Any) -> Counts:
 
 
 def count_points(cloud: Any) -> Counts:
-    """Points by class id (16,) of a cloud's message; in row 0 those without a class."""
+    """Count the points of a cloud message by class id (16,); row 0 counts points without a class."""
     return np.bincount(class_ids(points(cloud)), minlength=len(CLASSES)).astype(np.int64)
 
 
 def class_ids(cloud: NDArray[np.void]) -> NDArray[np.uint8]:
-    """Class id of each point (n,): its ``label``, or else its intensity, as in the paper; 0 if that is no class."""
+    """Class id of each point (n,) from ``label`` or, as in the paper, intensity; 0 if it is not a class id."""
     names = cloud.dtype.names or ()
     name = next((name for name in ("label", "intensity") if name in names), None)
     if name is None or cloud[name].ndim != 1:
@@ -45,7 +45,7 @@ def class_ids(cloud: NDArray[np.void]) -> NDArray[np.uint8]:
 
 @kernel
 def _count_runs(colours: NDArray[np.uint8], codes: Counts, counts: Counts) -> None:
-    """Add the pixels of colours (n, 3) to their classes. Colours are looked up where they change, which is seldom."""
+    """Add pixels (n, 3) to the counts of their classes. A colour is looked up only where it changes, which is rare."""
     last, row, run = -1, 0, 0
     for k in range(colours.shape[0]):
         code = colours[k, 0] + 256 * np.int64(colours[k, 1]) + 65536 * np.int64(colours[k, 2])

@@ -1,22 +1,22 @@
 // SPDX-FileCopyrightText: 2026 The fieldtruth authors
 // SPDX-License-Identifier: Apache-2.0
-// A labelled cloud that can be turned. Points are drawn as discs, then darkened below what is nearer (eye-dome lighting).
+// An interactive labelled cloud. Points are drawn as discs and shaded by eye-dome lighting.
 "use strict";
 (() => {
   const canvas = document.getElementById("canvas");
   const gl = canvas && canvas.getContext("webgl2", { antialias: false, alpha: false, preserveDrawingBuffer: true });
-  if (!gl) return; // the still picture stays
+  if (!gl) return; // the poster remains
   const settings = JSON.parse(document.getElementById("cloud-settings").textContent);
   const RADIANS = Math.PI / 180;
-  const NIGHT = [30 / 255, 35 / 255, 43 / 255];
-  const WAY = [74 / 255, 163 / 255, 1];
+  const BACKGROUND = [30 / 255, 35 / 255, 43 / 255];
+  const PATH = [74 / 255, 163 / 255, 1];
 
   const POINTS = `#version 300 es
     in vec3 steps;
     in float label;
     uniform mat4 clip_from_steps;
     uniform vec3 colours[17];
-    uniform int shown, byHeight, route;
+    uniform int shown, byHeight, path;
     uniform float step_m, middle_z, low, high, size_px, smallest;
     out vec3 colour;
     vec3 ramp(float t) {
@@ -28,28 +28,28 @@
     void main() {
       int id = int(label);
       gl_Position = clip_from_steps * vec4(steps, 1.);
-      bool way = id == route;
-      gl_PointSize = clamp((way ? 2.5 : 1.) * size_px / gl_Position.w, way ? 2. * smallest : smallest, 16. * smallest);
+      bool isPath = id == path;
+      gl_PointSize = clamp((isPath ? 2.5 : 1.) * size_px / gl_Position.w, isPath ? 2. * smallest : smallest, 16. * smallest);
       if ((shown >> id & 1) == 0) gl_Position = vec4(2., 2., 2., 1.);
-      colour = byHeight == 1 && !way ? ramp((steps.z * step_m + middle_z - low) / (high - low)) : colours[id];
+      colour = byHeight == 1 && !isPath ? ramp((steps.z * step_m + middle_z - low) / (high - low)) : colours[id];
     }`;
   const DISC = `#version 300 es
     precision mediump float;
     in vec3 colour;
     out vec4 pixel;
     void main() {
-      vec2 from = gl_PointCoord - .5;
-      if (dot(from, from) > .25) discard;
+      vec2 offset = gl_PointCoord - .5;
+      if (dot(offset, offset) > .25) discard;
       pixel = vec4(colour, 1.);
     }`;
-  const SHEET = `#version 300 es
+  const TRIANGLE = `#version 300 es
     void main() { gl_Position = vec4(vec2[3](vec2(-1, -1), vec2(3, -1), vec2(-1, 3))[gl_VertexID], 0., 1.); }`;
   const SHADE = `#version 300 es
     precision highp float;
     precision highp sampler2D;
-    uniform sampler2D picture, depth;
+    uniform sampler2D image, depth;
     uniform float near, far, thick;
-    uniform int reach;
+    uniform int radius;
     out vec4 pixel;
     float metres(ivec2 at) {
       float d = texelFetch(depth, clamp(at, ivec2(0), textureSize(depth, 0) - 1), 0).r;
@@ -57,11 +57,11 @@
     }
     void main() {
       ivec2 at = ivec2(gl_FragCoord.xy);
-      vec3 colour = texelFetch(picture, at, 0).rgb;
+      vec3 colour = texelFetch(image, at, 0).rgb;
       if (texelFetch(depth, at, 0).r < 1.) {
         float here = metres(at), rise = 0.;
         for (int ring = 1; ring < 4; ring += 2) for (int i = -1; i < 2; i++) for (int j = -1; j < 2; j++)
-          rise += clamp((here - metres(at + ring * reach * ivec2(i, j))) / thick, 0., 1.);
+          rise += clamp((here - metres(at + ring * radius * ivec2(i, j))) / thick, 0., 1.);
         colour *= .2 + .8 * exp(-.22 * rise);
       }
       pixel = vec4(colour, 1.);
@@ -77,15 +77,15 @@
     }
     gl.linkProgram(made);
     if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(made));
-    const places = {};
+    const uniforms = {};
     for (let k = 0; k < gl.getProgramParameter(made, gl.ACTIVE_UNIFORMS); k++) {
       const name = gl.getActiveUniform(made, k).name.replace("[0]", "");
-      places[name] = gl.getUniformLocation(made, name);
+      uniforms[name] = gl.getUniformLocation(made, name);
     }
-    return { made, places };
+    return { made, uniforms };
   };
   const points = program(POINTS, DISC);
-  const shade = program(SHEET, SHADE);
+  const shade = program(TRIANGLE, SHADE);
 
   // The cloud ---------------------------------------------------------------------------------------------------------
   const text = atob(document.getElementById("cloud-data").textContent.trim());
@@ -96,23 +96,23 @@
   gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
   gl.bufferData(gl.ARRAY_BUFFER, bytes, gl.STATIC_DRAW);
   const attribute = (name, ...form) => {
-    const place = gl.getAttribLocation(points.made, name);
-    gl.enableVertexAttribArray(place);
-    gl.vertexAttribPointer(place, ...form);
+    const index = gl.getAttribLocation(points.made, name);
+    gl.enableVertexAttribArray(index);
+    gl.vertexAttribPointer(index, ...form);
   };
   attribute("steps", 3, gl.SHORT, false, 6, 0);
   attribute("label", 1, gl.UNSIGNED_BYTE, false, 1, 6 * settings.count);
   const empty = gl.createVertexArray();
   const colours = new Float32Array([
     ...settings.colours.flatMap((colour) => [1, 3, 5].map((k) => parseInt(colour.slice(k, k + 2), 16) / 255)),
-    ...WAY,
+    ...PATH,
   ]);
 
-  // What is drawn into before it is shaded ----------------------------------------------------------------------------
+  // Framebuffer of the points, before shading -------------------------------------------------------------------------
   const frame = gl.createFramebuffer();
-  const [picture, depth] = [gl.createTexture(), gl.createTexture()];
+  const [image, depth] = [gl.createTexture(), gl.createTexture()];
   const resize = () => {
-    const ratio = 2; // also on a coarse screen: the browser's own scaling smooths the discs
+    const ratio = 2; // on every screen: downscaling by the browser smooths the discs
     const width = Math.max(1, Math.round(canvas.clientWidth * ratio));
     const height = Math.max(1, Math.round(canvas.clientHeight * ratio));
     if (canvas.width === width && canvas.height === height && canvas.dataset.ready) return;
@@ -124,19 +124,19 @@
       for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, filter, gl.NEAREST);
       gl.framebufferTexture2D(gl.FRAMEBUFFER, point, gl.TEXTURE_2D, texture, 0);
     };
-    attach(picture, gl.COLOR_ATTACHMENT0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE);
+    attach(image, gl.COLOR_ATTACHMENT0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE);
     attach(depth, gl.DEPTH_ATTACHMENT, gl.DEPTH_COMPONENT24, gl.DEPTH_COMPONENT, gl.UNSIGNED_INT);
   };
 
-  // The eye -----------------------------------------------------------------------------------------------------------
-  const start = () => ({
+  // Camera ----------------------------------------------------------------------------------------------------------
+  const firstView = () => ({
     target: [...settings.target], azimuth: settings.azimuth, elevation: settings.elevation, distance: settings.distance,
   });
-  let eye = start();
+  let camera = firstView();
   let shown = -1;
   let byHeight = false;
   const axes = () => {
-    const [a, e] = [eye.azimuth * RADIANS, eye.elevation * RADIANS];
+    const [a, e] = [camera.azimuth * RADIANS, camera.elevation * RADIANS];
     const forward = [Math.cos(e) * Math.cos(a), Math.cos(e) * Math.sin(a), -Math.sin(e)];
     const right = [Math.sin(a), -Math.cos(a), 0];
     const up = [Math.sin(e) * Math.cos(a), Math.sin(e) * Math.sin(a), Math.cos(e)];
@@ -148,9 +148,9 @@
     const { forward, right, up } = axes();
     const slope = Math.tan((settings.fov * RADIANS) / 2);
     const aspect = canvas.width / canvas.height;
-    const [near, far] = [Math.max(0.05, eye.distance * 0.02), eye.distance + 400];
+    const [near, far] = [Math.max(0.05, camera.distance * 0.02), camera.distance + 400];
     const [step, middle] = [settings.step, settings.middle];
-    const from = eye.target.map((value, k) => middle[k] - (value - eye.distance * forward[k])); // eye to the middle
+    const from = camera.target.map((value, k) => middle[k] - (value - camera.distance * forward[k])); // camera to middle
     const [sx, sy, sz, tz] = [1 / (slope * aspect), 1 / slope, (far + near) / (far - near), (-2 * far * near) / (far - near)];
     const rows = [right.map((v) => v * sx), up.map((v) => v * sy), forward.map((v) => v * sz), forward];
     const clip = new Float32Array(16);
@@ -162,15 +162,15 @@
     gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
     gl.viewport(0, 0, canvas.width, canvas.height);
     gl.enable(gl.DEPTH_TEST);
-    gl.clearColor(...NIGHT, 1);
+    gl.clearColor(...BACKGROUND, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.useProgram(points.made);
-    const p = points.places;
+    const p = points.uniforms;
     gl.uniformMatrix4fv(p.clip_from_steps, false, clip);
     gl.uniform3fv(p.colours, colours);
     gl.uniform1i(p.shown, shown);
     gl.uniform1i(p.byHeight, byHeight ? 1 : 0);
-    gl.uniform1i(p.route, settings.route);
+    gl.uniform1i(p.path, settings.path);
     gl.uniform1f(p.step_m, step);
     gl.uniform1f(p.middle_z, middle[2]);
     gl.uniform1f(p.low, settings.low);
@@ -183,16 +183,16 @@
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.disable(gl.DEPTH_TEST);
     gl.useProgram(shade.made);
-    [picture, depth].forEach((texture, k) => {
+    [image, depth].forEach((texture, k) => {
       gl.activeTexture(gl.TEXTURE0 + k);
       gl.bindTexture(gl.TEXTURE_2D, texture);
     });
-    gl.uniform1i(shade.places.picture, 0);
-    gl.uniform1i(shade.places.depth, 1);
-    gl.uniform1f(shade.places.near, near);
-    gl.uniform1f(shade.places.far, far);
-    gl.uniform1f(shade.places.thick, 8 * settings.voxel);
-    gl.uniform1i(shade.places.reach, Math.max(1, Math.round(canvas.height / canvas.clientHeight || 1)));
+    gl.uniform1i(shade.uniforms.image, 0);
+    gl.uniform1i(shade.uniforms.depth, 1);
+    gl.uniform1f(shade.uniforms.near, near);
+    gl.uniform1f(shade.uniforms.far, far);
+    gl.uniform1f(shade.uniforms.thick, 8 * settings.voxel);
+    gl.uniform1i(shade.uniforms.radius, Math.max(1, Math.round(canvas.height / canvas.clientHeight || 1)));
     gl.bindVertexArray(empty);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.activeTexture(gl.TEXTURE0);
@@ -208,23 +208,23 @@
   };
 
   const orbit = (dx, dy) => {
-    eye.azimuth -= 0.35 * dx;
-    eye.elevation = Math.min(89, Math.max(-20, eye.elevation + 0.35 * dy));
+    camera.azimuth -= 0.35 * dx;
+    camera.elevation = Math.min(89, Math.max(-20, camera.elevation + 0.35 * dy));
     redraw();
   };
   const move = (dx, dy) => {
     const { right, up } = axes();
-    const metres = (2 * eye.distance * Math.tan((settings.fov * RADIANS) / 2)) / canvas.clientHeight;
-    eye.target = eye.target.map((value, k) => value - metres * (right[k] * dx - up[k] * dy));
+    const metres = (2 * camera.distance * Math.tan((settings.fov * RADIANS) / 2)) / canvas.clientHeight;
+    camera.target = camera.target.map((value, k) => value - metres * (right[k] * dx - up[k] * dy));
     redraw();
   };
   const zoom = (factor) => {
-    eye.distance = Math.min(600, Math.max(0.5, eye.distance * factor));
+    camera.distance = Math.min(600, Math.max(0.5, camera.distance * factor));
     redraw();
   };
-  const home = () => redraw((eye = start()));
+  const home = () => redraw((camera = firstView()));
 
-  // Hands -------------------------------------------------------------------------------------------------------------
+  // Input -------------------------------------------------------------------------------------------------------------
   const fingers = new Map();
   canvas.addEventListener("pointerdown", (event) => {
     canvas.focus({ preventScroll: true });

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Curves over the run's time as scalable pictures: paths for the page's SVG, ticks, and the numbers behind them."""
+"""Curves over time as SVG paths, with ticks and the values behind them."""
 
 import math
 from collections.abc import Mapping
@@ -13,11 +13,11 @@ from fieldtruth.report.page import series
 from fieldtruth.report.page.decimate import Line
 from fieldtruth.report.page.series import Lines
 
-WIDE: Final = 1000.0
-HIGH: Final = 100.0
-"""Size of a picture in its own units; the page stretches it."""
+WIDTH: Final = 1000.0
+HEIGHT: Final = 100.0
+"""Size of a plot in its own units; the page stretches it."""
 _DIGITS: Final = 5
-"""Significant digits of a number that is shown when one points at a curve."""
+"""Significant digits of the values."""
 _MARGIN: Final = 0.06
 
 
@@ -25,41 +25,40 @@ class _Kind(NamedTuple):
     title: str
     unit: str
     note: str
-    least: float
-    """Smallest span of the axis, so that what is nearly still does not look like a storm."""
+    least_span: float
+    """Smallest span of the axis, so that nearly constant values do not look like noise."""
 
 
 _KINDS: Final = {
-    series.SPEED: _Kind("Speed", "m/s", "of base_link, true", 0.1),
-    series.TILT: _Kind("Roll and pitch", "°", "of base_link, true; pitch is positive downhill", 2.0),
-    series.HEADING: _Kind("Heading", "°", "yaw, true; 0 is north, west is positive", 5.0),
-    series.HEIGHT: _Kind("Height", "m", "of base_link, true", 0.5),
+    series.SPEED: _Kind("Speed", "m/s", "of base_link, ground truth", 0.1),
+    series.TILT: _Kind("Roll and pitch", "°", "of base_link, ground truth; pitch is positive downhill", 2.0),
+    series.HEADING: _Kind("Heading", "°", "yaw, ground truth; 0 is north, west is positive", 5.0),
+    series.HEIGHT: _Kind("Height", "m", "of base_link, ground truth", 0.5),
     series.TURNING: _Kind("Angular velocity", "rad/s", "of the IMU, in its own frame", 0.1),
-    series.ACCELERATION: _Kind("Acceleration", "m/s²", "of the IMU, in its own frame, with gravity", 1.0),
+    series.ACCELERATION: _Kind("Acceleration", "m/s²", "of the IMU, in its own frame, including gravity", 1.0),
     series.WHEELS: _Kind("Wheel speed", "rad/s", "of the four tachometers", 0.5),
     series.GNSS: _Kind("GNSS", "m", "from the first fix", 0.5),
 }
 
 
 class Tick(NamedTuple):
-    """A line across, at ``at`` percent from the left or the top, and what it says."""
+    """A grid line at ``at`` percent from the left or the top, and its label."""
 
     at: float
     text: str
 
 
 class Channel(NamedTuple):
-    """One line of a curve."""
+    """A line of a curve: its SVG path, and its lowest and highest value."""
 
     name: str
     path: str
-    """For an SVG path."""
     lowest: str
     highest: str
 
 
 class Curve(NamedTuple):
-    """One small picture."""
+    """A plot."""
 
     key: str
     title: str
@@ -70,7 +69,7 @@ class Curve(NamedTuple):
 
 
 def draw_curves(lines: Lines, start_ns: int, end_ns: int) -> tuple[Curve, ...]:
-    """Draw all curves that have a line, in a fixed order, over the same time."""
+    """Draw all curves with readings, in a fixed order, over the same time."""
     return tuple(
         _curve(key, lines[key], start_ns, max(end_ns - start_ns, 1))
         for key in _KINDS
@@ -82,17 +81,21 @@ def time_ticks(duration_s: float) -> tuple[Tick, ...]:
     """Ticks of the time axis [s from the start]."""
     if duration_s <= 0.0:
         return (Tick(0.0, "0"),)
-    return tuple(Tick(round(100 * t / duration_s, 3), _plain(t, step)) for t, step in _steps(0.0, duration_s, 8))
+    step, values = _steps(0.0, duration_s, 8)
+    return tuple(Tick(round(100 * t / duration_s, 3), _plain(t, step)) for t in values)
 
 
-def curve_numbers(lines: Lines, start_ns: int) -> dict[str, Any]:
-    """Numbers behind the curves, for a reader who points at them: by curve, [ms from the start], [value] per channel.
+def curve_values(lines: Lines, start_ns: int) -> dict[str, Any]:
+    """Times [ms from the start] and values of each channel by curve, for the reader who points at a curve.
 
-    They are readings as they stand in the bag; nothing is averaged.
+    They are readings from the bag; nothing is averaged.
     """
     return {
         key: [
-            [[round((stamp - start_ns) / 1e6) for stamp in line.stamps_ns.tolist()], [_short(v) for v in line.values]]
+            [
+                [round((stamp - start_ns) / 1e6) for stamp in line.stamps_ns.tolist()],
+                [float(f"{value:.{_DIGITS}g}") for value in line.values],
+            ]
             for line in lines[key].values()
             if len(line.values)
         ]
@@ -106,43 +109,34 @@ def _curve(key: str, channels: Mapping[str, Line], start_ns: int, span_ns: int) 
     filled = {name: line for name, line in channels.items() if len(line.values)}
     low = min(float(line.values.min()) for line in filled.values())
     high = max(float(line.values.max()) for line in filled.values())
-    middle, span = (low + high) / 2, max(high - low, kind.least) * (1 + 2 * _MARGIN)
+    middle, span = (low + high) / 2, max(high - low, kind.least_span) * (1 + 2 * _MARGIN)
     low, high = middle - span / 2, middle + span / 2
-    steps = _steps(low, high, 5)
-    fine = steps[0][1] / 100
-    return Curve(
-        key, kind.title, kind.unit, kind.note,
-        tuple(
-            Channel(
-                name, _path(line, start_ns, span_ns, low, high),
-                _plain(float(line.values.min()), fine), _plain(float(line.values.max()), fine),
-            )
-            for name, line in filled.items()
-        ),
-        tuple(Tick(round(100 * (high - v) / span, 2), _plain(v, step)) for v, step in steps),
-    )  # fmt: skip
+    step, values = _steps(low, high, 5)
+    drawn = tuple(
+        Channel(name, _path(line, start_ns, span_ns, low, high), *(_plain(float(v), step / 100) for v in ends))
+        for name, line in filled.items()
+        for ends in [(line.values.min(), line.values.max())]
+    )
+    ticks = tuple(Tick(round(100 * (high - v) / span, 2), _plain(v, step)) for v in values)
+    return Curve(key, kind.title, kind.unit, kind.note, drawn, ticks)
 
 
 def _path(line: Line, start_ns: int, span_ns: int, low: float, high: float) -> str:
-    x = np.clip(WIDE * (line.stamps_ns - start_ns) / span_ns, 0.0, WIDE)
-    y = HIGH * (high - line.values) / (high - low)
+    x = np.clip(WIDTH * (line.stamps_ns - start_ns) / span_ns, 0.0, WIDTH)
+    y = HEIGHT * (high - line.values) / (high - low)
     if len(x) == 1:
-        x, y = np.array([0.0, WIDE]), y.repeat(2)
+        x, y = np.array([0.0, WIDTH]), y.repeat(2)
     return "M" + "L".join(f"{a:.1f},{b:.2f}" for a, b in zip(x, y, strict=True))
 
 
-def _steps(low: float, high: float, about: int) -> list[tuple[float, float]]:
-    """Round numbers between two, about so many, each with their distance."""
+def _steps(low: float, high: float, about: int) -> tuple[float, list[float]]:
+    """A round distance, and its multiples between two values, approximately so many."""
     raw = (high - low) / about
     power = 10.0 ** math.floor(math.log10(raw))
     step = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= raw * 0.999)
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-    return [(k * step, step) for k in range(first, last + 1)]
+    return step, [k * step for k in range(first, last + 1)]
 
 
 def _plain(value: float, step: float) -> str:
     return fixed(value, max(0, -math.floor(math.log10(step) + 1e-9)))
-
-
-def _short(value: float) -> float:
-    return float(f"{value:.{_DIGITS}g}")

@@ -1,13 +1,13 @@
 // SPDX-FileCopyrightText: 2026 The fieldtruth authors
 // SPDX-License-Identifier: Apache-2.0
-// Tags over photographs, one time for all curves and the map, and copying.
+// Labels over photographs, one time cursor for all curves and the map, and copying of code.
 "use strict";
 (() => {
   const $ = (id) => document.getElementById(id);
-  const { duration, curves, way, classes } = JSON.parse($("numbers").textContent);
+  const { duration, curves, path, classes } = JSON.parse($("numbers").textContent);
   document.documentElement.classList.add("js");
 
-  // Tags ------------------------------------------------------------------------------------------------------------
+  // Labels ----------------------------------------------------------------------------------------------------------
   const pairs = $("pairs");
   if (pairs) {
     const slider = $("tags-opacity");
@@ -22,8 +22,8 @@
     show();
 
     const under = $("under");
-    const still = under.textContent;
-    const pixels = new Map(); // of a tag image, once someone has pointed at it
+    const hint = under.textContent;
+    const pixels = new Map(); // by tag image, read when the pointer is first over it
     const read = (image) => {
       if (!pixels.has(image)) {
         const canvas = document.createElement("canvas");
@@ -36,10 +36,10 @@
       return pixels.get(image);
     };
     pairs.addEventListener("pointermove", (event) => {
-      const eye = event.target.closest(".eye");
-      const image = eye && eye.querySelector(".tag");
+      const view = event.target.closest(".view");
+      const image = view && view.querySelector(".tag");
       if (!image || !image.naturalWidth) return;
-      const box = eye.getBoundingClientRect();
+      const box = view.getBoundingClientRect();
       const { data, width, height } = read(image);
       const column = Math.min(width - 1, Math.max(0, Math.floor(((event.clientX - box.left) / box.width) * width)));
       const row = Math.min(height - 1, Math.max(0, Math.floor(((event.clientY - box.top) / box.height) * height)));
@@ -49,7 +49,7 @@
       swatch.style.background = colour;
       under.replaceChildren(swatch, ` ${classes[colour] || "no class"}`);
     });
-    pairs.addEventListener("pointerleave", () => under.replaceChildren(still));
+    pairs.addEventListener("pointerleave", () => under.replaceChildren(hint));
   }
 
   // Time ------------------------------------------------------------------------------------------------------------
@@ -69,9 +69,9 @@
     channels: curves[figure.dataset.key],
     outputs: [...figure.querySelectorAll(".reading")],
   }));
-  const place = (t) => {
-    if (!robot || !way.length) return;
-    const [, left, top] = way[nearest(way.map((row) => row[0]), t)];
+  const moveRobot = (t) => {
+    if (!robot || !path.length) return;
+    const [, left, top] = path[nearest(path.map((row) => row[0]), t)];
     robot.style.left = `${left}%`;
     robot.style.top = `${top}%`;
   };
@@ -85,9 +85,9 @@
     for (const { channels, outputs } of figures) {
       channels.forEach(([times, values], k) => (outputs[k].textContent = text(values[nearest(times, t)])));
     }
-    place(t);
+    moveRobot(t);
   };
-  place(0);
+  moveRobot(0);
   if (time) {
     time.addEventListener("input", () => setTime(Number(time.value)));
     const point = (event) => {

@@ -1,9 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""From findings to one HTML file: template, style and scripts lie beside this file and are put into the page.
+"""Render the content of a page with the templates, style and scripts of this folder into one HTML file.
 
-Nothing on a page comes from elsewhere: its security policy forbids every request, and every script but our own,
-whatever a bag's names say.
+The page's content security policy forbids every request and every script except ours, whatever names a bag contains.
 """
 
 import base64
@@ -15,16 +14,18 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 import fieldtruth
-from fieldtruth.report.page.content import Findings
+from fieldtruth.report.drawing.text import fixed
+from fieldtruth.report.page.content import PageContent
+from fieldtruth.report.page.tables import ROWS
 
 _SCRIPTS: Final = ("page.js", "cloud.js")
 
 
-def render(found: Findings) -> str:
-    """Return the page."""
+def render_page(content: PageContent) -> str:
+    """Return the page as HTML."""
     scripts = [_source(name) for name in _SCRIPTS]
-    allowed = " ".join(f"'sha256-{_digest(script)}'" for script in scripts)
-    policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src {allowed}; base-uri 'none'"
+    hashes = " ".join(f"'sha256-{_base64(hashlib.sha256(script.encode()).digest())}'" for script in scripts)
+    policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src {hashes}; base-uri 'none'"
     environment = Environment(
         loader=PackageLoader("fieldtruth.report.page", "."),
         autoescape=True,
@@ -32,18 +33,20 @@ def render(found: Findings) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters |= {"base64": _base64, "fixed": fixed}
     return environment.get_template("page.html.jinja").render(
-        found=found,
-        run=found.run,
+        content=content,
+        run=content.run,
         version=fieldtruth.__version__,
         policy=policy,
+        max_rows=ROWS,
         style=Markup(_source("style.css")),
         scripts=[Markup(script) for script in scripts],
         numbers={
-            "duration": found.run.duration_s * 1e3,
-            "curves": found.numbers,
-            "way": found.map.way if found.map else [],
-            "classes": {colour: name for name, colour in found.look_classes},
+            "duration": content.run.duration_s * 1e3,
+            "curves": content.curve_values,
+            "path": content.map.positions if content.map else [],
+            "classes": {colour: name for name, colour in content.image_classes},
         },
     )
 
@@ -52,5 +55,5 @@ def _source(name: str) -> str:
     return resources.files("fieldtruth.report.page").joinpath(name).read_text(encoding="utf-8")
 
 
-def _digest(script: str) -> str:
-    return base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+def _base64(data: bytes) -> str:
+    return base64.b64encode(data).decode()

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""One labelled cloud of many scans in the world frame (paper, Figure 12), thinned to what a browser turns with ease."""
+"""One labelled cloud from many scans in the world frame (paper, Figure 12), small enough for a browser."""
 
 from dataclasses import dataclass
 from typing import Any, Final
@@ -17,89 +17,81 @@ from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.report.page.bag_pass import FOREIGN, stamp_of, usable
+from fieldtruth.report.drawing.cloud import Cloud
+from fieldtruth.report.page.bag_pass import UNEXPECTED, stamp_of, usable_topics
 from fieldtruth.report.page.class_counts import class_ids
 
 SCANS: Final = 120
 LARGEST: Final = 260_000
-"""At most so many points."""
-_REACH: Final = 48.0  # [m] from the sensor; beyond it rings are too far apart to show a shape
-_FINEST: Final = 0.04  # [m]; side of a voxel
-_COARSER: Final = 1.12  # from one try to the next
-_WORKING: Final = 6 * LARGEST  # points that are held while scans are added
-
-U1 = NDArray[np.uint8]
+"""Maximum number of points."""
+_MAX_RANGE: Final = 48.0  # [m]; farther away, rings are too far apart to show a shape
+_FINEST: Final = 0.04  # [m]; first size of a voxel
+_COARSENING: Final = 1.12
+_BUFFER: Final = 6 * LARGEST  # points in memory while scans are added
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScanCloud:
-    """Points of several scans: ``xyz`` (n, 3) [m] and ``label`` (n,), one point for each voxel that was hit."""
+class ScanCloud(Cloud):
+    """Accumulated scans with one point per occupied voxel."""
 
-    xyz: Array
-    label: U1
-    scans: int
     voxel: float
     """Side [m] of a voxel."""
     frame: str
-    """Frame of the points: the world, or the sensor's own where its pose is not known."""
+    """Frame of the points: the world, or the sensor's own frame if its pose is not known."""
     note: str = ""
-    """What the reader should know about the poses."""
+    """Remark about the poses for the reader."""
 
 
-def gather_scans(run: Run, trajectory: Trajectory | None) -> ScanCloud | None:
-    """Gather up to 120 scans, evenly spread over the run; None if it has no cloud.
+def accumulate_scans(run: Run, trajectory: Trajectory | None) -> ScanCloud | None:
+    """Accumulate up to 120 scans, evenly spread over the run; None if it has no cloud.
 
-    Without a trajectory, or a way from the sensor to base_link, it is the run's middle scan in the sensor's frame.
+    Without a trajectory or the sensor's mount, the result is the middle scan of the run in the sensor's frame.
 
     Raises:
-        BagError: the bag is damaged, or its clouds are none.
+        BagError: the bag is damaged, or its clouds have no x, y, z.
     """
-    if table.POINTS not in usable(run)[0]:
+    if table.POINTS not in usable_topics(run)[0]:
         return None
     with open_bag(run.bag) as bag:
         places, decode = bag.places(table.POINTS), decoder(bag)
+        voxels, last = _Voxels(), len(places.stamps_ns) - 1
 
         def scan(row: int) -> tuple[Any, int]:
             raw = bag.message(bag.chunk(int(places.chunk[row])), int(places.offset[row]))
             cloud = decode(raw)
             return cloud, stamp_of(cloud, raw)
 
-        middle = len(places.stamps_ns) // 2
-        cloud, _ = scan(middle)
-        frame = cloud.header.frame_id
-        base_from_sensor, note = _mount(run, frame)
+        middle, _ = scan((last + 1) // 2)
+        base_from_sensor, note = _mount(run, middle.header.frame_id)
         if trajectory is None or base_from_sensor is None:
-            xyz, label = _returns(cloud)
-            thin = _Thin()
-            thin.add(xyz, label)
-            return thin.cloud(1, frame, note or "The bag has no true poses.")
-        rows = np.unique(np.linspace(0, len(places.stamps_ns) - 1, SCANS).round().astype(int))
-        thin, taken = _Thin(), 0
-        for row in rows.tolist():
+            voxels.add(*_returns(middle))
+            return voxels.cloud(1, middle.header.frame_id, note or "The bag has no true poses.")
+        scans = 0
+        for row in np.unique(np.linspace(0, last, SCANS).round().astype(int)).tolist():
             cloud, stamp = scan(row)
             try:
                 world_from_sensor = trajectory.world_from_base(stamp) @ base_from_sensor
-            except BagError:  # before the first pose, or after the last
+            except BagError:  # before the first pose or after the last
                 continue
             xyz, label = _returns(cloud)
-            thin.add(frames.transform(world_from_sensor, xyz), label)
-            taken += 1
-        return thin.cloud(taken, "world", note)
+            voxels.add(frames.transform(world_from_sensor, xyz), label)
+            scans += 1
+        return voxels.cloud(scans, "world", note)
 
 
 def _mount(run: Run, frame: str) -> tuple[Array | None, str]:
-    """``base_from_sensor`` (4, 4), and where it comes from if not from the bag."""
+    """``base_from_sensor`` (4, 4), and a remark if it is not from the bag."""
     try:
         return read_static_frames(run).base_from(frame), ""
-    except FOREIGN:  # there are none, or not this one, or what they say is no rotation
+    except UNEXPECTED:  # no frames, not this one, or an invalid rotation
         mounts = (run.experiment.rig if run.experiment else Rig()).mounts()
     if frame in mounts:
-        return mounts[frame].base_from_sensor, f"The bag does not say where {frame} sits; the paper's Table 2 does."
-    return None, f"The bag does not say where {frame} sits on the robot, so this is one scan in that frame."
+        return mounts[frame].base_from_sensor, f"The bag has no pose of {frame}; the paper's Table 2 was used."
+    return None, f"The bag has no pose of {frame} on the robot, so this is one scan in that frame."
 
 
-def _returns(cloud: Any) -> tuple[Array, U1]:
-    """Points (n, 3) [m] of a message in its own frame, and their class ids (n,); those that are no place are left out.
+def _returns(cloud: Any) -> tuple[Array, NDArray[np.uint8]]:
+    """Finite points (n, 3) [m] of a message in its own frame, and their class ids (n,).
 
     Raises:
         BagError: it has no x, y, z.
@@ -108,31 +100,31 @@ def _returns(cloud: Any) -> tuple[Array, U1]:
         rows = points(cloud)
         xyz = np.column_stack([rows[axis] for axis in "xyz"]).astype(np.float64)
     except (KeyError, ValueError, TypeError, IndexError) as error:
-        raise BagError(f"{table.POINTS}: no cloud with x, y and z ({error})") from error
+        raise BagError(f"{table.POINTS}: clouds must have x, y and z ({error})") from error
     with np.errstate(over="ignore", invalid="ignore"):
-        good = np.isfinite(xyz).all(axis=1) & ((xyz**2).sum(axis=1) < _REACH**2)
+        good = np.isfinite(xyz).all(axis=1) & ((xyz**2).sum(axis=1) < _MAX_RANGE**2)
     return xyz[good], class_ids(rows)[good]
 
 
-class _Thin:
-    """Keeps the first point of each voxel; the voxels grow while there are too many of them."""
+class _Voxels:
+    """Keeps the first point of each voxel; voxels grow while there are too many."""
 
     def __init__(self) -> None:
         self._xyz, self._label = [np.zeros((0, 3))], [np.zeros(0, np.uint8)]
         self._voxel, self._held = _FINEST, 0
 
-    def add(self, xyz: Array, label: U1) -> None:
+    def add(self, xyz: Array, label: NDArray[np.uint8]) -> None:
         self._xyz.append(xyz)
         self._label.append(label)
         self._held += len(xyz)
-        if self._held > _WORKING:
-            self._thin(_WORKING // 2)
+        if self._held > _BUFFER:
+            self._reduce(_BUFFER // 2)
 
     def cloud(self, scans: int, frame: str, note: str) -> ScanCloud:
-        self._thin(LARGEST)
+        self._reduce(LARGEST)
         return ScanCloud(xyz=self._xyz[0], label=self._label[0], scans=scans, voxel=self._voxel, frame=frame, note=note)
 
-    def _thin(self, most: int) -> None:
+    def _reduce(self, most: int) -> None:
         xyz, label = np.concatenate(self._xyz), np.concatenate(self._label)
         while True:
             x, y, z = (np.floor(xyz / self._voxel).astype(np.int64) & 0x1FFFFF).T
@@ -140,5 +132,5 @@ class _Thin:
             xyz, label = xyz[first], label[first]
             if len(xyz) <= most:
                 break
-            self._voxel *= _COARSER
+            self._voxel *= _COARSENING
         self._xyz, self._label, self._held = [xyz], [label], len(xyz)

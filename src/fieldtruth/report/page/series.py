@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""From the small messages of a bag to curves: each collector takes one topic and works on blocks of its readings."""
+"""Time series from the small messages of a bag: one collector per topic, which works on blocks of readings."""
 
 from array import array
-from collections.abc import Iterable
-from typing import Any, Final, Protocol
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
 
 import numpy as np
 import pymap3d
@@ -12,68 +12,80 @@ from scipy.spatial.transform import Rotation
 
 from fieldtruth.bag.model_states import ROBOT, ModelStatesReader
 from fieldtruth.bag.trajectory import Trajectory
-from fieldtruth.report.page.decimate import F8, I8, Line, Thinner
+from fieldtruth.core.arrays import Array, Mask
+from fieldtruth.report.page.decimate import Decimator, Line, Stamps
 
 _BLOCK: Final = 4096
-_POSES_APART: Final = 19_000_000  # [ns]; poses at 50 Hz are kept one and all
+_POSE_INTERVAL: Final = 19_000_000  # [ns]; keeps every pose of a topic at 50 Hz
 
 SPEED, TILT, HEADING, HEIGHT = "speed", "tilt", "heading", "height"
 TURNING, ACCELERATION, WHEELS, GNSS = "turning", "acceleration", "wheels", "gnss"
 
 Lines = dict[str, dict[str, Line]]
 """Lines by curve and channel."""
+Row = tuple[float, ...]
 
 
-class Collector(Protocol):
-    """Takes the messages of one topic, one after the other."""
+class Collector:
+    """Collects the messages of one topic; 4096 rows are processed at once, which is fast and bounds memory."""
 
-    def row(self, message: Any) -> tuple[float, ...]:
-        """Return the numbers that are wanted of a message."""
-        ...
-
-    def add(self, stamp_ns: int, row: tuple[float, ...]) -> None:
-        """Take them."""
-        ...
-
-    def lines(self) -> Lines:
-        """Return the lines that it has made."""
-        ...
-
-
-class _Blocks:
-    """Collects rows and works on 4096 of them at once, so that it is fast and memory does not grow."""
-
-    def __init__(self) -> None:
+    def __init__(self, start_ns: int, end_ns: int, channels: Mapping[str, Sequence[str]]) -> None:
+        self._channels = channels
+        self._decimators = {curve: Decimator(len(names), start_ns, end_ns) for curve, names in channels.items()}
         self._stamps, self._values = array("q"), array("d")
 
-    def add(self, stamp_ns: int, row: tuple[float, ...]) -> None:
+    def row(self, message: Any) -> Row:
+        """Return the numbers of a message that are used."""
+        raise NotImplementedError
+
+    def add(self, stamp_ns: int, row: Row) -> None:
+        """Add the numbers of a message."""
         self._stamps.append(stamp_ns)
         self._values.extend(row)
         if len(self._stamps) >= _BLOCK:
             self._flush()
 
+    def lines(self) -> Lines:
+        """Return the decimated lines."""
+        self._flush()
+        return {
+            curve: dict(zip(names, self._decimators[curve].lines(), strict=True))
+            for curve, names in self._channels.items()
+        }
+
     def _flush(self) -> None:
         if self._stamps:
             stamps = np.array(self._stamps, np.int64)
-            self._block(stamps, np.array(self._values, np.float64).reshape(len(stamps), -1))
+            rows = np.array(self._values, np.float64).reshape(len(stamps), -1)
             self._stamps, self._values = array("q"), array("d")
+            good = self._valid(rows)
+            if good.any():
+                for curve, values in self._convert(stamps[good], rows[good]).items():
+                    self._decimators[curve].add(stamps[good], values)
 
-    def _block(self, stamps_ns: I8, rows: F8) -> None:
+    def _valid(self, rows: Array) -> Mask:
+        return np.ones(len(rows), np.bool_)
+
+    def _convert(self, stamps_ns: Stamps, rows: Array) -> dict[str, Array]:
+        """Return the channels (n, c) of each curve."""
         raise NotImplementedError
 
 
-class Motion(_Blocks):
-    """True motion of base_link in the world, of nav_msgs/Odometry or, as bytes, of gazebo_msgs/ModelStates."""
+class Motion(Collector):
+    """True motion of base_link, from nav_msgs/Odometry or the serialized bytes of gazebo_msgs/ModelStates.
+
+    Speed [m/s]; roll and pitch [deg]; heading [deg], 0 along x, which is north; height [m].
+    """
 
     def __init__(self, start_ns: int, end_ns: int, *, from_model_states: bool) -> None:
-        super().__init__()
+        channels = {SPEED: ["speed"], TILT: ["roll", "pitch"], HEADING: ["heading"], HEIGHT: ["height"]}
+        super().__init__(start_ns, end_ns, channels)
         self.from_model_states = from_model_states
         self._states = ModelStatesReader()
-        self._speed, self._tilt, self._heading, self._height = (Thinner(n, start_ns, end_ns) for n in (1, 2, 1, 1))
         self._yaw = 0.0
-        self._kept_ns, self._kept = array("q"), array("d")
+        self._pose_stamps, self._poses = array("q"), array("d")
 
-    def row(self, message: Any) -> tuple[float, ...]:
+    def row(self, message: Any) -> Row:
         """Position, quaternion (x, y, z, w), linear velocity."""
         if self.from_model_states:
             robot = self._states.row(message, ROBOT)
@@ -83,115 +95,81 @@ class Motion(_Blocks):
         v = message.twist.twist.linear
         return p.x, p.y, p.z, q.x, q.y, q.z, q.w, v.x, v.y, v.z
 
-    def _block(self, stamps_ns: I8, rows: F8) -> None:
-        norm = np.linalg.norm(rows[:, 3:7], axis=1)
-        good = np.isfinite(rows).all(axis=1) & (norm > 1e-6)
-        stamps_ns, rows = stamps_ns[good], rows[good]
-        if not len(rows):
-            return
-        roll, pitch, yaw = Rotation.from_quat(rows[:, 3:7]).as_euler("xyz").T  # about fixed axes, as frames.pose
-        yaw = np.unwrap(np.append(self._yaw, yaw))[1:]  # not to jump where south is crossed
-        self._yaw = float(yaw[-1])
-        self._speed.add(stamps_ns, np.linalg.norm(rows[:, 7:10], axis=1, keepdims=True))
-        self._tilt.add(stamps_ns, np.degrees(np.column_stack([roll, pitch])))
-        self._heading.add(stamps_ns, np.degrees(yaw)[:, None])
-        self._height.add(stamps_ns, rows[:, 2:3])
-        for stamp, row in zip(stamps_ns.tolist(), rows[:, :7], strict=True):
-            if not self._kept_ns or stamp - self._kept_ns[-1] >= _POSES_APART:
-                self._kept_ns.append(stamp)
-                self._kept.extend(row.tolist())
+    def _valid(self, rows: Array) -> Mask:
+        return np.isfinite(rows).all(axis=1) & np.asarray(np.linalg.norm(rows[:, 3:7], axis=1) > 1e-6)
 
-    def lines(self) -> Lines:
-        """Speed [m/s]; roll and pitch [deg]; heading [deg], 0 along x, which is north; height [m]."""
-        self._flush()
+    def _convert(self, stamps_ns: Stamps, rows: Array) -> dict[str, Array]:
+        roll, pitch, yaw = Rotation.from_quat(rows[:, 3:7]).as_euler("xyz").T  # about fixed axes, like frames.pose
+        yaw = np.unwrap(np.append(self._yaw, yaw))[1:]  # no jump at south
+        self._yaw = float(yaw[-1])
+        for stamp, row in zip(stamps_ns.tolist(), rows[:, :7], strict=True):
+            if not self._pose_stamps or stamp - self._pose_stamps[-1] >= _POSE_INTERVAL:
+                self._pose_stamps.append(stamp)
+                self._poses.extend(row.tolist())
         return {
-            SPEED: _named(["speed"], self._speed),
-            TILT: _named(["roll", "pitch"], self._tilt),
-            HEADING: _named(["heading"], self._heading),
-            HEIGHT: _named(["height"], self._height),
+            SPEED: np.linalg.norm(rows[:, 7:10], axis=1, keepdims=True),
+            TILT: np.degrees(np.column_stack([roll, pitch])),
+            HEADING: np.degrees(yaw)[:, None],
+            HEIGHT: rows[:, 2:3],
         }
 
     def trajectory(self) -> Trajectory | None:
-        """Poses, at least 19 ms apart; None if there was none."""
+        """Return poses at least 19 ms apart; None if there are none."""
         self._flush()
-        if not self._kept_ns:
+        if not self._pose_stamps:
             return None
-        poses = np.array(self._kept, np.float64).reshape(-1, 7)
+        poses = np.array(self._poses, np.float64).reshape(-1, 7)
         quaternion = poses[:, [6, 3, 4, 5]]
         quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
-        return Trajectory(np.array(self._kept_ns, np.int64), poses[:, :3], quaternion)
+        return Trajectory(np.array(self._pose_stamps, np.int64), poses[:, :3], quaternion)
 
 
-class Inertial(_Blocks):
-    """sensor_msgs/Imu in its own frame."""
+class Inertial(Collector):
+    """sensor_msgs/Imu in its own frame: angular velocity [rad/s] and acceleration [m/s^2]."""
 
     def __init__(self, start_ns: int, end_ns: int) -> None:
-        super().__init__()
-        self._turning, self._acceleration = Thinner(3, start_ns, end_ns), Thinner(3, start_ns, end_ns)
+        super().__init__(start_ns, end_ns, {TURNING: "xyz", ACCELERATION: "xyz"})
 
-    def row(self, message: Any) -> tuple[float, ...]:
+    def row(self, message: Any) -> Row:
         """Angular velocity, linear acceleration."""
         w, a = message.angular_velocity, message.linear_acceleration
         return w.x, w.y, w.z, a.x, a.y, a.z
 
-    def _block(self, stamps_ns: I8, rows: F8) -> None:
-        self._turning.add(stamps_ns, rows[:, :3])
-        self._acceleration.add(stamps_ns, rows[:, 3:])
-
-    def lines(self) -> Lines:
-        """Angular velocity [rad/s] and acceleration [m/s^2] about and along x, y, z."""
-        self._flush()
-        return {TURNING: _named("xyz", self._turning), ACCELERATION: _named("xyz", self._acceleration)}
+    def _convert(self, stamps_ns: Stamps, rows: Array) -> dict[str, Array]:
+        return {TURNING: rows[:, :3], ACCELERATION: rows[:, 3:]}
 
 
-class Fixes(_Blocks):
-    """sensor_msgs/NavSatFix, shown in metres from the first fix."""
+class Fixes(Collector):
+    """sensor_msgs/NavSatFix as north, east, up [m] from the first fix."""
 
     def __init__(self, start_ns: int, end_ns: int) -> None:
-        super().__init__()
-        self._thinner = Thinner(3, start_ns, end_ns)
+        super().__init__(start_ns, end_ns, {GNSS: ["north", "east", "up"]})
         self.first: tuple[float, float, float] | None = None
 
-    def row(self, message: Any) -> tuple[float, ...]:
+    def row(self, message: Any) -> Row:
         """Latitude, longitude [deg], height [m]."""
         return message.latitude, message.longitude, message.altitude
 
-    def _block(self, stamps_ns: I8, rows: F8) -> None:
-        good = np.isfinite(rows).all(axis=1) & (np.abs(rows[:, 0]) <= 90.0)
-        if not good.any():
-            return
-        latitude, longitude, height = rows[good].T
+    def _valid(self, rows: Array) -> Mask:
+        return np.isfinite(rows).all(axis=1) & (np.abs(rows[:, 0]) <= 90.0)
+
+    def _convert(self, stamps_ns: Stamps, rows: Array) -> dict[str, Array]:
+        latitude, longitude, height = rows.T
         if self.first is None:
             self.first = float(latitude[0]), float(longitude[0]), float(height[0])
         east, north, up = pymap3d.geodetic2enu(latitude, longitude, height, *self.first)
-        self._thinner.add(stamps_ns[good], np.column_stack([north, east, up]))
-
-    def lines(self) -> Lines:
-        """North, east, up [m] of the first fix."""
-        self._flush()
-        return {GNSS: _named(["north", "east", "up"], self._thinner)}
+        return {GNSS: np.column_stack([north, east, up])}
 
 
-class Wheel(_Blocks):
-    """std_msgs/Float32 of one wheel, whose ``name`` is the channel's."""
+class Wheel(Collector):
+    """std_msgs/Float32 with the angular speed [rad/s] of one wheel; ``name`` is its channel."""
 
     def __init__(self, start_ns: int, end_ns: int, name: str) -> None:
-        super().__init__()
-        self._name = name
-        self._thinner = Thinner(1, start_ns, end_ns)
+        super().__init__(start_ns, end_ns, {WHEELS: [name]})
 
-    def row(self, message: Any) -> tuple[float, ...]:
+    def row(self, message: Any) -> Row:
         """Angular speed."""
         return (message.data,)
 
-    def _block(self, stamps_ns: I8, rows: F8) -> None:
-        self._thinner.add(stamps_ns, rows)
-
-    def lines(self) -> Lines:
-        """Angular speed [rad/s]."""
-        self._flush()
-        return {WHEELS: _named([self._name], self._thinner)}
-
-
-def _named(names: Iterable[str], thinner: Thinner) -> dict[str, Line]:
-    return dict(zip(names, thinner.lines(), strict=True))
+    def _convert(self, stamps_ns: Stamps, rows: Array) -> dict[str, Array]:
+        return {WHEELS: rows}

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""How to load a run: commands and short programs that can be copied as they stand."""
+"""Commands and short programs that load a run."""
 
 import shlex
 from typing import Final, NamedTuple
@@ -10,76 +10,74 @@ from fieldtruth.bag.checksums import CHECKSUMS
 from fieldtruth.bag.run import Run
 
 FORMATS: Final = {
-    "files": "PNG, CSV, text files and class shares, as the paper publishes them",
+    "files": "PNG, CSV and text files with class shares, as the paper publishes them",
     "zip": "the bag, compressed without loss, with its SHA-256",
-    "semantickitti": "clouds with labels, poses, calibration",
-    "kitti": "KITTI odometry: images, clouds, poses, calibration",
+    "semantickitti": "clouds with labels, poses and calibration",
+    "kitti": "KITTI odometry: images, clouds, poses and calibration",
     "tum": "the true trajectory as a text file",
     "mcap": "ROS 2 messages (CDR), for ROS 2 and Foxglove",
     "coco": "COCO panoptic and detection JSON with images",
     "pcd": "a PCD file per cloud with labels and colours",
 }
-"""Export formats and what they contain. Exporters are a higher layer; a test compares the names with theirs."""
+"""Export formats and their content. Exporters are a higher layer; a test compares the names."""
 
 
 class Snippet(NamedTuple):
-    """A few lines of code, for whom they are, and in which language."""
+    """A few lines of code, with a title and their language."""
 
     title: str
     language: str
     code: str
 
 
-def export_commands(run: Run) -> list[tuple[str, str, str]]:
-    """Format, what it is, and the command that makes it."""
+def export_commands(run: Run) -> list[tuple[str, str]]:
+    """Content of each export format and the command that writes it."""
     bag = shlex.quote(run.bag.name)
-    return [(name, content, f"fieldtruth export {bag} --to {name}") for name, content in FORMATS.items()]
+    return [(content, f"fieldtruth export {bag} --to {name}") for name, content in FORMATS.items()]
 
 
 def snippets(run: Run) -> list[Snippet]:
-    """Programs and commands, all to be run in the bag's folder."""
+    """Programs and commands to run in the folder of the bag."""
     bag, path = shlex.quote(run.bag.name), ascii(run.bag.name)
     found = [
-        Snippet("This package", "Python", _package(run, path)),
+        Snippet("fieldtruth", "Python", _fieldtruth(run, path)),
         Snippet("rosbags, without ROS", "Python", _ROSBAGS.format(path=path)),
     ]
     if table.POINTS in run.counts and table.photograph("left") in run.counts:
         found.append(Snippet("PyTorch", "Python", _PYTORCH.format(path=path)))
     if table.ODOMETRY in run.counts:
         found.append(Snippet("evo", "shell", f"evo_traj bag {bag} {table.ODOMETRY} --plot"))
+    checksums = f"sha256sum -c {CHECKSUMS}\n" if (run.folder / CHECKSUMS).is_file() else ""
     found += [
         Snippet("ROS 1", "shell", f"rosbag info {bag}\nrosbag play --clock {bag}"),
-        Snippet("Check it", "shell", _SUMS * (run.folder / CHECKSUMS).is_file() + f"fieldtruth validate {bag}"),
-        Snippet("See it", "shell", f"fieldtruth view {bag}"),
+        Snippet("Validate", "shell", f"{checksums}fieldtruth validate {bag}"),
+        Snippet("View", "shell", f"fieldtruth view {bag}"),
     ]
     if run.experiment is not None:
-        found.append(Snippet("Make it again", "shell", "fieldtruth generate experiment.yaml --out again"))
+        found.append(Snippet("Reproduce", "shell", "fieldtruth generate experiment.yaml --out again"))
     return found
 
 
-_SUMS = f"sha256sum -c {CHECKSUMS}\n"
-
-
-def _package(run: Run, path: str) -> str:
-    """Read the sensor with most to tell."""
+def _fieldtruth(run: Run, path: str) -> str:
+    """A program that reads the topic with the richest content."""
     readers = {table.POINTS: "points", table.tag("left"): "image"}
     topic = next((topic for topic in readers if topic in run.counts), min(run.counts))
     reader = readers.get(topic)
-    return _PACKAGE.format(
+    return _FIELDTRUTH.format(
         names=f"{reader}, read_bag" if reader else "read_bag",
         path=path,
         topic=ascii(topic),
-        use=f"{reader}(reading.message)" if reader else "reading.message",
+        value=f"{reader}(reading.message)" if reader else "reading.message",
     )
 
 
-_PACKAGE = """\
+_FIELDTRUTH = """\
 from pathlib import Path
 from fieldtruth.bag import {names}
 
 bag = Path({path})
 for reading in read_bag(bag, [{topic}]):
-    print(reading.stamp_ns, {use})"""
+    print(reading.stamp_ns, {value})"""
 
 _ROSBAGS = """\
 from pathlib import Path

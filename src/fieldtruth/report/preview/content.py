@@ -1,38 +1,38 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a sheet shows, before it is laid out: pictures, lines and counts of one environment as plain data."""
+"""Content of a preview sheet, before it is laid out: images, routes, cloud and counts of one environment."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.progress import Progress
 from fieldtruth.drive.expected_path import expected_path, experiments_in, poses_along, standing_pose
-from fieldtruth.experiment.config import LightConfig
-from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, Rig
+from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, Rig
 from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.render.bake import BakedScene, bake
+from fieldtruth.render.bake import bake
 from fieldtruth.render.camera import Camera, CameraImages
-from fieldtruth.report.drawing.aerial import Aerial, take_aerial
-from fieldtruth.report.drawing.cloud import Cloud, scan_from
-from fieldtruth.report.preview.viewpoints import free_stations, most_telling
+from fieldtruth.report.drawing.aerial import Aerial, render_aerial
+from fieldtruth.report.drawing.cloud import Cloud
+from fieldtruth.report.preview.viewpoints import free_viewpoints, most_informative
 from fieldtruth.report.shares import SPACING, ClassShares, count_classes
+from fieldtruth.sense.lidar import Lidar
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import World
 
 VIEWS: Final = 4
 SCANS: Final = 240
-"""At most so many scans make the cloud, spread evenly over the sample."""
-FREE_PLACES: Final = 40
-"""Size of the sample where no experiment drives."""
+"""Maximum number of scans in the cloud, evenly spread over the sample."""
+FREE_VIEWPOINTS: Final = 40
+"""Size of the sample in an environment without experiments."""
 
 
 class Route(NamedTuple):
-    """An experiment's route: way-points and line in x, y [m], the start first."""
+    """An experiment's waypoints and expected path, x, y [m], starting with the start."""
 
     name: str
     waypoints: Array  # (1 + n, 2)
@@ -40,26 +40,26 @@ class Route(NamedTuple):
 
 
 class View(NamedTuple):
-    """What the left camera sees from x, y [m] with a heading [rad]."""
+    """Images of the left camera at a viewpoint: x, y [m] and heading [rad]."""
 
-    station: Array  # (3,)
-    picture: CameraImages
+    viewpoint: Array  # (3,)
+    images: CameraImages
 
 
 @dataclass(frozen=True, kw_only=True)
-class Findings:
-    """Everything on a sheet. ``stations`` (n, 3) are the sample's places: x, y [m] and heading [rad]."""
+class SheetContent:
+    """Content of a sheet. ``viewpoints`` (n, 3), x, y [m] and heading [rad], are those of the class shares."""
 
     world: World
     routes: tuple[Route, ...]
-    stations: Array
+    viewpoints: Array
     shares: ClassShares
     aerial: Aerial
     views: tuple[View, ...]
     cloud: Cloud
 
 
-def gather(
+def collect_content(
     world: World,
     *,
     aerial_width: int,
@@ -67,44 +67,57 @@ def gather(
     spacing: float = SPACING,
     workers: int,
     progress: Progress,
-) -> Findings:
-    """Look at a world from above, along the routes of its experiments, and from the best four places on them.
+) -> SheetContent:
+    """Render and scan a world from above, along the routes of its experiments, and from the four best viewpoints.
 
     Args:
-        world: the place; its name is the environment's.
-        aerial_width: pixels of the aerial photograph along x.
-        rig: the sensors, by default the paper's.
-        spacing: metres of way from one pose of the sample to the next.
+        world: the world; its name is the environment's.
+        aerial_width: of the aerial view [pixel].
+        rig: the sensors; None takes the paper's.
+        spacing: distance [m] along the path between viewpoints of the sample.
         workers: threads.
-        progress: is told what happens.
+        progress: receives the stages of the work.
     """
     rig, experiments = Rig() if rig is None else rig, experiments_in(world.name)
     with progress.stage("prepare the scene"):
         scene = Scene(world)
-        baked = bake(scene, LightConfig())
+        baked = bake(scene, workers=workers)
     paths = [expected_path(experiment, world) for experiment in experiments]
     routes = tuple(
         Route(experiment.name, metres_from_route(experiment.route), path[:, :2])
         for experiment, path in zip(experiments, paths, strict=True)
     )
-    sample = (
+    viewpoints = (
         np.concatenate([poses_along(path, spacing) for path in paths])
         if paths
-        else free_stations(world, FREE_PLACES, np.random.default_rng([world.seed, 3]))
+        else free_viewpoints(world, FREE_VIEWPOINTS, np.random.default_rng([world.seed, 3]))
     )
-    poses = [standing_pose(world.terrain.field, station, rig) for station in sample]
+    poses = [standing_pose(world.terrain.field, viewpoint, rig) for viewpoint in viewpoints]
     with progress.stage("count classes"):
         shares = count_classes(scene, rig, poses, workers=workers)
-    chosen = most_telling(shares.pixels, sample[:, :2], VIEWS)
-    with progress.stage("photographs"):
-        aerial = take_aerial(baked, aerial_width)
-        pictures = _photographs(baked, rig.cameras, [poses[row] for row in chosen])
-    with progress.stage("cloud"):
-        cloud = scan_from(scene, rig, poses[:: max(1, -(-len(poses) // SCANS))])
-    views = tuple(View(sample[row], picture) for row, picture in zip(chosen, pictures, strict=True))
-    return Findings(world=world, routes=routes, stations=sample, shares=shares, aerial=aerial, views=views, cloud=cloud)
+    with progress.stage("render images"):
+        aerial = render_aerial(baked, aerial_width)
+        camera, base_from_optical = Camera(rig.cameras, baked), rig.cameras.left.base_from_sensor @ CAMERA_FROM_OPTICAL
+        views = tuple(
+            View(viewpoints[row], camera.render(poses[row] @ base_from_optical))
+            for row in most_informative(shares.pixels, viewpoints[:, :2], VIEWS)
+        )
+    with progress.stage("scan"):
+        cloud = _scan(scene, rig, poses[:: max(1, -(-len(poses) // SCANS))])
+    return SheetContent(
+        world=world, routes=routes, viewpoints=viewpoints, shares=shares, aerial=aerial, views=views, cloud=cloud
+    )
 
 
-def _photographs(baked: BakedScene, config: CameraConfig, poses: Sequence[NDArray[np.float64]]) -> list[CameraImages]:
-    camera, base_from_optical = Camera(config, baked), config.left.base_from_sensor @ CAMERA_FROM_OPTICAL
-    return [camera.render(pose @ base_from_optical) for pose in poses]
+def _scan(scene: Scene, rig: Rig, poses: Sequence[Array]) -> Cloud:
+    """Returns inside the edges of the world, from a scan at each pose world_from_base (4, 4)."""
+    lidar = Lidar(rig.lidar, scene)
+    xyz, label = [np.zeros((0, 3))], [np.zeros(0, np.uint8)]
+    for pose in poses:
+        world_from_lidar = pose @ rig.lidar.mount.base_from_sensor
+        scan = lidar.scan(world_from_lidar)
+        points = frames.transform(world_from_lidar, scan.xyz)
+        inside = (np.abs(points[:, :2]) < np.array(scene.world.size) / 2).all(axis=1)
+        xyz.append(points[inside])
+        label.append(scan.label[inside])
+    return Cloud(xyz=np.concatenate(xyz), label=np.concatenate(label), scans=len(poses))

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A blank sheet measured in inches from its upper left corner, with one typeface and one set of inks.
+"""A blank sheet with positions in inches from its upper left corner.
 
-Matplotlib's figure is used without pyplot, so nothing global changes; its own DejaVu Sans is there on every machine.
+It uses matplotlib's figure without pyplot, so that no global state changes, and the font that comes with matplotlib.
 """
 
 from typing import Any
@@ -18,42 +18,42 @@ from fieldtruth.report.drawing.style import FONT, INK
 
 
 class Paper:
-    """A white sheet of ``width`` x ``height`` [inch] that becomes an image ``pixels`` wide."""
+    """A white sheet of ``width`` x ``height`` [inch], drawn ``pixels`` wide."""
 
     def __init__(self, width: float, height: float, pixels: int) -> None:
         self.width, self.height = width, height
         self.figure = Figure(figsize=(width, height), dpi=pixels / width, facecolor="white")
         self._canvas = FigureCanvasAgg(self.figure)
 
-    def axes(self, left: float, top: float, width: float, height: float) -> Axes:
-        """Open an empty drawing area; its upper left corner lies at ``left``, ``top``."""
+    def _axes(self, left: float, top: float, width: float, height: float) -> Axes:
+        """Add an empty drawing area whose upper left corner is at ``left``, ``top``."""
         box = (left / self.width, 1.0 - (top + height) / self.height, width / self.width, height / self.height)
         axes = self.figure.add_axes(box)
         axes.set_axis_off()
         return axes
 
-    def picture(self, image: NDArray[np.uint8], left: float, top: float, width: float, height: float) -> Axes:
-        """Put an image (h, w, 3) into a box; the axes' unit is then its pixel, (0, 0) the first one's centre."""
-        axes = self.axes(left, top, width, height)
+    def image_at(self, image: NDArray[np.uint8], left: float, top: float, width: float, height: float) -> Axes:
+        """Place an image (h, w, 3) in a box; the unit of the axes is its pixel, (0, 0) is the centre of the first."""
+        axes = self._axes(left, top, width, height)
         axes.imshow(image, aspect="auto", interpolation="antialiased")
         axes.set_autoscale_on(False)
         return axes
 
-    def text(self, left: float, baseline: float, words: str, size: float = 8.0, **options: Any) -> float:
-        """Write words of ``size`` [point] and return their width [inch]; options are those of matplotlib's text."""
+    def text(self, left: float, baseline: float, content: str, size: float = 8.0, **options: Any) -> float:
+        """Write text of ``size`` [point] with options of matplotlib's text; return its width [inch]."""
         style: dict[str, Any] = {"color": INK, "family": FONT, "va": "baseline"} | options
-        written = self.figure.text(left / self.width, 1.0 - baseline / self.height, words, fontsize=size, **style)
+        written = self.figure.text(left / self.width, 1.0 - baseline / self.height, content, fontsize=size, **style)
         renderer = self._canvas.get_renderer()  # type: ignore[no-untyped-call]
         return float(written.get_window_extent(renderer).width / self.figure.dpi)
 
     def box(self, left: float, top: float, width: float, height: float, colour: str, **options: Any) -> None:
-        """Fill a rectangle."""
+        """Draw a filled rectangle with options of matplotlib's Rectangle."""
         corner = (left / self.width, 1.0 - (top + height) / self.height)
         size = (width / self.width, height / self.height)
         style: dict[str, Any] = {"facecolor": colour, "linewidth": 0.0} | options
         self.figure.add_artist(Rectangle(corner, *size, transform=self.figure.transFigure, **style))
 
-    def image(self) -> NDArray[np.uint8]:
-        """Draw everything, (h, w, 3)."""
+    def render(self) -> NDArray[np.uint8]:
+        """Return the sheet as an image (h, w, 3)."""
         self._canvas.draw()  # type: ignore[no-untyped-call]
         return np.ascontiguousarray(np.asarray(self._canvas.buffer_rgba())[..., :3])  # type: ignore[no-untyped-call]

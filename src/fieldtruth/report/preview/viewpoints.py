@@ -1,75 +1,68 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where to look from: the four places of a sample that together show most; and free places where nobody drives."""
+"""Choice of viewpoints: the most informative ones of a sample, and random ones where no experiment drives."""
 
 import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array
+from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.world.model import World
 
-APART: Final = 12.0  # [m] between two views, where there is room for it
-_ROOM: Final = 1.5  # [m] of free ground around a free place
-_INSET: Final = 0.16  # share of the place's sides that free places keep from the edge
+APART: Final = 12.0
+"""Preferred distance [m] between two viewpoints."""
+_CLEARANCE: Final = 1.5  # [m]
+_INSET: Final = 0.16  # share of the world's sides
 
 
-def most_telling(pixels: NDArray[np.int64], places: Array, count: int) -> list[int]:
-    """Rows of the ``count`` poses whose images show most, in the order of the poses.
+def most_informative(pixels: Counts, positions: Array, count: int) -> list[int]:
+    """Rows of the ``count`` viewpoints whose images together show most, in ascending order.
 
-    One after the other, that one is taken which adds most to the sum over classes of the root of their share: rare
-    classes count, and a second look at the same adds little.
+    Greedy: each step takes the viewpoint that adds most to the sum, over the classes, of the square root of their
+    accumulated share. So rare classes count, and a second similar image adds little.
 
     Args:
-        pixels: (n, classes) counts of each pose's image.
-        places: (n, 2) [m] where the poses stand; those chosen keep ``APART`` where they can.
-        count: how many; fewer if there are fewer poses.
+        pixels: (n, classes) pixel counts of each viewpoint's image.
+        positions: (n, 2) [m]; the chosen ones are ``APART`` where possible.
+        count: number of rows; fewer if there are fewer viewpoints.
     """
     share = pixels / np.maximum(pixels.sum(axis=1, keepdims=True), 1)
     chosen: list[int] = []
     while len(chosen) < min(count, len(pixels)):
-        seen = share[chosen].sum(axis=0)
-        gain = np.sqrt(seen + share).sum(axis=1)
-        near = np.array([min((float(np.linalg.norm(p - places[c])) for c in chosen), default=APART) for p in places])
-        gain += 10.0 * np.minimum(near / APART, 1.0)
+        gain = np.sqrt(share[chosen].sum(axis=0) + share).sum(axis=1)
+        to_chosen = np.linalg.norm(positions[:, None] - positions[chosen], axis=2).min(axis=1, initial=APART)
+        gain += 10.0 * to_chosen / APART
         gain[chosen] = -1.0
         chosen.append(int(np.argmax(gain)))
     return sorted(chosen)
 
 
-def free_stations(world: World, count: int, rng: np.random.Generator) -> Array:
-    """Places (n, 3) x, y [m] and heading [rad], towards the middle, where a robot stands free and dry.
+def free_viewpoints(world: World, count: int, rng: np.random.Generator) -> Array:
+    """Random viewpoints (n, 3), x, y [m] and heading [rad], on dry ground, off obstacles, facing the middle.
 
-    There are fewer than ``count`` where 200 draws for each find no more.
+    There are fewer than ``count`` if 200 draws for each are not enough.
     """
     sides = np.array(world.size)
     xy = rng.uniform(-0.5 + _INSET, 0.5 - _INSET, (200 * count, 2)) * sides
-    free = _clearance(xy, obstacles(world)) > _ROOM
+    free = np.ones(len(xy), np.bool_)
+    for x, y, radius in obstacles(world):
+        free &= np.hypot(xy[:, 0] - x, xy[:, 1] - y) - radius > _CLEARANCE
     if world.water_level is not None:
         free &= world.terrain.field.height_at(xy[:, 0], xy[:, 1]) > world.water_level
     xy = xy[free][:count]
-    aim = rng.uniform(-0.2, 0.2, (len(xy), 2)) * sides
-    return np.column_stack([xy, np.arctan2(aim[:, 1] - xy[:, 1], aim[:, 0] - xy[:, 0])])
+    target = rng.uniform(-0.2, 0.2, (len(xy), 2)) * sides
+    return np.column_stack([xy, np.arctan2(target[:, 1] - xy[:, 1], target[:, 0] - xy[:, 0])])
 
 
 def obstacles(world: World) -> Array:
-    """Circles (n, 3) x, y and radius [m] around all colliders."""
-    circles = [np.zeros((0, 3))]
+    """Circles (n, 3), x, y and radius [m], around all colliders."""
+    circles = []
     for instance in world.instances:
         pose = instance.world_from_object
         scale = float(np.cbrt(np.linalg.det(pose[:3, :3])))
         for collider in world.meshes[instance.mesh].colliders:
             x, y, _, _ = pose @ [*collider.position, 1.0]
-            reach = collider.size[0] if collider.shape == "cylinder" else math.hypot(*collider.size[:2]) / 2
-            circles.append(np.array([[x, y, reach * scale]]))
-    return np.concatenate(circles)
-
-
-def _clearance(xy: Array, circles: Array) -> Array:
-    """Distance [m] of each point (n, 2) from the nearest circle's edge."""
-    nearest = np.full(len(xy), np.inf)
-    for x, y, radius in circles:
-        nearest = np.minimum(nearest, np.hypot(xy[:, 0] - x, xy[:, 1] - y) - radius)
-    return nearest
+            radius = collider.size[0] if collider.shape == "cylinder" else math.hypot(*collider.size[:2]) / 2
+            circles.append((x, y, radius * scale))
+    return np.array(circles).reshape(-1, 3)
