@@ -14,8 +14,9 @@ from fieldtruth.core.progress import Silent
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
-from fieldtruth.validation.check import Check
-from fieldtruth.validation.subject import Place
+from fieldtruth.validation import Check, validate
+from fieldtruth.validation.context import RebuiltWorld
+from fieldtruth.validation.retrace import world
 from fieldtruth.world.model import World
 
 if TYPE_CHECKING:
@@ -55,15 +56,11 @@ def winding_track() -> Track:
     return drive(make_world(hills), route)
 
 
-# ---------------------------------------------------------------------------------------------------------------------
-# For the tests of validate
-
-
 @pytest.fixture(scope="session")
 def lean_run(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The beginning of the small run, 0.52 s: every topic, and quick to copy. It is a run of its own right."""
+    """Folder of the first 0.52 s of the small run, as a run of its own. Copy what you want to change."""
 
-    from validate_bags import rewritten
+    from changed_bags import rewritten
 
     def change(raw: RawMessage, k: int) -> RawMessage | None:
         return raw if raw.stamp_ns <= _LEAN_NS else None
@@ -73,25 +70,21 @@ def lean_run(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def place(small_run: Path) -> Place:
+def park(small_run: Path) -> RebuiltWorld:
     """World and scene of park_1."""
-    from fieldtruth.validation.rebuild import rebuilt
-
-    found, why = rebuilt(open_run(small_run), quick=False, progress=Silent())
+    found, why = world.rebuild(open_run(small_run), quick=False, full=True, progress=Silent())
     assert found is not None, why
     return found
 
 
 @pytest.fixture
-def with_world(place: Place, monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Check]]:
+def validate_in_park(park: RebuiltWorld, monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Check]]:
     """``validate`` with the world at hand."""
 
-    from fieldtruth.validation import passing, validate
+    def rebuild(*args: Any, quick: bool, **kwargs: Any) -> tuple[RebuiltWorld | None, str]:
+        return (None, "quick") if quick else (park, "")
 
-    def rebuild(*args: Any, quick: bool, **kwargs: Any) -> tuple[Place | None, str]:
-        return (None, "quick") if quick else (place, "")
-
-    monkeypatch.setattr(passing, "rebuilt", rebuild)
+    monkeypatch.setattr(world, "rebuild", rebuild)
     return validate
 
 

@@ -1,21 +1,33 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a check came to, and how all of them are told."""
+"""Checks, the rules they consist of, and their output as text and JSON.
+
+A rule is a sentence that holds for every item of a stream: a message, a point, a pixel. In a run of this package every
+rule applies. In a bag from elsewhere it is unknown which rules apply: one that nine of ten items meet is applied to the
+others, one that fewer items meet is not checked.
+"""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
-_WORDS: Final = {True: "pass", False: "FAIL", None: "skipped"}
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.core.arrays import Mask
+
+MAJORITY: Final = 0.9
+"""Share of items that must meet a rule before the others count as wrong, where the rule may not apply."""
+
+_STATUS: Final = {True: "pass", False: "FAIL", None: "skipped"}
 
 
 @dataclass(frozen=True)
 class Check:
-    """One check of a run. ``name`` is stable, for programs; ``text`` is for people.
+    """Result of one check. ``name`` is stable, for programs; ``text`` is for people.
 
-    ``passed`` is None where the check could not be made. ``text`` holds the figures, or what is wrong and where it is
-    met first, or why the check could not be made.
+    ``passed`` is None if the check was skipped. ``text`` holds figures, or the first mismatch, or why it was skipped.
     """
 
     name: str
@@ -26,8 +38,8 @@ class Check:
 def as_text(checks: Sequence[Check]) -> str:
     """A line per check, and one with the counts."""
     width = max((len(check.name) for check in checks), default=0)
-    lines = [f"{_WORDS[check.passed]:<7}  {check.name:<{width}}  {check.text}" for check in checks]
-    counts = {passed: sum(check.passed is passed for check in checks) for passed in _WORDS}
+    lines = [f"{_STATUS[check.passed]:<7}  {check.name:<{width}}  {check.text}" for check in checks]
+    counts = {passed: sum(check.passed is passed for check in checks) for passed in _STATUS}
     summary = f"{len(checks)} checks: {counts[True]} passed, {counts[False]} failed, {counts[None]} skipped"
     return "\n".join([*lines, summary])
 
@@ -36,3 +48,145 @@ def as_json(checks: Sequence[Check]) -> str:
     """One object: ``passed`` is false if any check failed; ``checks`` holds name, passed (null: skipped) and text."""
     rows = [{"name": check.name, "passed": check.passed, "text": check.text} for check in checks]
     return json.dumps({"passed": all(check.passed is not False for check in checks), "checks": rows}, indent=2)
+
+
+@dataclass(frozen=True, eq=False)
+class Rule:
+    """What must hold for every item. ``tolerance`` is the largest allowed residual in ``unit``; None: true or false.
+
+    A check does not pass by ``minor`` rules alone. A ``learned`` rule needs a majority even in a run of this package.
+    """
+
+    text: str
+    tolerance: float | None = None
+    unit: str = ""
+    minor: bool = False
+    learned: bool = False
+
+
+@dataclass(frozen=True)
+class Spec:
+    """Declaration of a check: its stable name and its rules, of which docs/validate.md is generated."""
+
+    name: str
+    rules: tuple[Rule, ...]
+
+
+class Count:
+    """Number of items seen and of those that break a rule; a ``strict`` rule applies without a majority."""
+
+    def __init__(self, rule: Rule, strict: bool = True) -> None:
+        self.rule = rule
+        self.strict = strict and not rule.learned
+        self.seen = self.wrong = 0
+        self.worst = 0.0
+        """Largest residual of the items that meet the rule."""
+        self.first = ""
+        """Description of the first mismatch."""
+
+    def add(self, seen: int, wrong: int, first: str) -> None:
+        """Add items counted elsewhere; ``first`` is ignored if none of them is wrong."""
+        self.seen += seen
+        if wrong and not self.wrong:
+            self.first = first
+        self.wrong += wrong
+
+    def see(self, met: bool, mismatch: str) -> bool:
+        """Count an item; returns ``met``."""
+        self.add(1, int(not met), mismatch)
+        return met
+
+    def measure(self, residual: float, where: str) -> bool:
+        """Count an item by its residual, where NaN breaks the rule; returns whether the rule is met."""
+        wrong = self.wrong
+        self.measure_all(np.array([residual]), lambda k: where)
+        return self.wrong == wrong
+
+    def see_all(self, met: Mask, mismatch: Callable[[int], str]) -> None:
+        """Count items (n,); ``mismatch`` describes one by its index."""
+        wrong = met.size - int(np.count_nonzero(met))
+        self.add(met.size, wrong, mismatch(int(np.argmin(met))) if wrong else "")
+
+    def measure_all(self, residuals: NDArray[np.floating[Any]], where: Callable[[int], str]) -> None:
+        """Count items by their residuals (n,); ``where`` describes one by its index."""
+        assert self.rule.tolerance is not None
+        size, limit, unit = np.abs(residuals), self.rule.tolerance, self.rule.unit
+        met = np.asarray(size <= limit)
+        self.worst = float(size.max(initial=self.worst, where=met))
+        self.see_all(met, lambda k: f"{where(k)}: {size[k]:.3g} {unit}, tolerance {limit:.3g}")
+
+    @property
+    def passed(self) -> bool | None:
+        """False: broken. None: nothing was seen, or the rule does not apply to this bag."""
+        if self.wrong == 0:
+            return True if self.seen else None
+        return False if self.strict or self.wrong <= (1.0 - MAJORITY) * self.seen else None
+
+    @property
+    def met(self) -> int:
+        """Items that meet the rule; 0 if it does not apply."""
+        return self.seen - self.wrong if self.passed is not None else 0
+
+    @property
+    def text(self) -> str:
+        """The mismatch in words."""
+        if self.seen == 1:
+            return f"{self.rule.text}: not met: {self.first}"
+        return f"{self.rule.text}: {self.wrong:,} of {self.seen:,} mismatch, first {self.first}"
+
+    @property
+    def margin(self) -> str:
+        """Largest residual beside its tolerance."""
+        return f"{self.worst:.1e} {self.rule.unit} (tolerance {self.rule.tolerance:.2g})"
+
+
+class Tally:
+    """Counts of all rules of one check."""
+
+    def __init__(self, spec: Spec, strict: bool = True) -> None:
+        self.spec = spec
+        self._strict = strict
+        self._counts = {rule: Count(rule, strict) for rule in spec.rules}
+
+    def __getitem__(self, rule: Rule) -> Count:
+        return self._counts[rule]
+
+    def fresh(self) -> "Tally":
+        """Return an empty tally of the same check, for another thread to fill."""
+        return Tally(self.spec, self._strict)
+
+    def merge(self, other: "Tally") -> None:
+        """Add the counts of another tally of this check."""
+        for rule, count in self._counts.items():
+            more = other[rule]
+            count.worst = max(count.worst, more.worst)
+            count.add(more.seen, more.wrong, more.first)
+
+    def result(self, figures: str, skipped: str, more: Sequence[Count] = ()) -> Check:
+        """Return the check.
+
+        Args:
+            figures: text of a check that passes.
+            skipped: why the check is skipped, if no rule has seen an item.
+            more: further counts that belong to the check.
+        """
+        counts = [*self._counts.values(), *more]
+        wrong = [count.text for count in counts if count.passed is False]
+        if wrong:
+            return Check(self.spec.name, False, "; ".join(wrong))
+        unused = [count for count in counts if count.passed is None and count.seen]
+        note = "".join(f"; does not apply: {c.rule.text} ({c.wrong:,} of {c.seen:,} mismatch)" for c in unused)
+        if any(count.passed for count in counts if not count.rule.minor):
+            return Check(self.spec.name, True, figures + note)
+        return Check(self.spec.name, None, note.removeprefix("; ") or skipped)
+
+
+def markdown(specs: Sequence[Spec]) -> str:
+    """Table of all checks with their rules and tolerances, as in docs/validate.md."""
+    rows = ["| check | rule | tolerance |", "|---|---|---|"]
+    for spec in specs:
+        for k, rule in enumerate(spec.rules):
+            name = f"`{spec.name}`" if k == 0 else ""
+            tolerance = "" if rule.tolerance is None else f"{rule.tolerance:.3g} {rule.unit}"
+            rows.append(f"| {name} | {rule.text} | {tolerance} |")
+    return "\n".join(rows) + "\n"

@@ -1,89 +1,255 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The three streams of the true pose tell one story: /ground_truth/odom and /tf repeat /gazebo/model_states bit by bit.
+"""Streams and stamps: topics, types, message counts, stamps, headers.
 
-Without /gazebo/model_states the odometry is the truth that everything else is held against.
+A sensor with rate r reads at k / r for k = 1, 2, ... IMU, GNSS receiver and tachometers read at the nearest step of the
+physics.
 """
 
-from functools import partial
-from typing import Any, Final
-
-import numpy as np
-from numpy.typing import NDArray
+import dataclasses
+import struct
+from collections import OrderedDict
+from typing import Any, Final, NamedTuple
 
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.sensor_messages import optical_frame
+from fieldtruth.bag.robot_messages import BASE, WORLD
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.core import frames
-from fieldtruth.validation.check import Check
-from fieldtruth.validation.law import check_of
-from fieldtruth.validation.motion import is_attitude
-from fieldtruth.validation.subject import Examiner, Subject, place_of
+from fieldtruth.bag.decode import stamp_ns
+from fieldtruth.validation.check import Check, Count, Rule, Spec
+from fieldtruth.validation.context import STEP_NS, Checker, Context, at
 
-F8 = NDArray[np.float64]
+PRESENT: Final = Rule("every topic that the sensors publish exists")
+TYPES: Final = Rule("topics have the types of the topic table")
+DIGESTS: Final = Rule("the MD5 sum of a type is the one of its definition")
+TOPICS: Final[Spec] = Spec("topics", (PRESENT, TYPES, DIGESTS))
 
-TWIST_BOUND: Final = 1e-9
-"""[m/s] and [rad/s]: turning a twist from world to base_link rounds at 1e-16 of a metre a second."""
+COUNT: Final = Rule("each topic has duration times rate messages", 1, "message")
+COUNTS: Final[Spec] = Spec("counts", (COUNT,))
+
+RISING: Final = Rule("the stamps of each topic rise")
+HEADER_STAMP: Final = Rule("the stamp in a header is the stamp in the bag")
+ON_RATE: Final = Rule("stamps are k / rate, rounded to nanoseconds or to steps of the physics")
+NO_GAP: Final = Rule("no reading is missing")
+STAMPS: Final[Spec] = Spec("stamps", (RISING, HEADER_STAMP, ON_RATE, NO_GAP))
+
+TOGETHER: Final = Rule("cameras' topics, wheels, odometry and /tf, /clock and model states have the same stamps")
+SYNCHRONISATION: Final[Spec] = Spec("synchronisation", (TOGETHER,))
+
+OWN_STAMP: Final = Rule("/clock publishes its own stamp")
+CLOCK: Final[Spec] = Spec("clock", (OWN_STAMP,))
+
+SEQUENCE: Final = Rule("sequence numbers count the messages of a topic from 0")
+FRAME: Final = Rule("headers name the frame of their sensor")
+HEADERS: Final[Spec] = Spec("headers", (SEQUENCE, FRAME))
+KNOWN_FRAME: Final = Rule("frames of headers exist in /tf_static or /tf")
+FRAMES: Final[Spec] = Spec("frames", (KNOWN_FRAME,))
+
+_ON_STEPS: Final = (table.IMU, table.NAVSAT, *table.WHEEL_SPEEDS)
+_CAMERAS: Final = tuple(topic.name for topic in table.TOPICS if topic.sensor in ("cameras", "depth", "instances"))
+_GROUPS: Final = (_CAMERAS, table.WHEEL_SPEEDS, (table.ODOMETRY, table.TF), (table.CLOCK, table.MODEL_STATES))
+_OPEN: Final = 500
+"""Stamps for which further messages are awaited; an intact bag has a few."""
+_FRAME_OF: Final = {
+    table.ODOMETRY: WORLD,
+    table.TF: WORLD,
+    table.IMU: "imu_link",
+    table.NAVSAT: "GNSS_link",
+    table.POINTS: "os1_lidar",
+}
 
 
-class PoseStreams(Examiner):
-    """/ground_truth/odom and /tf against /gazebo/model_states."""
+def check_topics(context: Context, digests: dict[str, tuple[str, str]]) -> Check:
+    """Check which topics there are, and their types.
 
-    def __init__(self, subject: Subject) -> None:
-        self._subject = subject
-        self._has_states = table.MODEL_STATES in subject.run.counts
-        self.topics = [name for name in (table.ODOMETRY, table.TF) if name in subject.run.counts]
-        words = {table.ODOMETRY: "odometry", table.TF: "/tf"}
-        self._same = {n: subject.law(f"the pose of {words[n]} is the true one, bit by bit", 0.0, "m or of a quaternion")
-                      for n in self.topics}  # fmt: skip
-        self._twist = subject.law("the twist of odometry is the true one in base_link", TWIST_BOUND, "m/s or rad/s")
-        self._exact = subject.law("covariances are zero", minor=True)
+    Args:
+        context: the run.
+        digests: by topic, the MD5 sum that the bag states for its type, and the one of its definition there.
+    """
+    run, rig, tally = context.run, context.rig, context.tally(TOPICS)
+    if context.experiment is not None:  # a run that is shorter than a sensor's period has none of its messages
+        due = [t for t in table.topics_of(rig) if t.rate_hz is None or t.rate_hz(rig) * run.end_ns >= 1e9 - 1.0]
+    else:
+        due = [t for t in table.TOPICS if t.name in run.counts]
+    for topic in due:
+        if tally[PRESENT].see(topic.name in run.counts, f"{topic.name} is missing"):
+            found = run.msgtypes[topic.name]
+            tally[TYPES].see(found == topic.msgtype, f"{topic.name} is {found}, not {topic.msgtype}")
+    for name, (stated, real) in digests.items():
+        tally[DIGESTS].see(stated == real, f"{name} states {stated}, its definition has {real}")
+    others = sorted(set(run.counts) - {topic.name for topic in table.TOPICS})
+    more = f"; {len(others)} other topics are not checked: {', '.join(others[:5])}" if others else ""
+    if not due:
+        return Check(TOPICS.name, None, f"no topic of the topic table{more}")
+    return tally.result(f"{len(due)} topics with their types{more}", "")
 
-    def feed(self, raw: RawMessage, message: Any) -> None:
-        """See a message."""
-        if raw.topic == table.ODOMETRY:
-            pose = _row(message.pose.pose.position, message.pose.pose.orientation)
-            twist = message.twist.twist
-            self._exact.see(not (message.pose.covariance.any() or message.twist.covariance.any()), place_of(raw))
-            spoken = np.array([*_xyz(twist.linear), *_xyz(twist.angular)])
-            if self._has_states:
-                self._subject.motion.when_known(raw.stamp_ns, lambda: self._judge(raw, pose))
-                self._subject.motion.when_known(raw.stamp_ns, lambda: self._judge_twist(raw, spoken))
-            elif is_attitude(pose[3:]):
-                rotation = frames.rotation_from_quaternion_wxyz(pose[3:])
-                world = np.concatenate([rotation @ spoken[:3], rotation @ spoken[3:]])
-                self._subject.motion.add(raw.stamp_ns, np.concatenate([pose, world]))
-        else:
-            for each in message.transforms:
-                pose = _row(each.transform.translation, each.transform.rotation)
-                self._subject.motion.when_known(raw.stamp_ns, partial(self._judge, raw, pose))
 
-    def results(self) -> list[Check]:
-        """Pose streams."""
-        counts = ", ".join(f"{law.seen:,} poses of {name}" for name, law in self._same.items() if law.seen)
-        return [
-            check_of(
-                "pose streams",
-                [*self._same.values(), self._twist, self._exact],
-                f"{counts} are the true ones bit by bit; twists differ by {self._twist.margin}",
-                "there are not two of /gazebo/model_states, /ground_truth/odom and /tf",
+class _Clock(NamedTuple):
+    """The expected stamps of a topic."""
+
+    rate_hz: float
+    on_steps: bool
+
+    def stamp(self, k: int) -> int:
+        """Stamp [ns] of reading ``k``, counted from 1."""
+        exact = round(k * (1e9 / self.rate_hz))
+        return round(exact / STEP_NS) * STEP_NS if self.on_steps else exact
+
+    def number(self, stamp: int) -> int:
+        """Return the reading whose stamp is nearest."""
+        return round(stamp * self.rate_hz / 1e9)
+
+    def count(self, end: int) -> int:
+        """Readings up to and including a stamp [ns]."""
+        return int(end * self.rate_hz / 1e9 + 1e-9)
+
+
+class Stamps(Checker):
+    """Message counts, stamps, synchronisation and /clock."""
+
+    def __init__(self, context: Context) -> None:
+        run = context.run
+        known = {topic.name: topic for topic in table.TOPICS}
+        self.topics = [name for name in known if name in run.counts]
+        self._clocks = {
+            name: _Clock(rate(context.rig), name in _ON_STEPS)
+            for name in self.topics
+            if (rate := known[name].rate_hz) is not None
+        }
+        self._on_rate = {
+            name: Count(
+                dataclasses.replace(ON_RATE, text=f"stamps of {name} are k / {clock.rate_hz:g} s"),
+                strict=context.experiment is not None,
             )
+            for name, clock in self._clocks.items()
+        }
+        self._counts, self._stamps = context.tally(COUNTS), context.tally(STAMPS)
+        self._together, self._clock = context.tally(SYNCHRONISATION), context.tally(CLOCK)
+        self._last: dict[str, int] = {}
+        self._number: dict[str, int] = {}
+        self._seen: dict[str, int] = {}
+        self._groups = [
+            (present, OrderedDict[int, set[str]]())
+            for group in _GROUPS
+            if len(present := tuple(name for name in group if name in run.counts)) > 1
         ]
 
-    def _judge(self, raw: RawMessage, pose: F8) -> None:
-        state = self._subject.motion.state(raw.stamp_ns)
-        true = np.concatenate([state.position, state.quaternion_wxyz])
-        self._same[raw.topic].measure(float(np.abs(pose - true).max()), lambda: place_of(raw))
+    def see(self, raw: RawMessage, message: Any) -> None:
+        """Take a message."""
+        name, stamp = raw.topic, raw.stamp_ns
+        self._seen[name] = self._seen.get(name, 0) + 1
+        if name in self._last:
+            self._stamps[RISING].see(stamp > self._last[name], f"{at(raw)} after {self._last[name]} ns")
+        self._last[name] = stamp
+        for inside in _header_stamps(name, message):
+            self._stamps[HEADER_STAMP].see(inside == stamp, f"{at(raw)}: header {inside} ns")
+        if name in self._clocks:
+            self._follow(raw, self._clocks[name])
+        for group, waiting in self._groups:
+            if name in group:
+                self._meet(group, waiting, raw)
+        if name == table.CLOCK:
+            published = int.from_bytes(raw.data[:4], "little") * 10**9 + int.from_bytes(raw.data[4:], "little")
+            right = raw.data == struct.pack("<LL", *divmod(stamp, 10**9))
+            self._clock[OWN_STAMP].see(right, f"{at(raw)}: {published} ns in {len(raw.data)} bytes")
 
-    def _judge_twist(self, raw: RawMessage, spoken: F8) -> None:
-        state = self._subject.motion.state(raw.stamp_ns)
-        base_from_world = frames.rotation_from_quaternion_wxyz(state.quaternion_wxyz).T
-        true = np.concatenate([base_from_world @ state.linear_velocity, base_from_world @ state.angular_velocity])
-        self._twist.measure(float(np.abs(spoken - true).max()), lambda: place_of(raw))
+    def finish(self) -> None:
+        """Take the end of the bag."""
+        ends = [self._last[name] for name in (table.CLOCK, table.MODEL_STATES) if name in self._last]
+        end = min(ends) if ends else max(self._last.values(), default=0)
+        for name, clock in self._clocks.items():
+            if self._on_rate[name].passed is None:
+                continue  # it follows another clock: the number and the stamps of its messages are unknown
+            count, expected, number = self._seen.get(name, 0), clock.count(end), self._number.get(name, 0)
+            text = f"{name}: {count:,} messages, {end / 1e9:.3f} s at {clock.rate_hz:g} Hz make {expected:,}"
+            self._counts[COUNT].measure(count - expected, text)
+            self._stamps[NO_GAP].see(number == expected, f"{name} ends with reading {number:,} of {expected:,}")
+        for group, waiting in self._groups:
+            for stamp, met in waiting.items():
+                self._together[TOGETHER].see(False, _missing(stamp, group, met))
+
+    def results(self) -> list[Check]:
+        """Counts, stamps, synchronisation, clock."""
+        used = [name for name, count in self._on_rate.items() if count.passed is not None]
+        rates = sorted({f"{self._clocks[name].rate_hz:g}" for name in used}, key=float)
+        on_rate = sum(self._on_rate[name].seen for name in used)
+        parts = [f"{self._stamps[RISING].met:,} stamps rise"]
+        parts += [f"{self._stamps[HEADER_STAMP].met:,} headers agree"] * bool(self._stamps[HEADER_STAMP].met)
+        parts += [f"{on_rate:,} are at {', '.join(rates)} Hz"] * bool(rates)
+        parts += [f"{len(self._on_rate) - len(used)} topics follow another clock"] * (len(used) < len(self._on_rate))
+        moments, messages = self._together[TOGETHER].met, sum(self._seen.values())
+        ticks = self._clock[OWN_STAMP].seen
+        return [
+            self._counts.result(f"{len(self._seen)} topics, {messages:,} messages", "no topic has its rate"),
+            self._stamps.result(", ".join(parts), "no topic of the topic table", [self._on_rate[n] for n in used]),
+            self._together.result(f"{moments:,} stamps, {len(self._groups)} groups", "no topics with the same stamps"),
+            self._clock.result(f"{ticks:,} messages publish their own stamp", f"no {table.CLOCK}"),
+        ]
+
+    def _follow(self, raw: RawMessage, clock: _Clock) -> None:
+        number, before = clock.number(raw.stamp_ns), self._number.get(raw.topic, 0)
+        due = clock.stamp(number)
+        if self._on_rate[raw.topic].see(due == raw.stamp_ns, f"{at(raw)}, due at {due} ns"):
+            self._stamps[NO_GAP].see(number == before + 1, f"{at(raw)}: reading {number} after reading {before}")
+            self._number[raw.topic] = number
+
+    def _meet(self, group: tuple[str, ...], waiting: OrderedDict[int, set[str]], raw: RawMessage) -> None:
+        met = waiting.setdefault(raw.stamp_ns, set())
+        met.add(raw.topic)
+        if len(met) == len(group):
+            del waiting[raw.stamp_ns]
+            self._together[TOGETHER].see(True, "")
+        elif len(waiting) > _OPEN:
+            stamp, met = waiting.popitem(last=False)
+            self._together[TOGETHER].see(False, _missing(stamp, group, met))
 
 
-def _xyz(vector: Any) -> tuple[float, float, float]:
-    return vector.x, vector.y, vector.z
+def _missing(stamp: int, group: tuple[str, ...], met: set[str]) -> str:
+    return f"{stamp} ns: no {', no '.join(name for name in group if name not in met)}"
 
 
-def _row(position: Any, q: Any) -> F8:
-    return np.array([position.x, position.y, position.z, q.w, q.x, q.y, q.z])
+def _header_stamps(name: str, message: Any) -> list[int]:
+    """Stamps [ns] inside a message."""
+    if name in (table.TF, table.TF_STATIC):
+        return [stamp_ns(each.header) for each in message.transforms]
+    return [stamp_ns(message.header)] if hasattr(message, "header") else []
+
+
+class Headers(Checker):
+    """Sequence numbers and frames."""
+
+    def __init__(self, context: Context) -> None:
+        self.topics = [topic.name for topic in table.TOPICS if topic.name in context.run.counts]
+        self._headers, self._frames = context.tally(HEADERS), context.tally(FRAMES)
+        self._numbers: dict[str, int] = {}
+        self._named: dict[str, str] = {}
+        self._known: set[str] = set()
+
+    def see(self, raw: RawMessage, message: Any) -> None:
+        """Take a message."""
+        transforms = getattr(message, "transforms", ())
+        self._known |= {name for each in transforms for name in (each.header.frame_id, each.child_frame_id)}
+        parts = transforms if raw.topic == table.TF else [message] * hasattr(message, "header")
+        for part in parts:
+            number, header = self._numbers.get(raw.topic, 0), part.header
+            self._numbers[raw.topic] = header.seq + 1
+            self._headers[SEQUENCE].see(header.seq == number, f"{at(raw)}: {header.seq} instead of {number}")
+            self._named.setdefault(header.frame_id, at(raw))
+            due = _FRAME_OF.get(raw.topic) or optical_frame("left" if "/left/" in raw.topic else "right")
+            self._see_frame(raw, header.frame_id, due)
+            if raw.topic in (table.ODOMETRY, table.TF):
+                self._see_frame(raw, part.child_frame_id, BASE)
+
+    def results(self) -> list[Check]:
+        """Headers, frames."""
+        if self._known:
+            for name, where in self._named.items():
+                self._frames[KNOWN_FRAME].see(name in self._known, f"{where}: {name!r}")
+        named, known, counted = len(self._named), len(self._known), self._headers[SEQUENCE].met
+        return [
+            self._headers.result(f"{counted:,} headers count up and name {named} frames", "no message has a header"),
+            self._frames.result(f"{named} frames of {known} in /tf_static and /tf", "neither /tf_static nor /tf"),
+        ]
+
+    def _see_frame(self, raw: RawMessage, found: str, due: str) -> None:
+        self._headers[FRAME].see(found == due, f"{at(raw)}: {found!r} instead of {due!r}")

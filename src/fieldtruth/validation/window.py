@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The last seconds of the robot's true motion, for readings that are held against it as they pass by."""
+"""The last seconds of the robot's true motion, with which readings are compared."""
 
 import heapq
 from collections.abc import Callable
@@ -9,41 +9,40 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.drive.state import State, state_at
 from fieldtruth.drive.track import Motion
 
-F8 = NDArray[np.float64]
-I8 = NDArray[np.int64]
-
 KEPT: Final = 4096
-"""Rows that are kept at least: four seconds at 1 kHz, more than any sensor's period but the slowest receiver's."""
+"""Rows that are kept at least: four seconds at 1 kHz."""
 
 
-def is_attitude(quaternion: F8) -> bool:
-    """Whether four numbers can be made a unit quaternion."""
+def is_attitude(quaternion: Array) -> bool:
+    """Whether four numbers can be normalised to a unit quaternion."""
     return bool(0.5 < np.linalg.norm(quaternion) < 2.0)
 
 
 class MotionWindow:
-    """True motion as it passes by; rows are added in time order.
-
-    Readings ask by ``when_known``: at once, or as soon as the motion has come to their stamp.
-    """
+    """True motion, to which rows are added in time order."""
 
     def __init__(self) -> None:
-        self._stamps = np.zeros(2 * KEPT, np.int64)
+        self._stamps: NDArray[np.int64] = np.zeros(2 * KEPT, np.int64)
         self._rows = np.zeros((2 * KEPT, 13))
         self._count = 0
         self._waiting: list[tuple[int, int, Callable[[], None]]] = []
         self._asked = 0
         self._over = False
-        self.started = False
 
-    def add(self, stamp_ns: int, row: F8) -> None:
+    @property
+    def started(self) -> bool:
+        """Whether there is any motion."""
+        return self._count > 0
+
+    def add(self, stamp_ns: int, row: Array) -> None:
         """Add a row: position (3) [m], quaternion wxyz (4), linear (3) [m/s] and angular velocity (3) [rad/s].
 
         All of base_link in the world frame. A row that is not later than the one before, or without an attitude, is
-        left out; what is wrong with it is told by the laws of its own stream.
+        left out; the check of its own stream reports it.
         """
         if (self._count and stamp_ns <= self._stamps[self._count - 1]) or not is_attitude(row[3:7]):
             return
@@ -52,17 +51,16 @@ class MotionWindow:
             self._count = KEPT
         self._stamps[self._count], self._rows[self._count] = stamp_ns, row
         self._count += 1
-        self.started = True
-        self._serve(stamp_ns)
+        self._run_waiting(stamp_ns)
 
     def finish(self) -> None:
-        """Tell that no more rows will come."""
+        """Declare that no more rows will come."""
         self._over = True
         if self.started:
-            self._serve(None)
+            self._run_waiting(None)
 
     def when_known(self, stamp_ns: int, action: Callable[[], None]) -> None:
-        """Do something as soon as the motion is known up to a stamp [ns], or is over; never if there is none at all."""
+        """Call ``action`` once the motion is known up to a stamp [ns], or is over; never if there is no motion."""
         if self.started and (self._over or stamp_ns <= self._stamps[self._count - 1]):
             action()
         elif not self._over:
@@ -70,17 +68,17 @@ class MotionWindow:
             heapq.heappush(self._waiting, (stamp_ns, self._asked, action))
 
     def state(self, stamp_ns: int) -> State:
-        """State at a stamp [ns]: a row, or the way between two. It is only valid until the next row is added."""
+        """State at a stamp [ns], interpolated between rows. It is only valid until the next row is added."""
         return state_at(self.motion, stamp_ns)
 
     def row(self, stamp_ns: int) -> int | None:
-        """Number of the row with exactly this stamp; it counts from the oldest that is kept."""
+        """Index of the row with exactly this stamp, counted from the oldest that is kept."""
         k = int(np.searchsorted(self._stamps[: self._count], stamp_ns))
         return k if k < self._count and self._stamps[k] == stamp_ns else None
 
     @property
     def motion(self) -> Motion:
-        """What is kept; it is only valid until the next row is added."""
+        """The rows that are kept; only valid until the next row is added."""
         rows = self._rows[: self._count]
         return Motion(
             stamps_ns=self._stamps[: self._count],
@@ -90,6 +88,6 @@ class MotionWindow:
             angular_velocity=rows[:, 10:],
         )
 
-    def _serve(self, stamp_ns: int | None) -> None:
+    def _run_waiting(self, stamp_ns: int | None) -> None:
         while self._waiting and (stamp_ns is None or self._waiting[0][0] <= stamp_ns):
             heapq.heappop(self._waiting)[2]()

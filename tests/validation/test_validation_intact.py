@@ -1,25 +1,27 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is right passes: the bounds of all checks hold for runs of several rigs."""
+"""Intact runs of several rigs pass every check; the output and the documentation name all checks."""
 
 import json
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from validate_bags import CAMERA_TOPICS, failures, rewritten
+from changed_bags import CAMERA_TOPICS, failures, failures_of, points_in, rewritten
 
+from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.cli import main
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.pipeline import generate
 from fieldtruth.validation import Check, as_json, as_text, validate
+from fieldtruth.validation.__main__ import with_table
 
 NAMES = [
-    "checksums", "experiment", "structure", "messages", "topics", "counts", "stamps", "in step", "headers", "frames",
-    "calibration", "still objects", "motion", "clock", "world", "drive", "pose streams", "imu", "gnss", "wheels",
-    "labels", "beams", "pictures", "tag colours", "depth and ids", "objects", "lidar and cameras", "retraced clouds",
+    "checksums", "experiment", "structure", "messages", "topics", "counts", "stamps", "synchronisation", "clock",
+    "headers", "frames", "calibration", "static objects", "motion", "poses", "drive", "imu", "gnss", "wheels", "labels",
+    "rays", "images", "tag colours", "depth", "object classes", "lidar and cameras", "world", "retraced clouds",
     "retraced images", "photographs", "independent rays",
 ]  # fmt: skip
 """Programs may ask for these: they do not change."""
@@ -31,8 +33,8 @@ def passed(checks: list[Check]) -> dict[str, bool | None]:
     return {check.name: check.passed for check in checks}
 
 
-def test_an_intact_run_passes_every_check(lean_run: Path, with_world: Validate) -> None:
-    checks = with_world(lean_run, full=True, samples=4)
+def test_an_intact_run_passes_every_check(lean_run: Path, validate_in_park: Validate) -> None:
+    checks = validate_in_park(lean_run, full=True, samples=4)
     assert passed(checks) == dict.fromkeys(NAMES, True), failures(checks)
     assert list(passed(checks)) == NAMES
     texts = {check.name: check.text for check in checks}
@@ -51,42 +53,55 @@ def test_the_result_does_not_depend_on_the_number_of_threads(lean_run: Path) -> 
     assert validate(lean_run, quick=True, workers=1) == validate(lean_run, quick=True, workers=5)
 
 
-def test_a_run_without_cameras_passes(lean_run: Path, tmp_path: Path, with_world: Validate) -> None:
-    """What a rig without them records is the same bag less their topics."""
+def test_a_run_without_cameras_passes(lean_run: Path, tmp_path: Path, validate_in_park: Validate) -> None:
+    """A rig without cameras records the same bag without their topics."""
 
     def change(raw: RawMessage, k: int) -> RawMessage | None:
         return None if raw.topic in CAMERA_TOPICS else raw
 
     blind = with_overrides(load_experiment(lean_run / "experiment.yaml"), cameras=False)
-    checks = with_world(rewritten(lean_run, tmp_path, change, blind))
-    about_images = {"pictures", "tag colours", "depth and ids", "lidar and cameras", "retraced images", "photographs"}
+    checks = validate_in_park(rewritten(lean_run, tmp_path, change, blind))
+    about_images = {"images", "tag colours", "depth", "lidar and cameras", "retraced images", "photographs"}
     assert passed(checks) == {name: None if name in about_images else True for name in NAMES}, failures(checks)
 
 
-def test_a_run_with_odd_rates_and_a_turning_lidar_passes(tmp_path: Path, with_world: Validate) -> None:
-    """Rates that divide neither the second nor each other, columns that leave one after the other, a slow receiver."""
+@pytest.fixture(scope="module")
+def spinning_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Rates that divide neither a second nor each other, a LiDAR whose columns leave one by one, a slow receiver."""
     values = load_experiment("park_2").model_dump()
     values["seconds"] = 0.45
     rig = values["rig"]
     rig["cameras"] |= {"width": 200, "height": 104, "rate_hz": 7.0, "far": 60.0, "instances": True}
     rig["lidar"] |= {"spinning": True, "rate_hz": 3.0, "columns": 300, "rings": 16, "max_range": 20.0, "min_range": 2.0}
     rig["imu"]["rate_hz"], rig["tachometers"]["rate_hz"] = 333.0, 7.0
-    checks = with_world(generate(Experiment.model_validate(values), tmp_path).parent)
-    skipped = {"gnss", "lidar and cameras", "photographs"}
+    return generate(Experiment.model_validate(values), tmp_path_factory.mktemp("spinning")).parent
+
+
+def test_run_with_odd_rates_and_a_spinning_lidar_passes(spinning_run: Path, validate_in_park: Validate) -> None:
+    checks = validate_in_park(spinning_run)
+    skipped = {"gnss", "lidar and cameras", "photographs", "depth"}
     assert passed(checks) == {name: None if name in skipped else True for name in NAMES}, failures(checks)
 
 
-def test_text_and_json_tell_the_same() -> None:
-    checks = [Check("stamps", True, "12 rise"), Check("imu", False, "it is wrong"), Check("gnss", None, "no receiver")]
+def test_column_time_of_one_point_is_found(spinning_run: Path, tmp_path: Path) -> None:
+    def edit(data: bytearray) -> None:
+        points_in(data)["t"][500] += 1
+
+    text = failures_of(spinning_run, tmp_path, {(table.POINTS, 0): edit})["rays"]
+    assert text.startswith("t, where present, is the time at which the column's rays leave: 1 of")
+
+
+def test_text_and_json_have_the_same_checks() -> None:
+    checks = [Check("stamps", True, "12 rise"), Check("imu", False, "off by 1 m"), Check("gnss", None, "no receiver")]
     assert as_text(checks).splitlines() == [
         "pass     stamps  12 rise",
-        "FAIL     imu     it is wrong",
+        "FAIL     imu     off by 1 m",
         "skipped  gnss    no receiver",
         "3 checks: 1 passed, 1 failed, 1 skipped",
     ]
-    told = json.loads(as_json(checks))
-    assert told["passed"] is False
-    assert [(row["name"], row["passed"]) for row in told["checks"]] == [
+    output = json.loads(as_json(checks))
+    assert output["passed"] is False
+    assert [(row["name"], row["passed"]) for row in output["checks"]] == [
         ("stamps", True),
         ("imu", False),
         ("gnss", None),
@@ -94,7 +109,7 @@ def test_text_and_json_tell_the_same() -> None:
     assert json.loads(as_json([checks[0], checks[2]]))["passed"] is True
 
 
-def test_the_command_prints_the_lines_and_its_exit_code_tells(
+def test_command_prints_the_checks_and_exits_with_1_on_failure(
     lean_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["validate", str(lean_run), "--quick"]) == 0
@@ -107,6 +122,7 @@ def test_the_command_prints_the_lines_and_its_exit_code_tells(
     assert json.loads(capsys.readouterr().out)["passed"] is False
 
 
-def test_the_documents_name_every_check() -> None:
+def test_document_has_the_generated_table_of_checks() -> None:
     text = (Path(__file__).parents[2] / "docs/validate.md").read_text(encoding="utf-8")
     assert [line.split("`")[1] for line in text.splitlines() if line.startswith("| `")] == NAMES
+    assert text == with_table(text), "run: python -m fieldtruth.validation docs/validate.md"

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Copies of a run with something changed, and everything around made to fit again: the bag's index and checksums."""
+"""Copies of a run with changed messages, whose index and checksums fit again."""
 
 import shutil
 import struct
@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.bag import decode as read
 from fieldtruth.bag import topics as table
+from fieldtruth.bag import types as ros
 from fieldtruth.bag.checksums import CHECKSUMS, checksum_lines
 from fieldtruth.bag.reader import RawMessage, open_bag
-from fieldtruth.bag.sensor_messages import POINT
 from fieldtruth.bag.topics import topics_of
 from fieldtruth.bag.writer import BagWriter
 from fieldtruth.experiment.config import Experiment
@@ -22,28 +23,22 @@ from fieldtruth.experiment.files import dump_experiment, load_experiment
 from fieldtruth.validation import Check, validate
 
 Change = Callable[[RawMessage, int], RawMessage | None]
-"""Gets a message and its number in its topic, from 0; gives what stands in its place, None for nothing."""
+"""Takes a message and its number in its topic, from 0; returns its replacement, or None to leave it out."""
 Edit = Callable[[bytearray], object]
+Edits = dict[tuple[str, int], Edit]
+"""Edits by topic and number of the message."""
 
 SMALL = (184, 320)
 """Rows and columns of the small run's images."""
+CAMERA_TOPICS = [t.name for t in table.TOPICS if t.sensor in ("cameras", "depth", "instances")]
 
 
 def bag_in(folder: Path) -> Path:
     return next(folder.glob("*.bag"))
 
 
-def sign(folder: Path) -> None:
-    """Write the checksums of what is there now."""
-    names = sorted(path.name for path in folder.iterdir() if path.name != CHECKSUMS)
-    (folder / CHECKSUMS).write_text(checksum_lines(folder, names))
-
-
 def rewritten(run: Path, target: Path, change: Change, experiment: Experiment | None = None) -> Path:
-    """A copy of a run's folder in which ``change`` was made to every message; checksums are those of the new files.
-
-    ``experiment`` takes the place of the run's own.
-    """
+    """Copy a run's folder with changed messages, or another experiment, and with new checksums."""
     folder = target / run.name
     folder.mkdir(parents=True)
     for path in run.iterdir():
@@ -62,17 +57,13 @@ def rewritten(run: Path, target: Path, change: Change, experiment: Experiment | 
             if changed is not None:
                 bag.write(changed.topic, changed.stamp_ns, changed.data)
     assert changes, "nothing was changed"
-    sign(folder)
+    names = sorted(path.name for path in folder.iterdir() if path.name != CHECKSUMS)
+    (folder / CHECKSUMS).write_text(checksum_lines(folder, names))
     return folder
 
 
-def only(topic: str, number: int, edit: Edit) -> Change:
-    """Change the bytes of one message of a topic."""
-    return each({(topic, number): edit})
-
-
-def each(edits: dict[tuple[str, int], Edit]) -> Change:
-    """Change the bytes of some messages, by topic and number."""
+def edited(edits: Edits) -> Change:
+    """Edit the bytes of some messages."""
 
     def change(raw: RawMessage, k: int) -> RawMessage:
         if (raw.topic, k) not in edits:
@@ -85,12 +76,27 @@ def each(edits: dict[tuple[str, int], Edit]) -> Change:
     return change
 
 
-def points_in(data: bytearray, kind: np.dtype[np.void] = POINT) -> NDArray[np.void]:
-    """Points of a serialised cloud of this package, to be changed in place."""
-    # The last field's name, offset, type and count; is_bigendian, point_step, row_step, and the length of the data.
-    start = bytes(data).index(b"instance") + len(b"instance") + (4 + 1 + 4) + (1 + 4 + 4 + 4)
-    count = struct.unpack_from("<L", data, start - 4)[0] // kind.itemsize
-    return np.frombuffer(data, kind, count, start)
+def failures_of(run: Path, target: Path, change: Change | Edits) -> dict[str, str]:
+    """Text of the failed checks of a changed run, by name, without the world."""
+    change = edited(change) if isinstance(change, dict) else change
+    return failures(validate(rewritten(run, target, change), quick=True))
+
+
+def failures(checks: list[Check]) -> dict[str, str]:
+    """Text of the failed checks, by name."""
+    return {check.name: check.text for check in checks if check.passed is False}
+
+
+def first_message(run: Path, topic: str) -> RawMessage:
+    with open_bag(bag_in(run)) as bag:
+        return next(bag.messages([topic]))
+
+
+def points_in(data: bytearray) -> NDArray[np.void]:
+    """Points of a serialised cloud, to be changed in place."""
+    cloud = ros.STORE.deserialize_ros1(bytes(data), "sensor_msgs/msg/PointCloud2")
+    points = read.points(cloud)
+    return np.frombuffer(data, points.dtype, len(points), len(data) - 1 - points.nbytes)
 
 
 def pixels_in(data: bytearray, kind: str, channels: int = 1) -> NDArray[Any]:
@@ -101,28 +107,10 @@ def pixels_in(data: bytearray, kind: str, channels: int = 1) -> NDArray[Any]:
 
 
 def add(offset: int, amount: float) -> Edit:
-    """Add to a number of double precision at an offset, from the end if below 0."""
+    """Add to a double at an offset, from the end if below 0."""
 
     def edit(data: bytearray) -> None:
         at = offset % len(data)
         struct.pack_into("<d", data, at, struct.unpack_from("<d", data, at)[0] + amount)
 
     return edit
-
-
-def first_message(run: Path, topic: str) -> RawMessage:
-    with open_bag(bag_in(run)) as bag:
-        return next(bag.messages([topic]))
-
-
-def failures(checks: list[Check]) -> dict[str, str]:
-    """What failed, by the check's name."""
-    return {check.name: check.text for check in checks if check.passed is False}
-
-
-def quick_failures(folder: Path) -> dict[str, str]:
-    """What fails without a world."""
-    return failures(validate(folder, quick=True))
-
-
-CAMERA_TOPICS = [t.name for t in table.TOPICS if t.sensor in ("cameras", "depth", "instances")]

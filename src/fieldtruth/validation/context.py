@@ -1,0 +1,98 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the checks share while they read the bag once."""
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, NamedTuple
+
+from fieldtruth.bag.calibration import StaticFrames
+from fieldtruth.bag.reader import RawMessage
+from fieldtruth.bag.run import Run
+from fieldtruth.core.arrays import Array
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.render.bake import BakedScene
+from fieldtruth.sense.scene import Scene
+from fieldtruth.validation.check import Check, Spec, Tally
+from fieldtruth.validation.window import MotionWindow
+from fieldtruth.world.model import World
+
+STEP_NS: Final = 1_000_000
+"""Time step [ns] of the physics, at which IMU, GNSS receiver and tachometers read."""
+
+
+class RebuiltWorld(NamedTuple):
+    """The world of a run, built again, and its ray scene; baked if photographs are rendered."""
+
+    world: World
+    scene: Scene
+    baked: BakedScene | None
+
+
+class Job(NamedTuple):
+    """Work for a thread, and the function that takes its result in the main thread."""
+
+    work: Callable[[], Any]
+    fold: Callable[[Any], None]
+
+
+@dataclass
+class Context:
+    """The run, and what has been read of it so far."""
+
+    run: Run
+    rebuilt: RebuiltWorld | None = None
+    no_world: str = ""
+    """Why the world was not built again."""
+    motion: MotionWindow = field(default_factory=MotionWindow)
+    parents: dict[str, tuple[str, Array]] = field(default_factory=dict)
+    """Fixed frames of /tf_static: parent and parent_from_child (4, 4) by child."""
+    names: tuple[str, ...] = ()
+    """Objects of /gazebo/model_states; the row is the object's id."""
+    jobs: deque[Job] = field(default_factory=deque)
+
+    @property
+    def experiment(self) -> Experiment | None:
+        """What made the run; None for a bag from elsewhere."""
+        return self.run.experiment
+
+    @property
+    def rig(self) -> Rig:
+        """The robot that made the run; the default one if that is not known."""
+        return Rig() if self.experiment is None else self.experiment.rig
+
+    @property
+    def frames(self) -> StaticFrames:
+        """Fixed frames read so far."""
+        return StaticFrames(self.parents, str(self.run.bag))
+
+    def tally(self, spec: Spec) -> Tally:
+        """Return an empty tally of a check, strict if the run's experiment is known."""
+        return Tally(spec, strict=self.experiment is not None)
+
+    def submit(self, work: Callable[[], Any], fold: Callable[[Any], None]) -> None:
+        """Run ``work`` in a thread; ``fold`` gets its result in the main thread, in the order of submission."""
+        self.jobs.append(Job(work, fold))
+
+
+class Checker:
+    """A group of checks, which sees the messages of ``topics`` in time order."""
+
+    topics: Sequence[str] = ()
+
+    def see(self, raw: RawMessage, message: Any) -> None:
+        """Take a message; ``message`` is None for /clock and /gazebo/model_states, which are too many to decode."""
+
+    def finish(self) -> None:
+        """Take the end of the bag."""
+
+    def results(self) -> list[Check]:
+        """Return the checks."""
+        raise NotImplementedError
+
+
+def at(raw: RawMessage) -> str:
+    """Topic and stamp of a message, for messages."""
+    return f"{raw.topic} at {raw.stamp_ns} ns"

@@ -1,0 +1,101 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Mounts and cameras: /tf_static and CameraInfo against the rig and against each other."""
+
+from typing import Any, Final
+
+import numpy as np
+
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.sensor_messages import camera_matrix, optical_frame, projection_matrix
+from fieldtruth.bag.robot_messages import rig_transforms
+from fieldtruth.bag.reader import RawMessage
+from fieldtruth.bag.decode import matrix
+from fieldtruth.core import frames
+from fieldtruth.core.errors import FieldtruthError
+from fieldtruth.experiment.rig import CameraConfig
+from fieldtruth.validation.check import Check, Rule, Spec
+from fieldtruth.validation.context import Checker, Context, at
+
+MOUNTS: Final = Rule("frames of /tf_static are mounted as in the rig", 1e-9, "m or of a rotation")
+UNIT: Final = Rule("rotations of /tf_static are unit quaternions", 1e-6, "from length 1", minor=True)
+ONCE: Final = Rule("/tf_static is published once", minor=True)
+# Focal lengths, centres and the product with the baseline are up to some thousands of pixels.
+LENS: Final = Rule("size, K and P follow from the rig's image size and field of view", 1e-6, "pixel")
+PINHOLE: Final = Rule("cameras are rectified pinholes: R is the identity, D zero, P[:, :3] is K, no binning, no ROI")
+BASELINE: Final = Rule("the baseline in P is the one in /tf_static", 1e-6, "pixel")
+CONSTANT: Final = Rule("CameraInfo does not change")
+CALIBRATION: Final[Spec] = Spec("calibration", (MOUNTS, UNIT, ONCE, LENS, PINHOLE, BASELINE, CONSTANT))
+
+
+class Calibration(Checker):
+    """Fixed frames and cameras."""
+
+    def __init__(self, context: Context) -> None:
+        self._context, self._tally = context, context.tally(CALIBRATION)
+        self._infos = {table.camera_info(side): side for side in table.SIDES}
+        self.topics = [name for name in (table.TF_STATIC, *self._infos) if name in context.run.counts]
+        self._first: dict[str, tuple[bytes, Any]] = {}
+        self._published = 0
+        self._baseline = 0.0
+
+    def see(self, raw: RawMessage, message: Any) -> None:
+        """Take a message."""
+        if raw.topic == table.TF_STATIC:
+            self._published += 1
+            for each in message.transforms:
+                q, child = each.transform.rotation, each.child_frame_id
+                length = float(np.linalg.norm([q.w, q.x, q.y, q.z]))
+                if self._tally[UNIT].measure(length - 1.0, f"{at(raw)}: {child!r}"):
+                    self._context.parents[child] = (each.header.frame_id, matrix(each.transform))
+            return
+        side, body = self._infos[raw.topic], raw.data[16 + len(message.header.frame_id.encode()) :]
+        if side not in self._first:
+            self._first[side] = (body, message)
+            self._check_lens(side, message)
+        self._tally[CONSTANT].see(body == self._first[side][0], at(raw))
+
+    def finish(self) -> None:
+        """Take the end of the bag."""
+        if self._context.experiment is not None and table.TF_STATIC in self.topics:
+            self._tally[ONCE].see(self._published == 1, f"{self._published} messages of {table.TF_STATIC}")
+        if parents := self._context.parents:
+            for (parent, child), true in rig_transforms(self._context.rig).items():
+                found_parent, found = parents.get(child, ("", true))
+                residual = float(np.abs(found - true).max()) if found_parent == parent else np.nan
+                self._tally[MOUNTS].measure(residual, f"{child!r} in {parent!r}")
+        if len(self._first) == len(table.SIDES):
+            self._check_baseline()
+
+    def results(self) -> list[Check]:
+        """Calibration."""
+        mounts, lens = self._tally[MOUNTS], self._tally[LENS]
+        parts = [f"{mounts.seen} frames as in the rig: {mounts.margin}"] * bool(mounts.seen)
+        parts += [f"K and P of {len(self._first)} cameras: {lens.margin}"] * bool(lens.seen)
+        parts += [f"baseline {self._baseline:.4f} m in P as in /tf_static"] * bool(self._tally[BASELINE].seen)
+        return [self._tally.result("; ".join(parts), "neither /tf_static nor CameraInfo")]
+
+    def _check_lens(self, side: str, info: Any) -> None:
+        k, p, roi = np.reshape(info.K, (3, 3)), np.reshape(info.P, (3, 4)), info.roi
+        cut = (info.binning_x, info.binning_y, roi.x_offset, roi.y_offset, roi.height, roi.width, int(roi.do_rectify))
+        plain = np.array_equal(np.reshape(info.R, (3, 3)), np.eye(3)) and not np.any(info.D) and not any(cut)
+        plain = plain and info.distortion_model == "plumb_bob" and np.array_equal(p[:, :3], k)
+        self._tally[PINHOLE].see(plain, f"camera {side}")
+        config, size = self._context.rig.cameras, (info.width, info.height)
+        if self._context.experiment is not None:
+            self._tally[LENS].see(size == (config.width, config.height), f"camera {side}: {size[0]} x {size[1]} pixels")
+        else:  # the field of view of the default camera, at any size
+            config = CameraConfig.model_construct(**{**dict(config), "width": info.width, "height": info.height})
+        expected = camera_matrix(config), projection_matrix(config, "left" if side == "left" else "right")
+        residual = max(float(np.abs(k - expected[0]).max()), float(np.abs(p - expected[1]).max()))
+        self._tally[LENS].measure(residual, f"camera {side}")
+
+    def _check_baseline(self) -> None:
+        p = {side: np.reshape(info.P, (3, 4)) for side, (_, info) in self._first.items()}
+        try:
+            left, right = (self._context.frames.base_from(optical_frame(side)) for side in table.SIDES)
+        except FieldtruthError:
+            return  # missing frames are reported by the mounts
+        self._baseline = float((frames.inverse(left) @ right)[0, 3])
+        residual = p["right"][0, 3] + p["right"][0, 0] * self._baseline, p["left"][0, 3]
+        self._tally[BASELINE].measure(float(np.abs(residual).max()), f"{self._baseline:.6f} m between the cameras")

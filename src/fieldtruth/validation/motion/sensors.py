@@ -1,0 +1,171 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""IMU, GNSS receiver and tachometers, compared with the true motion and the mounts.
+
+IMU and GNSS readings have no noise and follow from the true motion by formulas, so that the residual is rounding: 1e-13
+m/s^2 (last digit of a velocity, over a millisecond) and 1e-9 m (last digit of a latitude of 49.9 deg). Wheels slip: up
+to 0.12 m/s and 0.18 rad/s were seen on rough ground over drives of 268 and 515 s, and twice as much is tolerated.
+"""
+
+from typing import Any, Final
+
+import numpy as np
+
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.reader import RawMessage
+from fieldtruth.core import frames, geodesy
+from fieldtruth.core.arrays import Array
+from fieldtruth.drive.physics import GRAVITY
+from fieldtruth.validation.check import Check, Rule, Spec
+from fieldtruth.validation.context import STEP_NS, Checker, Context, at
+
+ATTITUDE: Final = Rule("the IMU's attitude is the true one, turned by its mount", 1e-9, "rad")
+TURN_RATE: Final = Rule("the gyroscope measures the true turn rate", 1e-9, "rad/s")
+FORCE: Final = Rule("the accelerometer measures the change of velocity, and gravity", 1e-6, "m/s^2")
+IMU_EXACT: Final = Rule("covariances of the IMU are zero", minor=True)
+IMU: Final[Spec] = Spec("imu", (ATTITUDE, TURN_RATE, FORCE, IMU_EXACT))
+
+ANTENNA: Final = Rule("the fix is the true position of the antenna", 1e-6, "m")
+FIX: Final = Rule("each reading is a fix without covariance", minor=True)
+GNSS: Final[Spec] = Spec("gnss", (ANTENNA, FIX))
+
+SLIP: Final = Rule("both wheels of a side roll alike, and all as fast as the robot drives", 0.25, "m/s")
+SKID: Final = Rule("the difference of the sides turns the robot", 0.4, "rad/s")
+ROLLED: Final = Rule("wheels roll the length of the path, if that is over 2 m", 0.05, "of the length")
+WHEELS: Final[Spec] = Spec("wheels", (SLIP, SKID, ROLLED))
+_ROLLED_FROM: Final = 2.0
+"""Length [m] of a path from which on it is compared; before, starting and turning have too large a share."""
+
+
+class Imu(Checker):
+    """Attitude, turn rate and specific force in imu_link (REP-145)."""
+
+    topics = (table.IMU,)
+
+    def __init__(self, context: Context) -> None:
+        self._motion, self._tally = context.motion, context.tally(IMU)
+        self._base_from_imu = context.rig.imu.mount.base_from_sensor
+
+    def see(self, raw: RawMessage, message: Any) -> None:
+        """Take a message."""
+        covariances = np.concatenate([
+            message.orientation_covariance, message.angular_velocity_covariance, message.linear_acceleration_covariance
+        ])  # fmt: skip
+        self._tally[IMU_EXACT].see(not covariances.any(), at(raw))
+        # The first step has none before it: its reading is the one of the second step.
+        ready = raw.stamp_ns + STEP_NS if raw.stamp_ns <= STEP_NS else raw.stamp_ns
+        self._motion.when_known(ready, lambda: self._compare(raw, message))
+
+    def results(self) -> list[Check]:
+        """IMU."""
+        margins = ", ".join(self._tally[rule].margin for rule in (ATTITUDE, TURN_RATE, FORCE))
+        figures = f"{self._tally[ATTITUDE].seen:,} readings follow from the true motion: {margins}"
+        return [self._tally.result(figures, f"no {table.IMU}, or no true motion")]
+
+    def _compare(self, raw: RawMessage, message: Any) -> None:
+        state, tally, q = self._motion.state(raw.stamp_ns), self._tally, message.orientation
+        measured = np.array([q.w, q.x, q.y, q.z])
+        if not abs(np.linalg.norm(measured) - 1.0) < 1e-6:
+            tally[ATTITUDE].measure(np.nan, f"{at(raw)}: not a unit quaternion")
+            return
+        world_from_imu = frames.rotation_from_quaternion_wxyz(state.quaternion_wxyz) @ self._base_from_imu[:3, :3]
+        turn = world_from_imu.T @ frames.rotation_from_quaternion_wxyz(measured)
+        # The off-diagonal elements are the small angle; the trace would lose half of the digits.
+        tally[ATTITUDE].measure(float(np.abs(turn - np.eye(3)).max()), at(raw))
+        rate = world_from_imu.T @ state.angular_velocity
+        tally[TURN_RATE].measure(_distance(message.angular_velocity, rate), at(raw))
+        last = 2 * STEP_NS if raw.stamp_ns == STEP_NS else raw.stamp_ns
+        now, before = self._velocity(last), self._velocity(last - STEP_NS)
+        if now is not None and before is not None:
+            force = world_from_imu.T @ ((now - before) / (STEP_NS / 1e9) + (0.0, 0.0, GRAVITY))
+            tally[FORCE].measure(_distance(message.linear_acceleration, force), at(raw))
+
+    def _velocity(self, stamp_ns: int) -> Array | None:
+        """Velocity [m/s] of the IMU in the world; None if the stamp is not in the motion."""
+        row, m = self._motion.row(stamp_ns), self._motion.motion
+        if row is None:
+            return None
+        lever = frames.rotation_from_quaternion_wxyz(m.quaternion_wxyz[row]) @ self._base_from_imu[:3, 3]
+        velocity: Array = m.linear_velocity[row] + np.cross(m.angular_velocity[row], lever)
+        return velocity
+
+
+class Gnss(Checker):
+    """Fixes against the true position of the antenna."""
+
+    topics = (table.NAVSAT,)
+
+    def __init__(self, context: Context) -> None:
+        self._motion, self._tally = context.motion, context.tally(GNSS)
+        self._antenna = np.array([context.rig.gnss.mount.xyz])
+
+    def see(self, raw: RawMessage, message: Any) -> None:
+        """Take a message."""
+        status, covariance = message.status, message.position_covariance
+        found = (status.status, status.service, message.position_covariance_type, bool(covariance.any()))
+        self._tally[FIX].see(found == (0, 1, 0, False), f"{at(raw)}: status, service and covariance {found}")
+        fix = np.array([message.latitude, message.longitude, message.altitude])
+        self._motion.when_known(raw.stamp_ns, lambda: self._compare(raw, fix))
+
+    def results(self) -> list[Check]:
+        """GNSS."""
+        figures = f"{self._tally[ANTENNA].seen:,} fixes are at the antenna: {self._tally[ANTENNA].margin}"
+        return [self._tally.result(figures, f"no {table.NAVSAT}, or no true motion")]
+
+    def _compare(self, raw: RawMessage, fix: Array) -> None:
+        antenna = frames.transform(self._motion.state(raw.stamp_ns).world_from_base, self._antenna)[0]
+        valid = np.isfinite(fix).all() and abs(fix[0]) <= 90.0
+        position = geodesy.world_from_geodetic(fix) if valid else fix * np.nan
+        self._tally[ANTENNA].measure(float(np.linalg.norm(position - antenna)), at(raw))
+
+
+class Wheels(Checker):
+    """Tachometers against the true motion, loosely, as wheels slip and skid."""
+
+    def __init__(self, context: Context) -> None:
+        self.topics = [name for name in table.WHEEL_SPEEDS if name in context.run.counts]
+        self._motion, self._tally, self._wheels = context.motion, context.tally(WHEELS), context.rig.wheels
+        self._speeds: dict[int, dict[str, float]] = {}
+        self._rolled = self._driven = 0.0
+        self._last: int | None = None
+
+    def see(self, raw: RawMessage, message: Any) -> None:
+        """Take a message."""
+        met = self._speeds.setdefault(raw.stamp_ns, {})
+        met[raw.topic] = float(message.data)
+        if len(met) == len(table.WHEEL_SPEEDS):
+            speeds = np.array([met[name] for name in table.WHEEL_SPEEDS])
+            del self._speeds[raw.stamp_ns]
+            self._motion.when_known(raw.stamp_ns, lambda: self._compare(raw, speeds))
+        elif len(self._speeds) > 100:
+            self._speeds.pop(next(iter(self._speeds)))
+
+    def results(self) -> list[Check]:
+        """Wheels."""
+        lengths = f"{self._rolled:.2f} m rolled, {self._driven:.2f} m driven"
+        if self._driven > _ROLLED_FROM:
+            self._tally[ROLLED].measure(self._rolled / self._driven - 1.0, lengths)
+        slip, skid = self._tally[SLIP], self._tally[SKID]
+        figures = f"{slip.seen:,} readings of four wheels: {slip.margin}, {skid.margin}; {lengths}"
+        return [self._tally.result(figures, "no tachometers of all four wheels, or no true motion")]
+
+    def _compare(self, raw: RawMessage, speeds: Array) -> None:
+        state, wheels = self._motion.state(raw.stamp_ns), self._wheels
+        base_from_world = frames.rotation_from_quaternion_wxyz(state.quaternion_wxyz).T
+        ahead = float((base_from_world @ state.linear_velocity)[0])
+        turn = float((base_from_world @ state.angular_velocity)[2])
+        front_left, front_right, rear_left, rear_right = speeds * wheels.radius
+        left, right = (front_left + rear_left) / 2, (front_right + rear_right) / 2
+        # A skid-steered robot turns more slowly than its wheels suggest: see drive/husky.py.
+        skid = 1.0 + (wheels.half_wheelbase / wheels.half_track) ** 2
+        apart = max(abs(front_left - rear_left), abs(front_right - rear_right))
+        self._tally[SLIP].measure(max(apart, abs(ahead - (left + right) / 2)), at(raw))
+        self._tally[SKID].measure(turn - (right - left) / (2 * wheels.half_track * skid), at(raw))
+        seconds = 0.0 if self._last is None else (raw.stamp_ns - self._last) / 1e9
+        self._rolled += seconds * (left + right) / 2
+        self._driven += seconds * ahead
+        self._last = raw.stamp_ns
+
+
+def _distance(vector: Any, true: Array) -> float:
+    return float(np.linalg.norm(np.array([vector.x, vector.y, vector.z]) - true))

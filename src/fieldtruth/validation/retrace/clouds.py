@@ -1,0 +1,239 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Clouds: layout, labels and rays of every point; and the cloud that the LiDAR measures in the rebuilt world."""
+
+import threading
+from collections.abc import Callable
+from functools import cache
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.bag import decode as read
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.reader import RawMessage
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
+from fieldtruth.experiment.rig import LidarConfig
+from fieldtruth.sense.lidar import Lidar, ray_directions
+from fieldtruth.validation.check import Check, Rule, Spec, Tally
+from fieldtruth.validation.context import Checker, Context, RebuiltWorld, at
+from fieldtruth.validation.retrace.moments import Sampler
+from fieldtruth.validation.retrace.reference import Comparison, RayReading, RayReference, Retraced, close
+from fieldtruth.validation.retrace.world import N_CLASSES, ClassComparison, ObjectClasses
+
+LAYOUT: Final = Rule("clouds have the fields of this package's points")
+FINITE: Final = Rule("points are finite")
+INTENSITY: Final = Rule("intensity is the label")
+RETURNING: Final = Rule("classes exist and return a pulse")
+LABELS: Final[Spec] = Spec("labels", (LAYOUT, FINITE, INTENSITY, RETURNING))
+
+INDICES: Final = Rule("ring and column exist")
+ORDER: Final = Rule("points are ordered by column and ring, without repetition")
+TIME: Final = Rule("t, where present, is the time at which the column's rays leave")
+RANGE: Final = Rule("ranges are within the LiDAR's limits")
+# A point is a direction times a range, each coordinate rounded to 24 bits: it is within 1.2e-7 of its ray.
+DIRECTION: Final = Rule("points lie on the rays of their ring and column", 2.4e-7, "rad")
+RAYS: Final[Spec] = Spec("rays", (INDICES, ORDER, TIME, RANGE, DIRECTION))
+
+SAME_RETURNS: Final = Rule("the LiDAR measures the same returns in the rebuilt world")
+EQUAL_CLOUDS: Final = Rule("retraced clouds are equal to the last digit", minor=True, learned=True)
+RETRACED_CLOUDS: Final[Spec] = Spec("retraced clouds", (SAME_RETURNS, EQUAL_CLOUDS))
+
+FIELDS: Final = {
+    "x": "<f4", "y": "<f4", "z": "<f4", "intensity": "<f4",
+    "ring": "<u2", "column": "<u2", "label": "<u2", "instance": "<u2",
+}  # fmt: skip
+"""Fields of every point, with NumPy types; ``t`` ("<u4") [ns] follows the scan's stamp where a LiDAR spins."""
+_ROUNDING: Final = 1e-6
+"""Share of a range by which single precision may exceed the limits."""
+_RETURNS: Final = np.array([c.label is not Label.VOID and c.label not in NO_RETURN for c in CLASSES])
+
+
+class Clouds(Checker):
+    """Labels and rays of every cloud."""
+
+    topics = (table.POINTS,)
+
+    def __init__(self, context: Context, objects: ObjectClasses) -> None:
+        self._context, self._objects = context, objects
+        self._labels, self._rays = context.tally(LABELS), context.tally(RAYS)
+
+    def see(self, raw: RawMessage, message: Any) -> None:
+        """Take a message."""
+        config, where, classes = self._context.rig.lidar, at(raw), self._objects.comparison()
+        labels, rays = self._labels.fresh(), self._rays.fresh()
+
+        def work() -> list[Tally]:
+            try:
+                _check_cloud(message, config, labels, rays, classes, where)
+            except (ValueError, KeyError, TypeError, IndexError) as error:  # bytes that do not hold these fields
+                labels[LAYOUT].see(False, f"{where}: {error}")
+            return [labels, rays, classes.tally]
+
+        self._context.submit(work, self._fold)
+
+    def results(self) -> list[Check]:
+        """Labels, rays."""
+        clouds, points, direction = self._labels[LAYOUT].seen, self._labels[FINITE].seen, self._rays[DIRECTION]
+        missing = "no such fields" if table.POINTS in self._context.run.counts else f"no {table.POINTS}"
+        figures = f"{direction.seen:,} points lie on their rays: {direction.margin}"
+        return [
+            self._labels.result(f"{points:,} points of {clouds:,} clouds", missing),
+            self._rays.result(figures, missing),
+        ]
+
+    def _fold(self, tallies: list[Tally]) -> None:
+        labels, rays, classes = tallies
+        self._labels.merge(labels)
+        self._rays.merge(rays)
+        self._objects.fold(classes)
+
+
+def _check_cloud(
+    message: Any, config: LidarConfig, tally: Tally, rays: Tally, classes: ClassComparison, where: str
+) -> None:
+    cloud = read.points(message)
+    kinds = {name: kind.str for name, (kind, *_) in (cloud.dtype.fields or {}).items()}
+    timed = {"t": "<u4"} if config.spinning or "t" in kinds else {}
+    whole = kinds == FIELDS | timed and message.is_dense and not message.is_bigendian
+    tally[LAYOUT].see(bool(whole), f"{where}: fields {', '.join(kinds)}")
+
+    def row(k: int) -> str:
+        return f"{where}, row {k}"
+
+    if {"label", "intensity"} <= kinds.keys():
+        label, intensity = cloud["label"], cloud["intensity"]
+        same = label == intensity
+        tally[INTENSITY].see_all(same, lambda k: f"{row(k)}: label {label[k]}, intensity {intensity[k]:g}")
+    if found := [cloud[name] for name in ("label", "intensity") if name in kinds]:
+        returning = np.isin(found[0], np.flatnonzero(_RETURNS))
+        tally[RETURNING].see_all(returning, lambda k: f"{row(k)}: class {found[0][k]:g}")
+    if {"x", "y", "z"} <= kinds.keys():
+        xyz = np.stack([cloud[axis] for axis in "xyz"], axis=-1).astype(np.float64)
+        tally[FINITE].see_all(np.asarray(np.isfinite(xyz).all(axis=-1)), lambda k: f"{row(k)}: {xyz[k]} m")
+        if {"ring", "column"} <= kinds.keys():
+            _check_rays(cloud, xyz, config, rays, row)
+    if whole:
+        real = np.flatnonzero(cloud["label"] < N_CLASSES)
+        classes.see(cloud["instance"][real], cloud["label"][real], lambda k: row(int(real[k])))
+
+
+def _check_rays(
+    cloud: NDArray[np.void], xyz: Array, config: LidarConfig, tally: Tally, row: Callable[[int], str]
+) -> None:
+    ring, column = cloud["ring"].astype(np.int64), cloud["column"].astype(np.int64)
+    inside = (ring >= 0) & (ring < config.rings) & (column >= 0) & (column < config.columns)
+    tally[INDICES].see_all(inside, lambda k: f"{row(k)}: ring {ring[k]}, column {column[k]}")
+    rising = np.diff(column * config.rings + ring) > 0
+    tally[ORDER].see_all(rising, lambda k: f"{row(k + 1)}: column {column[k + 1]}, ring {ring[k + 1]}")
+    if "t" in (cloud.dtype.names or ()):
+        due = _column_times(config)[np.where(inside, column, 0)]
+        tally[TIME].see_all(cloud["t"] == due, lambda k: f"{row(k)}: {cloud['t'][k]} ns, due at {due[k]} ns")
+    range_m: Array = np.linalg.norm(xyz, axis=-1)
+    least, most = config.min_range * (1 - _ROUNDING), config.max_range * (1 + _ROUNDING)
+    limits = f"limits are {config.min_range:g} and {config.max_range:g} m"
+    tally[RANGE].see_all(
+        np.asarray((range_m >= least) & (range_m <= most)), lambda k: f"{row(k)}: {range_m[k]:.3f} m, {limits}"
+    )
+    rays = _directions(config)[np.where(inside, column * config.rings + ring, 0)]
+    with np.errstate(invalid="ignore"):  # points that are not finite break this rule as well
+        aside = np.linalg.norm(xyz - rays * range_m[:, None], axis=-1) / np.maximum(range_m, 1e-9)
+    tally[DIRECTION].measure_all(aside[inside], lambda k: row(int(np.flatnonzero(inside)[k])))
+
+
+@cache
+def _directions(config: LidarConfig) -> Array:
+    """(columns * rings, 3) by number of the ray."""
+    return ray_directions(config).reshape(-1, 3)
+
+
+def _column_times(config: LidarConfig) -> NDArray[np.int64]:
+    """Time [ns] after the scan's stamp at which the rays of each column leave."""
+    step = 1e9 / config.rate_hz / config.columns if config.spinning else 0.0
+    return np.asarray(np.rint(np.arange(config.columns) * step), np.int64)
+
+
+class RetracedClouds(Checker):
+    """Every cloud, measured again in the rebuilt world and compared ray by ray."""
+
+    topics = (table.POINTS,)
+
+    def __init__(self, context: Context, rebuilt: RebuiltWorld, reference: RayReference, sampler: Sampler) -> None:
+        self._context, self._rebuilt, self._reference, self._sampler = context, rebuilt, reference, sampler
+        self._retraced = Retraced(context.tally(RETRACED_CLOUDS), SAME_RETURNS, EQUAL_CLOUDS)
+        self._lidars = threading.local()
+        self._times_ns = [int(t) for t in _column_times(context.rig.lidar)] if context.rig.lidar.spinning else [0]
+
+    def see(self, raw: RawMessage, message: Any) -> None:
+        """Take a message."""
+        self._context.motion.when_known(raw.stamp_ns + self._times_ns[-1], lambda: self._submit(raw, message))
+
+    def results(self) -> list[Check]:
+        """Retraced clouds."""
+        found = self._retraced
+        figures = f"{found.same.seen:,} rays of {found.count:,} clouds return the same{found.note}"
+        return [found.tally.result(figures, f"no {table.POINTS}, or no true motion")]
+
+    def _submit(self, raw: RawMessage, message: Any) -> None:
+        state, base_from_lidar = self._context.motion.state, self._context.rig.lidar.mount.base_from_sensor
+        poses = np.stack([state(raw.stamp_ns + t).world_from_base @ base_from_lidar for t in self._times_ns])
+        seed = raw.stamp_ns if self._sampler.takes(raw.stamp_ns) else None
+
+        def fold(result: Comparison | None) -> None:
+            if result is not None:
+                self._retraced.add(result, at(raw))
+                self._reference.fold(result)
+
+        self._context.submit(lambda: self._compare(raw, message, poses, seed), fold)
+
+    def _compare(self, raw: RawMessage, message: Any, poses: Array, seed: int | None) -> Comparison | None:
+        """Scan again from a pose for each column (columns, 4, 4), or from one for all (1, 4, 4)."""
+        config = self._context.rig.lidar
+        try:
+            cloud = read.points(message)
+            xyz = np.stack([cloud[axis] for axis in "xyz"], axis=-1)
+            bag = _Dense.of(config, cloud["column"], cloud["ring"], xyz, cloud["label"], cloud["instance"])
+        except (ValueError, KeyError):
+            return None  # the check of labels reports the layout
+        if not hasattr(self._lidars, "own"):
+            self._lidars.own = Lidar(config, self._rebuilt.scene)
+        scan = self._lidars.own.scan(poses if len(poses) > 1 else poses[0])
+        own = _Dense.of(config, scan.column, scan.ring, scan.xyz, scan.label, scan.instance)
+        same = (bag.label == own.label) & (bag.instance == own.instance)
+        equal = bool(same.all()) and np.array_equal(bag.xyz, own.xyz)
+        same &= close(bag.xyz, own.xyz).all(axis=1)
+
+        def reading(k: int) -> RayReading:
+            column, ring = divmod(k, config.rings)
+            pose = poses[column % len(poses)]
+            range_m = float(np.linalg.norm(bag.xyz[k].astype(np.float64)))
+            return RayReading(
+                f"{at(raw)}, column {column}, ring {ring}", pose[:3, 3], pose[:3, :3] @ _directions(config)[k],
+                range_m, int(bag.label[k]), int(bag.instance[k]), config.min_range, config.max_range, lidar=True,
+            )  # fmt: skip
+
+        return self._reference.compare(np.flatnonzero(~same), len(same), reading, seed, equal)
+
+
+class _Dense(NamedTuple):
+    """A value for each ray of the LiDAR; 0 without a return."""
+
+    xyz: NDArray[np.float32]
+    label: NDArray[np.uint16]
+    instance: NDArray[np.uint16]
+
+    @classmethod
+    def of(cls, config: LidarConfig, column: Any, ring: Any, *values: Any) -> "_Dense":
+        """Spread returns over all rays; those of rays that do not exist are reported by the check of rays."""
+        number, count = column.astype(np.int64) * config.rings + ring, config.columns * config.rings
+        inside = (number >= 0) & (number < count)
+        parts: list[NDArray[Any]] = [
+            np.zeros((count, 3), np.float32),
+            np.zeros(count, np.uint16),
+            np.zeros(count, np.uint16),
+        ]
+        for part, value in zip(parts, values, strict=True):
+            part[number[inside]] = value[inside]
+        return cls(*parts)

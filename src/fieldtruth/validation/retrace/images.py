@@ -1,0 +1,311 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Images: encoding, size, colours and depth of every pixel; and the images that the cameras render again."""
+
+import threading
+from collections.abc import Callable
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+import simplejpeg
+from numpy.typing import NDArray
+
+from fieldtruth.bag import decode as read
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.reader import BagError, RawMessage
+from fieldtruth.core.arrays import Array, Mask
+from fieldtruth.core.classes import PALETTE, Label
+from fieldtruth.core.errors import FieldtruthError
+from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL
+from fieldtruth.render.camera import Camera
+from fieldtruth.sense.label_camera import LabelCamera, LabelImages
+from fieldtruth.sense.pinhole import pinhole
+from fieldtruth.validation.check import Check, Rule, Spec, Tally
+from fieldtruth.validation.context import Checker, Context, RebuiltWorld
+from fieldtruth.validation.retrace.moments import Moment, Moments, Sampler
+from fieldtruth.validation.retrace.reference import (
+    NOTHING,
+    UNKNOWN,
+    Comparison,
+    RayReading,
+    RayReference,
+    Retraced,
+    close,
+)
+from fieldtruth.validation.retrace.world import ClassComparison, ObjectClasses
+
+FORM: Final = Rule("images have the encoding of their topic and the size of CameraInfo")
+JPEG: Final = Rule("photographs can be decoded")
+IMAGES: Final[Spec] = Spec("images", (FORM, JPEG))
+
+COLOUR: Final = Rule("every pixel of a tag image has the colour of a class")
+TAG_COLOURS: Final[Spec] = Spec("tag colours", (COLOUR,))
+
+DEPTH_RANGE: Final = Rule("depth is infinite on the sky and within the camera's range elsewhere")
+DEPTH: Final[Spec] = Spec("depth", (DEPTH_RANGE,))
+
+SAME_PIXELS: Final = Rule("cameras see the same classes, depths and instance ids in the rebuilt world (sample)")
+EQUAL_IMAGES: Final = Rule("retraced images are equal to the last digit", minor=True, learned=True)
+RETRACED_IMAGES: Final[Spec] = Spec("retraced images", (SAME_PIXELS, EQUAL_IMAGES))
+
+# Mean difference in a block of 8 x 8 pixels, as JPEG packs them. On another processor rounding moves pixels at edges.
+SAME_PHOTOGRAPH: Final = Rule("photographs look the same when rendered again (with --full)", 8.0, "of 255 in a block")
+EQUAL_PHOTOGRAPHS: Final = Rule("photographs rendered again are equal to the last digit", 0.0, "of 255", learned=True)
+PHOTOGRAPHS: Final[Spec] = Spec("photographs", (SAME_PHOTOGRAPH, EQUAL_PHOTOGRAPHS))
+_BLOCK: Final = 8
+
+_ENCODINGS: Final = {"tag": "rgb8", "depth": "32FC1", "instances": "16UC1"}
+_DECODERS: Final[dict[str, Callable[[Any], NDArray[Any]]]] = {
+    "photograph": read.image,
+    "tag": read.image,
+    "depth": read.depth,
+    "instances": read.instances,
+}
+
+
+class Images(Checker):
+    """Form, colours and depth of every image of both cameras."""
+
+    def __init__(self, context: Context, objects: ObjectClasses) -> None:
+        self._context, self._objects = context, objects
+        self._moments = Moments(_DECODERS, context.run.counts, self._submit)
+        self._infos = {table.camera_info(side): side for side in table.SIDES}
+        self.topics = [*self._moments.topics, *self._infos]
+        self._sizes: dict[str, tuple[int, int]] = {}
+        self._tallies = [context.tally(spec) for spec in (IMAGES, TAG_COLOURS, DEPTH)]
+
+    def see(self, raw: RawMessage, message: Any) -> None:
+        """Take a message."""
+        if raw.topic in self._infos:
+            self._sizes.setdefault(self._infos[raw.topic], (message.width, message.height))
+        else:
+            self._moments.add(raw.topic, raw.stamp_ns, message)
+
+    def finish(self) -> None:
+        """Take the end of the bag."""
+        self._moments.finish()
+
+    def results(self) -> list[Check]:
+        """Images, tag colours, depth."""
+        images, colours, depth = self._tallies
+        sizes = " and ".join(sorted({f"{w} x {h}" for w, h in self._sizes.values()})) or "unknown size"
+        return [
+            images.result(f"{images[FORM].seen:,} images of {sizes}", "no images"),
+            colours.result(f"{colours[COLOUR].seen:,} pixels have the colours of classes", "no tag images"),
+            depth.result(
+                f"{depth[DEPTH_RANGE].seen:,} pixels have depths that fit their classes",
+                "no depth images: generate --extras depth makes them",
+            ),
+        ]
+
+    def _submit(self, moment: Moment) -> None:
+        tallies, classes = [tally.fresh() for tally in self._tallies], self._objects.comparison()
+        size, far = self._sizes.get(moment.side), self._context.rig.cameras.far
+
+        def work() -> list[Tally]:
+            _check_moment(moment, size, far, tallies, classes)
+            return [*tallies, classes.tally]
+
+        self._context.submit(work, self._fold)
+
+    def _fold(self, tallies: list[Tally]) -> None:
+        for own, other in zip(self._tallies, tallies, strict=False):
+            own.merge(other)
+        self._objects.fold(tallies[-1])
+
+
+def _check_moment(
+    moment: Moment, size: tuple[int, int] | None, far: float, tallies: list[Tally], classes: ClassComparison
+) -> None:
+    images, colours, depths = tallies
+    parts = {part: _decoded(moment, part, size, images) for part in moment.parts}
+    rgb, depth, instance = (parts.get(part) for part in ("tag", "depth", "instances"))
+    if rgb is None:
+        return
+    width, flat = rgb.shape[1], rgb.reshape(-1, 3)
+
+    def pixel(part: str, k: int) -> str:
+        return f"{moment.at(part)}, row {k // width}, column {k % width}"
+
+    label = _labels(rgb).reshape(-1)
+    known = label != Label.VOID
+    colours[COLOUR].see_all(known, lambda k: f"{pixel('tag', k)}: {' '.join(map(str, flat[k]))}")
+    if depth is not None and depth.size == label.size:
+        metres, sky = depth.reshape(-1), label == Label.SKY
+        right = np.where(sky, metres == np.inf, (metres > 0.0) & (metres <= far * (1.0 + 1e-6))) | ~known
+        what = ("an object", "sky")
+        depths[DEPTH_RANGE].see_all(right, lambda k: f"{pixel('depth', k)}: {metres[k]:g} m on {what[int(sky[k])]}")
+    if instance is not None and instance.size == label.size:
+        classes.see(instance.reshape(-1), label, lambda k: pixel("instances", k))
+
+
+def _decoded(moment: Moment, part: str, size: tuple[int, int] | None, tally: Tally) -> NDArray[Any] | None:
+    """Pixels of a part, or None if they cannot be read."""
+    message, where = moment.parts[part], moment.at(part)
+    try:
+        image: NDArray[Any] = _DECODERS[part](message)
+    except (BagError, ValueError) as error:
+        tally[JPEG if part == "photograph" else FORM].see(False, f"{where}: {error}")
+        return None
+    if part == "photograph":
+        tally[JPEG].see(True, "")
+    encoding, shape = getattr(message, "encoding", None), (image.shape[1], image.shape[0])
+    right = encoding == _ENCODINGS.get(part) and not getattr(message, "is_bigendian", 0)
+    right = right and size in (None, shape) and image.size > 0
+    tally[FORM].see(right, f"{where}: {shape[0]} x {shape[1]} {encoding or 'JPEG'}, CameraInfo has {size}")
+    return image if image.size else None
+
+
+def _labels(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Class ids (h, w) of a tag image; VOID where a colour belongs to no class."""
+    try:
+        return read.labels(rgb)
+    except BagError:  # slower, but it names every pixel
+        radix = np.array([1, 256, 65536], np.uint32)
+        codes = PALETTE[1:].astype(np.uint32) @ radix
+        order = np.argsort(codes)
+        found = rgb.astype(np.uint32) @ radix
+        row = order[np.minimum(np.searchsorted(codes[order], found), len(codes) - 1)]
+        return np.where(codes[row] == found, row + 1, 0).astype(np.uint8)
+
+
+class _Pixels(NamedTuple):
+    """Decoded parts of a moment."""
+
+    label: NDArray[np.uint8]
+    instance: NDArray[np.uint16] | None
+    depth: Array | None
+    photograph: NDArray[np.uint8] | None
+
+
+class RetracedImages(Checker):
+    """Images, rendered again in the rebuilt world and compared pixel by pixel: a sample, or all."""
+
+    def __init__(
+        self, context: Context, rebuilt: RebuiltWorld, reference: RayReference, sampler: Sampler, *, full: bool
+    ) -> None:
+        self._context, self._rebuilt, self._reference = context, rebuilt, reference
+        self._sampler, self._full = sampler, full
+        parts = ("tag", "depth", "instances", *["photograph"] * full)
+        self._moments = Moments(parts, context.run.counts, self._wait)
+        self.topics = [*self._moments.topics]
+        self._retraced = Retraced(context.tally(RETRACED_IMAGES), SAME_PIXELS, EQUAL_IMAGES)
+        self._photographs = context.tally(PHOTOGRAPHS)
+        self._cameras = threading.local()
+
+    def see(self, raw: RawMessage, message: Any) -> None:
+        """Take a message."""
+        self._moments.add(raw.topic, raw.stamp_ns, message)
+
+    def finish(self) -> None:
+        """Take the end of the bag."""
+        self._moments.finish()
+
+    def results(self) -> list[Check]:
+        """Retraced images, photographs."""
+        found, extent, photographs = self._retraced, "all" if self._full else "a sample", self._photographs
+        missing, rendered = "no tag images, or no true motion", photographs[SAME_PHOTOGRAPH]
+        images = f"{found.same.seen:,} pixels of {found.count:,} images ({extent}) are the same{found.note}"
+        return [
+            found.tally.result(images, missing),
+            photographs.result(
+                f"{rendered.seen:,} photographs look the same when rendered again: {rendered.margin}",
+                missing if self._full else "photographs are rendered again with --full",
+            ),
+        ]
+
+    def _wait(self, moment: Moment) -> None:
+        if "tag" in moment.parts:
+            self._context.motion.when_known(moment.stamp_ns, lambda: self._submit(moment))
+
+    def _submit(self, moment: Moment) -> None:
+        sampled = self._sampler.takes(moment.stamp_ns)
+        if not (sampled or self._full):
+            return
+        cameras, state = self._context.rig.cameras, self._context.motion.state(moment.stamp_ns)
+        mount = cameras.left if moment.side == "left" else cameras.right
+        pose = state.world_from_base @ (mount.base_from_sensor @ CAMERA_FROM_OPTICAL)
+        self._context.submit(lambda: self._compare(moment, pose, moment.stamp_ns if sampled else None), self._fold)
+
+    def _fold(self, found: tuple[Comparison, float | None, str] | None) -> None:
+        if found is None:
+            return
+        result, difference, where = found
+        self._retraced.add(result, where)
+        self._reference.fold(result)
+        if difference is not None:
+            for rule in PHOTOGRAPHS.rules:
+                self._photographs[rule].measure(difference, where)
+
+    def _compare(self, moment: Moment, pose: Array, seed: int | None) -> tuple[Comparison, float | None, str] | None:
+        config, lens = self._context.rig.cameras, pinhole(self._context.rig.cameras)
+        bag = _pixels(moment, (config.height, config.width))
+        if bag is None:
+            return None
+        own, difference = self._render(pose, bag.photograph)
+
+        def reading(k: int) -> RayReading:
+            v, u = divmod(k, config.width)
+            ray = np.array([(u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy, 1.0])
+            length = float(np.linalg.norm(ray))
+            range_m = float("nan") if bag.depth is None else float(bag.depth[v, u]) * length
+            return RayReading(
+                f"{moment.at('tag')}, row {v}, column {u}", pose[:3, 3], pose[:3, :3] @ ray / length,
+                NOTHING if bag.label[v, u] == Label.SKY else range_m, int(bag.label[v, u]),
+                UNKNOWN if bag.instance is None else int(bag.instance[v, u]), 0.0, config.far, lidar=False,
+            )  # fmt: skip
+
+        same, equal = _same(bag, own)
+        result = self._reference.compare(np.flatnonzero(~same), same.size, reading, seed, equal)
+        return result, difference, moment.at("photograph")
+
+    def _render(self, pose: Array, photograph: NDArray[np.uint8] | None) -> tuple[LabelImages, float | None]:
+        """Render with this thread's camera; returns the images, and the difference of the photographs."""
+        config, baked = self._context.rig.cameras, self._rebuilt.baked
+        if photograph is None or baked is None:
+            if not hasattr(self._cameras, "label"):
+                self._cameras.label = LabelCamera(config, self._rebuilt.scene, reuse=True)
+            return self._cameras.label.label(pose), None
+        if not hasattr(self._cameras, "photograph"):
+            self._cameras.photograph = Camera(config, baked, reuse=True)
+        images = self._cameras.photograph.render(pose)
+        return images, _difference(photograph, images.photo, config.jpeg_quality)
+
+
+def _pixels(moment: Moment, shape: tuple[int, int]) -> _Pixels | None:
+    """Decode a moment; None if a part has an error, which its own check reports."""
+    parts = moment.parts
+    try:
+        with np.errstate(invalid="ignore"):
+            found = _Pixels(
+                read.labels(read.image(parts["tag"])),
+                read.instances(parts["instances"]) if "instances" in parts else None,
+                read.depth(parts["depth"]).astype(np.float64) if "depth" in parts else None,
+                read.image(parts["photograph"]) if "photograph" in parts else None,
+            )
+    except (FieldtruthError, ValueError):
+        return None
+    return found if all(part is None or part.shape[:2] == shape for part in found) else None
+
+
+def _same(bag: _Pixels, own: LabelImages) -> tuple[Mask, bool]:
+    """Which pixels (h, w) are the same, and whether all of them are to the last digit."""
+    same = bag.label == own.label
+    if bag.instance is not None:
+        same &= bag.instance == own.instance
+    equal = bool(same.all())
+    if bag.depth is not None:
+        depth = np.where(own.depth > 0, own.depth, np.inf).astype(np.float64)
+        equal = equal and np.array_equal(bag.depth, depth)
+        with np.errstate(invalid="ignore"):
+            same &= np.where(own.depth > 0, close(bag.depth, depth), bag.depth == np.inf)
+    return np.asarray(same), equal
+
+
+def _difference(bag: NDArray[np.uint8], own: NDArray[np.uint8], quality: int) -> float:
+    """Largest mean difference of a block of two photographs (h, w, 3), the second one compressed as the first was."""
+    packed = simplejpeg.encode_jpeg(np.ascontiguousarray(own), quality, "RGB", "420")
+    difference = np.abs(bag.astype(np.int16) - simplejpeg.decode_jpeg(packed, "RGB")).mean(axis=2)
+    rows, columns = (length // _BLOCK for length in difference.shape)
+    blocks = difference[: rows * _BLOCK, : columns * _BLOCK].reshape(rows, _BLOCK, columns, _BLOCK)
+    return float(blocks.mean(axis=(1, 3)).max(initial=0.0))

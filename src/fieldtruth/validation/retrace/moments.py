@@ -1,0 +1,76 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""What a camera published at one stamp, and the choice of stamps for costly checks."""
+
+from collections import OrderedDict
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from fieldtruth.bag import topics as table
+
+TOPIC_OF: Final[dict[str, Callable[[str], str]]] = {
+    "photograph": table.photograph,
+    "tag": table.tag,
+    "depth": table.depth,
+    "instances": table.instances,
+}
+"""Topic of each part of a moment, by side."""
+WAITING: Final = 6
+"""Moments of which parts are awaited; each has some megabytes."""
+
+
+@dataclass
+class Moment:
+    """One camera at one stamp: messages by part (``tag``, ``depth``, ``instances``, ``photograph``)."""
+
+    side: str
+    stamp_ns: int
+    parts: dict[str, Any] = field(default_factory=dict)
+
+    def at(self, part: str) -> str:
+        """Topic and stamp of a part, for messages."""
+        return f"{TOPIC_OF[part](self.side)} at {self.stamp_ns} ns"
+
+
+class Moments:
+    """Collects parts and passes each moment on when it is complete, or when its other parts are no longer awaited."""
+
+    def __init__(self, parts: Collection[str], present: Collection[str], done: Callable[[Moment], None]) -> None:
+        self._done = done
+        pairs = {TOPIC_OF[part](side): (part, side) for part in parts for side in table.SIDES}
+        self.topics = {topic: pair for topic, pair in pairs.items() if topic in present}
+        """Part and side by topic, of the topics that exist."""
+        self._open: OrderedDict[tuple[str, int], Moment] = OrderedDict()
+
+    def add(self, topic: str, stamp_ns: int, message: Any) -> None:
+        """Add a part."""
+        part, side = self.topics[topic]
+        key = (side, stamp_ns)
+        moment = self._open.setdefault(key, Moment(side, stamp_ns))
+        moment.parts[part] = message
+        if len(moment.parts) == sum(other == side for _, other in self.topics.values()):
+            self._done(self._open.pop(key))
+        elif len(self._open) > WAITING:
+            self._done(self._open.popitem(last=False)[1])
+
+    def finish(self) -> None:
+        """Pass on what is left."""
+        while self._open:
+            self._done(self._open.popitem(last=False)[1])
+
+
+class Sampler:
+    """Chooses about ``count`` of the stamps that are offered in time order, evenly over a run's time [ns]."""
+
+    def __init__(self, start_ns: int, end_ns: int, count: int) -> None:
+        self._period = max(1, (end_ns - start_ns) // max(1, count))
+        self._due = start_ns
+        self._chosen: set[int] = set()
+
+    def takes(self, stamp_ns: int) -> bool:
+        """Return whether a stamp is chosen; the answer stays the same when it is offered again."""
+        if stamp_ns not in self._chosen and stamp_ns >= self._due:
+            self._chosen.add(stamp_ns)
+            self._due += self._period * ((stamp_ns - self._due) // self._period + 1)
+        return stamp_ns in self._chosen

@@ -1,0 +1,226 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Readings of single rays, compared with the second tracer.
+
+Clouds and images are retraced by the engine that made them. Where the bag differs, as it may on another processor for
+rays at edges, the second tracer decides whether the bag is right. It also checks some rays of every sampled cloud and
+image, so that the engine is not the only reference.
+
+A ray that grazes an edge has two right answers, as single precision may fall on either side. All candidates are listed,
+up to the first triangle that the ray cannot have passed, and a reading is right if it is one of them.
+"""
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.core.arrays import Array, Mask
+from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
+from fieldtruth.validation.check import Check, Rule, Spec, Tally
+from fieldtruth.validation.context import Checker, Context
+from fieldtruth.validation.retrace.tracer import TERRAIN, Hits, ReferenceTracer, resolution
+from fieldtruth.world.model import World
+
+SAME_RAYS: Final = Rule("rays traced in double precision hit what the bag says (sample)")
+INDEPENDENT_RAYS: Final[Spec] = Spec("independent rays", (SAME_RAYS,))
+
+NOTHING: Final = 0.0
+"""Range of a ray that hit nothing."""
+UNKNOWN: Final = -1
+"""Instance of a ray whose sensor does not measure it."""
+RAYS: Final = 16
+"""Rays of a sampled cloud or image that the second tracer checks."""
+DIFFERING: Final = 200
+"""Most rays of a cloud or image that the second tracer checks where engine and bag differ."""
+ELSEWHERE: Final = 0.05
+"""Share of differing rays above which ``RAYS`` of them are enough: the sensor was at another pose."""
+
+
+class RayReading(NamedTuple):
+    """What a sensor measured along a ray."""
+
+    where: str
+    origin: Array
+    direction: Array
+    """(3,) of unit length, in the world."""
+    range_m: float
+    """NOTHING, or NaN where the sensor does not measure it."""
+    label: int
+    instance: int
+    near: float
+    """[m] below which the sensor sees nothing, though it is occluded."""
+    far: float
+    """[m] beyond which the sensor sees nothing."""
+    lidar: bool
+    """Whether some classes return nothing."""
+
+    def __str__(self) -> str:
+        if self.range_m == NOTHING:
+            return f"{self.where}: {'no return' if self.lidar else 'sky'}"
+        instance = "" if self.instance == UNKNOWN else f" of object {self.instance}"
+        return f"{self.where}: class {self.label}{instance} at {self.range_m:.4f} m"
+
+
+class _Candidate(NamedTuple):
+    labels: set[int]
+    instance: int
+    range_m: float
+    tolerance: float
+
+    def __str__(self) -> str:
+        names = " or ".join(sorted(CLASSES[label].name for label in self.labels))
+        return f"{names} of object {self.instance} at {self.range_m:.4f} m"
+
+    def agrees(self, reading: RayReading) -> bool:
+        """Whether a reading may be the one of this surface."""
+        returning = {label for label in self.labels if not (reading.lidar and label in NO_RETURN)}
+        if reading.range_m == NOTHING:
+            seen = reading.near + self.tolerance < self.range_m < reading.far - self.tolerance
+            return not seen or not returning
+        seen = reading.near - self.tolerance < self.range_m < reading.far + self.tolerance
+        same_range = not np.isfinite(reading.range_m) or abs(reading.range_m - self.range_m) <= self.tolerance
+        return seen and same_range and reading.label in returning and reading.instance in (self.instance, UNKNOWN)
+
+
+def mismatches(world: World, tracer: ReferenceTracer, readings: list[RayReading]) -> list[str | None]:
+    """For each reading None if it is right, else what the ray hits."""
+    if not readings:
+        return []
+    origins, directions = np.array([r.origin for r in readings]), np.array([r.direction for r in readings])
+    known, far = np.array([r.range_m for r in readings]), np.array([r.far for r in readings]) * 1.001
+    limit = np.where((known > 0) & np.isfinite(known), np.minimum(known * 1.001 + 0.01, far), far)
+    hits = tracer.hits(origins, directions, limit)
+    tolerance = np.asarray(resolution(hits.range_m) / hits.cosine + 1e-6 * hits.range_m)
+    opaque = _opaque(hits, tolerance)
+    result: list[str | None] = []
+    for ray, (first, last) in enumerate(pairwise(np.searchsorted(hits.ray, np.arange(len(readings) + 1)))):
+        candidates: list[_Candidate] = []
+        end = np.inf
+        for k in range(first, last):
+            range_m = float(hits.range_m[k])
+            if range_m - tolerance[k] > end:
+                break
+            labels = {int(hits.label[k])}
+            if labels == {TERRAIN}:
+                labels = _trail_labels(world, origins[ray] + range_m * directions[ray], range_m, float(hits.cosine[k]))
+            candidates.append(_Candidate(labels, int(hits.instance[k]), range_m, float(tolerance[k])))
+            if opaque[k]:
+                end = min(end, range_m + float(tolerance[k]))
+        free = readings[ray].range_m == NOTHING and not np.isfinite(end)
+        right = free or any(candidate.agrees(readings[ray]) for candidate in candidates)
+        result.append(None if right else f"there is {candidates[0] if candidates else 'nothing up to there'}")
+    return result
+
+
+def _opaque(hits: Hits, tolerance: Array) -> Mask:
+    """Which triangles a ray cannot pass: it hits them far from an edge, or where a neighbour continues behind it."""
+    near_edge = hits.margin < resolution(hits.range_m) / hits.cosine
+    joined = (np.diff(hits.ray) == 0) & (np.diff(hits.range_m) <= tolerance[:-1] + tolerance[1:])
+    joined &= (hits.instance[:-1] == hits.instance[1:]) & (np.maximum(hits.margin[:-1], hits.margin[1:]) > 0.0)
+    closed = np.zeros(len(near_edge), np.bool_)
+    closed[:-1] |= joined
+    closed[1:] |= joined
+    return np.asarray(~near_edge | closed)
+
+
+def _trail_labels(world: World, point: Array, range_m: float, cosine: float) -> set[int]:
+    """Classes that the terrain may have at a point (3,) [m]: both near the edge of a trail."""
+    distance = float(world.terrain.trail_distance.at(point[0], point[1]))
+    if abs(distance) < float(resolution(np.array(range_m))) / cosine:
+        return {int(Label.TRAIL), int(Label.GROUND)}
+    return {int(Label.TRAIL if distance < 0 else Label.GROUND)}
+
+
+class Comparison(NamedTuple):
+    """Result for a cloud or an image."""
+
+    rays: int
+    wrong: list[str]
+    """Mismatches of the bag."""
+    differing: int
+    """Other rays where engine and bag differ."""
+    sampled: int
+    """Rays that the second tracer checked."""
+    sampled_wrong: list[str]
+    equal: bool
+    """Whether engine and bag are equal to the last digit."""
+
+
+class RayReference(Checker):
+    """The second tracer in a world. Threads may share it."""
+
+    def __init__(self, context: Context, world: World) -> None:
+        self._world = world
+        self._tracer = ReferenceTracer(world)
+        self._tally = context.tally(INDEPENDENT_RAYS)
+
+    def compare(
+        self,
+        differing: NDArray[np.intp],
+        rays: int,
+        reading: Callable[[int], RayReading],
+        seed: int | None,
+        equal: bool,
+    ) -> Comparison:
+        """Check the rays of a cloud or an image.
+
+        Args:
+            differing: rays where engine and bag differ.
+            rays: number of rays.
+            reading: returns what the bag says about a ray.
+            seed: of the sample of rays; None for no sample.
+            equal: whether engine and bag are equal to the last digit.
+        """
+        count = min(len(differing), RAYS if len(differing) > ELSEWHERE * rays else DIFFERING)
+        chosen = differing[np.unique(np.linspace(0, len(differing) - 1, count).astype(int))].tolist()
+        sample: list[int] = []
+        if seed is not None:
+            sample = np.random.default_rng(seed).choice(rays, min(RAYS, rays), replace=False).tolist()
+        wrong, sample_wrong = (self._wrong([reading(k) for k in rows]) for rows in (chosen, sample))
+        return Comparison(rays, wrong, len(differing) - len(wrong), len(sample), sample_wrong, equal)
+
+    def fold(self, result: Comparison) -> None:
+        """Count the sampled rays of a cloud or an image."""
+        self._tally[SAME_RAYS].add(result.sampled, len(result.sampled_wrong), "".join(result.sampled_wrong[:1]))
+
+    def results(self) -> list[Check]:
+        """Independent rays."""
+        figures = f"{self._tally[SAME_RAYS].seen:,} rays, traced in double precision, hit what the bag says"
+        return [self._tally.result(figures, "no clouds and no tag images, or no true motion")]
+
+    def _wrong(self, readings: list[RayReading]) -> list[str]:
+        found = mismatches(self._world, self._tracer, readings)
+        return [f"{reading}, but {hit}" for reading, hit in zip(readings, found, strict=True) if hit is not None]
+
+
+class Retraced:
+    """Counts of the clouds, or images, that were measured again.
+
+    On the processor that made a run all are equal to the last digit, and one that is not was changed. On another
+    processor hardly any is, as each holds thousands of ranges; then that rule does not apply.
+    """
+
+    def __init__(self, tally: Tally, same: Rule, equal: Rule) -> None:
+        self.tally = tally
+        self.same, self._equal = tally[same], tally[equal]
+        self.count = self._differing = 0
+
+    def add(self, result: Comparison, where: str) -> None:
+        """Count a cloud or an image."""
+        self.count += 1
+        self._differing += result.differing
+        self.same.add(result.rays, len(result.wrong), "".join(result.wrong[:1]))
+        self._equal.see(result.equal, where)
+
+    @property
+    def note(self) -> str:
+        """Number of rays where engine and bag differ and the bag is right, in words."""
+        return f"; {self._differing:,} differ in the last digit or at an edge" if self._differing else ""
+
+
+def close(mine: NDArray[np.floating[Any]], theirs: NDArray[np.floating[Any]]) -> Mask:
+    """Whether lengths [m] are the same in single precision, on any processor."""
+    return np.asarray(np.abs(mine - theirs) <= 2e-5 + 1e-6 * np.abs(theirs))

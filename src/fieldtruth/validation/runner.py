@@ -1,0 +1,153 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The single pass over a bag: messages go to the checks of their topic, costly work goes to threads, in order."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Final
+
+from rosbags.typesys.store import Typestore
+
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.reader import BagError, RawMessage, StoredBag, open_bag
+from fieldtruth.bag.run import find_bag
+from fieldtruth.core.parallel import cpu_count, in_order
+from fieldtruth.core.progress import Progress, Silent
+from fieldtruth.validation import files, streams
+from fieldtruth.validation.check import Check, Rule, Spec
+from fieldtruth.validation.context import Checker, Context, Job, at
+from fieldtruth.validation.files import BagFile
+from fieldtruth.validation.motion import calibration, poses, sensors
+from fieldtruth.validation.retrace import agreement, clouds, images, reference, world
+from fieldtruth.validation.retrace.moments import Sampler
+
+SAMPLES: Final = 20
+"""Number of stamps of a run at which costly checks are made."""
+
+DECODABLE: Final = Rule("every message has exactly the bytes of its type")
+MESSAGES: Final[Spec] = Spec("messages", (DECODABLE,))
+
+SPECS: Final[tuple[Spec, ...]] = (
+    files.CHECKSUMS_SPEC, files.EXPERIMENT_SPEC, files.STRUCTURE, MESSAGES,
+    streams.TOPICS, streams.COUNTS, streams.STAMPS, streams.SYNCHRONISATION, streams.CLOCK, streams.HEADERS,
+    streams.FRAMES, calibration.CALIBRATION, poses.STATIC_OBJECTS, poses.MOTION, poses.POSES, poses.DRIVE,
+    sensors.IMU, sensors.GNSS, sensors.WHEELS,
+    clouds.LABELS, clouds.RAYS, images.IMAGES, images.TAG_COLOURS, images.DEPTH, world.OBJECT_CLASSES,
+    agreement.LIDAR_AND_CAMERAS, world.WORLD, clouds.RETRACED_CLOUDS, images.RETRACED_IMAGES, images.PHOTOGRAPHS,
+    reference.INDEPENDENT_RAYS,
+)  # fmt: skip
+"""All checks, in the order of the output."""
+
+_DECODED_BY_HAND: Final = (table.CLOCK, table.MODEL_STATES)
+_REPORT_NS: Final = 10**8
+
+
+def validate(
+    path: Path,
+    *,
+    workers: int | None = None,
+    progress: Progress | None = None,
+    quick: bool = False,
+    full: bool = False,
+    samples: int = SAMPLES,
+) -> list[Check]:
+    """Check a run.
+
+    Args:
+        path: folder of a run, or a bag.
+        workers: number of threads; None uses all cores. The result does not depend on it.
+        progress: receives the progress.
+        quick: do not build the world again, so that nothing is retraced.
+        full: retrace every image, not a sample, and render photographs again.
+        samples: approximate number of sampled stamps.
+
+    Returns:
+        The checks in a fixed order, the skipped ones included.
+
+    Raises:
+        BagError: there is no run at this path.
+    """
+    progress = Silent() if progress is None else progress
+    bag = find_bag(path)
+    checksums = files.check_checksums(bag, progress)
+    try:
+        run, experiment = files.open_checked(bag)
+    except BagError as error:
+        if not files.was_bag(bag):
+            raise
+        return [checksums, Check(files.STRUCTURE.name, False, str(error))]
+    context = Context(run, *world.rebuild(run, quick=quick, full=full, progress=progress))
+    with progress.stage("read and check", run.duration_s) as advance, open_bag(bag) as stored:
+        checks = _read(context, stored, workers or cpu_count(), advance, _checkers(context, full, samples))
+    found = {check.name: check for check in [checksums, experiment, *checks]}
+    return [found.get(spec.name, Check(spec.name, None, context.no_world)) for spec in SPECS]
+
+
+def _checkers(context: Context, full: bool, samples: int) -> list[Checker]:
+    """All checks of messages."""
+    run, objects = context.run, world.ObjectClasses(context)
+    pairs, scans, moments = (Sampler(run.start_ns, run.end_ns, samples) for _ in range(3))
+    # The true motion comes first, as others ask for it.
+    checkers: list[Checker] = [
+        streams.Stamps(context), streams.Headers(context), calibration.Calibration(context),
+        poses.ModelStates(context), poses.Poses(context), poses.Drive(context), world.WorldObjects(context),
+        sensors.Imu(context), sensors.Gnss(context), sensors.Wheels(context),
+        clouds.Clouds(context, objects), images.Images(context, objects), objects,
+        agreement.Agreement(context, pairs),
+    ]  # fmt: skip
+    if context.rebuilt is not None:
+        rays = reference.RayReference(context, context.rebuilt.world)
+        checkers += [
+            clouds.RetracedClouds(context, context.rebuilt, rays, scans),
+            images.RetracedImages(context, context.rebuilt, rays, moments, full=full),
+            rays,
+        ]
+    return checkers
+
+
+def _read(
+    context: Context, stored: StoredBag, workers: int, advance: Callable[[float], None], checkers: list[Checker]
+) -> list[Check]:
+    """Read the bag once, and return all checks of its content."""
+    store, file, messages = stored.types(), BagFile(stored.path, stored.connections), context.tally(MESSAGES)
+    by_topic: dict[str, list[Checker]] = {}
+    for checker in checkers:
+        for topic in checker.topics:
+            by_topic.setdefault(topic, []).append(checker)
+
+    def jobs() -> Iterator[Job]:
+        reported_ns = context.run.start_ns
+        for raw in file.messages():
+            try:
+                message = None if raw.topic in _DECODED_BY_HAND else _decoded(store, raw)
+                for checker in by_topic.get(raw.topic, ()):
+                    checker.see(raw, message)
+                messages[DECODABLE].see(True, "")
+            except BagError as error:
+                messages[DECODABLE].see(False, f"{at(raw)}: {error}")
+            if raw.stamp_ns - reported_ns >= _REPORT_NS:
+                advance((raw.stamp_ns - reported_ns) / 1e9)
+                reported_ns = raw.stamp_ns
+            while context.jobs:
+                yield context.jobs.popleft()
+        context.motion.finish()
+        for checker in checkers:
+            checker.finish()
+        while context.jobs:
+            yield context.jobs.popleft()
+
+    for fold, result in in_order(jobs(), lambda job: (job.fold, job.work()), workers):
+        fold(result)
+    digests = {c.topic: (c.digest, store.generate_msgdef(c.msgtype)[1]) for c in stored.connections}
+    checks = [file.result(), messages.result(f"{messages[DECODABLE].seen:,} messages", "no messages")]
+    checks += [streams.check_topics(context, digests), *(check for each in checkers for check in each.results())]
+    if file.readable:
+        return checks
+    return [c if c.passed is False else Check(c.name, None, "the bag cannot be read to its end") for c in checks]
+
+
+def _decoded(store: Typestore, raw: RawMessage) -> Any:
+    try:
+        return store.deserialize_ros1(raw.data, raw.msgtype)
+    except Exception as error:  # the generated code raises any error that the bytes lead to
+        raise BagError(str(error) or type(error).__name__) from error
