@@ -18,7 +18,7 @@ from rosbags.rosbag1 import ReaderError
 from rosbags.rosbag1.reader import ChunkInfo, Header, RecordType, decompressors, read_bytes, read_uint32
 
 from fieldtruth.bag.checksums import CHECKSUMS, read_checksums, sha256_of
-from fieldtruth.bag.damage import damage
+from fieldtruth.bag.errors import read_errors
 from fieldtruth.bag.reader import BagError, RawMessage, open_bag
 from fieldtruth.bag.run import EXPERIMENT, Run, open_run
 from fieldtruth.core.errors import ConfigurationError, FieldtruthError
@@ -118,7 +118,7 @@ class BagFile:
     def messages(self) -> Iterator[RawMessage]:
         """Messages in time order, ties in file order. Damage ends the stream and fails the check."""
         try:
-            with damage(self.path), self.path.open("rb") as source:
+            with read_errors(self.path), self.path.open("rb") as source:
                 yield from self._in_time_order(self._chunks(source, self._read_index(source)))
         except BagError as error:
             self.tally[READABLE].see(False, str(error))

@@ -9,7 +9,7 @@ from typing import Any, Final
 from rosbags.typesys.store import Typestore
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.reader import BagError, RawMessage, StoredBag, open_bag
+from fieldtruth.bag.reader import BagError, BagReader, RawMessage, open_bag
 from fieldtruth.bag.run import find_bag
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.core.progress import Progress, Silent
@@ -106,7 +106,7 @@ def _checkers(context: Context, full: bool, samples: int) -> list[Checker]:
 
 
 def _read(
-    context: Context, stored: StoredBag, workers: int, advance: Callable[[float], None], checkers: list[Checker]
+    context: Context, stored: BagReader, workers: int, advance: Callable[[float], None], checkers: list[Checker]
 ) -> list[Check]:
     """Read the bag once, and return all checks of its content."""
     store, file, messages = stored.types(), BagFile(stored.path, stored.connections), context.tally(MESSAGES)

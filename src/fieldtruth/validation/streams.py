@@ -12,10 +12,10 @@ from collections import OrderedDict
 from typing import Any, Final, NamedTuple
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.sensor_messages import optical_frame
-from fieldtruth.bag.robot_messages import BASE, WORLD
-from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.decode import stamp_ns
+from fieldtruth.bag.reader import RawMessage
+from fieldtruth.bag.robot_messages import BASE, WORLD
+from fieldtruth.bag.sensor_messages import optical_frame
 from fieldtruth.validation.check import Check, Count, Rule, Spec
 from fieldtruth.validation.context import STEP_NS, Checker, Context, at
 

@@ -7,10 +7,10 @@ from typing import Any, Final
 import numpy as np
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.sensor_messages import camera_matrix, optical_frame, projection_matrix
-from fieldtruth.bag.robot_messages import rig_transforms
-from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.decode import matrix
+from fieldtruth.bag.reader import RawMessage
+from fieldtruth.bag.robot_messages import rig_transforms
+from fieldtruth.bag.sensor_messages import camera_matrix, optical_frame, projection_matrix
 from fieldtruth.core import frames
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.experiment.rig import CameraConfig
