@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Dead wood: snags are as high as asked and leafless, logs lie in the ground, colliders cover what lies there."""
+"""Dead wood: snags have the requested height and no leaves, logs lie in the ground, colliders cover them."""
 
 from collections.abc import Callable
 from functools import partial
@@ -44,7 +44,7 @@ seeds = pytest.mark.parametrize("seed", [1, 2, 3, 4])
 
 @every
 @seeds
-def test_the_mesh_is_sound(make: Make, seed: int) -> None:
+def test_mesh_is_valid(make: Make, seed: int) -> None:
     mesh = make(np.random.default_rng(seed))
     assert mesh.vertices.dtype == mesh.normals.dtype == mesh.uv.dtype == np.float32
     assert mesh.faces.dtype == mesh.material.dtype == np.int32
@@ -59,14 +59,14 @@ def test_the_mesh_is_sound(make: Make, seed: int) -> None:
 
 
 @every
-def test_all_of_it_is_trunk_and_no_leaf(make: Make) -> None:
+def test_all_materials_are_trunk(make: Make) -> None:
     mesh = make(np.random.default_rng(1))
     assert {MATERIALS[name].label for name in mesh.materials} == {Label.TRUNK}
     assert set(np.unique(mesh.material)) == set(range(len(mesh.materials)))
 
 
 @every
-def test_the_same_seed_gives_the_same_bytes_and_another_another_piece(make: Make) -> None:
+def test_same_seed_gives_same_bytes_and_another_seed_another_piece(make: Make) -> None:
     first, again, other = (make(np.random.default_rng(seed)) for seed in (5, 5, 6))
     for part in ("vertices", "normals", "uv", "faces", "material"):
         assert getattr(first, part).tobytes() == getattr(again, part).tobytes()
@@ -76,7 +76,7 @@ def test_the_same_seed_gives_the_same_bytes_and_another_another_piece(make: Make
 
 @seeds
 @pytest.mark.parametrize("height", [2.0, 6.0, 12.0])
-def test_a_snag_breaks_off_at_its_height(height: float, seed: int) -> None:
+def test_snag_has_the_requested_height(height: float, seed: int) -> None:
     mesh = snag(np.random.default_rng(seed), height=height)
     top = mesh.vertices[:, 2].max()
     assert 0.95 * height < top < 1.1 * height + 0.6
@@ -87,7 +87,7 @@ def test_a_snag_breaks_off_at_its_height(height: float, seed: int) -> None:
 
 
 @seeds
-def test_a_snag_has_lost_part_of_its_bark(seed: int) -> None:
+def test_snag_has_bark_and_bare_wood(seed: int) -> None:
     mesh = snag(np.random.default_rng(seed), "oak", 9.0)
     corner = mesh.vertices[mesh.faces].astype(np.float64)
     area = np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
@@ -98,8 +98,8 @@ def test_a_snag_has_lost_part_of_its_bark(seed: int) -> None:
 
 @seeds
 @pytest.mark.parametrize("roots", [False, True])
-def test_a_log_lies_in_the_ground_all_along(roots: bool, seed: int) -> None:
-    """Every half metre of its thinner end's 30 % has its underside below z = 0 (roots lift the other end)."""
+def test_log_is_sunk_into_the_ground_along_its_length(roots: bool, seed: int) -> None:
+    """The underside is below z = 0 in every half metre; with roots, which lift the thick end, near the thin end."""
     mesh = log(np.random.default_rng(seed), length=8.0, radius=0.25, roots=roots)
     x, z = mesh.vertices[:, 0], mesh.vertices[:, 2]
     for start in np.arange(1.9 if roots else -3.9, 3.5, 0.5):
@@ -111,14 +111,14 @@ def test_a_log_lies_in_the_ground_all_along(roots: bool, seed: int) -> None:
 
 
 @seeds
-def test_a_log_is_as_long_and_thick_as_asked(seed: int) -> None:
+def test_log_has_the_requested_length_and_radius(seed: int) -> None:
     mesh = log(np.random.default_rng(seed), length=8.0, radius=0.25)
     x, y, z = mesh.vertices.T
     assert np.ptp(x) == pytest.approx(8.0, abs=1.0)
     thick = (x < -3.0) & (x > -3.6)
     assert z[thick].max() == pytest.approx(1.7 * 0.25, abs=0.12)
-    bole = np.abs(y) < 0.6
-    assert (z[bole] < 0.55).mean() > 0.95
+    trunk = np.abs(y) < 0.6
+    assert (z[trunk] < 0.55).mean() > 0.95
 
 
 @seeds
@@ -134,7 +134,7 @@ def test_boxes_cover_the_log_and_circles_cover_the_boxes(roots: bool, seed: int)
         inside |= (offset[:, 0] <= box.size[0] / 2 + 0.03) & (offset[:, 1] <= box.size[1] / 2 + 0.03) & (
             above[:, 2] <= box.position[2] + box.size[2] + 0.03
         )  # fmt: skip
-    assert inside.mean() > 0.75  # splinters, stubs and root tips stand out
+    assert inside.mean() > 0.75  # except splinters, stubs and root tips
     low = np.abs(mesh.vertices[:, 0]) < 2.8
     assert inside[low[mesh.vertices[:, 2] > 0]].mean() > 0.75
     circles = clearance_circles(mesh)
@@ -146,7 +146,7 @@ def test_boxes_cover_the_log_and_circles_cover_the_boxes(roots: bool, seed: int)
 
 
 @seeds
-def test_moss_grows_on_the_upper_side_of_a_log(seed: int) -> None:
+def test_moss_is_on_the_upper_side_of_a_log(seed: int) -> None:
     mesh = log(np.random.default_rng(seed), length=9.0, radius=0.3)
     row = mesh.materials.index("bark_moss")
     normals = mesh.normals[mesh.faces[mesh.material == row]].mean(1)
@@ -164,11 +164,11 @@ def test_less_detail_means_fewer_triangles(seed: int) -> None:
         assert len(coarse.faces) < 0.6 * len(fine.faces)
 
 
-def test_what_no_tree_leaves() -> None:
+def test_sizes_out_of_range_are_rejected() -> None:
     rng = np.random.default_rng(0)
-    with pytest.raises(ValueError, match=r"height of a snag = 30\.0 m: must be from 1 to 20 m"):
+    with pytest.raises(ValueError, match=r"height must be between 1 and 20 m, got 30\.0"):
         snag(rng, height=30.0)
-    with pytest.raises(ValueError, match=r"length of a log = 0\.5 m: must be from 1 to 20 m"):
+    with pytest.raises(ValueError, match=r"length must be between 1 and 20 m, got 0\.5"):
         log(rng, length=0.5)
-    with pytest.raises(ValueError, match=r"radius of a log = nan m"):
+    with pytest.raises(ValueError, match=r"radius must be between 0\.05 and 0\.6 m, got nan"):
         log(rng, radius=float("nan"))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Tufts and clumps: budgets, roots in the soil, blades that taper and bend, classes, and the same bytes from a seed."""
+"""Tufts and clumps: triangle budgets, roots, tapered and bent blades, classes, and the same bytes from a seed."""
 
 import numpy as np
 import pytest
@@ -14,14 +14,14 @@ from fieldtruth.world.plants import GRASSES, GrassSpecies, grow_clump, grow_tuft
 from fieldtruth.world.plants.blades import STEPS, discs, kites, midribs, pinnae, spindles, strips
 from fieldtruth.world.plants.meshing import Surface
 
-kinds = pytest.mark.parametrize("kind", GRASSES.values(), ids=str)
+every_species = pytest.mark.parametrize("species", GRASSES.values(), ids=str)
 seeds = pytest.mark.parametrize("seed", [1, 2, 3])
 WIDEST = {"dock": 0.12, "nettle": 0.12, "fern": 0.45, "bracken": 0.7, "reed": 0.045, "cattail": 0.04}  # [m], else 0.02
 
 
-def grow(kind: GrassSpecies, *, share: float = 0.5, seed: int = 5, detail: float = 1.0) -> Mesh:
-    height = kind.height[0] + share * (kind.height[1] - kind.height[0])
-    return grow_tuft(kind, name="tuft", height=height, rng=np.random.default_rng(seed), detail=detail)
+def grow(species: GrassSpecies, *, share: float = 0.5, seed: int = 5, detail: float = 1.0) -> Mesh:
+    height = species.height[0] + share * (species.height[1] - species.height[0])
+    return grow_tuft(species, name="tuft", height=height, rng=np.random.default_rng(seed), detail=detail)
 
 
 def areas(vertices: NDArray[np.floating], faces: NDArray[np.int32]) -> Array:
@@ -38,51 +38,51 @@ def blades(count: int, *, kite: bool = False, bend: float = 1.2, roll: float = 0
     return path, strips(path, np.full(count, 0.01), np.full(count, 0.12), turn, 0 * turn, band, kite=kite)
 
 
-def test_kinds_for_every_environment() -> None:
+def test_species_of_every_environment_exist() -> None:
     assert {"meadow", "dry", "reed", "sedge", "forest", "fern", "nettle", "daisy"} <= set(GRASSES)
-    assert all(name == kind.name for name, kind in GRASSES.items())
+    assert all(name == species.name for name, species in GRASSES.items())
 
 
-@kinds
+@every_species
 @seeds
-def test_a_tuft_is_sound_and_within_its_budget(kind: GrassSpecies, seed: int) -> None:
-    mesh = grow(kind, seed=seed)
+def test_mesh_is_valid_and_within_the_budget(species: GrassSpecies, seed: int) -> None:
+    mesh = grow(species, seed=seed)
     assert mesh.vertices.dtype == mesh.normals.dtype == mesh.uv.dtype == np.float32
     assert mesh.faces.dtype == mesh.material.dtype == np.int32
     assert 60 <= len(mesh.faces) <= 260
     assert len(mesh.material) == len(mesh.faces)
-    np.testing.assert_array_equal(np.unique(mesh.faces), np.arange(len(mesh.vertices)))  # none is left over
+    np.testing.assert_array_equal(np.unique(mesh.faces), np.arange(len(mesh.vertices)))  # every vertex is used
     np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-5)
     assert np.isfinite(mesh.uv).all()
     assert areas(mesh.vertices, mesh.faces).min() > 1e-7  # [m^2]
     assert not mesh.colliders
 
 
-@kinds
+@every_species
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
-def test_it_is_as_high_as_asked(kind: GrassSpecies, share: float) -> None:
-    mesh = grow(kind, share=share)
-    height = kind.height[0] + share * (kind.height[1] - kind.height[0])
+def test_height_is_as_requested(species: GrassSpecies, share: float) -> None:
+    mesh = grow(species, share=share)
+    height = species.height[0] + share * (species.height[1] - species.height[0])
     assert height * 0.999 < mesh.vertices[:, 2].max() < 1.08 * height + 0.01
 
 
-@kinds
+@every_species
 @seeds
-def test_it_is_rooted_on_a_slope(kind: GrassSpecies, seed: int) -> None:
-    """The lowest vertex of each blade lies 0.1 m and more in the soil, even if the ground falls by 0.5 a metre."""
-    mesh = grow(kind, seed=seed)
+def test_roots_are_in_the_soil_on_a_slope(species: GrassSpecies, seed: int) -> None:
+    """The lowest vertex of each blade is at least 0.1 m in the soil, even on a slope of 0.5."""
+    mesh = grow(species, seed=seed)
     root = mesh.vertices[mesh.vertices[:, 2] < -0.05].astype(np.float64)
     off = np.hypot(root[:, 0], root[:, 1])
     assert (root[:, 2] < -0.1 - 0.5 * off).all()
     assert off.max() < 1.05 * mesh.footprint + 1e-6
-    stems = sum(sort.number for sort in kind.blades)
-    assert len(root) == stems  # and no tip has sunk into the soil
+    stems = sum(blades.number for blades in species.blades)
+    assert len(root) == stems  # so no tip is below the soil
 
 
-@kinds
-def test_no_blade_is_wider_than_its_kind_s(kind: GrassSpecies) -> None:
-    mesh = grow(kind, share=1.0)
-    widest = WIDEST.get(kind.name, 0.02)
+@every_species
+def test_blades_are_not_wider_than_stated(species: GrassSpecies) -> None:
+    mesh = grow(species, share=1.0)
+    widest = WIDEST.get(species.name, 0.02)
     disc = [row for row, name in enumerate(mesh.materials) if name.startswith(("petal", "blade_seed", "blade_plume"))]
     faces = mesh.faces[~np.isin(mesh.material, disc)]
     corner = mesh.vertices[faces].astype(np.float64)
@@ -91,33 +91,33 @@ def test_no_blade_is_wider_than_its_kind_s(kind: GrassSpecies) -> None:
     assert across.max() < widest
 
 
-@kinds
-def test_everything_is_high_grass(kind: GrassSpecies) -> None:
-    mesh = grow(kind)
+@every_species
+def test_all_materials_are_high_grass(species: GrassSpecies) -> None:
+    mesh = grow(species)
     assert {MATERIALS[name].label for name in mesh.materials} == {Label.HIGH_GRASS}
     assert set(np.unique(mesh.material)) == set(range(len(mesh.materials)))
 
 
-@kinds
-def test_a_blade_has_one_shade(kind: GrassSpecies) -> None:
-    """Cameras shade by groups of four vertices, by that of a triangle's first: it is in its shape's first four."""
-    mesh = grow(kind)
+@every_species
+def test_blade_has_one_shade(species: GrassSpecies) -> None:
+    """Cameras vary the shade by groups of four vertices, by a triangle's first: it is in its shape's first four."""
+    mesh = grow(species)
     thin = [MATERIALS[name].translucency > 0 for name in mesh.materials]
     for face in mesh.faces[np.array(thin)[mesh.material]]:
         assert face[0] // 4 <= face.min() // 4
 
 
-@kinds
-def test_detail_takes_fewer_and_wider_blades(kind: GrassSpecies) -> None:
-    full, coarse = grow(kind), grow(kind, detail=0.4)
+@every_species
+def test_less_detail_gives_fewer_and_wider_blades(species: GrassSpecies) -> None:
+    full, coarse = grow(species), grow(species, detail=0.4)
     assert len(coarse.faces) < 0.65 * len(full.faces)
     assert areas(coarse.vertices, coarse.faces).sum() > 0.4 * areas(full.vertices, full.faces).sum()
     assert coarse.vertices[:, 2].max() == pytest.approx(full.vertices[:, 2].max(), rel=0.08)
 
 
-@kinds
-def test_the_same_seed_gives_the_same_bytes_and_another_another_tuft(kind: GrassSpecies) -> None:
-    first, again, other = (grow(kind, seed=s) for s in (8, 8, 9))
+@every_species
+def test_same_seed_gives_same_bytes_and_another_seed_another_tuft(species: GrassSpecies) -> None:
+    first, again, other = (grow(species, seed=s) for s in (8, 8, 9))
     for part in ("vertices", "normals", "uv", "faces", "material"):
         assert getattr(first, part).tobytes() == getattr(again, part).tobytes()
     assert first.vertices.tobytes() != other.vertices.tobytes()
@@ -129,23 +129,23 @@ def test_blades_differ_in_height_and_direction(name: str) -> None:
     tips = mesh.vertices[mesh.uv[:, 1] == 1].astype(np.float64)
     assert tips[:, 2].std() > 0.15 * mesh.vertices[:, 2].max()
     turn = np.arctan2(tips[:, 1], tips[:, 0])
-    assert np.abs(np.exp(1j * turn).mean()) < 0.8  # to all sides, though the tuft leans
+    assert np.abs(np.exp(1j * turn).mean()) < 0.8  # in all directions, although the tuft leans
     assert (mesh.normals[:, 2] > 0.3).mean() > 0.95  # lit from above
 
 
 @pytest.mark.parametrize("height", [-1.0, 0.1, 1.0, float("nan")])
-def test_a_height_that_no_meadow_has(height: float) -> None:
-    with pytest.raises(ValueError, match=r"height of meadow = .* m: must be from 0\.15 to 0\.9 m"):
+def test_height_outside_the_range_of_the_species_is_rejected(height: float) -> None:
+    with pytest.raises(ValueError, match=r"height of meadow must be between 0\.15 and 0\.9 m, got"):
         grow_tuft(GRASSES["meadow"], name="tuft", height=height, rng=np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("detail", [0.0, -1.0, 5.0, float("nan")])
-def test_a_detail_out_of_bounds(detail: float) -> None:
-    with pytest.raises(ValueError, match=r"detail of meadow = .*: must be above 0 and at most 4"):
+def test_detail_out_of_range_is_rejected(detail: float) -> None:
+    with pytest.raises(ValueError, match=r"detail of meadow must be above 0 and at most 4, got"):
         grow(GRASSES["meadow"], detail=detail)
 
 
-def test_a_midrib_is_as_long_as_asked_and_bends_as_the_formula_says() -> None:
+def test_midrib_has_the_requested_length_and_bends_by_the_formula() -> None:
     path, _ = blades(1)
     steps = np.diff(path[0], axis=0)
     assert np.linalg.norm(steps, axis=1).sum() == pytest.approx(0.5, rel=1e-12)
@@ -154,7 +154,7 @@ def test_a_midrib_is_as_long_as_asked_and_bends_as_the_formula_says() -> None:
     assert np.abs(path[0, :, 1]).max() == 0
 
 
-def test_a_blade_tapers_and_is_rooted() -> None:
+def test_blade_tapers_and_is_rooted() -> None:
     path, (vertices, normals, uv, faces) = blades(2)
     blade = vertices[:8]
     np.testing.assert_allclose(blade[0], [0, 0, -0.12])
@@ -169,8 +169,8 @@ def test_a_blade_tapers_and_is_rooted() -> None:
 
 
 @pytest.mark.parametrize("kite", [False, True])
-def test_a_blade_has_no_sail_between_foot_and_tip(kite: bool) -> None:
-    """However bent, its area is that of the strip; edges run across it and never from foot to tip."""
+def test_bent_blade_has_no_triangle_from_root_to_tip(kite: bool) -> None:
+    """A bent blade has the area of the straight strip; no edge connects root and tip."""
     _, (straight, _, _, faces) = blades(1, kite=kite, bend=0.0)
     _, (bent, _, _, _) = blades(1, kite=kite, bend=2.2)
     assert areas(bent, faces).sum() < 1.02 * areas(straight, faces).sum()
@@ -202,9 +202,9 @@ def test_triangles_face_the_side_of_their_normals() -> None:
         np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-9)
 
 
-def test_a_disc_and_a_spindle_have_their_size() -> None:
+def test_disc_and_spindle_have_the_requested_size() -> None:
     vertices, _, _, faces = discs(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), np.full(1, 0.02))
-    assert areas(vertices, faces).sum() == pytest.approx(2 * np.sqrt(2) * 0.02**2)  # a regular octagon's
+    assert areas(vertices, faces).sum() == pytest.approx(2 * np.sqrt(2) * 0.02**2)  # regular octagon
     vertices, _, _, faces = spindles(np.zeros((1, 3)), np.array([[0.0, 0.0, 0.2]]), np.full(1, 0.01))
     assert np.hypot(*vertices[:, :2].T).max() == pytest.approx(0.01)
     corner = vertices[faces]
@@ -213,7 +213,7 @@ def test_a_disc_and_a_spindle_have_their_size() -> None:
     assert volume == pytest.approx(triangle * 0.2 * (0.88 + 2 * 0.06 / 3))  # closed: prism and two pyramids
 
 
-def test_a_clump_mixes_kinds_at_the_density_asked() -> None:
+def test_clump_mixes_species_at_the_requested_density() -> None:
     mixed = {GRASSES["meadow"]: 3.0, GRASSES["daisy"]: 1.0}
     mesh = grow_clump(mixed, name="clump", radius=0.6, per_m2=20, rng=np.random.default_rng(1))
     tufts = round(20 * np.pi * 0.36)
@@ -230,10 +230,10 @@ def test_a_clump_mixes_kinds_at_the_density_asked() -> None:
     assert not mesh.colliders
 
 
-def test_a_clump_is_taller_by_its_size() -> None:
-    heights = [
-        grow_clump({GRASSES["dry"]: 1.0}, name="c", radius=0.5, per_m2=15, rng=np.random.default_rng(2), size=size)
-        .vertices[:, 2].mean()
-        for size in (0.0, 0.5, 1.0)
-    ]  # fmt: skip
+def test_clump_height_grows_with_size() -> None:
+    heights = []
+    for size in (0.0, 0.5, 1.0):
+        rng = np.random.default_rng(2)
+        mesh = grow_clump({GRASSES["dry"]: 1.0}, name="c", radius=0.5, per_m2=15, rng=rng, size=size)
+        heights.append(mesh.vertices[:, 2].mean())
     assert heights[0] < 0.9 * heights[1] < 0.8 * heights[2]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whole plants: leaves hang on twigs, the way below is free, no two are alike, a seed gives the same bytes."""
+"""Whole trees and bushes: sound meshes, sizes, clear trunks, variation, classes, and the same bytes from a seed."""
 
 from functools import cache
 from typing import NamedTuple
@@ -22,8 +22,8 @@ FOLIAGE = 1
 F8 = NDArray[np.float64]
 
 
-class Kind(NamedTuple):
-    """Which plant."""
+class Plant(NamedTuple):
+    """Species, size and surroundings of one plant."""
 
     name: str
     height: float
@@ -34,31 +34,31 @@ class Kind(NamedTuple):
         return f"{self.name}-{self.height:g}-{self.grown_in}-{self.detail:g}"
 
     def habit(self, seed: int = 3) -> Habit:
-        """As this individual has it."""
+        """The habit of this individual."""
         if self.name in BUSHES:
             return BUSHES[self.name].habit(self.height)
         habit = TREES[self.name].habit(self.height, self.grown_in)
         return at_detail(individual(habit, np.random.default_rng(seed)), self.detail)
 
 
-LARGE = [Kind(name, 11.0) for name in TREES]
-YOUNG = [Kind(name, height) for name in TREES for height in (3.0, 4.5)]
-STAND = [Kind(name, height, "stand", 0.25) for name in TREES for height in (8.0, 20.0)]
-FAR = [Kind(name, 14.0, "stand", 0.05) for name in TREES]
-SHRUBS = [Kind("box", 0.8), Kind("box", 1.3), Kind("hazel", 1.8), Kind("hazel", 2.8)]
-KINDS = [*LARGE, *YOUNG, *STAND, *FAR, Kind("pine", 4.0, "exposed"), Kind("lime", 9.0), Kind("oak", 15.0), *SHRUBS]
-kinds = pytest.mark.parametrize("kind", KINDS, ids=str)
-trees = pytest.mark.parametrize("kind", [k for k in KINDS if k.name in TREES], ids=str)
+LARGE = [Plant(name, 11.0) for name in TREES]
+YOUNG = [Plant(name, height) for name in TREES for height in (3.0, 4.5)]
+STAND = [Plant(name, height, "stand", 0.25) for name in TREES for height in (8.0, 20.0)]
+FAR = [Plant(name, 14.0, "stand", 0.05) for name in TREES]
+SHRUBS = [Plant("box", 0.8), Plant("box", 1.3), Plant("hazel", 1.8), Plant("hazel", 2.8)]
+PLANTS = [*LARGE, *YOUNG, *STAND, *FAR, Plant("pine", 4.0, "exposed"), Plant("lime", 9.0), Plant("oak", 15.0), *SHRUBS]
+plants = pytest.mark.parametrize("plant", PLANTS, ids=str)
+trees = pytest.mark.parametrize("plant", [k for k in PLANTS if k.name in TREES], ids=str)
 seeds = pytest.mark.parametrize("seed", [1, 2, 3])
 tree = pytest.mark.parametrize("name", TREES)
 
 
-def grow(kind: Kind, seed: int = 3) -> Mesh:
+def grow(plant: Plant, seed: int = 3) -> Mesh:
     rng = np.random.default_rng(seed)
-    if kind.name in BUSHES:
-        return grow_bush(BUSHES[kind.name], name="plant", height=kind.height, rng=rng)
+    if plant.name in BUSHES:
+        return grow_bush(BUSHES[plant.name], name="plant", height=plant.height, rng=rng)
     return grow_tree(
-        TREES[kind.name], name="plant", height=kind.height, rng=rng, detail=kind.detail, grown_in=kind.grown_in
+        TREES[plant.name], name="plant", height=plant.height, rng=rng, detail=plant.detail, grown_in=plant.grown_in
     )
 
 
@@ -75,7 +75,7 @@ class Blades(NamedTuple):
 
 
 def blades(mesh: Mesh, leaf: Leaf) -> Blades:
-    """Corners in the order of `leaf_mesh`; a spray's base and tip are those of its middle prong."""
+    """Corners in the order of `leaf_mesh`; the base and tip of a spray are those of its middle prong."""
     rows = np.unique(mesh.faces[mesh.material == FOLIAGE])
     count = 3 * leaf.prongs or (6 if leaf.rounded else 4)
     corners = mesh.vertices[rows].astype(np.float64).reshape(-1, count, 3)
@@ -96,9 +96,9 @@ def wood_of(mesh: Mesh) -> F8:
     return np.asarray(mesh.vertices[np.unique(mesh.faces[mesh.material != FOLIAGE])], np.float64)
 
 
-@kinds
-def test_the_mesh_is_sound(kind: Kind) -> None:
-    mesh = grown(kind)
+@plants
+def test_mesh_is_valid(plant: Plant) -> None:
+    mesh = grown(plant)
     assert mesh.vertices.dtype == mesh.normals.dtype == mesh.uv.dtype == np.float32
     assert mesh.faces.dtype == mesh.material.dtype == np.int32
     assert len(mesh.vertices) == len(mesh.normals) == len(mesh.uv)
@@ -112,27 +112,27 @@ def test_the_mesh_is_sound(kind: Kind) -> None:
     assert mesh.faces.max() < len(mesh.vertices)
 
 
-@kinds
-def test_it_stands_in_the_soil_and_is_as_high_as_asked(kind: Kind) -> None:
-    mesh, leaf = grown(kind), kind.habit().leaf
+@plants
+def test_roots_are_in_the_soil_and_height_is_as_requested(plant: Plant) -> None:
+    mesh, leaf = grown(plant), plant.habit().leaf
     assert -0.4 < mesh.vertices[:, 2].min() < -0.15
-    # Coarse crowns draw no thin twigs, and a leaf at the highest may point up.
-    bare = 0.2 if kind.name == "box" else 0.01 if kind.detail == 1 else 0.12
-    assert wood_of(mesh)[:, 2].max() == pytest.approx(kind.height, rel=bare)
-    longest = leaf.length * np.sqrt(kind.height / kind.habit().height) * np.exp(0.4)
-    assert blades(mesh, leaf).corners[..., 2].max() < kind.height + max(0.2, 1.2 * longest)
+    # Coarse crowns have no thin twigs, and the highest leaf may point up.
+    bare = 0.2 if plant.name == "box" else 0.01 if plant.detail == 1 else 0.12
+    assert wood_of(mesh)[:, 2].max() == pytest.approx(plant.height, rel=bare)
+    longest = leaf.length * np.sqrt(plant.height / plant.habit().height) * np.exp(0.4)
+    assert blades(mesh, leaf).corners[..., 2].max() < plant.height + max(0.2, 1.2 * longest)
 
 
-@kinds
-def test_triangles(kind: Kind) -> None:
-    count = len(grown(kind).faces)
-    if kind.name in BUSHES:
+@plants
+def test_number_of_triangles_is_within_the_budget(plant: Plant) -> None:
+    count = len(grown(plant).faces)
+    if plant.name in BUSHES:
         assert 5_000 < count < 40_000
-    elif kind.height > 7 and kind.grown_in == "open":
+    elif plant.height > 7 and plant.grown_in == "open":
         assert 42_000 < count < 67_000
-    elif kind.detail == 0.25:
+    elif plant.detail == 0.25:
         assert 8_000 < count < 17_000
-    elif kind.detail == 0.05:
+    elif plant.detail == 0.05:
         assert 1_400 < count < 3_300
     else:
         assert 8_000 < count < 40_000
@@ -141,22 +141,22 @@ def test_triangles(kind: Kind) -> None:
 @tree
 @pytest.mark.parametrize("detail", [0.6, 0.25, 0.1])
 def test_less_detail_means_fewer_triangles_and_the_same_leaf_area(name: str, detail: float) -> None:
-    fine, coarse = ([grow(Kind(name, 12.0, "stand", d), seed) for seed in range(8)] for d in (1.0, detail))
+    fine, coarse = ([grow(Plant(name, 12.0, "stand", d), seed) for seed in range(8)] for d in (1.0, detail))
     share = np.mean([len(m.faces) for m in coarse]) / np.mean([len(m.faces) for m in fine])
     assert share == pytest.approx(detail, rel=0.35)
     area = np.mean([leaf_area(m) for m in coarse]) / np.mean([leaf_area(m) for m in fine])
     assert area == pytest.approx(1, rel=0.2)
 
 
-@kinds
-def test_every_leaf_hangs_on_a_twig(kind: Kind) -> None:
-    mesh = grown(kind)
+@plants
+def test_every_leaf_grows_on_a_twig(plant: Plant) -> None:
+    mesh = grown(plant)
     rng = np.random.default_rng(3)
-    if kind.name in TREES:
-        habit = at_detail(individual(TREES[kind.name].habit(kind.height, kind.grown_in), rng), kind.detail)
+    if plant.name in TREES:
+        habit = at_detail(individual(TREES[plant.name].habit(plant.height, plant.grown_in), rng), plant.detail)
     else:
-        habit = kind.habit()
-    orders = grow_skeleton(habit, kind.height, rng)
+        habit = plant.habit()
+    orders = grow_skeleton(habit, plant.height, rng)
     steps = np.linspace(0, 1, 201)
     points = np.concatenate(
         [s.at(np.arange(len(s.length)).repeat(201), np.tile(steps, len(s.length)))[0] for s in orders[1:]]
@@ -165,11 +165,11 @@ def test_every_leaf_hangs_on_a_twig(kind: Kind) -> None:
     assert np.max(distance) < habit.leaf.stalk + 0.01
 
 
-@kinds
-def test_classes_follow_from_the_materials(kind: Kind) -> None:
-    mesh = grown(kind)
+@plants
+def test_classes_follow_from_the_materials(plant: Plant) -> None:
+    mesh = grown(plant)
     labels = [MATERIALS[name].label for name in mesh.materials]
-    if kind.name in BUSHES:
+    if plant.name in BUSHES:
         assert set(labels) == {Label.BUSH}
     else:
         assert labels == [Label.TRUNK, Label.TREETOP, Label.TRUNK][: len(labels)]
@@ -177,61 +177,61 @@ def test_classes_follow_from_the_materials(kind: Kind) -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_an_old_pine_is_grey_below_and_red_above(seed: int) -> None:
-    mesh = grow(Kind("pine", 12.0), seed)
+def test_old_pine_has_two_barks_one_above_the_other(seed: int) -> None:
+    mesh = grow(Plant("pine", 12.0), seed)
     assert mesh.materials == ("bark_pine", "leaf_pine", "bark_pine_upper")
     height = mesh.vertices[mesh.faces][:, :, 2].mean(1)
     assert height[mesh.material == 0].max() < 0.6 * 12.0
     assert height[mesh.material == 2].min() > 0.2 * 12.0
 
 
-@pytest.mark.parametrize("kind", [k for k in (*LARGE, *STAND) if k.name != "spruce"], ids=str)
+@pytest.mark.parametrize("plant", [k for k in (*LARGE, *STAND) if k.name != "spruce"], ids=str)
 @seeds
-def test_below_the_clear_height_is_nothing_but_the_trunk(kind: Kind, seed: int) -> None:
-    mesh, habit = grow(kind, seed), kind.habit(seed)
+def test_only_the_trunk_is_below_the_clear_height(plant: Plant, seed: int) -> None:
+    mesh, habit = grow(plant, seed), plant.habit(seed)
     clear = habit.clear - 0.1
     assert clear > 1.5
     low = mesh.vertices[mesh.vertices[:, 2] < clear]
     (trunk,) = mesh.colliders
     assert trunk.size[1] == 2.0
-    # The trunk's collider, the root flare, and what it leans.
+    # The trunk's collider, the root flare, and the lean.
     assert np.hypot(low[:, 0], low[:, 1]).max() < 2.5 * trunk.size[0] + 0.25
     assert blades(mesh, habit.leaf).corners[:, :, 2].min() > clear
 
 
 @pytest.mark.parametrize("name", ["lime", "birch", "oak"])
-def test_nothing_hangs_into_a_walker_s_way_below_a_young_park_tree(name: str) -> None:
-    kind = Kind(name, 4.0)
-    assert blades(grown(kind), kind.habit().leaf).corners[:, :, 2].min() > 1.0
+def test_young_park_trees_have_no_leaves_below_one_metre(name: str) -> None:
+    plant = Plant(name, 4.0)
+    assert blades(grown(plant), plant.habit().leaf).corners[:, :, 2].min() > 1.0
 
 
 @tree
 @seeds
-def test_no_old_trunk_leans_over(name: str, seed: int) -> None:
-    habit = Kind(name, 14.0, "stand").habit(seed)
+def test_lean_of_old_trunks_is_limited(name: str, seed: int) -> None:
+    habit = Plant(name, 14.0, "stand").habit(seed)
     trunk = grow_skeleton(habit, 14.0, np.random.default_rng(seed))[0].axis[0]
     lean = np.degrees(np.arctan2(np.hypot(*(trunk[-1] - trunk[0])[:2]), trunk[-1, 2] - trunk[0, 2]))
-    assert lean < habit.lean_limit + 1.5  # which the fit to the height adds
+    assert lean < habit.lean_limit + 1.5  # added by the fit to the height
     assert habit.lean_limit < 10
 
 
 @pytest.mark.parametrize("name", [n for n in TREES if n not in ("spruce", "pine")])
 @seeds
-def test_a_crown_is_neither_a_ball_nor_a_stick(name: str, seed: int) -> None:
-    kind = Kind(name, 11.0)
-    leaves = blades(grow(kind, seed), kind.habit(seed).leaf).corners.mean(1)
+def test_crown_radius_varies_with_azimuth(name: str, seed: int) -> None:
+    plant = Plant(name, 11.0)
+    leaves = blades(grow(plant, seed), plant.habit(seed).leaf).corners.mean(1)
     centre = leaves.mean(0)
     sector = ((np.arctan2(*(leaves - centre)[:, 1::-1].T) / (2 * np.pi) + 0.5) * 24).astype(int) % 24
-    reach = np.array([np.quantile(np.hypot(*(leaves - centre)[sector == k, :2].T), 0.98) for k in range(24)])
-    assert reach.std() / reach.mean() > 0.08
-    assert reach.min() > 0.05 * 11.0
+    radius = np.array([np.quantile(np.hypot(*(leaves - centre)[sector == k, :2].T), 0.98) for k in range(24)])
+    assert radius.std() / radius.mean() > 0.08
+    assert radius.min() > 0.05 * 11.0
 
 
 @tree
 @seeds
-def test_a_crown_is_dense_and_yet_lets_some_sky_through(name: str, seed: int) -> None:
-    """Rays from the side through the crown's inner half: the share that meets a leaf, in orthographic projection."""
-    mesh = grow(Kind(name, 11.0), seed)
+def test_crown_covers_most_but_not_all_of_the_sky(name: str, seed: int) -> None:
+    """Share of horizontal rays through the crown's inner half that hit a leaf."""
+    mesh = grow(Plant(name, 11.0), seed)
     corner = mesh.vertices[mesh.faces[mesh.material == FOLIAGE]].astype(np.float64)[..., 1:]
     middle, spread = np.median(corner, (0, 1)), corner.std((0, 1))
     covered = []
@@ -243,21 +243,21 @@ def test_a_crown_is_dense_and_yet_lets_some_sky_through(name: str, seed: int) ->
     assert (0.42 if name == "pine" else 0.55) < np.mean(covered) < 0.98
 
 
-@kinds
-def test_leaves_turn_their_upper_side_to_the_light(kind: Kind) -> None:
-    mesh = grown(kind)
+@plants
+def test_upper_sides_of_leaves_face_up_and_agree_with_shading_normals(plant: Plant) -> None:
+    mesh = grown(plant)
     faces = mesh.faces[mesh.material == FOLIAGE]
     corner = mesh.vertices[faces].astype(np.float64)
     normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    assert (normal[:, 2] > 0).mean() > (0.5 if kind.name == "pine" else 0.6)
-    # the shading normal is on the same side as the geometry for all but the leaves that curl away
+    assert (normal[:, 2] > 0).mean() > (0.5 if plant.name == "pine" else 0.6)
+    # the shading normal is on the same side as the geometry for all but curled leaves
     assert ((normal * mesh.normals[faces].mean(1)).sum(1) > 0).mean() > 0.97
 
 
-@kinds
-def test_leaf_coordinates_run_from_stalk_to_tip(kind: Kind) -> None:
-    leaf = kind.habit().leaf
-    uv = blades(grown(kind), leaf).uv
+@plants
+def test_leaf_coordinates_run_from_stalk_to_tip(plant: Plant) -> None:
+    leaf = plant.habit().leaf
+    uv = blades(grown(plant), leaf).uv
     assert uv.min() >= 0
     assert uv.max() <= 1
     if leaf.prongs:
@@ -269,9 +269,9 @@ def test_leaf_coordinates_run_from_stalk_to_tip(kind: Kind) -> None:
         np.testing.assert_allclose(uv[:, [0, tip], 0], 0.5)
 
 
-@kinds
-def test_the_same_seed_gives_the_same_bytes_and_another_another_plant(kind: Kind) -> None:
-    first, again, other = grown(kind), grow(kind), grow(kind, 9)
+@plants
+def test_same_seed_gives_same_bytes_and_another_seed_another_plant(plant: Plant) -> None:
+    first, again, other = grown(plant), grow(plant), grow(plant, 9)
     for part in ("vertices", "normals", "uv", "faces", "material"):
         assert getattr(first, part).tobytes() == getattr(again, part).tobytes()
     assert first.colliders == again.colliders
@@ -281,10 +281,10 @@ def test_the_same_seed_gives_the_same_bytes_and_another_another_plant(kind: Kind
 
 @tree
 def test_individuals_differ_visibly(name: str) -> None:
-    """Height of the crown's middle, its reach and its leaf area vary by more than a few percent."""
+    """Height of the crown's middle, its offset from the trunk and its leaf area vary by more than a few percent."""
     seen = []
     for seed in range(6):
-        mesh = grow(Kind(name, 14.0, "stand", 0.1), seed)
+        mesh = grow(Plant(name, 14.0, "stand", 0.1), seed)
         leaves = mesh.vertices[mesh.faces[mesh.material == FOLIAGE]].mean(1)
         seen.append([np.median(leaves[:, 2]), np.hypot(*leaves[:, :2].mean(0)), leaf_area(mesh)])
     middle, aside, area = np.array(seen).T
@@ -294,10 +294,10 @@ def test_individuals_differ_visibly(name: str) -> None:
 
 
 @tree
-def test_a_tree_of_a_stand_has_a_higher_narrower_crown(name: str) -> None:
+def test_tree_in_a_stand_has_a_higher_narrower_crown(name: str) -> None:
     crowns = []
     for grown_in in ("open", "stand"):
-        meshes = [grow(Kind(name, 12.0, grown_in, 0.25), seed) for seed in range(4)]
+        meshes = [grow(Plant(name, 12.0, grown_in, 0.25), seed) for seed in range(4)]
         leaves = [m.vertices[m.faces[m.material == FOLIAGE]].mean(1) for m in meshes]
         crowns.append(
             [
@@ -306,44 +306,44 @@ def test_a_tree_of_a_stand_has_a_higher_narrower_crown(name: str) -> None:
                 np.mean([m.footprint for m in meshes]),
             ]
         )
-    (low, wide, room), (high, narrow, least) = crowns
+    (low, wide, open_footprint), (high, narrow, stand_footprint) = crowns
     assert high > low + 1.0
     assert narrow < 0.9 * wide
-    assert least < 0.75 < room
+    assert stand_footprint < 0.75 < open_footprint
 
 
 @tree
-def test_a_young_tree_is_no_small_old_one(name: str) -> None:
-    kinds_ = Kind(name, 11.0), Kind(name, 4.0)
-    old, young = (grown(k) for k in kinds_)
+def test_young_tree_is_not_a_scaled_old_one(name: str) -> None:
+    both = Plant(name, 11.0), Plant(name, 4.0)
+    old, young = (grown(k) for k in both)
     assert young.colliders[0].size[0] / 4.0 < 0.8 * old.colliders[0].size[0] / 11.0
-    size = [np.linalg.norm(b.tip - b.base, axis=1).mean() for b in (blades(grown(k), k.habit().leaf) for k in kinds_)]
+    size = [np.linalg.norm(b.tip - b.base, axis=1).mean() for b in (blades(grown(k), k.habit().leaf) for k in both)]
     assert size[1] > 0.5 * size[0]
 
 
-@kinds
-def test_room_and_collider(kind: Kind) -> None:
-    mesh = grown(kind)
+@plants
+def test_collider_is_within_the_footprint(plant: Plant) -> None:
+    mesh = grown(plant)
     (collider,) = mesh.colliders
     assert collider.shape == "cylinder"
-    assert collider.size[0] < mesh.footprint < 0.8 * kind.height
-    assert collider.size[1] <= max(2.0, kind.height)
+    assert collider.size[0] < mesh.footprint < 0.8 * plant.height
+    assert collider.size[1] <= max(2.0, plant.height)
 
 
 @trees
-def test_what_a_robot_meets_of_branches_lies_within_the_footprint(kind: Kind) -> None:
-    mesh = grown(kind)
+def test_low_branches_are_within_the_footprint(plant: Plant) -> None:
+    mesh = grown(plant)
     low = mesh.vertices[(mesh.vertices[:, 2] < 1.3) & (mesh.vertices[:, 2] > 0.3)]
     assert (np.hypot(low[:, 0], low[:, 1]) < mesh.footprint + 0.02).mean() > 0.97
 
 
 @pytest.mark.parametrize("height", [-1.0, 0.0, 1.5, 30.0, float("nan")])
-def test_a_height_that_no_lime_has(height: float) -> None:
-    with pytest.raises(ValueError, match=r"height of a lime = .* m: must be from"):
-        grow(Kind("lime", height))
+def test_height_outside_the_range_of_the_species_is_rejected(height: float) -> None:
+    with pytest.raises(ValueError, match=r"height of lime must be between .* m, got"):
+        grow(Plant("lime", height))
 
 
 @pytest.mark.parametrize("detail", [0.0, 0.01, 1.5, float("nan")])
-def test_a_detail_that_no_tree_has(detail: float) -> None:
-    with pytest.raises(ValueError, match=r"detail of a tree = .*: must be from 0.03 to 1"):
-        grow(Kind("lime", 10.0, "open", detail))
+def test_detail_out_of_range_is_rejected(detail: float) -> None:
+    with pytest.raises(ValueError, match=r"detail must be between 0\.03 and 1, got"):
+        grow(Plant("lime", 10.0, "open", detail))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The skeleton and its skin: joints, tapers and normals of every kind of plant."""
+"""Skeletons and their surfaces: joints, tapers and normals for every species."""
 
 from itertools import pairwise
 
@@ -24,7 +24,7 @@ def skeleton(species: Species, height: float, seed: int = 5) -> tuple[Stems, ...
 
 
 @plants
-def test_stems_taper_and_are_no_thicker_than_their_parent_at_the_joint(species: Species, height: float) -> None:
+def test_stems_taper_and_are_not_thicker_than_their_parent_at_the_joint(species: Species, height: float) -> None:
     orders = skeleton(species, height)
     for parents, stems in pairwise(orders):
         assert (np.diff(stems.radius, axis=1) <= 0).all()
@@ -35,17 +35,17 @@ def test_stems_taper_and_are_no_thicker_than_their_parent_at_the_joint(species: 
 
 
 @plants
-def test_stems_begin_inside_their_parent(species: Species, height: float) -> None:
+def test_stems_start_inside_their_parent(species: Species, height: float) -> None:
     orders = skeleton(species, height)
     for parents, stems in pairwise(orders):
         axis, _, radius = parents.at(stems.parent, stems.joint)
         gap = np.linalg.norm(stems.axis[:, 0] - axis, axis=1)
-        # Shearing bends the parents, and the chord of a segment then misses the arc by a few millimetres.
+        # Shearing bends the parents; the chord of a segment is then a few millimetres off the arc.
         assert (gap <= radius + (0.015 if species.grown.sheared else 0)).all()
 
 
 @plants
-def test_several_orders_and_their_numbers(species: Species, height: float) -> None:
+def test_orders_have_about_the_stated_number_of_stems(species: Species, height: float) -> None:
     habit = species.habit(height)
     orders = skeleton(species, height)
     assert len(orders) >= 3
@@ -56,7 +56,7 @@ def test_several_orders_and_their_numbers(species: Species, height: float) -> No
 
 @pytest.mark.parametrize("height", [9.0, 11.0, 15.0])
 @pytest.mark.parametrize("name", TREES)
-def test_the_highest_twig_is_at_the_height(name: str, height: float) -> None:
+def test_highest_twig_is_at_the_requested_height(name: str, height: float) -> None:
     top = max(float(stems.axis[:, :, 2].max()) for stems in skeleton(TREES[name], height))
     assert top == pytest.approx(height, abs=1e-9)
 
@@ -68,7 +68,7 @@ def straight(radius: float, length: float, nodes: int = 5) -> Stems:
     return Stems(axis=axis, radius=taper, length=np.array([length]), parent=none, joint=np.zeros(1), limb=none)
 
 
-def test_a_straight_tube_is_a_cone() -> None:
+def test_tube_around_a_straight_stem_is_a_cone() -> None:
     stems = straight(0.3, 4.0)
     vertices, normals, uv, faces = tubes(stems, 8)
     rings = vertices.reshape(5, 9, 3)
@@ -77,13 +77,13 @@ def test_a_straight_tube_is_a_cone() -> None:
     np.testing.assert_array_equal(rings[:, 0], rings[:, -1])
     # slope of the side: 0.15 m over 4 m
     np.testing.assert_allclose(normals[:, 2], (0.15 / 4) / np.hypot(1, 0.15 / 4), atol=1e-12)
-    # circumference 1.885 m: three repeats of 0.628 m around, the same scale along
+    # circumference 1.885 m: three repeats of 0.628 m around, same scale along the stem
     np.testing.assert_allclose(uv.reshape(5, 9, 2)[:, -1, 0] - uv.reshape(5, 9, 2)[:, 0, 0], 3)
     assert uv[:, 1].max() == pytest.approx(4.0 / (2 * np.pi * 0.3 / 3))
     assert len(faces) == 2 * 8 * 4 - 8
 
 
-def test_the_trunk_widens_at_the_ground_by_its_flare() -> None:
+def test_trunk_widens_at_the_ground_by_its_flare() -> None:
     vertices, _, _, _ = trunk(straight(0.2, 6.0), 32, 0.5, np.random.default_rng(0))
     radius = np.hypot(vertices[:, 0], vertices[:, 1])
     ground = np.abs(vertices[:, 2]) < 0.05
@@ -93,7 +93,7 @@ def test_the_trunk_widens_at_the_ground_by_its_flare() -> None:
 
 
 @plants
-def test_normals_of_the_bark_point_outwards(species: Species, height: float) -> None:
+def test_bark_normals_point_outwards(species: Species, height: float) -> None:
     habit = species.habit(height)
     orders = skeleton(species, height)
     surfaces = [(tubes(s, o.sides), s, o.sides) for s, o in zip(orders[1:], habit.orders, strict=True)]
@@ -104,7 +104,7 @@ def test_normals_of_the_bark_point_outwards(species: Species, height: float) -> 
         corner = vertices[faces]
         face_normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
         agree = (face_normal * normals[faces].mean(1)).sum(1) > 0
-        assert agree.mean() > 0.995  # a sharp bend of a thick stem may fold a few triangles over on its inner side
+        assert agree.mean() > 0.995  # a sharp bend of a thick stem may fold a few triangles on its inner side
         assert np.isfinite(uv).all()
         if sides:
             rings = stems.axis.shape[1]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rocks are closed bodies of the size and the triangles asked for, lie in the ground, and fill their colliders."""
+"""Rocks are closed bodies of the requested size and triangles, lie in the ground, and fill their colliders."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def inclined(slope_deg: float) -> Heightfield:
     return Heightfield(heights=heights, spacing=0.2, x0=-5.0, y0=-5.0)
 
 
-def test_a_geodesic_net_is_a_sphere() -> None:
+def test_geodesic_vertices_are_on_the_unit_sphere() -> None:
     for frequency in (1, 2, 5):
         directions, faces = geodesic(frequency)
         assert len(faces) == 20 * frequency**2
@@ -40,23 +40,23 @@ def test_a_geodesic_net_is_a_sphere() -> None:
         assert np.all(np.linalg.det(directions[faces]) > 0)  # all face outwards
 
 
-def test_planes_cut_a_cube_whose_corners_wear_off() -> None:
-    """Six planes at distance 1: 1 along the axes, the root of 3 to the corners, and less as the norm's p falls."""
+def test_six_planes_cut_a_cube_whose_corners_wear_off() -> None:
+    """Planes at distance 1: radius 1 along the axes, root of 3 to the corners, less for a smaller p of the norm."""
     planes = np.concatenate([np.eye(3), -np.eye(3)])
-    ways = np.array([[1.0, 0, 0], [0, -1, 0], np.ones(3) / np.sqrt(3)])
-    assert worn_radius(ways, planes, 200.0) == pytest.approx([1, 1, np.sqrt(3)], rel=0.01)
-    assert worn_radius(ways, planes, 2.0) == pytest.approx([1, 1, 1])  # the Euclidean norm is a ball
+    directions = np.array([[1.0, 0, 0], [0, -1, 0], np.ones(3) / np.sqrt(3)])
+    assert worn_radius(directions, planes, 200.0) == pytest.approx([1, 1, np.sqrt(3)], rel=0.01)
+    assert worn_radius(directions, planes, 2.0) == pytest.approx([1, 1, 1])  # the Euclidean norm is a ball
 
 
-def test_size_triangles_and_class(rock: Mesh) -> None:
+def test_size_triangles_and_class_are_as_requested(rock: Mesh) -> None:
     assert np.ptp(rock.vertices[:, :2], axis=0).max() == pytest.approx(1.4, abs=1e-5)
     assert len(rock.faces) == 720
     assert [MATERIALS[n].label for n in rock.materials] == [Label.ROCK]
     assert np.linalg.norm(rock.normals, axis=1) == pytest.approx(1.0, abs=1e-5)
 
 
-def test_it_is_a_closed_body(rock: Mesh) -> None:
-    """Every edge belongs to two triangles that run through it in opposite directions, and the volume is positive."""
+def test_mesh_is_closed(rock: Mesh) -> None:
+    """Every edge belongs to two triangles that traverse it in opposite directions, and the volume is positive."""
     _, joined = np.unique(np.round(rock.vertices, 5), axis=0, return_inverse=True)
     faces = joined.ravel()[rock.faces]
     edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
@@ -67,13 +67,13 @@ def test_it_is_a_closed_body(rock: Mesh) -> None:
     assert 0.2 < np.linalg.det(corners).sum() / 6 / np.prod(np.ptp(rock.vertices, axis=0)) < 1.0
 
 
-def test_a_good_part_lies_in_the_ground(rock: Mesh) -> None:
+def test_part_of_the_rock_is_in_the_ground(rock: Mesh) -> None:
     low, high = float(rock.vertices[:, 2].min()), float(rock.vertices[:, 2].max())
     assert 0.2 - 1e-4 < -low / (high - low) < 0.4 + 1e-4
 
 
-def test_the_texture_is_not_drawn_out(rock: Mesh) -> None:
-    """Area in the texture is at least cos 60 deg of the area on the rock, and never more than it."""
+def test_texture_is_not_stretched(rock: Mesh) -> None:
+    """Texture area is at least cos 60 deg of the area on the rock, and at most equal."""
     corners, uv = rock.vertices[rock.faces].astype(float), rock.uv[rock.faces].astype(float) * TEXTURE_LENGTH
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     s, t = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
@@ -82,22 +82,22 @@ def test_the_texture_is_not_drawn_out(rock: Mesh) -> None:
     assert np.average(share > 0.5, weights=area) > 0.95
 
 
-def test_the_collider_encloses_what_is_above_the_ground_closely(rock: Mesh) -> None:
+def test_collider_encloses_the_visible_part_tightly(rock: Mesh) -> None:
     (collider,) = rock.colliders
     visible = rock.vertices[rock.vertices[:, 2] > 0.0].astype(float) - collider.position
     turn = np.radians(collider.yaw_deg)
     across = visible[:, :2] @ [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
     if collider.shape == "box":
-        reach = np.abs(across) / (np.array(collider.size[:2]) / 2)
+        share = np.abs(across) / (np.array(collider.size[:2]) / 2)
     else:
-        reach = np.linalg.norm(across, axis=1, keepdims=True) / collider.size[0]
-    assert 0.75 < reach.max() < 1 + 1e-5
+        share = np.linalg.norm(across, axis=1, keepdims=True) / collider.size[0]
+    assert 0.75 < share.max() < 1 + 1e-5
     assert visible[:, 2].max() == pytest.approx(collider.size[-1], abs=1e-5)
     assert np.hypot(*rock.vertices[rock.vertices[:, 2] > 0, :2].T).max() <= rock.footprint + 1e-5
 
 
-def test_normals_break_at_a_crease_and_not_below_it() -> None:
-    """Two triangles that bend by 40 deg share a normal for a crease of 50 deg and have their own for one of 30."""
+def test_normals_are_shared_below_the_crease_angle_only() -> None:
+    """Two triangles at 40 deg share a normal for a crease of 50 deg and have their own for one of 30 deg."""
     bend = np.radians(40)
     vertices = np.array([(0, 0, 0), (0, 1, 0), (1, 0, 0), (-np.cos(bend), 0, -np.sin(bend))])
     faces = np.array([(0, 2, 1), (0, 1, 3)])
@@ -138,7 +138,7 @@ def test_scattered_rocks_keep_apart_off_corridors_and_where_they_may() -> None:
         scatter_rocks(site, "rock", [mesh], 2000, rng=np.random.default_rng(1), density=north)
 
 
-def test_same_seed_same_rock_and_bad_wishes() -> None:
+def test_same_seed_gives_same_rock_and_sizes_out_of_range_are_rejected() -> None:
     first, again, other = (
         make_rock(ROCK_TYPES["granite"], name="r", size=1.0, rng=np.random.default_rng(k)) for k in (1, 1, 2)
     )

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Textures tile, have the albedo that is said of them, follow the seed, and serve every material."""
+"""Textures tile, have the stated albedo, depend on the seed, and exist for every material."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from fieldtruth.world.textures.canvas import cells, even_out, finish, halve, lin
 
 SEED = np.random.SeedSequence(3)
 THIN = ("leaf_", "blade_", "frond_", "petal_")
-"""What lets light through is drawn whole, from its base to its tip or from rim to rim, and does not tile."""
+"""Translucent surfaces are drawn as a whole leaf, blade or flower and do not tile."""
 
 # Least and most mean linear albedo of red, green and blue.
 ALBEDO = {
@@ -50,29 +50,29 @@ def test_shape_and_mean_albedo(name: str) -> None:
 
 @pytest.mark.parametrize("name", [n for n in TEXTURES if not n.startswith(THIN)])
 @pytest.mark.parametrize("axis", [0, 1])
-def test_no_seam(name: str, axis: int) -> None:
-    """Neighbours across the edge differ no more than neighbours inside do from line to line."""
+def test_texture_has_no_seam(name: str, axis: int) -> None:
+    """Lines on both sides of the edge differ no more than neighbouring lines inside."""
     image = np.moveaxis(make_texture(name, SEED).astype(np.float64), axis, 0)
     steps = np.abs(image - np.roll(image, 1, axis=0)).mean(axis=(1, 2))
     assert steps[0] <= steps[1:].mean() + 4 * steps[1:].std()
 
 
 @pytest.mark.parametrize("name", ["lawn", "lawn_dry", "soil", "mulch", "litter", "gravel", "meadow"])
-def test_no_patch_that_shows_the_repetition(name: str) -> None:
-    """The four quarters of a ground are equally bright, within a twentieth."""
+def test_quarters_of_a_ground_texture_are_equally_bright(name: str) -> None:
+    """A brighter patch would show the repetition."""
     light = linear(make_texture(name, SEED)).mean(axis=2)
     quarters = light.reshape(2, len(light) // 2, 2, len(light) // 2).mean(axis=(1, 3))
     assert np.ptp(quarters) < 0.05 * quarters.mean()
 
 
-def test_same_seed_same_bytes_other_seed_others() -> None:
+def test_same_seed_gives_same_bytes_and_another_seed_another_texture() -> None:
     for name in ("gravel", "bark_birch", "leaf_oak"):
         again = make_texture(name, np.random.SeedSequence(3))
         assert again.tobytes() == make_texture(name, SEED).tobytes()
         assert make_texture(name, np.random.SeedSequence(4)).tobytes() != again.tobytes()
 
 
-def test_a_texture_depends_on_its_name_and_not_on_the_others() -> None:
+def test_texture_depends_on_its_name_and_the_parent_seed_only() -> None:
     assert make_texture("concrete", SEED).tobytes() == make_texture("concrete", SEED).tobytes()
     parent = np.random.SeedSequence(3).spawn(2)
     assert make_texture("glass", parent[0]).tobytes() != make_texture("glass", parent[1]).tobytes()
@@ -85,7 +85,7 @@ def test_every_material_has_its_texture_and_every_texture_a_material() -> None:
 
 
 def test_labels_of_materials() -> None:
-    """A material's class follows from what it is for; plants are asked one by one below."""
+    """The first word of a material's name implies its class; plants are tested below."""
     prefixes = {
         "bench": Label.BENCH, "table": Label.TABLE, "lamp": Label.LAMP_POST, "bin": Label.TRASH_BIN,
         "lawn": Label.GROUND, "soil": Label.GROUND, "mulch": Label.GROUND, "litter": Label.GROUND,
@@ -97,17 +97,17 @@ def test_labels_of_materials() -> None:
 
 
 @pytest.mark.parametrize("species", TREES.values(), ids=str)
-def test_materials_of_trees(species: Species) -> None:
+def test_trees_are_trunk_and_treetop(species: Species) -> None:
     assert MATERIALS[species.wood].label == Label.TRUNK
     assert MATERIALS[species.foliage].label == Label.TREETOP
 
 
-@pytest.mark.parametrize("kind", BUSHES.values(), ids=str)
-def test_materials_of_bushes(kind: Species) -> None:
-    assert MATERIALS[kind.wood].label == MATERIALS[kind.foliage].label == Label.BUSH
+@pytest.mark.parametrize("species", BUSHES.values(), ids=str)
+def test_bushes_are_bush(species: Species) -> None:
+    assert MATERIALS[species.wood].label == MATERIALS[species.foliage].label == Label.BUSH
 
 
-def test_only_leaves_let_light_through() -> None:
+def test_only_thin_surfaces_are_translucent() -> None:
     assert {n for n, m in MATERIALS.items() if m.translucency > 0} == {n for n in MATERIALS if n.startswith(THIN)}
 
 
@@ -116,17 +116,17 @@ def test_tinted_albedo_stays_below_one() -> None:
         assert (np.array(material.tint) * TEXTURES[material.texture].albedo).max() < 0.85
 
 
-def test_leaf_shows_its_midrib() -> None:
+def test_leaf_texture_has_a_midrib() -> None:
     for name in ("leaf_lime", "leaf_birch", "leaf_oak", "leaf_hazel"):
         column = linear(make_texture(name, SEED)).mean(axis=(0, 2))
         assert 0.47 < (column.argmax() + 0.5) / len(column) < 0.53
 
 
-def test_linear_follows_the_standard() -> None:
+def test_linear_light_follows_the_srgb_standard() -> None:
     np.testing.assert_allclose(linear([0, 255, 118, 188]), [0, 1, 0.1812, 0.5029], atol=2e-4)
 
 
-def test_noise_has_its_scale_and_wraps() -> None:
+def test_noise_has_the_requested_frequencies_and_wraps() -> None:
     rng = np.random.default_rng(1)
     field = noise(rng, 128, 8, 16, slope=0.0)
     assert abs(field.mean()) < 1e-5
@@ -156,7 +156,7 @@ def test_cells_agree_with_brute_force() -> None:
     assert (found.owner == np.argmin(distances, axis=0)).all()
 
 
-def test_the_highest_piece_is_seen() -> None:
+def test_highest_piece_is_visible() -> None:
     rng = np.random.default_rng(2)
     low = stamps(rng, 64, [20.0], [20.0], lambda a, b, _: 1 - a**2 - b**2, 0.3)
     high = stamps(rng, 64, [9.0], [9.0], lambda a, b, _: 1 - a**2 - b**2, 0.9)
@@ -169,7 +169,7 @@ def test_the_highest_piece_is_seen() -> None:
     assert np.count_nonzero(alone.owner == 0) == pytest.approx(np.pi * 400, rel=0.03)
 
 
-def test_strokes_keep_their_length() -> None:
+def test_strokes_have_the_requested_length() -> None:
     blades = strokes(np.random.default_rng(4), 256, 50, (10.0, 20.0), 2.0, 0.0)
     for k in range(50):
         own = blades.owner == k
@@ -180,7 +180,7 @@ def test_strokes_keep_their_length() -> None:
     assert blades.height.max() <= 1
 
 
-def test_colours_are_mixed_halved_evened_and_finished() -> None:
+def test_mix_halve_even_out_and_finish() -> None:
     ends = mix([(0, 0, 0), (255, 255, 255)], np.array([[0.0, 0.5], [1.0, 2.0]]))
     np.testing.assert_allclose(ends[..., 0], [[0.0, 0.5], [1.0, 1.0]], atol=1e-3)
     image = np.zeros((4, 4, 3), np.float32)

@@ -124,7 +124,7 @@ class Section(Mapping[str, T]):
     """The entries of one section of all data files by name: those of ``first`` in that order, then in files' order."""
 
     def __init__(self, name: str, read: Callable[[str, Entry, str], T], first: tuple[str, ...] = ()) -> None:
-        """``read`` makes a model from a name, the entry, and the place to name in messages."""
+        """``read`` makes a model from a name, the entry, and its file and section for messages."""
         self._name = name
         self._read = read
         self._first = first

@@ -1,13 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shapes that grass and herbs are made of: bent blades, pairs of pinnae, flower discs and spindles.
+"""Shapes of grass and herbs: bent blades, pairs of pinnae, flower discs and spindles.
 
-Vertices come in groups of four or eight, and the first vertex of every triangle of what is thin is in its shape's first
-four, because cameras give each group of four a shade of its own: a blade is one colour from foot to tip. A blade of
-eight vertices is a chain of root point, three pairs, and tip; one of four is a kite.
+Shapes have four or eight vertices. Cameras vary the shade by groups of four vertices, by the first vertex of each
+triangle; in thin shapes that vertex is one of the first four, so that a blade has one shade. A blade of eight vertices
+is a root point, three pairs, and a tip; one of four is a kite.
 
-Shading normals lean towards the zenith, so that a meadow takes the light as a soft volume and not as a heap of mirrors
-(as leaves do in `leaves`).
+Shading normals are blended with the vertical, so that a meadow is lit as a soft volume (as for leaves in `leaves`).
 """
 
 from typing import Final
@@ -20,21 +19,20 @@ from fieldtruth.world.plants.growth import unit
 from fieldtruth.world.plants.meshing import Surface
 
 STEPS: Final = 24
-"""Steps in which a midrib is bent."""
+"""Segments of a midrib."""
 UPWARD_BLEND: Final = 0.6
 """Weight of "up" in a blade's shading normal."""
 _UP: Final = np.array([0.0, 0.0, 1.0])
-_LEVELS: Final = np.array([0.3, 0.62, 0.86])  # of the length, where a blade's pairs of vertices are
-_WIDTHS: Final = np.array([1.0, 0.86, 0.5])  # there, relative to the widest
+_LEVELS: Final = np.array([0.3, 0.62, 0.86])  # of a blade's pairs of vertices, relative to the length
+_WIDTHS: Final = np.array([1.0, 0.86, 0.5])  # at these levels, relative to the widest
 
 
 def midribs(foot: Array, azimuth: Array, length: Array, lean: Array, bend: Array, drift: Array) -> Array:
     """Midribs (n, STEPS + 1, 3) [m] from ``foot`` (n, 3), ``length`` (n,) [m] long.
 
-    They leave the ground at ``lean`` [rad] from upright towards ``azimuth`` [rad], and sink: the inclination grows by
-    ``bend`` [rad] until the tip, slowly at first, as that of a thrown particle does (Reeves and Blau, "Approximate and
-    Probabilistic Algorithms for Shading and Rendering Structured Particle Systems", SIGGRAPH 1985), while the azimuth
-    turns by ``drift`` [rad].
+    They start at ``lean`` [rad] from vertical towards ``azimuth`` [rad]. The inclination grows by ``bend`` [rad] until
+    the tip, slowly at first, like that of a thrown particle (Reeves and Blau, "Approximate and Probabilistic Algorithms
+    for Shading and Rendering Structured Particle Systems", SIGGRAPH 1985), and the azimuth turns by ``drift`` [rad].
     """
     s = (np.arange(STEPS) + 0.5) / STEPS
     tilt = lean[:, None] + bend[:, None] * s**1.5
@@ -46,27 +44,27 @@ def midribs(foot: Array, azimuth: Array, length: Array, lean: Array, bend: Array
 
 def along(path: Array, row: NDArray[np.intp], fraction: Array) -> tuple[Array, Array]:
     """Position [m] and unit tangent (m, 3) of midrib ``row`` at a fraction of its length (m,)."""
-    place = np.clip(fraction, 0, 1) * STEPS
-    i = np.minimum(place.astype(np.intp), STEPS - 1)
-    f = (place - i)[:, None]
+    at = np.clip(fraction, 0, 1) * STEPS
+    i = np.minimum(at.astype(np.intp), STEPS - 1)
+    f = (at - i)[:, None]
     a, b = path[row, i], path[row, i + 1]
     return a + f * (b - a), unit(b - a)
 
 
 def strips(path: Array, width: Array, depth: Array, roll: Array, twist: Array, band: Array, *, kite: bool) -> Surface:
-    """Blades along midribs, ``width`` (n,) [m] wide, rooted ``depth`` (n,) [m] below their feet.
+    """Blades along midribs, ``width`` (n,) [m] wide, rooted ``depth`` (n,) [m] below the start of the midribs.
 
-    A blade's upper side faces the middle of the tuft where it is upright; it is turned about the midrib by ``roll``
-    and from foot to tip by ``twist`` (n,) [rad]. ``band`` (n, 2): the u of its left and right edges; v runs from root
-    to tip. A ``kite`` has two triangles in place of six.
+    The upper side of an upright blade faces the middle of the tuft; it is turned about the midrib by ``roll`` and, from
+    root to tip, by ``twist`` (n,) [rad]. ``band`` (n, 2) is u of its left and right edges; v runs from root to tip. A
+    ``kite`` has two triangles instead of six.
     """
     n = len(path)
     levels, widths = (np.array([0.4]), np.array([1.0])) if kite else (_LEVELS, _WIDTHS)
     k = len(levels)
     rows = np.arange(n, dtype=np.intp).repeat(k)
-    place, tangent = (a.reshape(n, k, 3) for a in along(path, rows, np.tile(levels, n)))
+    middle, tangent = (a.reshape(n, k, 3) for a in along(path, rows, np.tile(levels, n)))
     across = np.cross(path[:, -1] - path[:, 0], _UP)
-    across[:, 0] += 1e-9  # a blade that ends above its foot has no side: any will do
+    across[:, 0] += 1e-9  # a vertical blade: any direction across it
     across = unit(across)[:, None]
     across = unit(across - (across * tangent).sum(-1, keepdims=True) * tangent)
     turn = (roll[:, None] + twist[:, None] * levels)[..., None]
@@ -74,9 +72,9 @@ def strips(path: Array, width: Array, depth: Array, roll: Array, twist: Array, b
     own = np.cross(across, tangent)
     own = np.where(own[..., 2:] < 0, -own, own)
 
-    reach = (0.5 * width[:, None] * widths)[..., None] * across
+    half = (0.5 * width[:, None] * widths)[..., None] * across
     root = path[:, :1] - depth[:, None, None] * _UP
-    left, right = place + reach, place - reach
+    left, right = middle + half, middle - half
     bulge = 0.4 * across
     ends = own[:, :1], own[:, -1:]
     u_left, u_right = (np.broadcast_to(band[:, i, None], (n, k)) for i in (0, 1))
@@ -97,15 +95,15 @@ def strips(path: Array, width: Array, depth: Array, roll: Array, twist: Array, b
 
 
 def lifted(normals: Array, blend: float = UPWARD_BLEND) -> Array:
-    """Unit normals with a share of "up"."""
+    """Unit normals blended with the vertical."""
     return unit((1 - blend) * unit(normals) + blend * _UP)
 
 
 def pinnae(path: Array, number: int, length: Array, start: float, rng: np.random.Generator) -> Surface:
     """Fronds: ``number`` pairs of pinnae along each midrib from ``start`` on; ``length`` (n,) [m] of the longest.
 
-    A pair is two triangles that share the edge on the midrib. They are longest at a third, shorter to both ends, lean
-    towards the tip, and hang a little. The frond's upper side faces up.
+    A pair is two triangles that share the edge on the midrib. Pinnae are longest at a third of the frond, lean towards
+    its tip, and droop a little. The upper side faces up.
     """
     n = len(path)
     row = np.arange(n, dtype=np.intp).repeat(number)
@@ -134,23 +132,23 @@ def pinnae(path: Array, number: int, length: Array, start: float, rng: np.random
 
 
 def kites(base: Array, direction: Array, upper: Array, length: Array, width: Array, widest: float) -> Surface:
-    """Small leaves and spikelets of two triangles, folded a little along the midrib; ``upper`` is about their normal.
+    """Small leaves and spikelets of two triangles, slightly folded; ``upper`` is approximately their normal.
 
-    ``base`` and ``direction`` (n, 3), ``length`` and ``width`` (n,) [m]; ``widest`` is a share of the length.
+    ``base`` and ``direction`` (n, 3), ``length`` and ``width`` (n,) [m]; ``widest`` is a fraction of the length.
     """
     n = len(base)
     normal = unit(upper - (upper * direction).sum(-1, keepdims=True) * direction)
     side = np.cross(normal, direction)
     middle = base + widest * length[:, None] * direction + 0.25 * width[:, None] * normal
-    reach = 0.5 * width[:, None] * side
-    vertices = np.stack([base, middle + reach, base + length[:, None] * direction, middle - reach], 1)
+    half = 0.5 * width[:, None] * side
+    vertices = np.stack([base, middle + half, base + length[:, None] * direction, middle - half], 1)
     normals = lifted(np.stack([normal, normal - 0.35 * side, normal, normal + 0.35 * side], 1), 0.35)
     uv = np.broadcast_to([[0.5, 0.03], [0.04, widest], [0.5, 0.97], [0.96, widest]], (n, 4, 2))
     return _gathered(vertices, normals, uv, [[0, 2, 1], [0, 3, 2]])
 
 
 def discs(centre: Array, normal: Array, radius: Array) -> Surface:
-    """Flat octagons: flowers; the texture's square holds the flower."""
+    """Flat octagons for flowers; the flower fills the texture."""
     n = len(centre)
     across = unit(np.cross(normal, [0.31, 0.95, 0.0]))
     over = np.cross(normal, across)
@@ -170,10 +168,10 @@ def spindles(low: Array, high: Array, radius: Array) -> Surface:
     over = np.cross(axis, across)
     turn = 2 * np.pi * np.arange(3) / 3
     spoke = np.cos(turn)[:, None] * across[:, None] + np.sin(turn)[:, None] * over[:, None]
-    reach = radius[:, None, None] * spoke
+    out = radius[:, None, None] * spoke
     rise = (high - low)[:, None]
-    vertices = np.concatenate([low[:, None], low[:, None] + 0.06 * rise + reach, low[:, None] + 0.94 * rise + reach,
-                               high[:, None]], 1)  # fmt: skip
+    start = low[:, None]
+    vertices = np.concatenate([start, start + 0.06 * rise + out, start + 0.94 * rise + out, high[:, None]], 1)
     normals = np.concatenate([-axis[:, None], spoke, spoke, axis[:, None]], 1)
     u = np.broadcast_to([0.5, 0.0, 0.33, 0.67, 0.0, 0.33, 0.67, 0.5], (n, 8))
     v = np.broadcast_to([0.0, 0.06, 0.06, 0.06, 0.94, 0.94, 0.94, 1.0], (n, 8))
@@ -186,9 +184,7 @@ def spindles(low: Array, high: Array, radius: Array) -> Surface:
 
 
 def _gathered(vertices: Array, normals: Array, uv: Array, pattern: list[list[int]]) -> Surface:
-    """One surface of ``n`` shapes of ``k`` vertices (n, k, ...), each with the triangles of ``pattern``."""
+    """One surface of ``n`` shapes of ``k`` vertices (n, k, ...), each with the faces of ``pattern``."""
     n, k, _ = vertices.shape
     faces = k * np.arange(n)[:, None, None] + np.array(pattern)
-    return (
-        vertices.reshape(-1, 3), normals.reshape(-1, 3), uv.reshape(-1, 2), faces.reshape(-1, 3).astype(np.int32),
-    )  # fmt: skip
+    return vertices.reshape(-1, 3), normals.reshape(-1, 3), uv.reshape(-1, 2), faces.reshape(-1, 3).astype(np.int32)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A bush in bloom: some of its leaves, in patches on the outside, are flowers."""
+"""A bush in bloom: some of its leaves, in patches on the outside, become flowers."""
 
 from dataclasses import replace
 from typing import Final
@@ -10,11 +10,11 @@ import numpy as np
 from fieldtruth.world.model import Mesh
 
 FLOWER_SIZE: Final = 0.6
-"""Length of a flower relative to the leaf in its place."""
+"""Length of a flower relative to the leaf that it replaces."""
 
 
 def in_bloom(mesh: Mesh, foliage: int, flower: str, share: float, rng: np.random.Generator) -> Mesh:
-    """The mesh with a ``share`` of the leaves of material row ``foliage`` in the material ``flower``.
+    """The mesh with a ``share`` of the leaves of material row ``foliage`` replaced by flowers.
 
     The triangles of a leaf share their first vertex. Leaves far from the middle bloom first, some patches more than
     others.

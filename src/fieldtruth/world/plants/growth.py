@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Growth of the skeleton: every stem of a plant as a tapering polyline, order after order, all of an order at once.
+"""Growth of the skeleton: every stem of a plant as a tapering polyline, vectorized over all stems of an order.
 
 After Weber and Penn (1995): a stem sprouts from its parent at an angle, its length follows from the crown's outline or
-from its parent's, its radius from its length. We depart where they use fixed curvature: the direction of a stem does a
-random walk with a pull up or down, which gives crooked limbs and hanging twigs; and stems that would dip below
-the clear height are pruned, as gardeners do.
+from its parent's length, its radius from its length. Unlike theirs, with fixed curvature, the direction of a stem does
+a random walk with a pull up or down, which gives crooked limbs and hanging twigs. Stems that would dip below the clear
+height are pruned.
 """
 
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.world.plants.species import Habit, Order, outline_ratio
 
 TIP_RADIUS: Final = 0.0015  # [m]
-ROOT_DEPTH: Final = 0.2  # [m] by which stems reach into the soil
+ROOT_DEPTH: Final = 0.2  # [m] of stems in the soil
 JOINT_RATIO: Final = 0.85  # largest radius of a stem relative to its parent's where it sprouts
 
 
@@ -31,7 +31,7 @@ class Stems:
     length: Array  # (n,) [m]
     parent: NDArray[np.intp]  # (n,) row in the order before; -1 from the ground
     joint: Array  # (n,) where along the parent, as a fraction of its length
-    limb: NDArray[np.intp]  # (n,) number of the order-1 stem that bears it; -1 for the trunk
+    limb: NDArray[np.intp]  # (n,) number of the order-1 stem that it grows on; -1 for the trunk
 
     def take(self, rows: NDArray[np.intp]) -> "Stems":
         """Some of the stems."""
@@ -40,21 +40,21 @@ class Stems:
     def at(self, row: NDArray[np.intp], fraction: Array) -> tuple[Array, Array, Array]:
         """Position [m], unit tangent and radius [m] of stem ``row`` at a fraction of its length (all of shape (m,))."""
         segments = self.axis.shape[1] - 1
-        place = np.clip(fraction, 0, 1) * segments
-        i = np.minimum(place.astype(np.intp), segments - 1)
-        f = (place - i)[:, None]
+        at = np.clip(fraction, 0, 1) * segments
+        i = np.minimum(at.astype(np.intp), segments - 1)
+        f = (at - i)[:, None]
         a, b = self.axis[row, i], self.axis[row, i + 1]
         radius = self.radius[row, i] * (1 - f[:, 0]) + self.radius[row, i + 1] * f[:, 0]
         return a + f * (b - a), unit(b - a), radius
 
 
 def unit(v: Array) -> Array:
-    """Vectors of unit length along the last axis."""
+    """Normalize vectors along the last axis."""
     return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12))
 
 
 def grow_skeleton(habit: Habit, height: float, rng: np.random.Generator) -> tuple[Stems, ...]:
-    """All stems of a plant of the given height [m], trunk first; the result's row is the stems' order."""
+    """All stems of a plant of the given height [m]: the trunk, then order 1, 2, ..."""
     orders = [grow_trunks(habit, height, rng)]
     light = rng.uniform(0, 2 * np.pi)
     for number, order in enumerate(habit.orders, start=1):
@@ -66,7 +66,7 @@ def grow_skeleton(habit: Habit, height: float, rng: np.random.Generator) -> tupl
 
 
 def grow_trunks(habit: Habit, height: float, rng: np.random.Generator) -> Stems:
-    """The stems that come out of the ground; they start in the soil."""
+    """The stems that grow from the ground; they start in the soil."""
     n = habit.stems
     turn = 2 * np.pi * (np.arange(n) + rng.uniform(-0.3, 0.3, n)) * 0.381966 + rng.uniform(0, 2 * np.pi)
     out = np.sqrt((np.arange(n) + 0.5) / n) if n > 1 else np.zeros(1)
@@ -94,7 +94,7 @@ def grow_trunks(habit: Habit, height: float, rng: np.random.Generator) -> Stems:
 
 
 def _righted(axis: Array, limit: float) -> Array:
-    """Trunks whose top is at most ``limit`` [deg] off the vertical above the foot: crooked as before, less inclined."""
+    """Trunks sheared so that the top is at most ``limit`` [deg] off the vertical above the base."""
     foot = axis[:, :1]
     rise = axis - foot
     off = np.hypot(rise[:, -1, 0], rise[:, -1, 1])
@@ -138,7 +138,7 @@ def _sprout(
 
 
 def dry_branches(trunk: Stems, habit: Habit, height: float, rng: np.random.Generator) -> Stems | None:
-    """Dead branches on the trunk below the crown and in its lowest part, above the clear height."""
+    """Dead branches on the trunk above the clear height, below the crown and in its lowest part."""
     if habit.dead is None:
         return None
     order = habit.dead
@@ -164,10 +164,10 @@ def dry_branches(trunk: Stems, habit: Habit, height: float, rng: np.random.Gener
 def spread_along(
     stems: Stems, start: Array, number: float, rng: np.random.Generator, *, whorl: int = 1
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
-    """About ``number`` places for shoots or leaves above each stem's ``start``, in proportion to the length there.
+    """About ``number`` positions for shoots or leaves above each stem's ``start``, in proportion to the length there.
 
-    ``whorl`` places share a height, nearly. Returns (m,) each: the stem's row, the place's rank on that stem, and its
-    fraction of the length.
+    ``whorl`` of them have nearly the same height. Returns (m,) each: the stem's row, the position's rank on that stem,
+    and its fraction of the length.
     """
     usable = np.maximum(1 - start, 0) * stems.length
     count = np.floor(usable * (number / usable.sum()) + rng.random(len(start))).astype(np.intp)
@@ -189,9 +189,9 @@ def sideways(
     spread: float,
     rng: np.random.Generator,
 ) -> Array:
-    """Unit vectors (m, 3) across the ``tangent``, turning from rank to rank; two ranks lie in the horizontal plane."""
+    """Unit vectors (m, 3) across the ``tangent``, ``divergence`` [deg] per rank; 180: in a horizontal plane."""
     across = np.cross(tangent, [0.0, 0.0, 1.0])
-    across[:, 0] += 1e-6  # an upright stem has no horizontal plane of its own: any will do
+    across[:, 0] += 1e-6  # a vertical stem: any direction across it
     across = unit(across)
     over = np.cross(across, tangent)
     stems = int(parent.max()) + 1 if len(parent) else 0
@@ -215,11 +215,11 @@ def _directions(
     return np.asarray(np.cos(angle) * tangent + np.sin(angle) * side)
 
 
-def extend(foot: Array, direction: Array, length: Array, order: Order, rng: np.random.Generator) -> Array:
-    """Polylines (n, k + 1, 3) [m] from ``foot`` along ``direction``, turned by the order's lift, bend and wander."""
-    n, k = len(foot), order.segments
+def extend(base: Array, direction: Array, length: Array, order: Order, rng: np.random.Generator) -> Array:
+    """Polylines (n, k + 1, 3) [m] from ``base`` along ``direction``, turned by the order's lift, bend and wander."""
+    n, k = len(base), order.segments
     axis = np.empty((n, k + 1, 3))
-    axis[:, 0] = foot
+    axis[:, 0] = base
     steady = rng.normal(0, order.bend / k, (n, 3))
     steps = order.wander / np.sqrt(k) * rng.normal(0, 1, (n, k, 3)).clip(-1.5, 1.5)  # no elbows
     heading = direction
@@ -231,7 +231,7 @@ def extend(foot: Array, direction: Array, length: Array, order: Order, rng: np.r
 
 
 def taper(radius: Array, order: Order) -> Array:
-    """Radii (n, k + 1) [m]: a collar at the foot, then a straight fall to the tip's (Weber and Penn's taper 1)."""
+    """Radii (n, k + 1) [m]: a collar at the base, then linear to the tip (Weber and Penn's taper 1)."""
     s = np.linspace(0, 1, order.segments + 1)
     tip = np.minimum(TIP_RADIUS, 0.9 * radius)[:, None]
     shape = (1 - s) * (1 + order.collar * np.exp(-10 * s)) / (1 + order.collar)
@@ -257,7 +257,7 @@ def _fitted(orders: list[Stems], clear: float, height: float) -> tuple[Stems, ..
 
 
 def _sheared(orders: list[Stems], radius: float, height: float, rng: np.random.Generator) -> tuple[Stems, ...]:
-    """The skeleton inside a slightly irregular dome: what would stand out crowds below its surface, as in a hedge."""
+    """The skeleton compressed into a slightly irregular dome, as in a hedge."""
     phase = rng.uniform(0, 2 * np.pi, 3)
 
     def shear(axis: Array) -> Array:

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Leaves: single blades on stalks along the twigs, each of two or four triangles, and sprays of needles.
 
-A real tree of ten metres has some 200,000 leaves of 6 cm; we draw fewer and larger ones of the same form. A blade turns
-its upper side up and outwards to the light and hangs a little. Shading normals are the blade's own, blended with the
-outward normal of the crown and of the limb's clump, so that a crown reads as lit volumes and not as noise (Luft, Balzer
-and Deussen, "Expressive Illumination of Foliage Based on Implicit Surfaces", Natural Phenomena 2007, with ellipsoids
-in place of their implicit surfaces).
+A real tree of ten metres has about 200,000 leaves of 6 cm; here they are fewer and larger, of the same form. A blade
+turns its upper side up and outwards to the light and droops a little. Shading normals are the blade's own, blended with
+the outward normals of the crown and of the limb's leaves, so that a crown looks like lit volumes and not like noise
+(Luft, Balzer and Deussen, "Expressive Illumination of Foliage Based on Implicit Surfaces", Natural Phenomena 2007, with
+ellipsoids instead of their implicit surfaces).
 """
 
 from dataclasses import dataclass
@@ -19,42 +19,42 @@ from fieldtruth.world.plants.growth import Stems, sideways, spread_along, unit
 from fieldtruth.world.plants.species import Habit, Leaf, Order
 from fieldtruth.world.plants.variation import SIDE_PRONG, outline_corners
 
-OUTWARD_BLEND = 0.55  # weight of the crown's and clump's normal in a leaf's shading normal
+OUTWARD_BLEND = 0.55  # weight of the outward normal in a leaf's shading normal
 
 
 @dataclass(frozen=True, kw_only=True)
 class Leaves:
-    """The ``m`` leaves of a plant: where the stalk leaves the twig, and each blade's frame."""
+    """The ``m`` leaves of a plant: the base of each stalk, and each blade's frame."""
 
     twig: Array  # (m, 3) [m] on the twig's axis
-    base: Array  # (m, 3) [m] where the blade begins
+    base: Array  # (m, 3) [m] base of the blade
     midrib: Array  # (m, 3) unit, from base to tip
     normal: Array  # (m, 3) unit, out of the upper side
     length: Array  # (m,) [m]
-    outward: Array  # (m, 3) unit, away from crown and clump
+    outward: Array  # (m, 3) unit, away from the middle of crown and limb
 
 
 def place_leaves(skeleton: tuple[Stems, ...], habit: Habit, height: float, rng: np.random.Generator) -> Leaves:
-    """Leaves along the twigs of all orders that bear some; none hangs below the clear height."""
-    bearing = [(s, o) for s, o in zip(skeleton[1:], habit.orders, strict=True) if o.foliage > 0 and len(s.length)]
-    shares = np.array([o.foliage * (1 - o.leaf_start) * s.length.sum() for s, o in bearing])
+    """Leaves along the twigs of all orders with foliage, above the clear height."""
+    leafy = [(s, o) for s, o in zip(skeleton[1:], habit.orders, strict=True) if o.foliage > 0 and len(s.length)]
+    shares = np.array([o.foliage * (1 - o.leaf_start) * s.length.sum() for s, o in leafy])
     parts = [
         _along(stems, order, habit.leaf, share, rng)
-        for (stems, order), share in zip(bearing, habit.leaf.number * shares / shares.sum(), strict=True)
+        for (stems, order), share in zip(leafy, habit.leaf.number * shares / shares.sum(), strict=True)
     ]
     twig, tangent, side = (np.concatenate([part[k] for part in parts]) for k in range(3))
     limb = np.concatenate([part[3] for part in parts])
-    alive = _alive(limb, habit.dead_limbs, rng)
+    alive = _on_live_limb(limb, habit.dead_limbs, rng)
     twig, tangent, side, limb = twig[alive], tangent[alive], side[alive], limb[alive]
-    leaves = _turned(habit.leaf, np.sqrt(height / habit.height), twig, tangent, side, limb, rng)
-    reach = 0.5 * habit.leaf.width * leaves.length
-    lowest = np.minimum(leaves.base[:, 2], leaves.base[:, 2] + leaves.midrib[:, 2] * leaves.length) - reach
+    leaves = _oriented(habit.leaf, np.sqrt(height / habit.height), twig, tangent, side, limb, rng)
+    half = 0.5 * habit.leaf.width * leaves.length
+    lowest = np.minimum(leaves.base[:, 2], leaves.base[:, 2] + leaves.midrib[:, 2] * leaves.length) - half
     rows = np.flatnonzero(lowest > habit.clear)
     return Leaves(**{key: value[rows] for key, value in vars(leaves).items()})
 
 
-def _alive(limb: NDArray[np.intp], dead: float, rng: np.random.Generator) -> NDArray[np.bool_]:
-    """Whether the limb that bears a leaf is alive."""
+def _on_live_limb(limb: NDArray[np.intp], dead: float, rng: np.random.Generator) -> NDArray[np.bool_]:
+    """Whether each leaf's limb is alive."""
     count = int(limb.max()) + 1 if len(limb) else 0
     return np.asarray((rng.random(count) >= dead)[limb])
 
@@ -62,31 +62,31 @@ def _alive(limb: NDArray[np.intp], dead: float, rng: np.random.Generator) -> NDA
 def _along(
     stems: Stems, order: Order, form: Leaf, number: float, rng: np.random.Generator
 ) -> tuple[Array, Array, Array, NDArray[np.intp]]:
-    """Where leaves leave the stems of an order: position [m], the stem's tangent, the side they point to, the limb."""
+    """Leaf positions [m] on the stems of one order, the stems' tangents, the leaves' directions, and the limbs."""
     start = np.full(len(stems.length), order.leaf_start)
     parent, rank, joint = spread_along(stems, start, number, rng)
     position, tangent, _ = stems.at(parent, joint)
     return position, tangent, sideways(tangent, parent, rank, form.arrangement, 40.0, rng), stems.limb[parent]
 
 
-def _turned(
+def _oriented(
     form: Leaf, scale: float, twig: Array, tangent: Array, side: Array, limb: NDArray[np.intp], rng: np.random.Generator
 ) -> Leaves:
-    """Blades turned to the light."""
+    """Leaves with their upper sides turned to the light."""
     n = len(twig)
     outward = _outward(twig, limb)
-    reach = unit(form.forward * tangent + side + rng.normal(0, 0.25, (n, 3)))
-    midrib = unit(reach + 0.35 * outward - [0, 0, form.droop] + rng.normal(0, 0.25, (n, 3)))
+    stalk = unit(form.forward * tangent + side + rng.normal(0, 0.25, (n, 3)))
+    midrib = unit(stalk + 0.35 * outward - [0, 0, form.droop] + rng.normal(0, 0.25, (n, 3)))
     light = form.flatness * np.array([0, 0, 1.0]) + outward + rng.normal(0, 0.45, (n, 3))
     normal = unit(light - (light * midrib).sum(1, keepdims=True) * midrib)
     length = scale * form.length * np.exp(rng.normal(0, form.size_spread, n).clip(-0.5, 0.4))
     return Leaves(
-        twig=twig, base=twig + form.stalk * reach, midrib=midrib, normal=normal, length=length, outward=outward
+        twig=twig, base=twig + form.stalk * stalk, midrib=midrib, normal=normal, length=length, outward=outward
     )
 
 
 def _outward(points: Array, limb: NDArray[np.intp]) -> Array:
-    """Unit vectors away from the crown's middle (an ellipsoid's normal) and from that of each limb's leaves, halved."""
+    """Unit vectors away from the middle of the crown (an ellipsoid's normal) and of each limb's leaves, averaged."""
     middle = points.mean(0)
     spread = points.std(0) + 1e-9
     crown = unit((points - middle) / spread**2)
@@ -99,8 +99,8 @@ def _outward(points: Array, limb: NDArray[np.intp]) -> Array:
 def leaf_mesh(leaves: Leaves, form: Leaf, rng: np.random.Generator) -> tuple[Array, Array, Array, NDArray[np.int32]]:
     """Vertices (k m, 3) [m], normals, uv and faces of blades with k corners: base, left, tip, right downwards.
 
-    A kite has 4 corners, a rounded blade 6. v is along the midrib. No two blades have quite the same outline, and the
-    halves of one differ. Sprays have three corners a prong: left, right, tip.
+    A kite has 4 corners, a rounded blade 6. v is along the midrib. Outlines vary between blades and
+    between the halves of a blade. Sprays have three corners per prong: left, right, tip.
     """
     if form.prongs:
         return _spray_mesh(leaves, form, rng)
@@ -128,7 +128,7 @@ def leaf_mesh(leaves: Leaves, form: Leaf, rng: np.random.Generator) -> tuple[Arr
     )
     own = unit(np.stack(inclined, 1))
     outward = leaves.outward[:, None]
-    # A blade turned away from the outside keeps its own normal: a blend would fall on its lower side.
+    # A blade that faces inwards keeps its own normal: a blend would point to its lower side.
     blend = np.where((own * outward).sum(2, keepdims=True) < -0.3, 0.0, OUTWARD_BLEND)
     normals = unit((1 - blend) * own + blend * outward)
     fan = [[0, k + 1, k] for k in range(1, corners - 1)]

@@ -1,13 +1,15 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Skin on the skeleton: tapered tubes about the stems, wide at the roots, with bark that tiles around the seam."""
+"""Surface around a skeleton: tapered tubes about the stems, wider at the roots, with bark that tiles at the seam."""
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.world.model import Collider, Mesh
 from fieldtruth.world.plants.growth import ROOT_DEPTH, Stems, unit
 
 BARK_REPEAT: Final = 0.6  # [m] of bark per repeat of the texture on thick stems
@@ -16,11 +18,36 @@ SMALLEST_REPEAT: Final = 0.12  # [m] along thin twigs, where the repeat around i
 Surface = tuple[Array, Array, Array, NDArray[np.int32]]
 
 
-def tubes(stems: Stems, sides: int) -> Surface:
-    """Vertices (v, 3) [m], unit normals pointing out, uv and faces (f, 3) of one round pointed tube per stem.
+def merged(
+    name: str,
+    surfaces: Sequence[Surface],
+    rows: NDArray[np.integer],
+    materials: Sequence[str],
+    *,
+    footprint: float,
+    colliders: tuple[Collider, ...] = (),
+) -> Mesh:
+    """One mesh of several surfaces; ``rows`` (f,) are the rows of ``materials`` of all faces, surface by surface."""
+    offsets = np.cumsum([0, *(len(s[0]) for s in surfaces[:-1])])
+    vertices, normals, uv = (np.concatenate([s[k] for s in surfaces]).astype(np.float32) for k in range(3))
+    return Mesh(
+        name=name,
+        vertices=vertices,
+        normals=normals,
+        uv=uv,
+        faces=np.concatenate([s[3] + np.int32(o) for s, o in zip(surfaces, offsets, strict=True)]),
+        material=rows.astype(np.int32),
+        materials=tuple(materials),
+        colliders=colliders,
+        footprint=footprint,
+    )
 
-    The seam's vertices are doubled: u runs from 0 to a whole number of repeats, v along the stem at the scale that u
-    has at its foot.
+
+def tubes(stems: Stems, sides: int) -> Surface:
+    """Vertices (v, 3) [m], outward unit normals, uv and faces (f, 3) of one round pointed tube per stem.
+
+    Vertices are doubled at the seam: u runs from 0 to a whole number of repeats, v along the stem at the scale of u at
+    its base.
     """
     rings = stems.axis.shape[1]
     tangent, spoke = spokes(stems.axis, sides)
@@ -31,7 +58,7 @@ def tubes(stems: Stems, sides: int) -> Surface:
 
 
 def trunk(stems: Stems, sides: int, flare: float, rng: np.random.Generator) -> Surface:
-    """As `tubes` for a single trunk: wide at the ground with root ridges, hardly round above.
+    """As `tubes` for a single trunk: wide at the ground with root ridges, not quite round above.
 
     ``flare`` is the widening at the ground relative to the radius there.
     """
@@ -60,7 +87,7 @@ def _pointed(radius: Array) -> Array:
 
 
 def spokes(axis: Array, sides: int) -> tuple[Array, Array]:
-    """Unit tangents (n, k + 1, 3) and unit spokes (n, k + 1, sides + 1, 3) across them; the last spoke is the first."""
+    """Unit tangents (n, k + 1, 3) and unit spokes (n, k + 1, sides + 1, 3) across them; last and first are equal."""
     tangent, across, over = _frames(axis)
     turn = np.linspace(0, 2 * np.pi, sides + 1)
     turn[-1] = 0  # bit-equal ends close the seam
@@ -68,9 +95,9 @@ def spokes(axis: Array, sides: int) -> tuple[Array, Array]:
 
 
 def sewn(vertices: Array, normals: Array, stems: Stems, fraction: Array, *, pointed: bool = True) -> Surface:
-    """The surface over (n, rings, sides + 1, 3) vertices, with bark coordinates; ``fraction`` of the length a ring.
+    """Surface of tubes with vertices (n, rings, sides + 1, 3), with bark uv; the last ring is a point if ``pointed``.
 
-    The last ring is a point where ``pointed``.
+    ``fraction`` (rings,) of the length gives v.
     """
     n, rings, columns, _ = vertices.shape
     around = np.maximum(np.rint(2 * np.pi * stems.radius[:, 0] / BARK_REPEAT), 1)
@@ -81,7 +108,7 @@ def sewn(vertices: Array, normals: Array, stems: Stems, fraction: Array, *, poin
 
     a = np.arange(rings - 1)[:, None] * columns + np.arange(columns - 1)
     b, c = a + 1, a + columns
-    # Where the last ring is a point, only one triangle of its quads has an area.
+    # If the last ring is a point, the second triangles of its quads have no area.
     second = np.stack([b, c + 1, c], -1)[: -1 if pointed else None]
     quads = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), second.reshape(-1, 3)])
     faces = (np.arange(n) * rings * columns)[:, None, None] + quads
@@ -89,7 +116,7 @@ def sewn(vertices: Array, normals: Array, stems: Stems, fraction: Array, *, poin
 
 
 def _frames(axis: Array) -> tuple[Array, Array, Array]:
-    """Tangents and two crosswise unit vectors per node, (n, k + 1, 3) each, carried along without twist."""
+    """Tangents and two crosswise unit vectors per node, (n, k + 1, 3) each, transported without twist."""
     step = unit(np.diff(axis, axis=1))
     tangent = unit(np.concatenate([step[:, :1], step[:, :-1] + step[:, 1:], step[:, -1:]], 1))
     helper = np.where(np.abs(tangent[:, 0, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
@@ -102,7 +129,7 @@ def _frames(axis: Array) -> tuple[Array, Array, Array]:
 
 
 def grid_normals(vertices: Array) -> Array:
-    """Normals of tubes of any cross-section by central differences on the (ring, side) grid, around the seam."""
+    """Normals of tubes of any cross-section by central differences on the (ring, side) grid, across the seam."""
     around = np.roll(vertices[:, :, :-1], -1, 2) - np.roll(vertices[:, :, :-1], 1, 2)
     along = np.gradient(vertices[:, :, :-1], axis=1)
     normals = unit(np.cross(around, along))

@@ -1,46 +1,52 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A plant from its species: skeleton, skin and leaves in one mesh, with its collider and the room it needs."""
+"""A tree or bush of a species: stems and leaves in one mesh, with its collider and footprint."""
 
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fieldtruth.world.model import Collider, Mesh
 from fieldtruth.world.plants.bloom import in_bloom
 from fieldtruth.world.plants.growth import ROOT_DEPTH, Stems, dry_branches, grow_skeleton
 from fieldtruth.world.plants.leaves import leaf_mesh, place_leaves
-from fieldtruth.world.plants.meshing import Surface, trunk, tubes
+from fieldtruth.world.plants.meshing import Surface, merged, trunk, tubes
 from fieldtruth.world.plants.species import GrownIn, Habit, Species
 from fieldtruth.world.plants.variation import at_detail, individual
 
 WOOD, FOLIAGE, UPPER_WOOD = 0, 1, 2
 LEAST_DETAIL: Final = 0.03
-REACH_HEIGHT: Final = 1.4  # [m] below which a robot meets branches
+LOW: Final = 1.4  # [m], height below which branches can touch a robot
 TREE_COLLIDER_HEIGHT: Final = 2.0  # [m]
 
 
 def grow_tree(
-    species: Species, *, name: str, height: float, rng: np.random.Generator, detail: float = 1.0,
+    species: Species,
+    *,
+    name: str,
+    height: float,
+    rng: np.random.Generator,
+    detail: float = 1.0,
     grown_in: GrownIn = "open",
-) -> Mesh:  # fmt: skip
+) -> Mesh:
     """A tree of the given height [m]; below ``species.young_below`` it grows as a young tree.
 
-    ``grown_in`` a "stand" it has a long clear trunk and a narrow crown, "exposed" it is stunted, where the species has
-    such forms. ``detail`` (0.03 to 1) is about the share of the triangles (1: some 60,000 for a large tree): leaves
-    become fewer and larger, with the same area in all. The same ``rng`` gives other individuals at other details.
+    Trees grown in a "stand" have a long clear trunk and a narrow crown, "exposed" ones are stunted, if the species has
+    such habits. ``detail`` (0.03 to 1) is about the share of the triangles (1: about 60,000 for a large tree, 20,000
+    for a young one): leaves become fewer and larger, with the same total area. The same ``rng`` gives different
+    individuals at different details.
 
-    Raises ValueError below half and above twice the height for which the habit's numbers were set.
+    The collider is the trunk, 2 m high, with 1.1 times the radius at breast height. The footprint [m] is 0.3 m more, or
+    the extent of branches below 1.4 m, and in the open at least a third of the crown's radius: furniture may be below a
+    crown, neighbouring crowns may touch, and those of a stand interlock.
 
-    The collider is the trunk at breast height and 10 % more, 2 m high. The footprint [m] is the trunk with 0.3 m about
-    it or the reach of branches below 1.4 m, and in the open at least a third of the crown's radius: furniture may
-    stand below a crown, neighbouring crowns may touch, and those of a stand interlock. A young tree is seen from near
-    and has only some 20,000 triangles at detail 1: thin it less than the old ones.
+    Raises ValueError for a height below half or above twice that of the habit.
     """
-    _check_detail(detail, "a tree")
+    _check_detail(detail)
     habit = at_detail(individual(_habit(species, height, grown_in), rng), detail)
     skeleton = grow_skeleton(habit, height, rng)
-    surfaces = _skin(skeleton, habit, height, rng)
+    surfaces = _surfaces(skeleton, habit, height, rng)
     dry = dry_branches(skeleton[0], habit, height, rng)
     if dry is not None and len(dry.length) and habit.dead is not None:
         surfaces.insert(-1, (tubes(_thickest(dry, habit.dead.drawn), habit.dead.sides), WOOD))
@@ -48,58 +54,57 @@ def grow_tree(
     _, _, radius = stem.at(np.zeros(1, np.intp), (1.3 + ROOT_DEPTH) / stem.length[:1])
     breast = 1.1 * float(radius[0])
     collider = Collider(shape="cylinder", size=(breast, min(TREE_COLLIDER_HEIGHT, 0.9 * height)))
-    footprint = max(breast + 0.3, _low_reach(surfaces))
+    footprint = max(breast + 0.3, _low_extent(surfaces))
     if grown_in != "stand":
         tips = np.concatenate([stems.axis[:, -1, :2] for stems in skeleton[1:]])
         footprint = max(footprint, float(np.quantile(np.hypot(*tips.T), 0.98)) / 3)
-    upper = None if species.upper_wood is None else species.upper_from * height
-    return _assembled(name, species, surfaces, (collider,), footprint, upper, rng)
+    return _mesh(name, species, surfaces, _material_rows(species, surfaces, height, rng), collider, footprint)
 
 
-def _low_reach(surfaces: list[tuple[Surface, int]]) -> float:
-    """Radius [m] within which 98 % of what a robot meets of branches and leaves are; 0 if there is none."""
+def _low_extent(surfaces: list[tuple[Surface, int]]) -> float:
+    """Radius [m] around 98 % of the vertices of low branches and leaves; 0 without any."""
     vertices = np.concatenate([s[0] for s, _ in surfaces[1:]])
-    low = vertices[vertices[:, 2] < REACH_HEIGHT]
+    low = vertices[vertices[:, 2] < LOW]
     return float(np.quantile(np.hypot(low[:, 0], low[:, 1]), 0.98)) if len(low) else 0.0
 
 
 def grow_bush(species: Species, *, name: str, height: float, rng: np.random.Generator, detail: float = 1.0) -> Mesh:
-    """A bush of the given height [m]; its foliage reaches down to the ground.
+    """A bush of the given height [m] with foliage down to the ground.
 
-    ``detail`` as of `grow_tree` (1: from 8,000 to 40,000 triangles, by species). A share ``species.bloom_share`` of the
-    leaves, most of them in the outermost parts, are flowers where the species blooms.
+    ``detail`` is as in `grow_tree` (1: 8,000 to 40,000 triangles, by species). If the species blooms, the share
+    ``species.bloom_share`` of the leaves, mostly on the outside, are flowers.
 
-    The collider is a cylinder of 0.7 of the bush's radius, so that a wheel may brush the outer twigs; the footprint
-    [m] is the whole radius, within which 98 % of the leaf corners are.
+    The footprint [m] is the radius around 98 % of the leaf corners. The collider is a cylinder of 0.7 of that radius,
+    so that a wheel may brush the outer twigs.
     """
-    _check_detail(detail, "a bush")
+    _check_detail(detail)
     habit = at_detail(_habit(species, height), detail)
-    surfaces = _skin(grow_skeleton(habit, height, rng), habit, height, rng)
+    surfaces = _surfaces(grow_skeleton(habit, height, rng), habit, height, rng)
     (foliage, *_), _ = surfaces[-1]
     radius = float(np.quantile(np.hypot(foliage[:, 0], foliage[:, 1]), 0.98))
     collider = Collider(shape="cylinder", size=(0.7 * radius, 0.9 * height))
-    mesh = _assembled(name, species, surfaces, (collider,), radius)
+    mesh = _mesh(name, species, surfaces, _material_rows(species, surfaces, height, rng), collider, radius)
     return mesh if species.bloom is None else in_bloom(mesh, FOLIAGE, species.bloom, species.bloom_share, rng)
 
 
-def _check_detail(detail: float, what: str) -> None:
+def _check_detail(detail: float) -> None:
     if not LEAST_DETAIL <= detail <= 1:
-        raise ValueError(f"detail of {what} = {detail}: must be from {LEAST_DETAIL:g} to 1")
+        raise ValueError(f"detail must be between {LEAST_DETAIL:g} and 1, got {detail}")
 
 
 def _habit(species: Species, height: float, grown_in: GrownIn = "open") -> Habit:
-    """The habit at this height [m]; raises ValueError where the species' numbers hold no longer."""
+    """The habit at this height [m]; raises ValueError outside the heights that it is made for."""
     habit = species.habit(height, grown_in)
     low, high = 0.5 * habit.height, 2.0 * habit.height
     if not low <= height <= high:
-        raise ValueError(f"height of a {species.name} = {height} m: must be from {low:g} to {high:g} m")
+        raise ValueError(f"height of {species.name} must be between {low:g} and {high:g} m, got {height}")
     return habit
 
 
-def _skin(
+def _surfaces(
     skeleton: tuple[Stems, ...], habit: Habit, height: float, rng: np.random.Generator
 ) -> list[tuple[Surface, int]]:
-    """Surfaces of all stems and leaves, each with its row of the materials."""
+    """Surfaces of all stems and leaves, each with its row in the materials."""
     base = skeleton[0]
     single = habit.stems == 1
     surfaces = [(trunk(base, habit.trunk_sides, habit.flare, rng) if single else tubes(base, habit.trunk_sides), WOOD)]
@@ -110,35 +115,32 @@ def _skin(
 
 
 def _thickest(stems: Stems, share: float) -> Stems:
-    """The share of the stems that are drawn, in their order."""
+    """The thickest stems, in the given order; ``share`` is their share of the number."""
     if share >= 1:
         return stems
     order = np.argsort(-stems.radius[:, 0], kind="stable")
     return stems.take(np.sort(order[: round(share * len(order))]))
 
 
-def _assembled(
-    name: str, species: Species, surfaces: list[tuple[Surface, int]], colliders: tuple[Collider, ...],
-    footprint: float, upper: float | None = None, rng: np.random.Generator | None = None,
-) -> Mesh:  # fmt: skip
-    """One mesh of several surfaces; wood above a ragged line about ``upper`` [m] has the upper bark."""
-    offsets = np.cumsum([0, *(len(s[0]) for s, _ in surfaces)])
-    vertices = np.concatenate([s[0] for s, _ in surfaces])
-    faces = np.concatenate([s[3] + np.int32(o) for (s, _), o in zip(surfaces, offsets, strict=False)])
-    material = np.concatenate([np.full(len(s[3]), row, np.int32) for s, row in surfaces])
-    materials = [species.wood, species.foliage]
-    if upper is not None and rng is not None and species.upper_wood is not None:
-        middle = vertices[faces, 2].mean(1)
-        material[(material == WOOD) & (middle > upper + rng.normal(0, 0.05 * upper, len(faces)))] = UPPER_WOOD
-        materials.append(species.upper_wood)
-    return Mesh(
-        name=name,
-        vertices=vertices.astype(np.float32),
-        normals=np.concatenate([s[1] for s, _ in surfaces]).astype(np.float32),
-        uv=np.concatenate([s[2] for s, _ in surfaces]).astype(np.float32),
-        faces=faces,
-        material=material,
-        materials=tuple(materials),
-        colliders=colliders,
-        footprint=footprint,
-    )
+def _mesh(
+    name: str,
+    species: Species,
+    surfaces: list[tuple[Surface, int]],
+    rows: NDArray[np.integer],
+    collider: Collider,
+    footprint: float,
+) -> Mesh:
+    materials = [species.wood, species.foliage, *([] if species.upper_wood is None else [species.upper_wood])]
+    return merged(name, [s for s, _ in surfaces], rows, materials, colliders=(collider,), footprint=footprint)
+
+
+def _material_rows(
+    species: Species, surfaces: list[tuple[Surface, int]], height: float, rng: np.random.Generator
+) -> NDArray[np.integer]:
+    """Material row of each face; wood above a ragged line around the trunk has the upper bark."""
+    rows = np.concatenate([np.full(len(surface[3]), row) for surface, row in surfaces])
+    if species.upper_wood is not None:
+        limit = species.upper_from * height
+        middle = np.concatenate([vertices[faces, 2].mean(1) for (vertices, _, _, faces), _ in surfaces])
+        rows[(rows == WOOD) & (middle > limit + rng.normal(0, 0.05 * limit, len(rows)))] = UPPER_WOOD
+    return rows

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A tuft of grass or herbs from its recipe: sorts of blades from one disc of soil, and what grows on them.
+"""A tuft of grass or herbs: blades of several kinds from one disc of soil, with leaves, fronds and flowers.
 
-Blades are bent as the paths of particles are (see `blades`). Tufts as the unit that is instanced follow Deussen et al.,
+Blades bend like the paths of particles (see `blades`). Tufts as the unit of instancing follow Deussen et al.,
 "Realistic modeling and rendering of plant ecosystems", SIGGRAPH 1998. A tuft leans as a whole, its blades differ in
-length, bend and turn, and dead ones lie between the living: a meadow of equal tufts would look mown.
+length, bend and direction, and dead ones lie between the others: a meadow of equal tufts would look mown.
 """
 
 from dataclasses import replace
@@ -18,53 +18,57 @@ from fieldtruth.world.model import Mesh
 from fieldtruth.world.plants.blades import along, discs, kites, midribs, pinnae, spindles, strips
 from fieldtruth.world.plants.grass_species import Blades, Flower, Frond, GrassSpecies, Leaves, Organ, Spike
 from fieldtruth.world.plants.growth import unit
-from fieldtruth.world.plants.meshing import Surface
+from fieldtruth.world.plants.meshing import Surface, merged
 
 ROOT_DEPTH = 0.12
-"""[m] by which the middle of a tuft reaches into the soil."""
+"""Depth [m] of the roots in the middle of a tuft."""
 ROOT_SLOPE = 0.6
-"""Slope of the ground up to which the rim of a tuft reaches into it, too."""
+"""Slope of the ground up to which the rim of a tuft still reaches into it."""
 SIMPLE_BELOW = 0.6
 """Detail below which every blade is a kite."""
 LIE = 0.006
-"""[m] above the soil at which a blade that has sunk lies."""
+"""Height [m] of a blade that lies on the soil."""
 
 
-def grow_tuft(kind: GrassSpecies, *, name: str, height: float, rng: np.random.Generator, detail: float = 1.0) -> Mesh:
+def grow_tuft(
+    species: GrassSpecies, *, name: str, height: float, rng: np.random.Generator, detail: float = 1.0
+) -> Mesh:
     """A tuft whose highest blade or stalk ends at ``height`` [m].
 
-    ``detail`` below 1 takes fewer and wider blades, below 0.6 simpler ones as well. There are no colliders: a robot
-    drives through. The footprint [m] is the radius of the disc it roots in. Raises ValueError below half the least and
-    above 1.5 times the greatest usual height, and for a ``detail`` outside (0, 4].
+    A ``detail`` below 1 gives fewer and wider blades, below 0.6 simpler ones as well. It has no collider: a robot
+    drives through. The footprint [m] is the radius of the disc it roots in. Raises ValueError for a height below half
+    the least or above 1.5 times the greatest usual height, and for a ``detail`` outside (0, 4].
     """
-    low, high = 0.5 * kind.height[0], 1.5 * kind.height[1]
+    low, high = 0.5 * species.height[0], 1.5 * species.height[1]
     if not low <= height <= high:
-        raise ValueError(f"height of {kind.name} = {height} m: must be from {low:g} to {high:g} m")
+        raise ValueError(f"height of {species.name} must be between {low:g} and {high:g} m, got {height}")
     if not 0 < detail <= 4:
-        raise ValueError(f"detail of {kind.name} = {detail}: must be above 0 and at most 4")
-    scale = float(np.sqrt(2 * height / sum(kind.height)))
-    radius = kind.radius * scale
-    sorts = [_detailed(sort, detail) for sort in kind.blades]
-    side = rng.normal(0, 0.5 * kind.lopsided, 2)
-    paths = [_grown(sort, radius, side, rng) for sort in sorts]
+        raise ValueError(f"detail of {species.name} must be above 0 and at most 4, got {detail}")
+    scale = float(np.sqrt(2 * height / sum(species.height)))
+    radius = species.radius * scale
+    kinds = [_detailed(blades, detail) for blades in species.blades]
+    side = rng.normal(0, 0.5 * species.lopsided, 2)
+    paths = [_grown(blades, radius, side, rng) for blades in kinds]
     top = max(float(path[:, :, 2].max()) for path in paths)
     parts: list[tuple[Surface, str]] = []
-    for sort, path in zip(sorts, paths, strict=True):
+    for blades, path in zip(kinds, paths, strict=True):
         fitted = path[:, :1] + (height / top) * (path - path[:, :1])
         fitted[..., 2] = np.maximum(fitted[..., 2], LIE)
-        parts.append((_skin(sort, fitted, scale, rng), sort.material))
-        parts.extend((_organ(organ, fitted, scale, rng), organ.material) for organ in sort.organs)
-    return _assembled(name, parts, radius)
+        parts.append((_surface(blades, fitted, scale, rng), blades.material))
+        parts.extend((_organ(organ, fitted, scale, rng), organ.material) for organ in blades.organs)
+    names = list(dict.fromkeys(material for _, material in parts))
+    rows = np.concatenate([np.full(len(surface[3]), names.index(material)) for surface, material in parts])
+    return merged(name, [surface for surface, _ in parts], rows, names, footprint=radius)
 
 
-def _detailed(sort: Blades, detail: float) -> Blades:
-    """The sort with about ``detail`` times as many triangles, wider blades and larger leaves."""
-    share = detail if not sort.organs else float(np.sqrt(detail))
-    number = max(1, round(sort.number * share))
-    wider = min(float(np.sqrt(sort.number / number)), 1.6)
-    organs = tuple(_coarser(organ, float(np.sqrt(detail))) for organ in sort.organs)
+def _detailed(blades: Blades, detail: float) -> Blades:
+    """The blades with about ``detail`` times as many triangles: wider, with larger leaves."""
+    share = detail if not blades.organs else float(np.sqrt(detail))
+    number = max(1, round(blades.number * share))
+    wider = min(float(np.sqrt(blades.number / number)), 1.6)
+    organs = tuple(_coarser(organ, float(np.sqrt(detail))) for organ in blades.organs)
     return replace(
-        sort, number=number, width=sort.width * wider, kite=sort.kite or detail < SIMPLE_BELOW, organs=organs
+        blades, number=number, width=blades.width * wider, kite=blades.kite or detail < SIMPLE_BELOW, organs=organs
     )
 
 
@@ -82,42 +86,42 @@ def _coarser(organ: Organ, share: float) -> Organ:
             assert_never(organ)
 
 
-def _grown(sort: Blades, radius: float, side: Array, rng: np.random.Generator) -> Array:
-    """Midribs of a sort, in the tuft's own measure of length; they root evenly in the disc."""
-    n = sort.number
+def _grown(blades: Blades, radius: float, side: Array, rng: np.random.Generator) -> Array:
+    """Midribs of one kind of blades with relative lengths; they root evenly in the disc."""
+    n = blades.number
     out = np.sqrt((np.arange(n) + rng.uniform(0.1, 0.9, n)) / n)
     turn = np.radians(137.5) * np.arange(n) + rng.uniform(0, 2 * np.pi) + rng.normal(0, 0.4, n)
     outward = np.stack([np.cos(turn), np.sin(turn)], 1)
-    foot = np.concatenate([radius * sort.rim * out[:, None] * outward, np.zeros((n, 1))], 1)
+    foot = np.concatenate([radius * blades.rim * out[:, None] * outward, np.zeros((n, 1))], 1)
     towards = outward * (0.35 + 0.65 * out[:, None]) + side + rng.normal(0, 0.3, (n, 2))
-    lean = sort.lean[0] + (sort.lean[1] - sort.lean[0]) * out + rng.normal(0, 5, n)
+    lean = blades.lean[0] + (blades.lean[1] - blades.lean[0]) * out + rng.normal(0, 5, n)
     return midribs(
         foot,
         azimuth=np.arctan2(towards[:, 1], towards[:, 0]),
-        length=rng.uniform(*sort.length, n),
+        length=rng.uniform(*blades.length, n),
         lean=np.radians(lean.clip(-10, 85)),
-        bend=np.radians(rng.uniform(*sort.bend, n)),
-        drift=np.radians(rng.normal(0, sort.drift, n)),
+        bend=np.radians(rng.uniform(*blades.bend, n)),
+        drift=np.radians(rng.normal(0, blades.drift, n)),
     )
 
 
-def _skin(sort: Blades, path: Array, scale: float, rng: np.random.Generator) -> Surface:
-    """The blades about fitted midribs; each takes a band of its own from the texture."""
+def _surface(blades: Blades, path: Array, scale: float, rng: np.random.Generator) -> Surface:
+    """Blades along midribs; each shows its own band of the texture."""
     n = len(path)
     left = rng.uniform(0, 1, n)
     return strips(
         path,
-        width=scale * sort.width * rng.uniform(0.75, 1.2, n),
+        width=scale * blades.width * rng.uniform(0.75, 1.2, n),
         depth=ROOT_DEPTH + ROOT_SLOPE * np.hypot(*path[:, 0, :2].T),
-        roll=np.radians(rng.normal(0, sort.roll, n)),
-        twist=np.radians(rng.normal(0, sort.twist, n)),
+        roll=np.radians(rng.normal(0, blades.roll, n)),
+        twist=np.radians(rng.normal(0, blades.twist, n)),
         band=np.stack([left, left + 0.2], 1),
-        kite=sort.kite,
+        kite=blades.kite,
     )
 
 
 def _organ(organ: Organ, path: Array, scale: float, rng: np.random.Generator) -> Surface:
-    """What grows on fitted midribs."""
+    """Leaves, pinnae, flowers or spikes on midribs."""
     n = len(path)
     rows = np.arange(n, dtype=np.intp)
     match organ:
@@ -142,8 +146,8 @@ def _leaves(organ: Leaves, path: Array, scale: float, rng: np.random.Generator) 
     n, k = len(path), organ.number
     row = np.arange(n, dtype=np.intp).repeat(k)
     rank = np.tile(np.arange(k), n)
-    place = rank // 2 * 2 if organ.arrangement == "pairs" else rank
-    s = (place + 0.5 + rng.uniform(-0.2, 0.2, n * k)) / k
+    step = rank // 2 * 2 if organ.arrangement == "pairs" else rank
+    s = (step + 0.5 + rng.uniform(-0.2, 0.2, n * k)) / k
     base, tangent = along(path, row, organ.start + (organ.end - organ.start) * s)
     turn = np.radians(rng.uniform(0, 360, n)[row] + rng.normal(0, 15, n * k) + _divergence(organ, rank))
     across = unit(np.cross(tangent, np.broadcast_to([0.31, 0.95, 0.02], tangent.shape)))
@@ -157,22 +161,6 @@ def _leaves(organ: Leaves, path: Array, scale: float, rng: np.random.Generator) 
 
 def _divergence(organ: Leaves, rank: NDArray[np.intp]) -> Array:
     """Angle [deg] about the stalk of each leaf."""
-    if organ.arrangement == "pairs":  # each pair across the one before
+    if organ.arrangement == "pairs":  # each pair at right angles to the one before
         return np.asarray(90.0 * (rank // 2) + 180.0 * (rank % 2))
     return np.asarray(137.5 * rank) if organ.arrangement == "spiral" else np.zeros(len(rank))
-
-
-def _assembled(name: str, parts: list[tuple[Surface, str]], radius: float) -> Mesh:
-    """One mesh of surfaces with their materials' names."""
-    names = tuple(dict.fromkeys(material for _, material in parts))
-    offsets = np.cumsum([0, *(len(s[0]) for s, _ in parts)])
-    return Mesh(
-        name=name,
-        vertices=np.concatenate([s[0] for s, _ in parts]).astype(np.float32),
-        normals=np.concatenate([s[1] for s, _ in parts]).astype(np.float32),
-        uv=np.concatenate([s[2] for s, _ in parts]).astype(np.float32),
-        faces=np.concatenate([s[3] + np.int32(o) for (s, _), o in zip(parts, offsets, strict=False)]),
-        material=np.concatenate([np.full(len(s[3]), names.index(material), np.int32) for s, material in parts]),
-        materials=names,
-        footprint=radius,
-    )

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""From the habit of a kind to that of one individual, and to one drawn with fewer triangles."""
+"""Habits of individuals of a species, of trees in a stand, and of plants with fewer triangles."""
 
 from dataclasses import replace
 from typing import Final
@@ -9,13 +9,13 @@ import numpy as np
 
 from fieldtruth.world.plants.species import Habit, Leaf, Order, Stand
 
-SIDE_PRONG: Final = 0.8  # length of a spray's outer prongs relative to the middle one's
+SIDE_PRONG: Final = 0.8  # length of a spray's outer prongs relative to the middle one
 LARGEST_GROWTH: Final = 5.5  # longest leaf of a coarse plant relative to that of a fine one
 FINE_LEAVES: Final = 0.6  # detail below which a leaf is a kite
 
 
 def individual(habit: Habit, rng: np.random.Generator) -> Habit:
-    """One of its kind: a denser or thinner crown that begins higher or lower, more or less bent, longer on one side."""
+    """The habit of one individual, with random crown base, density, curvature and asymmetry."""
     first, *others = habit.orders
     steeper = float(rng.normal(0, 4))
     first = replace(
@@ -64,7 +64,7 @@ def in_stand(habit: Habit, stand: Stand) -> Habit:
 def at_detail(habit: Habit, detail: float) -> Habit:
     """The habit with about ``detail`` times the triangles (0.03 to 1) and the same leaf area.
 
-    Leaves become fewer and larger, most of the thinnest twigs bear leaves but have no skin, tubes have fewer sides.
+    Leaves become fewer and larger, most of the thinnest twigs have leaves but no surface, tubes have fewer sides.
     """
     if detail == 1:
         return habit
@@ -81,7 +81,7 @@ def at_detail(habit: Habit, detail: float) -> Habit:
 
 
 def _fewer(leaf: Leaf, detail: float) -> Leaf:
-    """Leaves of the same area in all."""
+    """Fewer leaves with the same total area."""
     coarse = replace(leaf, rounded=leaf.rounded and detail > FINE_LEAVES)
     number = leaf.number * detail * (0.6 + 0.4 * detail**0.3) * leaf_triangles(leaf) / leaf_triangles(coarse)
     growth = np.sqrt(leaf.number * outline_area(leaf) / (number * outline_area(coarse)))
@@ -103,7 +103,7 @@ def _coarser(order: Order, detail: float, drawn: float) -> Order:
 
 
 def _sparser(order: Order, detail: float) -> Order:
-    """Half of the thinning by growing fewer twigs, half by drawing fewer of them."""
+    """Fewer twigs, and fewer of them drawn, by about the same factor."""
     share = detail**0.5
     return replace(
         _coarser(order, detail, share if detail > 0.12 else 0.0), number=max(1, round(order.number * max(share, 0.3)))
@@ -111,7 +111,7 @@ def _sparser(order: Order, detail: float) -> Order:
 
 
 def outline_corners(leaf: Leaf) -> list[tuple[float, float]]:
-    """Corners of the blade's left half from base to tip without these two: (along the midrib, half width / width)."""
+    """Corners of the blade's left half between base and tip: (along the midrib, half width / width)."""
     if not leaf.rounded:
         return [(leaf.widest, 0.5)]
     return [(0.5 * leaf.widest, 0.4), (leaf.widest + 0.3 * (1 - leaf.widest), 0.46)]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Skin of a rock: normals that break at creases, and a texture laid on from six sides."""
+"""Surface of a rock: normals with creases, and box-projected texture coordinates."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from fieldtruth.core.arrays import Array, Index
 
 
 def corner_normals(vertices: Array, faces: Index, crease_deg: float) -> Array:
-    """Unit normals (f, 3, 3) of each face's corners: the mean of its neighbours that bend by less than the crease."""
+    """Unit normals (f, 3, 3) of each face's corners: the mean over adjacent faces within the crease angle."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     across = np.cross(b - a, c - a)
     flat = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
@@ -29,10 +29,10 @@ def corner_normals(vertices: Array, faces: Index, crease_deg: float) -> Array:
 
 
 def box_uv(vertices: Array, faces: Index, smooth: Array, shift: Array) -> tuple[Array, Index]:
-    """Texture coordinates [m] (f, 3, 2) seen along the axis that each face looks to most, and that axis (f,) 0 to 2.
+    """Texture coordinates [m] (f, 3, 2) projected along the nearest axis of each face, and that axis (f,) 0 to 2.
 
-    No face is seen at more than 55 deg, so the texture is drawn out by less than 1.8. ``smooth`` (f, 3) are directions
-    that decide, smoother than the faces', so that a rough surface is not patched; ``shift`` (3, 2) [m] moves each side.
+    Faces are inclined by at most 55 deg to the projection, so the texture is stretched by less than 1.8. The normals
+    ``smooth`` (f, 3) choose the axis, so that a rough surface is not patchy; ``shift`` (3, 2) [m] is per axis.
     """
     axis = np.argmax(np.abs(smooth), axis=1)
     u = np.array([1, 0, 0])[axis]
@@ -46,7 +46,7 @@ def box_uv(vertices: Array, faces: Index, smooth: Array, shift: Array) -> tuple[
 def welded(
     vertices: Array, faces: Index, normals: Array, uv: Array, axis: Index
 ) -> tuple[Array, Array, Array, NDArray[np.int32]]:
-    """Vertices, normals, uv and faces in which corners are one where place, normal and side of the texture agree."""
+    """Vertices, normals, uv and faces with corners merged that share position, normal and texture axis."""
     key = np.column_stack([faces.ravel(), np.repeat(axis, 3), np.round(normals.reshape(-1, 3) * 1000).astype(np.int64)])
     _, first, owner = np.unique(key, axis=0, return_index=True, return_inverse=True)
     triangles = owner.reshape(-1, 3).astype(np.int32)

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The body of a rock: what planes of fracture leave of a block, worn at its edges and roughened by fractal noise.
+"""The body of a rock: a block cut by fracture planes, with worn edges.
 
-A body is star-shaped: one radius for each direction. Cut by planes with normals n_k at distances d_k, its radius is
-1 / max(n_k . u / d_k). Erosion rounds edges and corners; here the maximum becomes a p-norm, which is the maximum for a
-large p and a smooth ball for a small one. Facets stay flat where p is large, as on freshly broken rock.
+A body is star-shaped: it has one radius per direction. Cut by planes with normals n_k at distances d_k, its radius in
+direction u is 1 / max(n_k . u / d_k). Erosion rounds edges and corners: a p-norm replaces the maximum, close to it for
+a large p (flat facets of freshly broken rock) and a smooth ball for a small one.
 """
 
 from typing import Final
@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from fieldtruth.core.arrays import Array
 
 _SNAP: Final = 0.4
-"""Vertices this near to an edge, in lengths of a triangle's side, move onto it, so that edges are not sawn."""
+"""Distance, in sides of a triangle, within which vertices move onto an edge, so that edges are not jagged."""
 
 
 def geodesic(frequency: int) -> tuple[Array, NDArray[np.intp]]:
-    """Unit directions (v, 3) and faces (20 * frequency**2, 3), facing outwards, of an icosahedron's finer net."""
+    """Unit vertices (v, 3) and outward faces (20 * frequency**2, 3) of a subdivided icosahedron."""
     golden = (1 + 5**0.5) / 2
     ring = [(0.0, a, b) for a in (-1.0, 1.0) for b in (-golden, golden)]
     corners = np.array([np.roll(p, k) for k in range(3) for p in ring])
@@ -27,10 +27,12 @@ def geodesic(frequency: int) -> tuple[Array, NDArray[np.intp]]:
     faces = np.array(
         [
             (a, b, c) if np.linalg.det(corners[[a, b, c]]) > 0 else (a, c, b)
-            for a in range(12) for b in range(a) for c in range(b)
+            for a in range(12)
+            for b in range(a)
+            for c in range(b)
             if max(apart[a, b], apart[b, c], apart[a, c]) < 2.01
         ]
-    )  # fmt: skip
+    )
     steps = [(i, j) for i in range(frequency + 1) for j in range(frequency + 1 - i)]
     number = {step: k for k, step in enumerate(steps)}
     shares = np.array([(frequency - i - j, i, j) for i, j in steps]) / frequency
@@ -44,10 +46,10 @@ def geodesic(frequency: int) -> tuple[Array, NDArray[np.intp]]:
 
 
 def fracture_planes(rng: np.random.Generator, count: int, joints: float) -> Array:
-    """Planes (k, 3) as n / d: random cuts, and with ``joints`` (0 to 1) three families at right angles.
+    """Planes (k, 3) as n / d: random cuts and, with ``joints`` (0 to 1), three orthogonal families.
 
     Massive rock breaks along joints into blocks (Hencher, Practical Rock Mechanics, 2015): pairs of parallel planes,
-    here turned at random by up to some degrees, whose corners the random cuts take off.
+    here with a random tilt of a few degrees; the random cuts remove the corners.
     """
     k = np.arange(count) + 0.5
     z, turn = 1 - 2 * k / count, k * np.pi * (3 - 5**0.5)
@@ -64,20 +66,20 @@ def fracture_planes(rng: np.random.Generator, count: int, joints: float) -> Arra
 
 def worn_radius(directions: Array, planes: Array, sharpness: float) -> Array:
     """Radius (v,) of the body along unit ``directions`` (v, 3); ``sharpness`` is the p of the norm."""
-    reach = np.maximum(directions @ planes.T, 0)
-    top = reach.max(axis=1)
-    return np.asarray(1 / (top * ((reach / top[:, None]) ** sharpness).sum(axis=1) ** (1 / sharpness)))
+    inverse = np.maximum(directions @ planes.T, 0)
+    top = inverse.max(axis=1)
+    return np.asarray(1 / (top * ((inverse / top[:, None]) ** sharpness).sum(axis=1) ** (1 / sharpness)))
 
 
 def snapped(directions: Array, planes: Array, side: float) -> Array:
-    """Directions moved onto the edges between facets that are nearer than ``_SNAP`` of a triangle's ``side`` [rad]."""
+    """Directions moved onto edges between facets that are nearer than ``_SNAP`` times a triangle's ``side`` [rad]."""
     moved = directions
     for _ in range(3):
-        reach = np.maximum(moved @ planes.T, 1e-9)
-        order = np.argsort(-reach, axis=1)[:, :2]
+        inverse = np.maximum(moved @ planes.T, 1e-9)
+        order = np.argsort(-inverse, axis=1)[:, :2]
         first, second = planes[order[:, 0]], planes[order[:, 1]]
         rows = np.arange(len(moved))
-        gap = reach[rows, order[:, 0]] - reach[rows, order[:, 1]]
+        gap = inverse[rows, order[:, 0]] - inverse[rows, order[:, 1]]
         uphill = first - second
         uphill = uphill - (uphill * moved).sum(1, keepdims=True) * moved
         step = -gap[:, None] * uphill / np.maximum((uphill**2).sum(1, keepdims=True), 1e-9)

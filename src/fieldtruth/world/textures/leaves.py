@@ -71,7 +71,7 @@ def needle_twig(rng: Rng, *, rows: int, slope: float, twig: float, tones: Tones)
 
 @drawing
 def needle_shoot(rng: Rng, *, tones: Tones, count: int, spread: float, gap: float = 0.7) -> Image:
-    """A shoot of ``count`` needles a side that leave the midrib at ``spread`` (rise per distance), dark between."""
+    """A shoot with ``count`` needles on each side at ``spread`` (rise per distance from the midrib), dark between."""
     n = 2 * BLADE
     u, v = _grid(n)
     side = np.abs(u - 0.5)
@@ -84,9 +84,9 @@ def needle_shoot(rng: Rng, *, tones: Tones, count: int, spread: float, gap: floa
 
 @drawing
 def grass_blades(rng: Rng, *, tones: Tones, foot: Tone, tip: Tone, spots: float = 0.4) -> Image:
-    """Parallel veins; the foot is pale or brown in the shade of its neighbours, the tip dries first.
+    """Parallel veins; ``foot`` and ``tip`` are the colours of the shaded root end and of the dry tip.
 
-    ``spots`` is the share of brown specks; light at the foot of a tuft is scarce, so the image darkens there.
+    ``spots`` is the share of brown specks. The image is darker at the root, where little light reaches a tuft.
     """
     _, v = _grid(BLADE)
     band = noise(rng, BLADE, 1, 5, slope=0.4, stretch=60.0)
@@ -148,5 +148,5 @@ def umbel(rng: Rng, *, floret: Tone, gap: Tone) -> Image:
 
 @drawing
 def velvet(rng: Rng, *, tones: Tones) -> Image:
-    """The close brown felt of a cattail's spike; tiles."""
+    """Dense fine hairs, as on a cattail's spike; tiles."""
     return np.asarray(mix(tones, 0.5 + 0.12 * noise(rng, BLADE, 2, 60, slope=0.5)), np.float32)
