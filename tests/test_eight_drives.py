@@ -1,18 +1,20 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The eight experiments, driven to their ends: the paper's lengths and durations, every stream's count, no contact."""
+"""The eight built-in experiments driven to their ends: lengths and durations of the paper, counts of every stream.
+
+Two of them run by default, all with ``-m ""``.
+"""
 
 from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from fieldtruth.bag import topics
 from fieldtruth.bag.robot_messages import ModelStatesWriter
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz
-from fieldtruth.drive import Track, drive, plan_route
+from fieldtruth.drive import Track, drive
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.config import Experiment
@@ -21,8 +23,6 @@ from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.record.streams import streams_of
 from fieldtruth.world.build import world_of
 from fieldtruth.world.model import World
-
-F8 = NDArray[np.float64]
 
 
 class Row(NamedTuple):
@@ -37,6 +37,7 @@ TABLE_4 = {
     "forest_1": Row(80.52, 269), "forest_2": Row(73.38, 245), "hillside_1": Row(153.10, 514),
     "hillside_2": Row(159.34, 511),
 }  # fmt: skip
+DEFAULT = ("park_1", "hillside_1")
 
 
 @cache
@@ -46,59 +47,61 @@ def world(environment: str) -> World:
 
 @cache
 def driven(name: str) -> tuple[Experiment, World, Track]:
-    """A drive ends with an error when the robot touches anything but ground, tips over, gets stuck or wet."""
+    """Drive an experiment; contact with an obstacle, tipping over, getting stuck or water would be a DriveError."""
     experiment = load_experiment(name)
-    place = world(experiment.environment)
-    return experiment, place, drive(place, experiment)
+    driven_world = world(experiment.environment)
+    return experiment, driven_world, drive(driven_world, experiment)
 
 
-every = pytest.mark.parametrize("name", TABLE_4)
+eight = pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in DEFAULT else pytest.mark.slow) for name in TABLE_4]
+)
 
 
-def test_all_experiments_are_in_the_table() -> None:
+def test_built_in_experiments_are_those_of_the_table() -> None:
     assert set(experiment_names()) == set(TABLE_4)
 
 
-@every
-def test_route_is_free_and_its_waypoints_are_5_to_20_m_apart(name: str) -> None:
-    experiment = load_experiment(name)
-    route = plan_route(world(experiment.environment), experiment)
-    assert route == experiment.route
-    gaps = np.linalg.norm(np.diff(metres_from_route(route), axis=0), axis=1)
+@pytest.mark.parametrize("name", TABLE_4)
+def test_waypoints_are_5_to_20_m_apart(name: str) -> None:
+    gaps = np.linalg.norm(np.diff(metres_from_route(load_experiment(name).route), axis=0), axis=1)
     assert gaps.max() <= 20.0
     assert np.median(gaps) >= 5.0
 
 
-@every
-def test_length_and_duration(name: str) -> None:
+@eight
+def test_length_and_duration_match_the_paper(name: str) -> None:
     _, _, track = driven(name)
     length = np.linalg.norm(np.diff(track.motion.position, axis=0), axis=1).sum()
     assert length == pytest.approx(TABLE_4[name].length, rel=0.02)
     assert track.duration_s == pytest.approx(TABLE_4[name].duration, rel=0.02)
 
 
-@every
-def test_counts_are_duration_times_rate_within_one(name: str) -> None:
-    experiment, place, track = driven(name)
+@eight
+def test_message_counts_are_duration_times_rate(name: str) -> None:
+    experiment, driven_world, track = driven(name)
     rates = {
         topics.CLOCK: 1000, topics.MODEL_STATES: 1000, topics.IMU: 50, topics.NAVSAT: 2, topics.POINTS: 10,
         topics.photograph("left"): 25, topics.photograph("right"): 25, topics.tag("left"): 25, topics.tag("right"): 25,
         **dict.fromkeys(topics.WHEEL_SPEEDS, 10),
     }  # fmt: skip
-    found = {topic: len(s.stamps_ns) for s in streams_of(place, track, experiment.rig) for topic in s.topics}
+    found = {topic: len(s.stamps_ns) for s in streams_of(driven_world, track, experiment.rig) for topic in s.topics}
     for topic, rate in rates.items():
         assert abs(found[topic] - rate * track.duration_s) <= 1, topic
 
 
-@every
-def test_the_robot_leans_as_the_ground_does(name: str) -> None:
-    """Its up axis is that of the plane below its wheels within some degrees: it bumps over what planes smooth."""
-    experiment, place, track = driven(name)
+@eight
+def test_robot_tilts_with_the_ground(name: str) -> None:
+    """Its up axis is the normal of the plane below its wheels within some degrees, since bumps tilt it further."""
+    experiment, driven_world, track = driven(name)
     off = []
     for row in range(2000, len(track.motion.position), 5000):
         x_axis, up = rotation_from_quaternion_wxyz(track.motion.quaternion_wxyz[row])[:, [0, 2]].T
         _, resting = resting_pose(
-            place.terrain.field, track.motion.position[row, :2], float(np.arctan2(x_axis[1], x_axis[0])), experiment.rig
+            driven_world.terrain.field,
+            track.motion.position[row, :2],
+            float(np.arctan2(x_axis[1], x_axis[0])),
+            experiment.rig,
         )
         ground_up = rotation_from_quaternion_wxyz(resting)[:, 2]
         off.append(np.degrees(np.arccos(np.clip(up @ ground_up, -1.0, 1.0))))
@@ -106,8 +109,7 @@ def test_the_robot_leans_as_the_ground_does(name: str) -> None:
     assert max(off) < 6.0
 
 
-def test_hills_show_in_the_attitude() -> None:
-    """The park is almost plane, the hillside is not."""
+def test_robot_tilts_on_the_hillside_and_not_in_the_park() -> None:
     tilt = {}
     for name in ("park_1", "hillside_1"):
         up = rotation_from_quaternion_wxyz(driven(name)[2].motion.quaternion_wxyz)[:, 2, 2]
@@ -118,6 +120,6 @@ def test_hills_show_in_the_attitude() -> None:
 
 
 @pytest.mark.parametrize("environment", ["park", "lake", "forest", "hillside"])
-def test_a_message_of_all_poses_is_below_64_kb(environment: str) -> None:
-    """LZ4 looks back 64 kB: beyond that, each message of the 1 kHz stream would be stored anew."""
+def test_model_states_message_is_below_64_kb(environment: str) -> None:
+    """The window of LZ4 is 64 kB: longer messages of the 1 kHz stream would not be compressed against the last one."""
     assert len(ModelStatesWriter(world(environment)).template) < 65_536
