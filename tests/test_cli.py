@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The command line: a mistake is one line and exit code 2, and what it does is one call of the library."""
+"""The command line: an error is one line and exit code 2, and each command is one call of the library."""
 
 import json
 import re
@@ -25,12 +25,12 @@ CLOCK = "rosgraph_msgs/msg/Clock"
 
 
 @pytest.fixture(autouse=True)
-def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
 class Recorder:
-    """Stands for the pipeline: keeps what it was called with, and writes a bag of three messages of two topics."""
+    """Replaces the pipeline: records its calls and writes a bag of three messages of two topics."""
 
     def __init__(self, error: BaseException | None = None) -> None:
         self.error = error
@@ -64,54 +64,54 @@ def with_pipeline(monkeypatch: pytest.MonkeyPatch, recorder: Recorder) -> Record
     return recorder
 
 
-MISTAKES = [
-    ([], "no command; there is: generate, preview, shares, list, bench, export, annotate, validate, report, view "),
-    (["generat"], "no command 'generat'; there is: generate, "),
-    (["--versoin"], "no option '--versoin'; there is: --version, --help"),
-    (["list", "--jsn"], "no option '--jsn'; there is: --help"),
-    (["bench", "--jsn"], "no option '--jsn'; there is: --json, --env, --help"),
+ERRORS = [
+    ([], "no command given; see fieldtruth --help. Available: generate, preview, shares, list, bench, export, "),
+    (["generat"], "unknown command 'generat'; did you mean 'generate'? Available: generate, preview, "),
+    (["--versoin"], "unknown option '--versoin'; did you mean '--version'? Available: --help, --version"),
+    (["list", "--jsn"], "unknown option '--jsn'; Available: --help"),
+    (["bench", "--jsn"], "unknown option '--jsn'; did you mean '--json'? Available: --help, --env, --json"),
     (["preview"], "the following arguments are required: ENV"),
-    (["preview", "prak"], "no environment 'prak'; there is: park, "),
-    (["preview", "park", "--seed", "-1"], "argument --seed: -1 is not allowed; allowed is a whole number from 0 up "),
-    (["preview", "park", "--seed", "one"], "argument --seed: 'one' is no whole number"),
+    (["preview", "prak"], "unknown environment 'prak'; did you mean 'park'? Available: forest, hillside, lake, park"),
+    (["preview", "park", "--seed", "-1"], f"--seed must be an integer between 0 and {2**63 - 1}, got '-1'"),
+    (["preview", "park", "--seed", "one"], f"--seed must be an integer between 0 and {2**63 - 1}, got 'one'"),
     (["preview", "park", "--out", "park.bmp"], "cannot write park.bmp: its name must end in .png, .jpg or .jpeg"),
-    (["preview", "park", "--out", "no/park.png"], "cannot write no/park.png: there is no folder no"),
-    (["preview", "park", "forest"], "one argument too many: 'forest'"),
-    (["shares"], "needed is --all or at least one experiment; there is: "),
-    (["shares", "park_1", "--all"], "needed is --all or at least one experiment; there is: "),
-    (["shares", "park1"], "no experiment 'park1'; there is: park_1, park_2"),
-    (["shares", "--all", "--seed", "x"], "argument --seed: 'x' is no whole number"),
-    (["bench", "--env", "prak"], "no environment 'prak'; there is: park, "),
-    (["list", "park_1"], "one argument too many: 'park_1'"),
+    (["preview", "park", "--out", "no/park.png"], "cannot write no/park.png: "),
+    (["preview", "park", "forest"], "unexpected argument 'forest'"),
+    (["shares"], "give either --all or experiments. Available: forest_1, "),
+    (["shares", "park_1", "--all"], "give either --all or experiments. Available: forest_1, "),
+    (["shares", "park1"], "unknown experiment 'park1'; did you mean 'park_1'? Available: forest_1, "),
+    (["shares", "--all", "--seed", "x"], "--seed must be an integer between 0 and "),
+    (["bench", "--env", "prak"], "unknown environment 'prak'; did you mean 'park'? Available: "),
+    (["list", "park_1"], "unexpected argument 'park_1'"),
     (["generate"], "the following arguments are required: EXPERIMENT"),
-    (["generate", "park1"], "no experiment 'park1'; there is: park_1, park_2"),
-    (["generate", "park_1", "park_2"], "one argument too many: 'park_2'"),
-    (["generate", "park_1", "--sec=5"], "no option '--sec'; there is: --seed, --seconds, "),
-    (["generate", "park_1", "--seconds", "five"], "argument --seconds: 'five' is no number"),
-    (["generate", "park_1", "--seconds", "-5"], "seconds is -5.0; allowed is a number from 0.001 up to 86400"),
-    (["generate", "park_1", "--seconds", "nan"], "seconds is nan; allowed is a number from 0.001 up to 86400"),
-    (["generate", "park_1", "--seconds"], "argument --seconds: expected one argument"),
-    (["generate", "park_1", "--seed", "1.5"], "argument --seed: '1.5' is no whole number"),
-    (["generate", "park_1", "--seed", "-1"], "seed is -1; allowed is a whole number from 0 "),
-    (["generate", "park_1", "--workers", "0"], "argument --workers: 0 is below 1"),
+    (["generate", "park1"], "unknown experiment 'park1'; did you mean 'park_1'? Available: forest_1, "),
+    (["generate", "park_1", "park_2"], "unexpected argument 'park_2'"),
+    (["generate", "park_1", "--sec=5"], "unknown option '--sec'; did you mean '--seed'? Available: --help, --out, "),
+    (["generate", "park_1", "--seconds", "five"], "--seconds must be a number, got 'five'"),
+    (["generate", "park_1", "--seconds", "-5"], "seconds must be a number between 0.001 and 86400, got -5.0"),
+    (["generate", "park_1", "--seconds", "nan"], "seconds must be a number between 0.001 and 86400, got nan"),
+    (["generate", "park_1", "--seconds"], "--seconds: expected one argument"),
+    (["generate", "park_1", "--seed", "1.5"], "--seed must be an integer between 0 and "),
+    (["generate", "park_1", "--workers", "0"], "--workers must be an integer of at least 1, got '0'"),
+    (["generate", "park_1", "--extras", "depht"], "unknown extra 'depht'; did you mean 'depth'? Available: depth, "),
     (["generate", "run.yaml"], "cannot read run.yaml: No such file or directory"),
-    (["generate", "two\nlines"], "no experiment 'two\\nlines'; there is: "),
+    (["generate", "two\nlines"], "unknown experiment 'two\\nlines'; Available: "),
 ]
 
 
-@pytest.mark.parametrize(("argv", "line"), MISTAKES, ids=[" ".join(argv) for argv, _ in MISTAKES])
-def test_a_mistake_is_one_line_and_nothing_is_written(
+@pytest.mark.parametrize(("argv", "line"), ERRORS, ids=[" ".join(argv) for argv, _ in ERRORS])
+def test_error_is_one_line_and_nothing_is_written(
     argv: list[str], line: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     assert cli.main(argv) == 2
     out, err = capsys.readouterr()
     assert out == ""
-    assert err.startswith(f"fieldtruth: {line}")
+    assert err.startswith(f"error: {line}")
     assert err.count("\n") == 1
     assert not any(tmp_path.iterdir())
 
 
-def test_generate_hands_everything_to_one_call(
+def test_generate_passes_all_options_to_one_call(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     pipeline = with_pipeline(monkeypatch, Recorder())
@@ -129,7 +129,7 @@ def test_generate_hands_everything_to_one_call(
     assert re.fullmatch(expected, text)
 
 
-def test_generate_by_default_takes_the_experiment_as_it_is_and_all_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_generate_defaults_to_the_unchanged_experiment_and_all_cores(monkeypatch: pytest.MonkeyPatch) -> None:
     pipeline = with_pipeline(monkeypatch, Recorder())
     assert cli.main(["generate", "park_2"]) == 0
     [(experiment, out, options)] = pipeline.calls
@@ -138,23 +138,21 @@ def test_generate_by_default_takes_the_experiment_as_it_is_and_all_cores(monkeyp
     assert (options["workers"], options["overwrite"]) == (cpu_count(), False)
 
 
-def test_what_the_library_refuses_is_one_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_library_error_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     with_pipeline(monkeypatch, Recorder(OutputError("data/park_1 holds a finished run;\nsay --overwrite")))
     assert cli.main(["generate", "park_1"]) == 2
-    assert capsys.readouterr().err == "fieldtruth: data/park_1 holds a finished run; say --overwrite\n"
+    assert capsys.readouterr().err == "error: data/park_1 holds a finished run; say --overwrite\n"
 
 
-def test_an_interrupt_says_how_to_go_on(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_interrupt_prints_how_to_resume(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     with_pipeline(monkeypatch, Recorder(KeyboardInterrupt()))
     assert cli.main(["generate", "park_1", "--out", "my sets", "--overwrite"]) == 130
     err = capsys.readouterr().err
-    assert err.endswith(" goes on from there: fieldtruth generate park_1 --out 'my sets'\n")
+    assert err.endswith(" resume with: fieldtruth generate park_1 --out 'my sets'\n")
     assert err.count("\n") == 1
 
 
-def test_a_fault_of_ours_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unexpected_exception_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
     with_pipeline(monkeypatch, Recorder(ZeroDivisionError()))
     with pytest.raises(ZeroDivisionError):
         cli.main(["generate", "park_1"])
@@ -174,7 +172,7 @@ def test_bench_prints_a_table_or_one_json_object(
     assert capsys.readouterr().out == "all of park and ten_times_trees\n"
 
 
-def test_preview_writes_the_sheet_that_one_call_draws(
+def test_preview_writes_the_sheet(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     calls: list[tuple[Any, ...]] = []
@@ -192,7 +190,7 @@ def test_preview_writes_the_sheet_that_one_call_draws(
     capsys.readouterr()
     before = (tmp_path / "a.jpg").read_bytes()
     assert cli.main(["preview", "park", "--out", "a.jpg"]) == 2
-    expected = "fieldtruth: a.jpg is there already; choose another --out, or --overwrite replaces it\n"
+    expected = "error: a.jpg is there already; choose another --out, or --overwrite replaces it\n"
     assert capsys.readouterr().err == expected
     assert (tmp_path / "a.jpg").read_bytes() == before
     assert len(calls) == 2
@@ -200,7 +198,7 @@ def test_preview_writes_the_sheet_that_one_call_draws(
     assert (simplejpeg.decode_jpeg((tmp_path / "a.jpg").read_bytes()) == 103).all()
 
 
-def test_shares_counts_the_experiments_that_are_asked_for(
+def test_shares_counts_the_given_experiments(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     calls: list[tuple[list[tuple[str, int]], int]] = []
@@ -232,7 +230,7 @@ def test_list_shows_every_experiment_and_environment(capsys: pytest.CaptureFixtu
 
 
 @pytest.mark.parametrize("argv", [["--help"], ["generate", "--help"]])
-def test_help_holds_examples_that_parse(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_examples_of_the_help_parse(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:
         cli.main(argv)
     assert end.value.code == 0
@@ -246,22 +244,26 @@ def run_cli(*argv: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, "-m", "fieldtruth.cli", *argv], capture_output=True, text=True, check=False)
 
 
-def test_the_process_ends_with_the_code_and_the_line() -> None:
+def test_process_exits_with_code_and_message() -> None:
     version = run_cli("--version")
     assert (version.returncode, version.stdout) == (0, f"fieldtruth {fieldtruth.__version__}\n")
     mistake = run_cli("generate", "no_such", "--out", "x")
     assert (mistake.returncode, mistake.stdout, mistake.stderr.count("\n")) == (2, "", 1)
-    assert mistake.stderr.startswith("fieldtruth: no experiment 'no_such'; there is: ")
+    assert mistake.stderr.startswith("error: unknown experiment 'no_such'; Available: ")
 
 
 def modules_after(*argv: str) -> set[str]:
-    """Names of the modules that a command leaves loaded."""
+    """Names of the modules that are loaded after a command."""
     code = f"import sys; from fieldtruth import cli; cli.main({list(argv)!r}); print(*sys.modules, file=sys.stderr)"
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     return set(ended.stderr.splitlines()[-1].split())
 
 
-def test_light_commands_import_nothing_heavy() -> None:
+def test_light_commands_import_no_heavy_modules() -> None:
     assert modules_after("nonsense").isdisjoint({"numpy", "scipy", "pydantic", "numba", "mujoco"})
     assert modules_after("preview", "prak").isdisjoint({"numba", "mujoco", "rosbags", "rich", "matplotlib"})
     assert modules_after("list").isdisjoint({"pydantic", "numba", "mujoco", "rosbags", "rich", "matplotlib"})
+
+
+def test_import_and_help_need_no_linux_only_module() -> None:
+    assert modules_after("nonsense").isdisjoint({"fcntl", "resource", "termios"})

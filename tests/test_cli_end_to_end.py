@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The command line with everything behind it: a real, short bag of the park, made, refused, replaced and made again."""
+"""The command line end to end: a short bag of the park is made, kept, replaced and reproduced."""
 
 import re
 from pathlib import Path
@@ -11,7 +11,7 @@ from fieldtruth import cli
 from fieldtruth.bag.decode import count_messages
 
 
-def test_a_bag_is_made_kept_and_made_again_from_its_own_experiment(
+def test_bag_is_made_kept_replaced_and_reproduced_from_its_experiment(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -30,8 +30,8 @@ def test_a_bag_is_made_kept_and_made_again_from_its_own_experiment(
     assert cli.main(command) == 2  # finished
     assert cli.main([*command, "--seed", "1"]) == 2  # another experiment
     finished, other = capsys.readouterr().err.splitlines()[-2:]
-    assert finished.startswith("fieldtruth: data/park_1/park_1.bag is already finished; ")
-    assert other.startswith("fieldtruth: data/park_1 holds another experiment (different: seed); ")
+    assert finished.startswith("error: data/park_1/park_1.bag is already finished; ")
+    assert other.startswith("error: data/park_1 holds another experiment (different: seed); ")
     assert bag.read_bytes() == first
 
     assert cli.main(["generate", "data/park_1/experiment.yaml", "--out", "again", "--workers", "1"]) == 0

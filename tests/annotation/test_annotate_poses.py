@@ -241,7 +241,7 @@ def test_a_bag_that_cannot_be_annotated_is_one_line(
     write(Path("x.bag"), make(park))
     assert cli.main(["annotate", "x.bag", "--world", "park"]) == 2
     out, err = capsys.readouterr()
-    lines = [text for text in err.splitlines() if text.startswith("fieldtruth: ")]
+    lines = [text for text in err.splitlines() if text.startswith("error: ")]
     assert len(lines) == 1
     assert err.endswith(lines[0] + "\n")
     assert line in lines[0]
@@ -252,11 +252,14 @@ def test_a_bag_that_cannot_be_annotated_is_one_line(
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (["--world", "prak"], "no environment 'prak'; there is: park, "),
+        (["--world", "prak"], "unknown environment 'prak'; did you mean 'park'? Available: "),
         (["--world", "park", "--out", "x.bag"], "x.bag is there already; remove it, or choose another --out"),
         (["--world", "park", "--out", "x.bag/y.bag"], "cannot write x.bag/y.bag: "),
         (["--world", "park", "--robot", "jackal"], "cannot read x.bag: "),
-        (["--world", "park", "--experiment", "prak_1"], "no experiment 'prak_1'; there is: park_1, "),
+        (
+            ["--world", "park", "--experiment", "prak_1"],
+            "unknown experiment 'prak_1'; did you mean 'park_1'? Available: ",
+        ),
         ([], "the following arguments are required: --world"),
     ],
 )
@@ -269,7 +272,7 @@ def test_a_mistake_is_one_line(
         Path("x.bag").write_bytes(whole[:5000])
     assert cli.main(["annotate", "x.bag", *words]) == 2
     err = capsys.readouterr().err
-    assert err.startswith(f"fieldtruth: {line}")
+    assert err.startswith(f"error: {line}")
     assert err.count("\n") == 1
     assert [path.name for path in Path().iterdir()] == ["x.bag"]
 
@@ -283,7 +286,7 @@ def test_an_interrupt_says_how_to_go_on(
     monkeypatch.setattr(package, "load_world", stop)
     bag = write(tmp_path / "x.bag", drive())
     assert cli.main(["annotate", str(bag), "--world", "park"]) == 130
-    assert capsys.readouterr().err.endswith(f" goes on from there: fieldtruth annotate {bag} --world park\n")
+    assert capsys.readouterr().err.endswith(f" resume with: fieldtruth annotate {bag} --world park\n")
     assert [path.name for path in tmp_path.iterdir()] == ["x.bag"]
 
 

@@ -51,7 +51,7 @@ def test_each_form_is_made_beside_the_bag_and_is_the_same_with_any_number_of_wor
     again = cli.main(["export", str(bag), "--to", form])
     assert again == 2
     assert capsys.readouterr().err.splitlines()[-1] == (
-        f"fieldtruth: {made} is there already; remove it, or choose another --out"
+        f"error: {made} is there already; remove it, or choose another --out"
     )
     assert digest(other) == digest(made)
 
@@ -69,7 +69,7 @@ def test_a_run_without_cameras_is_exported_or_refused_in_one_line(
     form: str, blind_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     code = cli.main(["export", str(blind_run), "--to", form, "--out", str(tmp_path / "out")])
-    error = [line for line in capsys.readouterr().err.splitlines() if line.startswith("fieldtruth: ")]
+    error = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
     assert (code, len(error)) == ((2, 1) if form in ("kitti", "coco") else (0, 0)), error
     assert [path.name for path in tmp_path.iterdir()] == ([] if code else ["out"])
 
@@ -92,7 +92,7 @@ def test_what_cannot_be_is_one_line_and_writes_nothing(
         ([run], "the following arguments are required: --to"),
     ):
         assert cli.main(["export", *words, *out]) == 2
-        assert capsys.readouterr().err.startswith(f"fieldtruth: {line}")
+        assert capsys.readouterr().err.startswith(f"error: {line}")
     assert not list(tmp_path.iterdir())
 
 

@@ -146,8 +146,8 @@ def test_errors_are_one_line_and_nothing_is_written(
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     assert cli.main(["view", str(small_run)]) == 2
-    assert capsys.readouterr().err.startswith("fieldtruth: there is no display for the viewer; --save FILE.rrd ")
+    assert capsys.readouterr().err.startswith("error: there is no display for the viewer; --save FILE.rrd ")
     monkeypatch.setitem(sys.modules, "rerun", None)
     assert cli.main(["view", str(small_run), "--save", str(tmp_path / "new.rrd")]) == 2
-    assert capsys.readouterr().err == "fieldtruth: the viewer is not installed; run: pip install 'fieldtruth[view]'\n"
+    assert capsys.readouterr().err == "error: the viewer is not installed; run: pip install 'fieldtruth[view]'\n"
     assert [path.name for path in tmp_path.iterdir()] == ["taken.rrd"]

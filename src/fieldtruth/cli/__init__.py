@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The command ``fieldtruth``: a thin coat. Each sub-command is one call of the library; a user's mistake is one line.
+"""The command ``fieldtruth``. Each sub-command is one call of the library; an error is one line.
 
-Exit codes: 0 done; 1 a run that fails its check; 2 something the user can repair; 130 interrupted. Only light modules
-are imported at the top, so that ``--help``, ``list`` and every mistake answer at once.
+Exit codes: 0 done; 1 a run that fails validation; 2 an error that the user can correct; 130 interrupted. Only light
+modules are imported at the top, so that ``--help``, ``list`` and errors are immediate.
 """
 
 import argparse
@@ -13,43 +13,44 @@ from collections.abc import Sequence
 from typing import Final, NoReturn
 
 import fieldtruth
-from fieldtruth.cli import making, using
+from fieldtruth.cli import generation, processing
 from fieldtruth.cli.arguments import Command, Parser, UsageError
-from fieldtruth.core.errors import FieldtruthError, UnknownNameError, nearest_first
+from fieldtruth.core.errors import FieldtruthError, UnknownNameError
 
 INTERRUPTED: Final = 130
-MISTAKE: Final = 2
+USER_ERROR: Final = 2
+RESUMABLE: Final = ("generate", "annotate")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line (by default the process's) and return its exit code."""
+    """Run the command line, by default that of the process, and return its exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
         command, options = _parse(arguments)
         return command(options) or 0
     except FieldtruthError as error:
-        return _fail(str(error), MISTAKE)
+        return _fail(str(error), USER_ERROR)
     except KeyboardInterrupt:
-        return _fail(_how_to_resume(arguments), INTERRUPTED)
+        return _fail(f"interrupted{_resume_hint(arguments)}", INTERRUPTED)
 
 
 def _fail(message: str, code: int) -> int:
-    print("fieldtruth:", " ".join(message.split()), file=sys.stderr)
+    print("error:", " ".join(message.split()), file=sys.stderr)
     return code
 
 
-def _how_to_resume(arguments: Sequence[str]) -> str:
-    if arguments[:1] not in (["generate"], ["annotate"]):
-        return "interrupted"
-    # --overwrite would throw away what is to be kept.
+def _resume_hint(arguments: Sequence[str]) -> str:
+    if not arguments or arguments[0] not in RESUMABLE:
+        return ""
+    # --overwrite would discard the finished part.
     again = shlex.join(["fieldtruth", *(a for a in arguments if a != "--overwrite")])
-    return f"interrupted; what is finished is kept, the same command goes on from there: {again}"
+    return f"; the finished part is kept, resume with: {again}"
 
 
 def _parse(arguments: Sequence[str]) -> tuple[Command, argparse.Namespace]:
     parser, commands = _build_parser()
     if not arguments:
-        raise UsageError(f"no command; there is: {', '.join(commands)} (fieldtruth --help tells more)")
+        raise UsageError(f"no command given; see fieldtruth --help. Available: {', '.join(commands)}")
     if not arguments[0].startswith("-") and arguments[0] not in commands:
         raise UnknownNameError("command", arguments[0], commands)
     options, unknown = parser.parse_known_args(arguments)
@@ -61,18 +62,17 @@ def _parse(arguments: Sequence[str]) -> tuple[Command, argparse.Namespace]:
 
 def _refuse(argument: str, parser: argparse.ArgumentParser) -> NoReturn:
     if argument.startswith("-"):
-        name = argument.partition("=")[0]
         known = [o for action in parser._actions for o in action.option_strings if o.startswith("--")]
-        raise UsageError(f"no option {name!r}; there is: {', '.join(nearest_first(name, known))}")
-    raise UsageError(f"one argument too many: {argument!r}")
+        raise UnknownNameError("option", argument.partition("=")[0], known)
+    raise UsageError(f"unexpected argument {argument!r}")
 
 
 def _build_parser() -> tuple[Parser, dict[str, Parser]]:
     layout = argparse.RawDescriptionHelpFormatter
     parser = Parser(
         prog="fieldtruth",
-        description="Make automatically annotated data sets of a ground robot in natural environments.",
-        epilog=making.EXAMPLES,
+        description="Make automatically labelled data sets of a ground robot in natural environments.",
+        epilog=generation.EXAMPLES,
         formatter_class=layout,
         allow_abbrev=False,
     )
@@ -86,13 +86,13 @@ def _build_parser() -> tuple[Parser, dict[str, Parser]]:
         made.set_defaults(run=run)
         return made
 
-    making.add_commands(command)
-    using.add_commands(command)
+    generation.add_commands(command)
+    processing.add_commands(command)
     return parser, dict(subparsers.choices)
 
 
 class _Version(argparse.Action):
-    """Prints the version; asks for it late, because the metadata take time to read."""
+    """Prints the version, and reads it only then, because reading the metadata is slow."""
 
     def __init__(self, option_strings: Sequence[str], dest: str) -> None:
         super().__init__(option_strings, dest, nargs=0, help="show the version and exit")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the sub-commands' arguments have in common: a parser that never prints by itself, and the types of values."""
+"""Shared by the sub-commands: a parser that raises instead of printing, and types of values."""
 
 import argparse
 from collections.abc import Callable
@@ -15,31 +15,28 @@ class UsageError(FieldtruthError):
 
 
 class Parser(argparse.ArgumentParser):
-    """Reports a mistake as an exception instead of printing its usage and ending the process."""
+    """Raises UsageError instead of printing its usage and ending the process."""
 
     def error(self, message: str) -> NoReturn:
-        """Report it."""
-        raise UsageError(message)
+        """Raise it."""
+        raise UsageError(message.removeprefix("argument ").replace(": must be ", " must be ", 1))
 
 
 Command = Callable[[argparse.Namespace], int | None]
-"""A sub-command; it returns its exit code, None for 0."""
+"""A sub-command; returns its exit code, None for 0."""
 
 
 class AddCommand(Protocol):
-    """Makes a sub-command."""
+    """Adds a sub-command."""
 
     def __call__(self, name: str, run: Command, help_text: str, epilog: str | None = None) -> Parser: ...  # noqa: D102
 
 
-def available_cores() -> int:
-    """Cores that this process may use."""
-    return cpu_count()
-
-
-def add_workers(parser: Parser, help_text: str) -> None:
-    """Let the user choose the number of threads."""
-    parser.add_argument("--workers", metavar="N", type=count, default=available_cores(), help=help_text)
+def add_workers(parser: Parser, output: str) -> None:
+    """Add ``--workers``; ``output`` does not depend on it."""
+    parser.add_argument(
+        "--workers", metavar="N", type=count, default=cpu_count(), help=f"threads (all cores); {output} is the same"
+    )
 
 
 def number(text: str) -> float:
@@ -47,33 +44,29 @@ def number(text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
-
-
-def whole_number(text: str) -> int:
-    """A whole number."""
-    try:
-        return int(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number") from None
+        raise argparse.ArgumentTypeError(f"must be a number, got {text!r}") from None
 
 
 def seed(text: str) -> int:
-    """A seed of everything random."""
-    number = whole_number(text)
-    if not 0 <= number < 2**63:
-        raise argparse.ArgumentTypeError(f"{text} is not allowed; allowed is a whole number from 0 up to 2^63 - 1")
-    return number
+    """A seed."""
+    return _integer(text, range(2**63), f"between 0 and {2**63 - 1}")
 
 
 def count(text: str) -> int:
-    """A whole number from 1 up."""
-    number = whole_number(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"{text} is below 1")
-    return number
+    """An integer of at least 1."""
+    return _integer(text, range(1, 2**63), "of at least 1")
+
+
+def _integer(text: str, allowed: range, condition: str) -> int:
+    try:
+        value = int(text)
+    except ValueError:
+        value = None
+    if value is None or value not in allowed:
+        raise argparse.ArgumentTypeError(f"must be an integer {condition}, got {text!r}")
+    return value
 
 
 def words(text: str) -> list[str]:
-    """Words between commas."""
+    """Words separated by commas."""
     return [word.strip() for word in text.split(",")]

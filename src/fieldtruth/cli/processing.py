@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sub-commands that take a finished run: other forms of it, its check, its report, its view, and its annotation."""
+"""Sub-commands for existing runs and bags: export, annotate, validate, report, view."""
 
 import argparse
 from pathlib import Path
@@ -9,9 +9,9 @@ from typing import Final
 from fieldtruth.cli.arguments import AddCommand, UsageError, add_workers, count, seed
 
 FAILED: Final = 1
-"""Exit code of a run that does not pass its check."""
+"""Exit code of a run that fails validation."""
 
-RUN: Final = "folder of a run, or a bag"
+RUN: Final = "folder of a run, or a bag file"
 
 
 def _export(options: argparse.Namespace) -> None:
@@ -38,7 +38,9 @@ def _annotate(options: argparse.Namespace) -> None:
 
     like = None if options.experiment is None else load_experiment(options.experiment)
     if like is not None and like.environment != options.world:
-        raise UsageError(f"{options.experiment} takes place in {like.environment!r}, not in {options.world!r}")
+        raise UsageError(
+            f"--world must be {like.environment!r}, the environment of {options.experiment}, got {options.world!r}"
+        )
     with show_progress() as progress:
         made = annotate(
             options.bag,
@@ -97,39 +99,39 @@ def _view(options: argparse.Namespace) -> None:
 
 
 def add_commands(command: AddCommand) -> None:
-    """Add them to the command line."""
-    export = command("export", _export, "Write a run in another form.")
+    """Add the sub-commands."""
+    export = command("export", _export, "Export runs to another format.")
     export.add_argument("runs", metavar="RUN", type=Path, nargs="+", help=RUN)
     export.add_argument(
-        "--to", metavar="FORM", required=True, help="files, zip, semantickitti, kitti, tum, mcap, coco or pcd"
+        "--to", metavar="FORMAT", required=True, help="files, zip, semantickitti, kitti, tum, mcap, coco or pcd"
     )
-    export.add_argument("--out", metavar="PATH", type=Path, help="what to make (beside the bag, named after it)")
-    export.add_argument("--label-map", metavar="NAME", help="other labels: rellis, rugd, goose, goose9 or ganav6")
-    add_workers(export, "threads (all cores); the output is the same")
+    export.add_argument("--out", metavar="PATH", type=Path, help="output (beside the bag, named after it)")
+    export.add_argument("--label-map", metavar="NAME", help="ontology: rellis, rugd, goose, goose9 or ganav6")
+    add_workers(export, "the output")
 
-    annotate = command("annotate", _annotate, "Add labelled images to a bag that was recorded elsewhere.")
-    annotate.add_argument("bag", metavar="BAG", type=Path, help="with /gazebo/model_states or /ground_truth/odom")
-    annotate.add_argument("--world", metavar="ENV", required=True, help="a name that `fieldtruth list` shows")
-    annotate.add_argument("--seed", metavar="N", type=seed, help="of the world (the experiment's, or 0)")
-    annotate.add_argument("--lidar", action="store_true", help="add labelled clouds, too")
-    annotate.add_argument("--experiment", metavar="EXP", help="its rig, light, layout and seed; a name or a YAML file")
-    annotate.add_argument("--robot", metavar="NAME", default="husky", help="in /gazebo/model_states (husky)")
-    annotate.add_argument("--out", metavar="BAG", type=Path, help="the new bag (BAG_annotated.bag)")
-    add_workers(annotate, "threads (all cores); the bag is the same")
+    annotate = command("annotate", _annotate, "Add labelled images to a bag from another simulator.")
+    annotate.add_argument("bag", metavar="BAG", type=Path, help="bag with /gazebo/model_states or /ground_truth/odom")
+    annotate.add_argument("--world", metavar="ENV", required=True, help="environment from `fieldtruth list`")
+    annotate.add_argument("--seed", metavar="N", type=seed, help="seed of the world (that of the experiment, or 0)")
+    annotate.add_argument("--lidar", action="store_true", help="also add labelled point clouds")
+    annotate.add_argument("--experiment", metavar="EXP", help="source of rig, light, layout and seed")
+    annotate.add_argument("--robot", metavar="NAME", default="husky", help="name in /gazebo/model_states (husky)")
+    annotate.add_argument("--out", metavar="BAG", type=Path, help="output file (BAG_annotated.bag)")
+    add_workers(annotate, "the bag")
 
-    validate = command("validate", _validate, "Check everything in a run; exit code 1 if something is wrong.")
+    validate = command("validate", _validate, "Check a run; exit code 1 if a check fails.")
     validate.add_argument("run_path", metavar="RUN", type=Path, help=RUN)
-    validate.add_argument("--json", action="store_true", help="one JSON object instead of lines")
+    validate.add_argument("--json", action="store_true", help="JSON instead of text")
     extent = validate.add_mutually_exclusive_group()
-    extent.add_argument("--quick", action="store_true", help="do not build the world and measure in it again")
-    extent.add_argument("--full", action="store_true", help="see every image again, not only a sample")
-    validate.add_argument("--samples", metavar="N", type=count, default=20, help="moments in the sample (20)")
-    add_workers(validate, "threads (all cores); the result is the same")
+    extent.add_argument("--quick", action="store_true", help="do not build the world and simulate readings again")
+    extent.add_argument("--full", action="store_true", help="render every image again, not only a sample")
+    validate.add_argument("--samples", metavar="N", type=count, default=20, help="number of stamps in the sample (20)")
+    add_workers(validate, "the result")
 
-    report = command("report", _report, "Write one HTML page that shows a run.")
+    report = command("report", _report, "Write an HTML report of a run.")
     report.add_argument("run_path", metavar="RUN", type=Path, help=RUN)
-    report.add_argument("--out", metavar="FILE", type=Path, help="an .html file (beside the bag, named after it)")
-    report.add_argument("--overwrite", action="store_true", help="replace the file if it is there")
+    report.add_argument("--out", metavar="FILE", type=Path, help=".html file (beside the bag, named after it)")
+    report.add_argument("--overwrite", action="store_true", help="replace an existing file")
 
     view = command("view", _view, "Show a run in the rerun viewer (pip install 'fieldtruth[view]').")
     view.add_argument("run_path", metavar="RUN", type=Path, help=RUN)

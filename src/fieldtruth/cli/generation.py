@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sub-commands that make data: generate, and what shows beforehand what it would give."""
+"""Sub-commands for making data sets: generate, preview, shares, list, bench."""
 
 import argparse
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from fieldtruth.cli.arguments import AddCommand, Parser, UsageError, add_workers, number, seed, whole_number, words
+from fieldtruth.cli.arguments import AddCommand, Parser, UsageError, add_workers, number, seed, words
 from fieldtruth.core.errors import UnknownNameError
 
 if TYPE_CHECKING:
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
 EXAMPLES: Final = """\
 examples:
-  fieldtruth list                                  what there is
-  fieldtruth generate park_1 --seconds 5           five seconds of the first experiment, in data/park_1
-  fieldtruth generate park_1 --no-cameras          LiDAR, IMU, GNSS and tachometers alone: minutes, not hours
-  fieldtruth generate data/park_1/experiment.yaml --out again     the same bag once more
-  fieldtruth preview park --seed 7                 one picture of the place, its routes, views, cloud and classes
+  fieldtruth list                                  experiments and environments
+  fieldtruth generate park_1 --seconds 5           five seconds of park_1, in data/park_1
+  fieldtruth generate park_1 --no-cameras          only LiDAR, IMU, GNSS and tachometers: minutes, not hours
+  fieldtruth generate data/park_1/experiment.yaml --out again     the same bag again
+  fieldtruth preview park --seed 7                 a sheet: map, routes, views, point cloud and classes
 """
 
 
@@ -96,7 +96,7 @@ def _shares(options: argparse.Namespace) -> None:
     from fieldtruth.experiment.files import with_overrides
 
     if options.all == bool(options.experiments):
-        raise UsageError(f"needed is --all or at least one experiment; there is: {', '.join(experiment_names())}")
+        raise UsageError(f"give either --all or experiments. Available: {', '.join(experiment_names())}")
     names = experiment_names() if options.all else options.experiments
     experiments = [with_overrides(_checked_experiment(name), seed=options.seed) for name in names]
     from fieldtruth.core.progress import show_progress
@@ -130,49 +130,43 @@ def _bench(options: argparse.Namespace) -> None:
 
 
 def add_commands(command: AddCommand) -> None:
-    """Add them to the command line."""
-    generate = command("generate", _generate, "Drive, sense, label and write the bag.", EXAMPLES)
+    """Add the sub-commands."""
+    generate = command("generate", _generate, "Simulate an experiment and write the bag.", EXAMPLES)
+    generate.add_argument("experiment", metavar="EXPERIMENT", help="name from `fieldtruth list`, or a YAML file")
+    generate.add_argument("--out", metavar="DIR", type=Path, default=Path("data"), help="folder for data sets (data)")
+    generate.add_argument("--seconds", metavar="S", type=number, help="end after this simulated time")
+    generate.add_argument("--seed", metavar="N", type=seed, help="root of all randomness")
+    add_workers(generate, "the bag")
+    generate.add_argument("--no-cameras", action="store_true", help="without the stereo pair")
+    generate.add_argument("--no-lidar", action="store_true", help="without the LiDAR")
     generate.add_argument(
-        "experiment", metavar="EXPERIMENT", help="a name that `fieldtruth list` shows, or a YAML file"
+        "--extras", metavar="LIST", type=words, help="more images of each camera: depth, instances or depth,instances"
     )
-    generate.add_argument("--out", metavar="DIR", type=Path, default=Path("data"), help="folder of data sets (data)")
-    generate.add_argument("--seconds", metavar="S", type=number, help="end after this much simulated time")
-    generate.add_argument(
-        "--seed", metavar="N", type=whole_number, help="of everything random; another seed, another world"
-    )
-    add_workers(generate, "threads (all cores); the bag is the same")
-    generate.add_argument("--no-cameras", action="store_true", help="leave the stereo pair out")
-    generate.add_argument("--no-lidar", action="store_true", help="leave the LiDAR out")
-    generate.add_argument(
-        "--extras", metavar="LIST", type=words, help="more of each camera: depth, instances or depth,instances"
-    )
-    generate.add_argument(
-        "--overwrite", action="store_true", help="throw away what the output folder holds of this run"
-    )
+    generate.add_argument("--overwrite", action="store_true", help="discard an existing run in the output folder")
 
-    _add_preview(command("preview", _preview, "Draw one sheet that shows an environment."))
-    _add_shares(command("shares", _shares, "Count which class how many pixels and points belong to."))
-    command("list", _list, "Show the experiments and the environments.")
-    bench = command("bench", _bench, "Measure the speed on this machine.")
-    bench.add_argument("--env", metavar="NAME", default="park", help="environment (park), or all of them: all")
-    bench.add_argument("--json", action="store_true", help="one JSON object instead of a table")
+    _add_preview(command("preview", _preview, "Draw an overview sheet of an environment."))
+    _add_shares(command("shares", _shares, "Count the pixels and points of each class."))
+    command("list", _list, "List the experiments and environments.")
+    bench = command("bench", _bench, "Measure the speed of this machine.")
+    bench.add_argument("--env", metavar="NAME", default="park", help="environment, or all (park)")
+    bench.add_argument("--json", action="store_true", help="JSON instead of a table")
 
 
 def _add_preview(preview: Parser) -> None:
-    preview.add_argument("environment", metavar="ENV", help="a name that `fieldtruth list` shows")
-    preview.add_argument("--seed", metavar="N", type=seed, default=0, help="of everything random (0)")
+    preview.add_argument("environment", metavar="ENV", help="name from `fieldtruth list`")
+    preview.add_argument("--seed", metavar="N", type=seed, default=0, help="root of all randomness (0)")
     preview.add_argument(
-        "--out", metavar="FILE", type=Path, help="a .png, or a .jpg below 400 kB (ENV_SEED_preview.png)"
+        "--out", metavar="FILE", type=Path, help=".png file, or .jpg below 400 kB (ENV_SEED_preview.png)"
     )
-    preview.add_argument("--overwrite", action="store_true", help="replace the file if it is there")
-    add_workers(preview, "threads (all cores); the sheet is the same")
+    preview.add_argument("--overwrite", action="store_true", help="replace an existing file")
+    add_workers(preview, "the sheet")
 
 
 def _add_shares(shares: Parser) -> None:
     shares.add_argument(
-        "experiments", metavar="EXPERIMENT", nargs="*", help="names that `fieldtruth list` shows, or YAML files"
+        "experiments", metavar="EXPERIMENT", nargs="*", help="names from `fieldtruth list`, or YAML files"
     )
-    shares.add_argument("--all", action="store_true", help="every experiment that ships with the package")
-    shares.add_argument("--seed", metavar="N", type=seed, help="of everything random; another seed, another world")
-    shares.add_argument("--json", action="store_true", help="counts as one JSON object instead of tables in percent")
-    add_workers(shares, "threads (all cores); the counts are the same")
+    shares.add_argument("--all", action="store_true", help="all built-in experiments")
+    shares.add_argument("--seed", metavar="N", type=seed, help="root of all randomness")
+    shares.add_argument("--json", action="store_true", help="counts as JSON instead of tables in percent")
+    add_workers(shares, "the result")
