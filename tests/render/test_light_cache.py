@@ -12,8 +12,9 @@ from sense_worlds import at, box, make_world
 import fieldtruth
 from fieldtruth.core.cache import import_closure
 from fieldtruth.experiment.config import LightConfig
-from fieldtruth.render.light import LightTable, bake_light
+from fieldtruth.render.light import bake_light
 from fieldtruth.render.light_cache import cached_light, light_key
+from fieldtruth.render.tables import LightTable
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import World
 

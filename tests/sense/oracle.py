@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A second ray tracer that shares nothing with the first: trimesh's plane and triangle arithmetic in double precision.
+"""An independent ray tracer in double precision, on trimesh's plane and triangle arithmetic.
 
-Every triangle whose bounding sphere a ray meets is tried; there is no tree and no library in common with the sensors.
+Every triangle whose bounding sphere a ray hits is tested; it shares no hierarchy and no library with the sensors.
 """
 
 from dataclasses import dataclass, field
@@ -20,12 +20,12 @@ F8 = NDArray[np.float64]
 I8 = NDArray[np.int64]
 
 NEAR: Final = 3e-5
-"""Distance [m] from a triangle's border below which single precision may fall on either side (coordinates of 64 m)."""
-_PAIRS: Final = 4_000_000  # of triangles and rays, sorted out at once
+"""Distance [m] from a triangle's border below which single precision may err (coordinates of 64 m)."""
+_PAIRS: Final = 4_000_000  # of triangles and rays, tested at once
 
 
 class Piece(NamedTuple):
-    """Triangles (t, 3, 3) [m] in a frame of their own, their classes (t,) (0: ask the terrain), object id and pose."""
+    """Triangles (t, 3, 3) [m] in their own frame, classes (t,) (0: as the terrain), instance id and pose."""
 
     corners: F8
     label: NDArray[np.uint8]
@@ -34,7 +34,7 @@ class Piece(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """What each ray must see; ``doubtful`` rays graze a border, so that either side may be right."""
+    """Expected hit of each ray; ``doubtful`` rays graze a border, so that either side is right."""
 
     range_m: F8
     label: NDArray[np.uint8]
@@ -59,7 +59,7 @@ def ground(heightfield: Heightfield) -> F8:
 
 
 def pieces(world: World, block: int = 50) -> list[Piece]:
-    """Everything in a world; the ground in blocks, so that far ones are passed over."""
+    """All triangles of a world; the ground in blocks, so that far ones are skipped."""
     cells = ground(world.terrain.field)
     found = [
         Piece(c.reshape(-1, 3, 3), np.zeros(c[..., 0, 0].size, np.uint8), 1, np.eye(4))
@@ -82,7 +82,7 @@ def _piece(world: World, mesh: Mesh, object_id: int, pose: F8) -> Piece:
 
 @dataclass
 class _Hits:
-    """Every triangle that any ray meets, or misses by a hair."""
+    """Every triangle that a ray hits or narrowly misses."""
 
     ray: list[I8] = field(default_factory=list)
     reach: list[F8] = field(default_factory=list)
@@ -132,7 +132,7 @@ def _try_piece(piece: Piece, origins: F8, directions: F8, hits: _Hits) -> None:
     centre, radius = (low + high) / 2, np.linalg.norm(high - low, axis=1) / 2
     everywhere, all_rays = (high.max(axis=0) - low.min(axis=0)) / 2, np.arange(len(start))
     middle = (high.max(axis=0) + low.min(axis=0)) / 2
-    near = all_rays[_meets(middle, np.linalg.norm(everywhere), start, unit)]
+    near = all_rays[_near(middle, np.linalg.norm(everywhere), start, unit)]
     # Triangles in cells of a grid: first the spheres about whole cells, then those about their triangles.
     cell = np.floor((centre - middle) / (np.linalg.norm(everywhere) / 16)).astype(int) @ [1, 100, 10_000]
     order = np.argsort(cell, kind="stable")
@@ -141,16 +141,16 @@ def _try_piece(piece: Piece, origins: F8, directions: F8, hits: _Hits) -> None:
     cell_high = np.maximum.reduceat(high[order], firsts)
     cell_middle, cell_radius = (cell_low + cell_high) / 2, np.linalg.norm(cell_high - cell_low, axis=1) / 2
     for rays in np.array_split(near, len(near) * len(centre) // _PAIRS + 1):
-        met, k = np.nonzero(_meets(cell_middle[:, None], cell_radius[:, None], start[rays], unit[rays]))
+        met, k = np.nonzero(_near(cell_middle[:, None], cell_radius[:, None], start[rays], unit[rays]))
         total = counts[met]
         within = np.arange(total.sum()) - np.repeat(np.cumsum(total) - total, total)
         face, ray = order[np.repeat(firsts[met], total) + within], np.repeat(rays[k], total)
-        here = _meets(centre[face], radius[face], start[ray], unit[ray])
+        here = _near(centre[face], radius[face], start[ray], unit[ray])
         _try_triangles(piece, face[here], ray[here], start, ahead, length, hits)
 
 
-def _meets(centre: F8, radius: F8 | np.floating, start: F8, unit: F8) -> NDArray[np.bool_]:
-    """Tell whether rays pass through spheres, made larger by 1 mm."""
+def _near(centre: F8, radius: F8 | np.floating, start: F8, unit: F8) -> NDArray[np.bool_]:
+    """Whether rays pass through spheres, enlarged by 1 mm."""
     away = centre - start
     along = np.einsum("...i,...i", away, unit)
     return np.asarray(np.einsum("...i,...i", away, away) - along**2 < (radius + 0.001) ** 2)
@@ -161,7 +161,7 @@ def _try_triangles(piece: Piece, face: I8, ray: I8, start: F8, ahead: F8, length
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(across, axis=1)
     cosine = np.abs((across * ahead[ray]).sum(axis=1)) / np.maximum(area * length[ray], 1e-300)
-    keep = (area > 0) & (cosine > 2e-5)  # trimesh takes what is nearer to parallel for parallel
+    keep = (area > 0) & (cosine > 2e-5)  # trimesh treats smaller cosines as parallel
     face, ray, corners, across, area, cosine = (v[keep] for v in (face, ray, corners, across, area, cosine))
     if len(face) == 0:
         return

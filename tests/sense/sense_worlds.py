@@ -18,7 +18,8 @@ from fieldtruth.world.build import load_world
 from fieldtruth.world.model import Heightfield, Instance, Material, Mesh, Raster, Terrain, World
 
 F8 = NDArray[np.float64]
-Thing = tuple[Mesh, F8]
+Placed = tuple[Mesh, F8]
+"""A mesh and its pose (4, 4)."""
 
 MATERIALS = {
     "soil": Label.GROUND,
@@ -34,13 +35,13 @@ BOX_FACES = np.array(
     [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4],
      [1, 5, 7], [1, 7, 3]]
 )  # fmt: skip
-"""Two triangles for each of -x, +x, -y, +y, -z, +z."""
+"""Two triangles for each side: -x, +x, -y, +y, -z, +z."""
 
 
 def make_mesh(
     name: str, vertices: ArrayLike, faces: ArrayLike, material: str | Sequence[str] = "stone", *, footprint: float = 0.5
 ) -> Mesh:
-    """Flat triangles; ``material`` is one name, or a name for each face."""
+    """Flat-shaded triangles; ``material`` is one name, or a name for each face."""
     corners = np.asarray(vertices, np.float64)[np.asarray(faces)]
     count = len(corners)
     names = [material] * count if isinstance(material, str) else list(material)
@@ -60,27 +61,27 @@ def make_mesh(
 
 
 def box(name: str, half: Sequence[float], material: str | Sequence[str] = "stone") -> Mesh:
-    """A box about its origin, by half its edges [m]."""
+    """A box about its origin with half edge lengths ``half`` [m]."""
     return make_mesh(name, BOX_CORNERS * half, BOX_FACES, material)
 
 
 def quad(name: str, corners: ArrayLike, material: str = "stone") -> Mesh:
-    """A plane piece through four corners (4, 3) in a turn."""
+    """A planar quadrilateral through corners (4, 3) in order."""
     return make_mesh(name, corners, [[0, 1, 2], [0, 2, 3]], material)
 
 
 def at(x: float, y: float, z: float) -> F8:
-    """A pose that only moves."""
+    """A pose without rotation."""
     pose = np.eye(4)
     pose[:3, 3] = x, y, z
     return pose
 
 
 def make_world(
-    things: Sequence[Thing] = (), *, height: float | Callable[[F8, F8], F8] = 0.0, side: float = 40.0,
+    objects: Sequence[Placed] = (), *, height: float | Callable[[F8, F8], F8] = 0.0, side: float = 40.0,
     spacing: float = 0.5, trail: Raster | None = None,
 ) -> World:  # fmt: skip
-    """A square of ground about the origin, without trails unless a raster of distances says so, and things on it."""
+    """A square of ground about the origin, with objects, and with a trail if a raster of its distances is given."""
     count = round(side / spacing) + 1
     x, y = np.meshgrid(*2 * [-side / 2 + spacing * np.arange(count)], indexing="ij")
     heights = height(x, y) if callable(height) else np.full_like(x, height)
@@ -98,27 +99,27 @@ def make_world(
             trail_material="gravel",
             border_material="gravel",
         ),
-        meshes={mesh.name: mesh for mesh, _ in things},
+        meshes={mesh.name: mesh for mesh, _ in objects},
         instances=tuple(
-            Instance(name=f"thing_{k}", kind="thing", mesh=mesh.name, object_id=k + 2, world_from_object=pose)
-            for k, (mesh, pose) in enumerate(things)
+            Instance(name=f"object_{k}", kind="object", mesh=mesh.name, object_id=k + 2, world_from_object=pose)
+            for k, (mesh, pose) in enumerate(objects)
         ),
         materials={
             name: Material(name=name, label=label, texture="grey", translucency=0.4 * (name == "leaf"))
             for name, label in MATERIALS.items()
         },
         textures={"grey": texture},
-        object_names=("husky", "ground", *(f"thing_{k}" for k in range(len(things)))),
+        object_names=("husky", "ground", *(f"object_{k}" for k in range(len(objects)))),
     )
 
 
-def abyss(*things: Thing) -> Scene:
-    """Things alone: the ground is too far below to be seen by a LiDAR."""
-    return Scene(make_world(things, height=-900.0))
+def floating(*objects: Placed) -> Scene:
+    """Objects alone: the ground is below a LiDAR's range."""
+    return Scene(make_world(objects, height=-900.0))
 
 
 class Rays(NamedTuple):
-    """What single rays hit: range [m] (0 for nothing), class and object id."""
+    """Hits of single rays: range [m] (0 for none), class and instance id."""
 
     range_m: F8
     label: NDArray[np.uint8]
@@ -126,7 +127,7 @@ class Rays(NamedTuple):
 
 
 def trace_rays(scene: Scene, origins: F8, directions: F8, *, max_range: float = 200.0) -> Rays:
-    """Send rays (n, 3) of our choice through the LiDAR: one ring, and for each column the pose that aims it."""
+    """Trace rays (n, 3) with a LiDAR of one ring, by giving each column the pose that aims it."""
     out = Rays(np.zeros(len(origins)), np.zeros(len(origins), np.uint8), np.zeros(len(origins), np.uint16))
     for first in range(0, len(origins), 4096):
         rows = slice(first, first + 4096)
@@ -141,7 +142,7 @@ def trace_rays(scene: Scene, origins: F8, directions: F8, *, max_range: float = 
         turn[:, 0, 0], turn[:, 1, 1], turn[:, 2, 2] = np.cos(azimuth), np.cos(azimuth), 1.0
         turn[:, 0, 1], turn[:, 1, 0] = -np.sin(azimuth), np.sin(azimuth)
         poses = np.tile(np.eye(4), (count, 1, 1))
-        poses[len(ahead) :, 2, 3] = 1e6  # spare columns look at nothing
+        poses[len(ahead) :, 2, 3] = 1e6  # surplus columns hit nothing
         poses[: len(ahead), :3, :3] = frame @ np.swapaxes(turn, 1, 2)
         poses[: len(ahead), :3, 3] = origins[rows]
         scan = Lidar(config, scene).scan(poses)
@@ -152,7 +153,7 @@ def trace_rays(scene: Scene, origins: F8, directions: F8, *, max_range: float = 
 
 
 def park_scene(folder: Path) -> Scene:
-    """The park of seed 0, built once per session: ``folder`` is the session's own."""
+    """The park of seed 0, built once per session in its ``folder``."""
     return built_scene(folder, "park")
 
 

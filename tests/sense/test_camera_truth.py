@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pixels in closed form: fields of view, pixel centres, mirror images, depth along the optical axis, sky."""
+"""Pixels in closed form: fields of view, pixel centres, handedness, depth along the optical axis, sky."""
 
 import numpy as np
 import pytest
-from sense_worlds import F8, Thing, abyss, at, box, make_world, quad
+from sense_worlds import F8, Placed, at, box, floating, make_world, quad
 
 from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE, Label
@@ -19,21 +19,21 @@ TAN_X, TAN_Y = np.tan(np.radians(69.0 / 2)), np.tan(np.radians(42.0 / 2))
 
 
 def tangents(config: CameraConfig = CONFIG) -> tuple[F8, F8]:
-    """Tangent of the angle right of, and below, the optical axis of each pixel's centre, (w,) and (h,)."""
+    """Tangents of the angles from the optical axis to the pixel centres, right (w,) and down (h,)."""
     a = (2 * (np.arange(config.width) + 0.5) / config.width - 1) * np.tan(np.radians(config.horizontal_fov_deg / 2))
     b = (2 * (np.arange(config.height) + 0.5) / config.height - 1) * np.tan(np.radians(config.vertical_fov_deg / 2))
     return a, b
 
 
-def patch(name: str, u: tuple[float, float], v: tuple[float, float], z: float, material: str = "stone") -> Thing:
-    """A plane piece at depth z [m] that fills image points u, v [pixel]; (0, 0) is the centre of the corner pixel."""
+def patch(name: str, u: tuple[float, float], v: tuple[float, float], z: float, material: str = "stone") -> Placed:
+    """A quadrilateral at depth z [m] that fills image points u, v [pixel]; (0, 0) is the corner pixel's centre."""
     x = [(2 * (c + 0.5) / WIDTH - 1) * TAN_X * z for c in u]
     y = [(2 * (c + 0.5) / HEIGHT - 1) * TAN_Y * z for c in v]
     return quad(name, [[x[0], y[0], z], [x[1], y[0], z], [x[1], y[1], z], [x[0], y[1], z]], material), at(0, 0, 0)
 
 
-def see(*things: Thing) -> LabelImages:
-    return LabelCamera(CONFIG, abyss(*things)).label(np.eye(4))
+def label(*objects: Placed) -> LabelImages:
+    return LabelCamera(CONFIG, floating(*objects)).label(np.eye(4))
 
 
 def test_intrinsics() -> None:
@@ -44,8 +44,8 @@ def test_intrinsics() -> None:
 
 
 @pytest.mark.parametrize("column", [0, 1, 401, 639, 640, 1279])
-def test_a_thin_post_fills_the_column_whose_centre_it_covers(column: int) -> None:
-    seen = see(patch("post", (column - 0.4, column + 0.4), (-9, 729), 8.0))
+def test_thin_post_fills_the_column_whose_centre_it_covers(column: int) -> None:
+    seen = label(patch("post", (column - 0.4, column + 0.4), (-9, 729), 8.0))
     expected = np.zeros((HEIGHT, WIDTH), bool)
     expected[:, column] = True
     assert np.array_equal(seen.label == Label.ROCK, expected)
@@ -53,15 +53,15 @@ def test_a_thin_post_fills_the_column_whose_centre_it_covers(column: int) -> Non
 
 
 @pytest.mark.parametrize("row", [0, 1, 359, 360, 719])
-def test_a_thin_bar_fills_the_row_whose_centre_it_covers(row: int) -> None:
-    seen = see(patch("bar", (-9, 1289), (row - 0.4, row + 0.4), 8.0))
+def test_thin_bar_fills_the_row_whose_centre_it_covers(row: int) -> None:
+    seen = label(patch("bar", (-9, 1289), (row - 0.4, row + 0.4), 8.0))
     expected = np.zeros((HEIGHT, WIDTH), bool)
     expected[row] = True
     assert np.array_equal(seen.label == Label.ROCK, expected)
 
 
-def test_what_lies_just_outside_the_field_of_view_or_between_centres_is_not_seen() -> None:
-    seen = see(
+def test_surfaces_outside_the_image_or_between_pixel_centres_are_not_seen() -> None:
+    seen = label(
         patch("left", (-9, -0.6), (-9, 729), 5.0), patch("right", (1279.6, 1290), (-9, 729), 5.0),
         patch("up", (-9, 1290), (-9, -0.6), 5.0), patch("down", (-9, 1290), (719.6, 729), 5.0),
         patch("between", (500.1, 500.9), (-9, 729), 5.0),
@@ -71,52 +71,52 @@ def test_what_lies_just_outside_the_field_of_view_or_between_centres_is_not_seen
     assert np.all(seen.depth == 0)
 
 
-def test_left_is_left_and_up_is_up() -> None:
-    """Things at the robot's left (+y) and above, through the paper's frames and through our optical one."""
-    things = [
+def test_image_is_not_mirrored() -> None:
+    """Objects on the robot's left (+y) and above it, in the paper's frames and in our optical frame."""
+    objects = [
         (box("left", (0.2, 0.2, 0.2), "wood"), at(6, 1.5, 1)),
         (box("right", (0.2, 0.2, 0.2), "stone"), at(6, -1.5, 1)),
         (box("above", (0.2, 0.2, 0.2), "leaf"), at(6, 0, 2.5)),
         (box("below", (0.2, 0.2, 0.2), "bark"), at(6, 0, -0.5)),
         (box("behind", (0.2, 0.2, 0.2), "soil"), at(-6, 0, 1)),
     ]
-    scene = abyss(*things)
+    scene = floating(*objects)
     base = at(0, 0, 1)
     straight = LabelCamera(CONFIG, scene).label(base @ OPTICAL)
     paper = frames.pose((0, 0, 0), (0, 90, 0)) @ CAMERA_FROM_OPTICAL
     assert np.array_equal(straight.label, LabelCamera(CONFIG, scene).label(base @ paper).label)
-    places = {int(k): np.argwhere(straight.instance == k).mean(axis=0) for k in np.unique(straight.instance) if k}
-    assert set(places) == {2, 3, 4, 5}
+    centres = {int(k): np.argwhere(straight.instance == k).mean(axis=0) for k in np.unique(straight.instance) if k}
+    assert set(centres) == {2, 3, 4, 5}
     fx, fy = pinhole(CONFIG).fx, pinhole(CONFIG).fy
-    # The near face, 0.2 m before the middle, is what is seen of each box, and a side that is turned to the camera.
-    assert places[2] == pytest.approx([359.5, 639.5 - fx * 1.5 / 5.8], abs=fx * 0.05)
-    assert places[3] == pytest.approx([359.5, 639.5 + fx * 1.5 / 5.8], abs=fx * 0.05)
-    assert places[4] == pytest.approx([359.5 - fy * 1.5 / 5.8, 639.5], abs=fy * 0.05)
-    assert places[5] == pytest.approx([359.5 + fy * 1.5 / 5.8, 639.5], abs=fy * 0.05)
+    # The camera sees the near face of each box, 0.2 m before its centre, and one side.
+    assert centres[2] == pytest.approx([359.5, 639.5 - fx * 1.5 / 5.8], abs=fx * 0.05)
+    assert centres[3] == pytest.approx([359.5, 639.5 + fx * 1.5 / 5.8], abs=fx * 0.05)
+    assert centres[4] == pytest.approx([359.5 - fy * 1.5 / 5.8, 639.5], abs=fy * 0.05)
+    assert centres[5] == pytest.approx([359.5 + fy * 1.5 / 5.8, 639.5], abs=fy * 0.05)
     assert straight.label[straight.instance == 2].max() == straight.label[straight.instance == 2].min() == Label.BENCH
 
 
-def test_the_rigs_cameras_look_ahead_with_the_left_one_at_the_left() -> None:
+def test_mounts_of_the_stereo_cameras() -> None:
     rig = Rig().cameras
     left, right = (mount.base_from_sensor @ CAMERA_FROM_OPTICAL for mount in (rig.left, rig.right))
     for pose, y in ((left, 0.06), (right, -0.06)):
         assert pose[:3, 3] == pytest.approx([0.15, y, 0.72])
         assert pose[:3, :3] == pytest.approx(np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], float), abs=1e-12)
-    # A post 6 m ahead on the middle line: right of the left camera's middle, left of the right one's.
-    camera = LabelCamera(CONFIG, abyss((box("post", (0.01, 0.01, 3)), at(6, 0, 0))))
+    # A post 6 m ahead on the centre line is in the right half of the left image, and the left half of the right one.
+    camera = LabelCamera(CONFIG, floating((box("post", (0.01, 0.01, 3)), at(6, 0, 0))))
     half = pinhole(CONFIG).fx * 0.06 / 5.85
     for pose, u in ((left, 639.5 + half), (right, 639.5 - half)):
         assert np.argwhere(camera.label(pose).label == Label.ROCK)[:, 1].mean() == pytest.approx(u, abs=0.5)
 
 
-def test_depth_of_a_slanted_plane_lies_along_the_optical_axis() -> None:
-    """A plane through (0, 0, 6) in the optical frame, its normal turned to the side and down; a tilted camera."""
+def test_depth_of_a_slanted_plane_matches_closed_form() -> None:
+    """A plane through (0, 0, 6) in the optical frame with a slanted normal, and a tilted camera."""
     pose = frames.pose((3, -4, 20), (25, -40, 110))
     normal = np.array([0.4, -0.5, -1.0])
     side = np.cross(normal, [0, 1, 0]) / np.linalg.norm(np.cross(normal, [0, 1, 0]))
     up = np.cross(normal, side) / np.linalg.norm(normal)
     corners = np.array([[0, 0, 6]]) + 40 * np.array([side + up, side - up, -side - up, -side + up])
-    seen = LabelCamera(CONFIG, abyss((quad("plane", corners), pose))).label(pose)
+    seen = LabelCamera(CONFIG, floating((quad("plane", corners), pose))).label(pose)
     a, b = tangents()
     expected = normal[2] * 6 / (normal[0] * a + normal[1] * b[:, None] + normal[2])
     assert expected.min() > 3
@@ -124,15 +124,15 @@ def test_depth_of_a_slanted_plane_lies_along_the_optical_axis() -> None:
     assert np.abs(seen.depth / expected - 1).max() < 1e-5
 
 
-def test_depth_of_a_plane_across_the_axis_is_the_same_everywhere() -> None:
-    seen = see(patch("wall", (-9, 1289), (-9, 729), 7.5))
+def test_depth_of_a_plane_normal_to_the_axis_is_constant() -> None:
+    seen = label(patch("wall", (-9, 1289), (-9, 729), 7.5))
     assert np.abs(seen.depth - 7.5).max() < 1e-5
     assert (seen.label.dtype, seen.instance.dtype, seen.depth.dtype) == (
         np.dtype(np.uint8), np.dtype(np.uint16), np.dtype(np.float32),
     )  # fmt: skip
 
 
-def test_ground_seen_from_the_robot_in_closed_form() -> None:
+def test_depth_of_the_ground_matches_closed_form() -> None:
     config = CameraConfig(width=320, height=184)
     seen = LabelCamera(config, Scene(make_world(side=60.0))).label(at(0, 0, 0.8) @ OPTICAL)
     _, b = tangents(config)
@@ -144,9 +144,9 @@ def test_ground_seen_from_the_robot_in_closed_form() -> None:
     assert set(seen.label[b < 0].ravel()) == {Label.SKY}
 
 
-def test_far_is_a_distance_along_the_ray() -> None:
+def test_far_limits_the_distance_along_the_ray() -> None:
     wall = patch("wall", (-9, 1289), (-9, 729), 10.0)
-    seen = LabelCamera(CameraConfig(far=11.0), abyss(wall)).label(np.eye(4))
+    seen = LabelCamera(CameraConfig(far=11.0), floating(wall)).label(np.eye(4))
     a, b = tangents()
     distance = 10.0 * np.sqrt(1 + a**2 + b[:, None] ** 2)
     assert np.all(seen.label[distance < 11.0 - 1e-4] == Label.ROCK)
@@ -154,24 +154,24 @@ def test_far_is_a_distance_along_the_ray() -> None:
     assert np.all(seen.depth[distance > 11.0 + 1e-4] == 0)
 
 
-def test_water_is_seen_and_has_depth() -> None:
-    seen = see(patch("pond", (-9, 1289), (-9, 729), 4.0, "water"), patch("stone", (-9, 1289), (-9, 729), 5.0))
+def test_water_has_label_and_depth() -> None:
+    seen = label(patch("pond", (-9, 1289), (-9, 729), 4.0, "water"), patch("stone", (-9, 1289), (-9, 729), 5.0))
     assert set(seen.label.ravel()) == {Label.WATER}
     assert set(seen.instance.ravel()) == {2}
     assert np.abs(seen.depth - 4.0).max() < 1e-5
 
 
 @pytest.mark.parametrize(("width", "height"), [(8, 8), (40, 24), (328, 56)])
-def test_sizes_and_uneven_fields_of_view(width: int, height: int) -> None:
+def test_depth_for_other_sizes_and_fields_of_view(width: int, height: int) -> None:
     config = CameraConfig(width=width, height=height, horizontal_fov_deg=100.0, vertical_fov_deg=30.0)
     half = np.array([5.0, 4.0, 3.0])
-    seen = LabelCamera(config, abyss((box("room", half.tolist()), at(0, 0, 0)))).label(at(0, 0, 0) @ OPTICAL)
+    seen = LabelCamera(config, floating((box("room", half.tolist()), at(0, 0, 0)))).label(at(0, 0, 0) @ OPTICAL)
     a, b = tangents(config)
     expected = np.minimum(np.minimum(5.0, 4.0 / np.abs(a)), (3.0 / np.abs(b))[:, None])
     assert np.abs(seen.depth - expected).max() < 1e-4
 
 
-def test_a_tag_image_has_the_tables_colours_only() -> None:
+def test_tag_image_colours() -> None:
     label = np.arange(1, 16, dtype=np.uint8).reshape(3, 5)
     assert np.array_equal(tag_image(label), PALETTE[label])
     assert tag_image(label)[0, 0].tolist() == [0, 255, 0]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The engine refuses an Embree that is not the one the kernels were written for, and says what it found."""
+"""The engine raises EngineError for an Embree that the kernels were not written for."""
 
 import pytest
 
@@ -8,14 +8,14 @@ from fieldtruth.core.errors import EngineError
 from fieldtruth.sense import embree
 
 
-def test_this_machines_engine_starts() -> None:
+def test_engine_starts() -> None:
     assert embree.Engine().device
     assert embree.LANES in (8, 16)
 
 
-def test_another_version_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_version_is_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(embree, "VERSION", 40300)
-    with pytest.raises(EngineError, match=r"version 40400; this fieldtruth knows 40300"):
+    with pytest.raises(EngineError, match="Embree must be version 40300, got 40400"):
         embree.Engine()
 
 
@@ -26,17 +26,16 @@ def test_another_version_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         ("HIT_U", "HIT_V"), ("PRIM_ID", "GEOM_ID"), ("GEOM_ID", "INST_ID"), ("INST_ID", "INST_PRIM_ID"),
     ],
 )  # fmt: skip
-def test_another_layout_is_refused(monkeypatch: pytest.MonkeyPatch, field: str, other: str) -> None:
-    """Two fields of the packet change places, as if the library had moved them."""
+def test_other_layout_is_rejected(monkeypatch: pytest.MonkeyPatch, field: str, other: str) -> None:
+    """Two fields of the packet are swapped, as if the library had moved them."""
     first, second = getattr(embree, field), getattr(embree, other)
     monkeypatch.setattr(embree, field, second)
     monkeypatch.setattr(embree, other, first)
-    with pytest.raises(EngineError, match="laid out otherwise"):
+    with pytest.raises(EngineError, match="unexpected layout"):
         embree.Engine()
 
 
-def test_a_wrong_mesh_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What Embree reports as an error becomes one of ours."""
+def test_embree_error_codes_are_raised(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = embree.RayScene(embree.Engine())
     monkeypatch.setattr(embree, "_FLOAT3", 0x1234)
     with pytest.raises(EngineError, match="Embree reports error"):

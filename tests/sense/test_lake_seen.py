@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The lake's own classes by LiDAR and camera: wires and poles are hit where they are, water is seen and never hit."""
+"""Classes that only the lake has: cables and poles are hit; water is seen by cameras and returns no pulse."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.trails import Line
 
 
-def test_rays_at_a_wire_and_a_pole() -> None:
+def test_rays_at_a_cable_and_a_pole() -> None:
     wire = hang((-20.0, 6.0, 8.0), (20.0, 9.0, 8.6), sag=0.7)
     mesh, pose = make_cable("wire", wire)
     pole = make_power_pole(0)
@@ -55,7 +55,7 @@ def test_rays_at_a_wire_and_a_pole() -> None:
 
 @pytest.fixture(scope="module")
 def lake() -> Scene:
-    """A quick lake: laid out in full, one individual of each plant; labels need no textures."""
+    """The lake in full, with one variant of each plant and without textures, which labels do not need."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(assembly, "make_textures", lambda *_: {})
         return Scene(build_lake(0, lines(), LakeConfig(individuals=1, grass=0.5)))
@@ -68,7 +68,7 @@ def lines() -> list[Line]:
 
 
 def stand(scene: Scene, line: Line, at: float) -> NDArray[np.float64]:
-    """The robot's pose (4, 4) a share of the way along a line, level, looking ahead."""
+    """The robot's pose (4, 4) at a fraction of a line, level, facing along it."""
     row = int(at * (len(line.points) - 1))
     (x, y), (u, v) = line.points[row], line.tangents[row]
     ground = float(scene.world.terrain.field.height_at(x, y))
@@ -76,7 +76,7 @@ def stand(scene: Scene, line: Line, at: float) -> NDArray[np.float64]:
 
 
 def test_every_class_is_seen_from_the_route(lake: Scene) -> None:
-    """By the LiDAR all but water and sky, by the camera these as well."""
+    """By the camera all of them, by the LiDAR all but water and sky."""
     rig, hit, seen = Rig(), set[int](), set[int]()
     lidar, camera = Lidar(rig.lidar, lake), LabelCamera(rig.cameras, lake)
     for line in lines():
@@ -90,7 +90,7 @@ def test_every_class_is_seen_from_the_route(lake: Scene) -> None:
     assert seen == solid | {Label.WATER, Label.SKY}
 
 
-def test_the_lidar_gets_nothing_back_where_the_camera_sees_water(lake: Scene) -> None:
+def test_lidar_gets_no_return_where_the_camera_sees_water(lake: Scene) -> None:
     base = frames.pose((0.0, -6.5, float(lake.world.terrain.field.height_at(0.0, -6.5)) + 2.5), (0.0, 0.0, -90.0))
     rig = Rig()
     eye = base @ frames.pose(rig.cameras.left.xyz) @ OPTICAL
@@ -103,7 +103,7 @@ def test_the_lidar_gets_nothing_back_where_the_camera_sees_water(lake: Scene) ->
     directions = rays @ eye[:3, :3].T
     back = trace_rays(lake, np.tile(eye[:3, 3], (len(rays), 1)), directions, max_range=2000.0)
     assert not back.range_m.any()
-    # The camera's depth is that of the flat sheet.
+    # The depth image is that of the plane.
     assert lake.world.water_level is not None
     depth = (lake.world.water_level - eye[2, 3]) / directions[:, 2]
     assert picture.depth[rows, columns] == pytest.approx(depth, rel=1e-4)

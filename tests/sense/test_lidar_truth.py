@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Ranges in closed form: plane, box, sphere; tilted and spinning sensors; where rings and columns look."""
+"""Ranges in closed form: plane, box, sphere; tilted and spinning sensors; directions of rings and columns."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import trimesh
-from sense_worlds import BOX_CORNERS, BOX_FACES, F8, Thing, abyss, at, box, make_mesh, make_world, quad
+from sense_worlds import BOX_CORNERS, BOX_FACES, F8, Placed, at, box, floating, make_mesh, make_world, quad
 
 from fieldtruth.core import frames
 from fieldtruth.core.classes import Label
@@ -26,8 +26,8 @@ def grid(scan: Scan, config: LidarConfig) -> F8:
 
 
 def room(x: float, y: float, z: float) -> Scene:
-    """A closed room about the origin, by half its edges [m]."""
-    return abyss((box("room", (x, y, z)), at(0, 0, 0)))
+    """A closed room about the origin with half edge lengths [m]."""
+    return floating((box("room", (x, y, z)), at(0, 0, 0)))
 
 
 def to_box(origin: F8, direction: F8, half: F8) -> F8:
@@ -50,7 +50,7 @@ def plane() -> Scene:
     return Scene(make_world(side=80.0))
 
 
-def test_level_above_a_plane(plane: Scene) -> None:
+def test_ranges_above_a_plane_match_closed_form(plane: Scene) -> None:
     config, height = LidarConfig(max_range=30.0), 1.2
     scan = Lidar(config, plane).scan(at(3, -2, height))
     elevation = np.radians(22.5 - 45.0 * np.arange(64) / 63)
@@ -68,8 +68,10 @@ def test_level_above_a_plane(plane: Scene) -> None:
     ("roll", "pitch", "yaw", "column"),
     [(0, 10, 0, 0), (0, -10, 0, 32), (10, 0, 0, 16), (-10, 0, 0, 48), (0, 10, 90, 0), (10, 0, -90, 16)],
 )
-def test_the_side_that_dips_sees_the_ground(plane: Scene, roll: float, pitch: float, yaw: float, column: int) -> None:
-    """Nose down (pitch > 0): ahead. Right side down (roll > 0): a quarter turn clockwise. Yaw changes neither."""
+def test_tilted_ring_hits_ground_on_its_low_side(
+    plane: Scene, roll: float, pitch: float, yaw: float, column: int
+) -> None:
+    """Pitch > 0 lowers the front, roll > 0 the right side; yaw changes neither."""
     config = LidarConfig(columns=64, rings=1)
     scan = Lidar(config, plane).scan(frames.pose((0, 0, 1), (roll, pitch, yaw)))
     ranges = grid(scan, config)[:, 0]
@@ -78,7 +80,7 @@ def test_the_side_that_dips_sees_the_ground(plane: Scene, roll: float, pitch: fl
     assert np.argmin(np.where(ranges > 0, ranges, np.inf)) == column
 
 
-def test_tilted_any_way_above_a_plane(plane: Scene) -> None:
+def test_ranges_of_a_tilted_scanner_match_closed_form(plane: Scene) -> None:
     config = LidarConfig(columns=128, rings=32, max_range=25.0)
     scan = Lidar(config, plane).scan(frames.pose((1, 2, 1.5), (7, -13, 40)))
     down = -(ray_directions(config) @ rotation(7, -13, 40).T)[..., 2]
@@ -89,8 +91,8 @@ def test_tilted_any_way_above_a_plane(plane: Scene) -> None:
     assert grid(scan, config)[certain] == pytest.approx(expected[certain], abs=TOLERANCE)
 
 
-def test_sloping_ground() -> None:
-    """Ground z = 0.1 x + 0.2 y: its two kinds of triangles lie in one plane."""
+def test_ranges_on_sloping_ground_match_closed_form() -> None:
+    """Ground z = 0.1 x + 0.2 y, where both triangles of each cell are coplanar."""
     scene = Scene(make_world(height=lambda x, y: 0.1 * x + 0.2 * y, side=80.0))
     config, origin = LidarConfig(columns=128, rings=32, max_range=20.0), np.array([1.0, 2.0, 2.0])
     scan = Lidar(config, scene).scan(at(*origin))
@@ -102,8 +104,8 @@ def test_sloping_ground() -> None:
     )
 
 
-def test_cells_are_divided_from_low_corner_to_high_corner() -> None:
-    """One cell of 40 m with its far corner raised: above the diagonal the surface is as high as that triangle."""
+def test_cells_are_split_along_the_diagonal_from_the_low_corner() -> None:
+    """One cell of 40 m with a raised corner: only the triangle with that corner is raised."""
     world = make_world(side=40.0, spacing=40.0)
     heights = np.array([[0.0, 3.0], [0.0, 0.0]], np.float32)  # only the node of least x and greatest y is raised
     terrain = replace(world.terrain, field=replace(world.terrain.field, heights=heights))
@@ -115,7 +117,7 @@ def test_cells_are_divided_from_low_corner_to_high_corner() -> None:
         assert scan.range_m[0] == pytest.approx(10.0 - height, abs=1e-3 if y == 5.001 else TOLERANCE)
 
 
-def test_inside_a_box() -> None:
+def test_ranges_inside_a_box_match_closed_form() -> None:
     config, origin = LidarConfig(), np.array([1.0, -2.0, 0.5])
     for rpy in ((0.0, 0.0, 0.0), (12.0, 34.0, 56.0)):
         scan = Lidar(config, room(5, 4, 3)).scan(frames.pose(origin.tolist(), rpy))
@@ -123,26 +125,26 @@ def test_inside_a_box() -> None:
         assert grid(scan, config) == pytest.approx(to_box(origin, directions, np.array([5.0, 4.0, 3.0])), abs=TOLERANCE)
 
 
-def test_instance_with_rotation_and_scale() -> None:
-    """A room whose mesh is small, scaled by 4 and turned about all axes: rays are taken to its frame by hand."""
+def test_ranges_of_a_rotated_and_scaled_instance_match_closed_form() -> None:
+    """A room scaled by 4 and rotated about all axes, with rays transformed to its frame by hand."""
     half, place, scale = np.array([1.5, 1.0, 0.7]), np.array([20.0, -7.0, 3.0]), 4.0
     turned = rotation(20, -35, 70)
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = scale * turned, place
     config, origin = LidarConfig(columns=128, rings=32), np.array([21.0, -8.0, 3.5])
-    scan = Lidar(config, abyss((box("room", half.tolist()), pose))).scan(at(*origin))
+    scan = Lidar(config, floating((box("room", half.tolist()), pose))).scan(at(*origin))
     expected = to_box((origin - place) @ turned, ray_directions(config) @ turned, scale * half)
     assert grid(scan, config) == pytest.approx(expected, abs=TOLERANCE)
     assert set(scan.instance) == {2}
 
 
-def test_sphere_between_its_inner_and_outer_radius() -> None:
-    """A sphere of 20,480 facets lies between the spheres that touch its facets and its corners, 1.3 mm apart."""
+def test_ranges_of_a_sphere_are_between_those_of_its_inner_and_outer_radius() -> None:
+    """A sphere of 20,480 facets is between the spheres through its facets' centres and its vertices, 1.3 mm apart."""
     ball = trimesh.creation.icosphere(subdivisions=5, radius=2.0)
     inner = float(np.abs(np.einsum("ij,ij->i", ball.face_normals, ball.triangles[:, 0])).min())
     assert 2.0 - inner < 1.3e-3
     centre = np.array([4.0, 3.0, 0.2])
-    scene = abyss((make_mesh("ball", ball.vertices, ball.faces), at(*centre)))
+    scene = floating((make_mesh("ball", ball.vertices, ball.faces), at(*centre)))
     config = LidarConfig(columns=512, rings=64)
     ranges = grid(Lidar(config, scene).scan(at(0, 0, 0)), config)
     along = ray_directions(config) @ centre
@@ -157,7 +159,7 @@ def test_sphere_between_its_inner_and_outer_radius() -> None:
     assert np.all(ranges[hit] < farthest + TOLERANCE)
 
 
-def test_ends_of_rings_and_order_of_columns() -> None:
+def test_directions_of_rings_and_columns() -> None:
     config = LidarConfig()
     scan = Lidar(config, room(9, 9, 9)).scan(np.eye(4))
     assert len(scan.xyz) == 512 * 64
@@ -174,8 +176,8 @@ def test_ends_of_rings_and_order_of_columns() -> None:
     assert np.all(np.diff(order) > 0)
 
 
-def test_one_ring_looks_level_and_odd_sizes_have_no_gaps() -> None:
-    """Sizes that no packet divides: the last packets are only partly filled."""
+def test_sizes_that_no_packet_divides_have_no_gaps() -> None:
+    """The last packets are only partly filled; a single ring is horizontal."""
     config = LidarConfig(columns=13, rings=7, vertical_fov_deg=30.0)
     scan = Lidar(config, room(3, 3, 3)).scan(np.eye(4))
     assert grid(scan, config) == pytest.approx(
@@ -194,8 +196,8 @@ def test_points_are_directions_times_ranges() -> None:
     assert np.all(scan.t_ns == 0)
 
 
-def test_spinning_points_lie_in_the_frame_of_their_own_column() -> None:
-    """The sensor drives 0.4 m and turns 20 deg within one turn: column by column the points still lie on the walls."""
+def test_spinning_scan_reports_points_in_the_frame_of_their_column() -> None:
+    """The sensor moves 0.4 m and 20 deg in one revolution; with their column's pose, points are on the walls."""
     config, half = LidarConfig(spinning=True), np.array([5.0, 4.0, 3.0])
     poses = np.stack([frames.pose((0.4 * k / 512, -0.1, 0.2), (0, 3, 20 * k / 512)) for k in range(512)])
     scan = Lidar(config, room(*half)).scan(poses)
@@ -210,8 +212,8 @@ def test_spinning_points_lie_in_the_frame_of_their_own_column() -> None:
     assert scan.t_ns.max() == round(511 / 512 * 1e8)
 
 
-def wall(x: float, material: str = "stone") -> Thing:
-    """A piece of wall that only the ray straight ahead meets."""
+def wall(x: float, material: str = "stone") -> Placed:
+    """A piece of wall that only the ray straight ahead hits."""
     y = 0.4 * x
     return quad(f"{material}_{x}", [[x, -y, -y], [x, y, -y], [x, y, y], [x, -y, y]], material), at(0, 0, 0)
 
@@ -226,28 +228,28 @@ def ahead(scene: Scene, **limits: float) -> Scan:
     [
         ({"min_range": 0.0}, [0.2]),
         ({"min_range": 0.19}, [0.2]),
-        ({"min_range": 0.3}, []),  # too near to return, and yet it hides the wall at 2 m
+        ({"min_range": 0.3}, []),  # too near for a return, but it occludes the wall at 2 m
         ({"min_range": 0.0, "max_range": 0.19}, []),
     ],
 )
-def test_a_thing_below_the_least_range_hides_what_is_behind(limits: dict[str, float], expected: list[float]) -> None:
-    scene = abyss(wall(0.2), wall(2.0))
+def test_surface_nearer_than_min_range_occludes(limits: dict[str, float], expected: list[float]) -> None:
+    scene = floating(wall(0.2), wall(2.0))
     assert ahead(scene, **limits).range_m == pytest.approx(expected, abs=1e-6)
 
 
-def test_greatest_range() -> None:
-    scene = abyss(wall(2.0))
+def test_max_range() -> None:
+    scene = floating(wall(2.0))
     assert len(ahead(scene, max_range=1.9999).range_m) == 0
     assert ahead(scene, max_range=2.0001).range_m == pytest.approx([2.0], abs=1e-6)
 
 
-def test_water_returns_nothing_and_hides_the_ground_below() -> None:
-    scene = abyss(wall(1.0, "water"), wall(2.0))
+def test_water_returns_no_pulse_and_occludes() -> None:
+    scene = floating(wall(1.0, "water"), wall(2.0))
     assert len(ahead(scene).range_m) == 0
-    assert len(ahead(abyss(wall(2.0))).range_m) == 1
+    assert len(ahead(floating(wall(2.0))).range_m) == 1
 
 
-def test_one_face_of_each_side_of_the_box() -> None:
-    """The helper's own box: six sides of two triangles, so that a hole in it cannot hide an error."""
+def test_box_of_the_tests_is_closed() -> None:
+    """Six sides of two triangles: a hole could hide an error."""
     assert len(BOX_FACES) == 12
     assert trimesh.Trimesh(BOX_CORNERS, BOX_FACES, process=False).volume == pytest.approx(8.0)

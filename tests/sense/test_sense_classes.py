@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Names of what is hit: trails by their signed distance, meshes by their material, objects by their id."""
+"""Classes and ids of hits: trails by their signed distance, meshes by their material, objects by their id."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from fieldtruth.world.model import Raster
 
 
 def saddle() -> Raster:
-    """A distance of exactly x * y / 10: bilinear, from the four corners of a square of 20 m."""
+    """A bilinear distance of exactly x * y / 10 on a square of 20 m."""
     return Raster(values=np.array([[10.0, -10.0], [-10.0, 10.0]], np.float32), spacing=20.0, x0=-10.0, y0=-10.0)
 
 
@@ -24,7 +24,7 @@ def from_above(scene: Scene, x: NDArray[np.float64], y: NDArray[np.float64]) -> 
     return trace_rays(scene, origins, np.tile([0.0, 0.0, -1.0], (len(x), 1))).label
 
 
-def test_a_trail_is_where_the_distance_is_negative() -> None:
+def test_trail_is_where_the_distance_is_negative() -> None:
     scene = Scene(make_world(side=20.0, trail=saddle()))
     x, y = np.random.default_rng(0).uniform(-9.9, 9.9, (2, 4000))
     expected = np.where(x * y < 0, Label.TRAIL, Label.GROUND)
@@ -33,21 +33,21 @@ def test_a_trail_is_where_the_distance_is_negative() -> None:
 
 
 @pytest.mark.parametrize("away", [2e-6, 1e-3])
-def test_the_edge_of_a_trail_is_exact(away: float) -> None:
-    """Just either side of the edge y = 0; float32 tells 0.2 um apart where the coordinates are 2 m."""
+def test_trail_border_is_exact(away: float) -> None:
+    """On either side of the border y = 0; float32 resolves 0.2 um at coordinates of 2 m."""
     scene = Scene(make_world(side=20.0, trail=saddle()))
     x = np.linspace(0.5, 2.0, 50)
     assert set(from_above(scene, x, np.full_like(x, away))) == {Label.GROUND}
     assert set(from_above(scene, x, np.full_like(x, -away))) == {Label.TRAIL}
 
 
-def test_a_distance_of_zero_is_ground() -> None:
+def test_trail_border_itself_is_ground() -> None:
     scene = Scene(make_world(side=20.0, trail=saddle()))
     assert from_above(scene, np.array([3.0, -3.0]), np.zeros(2)).tolist() == [Label.GROUND, Label.GROUND]
 
 
-def test_trails_on_a_fine_grid_agree_with_the_world_and_between_sensors() -> None:
-    """A wavy distance on a grid of 0.5 m: LiDAR, camera and ``Terrain.label_at`` name every place alike."""
+def test_lidar_camera_and_terrain_agree_on_trails() -> None:
+    """A wavy distance on a grid of 0.5 m: LiDAR, camera and ``Terrain.label_at`` return the same class everywhere."""
     gx, gy = np.meshgrid(*2 * [np.linspace(-10, 10, 41)], indexing="ij")
     values = (np.sin(gx) + 0.3 * gy * np.cos(0.7 * gy)).astype(np.float32)
     scene = Scene(make_world(side=20.0, trail=Raster(values=values, spacing=0.5, x0=-10.0, y0=-10.0)))
@@ -67,27 +67,27 @@ def test_trails_on_a_fine_grid_agree_with_the_world_and_between_sensors() -> Non
     assert np.array_equal(seen.label[clear], terrain.label_at(px, py)[clear])
 
 
-def test_faces_take_the_class_of_their_material_and_objects_their_id() -> None:
-    """Each side of a box another material; two of them at turned poses, and one plain box between."""
+def test_class_is_that_of_the_face_and_id_that_of_the_object() -> None:
+    """Two boxes with a material for each side, one of them rotated, and one plain box between."""
     sides = ["stone", "bark", "leaf", "wood", "gravel", "soil"]  # -x, +x, -y, +y, -z, +z
     labels = [Label.ROCK, Label.TRUNK, Label.TREETOP, Label.BENCH, Label.TRAIL, Label.GROUND]
     dice = make_mesh("dice", BOX_CORNERS, BOX_FACES, [name for name in sides for _ in range(2)])
     turned = at(0, 6, 2)
-    turned[:3, :3] = 0.5 * np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])  # a quarter turn: its +x side shows to +y
+    turned[:3, :3] = 0.5 * np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])  # a quarter turn: its +x side faces +y
     scene = Scene(make_world([(dice, at(0, -6, 2)), (box("plain", (1, 1, 1), "wood"), at(0, 0, 2)), (dice, turned)]))
     axes = np.array([[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]], float)
-    for place, turn, thing in ((turned[:3, 3], turned[:3, :3] / 0.5, 4), (np.array([0, -6, 2.0]), np.eye(3), 2)):
+    for centre, turn, object_id in ((turned[:3, 3], turned[:3, :3] / 0.5, 4), (np.array([0, -6, 2.0]), np.eye(3), 2)):
         outwards = axes @ turn.T
-        # From 1.9 m, off the middle so that no ray meets an edge between two triangles.
-        seen = trace_rays(scene, place + 1.9 * outwards + [0.11, 0.07, 0.03], -outwards)
+        # From 1.9 m, off the centre so that no ray hits an edge between two triangles.
+        seen = trace_rays(scene, centre + 1.9 * outwards + [0.11, 0.07, 0.03], -outwards)
         assert seen.label.tolist() == labels
-        assert set(seen.instance) == {thing}
+        assert set(seen.instance) == {object_id}
     seen = trace_rays(scene, np.array([[0.1, 0.2, 9.0], [9.1, 9.2, 9.0]]), np.tile([0.0, 0.0, -1.0], (2, 1)))
     assert seen.label.tolist() == [Label.BENCH, Label.GROUND]
     assert seen.instance.tolist() == [3, 1]
 
 
-def test_object_ids_need_not_follow_the_order_of_instances() -> None:
+def test_object_ids_are_independent_of_the_order_of_instances() -> None:
     world = make_world([(box("a", (1, 1, 1)), at(0, -6, 2)), (box("b", (1, 1, 1), "bark"), at(0, 6, 2))])
     for instance, identity in zip(world.instances, (700, 41), strict=True):
         object.__setattr__(instance, "object_id", identity)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""LiDAR and cameras of one robot in the park name and measure the same places alike."""
+"""LiDAR and cameras of one robot in the park agree on class, object and distance."""
 
 from typing import NamedTuple
 
@@ -27,7 +27,7 @@ ATTITUDES = ((0.0, 0.0), (8.0, 0.0), (0.0, -7.0), (0.0, 7.0), (-6.0, 4.0), (1.0,
 
 
 class View(NamedTuple):
-    """What the robot sees from one place."""
+    """Scan and label images from one pose of the robot."""
 
     world_from_base: F8
     scan: Scan
@@ -48,7 +48,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
 
 @pytest.fixture(scope="module")
 def views(scene: Scene) -> list[View]:
-    """Six places along park_1's route, each with another roll and pitch."""
+    """Six poses along the route of park_1, with different roll and pitch."""
     lidar, camera = Lidar(RIG.lidar, scene), LabelCamera(RIG.cameras, scene)
     corners = metres_from_route(load_experiment("park_1").route)
     found = []
@@ -79,7 +79,7 @@ class Projected(NamedTuple):
 
 
 def project(view: View, side: str) -> Projected:
-    """LiDAR points in an image, at least 4 pixels inside: the static transforms and K as anyone would use them."""
+    """LiDAR points in an image, at least 4 pixels from its border, projected by the static transforms and K."""
     optical_from_lidar = frames.inverse(optical(side)) @ RIG.lidar.mount.base_from_sensor
     x, y, z = frames.transform(optical_from_lidar, view.scan.xyz).T
     ahead = z > 0.1
@@ -91,7 +91,7 @@ def project(view: View, side: str) -> Projected:
 
 
 class Smooth(NamedTuple):
-    """Where a 5 x 5 neighbourhood is one class, one object and one plane, and inverse depth with its slopes there."""
+    """Where a 5 x 5 neighbourhood is one class, one object and one plane; inverse depth and its slopes."""
 
     here: NDArray[np.bool_]
     inverse: F8
@@ -100,7 +100,7 @@ class Smooth(NamedTuple):
 
 
 def smooth(image: LabelImages) -> Smooth:
-    """On a plane inverse depth is affine in the image; what bends it by more than 0.3 % is a silhouette or a corner."""
+    """Inverse depth of a plane is affine in the image; deviations above 0.3 % are silhouettes or corners."""
     with np.errstate(divide="ignore"):
         inverse = np.where(image.depth > 0, 1.0 / image.depth.astype(np.float64), 0.0)
     dv, du = np.gradient(inverse)
@@ -116,39 +116,37 @@ def smooth(image: LabelImages) -> Smooth:
 
 
 def depth_at(image: Smooth, u: F8, v: F8) -> F8:
-    """Depth [m] at image points, continued along the plane from the nearest pixel's centre."""
+    """Depth [m] at image points, extrapolated along the plane from the nearest pixel's centre."""
     row, column = np.rint(v).astype(int), np.rint(u).astype(int)
     sloped = (u - column) * image.du[row, column] + (v - row) * image.dv[row, column]
     return np.asarray(1.0 / np.maximum(image.inverse[row, column] + sloped, 1e-9))
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_a_point_seen_from_the_camera_is_the_same_thing_at_the_same_place(
-    scene: Scene, views: list[View], side: str
-) -> None:
-    """A ray from the camera's centre exactly through each LiDAR point ends there, on the same thing, or before it."""
+def test_ray_from_the_camera_to_a_lidar_point_hits_the_same_object(scene: Scene, views: list[View], side: str) -> None:
+    """A ray from the camera's centre to each LiDAR point ends there, on the same object, or is occluded."""
     points = compared = 0
     for view in views:
         seen = project(view, side)
         eye = (view.world_from_base @ optical(side))[:3, 3]
-        way = seen.world - eye
-        distance = np.linalg.norm(way, axis=1)
-        rays = trace_rays(scene, np.tile(eye, (len(way), 1)), way)
+        offset = seen.world - eye
+        distance = np.linalg.norm(offset, axis=1)
+        rays = trace_rays(scene, np.tile(eye, (len(offset), 1)), offset)
         hidden = (rays.range_m > 0) & (rays.range_m < distance - 0.01)
         same = (rays.label == seen.label) & (rays.instance == seen.instance)
         reached = np.abs(rays.range_m - distance) < 0.01
-        # A point within single precision of a leaf's or a twig's border may be passed by.
-        passed = ~hidden & ~(same & reached)
-        assert passed.mean() < 2e-4, f"{passed.sum()} of {len(passed)}"
-        assert not np.any(passed & np.isin(seen.label, (Label.GROUND, Label.TRAIL)))
-        points, compared = points + len(way), compared + int(np.sum(~hidden))
+        # A ray may miss a point within single precision of the border of a leaf or twig.
+        missed = ~hidden & ~(same & reached)
+        assert missed.mean() < 2e-4, f"{missed.sum()} of {len(missed)}"
+        assert not np.any(missed & np.isin(seen.label, (Label.GROUND, Label.TRAIL)))
+        points, compared = points + len(offset), compared + int(np.sum(~hidden))
     assert points > 20_000
     assert compared > 0.9 * points, f"{compared} of {points} were compared"
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_projected_points_land_on_pixels_of_their_class(scene: Scene, views: list[View], side: str) -> None:
-    """Away from silhouettes: every point that nothing hides; and the depth image has its depth."""
+    """Away from silhouettes, every point that is not occluded; and the depth image has its depth."""
     points = compared = 0
     for view in views:
         image = view.left if side == "left" else view.right
@@ -156,7 +154,7 @@ def test_projected_points_land_on_pixels_of_their_class(scene: Scene, views: lis
         row, column = np.rint(seen.v).astype(int), np.rint(seen.u).astype(int)
         depth = depth_at(even, seen.u, seen.v)
         near = even.here[row, column]
-        allowed = 0.01 + 0.003 * seen.depth  # what ``smooth`` lets a surface bend by
+        allowed = 0.01 + 0.003 * seen.depth  # the curvature that ``smooth`` allows
         hidden = depth < seen.depth - allowed
         agrees = (
             (image.label[row, column] == seen.label)
@@ -164,7 +162,7 @@ def test_projected_points_land_on_pixels_of_their_class(scene: Scene, views: lis
             & (np.abs(depth - seen.depth) < allowed)
         )
         odd = np.flatnonzero(near & ~hidden & ~agrees)
-        # Left over are twigs and leaf tips narrower than a pixel, which stand before the surface that the pixels see.
+        # The rest are twigs and leaf tips narrower than a pixel, in front of the surface in the image.
         assert len(odd) < 2e-3 * np.count_nonzero(near), [PALETTE[seen.label[k]].tolist() for k in odd]
         assert np.all(seen.depth[odd] < depth[odd] - allowed[odd])
         eye = (view.world_from_base @ optical(side))[:3, 3]
@@ -177,7 +175,7 @@ def test_projected_points_land_on_pixels_of_their_class(scene: Scene, views: lis
 
 
 def test_depth_agrees_to_1_cm_where_the_ground_is_near(views: list[View]) -> None:
-    """Within 8 m the pixels are finer than the ground's facets: no slope needs an allowance beyond the centimetre."""
+    """Within 8 m the pixels are finer than the ground's facets, so that 1 cm suffices on every slope."""
     count = 0
     for view in views:
         for side, image in (("left", view.left), ("right", view.right)):
@@ -192,8 +190,8 @@ def test_depth_agrees_to_1_cm_where_the_ground_is_near(views: list[View]) -> Non
     assert count > 5000
 
 
-def test_stereo_pixels_show_the_same_thing(views: list[View]) -> None:
-    """A pixel of the left camera, moved by fx * baseline / depth, is the same thing in the right one if not hidden."""
+def test_stereo_pixels_show_the_same_object(views: list[View]) -> None:
+    """A left pixel, shifted by fx * baseline / depth, shows the same object in the right image or is occluded."""
     shift = LENS.fx * RIG.cameras.baseline
     pixels = compared = 0
     for view in views:
@@ -220,8 +218,8 @@ def test_stereo_pixels_show_the_same_thing(views: list[View]) -> None:
     assert compared > 0.99 * pixels
 
 
-def test_the_views_show_the_park(views: list[View]) -> None:
-    """Guards of the tests above: nearly all classes appear; the robot and void never do; sky is object 0."""
+def test_views_cover_the_classes_of_the_park(views: list[View]) -> None:
+    """Preconditions of the tests above: nearly all classes appear, robot and void never do, sky has instance id 0."""
     images = [image for view in views for image in (view.left, view.right)]
     classes = set(np.unique(np.concatenate([np.unique(i.label) for i in images])).tolist())
     in_scans = set(np.unique(np.concatenate([view.scan.label for view in views])).tolist())
@@ -239,16 +237,16 @@ def test_the_views_show_the_park(views: list[View]) -> None:
     assert all(view.scan.instance.min() > 0 for view in views)
 
 
-def test_object_ids_and_classes_are_those_of_the_worlds_objects(scene: Scene, views: list[View]) -> None:
+def test_ids_and_classes_are_those_of_the_worlds_objects(scene: Scene, views: list[View]) -> None:
     world = scene.world
     labels = {name: {int(world.materials[m].label) for m in mesh.materials} for name, mesh in world.meshes.items()}
     allowed = {i.object_id: labels[i.mesh] for i in world.instances}
     allowed |= {s.object_id: {label for name in s.meshes for label in labels[name]} for s in world.swarms}
     assert world.backdrop is not None
-    land = {int(world.materials[name].label) for name in world.backdrop.materials}  # woods on it from afar are treetop
+    land = {int(world.materials[name].label) for name in world.backdrop.materials}  # distant woods are treetop
     allowed |= {0: {int(Label.SKY)}, 1: {int(Label.GROUND), int(Label.TRAIL)} | land}
     for view in views:
         for image in (view.left, view.right):
             pairs = [divmod(int(p), 256) for p in np.unique(image.instance.astype(np.int64) * 256 + image.label)]
-            assert all(label in allowed[thing] for thing, label in pairs)
-            assert all(thing < len(world.object_names) for thing, _ in pairs)
+            assert all(label in allowed[object_id] for object_id, label in pairs)
+            assert all(object_id < len(world.object_names) for object_id, _ in pairs)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Things of a swarm are hit where they stand, each of them, with the swarm's object id and their mesh's class."""
+"""Every instance of a swarm is hit, with the swarm's instance id and the class of its mesh."""
 
 from dataclasses import replace
 
@@ -10,14 +10,13 @@ from sense_worlds import at, box, make_world, trace_rays
 
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.rig import OPTICAL, CameraConfig
-from fieldtruth.render.bake import bake
-from fieldtruth.render.camera import Camera
+from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import Swarm, World
 
 
 def swarming() -> World:
-    """A wall as object 2, and a swarm with object id 3: ten stones in a row along y, every other one a trunk."""
+    """A wall with instance id 2, and a swarm with id 3: stones and trunks alternating along y."""
     stone, trunk = box("stone", [0.5, 0.5, 0.5]), box("trunk", [0.25, 0.25, 2.0], "bark")
     world = make_world([(box("wall", [0.1, 9.0, 1.0], "wood"), at(15, 0, 1))])
     poses = np.tile(np.eye(4), (10, 1, 1))
@@ -32,7 +31,7 @@ def swarming() -> World:
     return replace(world, meshes=meshes, swarms=(swarm,), object_names=("husky", "ground", "wall", "mixed"))
 
 
-def test_ranges_classes_and_ids() -> None:
+def test_ranges_classes_and_ids_of_a_swarm() -> None:
     scene = Scene(swarming())
     y = np.array([*(2.0 * np.arange(10) - 9.0), 0.0])
     rays = trace_rays(scene, np.column_stack([np.zeros(11), y, np.full(11, 0.3)]), np.tile([1.0, 0.0, 0.0], (11, 1)))
@@ -42,7 +41,7 @@ def test_ranges_classes_and_ids() -> None:
     assert (rays.range_m[10], rays.label[10], rays.instance[10]) == (pytest.approx(14.9, abs=1e-4), Label.BENCH, 2)
 
 
-def test_a_photograph_of_a_swarm_has_its_labels() -> None:
-    picture = Camera(CameraConfig(width=128, height=72), bake(Scene(swarming()))).render(at(0, 0, 0.5) @ OPTICAL)
-    assert {Label.ROCK, Label.TRUNK, Label.BENCH} <= set(np.unique(picture.label).tolist())
-    assert set(np.unique(picture.instance[picture.label == Label.ROCK])) == {3}
+def test_camera_labels_a_swarm() -> None:
+    images = LabelCamera(CameraConfig(width=128, height=72), Scene(swarming())).label(at(0, 0, 0.5) @ OPTICAL)
+    assert {Label.ROCK, Label.TRUNK, Label.BENCH} <= set(np.unique(images.label).tolist())
+    assert set(np.unique(images.instance[images.label == Label.ROCK])) == {3}

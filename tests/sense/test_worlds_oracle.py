@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The built worlds seen by a second, independent ray tracer: class, object and range agree for every ray."""
+"""Class, object and range of rays in the built worlds agree with an independent ray tracer."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from fieldtruth.sense.scene import Scene
 
 RAYS = {"park": 3000, "lake": 900, "forest": 900, "hillside": 900}
 CLASSES = {"park": 9, "lake": 7, "forest": 7, "hillside": 6}
-"""Least number of classes that the rays must meet: nearly all of the place."""
+"""Least number of classes that the rays must hit: nearly all of the world's."""
 
 
 def unit(vectors: F8) -> F8:
@@ -23,7 +23,7 @@ def unit(vectors: F8) -> F8:
 
 
 def robot_rays(scene: Scene, count: int, rng: np.random.Generator) -> tuple[F8, F8]:
-    """Rays from places along the routes, 0.3 to 1.2 m above the ground, to all sides, from 25 deg down to 35 deg up."""
+    """Rays from near the waypoints, 0.3 to 1.2 m above the ground, in all directions from 25 deg down to 35 deg up."""
     corners = np.concatenate(
         [metres_from_route(load_experiment(n).route) for n in (f"{scene.world.name}_1", f"{scene.world.name}_2")]
     )
@@ -35,17 +35,17 @@ def robot_rays(scene: Scene, count: int, rng: np.random.Generator) -> tuple[F8, 
     return np.column_stack([spots, z]), directions
 
 
-def test_the_oracle_itself_on_a_box() -> None:
-    """It must know a turned box of half edges 1, 2, 3 m, and call rays along its edges doubtful."""
+def test_oracle_on_a_box() -> None:
+    """It finds a rotated box with half edge lengths 1, 2, 3 m, and marks rays along its edges as doubtful."""
     pose = frames.pose((10, 0, 5), (0, 0, 90))
     world = make_world([(box("box", (1, 2, 3), "bark"), pose)])
     origins = np.array([[0, 0.1, 5.2], [0, 1.5, 5.0], [0, 0.999999, 5.3], [3.1, 3.2, 2.0], [0, 0.5, 5.5]])
     directions = np.array([[1.0, 0, 0], [1, 0, 0], [1, 0, 0], [0, 0, -1], [0, 0, 1]])
     verdict = judge(world, origins, directions)
     assert verdict.label.tolist()[:2] + verdict.label.tolist()[3:] == [Label.TRUNK, Label.SKY, Label.GROUND, Label.SKY]
-    assert verdict.range_m[[0, 1, 3, 4]] == pytest.approx([8.0, 0.0, 2.0, 0.0])  # turned by 90 deg, 2 m reach along x
+    assert verdict.range_m[[0, 1, 3, 4]] == pytest.approx([8.0, 0.0, 2.0, 0.0])  # rotated by 90 deg: 2 m along x
     assert verdict.instance[[0, 1, 3, 4]].tolist() == [2, 0, 1, 0]
-    assert verdict.doubtful.tolist() == [False, False, True, False, False]  # the third runs 1 um inside an edge
+    assert verdict.doubtful.tolist() == [False, False, True, False, False]  # the third is 1 um inside an edge
 
 
 @pytest.fixture(scope="module", params=RAYS)
@@ -53,7 +53,7 @@ def scene(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     return built_scene(tmp_path_factory.getbasetemp(), request.param)
 
 
-def test_every_triangle_is_known_to_the_oracle(scene: Scene) -> None:
+def test_oracle_has_every_triangle(scene: Scene) -> None:
     world = scene.world
     nx, ny = world.terrain.field.heights.shape
     assert world.backdrop is not None
@@ -69,15 +69,15 @@ def test_class_object_and_range_agree_with_the_oracle(scene: Scene) -> None:
     seen = trace_rays(scene, origins, directions, max_range=3000.0)
     verdict = judge(scene.world, origins, unit(directions))
     sure = ~verdict.doubtful
-    excluded = f"{np.count_nonzero(~sure)} of {count} rays graze a border and were left out"
+    excluded = f"{np.count_nonzero(~sure)} of {count} rays graze a border and were excluded"
     assert np.count_nonzero(~sure) < 0.03 * count, excluded
-    assert len(np.unique(verdict.label[sure])) >= CLASSES[scene.world.name], "the rays must meet nearly every class"
-    wet = verdict.label == Label.WATER  # whence nothing comes back
+    assert len(np.unique(verdict.label[sure])) >= CLASSES[scene.world.name], "the rays must hit nearly every class"
+    wet = verdict.label == Label.WATER  # which returns no pulse
     verdict.label[wet], verdict.instance[wet], verdict.range_m[wet] = Label.SKY, 0, 0.0
     label = np.where(seen.range_m > 0, seen.label, Label.SKY)
     wrong = np.flatnonzero(sure & ((label != verdict.label) | (seen.instance != verdict.instance)))
     assert len(wrong) == 0, f"class or object differ for rays {wrong.tolist()}; {excluded}"
-    # Single precision places a surface to about 10 um; along a ray that skims it, that shows as so much more.
+    # Single precision rounds surfaces by about 10 um, which grows with the inverse cosine along a grazing ray.
     allowed = 2e-5 / verdict.cosine + 1e-6 * verdict.range_m
     off = np.flatnonzero(sure & (np.abs(seen.range_m - verdict.range_m) > allowed))
     assert len(off) == 0, f"range differs for rays {off.tolist()}; {excluded}"

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""All textures as one array of texels with their smaller copies (mip maps), read in linear light."""
+"""All textures and their mip maps in one array, sampled in linear light."""
 
 from collections.abc import Sequence
 from typing import Final, NamedTuple
@@ -8,7 +8,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.sense.kernel import kernel
+from fieldtruth.sense.packets import Scalar
 
 LEVELS: Final = 10
 
@@ -19,24 +21,24 @@ class Atlas(NamedTuple):
     texels: NDArray[np.uint32]
     start: NDArray[np.int64]  # (textures, LEVELS)
     size: NDArray[np.int64]  # (textures, LEVELS) [texel]
-    mean: NDArray[np.float32]  # (textures, 3) linear
-    linear: NDArray[np.float32]  # (256,) linear value of an sRGB byte
+    mean: Float32Array  # (textures, 3) linear
+    linear: Float32Array  # (256,) linear value of an sRGB byte
 
 
-def linear_from_srgb(value: NDArray[np.floating]) -> NDArray[np.float64]:
+def linear_from_srgb(value: NDArray[np.floating]) -> Array:
     """Linear light of sRGB values in [0, 1] (IEC 61966-2-1)."""
     v = np.asarray(value, np.float64)
     return np.where(v <= 0.04045, v / 12.92, ((v + 0.055) / 1.055) ** 2.4)
 
 
-def srgb_from_linear(value: NDArray[np.floating]) -> NDArray[np.float64]:
+def srgb_from_linear(value: NDArray[np.floating]) -> Array:
     """Inverse of ``linear_from_srgb``, for values in [0, 1]."""
     v = np.clip(np.asarray(value, np.float64), 0.0, 1.0)
     return np.where(v <= 0.0031308, 12.92 * v, 1.055 * v ** (1 / 2.4) - 0.055)
 
 
 def make_atlas(textures: Sequence[NDArray[np.uint8]]) -> Atlas:
-    """Pack square textures (n, n, 3) sRGB, n a power of two; smaller copies are averaged in linear light."""
+    """Pack square textures (n, n, 3) sRGB, n a power of two, with mip maps averaged in linear light."""
     linear = linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)
     code_of = np.rint(srgb_from_linear(np.arange(65536) / 65535.0) * 255.0).astype(np.uint32)
     texels, starts, sizes, means, end = [], [], [], [], 0
@@ -64,8 +66,8 @@ def make_atlas(textures: Sequence[NDArray[np.uint8]]) -> Atlas:
 
 
 @kernel
-def sample(atlas: Atlas, texture: int, u: float, v: float, level: int) -> tuple[float, float, float]:
-    """Linear colour at (u, v) in repeats, bilinear within one level; u runs along columns, v up the rows."""
+def sample(atlas: Atlas, texture: int, u: Scalar, v: Scalar, level: int) -> tuple[float, float, float]:
+    """Linear colour at (u, v) in repeats, bilinear within one mip level; u is to the right, v up."""
     level = min(max(level, 0), LEVELS - 1)
     size, start = atlas.size[texture, level], atlas.start[texture, level]
     x, y = u * size - 0.5, -v * size - 0.5

@@ -3,18 +3,16 @@
 """The camera: photograph, labels and depth come from the same ray through each pixel's centre."""
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.rig import CameraConfig
 from fieldtruth.render.bake import BakedScene
-from fieldtruth.render.photo import new_darkroom, take
+from fieldtruth.render.photograph import new_framebuffer, render_image
+from fieldtruth.sense.hits import LabelBuffers
 from fieldtruth.sense.label_camera import LabelCamera, LabelImages
-
-EXTRA_SAMPLES: Final = 2
-"""Rays per pixel at edges, in addition to the one through the pixel's centre."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,23 +35,23 @@ class Camera(LabelCamera):
         super().__init__(config, baked.scene, reuse=reuse)
         self._shading = baked.shading
         if exposure is not None:
-            self._shading = self._shading._replace(gain=np.float32(exposure))
-        self._darkroom = new_darkroom(config.height, config.width)
+            self._shading = self._shading._replace(exposure=np.float32(exposure))
+        self._framebuffer = new_framebuffer(config.height, config.width)
         self._images: CameraImages | None = None
 
-    def render(self, world_from_optical: NDArray[np.float64]) -> CameraImages:
+    def render(self, world_from_optical: Array) -> CameraImages:
         """Photograph, label, instance and depth images from a pose (4, 4)."""
         images = self._images
         if images is None:
-            shape = (self.config.height, self.config.width)
+            h, w = self.config.height, self.config.width
             images = CameraImages(
-                label=np.empty(shape, np.uint8), instance=np.empty(shape, np.uint16),
-                depth=np.empty(shape, np.float32), photo=np.empty((*shape, 3), np.uint8),
-            )  # fmt: skip
-        take(
-            self._shading, self._darkroom, np.ascontiguousarray(world_from_optical, np.float64), self.pinhole,
-            self.config.far, EXTRA_SAMPLES, images.label, images.instance, images.depth, images.photo,
-        )  # fmt: skip
+                label=np.empty((h, w), np.uint8),
+                instance=np.empty((h, w), np.uint16),
+                depth=np.empty((h, w), np.float32),
+                photo=np.empty((h, w, 3), np.uint8),
+            )
+        labels = LabelBuffers(images.label, images.instance, images.depth)
+        render_image(self._shading, self._framebuffer, self._view(world_from_optical), labels, images.photo)
         if self._reuse:
             self._images = images
         return images

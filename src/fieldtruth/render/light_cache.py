@@ -13,8 +13,8 @@ import numpy as np
 from fieldtruth.core.cache import cache_key
 from fieldtruth.core.files import atomic_output
 from fieldtruth.experiment.config import LightConfig
-from fieldtruth.render.light import LightTable
 from fieldtruth.render.sky import Dome
+from fieldtruth.render.tables import LightTable
 from fieldtruth.sense.hits import Grid
 from fieldtruth.sense.scene import Scene
 
@@ -42,8 +42,8 @@ def light_key(scene: Scene, light: LightConfig) -> str:
         (m.name, m is world.backdrop, m.vertices, m.normals, m.faces, m.material, [clear[n] for n in m.materials])
         for m in scene.meshes
     ]
-    names = [mesh.name if mesh is not None else "" for _, mesh, _ in scene.tops]
-    poses = np.stack([pose for _, _, pose in scene.tops])
+    names = [mesh.name if mesh is not None else "" for mesh, *_ in scene.tops]
+    poses = np.stack([top.world_from_object for top in scene.tops])
     inputs = (light.model_dump(), world.seed, world.size, ground, meshes, names, poses)
     return cache_key(["fieldtruth.render.light"], *inputs, libraries=_LIBRARIES)
 

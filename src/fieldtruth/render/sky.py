@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The sky as a picture of the dome, with clouds.
+"""The sky as an image of the dome, with clouds.
 
 Preetham, Shirley and Smits, "A Practical Analytic Model for Daylight" (1999).
 """
@@ -8,9 +8,9 @@ Preetham, Shirley and Smits, "A Practical Analytic Model for Daylight" (1999).
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, zoom
 
+from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.sense.kernel import kernel
 
 SIZE: Final = 1024
@@ -20,33 +20,33 @@ SKY_OVER_SUN: Final = 0.27
 
 ZENITH_RGB: Final = np.array([0.46, 0.98, 2.30])
 HORIZON_RGB: Final = np.array([0.90, 1.00, 1.14])
-"""Linear colours of luminance 1 overhead and in the hazy air near the horizon; the paper's own chromaticity turns the
-lower sky pink at this turbidity, so only its luminance is used."""
+"""Linear colours of luminance 1 overhead and in the haze near the horizon. Only the paper's luminance is used: its
+chromaticity turns the lower sky pink at this turbidity."""
 
 
 class Dome(NamedTuple):
     """Radiance ``rgb`` (SIZE, SIZE, 3) of the upper half of the sky.
 
-    It is painted as a paraboloid reflects it (Heidrich and Seidel 1998): the direction (x, y, z) stands in row
-    x / (1 + z) and column y / (1 + z), both from -1 to 1, so that no angle is computed to look it up.
+    It is a paraboloid map (Heidrich and Seidel 1998): the direction (x, y, z) is at row x / (1 + z) and column
+    y / (1 + z), both from -1 to 1, so that a lookup needs no angle.
     """
 
-    rgb: NDArray[np.float32]
-    mean: NDArray[np.float32]  # (3,) irradiance of level ground, divided by pi
-    mist: NDArray[np.float32]  # (3,) radiance near the horizon, which the air between takes on
+    rgb: Float32Array
+    mean: Float32Array  # (3,) irradiance of level ground, divided by pi
+    horizon: Float32Array  # (3,) radiance near the horizon, the colour of haze
 
 
-def sun_direction(azimuth_deg: float, elevation_deg: float) -> NDArray[np.float64]:
+def sun_direction(azimuth_deg: float, elevation_deg: float) -> Array:
     """Unit vector (3,) towards the sun in the world frame (x north, y west, z up); azimuth clockwise from north."""
     azimuth, elevation = np.radians(azimuth_deg), np.radians(elevation_deg)
     return np.array([np.cos(azimuth) * np.cos(elevation), -np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
 
 
-def make_dome(sun: NDArray[np.float64], rng: np.random.Generator) -> Dome:
-    """Paint the dome for a sun's direction; ``rng`` shapes the clouds. Irradiance of the sun is 1 by convention."""
-    place = (np.arange(SIZE) - (SIZE - 1) / 2) / (SIZE / 2 * 0.998)
-    p, q = np.meshgrid(place, place, indexing="ij")
-    radius = np.minimum(p * p + q * q, 1.0)  # outside the disc nothing is looked up, but neighbours are mixed in
+def make_dome(sun: Array, rng: np.random.Generator) -> Dome:
+    """Make the dome for a sun's direction; ``rng`` shapes the clouds. Irradiance of the sun is 1 by convention."""
+    nodes = (np.arange(SIZE) - (SIZE - 1) / 2) / (SIZE / 2 * 0.998)
+    p, q = np.meshgrid(nodes, nodes, indexing="ij")
+    radius = np.minimum(p * p + q * q, 1.0)  # texels outside the disc take part in interpolation only
     x, y, z = 2.0 * p / (1.0 + radius), 2.0 * q / (1.0 + radius), (1.0 - radius) / (1.0 + radius)
     veil = np.exp(-z / 0.24)[..., None]
     colour = ZENITH_RGB * (1.0 - veil) + HORIZON_RGB * veil
@@ -61,7 +61,7 @@ def make_dome(sun: NDArray[np.float64], rng: np.random.Generator) -> Dome:
     return Dome(rgb.astype(np.float32), irradiance.astype(np.float32), horizon.astype(np.float32))
 
 
-def _luminance(z: NDArray[np.float64], cos_gamma: NDArray[np.float64]) -> NDArray[np.float64]:
+def _luminance(z: Array, cos_gamma: Array) -> Array:
     """Luminance of the clear sky, any scale: equation 3 with the appendix's coefficients of Y."""
     a, b, c, d, e = np.array([0.1787, -0.3554, -0.0227, 0.1206, -0.0670]) * TURBIDITY + [
         -1.4630, 0.4275, 5.3251, -2.5771, 0.3703,
@@ -72,9 +72,9 @@ def _luminance(z: NDArray[np.float64], cos_gamma: NDArray[np.float64]) -> NDArra
 
 
 def _clouds(
-    x: NDArray[np.float64], y: NDArray[np.float64], z: NDArray[np.float64], sun: NDArray[np.float64],
+    x: Array, y: Array, z: Array, sun: Array,
     rng: np.random.Generator,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
+) -> tuple[Array, Array]:  # fmt: skip
     """Opacity and brightness [0, 1] of fair-weather clouds: noise on a plane overhead, lit from the sun's side."""
     field = np.zeros((1024, 1024))
     for octave in range(7):
@@ -92,8 +92,8 @@ def _clouds(
 
 
 @kernel
-def sky_radiance(g: NDArray[np.float32], x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Radiance in a unit direction of a dome's picture ``g``; below the horizon the horizon's value holds."""
+def sky_radiance(g: Float32Array, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Radiance of a dome's image ``g`` in a unit direction; below the horizon, the horizon's."""
     half, one = np.float32(SIZE / 2), np.float32(1.0)
     flat = max(np.float32(z), np.float32(0.0))
     scale = half * np.float32(0.998) / (flat + np.sqrt(x * x + y * y + flat * flat))

@@ -1,29 +1,29 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Water as cameras see it: the mirrored world above, and below what light comes up through it, shared by Fresnel's law.
+"""Water in photographs: reflection and the visible bottom, weighted by Fresnel's equations.
 
-Only a photograph asks; labels end at the surface. Two rays per pixel of water start there: one mirrored, one refracted
-to the bottom. The waves are a fixed sum of sines (the world stands still), which fade where a pixel spans several.
+Labels end at the surface. For a photograph, two more rays per pixel of water start there: one reflected, one refracted
+to the bottom. Waves are a fixed sum of sines (the world is static), faded out where a pixel spans several of them.
 """
 
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fieldtruth.render.shade import FIELDS, MIRROR
+from fieldtruth.core.arrays import Float32Array
+from fieldtruth.render.gbuffer import FIELDS, MIRROR
 from fieldtruth.sense import embree
 from fieldtruth.sense.kernel import inlined, kernel
-from fieldtruth.sense.packets import Packet, set_ray
-from fieldtruth.sense.strip import Strip, new_strip
+from fieldtruth.sense.packets import IntArray, Packet, set_ray
+from fieldtruth.sense.ray_batch import RayBatch, new_batch
 
 REFRACTION: Final = 1.0 / 1.333
-"""Index of air over that of water."""
+"""Refractive index of air over that of water."""
 ABSORPTION: Final = np.array([1.3, 0.75, 0.95], np.float32)
-"""[1/m] of light in a lake of summer, rich in algae and humus: green goes deepest (Kirk 2011, Light and
+"""[1/m] of light in a lake in summer, rich in algae and humus: green penetrates deepest (Kirk 2011, Light and
 Photosynthesis in Aquatic Ecosystems, attenuation of such waters about 1 per metre)."""
 _WAVES: Final = 14
-_REACH: Final = 400.0  # [m]
+_FARTHEST: Final = 400.0  # [m]
 
 _LANES, _FAR = embree.LANES, embree.TFAR
 _GEOM, _INST, _PRIM, _U, _V = embree.GEOM_ID, embree.INST_ID, embree.PRIM_ID, embree.HIT_U, embree.HIT_V
@@ -31,25 +31,28 @@ _MISS = np.uint32(embree.MISS)
 _intersect: Any = embree.intersect
 
 
-class Second(NamedTuple):
-    """A thread's memory for the rays that start on water: as those of a darkroom, and the row each belongs to."""
+class SecondaryBatch(NamedTuple):
+    """Rays that start on water, and the row of the batch that each belongs to. Threads must not share it."""
 
-    strip: Strip
-    surface: NDArray[np.float32]  # (n, FIELDS)
-    colour: NDArray[np.float32]  # (n, 3)
-    row: NDArray[np.int32]  # (n,) of the point on the water
-    share: NDArray[np.float32]  # (n,) of the light that is mirrored there
-
-
-def new_second(count: int) -> Second:
-    """Memory for as many points as a strip has."""
-    return Second(
-        new_strip(count), np.zeros((count, FIELDS), np.float32), np.zeros((count, 3), np.float32),
-        np.zeros(count, np.int32), np.zeros(count, np.float32),
-    )  # fmt: skip
+    batch: RayBatch
+    gbuffer: Float32Array  # (n, FIELDS)
+    colour: Float32Array  # (n, 3)
+    row: IntArray  # (n,) of the point on the water
+    share: Float32Array  # (n,) of the light that is reflected there
 
 
-def _waves() -> NDArray[np.float32]:
+def new_secondary_batch(count: int) -> SecondaryBatch:
+    """Allocate memory for ``count`` rays."""
+    return SecondaryBatch(
+        batch=new_batch(count),
+        gbuffer=np.zeros((count, FIELDS), np.float32),
+        colour=np.zeros((count, 3), np.float32),
+        row=np.zeros(count, np.int32),
+        share=np.zeros(count, np.float32),
+    )
+
+
+def _waves() -> Float32Array:
     """Rows of wave vector x, y [rad/m], slope, phase: ripples of 0.1 to 2.5 m that a light wind drives towards +x."""
     rng = np.random.default_rng(5)
     length = np.geomspace(0.12, 2.6, _WAVES)
@@ -80,30 +83,30 @@ def _slope(x: float, y: float, footprint: float) -> tuple[float, float]:
 
 
 @kernel
-def leave_water(
-    strip: Strip, surface: NDArray[np.float32], count: int, pixel: float, mirrored: bool, second: Second
+def water_rays(
+    batch: RayBatch, gbuffer: Float32Array, count: int, pixel: float, reflected: bool, second: SecondaryBatch
 ) -> int:
-    """List the points on water and the directions in which their second rays go on; returns how many there are.
+    """Collect the reflected or refracted rays of all hits on water; returns their number.
 
-    ``share`` is Schlick's approximation of Fresnel's reflectance, exact at normal and at grazing incidence.
+    ``share`` is Schlick's (1994) approximation of Fresnel reflectance, exact at normal and at grazing incidence.
     """
-    top, point, direction, reach, image = strip.top, strip.point, strip.direction, strip.reach, strip.image
-    out, n, one = second.strip, 0, np.float32(1.0)
+    top, point, direction, distance, image = batch.top, batch.point, batch.direction, batch.distance, batch.image
+    out, n, one = second.batch, 0, np.float32(1.0)
     for k in range(count):
-        if top[k] <= 0 or surface[k, MIRROR] <= 0.0:
+        if top[k] <= 0 or gbuffer[k, MIRROR] <= 0.0:
             continue
         dx, dy, dz = direction[0, k], direction[1, k], direction[2, k]
         if dz >= 0.0:
             continue
-        footprint = np.float32(reach[k] * pixel) / np.sqrt(max(-dz, np.float32(0.02)))
+        footprint = np.float32(distance[k] * pixel) / np.sqrt(max(-dz, np.float32(0.02)))
         sx, sy = _slope(point[0, k], point[1, k], footprint)
         scale = one / np.sqrt(one + sx * sx + sy * sy)
         nx, ny, nz = -sx * scale, -sy * scale, scale
         cosine = max(-(dx * nx + dy * ny + dz * nz), np.float32(0.01))
         away = one - cosine
         away *= away * away * away * away
-        share = surface[k, MIRROR] + (one - surface[k, MIRROR]) * away
-        if mirrored:
+        share = gbuffer[k, MIRROR] + (one - gbuffer[k, MIRROR]) * away
+        if reflected:
             rx, ry, rz = dx + 2 * cosine * nx, dy + 2 * cosine * ny, dz + 2 * cosine * nz
             rz = max(rz, np.float32(0.004))
         else:
@@ -124,33 +127,34 @@ def leave_water(
 
 
 @kernel
-def follow(scene: np.uint64, packet: Packet, second: Second, count: int) -> None:
-    """Trace the listed rays from where they leave the water; ``point`` becomes what they hit."""
-    ray, words, valid, strip = packet.ray, packet.words, packet.valid, second.strip
+def trace_secondary(scene: np.uint64, packet: Packet, second: SecondaryBatch, count: int) -> None:
+    """Trace the first ``count`` rays from ``point``, which becomes the position of their hit."""
+    ray, words, valid, batch = packet.ray, packet.words, packet.valid, second.batch
     for first in range(0, count, _LANES):
         for lane in range(_LANES):
             k = first + lane
             if k >= count:
                 valid[lane] = 0
                 continue
-            dx, dy, dz = strip.direction[0, k], strip.direction[1, k], strip.direction[2, k]
-            set_ray(packet, lane, strip.point[0, k], strip.point[1, k], strip.point[2, k], dx, dy, dz, 0.01, _REACH)
+            origin = batch.point[0, k], batch.point[1, k], batch.point[2, k]
+            direction = batch.direction[0, k], batch.direction[1, k], batch.direction[2, k]
+            set_ray(packet, lane, origin, direction, 0.01, _FARTHEST)
         _intersect(valid.ctypes, scene, ray.ctypes, packet.arguments.ctypes)
         for lane in range(min(_LANES, count - first)):
             k = first + lane
             t = ray[_FAR + lane]
-            strip.reach[k] = t
+            batch.distance[k] = t
             for axis in range(3):
-                strip.point[axis, k] += t * strip.direction[axis, k]
-            strip.barycentric[0, k], strip.barycentric[1, k] = ray[_U + lane], ray[_V + lane]
-            strip.primitive[k] = np.int32(words[_PRIM + lane])
+                batch.point[axis, k] += t * batch.direction[axis, k]
+            batch.barycentric[0, k], batch.barycentric[1, k] = ray[_U + lane], ray[_V + lane]
+            batch.primitive[k] = np.int32(words[_PRIM + lane])
             geometry, instance = words[_GEOM + lane], words[_INST + lane]
-            strip.top[k] = np.int32(geometry if instance == _MISS else instance)
+            batch.top[k] = np.int32(geometry if instance == _MISS else instance)
 
 
 @kernel
-def mix_mirrored(second: Second, count: int, colour: NDArray[np.float32]) -> None:
-    """Blend the mirrored light into the points' own by Fresnel's share."""
+def blend_reflection(second: SecondaryBatch, count: int, colour: Float32Array) -> None:
+    """Blend reflected light into the colour of the water by the Fresnel share."""
     for n in range(count):
         k, share = second.row[n], second.share[n]
         for channel in range(3):
@@ -158,12 +162,12 @@ def mix_mirrored(second: Second, count: int, colour: NDArray[np.float32]) -> Non
 
 
 @kernel
-def mix_bottom(second: Second, count: int, colour: NDArray[np.float32]) -> None:
-    """Blend the bottom into the water's own colour by what is left of its light on the way up."""
+def blend_bottom(second: SecondaryBatch, count: int, colour: Float32Array) -> None:
+    """Blend the bottom into the colour of the water by the light that is not absorbed."""
     for n in range(count):
-        k, way = second.row[n], second.strip.reach[n]
-        if second.strip.top[n] < 0:
+        k, depth = second.row[n], second.batch.distance[n]
+        if second.batch.top[n] < 0:
             continue
         for channel in range(3):
-            left = np.exp(-ABSORPTION[channel] * np.float32(1.6) * way)  # and on its way down
+            left = np.exp(-ABSORPTION[channel] * np.float32(1.6) * depth)  # both down and up
             colour[k, channel] += (np.float32(0.9) * second.colour[n, channel] - colour[k, channel]) * left

@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Embree 4 through its C API: devices, scenes, instances, and the two functions that compiled kernels call.
 
-The ``embreex`` wheel carries Embree; its own Python face knows neither instances nor packets, so the library is called
-directly. Kernels name ``rtcIntersect16`` as an external symbol, which lets Numba cache them on disk.
+The ``embreex`` wheel ships the Embree library; its Python interface supports neither instances nor packets, so the
+library is called directly. Kernels refer to ``rtcIntersect16`` as an external symbol, so that Numba can cache them.
 
-Layout of a packet, in 4-byte words, lanes side by side (Embree 4.4, ``rtcore_ray.h``): field f of lane k stands at
-``f * LANES + k``. The fields are numbered below. ``Engine`` refuses to start on another version or layout.
+Layout of a packet in 4-byte words (Embree 4.4, ``rtcore_ray.h``): field f of lane k is word ``f * LANES + k``, with the
+fields numbered as below. ``Engine`` raises EngineError for another version or layout.
 
 Packets are as wide as the processor traces natively: 16 rays with AVX-512, else 8. Measured on a park-like scene, one
-core, camera rays in 4 x 4 tiles with the coherent flag: 16 wide 9.5, 8 wide 7.1, single rays 4.4 Mrays/s.
+core, camera rays in 4 x 4 tiles with the coherent flag: 16 rays 9.5, 8 rays 7.1, single rays 4.4 Mrays/s.
 """
 
 import ctypes as c
@@ -26,9 +26,9 @@ from fieldtruth.core.errors import EngineError
 
 MISS: Final = 0xFFFFFFFF
 SOLID: Final = 1
-"""Mask of what casts shadows, and of all geometry unless told otherwise."""
+"""Mask of geometry that casts shadows; the default."""
 CLEAR: Final = 2
-"""Mask of what light goes through: water."""
+"""Mask of geometry that light passes through: water."""
 VERSION: Final = 40400
 
 _TRIANGLES, _INSTANCE = 0, 121
@@ -64,12 +64,10 @@ _SIGNATURES: Final[dict[str, tuple[Any, tuple[Any, ...]]]] = {
 
 @cache
 def _library() -> c.CDLL:
-    """Load the Embree and TBB libraries that the wheel carries, once, and give the kernels their symbols."""
+    """Load the wheel's Embree and TBB libraries once, and register the symbols that kernels call."""
     shipped = {stem: f for f in files("embreex") or () for stem in ("libtbb", "libembree4") if f.name.startswith(stem)}
     if len(shipped) != 2:
-        raise EngineError(
-            "the installed embreex carries no Embree 4 library; run: pip install --force-reinstall embreex"
-        )
+        raise EngineError("cannot find Embree 4 in the package embreex; run: pip install --force-reinstall embreex")
     c.CDLL(str(shipped["libtbb"].locate()), c.RTLD_GLOBAL)
     library = c.CDLL(str(shipped["libembree4"].locate()))
     for name, (result, arguments) in _SIGNATURES.items():
@@ -82,16 +80,16 @@ def _library() -> c.CDLL:
 
 @cache
 def _device() -> int:
-    """Return the one Embree device of this process.
+    """Return the Embree device of this process.
 
-    It builds with one thread, so that a tree of boxes, and with it a tie, never depends on timing. It is never
-    released: after a second device was, one of TBB's threads was seen to spin for good and take a core.
+    It builds with one thread, so that the bounding volume hierarchy, and with it the result of a tie, does not depend
+    on timing. It is never released: after releasing a second device, one of TBB's threads was seen to spin forever.
     """
     return int(_library().rtcNewDevice(b"threads=1"))
 
 
 def _native_lanes() -> int:
-    """16 if Embree traces packets of 16 natively on this processor, else 8."""
+    """Packet width: 16 if Embree traces packets of 16 natively on this processor, else 8."""
     return 16 if _library().rtcGetDeviceProperty(_device(), _NATIVE_RAY16) else 8
 
 
@@ -106,15 +104,16 @@ RAYHIT_WORDS: Final = 21 * LANES
 
 _TRACE = types.void(types.voidptr, types.uint64, types.voidptr, types.voidptr)
 intersect = types.ExternalFunction(f"rtcIntersect{LANES}", _TRACE)
-"""In a kernel: (valid, scene, rayhit, arguments); valid is LANES int32 of -1 or 0; all 64-byte aligned."""
+"""Call from a kernel: (valid, scene, rayhit, arguments); valid is LANES int32 of -1 or 0; all 64-byte aligned."""
 occluded = types.ExternalFunction(f"rtcOccluded{LANES}", _TRACE)
-"""In a kernel: as ``intersect``; only the ray's 12 fields are read, and TFAR of an occluded lane becomes -inf."""
+"""Call from a kernel as ``intersect``; reads the 12 ray fields only; TFAR of an occluded lane becomes -inf."""
 
 
 class Engine:
-    """Embree, checked.
+    """The Embree device, after a check of version and packet layout.
 
-    Raises EngineError if the library is not the version, or its packets not the layout, that the kernels expect.
+    Raises:
+        EngineError: the library differs from the one that the kernels were written for.
     """
 
     def __init__(self) -> None:
@@ -122,17 +121,17 @@ class Engine:
         self.device = _device()
         found = self._api.rtcGetDeviceProperty(self.device, 0)
         if found != VERSION:
-            raise EngineError(
-                f"Embree is version {found}; this fieldtruth knows {VERSION}: pip install 'embreex>=4.4,<4.5'"
-            )
+            raise EngineError(f"Embree must be version {VERSION}, got {found}; run: pip install 'embreex>=4.4,<4.5'")
         self._check_layout()
 
     def _check_layout(self) -> None:
-        """Trace one slanted triangle, whose hit follows from a 3 x 3 system, through an instance, in the last lane."""
+        """Trace one triangle of an instance in the last lane, and compare with the solution of the 3 x 3 system."""
         corners = np.array([[0.0, 0.0, 0.5], [4.0, 0.5, 1.0], [0.5, 4.0, 1.5]])
         origin, direction = np.array([1.0, 2.0, 7.0]), np.array([0.1, -0.2, -1.0])
         first, second = corners[1:] - corners[0]
-        reach, u, v = np.linalg.solve(np.stack([-direction, first, second], axis=-1), origin - corners[0] - [0, 0, 2])
+        distance, u, v = np.linalg.solve(
+            np.stack([-direction, first, second], axis=-1), origin - corners[0] - [0, 0, 2]
+        )
         triangle, scene = RayScene(self), RayScene(self)
         triangle.add_mesh([[9.0, 9.0, 9.0], *corners], [[0, 0, 1], [1, 2, 3]])
         scene.add_mesh([[50, 50, 50], [51, 50, 50], [50, 51, 50]], [[0, 1, 2]])
@@ -152,24 +151,24 @@ class Engine:
         trace(valid.ctypes.data, scene._pointer, ray.ctypes.data, arguments.ctypes.data)
         floats = ray[[TFAR + lane, NG_X + lane, NG_Y + lane, NG_Z + lane, HIT_U + lane, HIT_V + lane]]
         ids = words[[PRIM_ID + lane, GEOM_ID + lane, INST_ID + lane]]
-        expected = [reach, *np.cross(first, second), u, v]
+        expected = [distance, *np.cross(first, second), u, v]
         if not (np.allclose(floats, expected, rtol=1e-5) and ids.tolist() == [1, 0, 1]):
-            raise EngineError(f"Embree's packets of {LANES} rays are laid out otherwise than this fieldtruth expects")
+            raise EngineError(f"Embree's packets of {LANES} rays have an unexpected layout; reinstall embreex")
 
     def check(self) -> None:
-        """Raise EngineError if Embree has reported an error since the last call."""
+        """Raise EngineError if Embree has set an error code since the last call."""
         code = self._api.rtcGetDeviceError(self.device)
         if code:
             raise EngineError(f"Embree reports error {code} (rtcore_device.h, RTCError)")
 
 
 class RayScene:
-    """A set of triangle meshes and instances of other scenes; ``handle`` is what kernels trace."""
+    """Triangle meshes and instances of other scenes; kernels trace its ``handle``."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
         self._api = engine._api
-        self._kept: list[RayScene] = []  # an instanced scene must outlive its instances
+        self._kept: list[RayScene] = []  # instanced scenes must outlive their instances
         self._pointer = self._api.rtcNewScene(engine.device)
         self._api.rtcSetSceneFlags(self._pointer, _ROBUST)
         self._api.rtcSetSceneBuildQuality(self._pointer, _HIGH_QUALITY)
@@ -180,7 +179,7 @@ class RayScene:
         return np.uint64(self._pointer)
 
     def add_mesh(self, vertices: ArrayLike, faces: ArrayLike) -> int:
-        """Attach triangles: vertices (v, 3) [m], faces (f, 3). Returns the geometry's id."""
+        """Attach triangles: vertices (v, 3) [m], faces (f, 3). Returns the geometry id."""
         geometry = self._api.rtcNewGeometry(self._engine.device, _TRIANGLES)
         for kind, layout, data in (
             (_VERTEX, _FLOAT3, np.ascontiguousarray(vertices, np.float32)),
@@ -192,7 +191,7 @@ class RayScene:
         return self._attach(geometry)
 
     def add_instance(self, scene: Self, this_from_scene: NDArray[np.float64], *, mask: int = SOLID) -> int:
-        """Attach another, committed scene at a pose (4, 4); rays of another ``mask`` miss it. Returns its id."""
+        """Attach a committed scene at a pose (4, 4), visible to rays whose mask includes ``mask``. Returns its id."""
         geometry = self._api.rtcNewGeometry(self._engine.device, _INSTANCE)
         self._api.rtcSetGeometryInstancedScene(geometry, scene._pointer)
         columns = np.ascontiguousarray(this_from_scene[:3].T, np.float32)
@@ -202,7 +201,7 @@ class RayScene:
         return self._attach(geometry)
 
     def commit(self) -> Self:
-        """Build; afterwards the scene can be traced or instanced."""
+        """Build the hierarchy; afterwards the scene can be traced or instanced."""
         self._api.rtcCommitScene(self._pointer)
         self._engine.check()
         return self
@@ -220,10 +219,10 @@ class RayScene:
 
 
 def arguments_block(*, coherent: bool) -> NDArray[np.uint64]:
-    """RTCIntersectArguments (or RTCOccludedArguments) with its context behind it, as one block that kernels pass on.
+    """RTCIntersectArguments (or RTCOccludedArguments) followed by its context, as one block for kernels.
 
-    The flag ``coherent`` doubles the speed of neighbouring rays, a LiDAR's too if its tiles are wide and low.
-    The block holds its own address, so it must stay alive, and must not be copied, while it is used.
+    ``coherent`` doubles the speed of neighbouring rays, including a LiDAR's in wide and low tiles. The block contains
+    its own address: keep it alive while it is used, and do not copy it.
     """
     block = np.zeros(24, np.uint64)
     words = block.view(np.uint32)
@@ -235,7 +234,7 @@ def arguments_block(*, coherent: bool) -> NDArray[np.uint64]:
 
 
 def aligned(words: int, dtype: type[np.float32] | type[np.int32] = np.float32) -> NDArray[Any]:
-    """Return zeros (words,) that start on a 64-byte boundary, as packets need."""
+    """Zeros (words,) on a 64-byte boundary, as packets need."""
     memory = np.zeros(words + 16, dtype)
     start = (-memory.ctypes.data % 64) // 4
     return memory[start : start + words]

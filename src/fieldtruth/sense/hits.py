@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""From what a ray hit to what it means: the one function that gives every sensor its class and object id.
+"""Class and instance id of a ray hit.
 
-Camera, LiDAR and every export call ``classify`` on the hit of the same scene, so their labels cannot disagree.
+Camera and LiDAR both call ``classify`` on hits of the same scene, so their labels cannot disagree.
 """
 
 from typing import Final, NamedTuple
@@ -10,41 +10,53 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Float32Array
 from fieldtruth.core.classes import Label
 from fieldtruth.sense import embree
 from fieldtruth.sense.kernel import inlined
 from fieldtruth.world.model import GROUND_ID
 
 TERRAIN: Final = 0
-"""Id of the terrain among the scene's top-level things; ``classify`` treats it specially."""
+"""Row of the terrain among the scene's top-level geometries."""
 
 _GROUND, _TRAIL, _SKY = int(Label.GROUND), int(Label.TRAIL), int(Label.SKY)
 _MISS = embree.MISS
-_INST, _GEOM, _PRIM = embree.INST_ID, embree.GEOM_ID, embree.PRIM_ID
+_INST, _GEOM = embree.INST_ID, embree.GEOM_ID
 
 
 class Grid(NamedTuple):
-    """A raster as kernels take it: values (nx, ny), and the grid's corner and inverse spacing."""
+    """A raster as kernels take it: values (nx, ny), position of its first node, and nodes per metre."""
 
-    values: NDArray[np.float32]
+    values: Float32Array
     x0: float
     y0: float
     per_metre: float
 
 
 class HitTable(NamedTuple):
-    """What kernels need to name a hit. ``top`` is a row: 0 the terrain, then the backdrop and every instance."""
+    """Class and instance id of every triangle.
 
-    top_object: NDArray[np.uint16]  # (tops,) object id
+    A top-level geometry is the terrain (row 0), the backdrop if there is one, or one instance of a mesh.
+    """
+
+    top_object: NDArray[np.uint16]  # (tops,) instance id
     top_mesh: NDArray[np.int32]  # (tops,) row of mesh_face; -1 for the terrain
-    mesh_face: NDArray[np.int64]  # (meshes,) first row in the tables by face
+    mesh_face: NDArray[np.int64]  # (meshes,) first row in face_label
     face_label: NDArray[np.uint8]  # (faces of all meshes,)
     trail_distance: Grid
 
 
+class LabelBuffers(NamedTuple):
+    """Label, instance and depth images that a kernel fills, each (h, w)."""
+
+    label: NDArray[np.uint8]
+    instance: NDArray[np.uint16]
+    depth: Float32Array
+
+
 @inlined
 def read_grid(grid: Grid, x: float, y: float) -> float:
-    """Bilinear value of a grid at world x, y [m]; beyond the edge the edge's value holds (as ``Raster.at``)."""
+    """Bilinear value of a grid at world x, y [m]; beyond the border the border's value (as ``Raster.at``)."""
     nx, ny = grid.values.shape
     u = min(max((x - grid.x0) * grid.per_metre, 0.0), nx - 1.0)
     v = min(max((y - grid.y0) * grid.per_metre, 0.0), ny - 1.0)
@@ -57,7 +69,7 @@ def read_grid(grid: Grid, x: float, y: float) -> float:
 
 @inlined
 def hit_top(words: NDArray[np.uint32], lane: int) -> int:
-    """Row of the thing that a lane hit, -1 for nothing. ``words`` is the packet seen as uint32."""
+    """Row of the top-level geometry that a lane hit, -1 for none. ``words`` is the packet viewed as uint32."""
     instance = words[_INST + lane]
     geometry = words[_GEOM + lane]
     if geometry == _MISS:
@@ -67,7 +79,7 @@ def hit_top(words: NDArray[np.uint32], lane: int) -> int:
 
 @inlined
 def classify(table: HitTable, top: int, primitive: int, x: float, y: float) -> tuple[int, int]:
-    """Class and object id of a hit on triangle ``primitive`` of ``top`` at world x, y [m]; (sky, 0) for none."""
+    """Class and instance id of a hit on triangle ``primitive`` of ``top`` at world x, y [m]; sky and 0 for a miss."""
     if top < 0:
         return _SKY, 0
     if top == TERRAIN:

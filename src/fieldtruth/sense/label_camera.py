@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.experiment.rig import CameraConfig
+from fieldtruth.sense.hits import LabelBuffers
 from fieldtruth.sense.packets import new_packet
 from fieldtruth.sense.pinhole import pinhole
+from fieldtruth.sense.ray_batch import BATCH_ROWS, View, label_image, new_batch
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sense.strip import STRIP_ROWS, label_image, new_strip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +26,7 @@ class LabelImages:
 
     label: NDArray[np.uint8]
     instance: NDArray[np.uint16]
-    depth: NDArray[np.float32]
+    depth: Float32Array
 
 
 class LabelCamera:
@@ -41,10 +43,10 @@ class LabelCamera:
         self.scene = scene
         self.pinhole = pinhole(config)
         self._reuse = reuse
-        self._packet, self._strip = new_packet(coherent=True), new_strip(STRIP_ROWS * config.width)
+        self._packet, self._batch = new_packet(coherent=True), new_batch(BATCH_ROWS * config.width)
         self._labels: LabelImages | None = None
 
-    def label(self, world_from_optical: NDArray[np.float64]) -> LabelImages:
+    def label(self, world_from_optical: Array) -> LabelImages:
         """Label, instance and depth images from a pose (4, 4)."""
         images = self._labels
         if images is None:
@@ -52,14 +54,15 @@ class LabelCamera:
             images = LabelImages(
                 label=np.empty(shape, np.uint8), instance=np.empty(shape, np.uint16), depth=np.empty(shape, np.float32)
             )
-        label_image(
-            self.scene.rays.handle, self.scene.hits, self._packet,
-            np.ascontiguousarray(world_from_optical, np.float64), self.pinhole,
-            self.config.far, self._strip, images.label, images.instance, images.depth,
-        )  # fmt: skip
+        out = LabelBuffers(images.label, images.instance, images.depth)
+        view = self._view(world_from_optical)
+        label_image(self.scene.rays.handle, self.scene.hits, self._packet, view, self._batch, out)
         if self._reuse:
             self._labels = images
         return images
+
+    def _view(self, world_from_optical: Array) -> View:
+        return View(np.ascontiguousarray(world_from_optical, np.float64), self.pinhole, self.config.far)
 
 
 def tag_image(label: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -1,36 +1,37 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The LiDAR: a rotating multi-beam scanner whose every return carries the class and the id of the object it hit."""
+"""The LiDAR: a rotating multi-beam scanner that labels every return with class and instance id."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.core.classes import NO_RETURN
 from fieldtruth.experiment.rig import LidarConfig
 from fieldtruth.sense import embree
-from fieldtruth.sense.hits import HitTable, classify, hit_top
-from fieldtruth.sense.kernel import kernel
+from fieldtruth.sense.hits import HitTable, LabelBuffers, classify, hit_top
+from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import Packet, new_packet, set_ray
 from fieldtruth.sense.scene import Scene
 
-_LANES, _WIDTH, _HEIGHT = embree.LANES, embree.LANES // 2, 2  # measured: wide tiles with the coherent flag are fastest
+_LANES, _WIDTH, _HEIGHT = embree.LANES, embree.LANES // 2, 2  # wide tiles were measured to be fastest
 _FAR, _PRIM = embree.TFAR, embree.PRIM_ID
 _intersect: Any = embree.intersect
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scan:
-    """One turn of the LiDAR, returns only, ordered by column, then by ring.
+    """The returns of one revolution, ordered by column, then by ring.
 
-    ``xyz`` (n, 3) float32 [m] in the LiDAR's frame; ``range_m`` (n,) [m]; ``label`` class ids; ``instance`` object ids;
-    ``ring`` and ``column`` index the ray; ``t_ns`` is the time [ns] after the scan's stamp at which the ray left.
+    ``xyz`` (n, 3) [m] in the LiDAR's frame; ``range_m`` (n,) [m]; ``label`` class ids; ``instance`` instance ids;
+    ``ring`` and ``column`` identify the ray; ``t_ns`` [ns] is the ray's time after the scan's stamp.
     """
 
-    xyz: NDArray[np.float32]
-    range_m: NDArray[np.float32]
+    xyz: Float32Array
+    range_m: Float32Array
     label: NDArray[np.uint8]
     instance: NDArray[np.uint16]
     ring: NDArray[np.uint16]
@@ -38,12 +39,12 @@ class Scan:
     t_ns: NDArray[np.uint32]
 
 
-def ray_directions(config: LidarConfig) -> NDArray[np.float64]:
+def ray_directions(config: LidarConfig) -> Array:
     """Unit directions (columns, rings, 3) in the LiDAR's frame (x forward, y left, z up).
 
-    Ring 0 is the highest beam and the last ring the lowest; they span the vertical field of view with both ends
-    included (+22.5 and -22.5 deg). Column 0 looks along +x; columns follow each other clockwise seen from above, as the
-    Ouster turns, 360 deg / columns apart.
+    Ring 0 is the highest beam, the last ring the lowest; they span the vertical field of view, both ends included
+    (+22.5 and -22.5 deg). Column 0 points along +x; columns are 360 deg / columns apart and advance clockwise seen from
+    above, as an Ouster rotates.
     """
     azimuth = -2.0 * np.pi * np.arange(config.columns) / config.columns
     half = np.radians(config.vertical_fov_deg) / 2.0
@@ -55,62 +56,73 @@ def ray_directions(config: LidarConfig) -> NDArray[np.float64]:
     return directions
 
 
-class Lidar:
-    """A LiDAR in a scene. One thread at a time may use it; make one per thread, they are cheap.
+class _Beams(NamedTuple):
+    """Directions (columns, rings, 3), limits of range [m], and which classes return a pulse (256,)."""
 
-    The origin is the frame ``os1_lidar``. A ray returns the first surface it meets between ``min_range`` and
-    ``max_range``; what is nearer hides what is behind it; water and sky return nothing. All rays of a scan leave at the
-    scan's stamp unless poses by column are given. Range is exact: no noise, no beam width.
+    directions: Array
+    min_range: float
+    max_range: float
+    returns: Mask
+
+
+class Lidar:
+    """A LiDAR in a scene. Use one per thread: each owns its buffers.
+
+    The origin is the frame ``os1_lidar``. A ray returns the first surface between ``min_range`` and ``max_range``; a
+    nearer surface occludes those behind it without a return; water and sky return nothing. All rays of a scan leave at
+    the scan's stamp unless poses by column are given. Range is exact: no noise, no beam divergence.
     """
 
     def __init__(self, config: LidarConfig, scene: Scene) -> None:
         self.config = config
         self.scene = scene
         self.directions = ray_directions(config)
-        self._packet = new_packet(coherent=True)
-        shape = (config.columns, config.rings)
-        self._range = np.zeros(shape, np.float32)
-        self._label = np.zeros(shape, np.uint8)
-        self._instance = np.zeros(shape, np.uint16)
         returns = np.ones(256, np.bool_)
         returns[[int(label) for label in NO_RETURN]] = False
-        self._returns = returns
+        self._beams = _Beams(self.directions, config.min_range, config.max_range, returns)
+        self._packet = new_packet(coherent=True)
+        shape = (config.columns, config.rings)
+        self._out = LabelBuffers(np.zeros(shape, np.uint8), np.zeros(shape, np.uint16), np.zeros(shape, np.float32))
 
-    def scan(self, world_from_lidar: NDArray[np.float64]) -> Scan:
-        """Scan once. ``world_from_lidar`` is (4, 4), or (columns, 4, 4) for a scanner that moves while it turns.
+    def scan(self, world_from_lidar: Array) -> Scan:
+        """Scan from a pose (4, 4), or from a pose for each column (columns, 4, 4) of a sensor that moves meanwhile.
 
-        With poses by column, ``t_ns`` spreads the columns evenly over one period and points stay in the frame of the
-        column's own pose, as a real scanner reports them.
+        With poses by column, ``t_ns`` spreads the columns evenly over one period, and each point is in the frame of its
+        own column's pose, as a real scanner reports it.
         """
-        config = self.config
+        config, (label, instance, ranges) = self.config, self._out
         moving = world_from_lidar.ndim == 3
         poses = np.ascontiguousarray(np.broadcast_to(world_from_lidar, (config.columns, 4, 4)))
-        _scan(
-            self.scene.rays.handle, self.scene.hits, self._packet, poses, self.directions,
-            config.min_range, config.max_range, self._returns, self._range, self._label, self._instance,
-        )  # fmt: skip
-        column, ring = np.nonzero(self._range)
-        distance = self._range[column, ring]
+        _scan(self.scene.rays.handle, self.scene.hits, self._packet, poses, self._beams, self._out)
+        column, ring = np.nonzero(ranges)
+        distance = ranges[column, ring]
         period_ns = 1e9 / config.rate_hz
         t_ns = np.rint(column * (period_ns / config.columns)) if moving else np.zeros(len(column))
         return Scan(
             xyz=(self.directions[column, ring] * distance[:, None]).astype(np.float32),
             range_m=distance,
-            label=self._label[column, ring],
-            instance=self._instance[column, ring],
+            label=label[column, ring],
+            instance=instance[column, ring],
             ring=ring.astype(np.uint16),
             column=column.astype(np.uint16),
             t_ns=t_ns.astype(np.uint32),
         )
 
 
+@inlined
+def _rotated(pose: Array, d: Array) -> tuple[float, float, float]:
+    return (
+        pose[0, 0] * d[0] + pose[0, 1] * d[1] + pose[0, 2] * d[2],
+        pose[1, 0] * d[0] + pose[1, 1] * d[1] + pose[1, 2] * d[2],
+        pose[2, 0] * d[0] + pose[2, 1] * d[1] + pose[2, 2] * d[2],
+    )
+
+
 @kernel
-def _scan(
-    scene: np.uint64, hits: HitTable, packet: Packet, poses: NDArray[np.float64], directions: NDArray[np.float64],
-    min_range: float, max_range: float, returns: NDArray[np.bool_],
-    distance: NDArray[np.float32], label: NDArray[np.uint8], instance: NDArray[np.uint16],
-) -> None:  # fmt: skip
-    """Trace all rays in tiles of neighbouring columns and rings; ``distance`` is 0 where nothing comes back."""
+def _scan(scene: np.uint64, hits: HitTable, packet: Packet, poses: Array, beams: _Beams, out: LabelBuffers) -> None:
+    """Trace all rays in tiles of neighbouring columns and rings; ``out.depth`` is the range, 0 without a return."""
+    label, instance, distance = out
+    directions, min_range, max_range, returns = beams
     columns, rings = distance.shape
     for first_column in range(0, columns, _WIDTH):
         for first_ring in range(0, rings, _HEIGHT):
@@ -120,13 +132,7 @@ def _scan(
                     packet.valid[lane] = 0
                     continue
                 pose, d = poses[column], directions[column, ring]
-                set_ray(
-                    packet, lane, pose[0, 3], pose[1, 3], pose[2, 3],
-                    pose[0, 0] * d[0] + pose[0, 1] * d[1] + pose[0, 2] * d[2],
-                    pose[1, 0] * d[0] + pose[1, 1] * d[1] + pose[1, 2] * d[2],
-                    pose[2, 0] * d[0] + pose[2, 1] * d[1] + pose[2, 2] * d[2],
-                    0.0, max_range,
-                )  # fmt: skip
+                set_ray(packet, lane, (pose[0, 3], pose[1, 3], pose[2, 3]), _rotated(pose, d), 0.0, max_range)
             _intersect(packet.valid.ctypes, scene, packet.ray.ctypes, packet.arguments.ctypes)
             for lane in range(_LANES):
                 if packet.valid[lane] == 0:
@@ -134,14 +140,13 @@ def _scan(
                 column, ring = first_column + lane % _WIDTH, first_ring + lane // _WIDTH
                 distance[column, ring] = 0.0
                 top = hit_top(packet.words, lane)
-                reach = packet.ray[_FAR + lane]
-                if top < 0 or reach < min_range:
+                range_m = packet.ray[_FAR + lane]
+                if top < 0 or range_m < min_range:
                     continue
-                pose, d = poses[column], directions[column, ring]
-                x = pose[0, 3] + reach * (pose[0, 0] * d[0] + pose[0, 1] * d[1] + pose[0, 2] * d[2])
-                y = pose[1, 3] + reach * (pose[1, 0] * d[0] + pose[1, 1] * d[1] + pose[1, 2] * d[2])
-                kind, thing = classify(hits, top, packet.words[_PRIM + lane], x, y)
-                if returns[kind]:
-                    distance[column, ring] = reach
-                    label[column, ring] = kind
-                    instance[column, ring] = thing
+                pose = poses[column]
+                dx, dy, _ = _rotated(pose, directions[column, ring])
+                x, y = pose[0, 3] + range_m * dx, pose[1, 3] + range_m * dy
+                class_id, object_id = classify(hits, top, packet.words[_PRIM + lane], x, y)
+                if returns[class_id]:
+                    distance[column, ring] = range_m
+                    label[column, ring], instance[column, ring] = class_id, object_id

@@ -1,47 +1,49 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Filling packets of rays: the few lines that every kernel shares."""
+"""Ray packets: the memory that Embree reads, and the functions that put rays into it."""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Float32Array
 from fieldtruth.sense import embree
 from fieldtruth.sense.kernel import inlined
 
 LANES = embree.LANES
 _OX, _OY, _OZ, _DX, _DY, _DZ = embree.ORG_X, embree.ORG_Y, embree.ORG_Z, embree.DIR_X, embree.DIR_Y, embree.DIR_Z
-_NEAR, _TIME, _FAR, _MASK, _ID, _FLAGS = (
-    embree.TNEAR, embree.TIME, embree.TFAR, embree.MASK, embree.ID, embree.FLAGS,
-)  # fmt: skip
+_NEAR, _TIME, _FAR = embree.TNEAR, embree.TIME, embree.TFAR
+_MASK, _ID, _FLAGS = embree.MASK, embree.ID, embree.FLAGS
 _GEOM, _INST, _INST_PRIM = embree.GEOM_ID, embree.INST_ID, embree.INST_PRIM_ID
 _MISS, _SOLID = embree.MISS, embree.SOLID
 
+IntArray = NDArray[np.int32]
+Scalar = float | np.float32
+Vector = tuple[Scalar, Scalar, Scalar]
+
 
 class Packet(NamedTuple):
-    """Memory of one packet; a thread owns its own. ``ray`` and ``words`` are the same bytes."""
+    """Memory of one packet, not to be shared by threads. ``ray`` and ``words`` view the same bytes."""
 
-    ray: NDArray[np.float32]
+    ray: Float32Array
     words: NDArray[np.uint32]
-    valid: NDArray[np.int32]
+    valid: IntArray
     arguments: NDArray[np.uint64]
 
 
 def new_packet(*, coherent: bool) -> Packet:
-    """Memory for one packet of LANES rays; ``coherent`` as in ``embree.arguments_block``."""
+    """Allocate a packet of LANES rays; ``coherent`` as in ``embree.arguments_block``."""
     ray = embree.aligned(embree.RAYHIT_WORDS)
     return Packet(ray, ray.view(np.uint32), embree.aligned(LANES, np.int32), embree.arguments_block(coherent=coherent))
 
 
 @inlined
-def set_ray(
-    packet: Packet, lane: int, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, near: float, far: float
-) -> None:
-    """Put a ray into a lane: origin [m], unit direction, and the range of distances [m] in which it may hit."""
+def set_ray(packet: Packet, lane: int, origin: Vector, direction: Vector, near: float, far: float) -> None:
+    """Put a ray into a lane: origin [m], unit direction, least and greatest distance [m] of a hit."""
     ray, words = packet.ray, packet.words
-    ray[_OX + lane], ray[_OY + lane], ray[_OZ + lane] = ox, oy, oz
-    ray[_DX + lane], ray[_DY + lane], ray[_DZ + lane] = dx, dy, dz
+    ray[_OX + lane], ray[_OY + lane], ray[_OZ + lane] = origin
+    ray[_DX + lane], ray[_DY + lane], ray[_DZ + lane] = direction
     ray[_NEAR + lane], ray[_FAR + lane], ray[_TIME + lane] = near, far, 0.0
     words[_MASK + lane], words[_ID + lane], words[_FLAGS + lane] = _MISS, 0, 0
     words[_GEOM + lane], words[_INST + lane], words[_INST_PRIM + lane] = _MISS, _MISS, _MISS
@@ -49,9 +51,7 @@ def set_ray(
 
 
 @inlined
-def set_light_ray(
-    packet: Packet, lane: int, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, near: float, far: float
-) -> None:
-    """As ``set_ray``, for a ray that goes through water: it asks whether light arrives."""
-    set_ray(packet, lane, ox, oy, oz, dx, dy, dz, near, far)
+def set_shadow_ray(packet: Packet, lane: int, origin: Vector, direction: Vector, near: float, far: float) -> None:
+    """Put a ray into a lane as ``set_ray`` does; it passes through water, as light does."""
+    set_ray(packet, lane, origin, direction, near, far)
     packet.words[_MASK + lane] = _SOLID

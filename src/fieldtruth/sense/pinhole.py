@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The pinhole's intrinsics: which ray belongs to which pixel."""
+"""Intrinsics of the pinhole camera."""
 
 from typing import NamedTuple
 
@@ -19,7 +19,7 @@ class Pinhole(NamedTuple):
 
 
 def pinhole(config: CameraConfig) -> Pinhole:
-    """Intrinsics of a camera whose outermost pixels' outer borders span the fields of view."""
+    """Intrinsics of a camera whose fields of view end at the outer borders of the outermost pixels."""
     return Pinhole(
         fx=float(config.width / 2.0 / np.tan(np.radians(config.horizontal_fov_deg) / 2.0)),
         fy=float(config.height / 2.0 / np.tan(np.radians(config.vertical_fov_deg) / 2.0)),

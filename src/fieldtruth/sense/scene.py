@@ -1,20 +1,22 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""One ray scene for all sensors: the world's triangles in Embree, and the tables that name what a ray hits."""
+"""The ray-tracing scene that all sensors share: the world's triangles in Embree, and the classes of its hits."""
 
-from typing import Final
+from collections.abc import Iterator
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.sense.embree import CLEAR, SOLID, Engine, RayScene
 from fieldtruth.sense.hits import Grid, HitTable
 from fieldtruth.world.model import GROUND_ID, Heightfield, Mesh, Raster, World
 
-_PLAIN: Final = (1.0, 1.0, 1.0)
+_NO_TINT: Final = (1.0, 1.0, 1.0)
 
 
-def terrain_triangles(field: Heightfield) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+def terrain_triangles(field: Heightfield) -> tuple[Float32Array, NDArray[np.int32]]:
     """Triangles of a heightfield: vertices (nx * ny, 3) [m] and faces (2 * (nx - 1) * (ny - 1), 3), facing up."""
     nx, ny = field.heights.shape
     x = field.x0 + field.spacing * np.arange(nx)
@@ -27,71 +29,79 @@ def terrain_triangles(field: Heightfield) -> tuple[NDArray[np.float32], NDArray[
 
 
 def grid_of(raster: Raster) -> Grid:
-    """Return a one-channel raster as kernels take it."""
+    """Convert a raster of one channel to the form that kernels take."""
     return Grid(np.ascontiguousarray(raster.values, np.float32), raster.x0, raster.y0, 1.0 / raster.spacing)
+
+
+class TopLevel(NamedTuple):
+    """A geometry at the top level of the Embree scene: terrain (mesh None), backdrop, or an instance of a mesh."""
+
+    mesh: Mesh | None
+    world_from_object: Array
+    object_id: int
+    tint: tuple[float, float, float]  # colour factors
 
 
 class Scene:
     """A world in the ray tracer. Threads may share it: it does not change after construction.
 
-    ``rays`` is the Embree scene; ``hits`` are the tables that give class and instance id of a hit.
+    ``rays`` is the Embree scene, whose geometry ids are rows of ``tops``; ``hits`` gives class and instance id of a
+    hit; ``mesh_rays`` are the Embree scenes of single meshes.
     """
 
     def __init__(self, world: World) -> None:
         self.world = world
         self.engine = Engine()
         self.meshes = [*world.meshes.values(), *([world.backdrop] if world.backdrop is not None else [])]
-        rows = {mesh.name: row for row, mesh in enumerate(self.meshes)}
-        self.mesh_rays = [self._committed(mesh) for mesh in self.meshes]
+        self.mesh_rays = [self._mesh_scene(mesh) for mesh in self.meshes]
         self.rays = RayScene(self.engine)
-        self.tops: list[tuple[int, Mesh | None, NDArray[np.float64]]] = []
-        """Everything at the top level: its row, its mesh (None for the terrain) and its world_from_object."""
-        self.tints: list[tuple[float, float, float]] = []
-        """Colour factors of everything at the top level."""
-        objects = [GROUND_ID]
-        self._add(self.rays.add_mesh(*terrain_triangles(world.terrain.field)), None, np.eye(4))
+        self.tops: list[TopLevel] = []
+        self._add(self.rays.add_mesh(*terrain_triangles(world.terrain.field)), _fixed(None))
         if world.backdrop is not None:
-            self._add(self.rays.add_mesh(world.backdrop.vertices, world.backdrop.faces), world.backdrop, np.eye(4))
-            objects.append(GROUND_ID)
-        for instance in world.instances:
-            mesh, pose = world.meshes[instance.mesh], instance.world_from_object
-            clear = any(world.materials[name].mirror > 0 for name in mesh.materials)
-            top = self.rays.add_instance(self.mesh_rays[rows[mesh.name]], pose, mask=CLEAR if clear else SOLID)
-            self._add(top, mesh, pose, instance.tint)
-            objects.append(instance.object_id)
-        for swarm in world.swarms:
-            own = [world.meshes[name] for name in swarm.meshes]
-            for row, pose, tint in zip(swarm.mesh.tolist(), swarm.world_from_object, swarm.tint.tolist(), strict=True):
-                mesh = own[row]
-                self._add(self.rays.add_instance(self.mesh_rays[rows[mesh.name]], pose), mesh, pose, tint)
-                objects.append(swarm.object_id)
+            self._add(self.rays.add_mesh(world.backdrop.vertices, world.backdrop.faces), _fixed(world.backdrop))
+        rows = {mesh.name: row for row, mesh in enumerate(self.meshes)}
+        clear = {m.name for m in self.meshes if any(world.materials[name].mirror > 0 for name in m.materials)}
+        for top in _instances(world):
+            assert top.mesh is not None
+            mask = CLEAR if top.mesh.name in clear else SOLID
+            self._add(
+                self.rays.add_instance(self.mesh_rays[rows[top.mesh.name]], top.world_from_object, mask=mask), top
+            )
         self.rays.commit()
-        self.hits = _hit_table(world, self.meshes, self.tops, objects)
+        self.hits = _hit_table(world, self.meshes, self.tops)
 
-    def _add(
-        self, row: int, mesh: Mesh | None, pose: NDArray[np.float64], tint: tuple[float, float, float] = _PLAIN
-    ) -> None:
-        if row != len(self.tops):
-            raise AssertionError(f"Embree numbered a thing {row} instead of {len(self.tops)}")
-        self.tops.append((row, mesh, pose))
-        self.tints.append(tint)
+    def _add(self, geometry_id: int, top: TopLevel) -> None:
+        if geometry_id != len(self.tops):
+            raise AssertionError(f"Embree returned geometry id {geometry_id} instead of {len(self.tops)}")
+        self.tops.append(top)
 
-    def _committed(self, mesh: Mesh) -> RayScene:
+    def _mesh_scene(self, mesh: Mesh) -> RayScene:
         scene = RayScene(self.engine)
         scene.add_mesh(mesh.vertices, mesh.faces)
         return scene.commit()
 
 
-def _hit_table(
-    world: World, meshes: list[Mesh], tops: list[tuple[int, Mesh | None, NDArray[np.float64]]], objects: list[int]
-) -> HitTable:
-    """Concatenate what names a hit into tables that kernels index."""
+def _fixed(mesh: Mesh | None) -> TopLevel:
+    return TopLevel(mesh, np.eye(4), GROUND_ID, _NO_TINT)
+
+
+def _instances(world: World) -> Iterator[TopLevel]:
+    for instance in world.instances:
+        yield TopLevel(world.meshes[instance.mesh], instance.world_from_object, instance.object_id, instance.tint)
+    for swarm in world.swarms:
+        meshes = [world.meshes[name] for name in swarm.meshes]
+        for row, pose, tint in zip(swarm.mesh.tolist(), swarm.world_from_object, swarm.tint.tolist(), strict=True):
+            yield TopLevel(meshes[row], pose, swarm.object_id, tint)
+
+
+def _hit_table(world: World, meshes: list[Mesh], tops: list[TopLevel]) -> HitTable:
+    """Concatenate classes and instance ids into tables that kernels index."""
     labels = {name: int(material.label) for name, material in world.materials.items()}
     rows = {mesh.name: row for row, mesh in enumerate(meshes)}
     face_labels = [np.array([labels[n] for n in m.materials], np.uint8)[m.material] for m in meshes]
     return HitTable(
-        top_object=np.array(objects, np.uint16),
-        top_mesh=np.array([-1 if mesh is None else rows[mesh.name] for _, mesh, _ in tops], np.int32),
+        top_object=np.array([top.object_id for top in tops], np.uint16),
+        top_mesh=np.array([-1 if top.mesh is None else rows[top.mesh.name] for top in tops], np.int32),
         mesh_face=np.cumsum([0, *(len(m.faces) for m in meshes)])[:-1].astype(np.int64),
         face_label=np.concatenate([*face_labels, np.zeros(0, np.uint8)]),
         trail_distance=grid_of(world.terrain.trail_distance),

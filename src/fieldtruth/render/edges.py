@@ -1,0 +1,73 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Pixels at the edges of objects, which need more than one ray for a smooth photograph."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from fieldtruth.core.arrays import Float32Array, Mask
+from fieldtruth.sense.hits import LabelBuffers
+from fieldtruth.sense.kernel import kernel
+from fieldtruth.sense.packets import IntArray
+
+EDGE_CONTRAST: Final = 0.27
+"""Difference of the square roots of neighbours' luminance above which a pixel at an edge is refined."""
+EDGE_STEP: Final = 0.01
+"""Relative step in depth that makes an edge."""
+
+_CONTRAST, _STEP, _TILE = np.float32(EDGE_CONTRAST), np.float32(EDGE_STEP), 4
+
+
+class EdgeBuffers(NamedTuple):
+    """Memory for the edges of one image. Threads must not share it."""
+
+    marked: Mask  # (h, w)
+    pixels: IntArray  # (h * w, 2) row and column
+
+
+def new_edge_buffers(height: int, width: int) -> EdgeBuffers:
+    """Allocate memory for images of a size [pixel]."""
+    return EdgeBuffers(np.zeros((height, width), np.bool_), np.zeros((height * width, 2), np.int32))
+
+
+@kernel
+def find_edges(linear: Float32Array, labels: LabelBuffers, out: EdgeBuffers) -> int:
+    """List pixels that differ in brightness from a neighbour on another surface; returns their number.
+
+    Another surface is another instance, or a step in depth of more than EDGE_STEP: the contrast of a texture is no
+    edge. The list is in tiles, so that rays that are traced together remain neighbours.
+    """
+    _mark_edges(linear, labels, out.marked)
+    marked, pixels = out
+    height, width = marked.shape
+    count = 0
+    for upper in range(0, height, _TILE):
+        for left in range(0, width, _TILE):
+            for v in range(upper, min(upper + _TILE, height)):
+                for u in range(left, min(left + _TILE, width)):
+                    if marked[v, u]:
+                        pixels[count, 0], pixels[count, 1] = v, u
+                        count += 1
+    return count
+
+
+@kernel
+def _mark_edges(linear: Float32Array, labels: LabelBuffers, marked: Mask) -> None:
+    _, instance, depth = labels
+    height, width = instance.shape
+    bright = np.empty((2, width), np.float32)
+    marked[:] = False
+    for v in range(height):
+        row, above = v & 1, (v + 1) & 1
+        for u in range(width):
+            r, g, b = linear[v, u, 0], linear[v, u, 1], linear[v, u, 2]
+            value = np.sqrt(min(np.float32(0.2) * r + np.float32(0.7) * g + np.float32(0.1) * b, np.float32(1.0)))
+            bright[row, u] = value
+            here, own = depth[v, u], instance[v, u]
+            apart = u > 0 and (own != instance[v, u - 1] or abs(here - depth[v, u - 1]) > _STEP * here)
+            if apart and abs(value - bright[row, u - 1]) > _CONTRAST:
+                marked[v, u], marked[v, u - 1] = True, True
+            apart = v > 0 and (own != instance[v - 1, u] or abs(here - depth[v - 1, u]) > _STEP * here)
+            if apart and abs(value - bright[above, u]) > _CONTRAST:
+                marked[v, u], marked[v - 1, u] = True, True

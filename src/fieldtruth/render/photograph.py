@@ -1,0 +1,96 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""One image: labels and shading of the ray through each pixel's centre, more rays at edges, then tonemapping."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.core.arrays import Float32Array
+from fieldtruth.render.edges import EdgeBuffers, find_edges, new_edge_buffers
+from fieldtruth.render.shading import ShadingBuffers, new_shading_buffers, shade_batch
+from fieldtruth.render.tables import Shading
+from fieldtruth.render.tonemap import tonemap
+from fieldtruth.sense.hits import LabelBuffers
+from fieldtruth.sense.kernel import kernel
+from fieldtruth.sense.ray_batch import BATCH_ROWS, View, label_pixels, set_pixel_rows, trace
+
+EXTRA_SAMPLES: Final = 2
+"""Rays per pixel at edges, in addition to the one through the pixel's centre."""
+
+_TURNS: Final = 12
+_ANGLES = 2.0 * np.pi * np.arange(_TURNS) / _TURNS + 0.3
+_OFFSETS = (0.38 * np.stack((np.cos(_ANGLES), np.sin(_ANGLES)), axis=-1)).astype(np.float32)  # [pixel]
+
+
+class Framebuffer(NamedTuple):
+    """Working memory for images of one size. Threads must not share it."""
+
+    shading: ShadingBuffers
+    linear: Float32Array  # (h, w, 3) linear and exposed
+    edges: EdgeBuffers
+
+
+def new_framebuffer(height: int, width: int) -> Framebuffer:
+    """Allocate memory for images of a size [pixel]."""
+    return Framebuffer(
+        shading=new_shading_buffers(BATCH_ROWS * width),
+        linear=np.zeros((height, width, 3), np.float32),
+        edges=new_edge_buffers(height, width),
+    )
+
+
+@kernel
+def render_image(
+    shading: Shading, framebuffer: Framebuffer, view: View, labels: LabelBuffers, photo: NDArray[np.uint8]
+) -> None:
+    """Render labels and photograph (h, w, 3). Extra rays at edges change the photograph only."""
+    height, width, _ = photo.shape
+    buffers, linear, edges = framebuffer
+    batch, colour, count = buffers.batch, buffers.colour, BATCH_ROWS * width
+    for row in range(0, height, BATCH_ROWS):
+        set_pixel_rows(row, width, batch.image)
+        trace(shading.scene, buffers.packet, view, batch, count)
+        label_pixels(shading.hits, batch, count, labels)
+        shade_batch(shading, buffers, count, 1.0 / view.pinhole.fx)
+        _store(batch.image, colour, count, linear)
+    _refine(shading, framebuffer, view, find_edges(linear, labels, edges))
+    tonemap(linear, photo)
+
+
+@kernel
+def _store(image: Float32Array, colour: Float32Array, count: int, linear: Float32Array) -> None:
+    for k in range(count):
+        u, v = int(image[0, k]), int(image[1, k])
+        linear[v, u, 0], linear[v, u, 1], linear[v, u, 2] = colour[k, 0], colour[k, 1], colour[k, 2]
+
+
+@kernel
+def _refine(shading: Shading, framebuffer: Framebuffer, view: View, count: int) -> None:
+    """Average each pixel at an edge over the ray through its centre and EXTRA_SAMPLES others.
+
+    Samples are clipped at white first, so that one glint does not dominate its pixel.
+    """
+    buffers, linear, edges = framebuffer.shading, framebuffer.linear, framebuffer.edges.pixels
+    image, colour = buffers.batch.image, buffers.colour
+    white, share = np.float32(2.0), np.float32(1.0 / (EXTRA_SAMPLES + 1))
+    at_once = image.shape[1] // EXTRA_SAMPLES
+    for first in range(0, count, at_once):
+        pixels = min(at_once, count - first)
+        for k in range(pixels):
+            v, u = edges[first + k, 0], edges[first + k, 1]
+            turn = (3 * u + 5 * v) % _TURNS
+            for s in range(EXTRA_SAMPLES):
+                row = (turn + s * _TURNS // EXTRA_SAMPLES) % _TURNS
+                image[0, k * EXTRA_SAMPLES + s] = u + _OFFSETS[row, 0]
+                image[1, k * EXTRA_SAMPLES + s] = v + _OFFSETS[row, 1]
+        trace(shading.scene, buffers.packet, view, buffers.batch, pixels * EXTRA_SAMPLES)
+        shade_batch(shading, buffers, pixels * EXTRA_SAMPLES, 1.0 / view.pinhole.fx)
+        for k in range(pixels):
+            v, u = edges[first + k, 0], edges[first + k, 1]
+            for channel in range(3):
+                total = min(linear[v, u, channel], white)
+                for s in range(EXTRA_SAMPLES):
+                    total += min(colour[k * EXTRA_SAMPLES + s, channel], white)
+                linear[v, u, channel] = total * share

@@ -1,0 +1,46 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Tonemapping: from linear light to sRGB bytes."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.core.arrays import Float32Array
+from fieldtruth.render.atlas import srgb_from_linear
+from fieldtruth.sense.kernel import kernel
+
+_TOP: Final = 16.0
+_STEPS: Final = 4096
+_SPILL: Final = 0.07
+"""Share of a pixel's light that a good lens spills into each of its four neighbours."""
+
+
+def _curve() -> NDArray[np.uint8]:
+    """SRGB bytes over the square root of linear light in [0, _TOP]: a filmic curve (Narkowicz 2015, ACES fit)."""
+    light = np.linspace(0.0, np.sqrt(_TOP), _STEPS) ** 2
+    film = light * (2.51 * light + 0.03) / (light * (2.43 * light + 0.59) + 0.14)
+    return np.rint(255.0 * srgb_from_linear(film)).astype(np.uint8)
+
+
+_CURVE: Final = _curve()
+
+
+@kernel
+def tonemap(linear: Float32Array, photo: NDArray[np.uint8]) -> None:
+    """Convert exposed linear light (h, w, 3) to sRGB, after spilling light into neighbours as a lens does."""
+    height, width, _ = linear.shape
+    scale = np.float32((_STEPS - 1) / np.sqrt(_TOP))
+    keep, spill, top = np.float32(1.0 - 4.0 * _SPILL), np.float32(_SPILL), np.float32(_TOP)
+    for v in range(height):
+        up, down = max(v - 1, 0), min(v + 1, height - 1)
+        for u in range(width):
+            left, right = max(u - 1, 0), min(u + 1, width - 1)
+            for channel in range(3):
+                near = (
+                    linear[up, u, channel] + linear[down, u, channel]
+                    + linear[v, left, channel] + linear[v, right, channel]
+                )  # fmt: skip
+                value = keep * linear[v, u, channel] + spill * near
+                photo[v, u, channel] = _CURVE[int(np.sqrt(min(value, top)) * scale + np.float32(0.5))]

@@ -1,0 +1,144 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Batches of camera rays: some rows of pixels are traced together, then labelled and shaded in separate passes.
+
+A pass over thousands of rays lets each kernel unpack its tables once, and lets shadow rays be packed densely.
+"""
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.sense import embree
+from fieldtruth.sense.hits import HitTable, LabelBuffers, classify
+from fieldtruth.sense.kernel import kernel
+from fieldtruth.sense.packets import IntArray, Packet, set_ray
+from fieldtruth.sense.pinhole import Pinhole
+
+BATCH_ROWS: Final = embree.TILE_HEIGHT
+
+_LANES, _WIDTH, _HEIGHT = embree.LANES, embree.TILE_WIDTH, embree.TILE_HEIGHT
+_DX, _DY, _DZ, _GEOM, _INST = embree.DIR_X, embree.DIR_Y, embree.DIR_Z, embree.GEOM_ID, embree.INST_ID
+_MISS = np.uint32(embree.MISS)
+_FAR, _PRIM, _U, _V = embree.TFAR, embree.PRIM_ID, embree.HIT_U, embree.HIT_V
+_intersect: Any = embree.intersect
+
+
+class View(NamedTuple):
+    """A camera at a pose, as kernels take it."""
+
+    pose: Array  # (4, 4) world_from_optical
+    pinhole: Pinhole
+    far: float  # [m] along the ray
+
+
+class RayBatch(NamedTuple):
+    """n rays through image points and what they hit. Where ``top`` is -1 they hit nothing."""
+
+    image: Float32Array  # (2, n) image point (u, v) [pixel]
+    direction: Float32Array  # (3, n) unit, world frame
+    cosine: Array  # (n,) of the angle to the optical axis
+    top: IntArray  # (n,) row of the top-level geometry, see HitTable
+    primitive: IntArray  # (n,) triangle of its mesh
+    barycentric: Float32Array  # (2, n) weights of the triangle's second and third vertex
+    distance: Float32Array  # (n,) [m] along the ray
+    point: Float32Array  # (3, n) [m] world frame
+
+
+def new_batch(count: int) -> RayBatch:
+    """Allocate a batch of at least ``count`` rays. Threads must not share it."""
+    n = -(-count // _LANES) * _LANES
+    return RayBatch(
+        image=np.zeros((2, n), np.float32),
+        direction=np.zeros((3, n), np.float32),
+        cosine=np.zeros(n),
+        top=np.zeros(n, np.int32),
+        primitive=np.zeros(n, np.int32),
+        barycentric=np.zeros((2, n), np.float32),
+        distance=np.zeros(n, np.float32),
+        point=np.zeros((3, n), np.float32),
+    )
+
+
+@kernel
+def set_pixel_rows(first_row: int, width: int, image: Float32Array) -> None:
+    """Set the image points to the pixel centres of BATCH_ROWS whole rows, tile by tile."""
+    k = 0
+    for left in range(0, width, _WIDTH):
+        for lane in range(_LANES):
+            image[0, k], image[1, k] = left + lane % _WIDTH, first_row + lane // _WIDTH
+            k += 1
+
+
+@kernel
+def trace(scene: np.uint64, packet: Packet, view: View, batch: RayBatch, count: int) -> None:
+    """Trace the rays through the first ``count`` image points of a batch, LANES neighbours at a time.
+
+    Each inner loop writes few fields of the packet, so that it is vectorized; what all rays share is set once.
+    """
+    ray, words, valid = packet.ray, packet.words, packet.valid
+    image, direction, cosine, top, primitive, barycentric, distance, point = batch
+    pose, lens, far = view
+    m00, m01, m02 = pose[0, 0], pose[0, 1], pose[0, 2]
+    m10, m11, m12 = pose[1, 0], pose[1, 1], pose[1, 2]
+    m20, m21, m22 = pose[2, 0], pose[2, 1], pose[2, 2]
+    x0, y0, z0 = np.float32(pose[0, 3]), np.float32(pose[1, 3]), np.float32(pose[2, 3])
+    per_fx, per_fy, cx, cy = 1.0 / lens.fx, 1.0 / lens.fy, lens.cx, lens.cy
+    for lane in range(_LANES):
+        set_ray(packet, lane, (x0, y0, z0), (0.0, 0.0, 1.0), 0.0, far)
+    for first in range(0, count, _LANES):
+        for lane in range(_LANES):
+            a, b = (image[0, first + lane] - cx) * per_fx, (image[1, first + lane] - cy) * per_fy
+            scale = 1.0 / np.sqrt(1.0 + a * a + b * b)
+            cosine[first + lane] = scale
+            direction[0, first + lane] = (m00 * a + m01 * b + m02) * scale
+            direction[1, first + lane] = (m10 * a + m11 * b + m12) * scale
+            direction[2, first + lane] = (m20 * a + m21 * b + m22) * scale
+        for lane in range(_LANES):
+            ray[_DX + lane] = direction[0, first + lane]
+            ray[_DY + lane] = direction[1, first + lane]
+            ray[_DZ + lane] = direction[2, first + lane]
+            ray[_FAR + lane] = far
+            words[_GEOM + lane] = _MISS
+            words[_INST + lane] = _MISS
+        for lane in range(count - first, _LANES):
+            valid[lane] = 0
+        _intersect(valid.ctypes, scene, ray.ctypes, packet.arguments.ctypes)
+        for lane in range(_LANES):
+            k = first + lane
+            t = ray[_FAR + lane]
+            distance[k] = t
+            point[0, k] = x0 + t * direction[0, k]
+            point[1, k] = y0 + t * direction[1, k]
+            point[2, k] = z0 + t * direction[2, k]
+            barycentric[0, k], barycentric[1, k] = ray[_U + lane], ray[_V + lane]
+            primitive[k] = np.int32(words[_PRIM + lane])
+            geometry, instance = words[_GEOM + lane], words[_INST + lane]
+            top[k] = np.int32(geometry if instance == _MISS else instance)  # MISS for both becomes -1
+
+
+@kernel
+def label_pixels(hits: HitTable, batch: RayBatch, count: int, out: LabelBuffers) -> None:
+    """Write class, instance id and depth [m] of a batch of pixel centres into the images."""
+    image, tops, primitive, point, distance, cosine = (
+        batch.image, batch.top, batch.primitive, batch.point, batch.distance, batch.cosine,
+    )  # fmt: skip
+    label, instance, depth = out
+    for k in range(count):
+        u, v, top = int(image[0, k]), int(image[1, k]), tops[k]
+        label[v, u], instance[v, u] = classify(hits, top, primitive[k], point[0, k], point[1, k])
+        depth[v, u] = distance[k] * cosine[k] if top >= 0 else 0.0
+
+
+@kernel
+def label_image(
+    scene: np.uint64, hits: HitTable, packet: Packet, view: View, batch: RayBatch, out: LabelBuffers
+) -> None:
+    """Write class, instance id and depth of the ray through every pixel's centre."""
+    height, width = out.label.shape
+    count = BATCH_ROWS * width
+    for row in range(0, height, BATCH_ROWS):
+        set_pixel_rows(row, width, batch.image)
+        trace(scene, packet, view, batch, count)
+        label_pixels(hits, batch, count, out)
