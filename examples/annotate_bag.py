@@ -14,7 +14,7 @@ import fieldtruth as ft
 def main(bag: str, out: str, environment: str = "park") -> None:
     """Add labelled clouds and images at the bag's own poses."""
     with ft.show_progress() as progress:
-        annotated = ft.annotate(Path(bag), environment, out=Path(out), lidar=True, progress=progress)
+        annotated = ft.annotate(Path(bag), environment, out=Path(out), rig=ft.Rig(), progress=progress)
     before, after = ft.count_messages(Path(bag)), ft.count_messages(annotated)
     for topic in sorted(after.keys() - before.keys()):
         print(f"{after[topic]:>6} {topic}")

@@ -3,6 +3,7 @@
 # The public names: type checkers read them here, and the package imports each when it is first used.
 
 from . import bag as bag
+from .annotation import WorldConfig as WorldConfig
 from .annotation import annotate as annotate
 from .bag.decode import Reading as Reading
 from .bag.decode import count_messages as count_messages

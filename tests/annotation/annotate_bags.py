@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Bags as others record them, written and read with the rosbags library alone."""
+"""Bags from elsewhere, written and read with the rosbags library alone."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import groupby
@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from rosbags.interfaces import Connection, ConnectionExtRosbag1
 from rosbags.rosbag1 import Reader, Writer
 from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__PoseWithCovariance as PoseWithCovariance
@@ -17,13 +16,13 @@ from rosbags.typesys.stores.ros1_noetic import nav_msgs__msg__Odometry as Odomet
 
 from fieldtruth.bag import types as ros
 from fieldtruth.core import frames
+from fieldtruth.core.arrays import Array
 
 ODOMETRY, STATES, STATIC = "/ground_truth/odom", "/gazebo/model_states", "/tf_static"
-F8 = NDArray[np.float64]
 
 
 class Kind(NamedTuple):
-    """What a bag says of a connection."""
+    """A connection as a bag describes it."""
 
     topic: str
     msgtype: str
@@ -58,7 +57,7 @@ def stored(path: Path) -> list[Message]:
 
 
 def in_file(path: Path) -> list[tuple[int, str]]:
-    """Stamp [ns] and topic of all messages in the order of the file, as a reader without an index meets them."""
+    """Stamp [ns] and topic of all messages in the order of the file, as a reader without an index finds them."""
     with Reader(path) as reader:
         topics = {connection.id: connection.topic for connection in reader.connections}
         rows = [(at.chunk_pos, at.offset, at.time, topics[k]) for k, found in reader.indexes.items() for at in found]
@@ -94,23 +93,23 @@ def ties_reversed(messages: Sequence[Message]) -> Iterator[Message]:
 
 
 def sensed(topic: str) -> bool:
-    """Whether it is a camera's or the LiDAR's."""
+    """Whether a topic is of a camera or the LiDAR."""
     return topic.startswith(("/stereo/", "/os1_cloud_node/"))
 
 
 def odometry(
-    stamp: int, pose: F8, child: str = "base_link", recorded: int | None = None, length: float = 1.0
+    stamp: int, pose: Array, child: str = "base_link", recorded: int | None = None, length: float = 1.0
 ) -> Message:
     """nav_msgs/Odometry of a frame at ``pose`` (4, 4) in the world; its quaternion has the length ``length``."""
     still = TwistWithCovariance(ros.Twist(ros.Vector3(0.0, 0.0, 0.0), ros.Vector3(0.0, 0.0, 0.0)), np.zeros(36))
     quaternion = ros.quaternion(length * frames.quaternion_wxyz_from_rotation(pose[:3, :3]))
-    placed = PoseWithCovariance(ros.Pose(ros.point(pose[:3, 3]), quaternion), np.zeros(36))
-    message = Odometry(ros.header(0, stamp, "world"), child, placed, still)
+    located = PoseWithCovariance(ros.Pose(ros.point(pose[:3, 3]), quaternion), np.zeros(36))
+    message = Odometry(ros.header(0, stamp, "world"), child, located, still)
     data = ros.serialize(message, "nav_msgs/msg/Odometry")
     return Message(stamp if recorded is None else recorded, standard(ODOMETRY, "nav_msgs/msg/Odometry"), data)
 
 
-def states(stamp: int, models: dict[str, F8]) -> Message:
+def states(stamp: int, models: dict[str, Array]) -> Message:
     """gazebo_msgs/ModelStates of models at (4, 4) in the world."""
     poses = [
         ros.Pose(ros.point(pose[:3, 3]), ros.quaternion(frames.quaternion_wxyz_from_rotation(pose[:3, :3])))
@@ -122,7 +121,7 @@ def states(stamp: int, models: dict[str, F8]) -> Message:
     return Message(stamp, standard(STATES, "gazebo_msgs/msg/ModelStates"), data)
 
 
-def static(transforms: dict[tuple[str, str], F8], stamp: int = 1) -> Message:
+def static(transforms: dict[tuple[str, str], Array], stamp: int = 1) -> Message:
     """tf2_msgs/TFMessage of ``parent_from_child`` (4, 4) by (parent, child)."""
     stamped = [
         ros.transform_stamped(ros.header(0, stamp, parent), child, pose) for (parent, child), pose in transforms.items()
@@ -131,16 +130,18 @@ def static(transforms: dict[tuple[str, str], F8], stamp: int = 1) -> Message:
     return Message(stamp, standard(STATIC, "tf2_msgs/msg/TFMessage", "/state_publisher", 1), data)
 
 
-def way(t: float) -> F8:
-    """Where a robot is after ``t`` seconds: 0.3 m/s to the north-west, turning by 0.5 rad/s, pitched by 4 deg."""
+def true_pose(t: float) -> Array:
+    """Pose of a robot after ``t`` seconds: 0.3 m/s to the north-west, turning by 0.5 rad/s, pitched by 4 deg."""
     return frames.pose((0.2 * t, 0.1 * t, 0.4 + 0.05 * t), (0.0, 4.0, np.degrees(0.5 * t)))
 
 
-def rough(t: float) -> F8:
-    """The same way over rough ground: no two steps are alike."""
-    return way(t) @ frames.pose((0.01 * np.sin(70.0 * t), 0.0, 0.02 * np.sin(90.0 * t)), (3.0 * np.sin(80.0 * t), 0, 0))
+def rough(t: float) -> Array:
+    """The same path over rough ground: no two steps are equal."""
+    return true_pose(t) @ frames.pose(
+        (0.01 * np.sin(70.0 * t), 0.0, 0.02 * np.sin(90.0 * t)), (3.0 * np.sin(80.0 * t), 0, 0)
+    )
 
 
-def drive(pose: Callable[[float], F8] = way, rate: int = 50, first: int = 1, last: int = 30) -> list[Message]:
+def drive(pose: Callable[[float], Array] = true_pose, rate: int = 50, first: int = 1, last: int = 30) -> list[Message]:
     """Odometry at k / rate for k from ``first`` to ``last``."""
     return [odometry(k * 10**9 // rate, pose(k / rate)) for k in range(first, last + 1)]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Annotation gives a run back what was taken from it: every photograph, label and point, to the bit."""
+"""Annotating a run without its images and clouds gives them back: every photograph, label and point, bit by bit."""
 
 import json
 import shutil
@@ -27,8 +27,7 @@ from annotate_bags import (
 )
 from rosbags.rosbag1 import Writer
 
-from fieldtruth import annotate as package
-from fieldtruth import cli
+from fieldtruth import annotation, cli
 from fieldtruth.annotation import annotate
 from fieldtruth.bag import decode as read
 from fieldtruth.bag.decode import image, read_bag, static_transforms
@@ -46,12 +45,12 @@ LEFT_TAG = "/stereo/camera/left/tag/img_raw"
 
 @pytest.fixture(scope="module", autouse=True)
 def _one_scene() -> Iterator[None]:
-    """Let all calls share one world and one scene, and make slices of 0.2 s, so that there are several."""
+    """Share one world and one scene between all calls, and make slices of 0.2 s, so that there are several."""
     world = load_world("park", 0)
     scene = Scene(world)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(package, "load_world", lambda name, seed, layout: world)
-        patch.setattr(package, "Scene", lambda world, light: scene)
+        patch.setattr(annotation, "load_world", lambda name, seed, layout: world)
+        patch.setattr("fieldtruth.record.sensors.Scene", lambda world: scene)
         patch.setattr("fieldtruth.record.slices.SLICE_NS", 200_000_000)
         yield
 
@@ -69,9 +68,15 @@ def rig(small_run: Path) -> Rig:
 
 
 @pytest.fixture(scope="module")
+def cameras(rig: Rig) -> Rig:
+    """The rig without its LiDAR."""
+    return rig.model_copy(update={"lidar": rig.lidar.model_copy(update={"enabled": False})})
+
+
+@pytest.fixture(scope="module")
 def stripped(original: list[Message], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What was recorded without cameras and LiDAR, uncompressed, ties in the other order, with topics of others."""
-    odd = Kind("/odd", "my_msgs/msg/Odd", "int32 a  # as its maker wrote it\n", "0123456789abcdef" * 2, "/a", None)
+    """The run without images and clouds, uncompressed, ties in the opposite order, with foreign topics added."""
+    odd = Kind("/odd", "my_msgs/msg/Odd", "int32 a  # a comment\n", "0123456789abcdef" * 2, "/a", None)
     others = [
         *(Message(30_000_000 + k, odd._replace(callerid=f"/node_{k % 2}"), struct.pack("<i", k)) for k in range(9)),
         Message(40_000_000, standard("/late", "std_msgs/msg/Float32", "/late", 1), struct.pack("<f", 0.5)),
@@ -84,7 +89,7 @@ def stripped(original: list[Message], tmp_path_factory: pytest.TempPathFactory) 
 
 @pytest.fixture(scope="module")
 def annotated(stripped: Path, rig: Rig) -> Path:
-    return annotate(stripped, "park", rig=rig, lidar=True, workers=2)
+    return annotate(stripped, "park", rig=rig, workers=2)
 
 
 def seen(messages: list[Message]) -> list[tuple[int, str, bytes]]:
@@ -97,7 +102,7 @@ def test_a_run_gets_back_every_image_and_cloud_to_the_bit(annotated: Path, origi
     assert seen(stored(annotated)) == expected
 
 
-def test_everything_else_is_carried_over_as_it_is(annotated: Path, stripped: Path) -> None:
+def test_all_other_messages_are_copied_unchanged(annotated: Path, stripped: Path) -> None:
     carried = [message for message in stored(annotated) if not sensed(message.kind.topic)]
     assert carried == stored(stripped)
     assert len({kind for _, kind, _ in carried if kind.topic == "/odd"}) == 2
@@ -105,48 +110,48 @@ def test_everything_else_is_carried_over_as_it_is(annotated: Path, stripped: Pat
 
 def test_the_bag_is_written_in_the_order_of_time(annotated: Path, stripped: Path, small_run: Path) -> None:
     rows = in_file(annotated)
-    # what was there comes first at a stamp, in its own order; then what is new, in that of a run
+    # at equal stamps the original messages come first, in their own order; then the new ones, in that of a run
     assert rows == sorted(rows, key=lambda row: (row[0], sensed(row[1])))
     assert [row for row in rows if not sensed(row[1])] == in_file(stripped)
     run = [row for row in in_file(open_run(small_run).bag) if row[0] <= END]
     assert [row for row in rows if sensed(row[1])] == [row for row in run if sensed(row[1])]
 
 
-def test_the_input_is_only_read_and_nothing_is_left_behind(stripped: Path, rig: Rig, tmp_path: Path) -> None:
+def test_the_input_is_only_read_and_no_other_files_remain(stripped: Path, cameras: Rig, tmp_path: Path) -> None:
     bag = Path(shutil.copy(stripped, tmp_path / "x.bag"))
     bag.chmod(0o444)
     before = sha256(bag.read_bytes()).digest(), bag.stat().st_mtime_ns
-    annotate(bag, "park", rig=rig)
+    annotate(bag, "park", rig=cameras)
     assert (sha256(bag.read_bytes()).digest(), bag.stat().st_mtime_ns) == before
     assert sorted(path.name for path in tmp_path.iterdir()) == ["x.bag", "x_annotated.bag"]
 
 
-def test_same_bytes_whoever_made_them_and_after_a_stop(
+def test_same_bytes_for_any_number_of_workers_and_after_an_interruption(
     annotated: Path, stripped: Path, rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
     def again(rig: Rig) -> Path:
-        return annotate(stripped, "park", rig=rig, lidar=True, workers=1, out=tmp_path / "new" / "y.bag")
+        return annotate(stripped, "park", rig=rig, workers=1, out=tmp_path / "new" / "y.bag")
 
     blurred = rig.cameras.model_copy(update={"jpeg_quality": 10})
     with monkeypatch.context() as patch:
-        patch.setattr(package, "weave", stop)
+        patch.setattr(annotation, "merge_bags", stop)
         for each in (rig.model_copy(update={"cameras": blurred}), rig):
             with pytest.raises(KeyboardInterrupt):
                 again(each)
     assert not (tmp_path / "new" / "y.bag").exists()
-    [first, _] = sorted((tmp_path / "new").rglob("*.bag"))  # and none of the other rig
+    [first, _] = sorted((tmp_path / "new").rglob("*.bag"))  # no slices of the other rig
     first.unlink()
-    shots = Counting(monkeypatch)
+    renders = Counting(monkeypatch)
     assert again(rig).read_bytes() == annotated.read_bytes()
-    assert shots.count == 2 * 5  # those of the slice that was missing: 0.04 s to 0.2 s
+    assert renders.count == 2 * 5  # the missing slice: 0.04 s to 0.2 s
     assert [path.name for path in (tmp_path / "new").iterdir()] == ["y.bag"]
 
 
 class Counting:
-    """Counts the pictures that are taken."""
+    """Counts the calls of Camera.render."""
 
     def __init__(self, patch: pytest.MonkeyPatch) -> None:
         self.count = 0
@@ -161,59 +166,59 @@ class Counting:
 
 @pytest.mark.parametrize("source", [ODOMETRY, STATES])
 @pytest.mark.parametrize("packed", [Writer.CompressionFormat.BZ2, Writer.CompressionFormat.LZ4])
-def test_either_source_of_poses_and_any_compression_will_do(
+def test_either_source_of_poses_and_any_compression_is_read(
     source: str, packed: Writer.CompressionFormat, original: list[Message], rig: Rig, tmp_path: Path
 ) -> None:
     messages = [message for message in original if message.kind.topic == source and message.stamp <= 120_000_000]
-    bag = annotate(write(tmp_path / "x.bag", messages, packed), "park", rig=rig, lidar=True, out=tmp_path / "y.bag")
+    bag = annotate(write(tmp_path / "x.bag", messages, packed), "park", rig=rig, out=tmp_path / "y.bag")
     assert seen(stored(bag)) == seen([message for message in original if message.stamp <= 120_000_000])
 
 
-def test_a_sweep_that_the_poses_do_not_cover_is_left_out(original: list[Message], rig: Rig, tmp_path: Path) -> None:
+def test_a_scan_that_ends_after_the_last_pose_is_left_out(original: list[Message], rig: Rig, tmp_path: Path) -> None:
     messages = [m for m in original if m.kind.topic == ODOMETRY and m.stamp < 300_000_000]
     sweeping = rig.lidar.model_copy(update={"spinning": True, "columns": 16})
     clouds = Rig(cameras=CameraConfig(enabled=False), lidar=sweeping)
-    bag = annotate(write(tmp_path / "x.bag", messages), "park", rig=clouds, lidar=True)
-    assert [stamp for stamp, *_ in seen(stored(bag))] == [100_000_000]  # that at 0.2 s would end at 0.3 s
+    bag = annotate(write(tmp_path / "x.bag", messages), "park", rig=clouds)
+    assert [stamp for stamp, *_ in seen(stored(bag))] == [100_000_000]  # the scan at 0.2 s would end at 0.3 s
 
 
-def test_stamps_of_a_wall_clock(original: list[Message], rig: Rig, tmp_path: Path) -> None:
+def test_stamps_of_a_wall_clock(original: list[Message], cameras: Rig, tmp_path: Path) -> None:
     # 3 ms off the grid of the cameras: images are at multiples of 40 ms, and there is a pose every millisecond
     shift = WALL + 3_000_000
     messages = [m._replace(stamp=m.stamp + shift) for m in original if m.kind.topic == STATES and m.stamp < 10**8]
-    bag = annotate(write(tmp_path / "x.bag", messages), "park", rig=rig)
+    bag = annotate(write(tmp_path / "x.bag", messages), "park", rig=cameras)
     tags = list(read_bag(bag, [LEFT_TAG]))
     assert [tag.stamp_ns - WALL for tag in tags] == [40_000_000, 80_000_000]
     assert [read.stamp_ns(tag.message.header) for tag in tags] == [tag.stamp_ns for tag in tags]
-    moved = {at: annotate_at(original, at, rig, tmp_path) for at in (37, 77)}
+    moved = {at: annotate_at(original, at, cameras, tmp_path) for at in (37, 77)}
     assert all((image(tag.message) == moved[at]).all() for tag, at in zip(tags, (37, 77), strict=True))
 
 
 def annotate_at(original: list[Message], milliseconds: int, rig: Rig, folder: Path) -> Any:
-    """Tag image at an instant of the original between its images: its poses there, moved to a camera's stamp."""
+    """Tag image at a time of the original between its images: its poses there, shifted to a camera's stamp."""
     row = [m for m in original if m.kind.topic == STATES and abs(m.stamp - milliseconds * 10**6) <= 10**6]
     path = write(folder / f"{milliseconds}.bag", (m._replace(stamp=m.stamp + (80 - milliseconds) * 10**6) for m in row))
     [tag] = read_bag(annotate(path, "park", rig=rig), [LEFT_TAG])
     return image(tag.message)
 
 
-def test_the_computers_time_in_the_bag_and_the_simulations_in_headers(
-    original: list[Message], rig: Rig, tmp_path: Path
+def test_wall_time_in_the_bag_and_simulated_time_in_headers(
+    original: list[Message], cameras: Rig, tmp_path: Path
 ) -> None:
-    # each message was recorded 2 ms after it was sent, in another clock
+    # each message was recorded 2 ms after it was sent, by another clock
     start = [m for m in original if m.stamp <= 130_000_000]
     there = [m._replace(stamp=m.stamp + WALL + 2_000_000) for m in start if m.kind.topic == ODOMETRY]
-    bag = annotate(write(tmp_path / "x.bag", there), "park", rig=rig)
-    cameras = [row for row in seen(start) if row[1] != "/os1_cloud_node/points"]
-    assert seen(stored(bag)) == [(stamp + WALL + 2_000_000, topic, data) for stamp, topic, data in cameras]
+    bag = annotate(write(tmp_path / "x.bag", there), "park", rig=cameras)
+    images = [row for row in seen(start) if row[1] != "/os1_cloud_node/points"]
+    assert seen(stored(bag)) == [(stamp + WALL + 2_000_000, topic, data) for stamp, topic, data in images]
 
 
-def test_the_frames_of_what_is_added_are_added(original: list[Message], rig: Rig, tmp_path: Path) -> None:
+def test_missing_frames_of_the_added_sensors_are_added(original: list[Message], cameras: Rig, tmp_path: Path) -> None:
     messages = [m for m in original if m.kind.topic == ODOMETRY and m.stamp <= 60_000_000]
-    bag = annotate(write(tmp_path / "x.bag", messages), "park", rig=rig, lidar=False)
+    bag = annotate(write(tmp_path / "x.bag", messages), "park", rig=cameras)
     expected = {key for message in original if message.kind.topic == STATIC for key in static_transforms_in(message)}
-    cameras = {(parent, child) for parent, child in expected if "camera" in child}
-    assert static_transforms(bag).keys() == cameras
+    frames = {(parent, child) for parent, child in expected if "camera" in child}
+    assert static_transforms(bag).keys() == frames
     [(stamp, kind, _)] = [message for message in stored(bag) if message.kind.topic == STATIC]
     assert (stamp, kind.latching) == (20_000_000, 1)
 
@@ -225,7 +230,7 @@ def static_transforms_in(message: Message) -> list[tuple[str, str]]:
     return [(each.header.frame_id, each.child_frame_id) for each in content.transforms]
 
 
-def test_the_bag_is_a_run_for_the_other_tools(annotated: Path, original: list[Message]) -> None:
+def test_other_commands_read_the_bag_as_a_run(annotated: Path, original: list[Message]) -> None:
     run = open_run(annotated)
     assert run.experiment is None
     assert run.counts[LEFT_TAG] == 8
@@ -237,7 +242,7 @@ def test_the_bag_is_a_run_for_the_other_tools(annotated: Path, original: list[Me
         assert "(2 connections)" in info
 
 
-def test_the_command_line_takes_rig_and_seed_of_an_experiment(
+def test_the_command_line_uses_rig_and_seed_of_an_experiment(
     stripped: Path, annotated: Path, small_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, experiment = tmp_path / "y.bag", small_run / "experiment.yaml"
@@ -246,8 +251,8 @@ def test_the_command_line_takes_rig_and_seed_of_an_experiment(
     assert capsys.readouterr().out == f"{out}: {out.stat().st_size / 1e6:.1f} MB\n"
     assert out.read_bytes() == annotated.read_bytes()
     assert cli.main([str(word) for word in words]) == 2
-    assert capsys.readouterr().err == f"fieldtruth: {out} is there already; remove it, or choose another --out\n"
+    assert capsys.readouterr().err == f"error: {out} already exists; remove it, or choose another --out\n"
     words[3] = "lake"
     assert cli.main([str(word) for word in words]) == 2
-    assert capsys.readouterr().err == f"fieldtruth: {experiment} takes place in 'park', not in 'lake'\n"
+    assert capsys.readouterr().err == f"error: --world must be 'park', the environment of {experiment}, got 'lake'\n"
     assert json.dumps(load_experiment(experiment).seed) == "0"

@@ -1,21 +1,22 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which poses count for annotation, and the one line that each bag gets that cannot be annotated."""
+"""Which poses annotation uses, and the one-line error for each kind of bag that cannot be annotated."""
 
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from annotate_bags import F8, Kind, Message, drive, odometry, rough, standard, states, static, way, write
+from annotate_bags import Kind, Message, drive, odometry, rough, standard, states, static, true_pose, write
 
-from fieldtruth import annotate as package
-from fieldtruth import cli, frames
+from fieldtruth import annotation, cli
 from fieldtruth.annotation import annotate
 from fieldtruth.annotation.check import check_frames
 from fieldtruth.annotation.poses import Poses, read_poses
 from fieldtruth.bag.run import open_run
 from fieldtruth.bag.trajectory import read_trajectory
+from fieldtruth.core import frames
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, LidarConfig, Rig
 from fieldtruth.world.build import load_world
@@ -26,17 +27,17 @@ FOOTPRINT = frames.pose((0.0, 0.0, -0.13228))
 
 
 def poses_of(folder: Path, messages: list[Message], rig: Rig = RIG, robot: str = "husky") -> Poses:
-    told: list[float] = []
+    reported: list[float] = []
     folder.mkdir(exist_ok=True)
     run = open_run(write(folder / "x.bag", messages))
-    poses = read_poses(run, rig, robot, told.append)
-    assert sum(told) <= run.duration_s
+    poses = read_poses(run, rig, robot, reported.append)
+    assert sum(reported) <= run.duration_s
     return poses
 
 
-def assert_on_the_way(poses: Poses, stamps: list[int], within: float = 1e-9) -> None:
+def assert_on_the_path(poses: Poses, stamps: list[int], within: float = 1e-9) -> None:
     for stamp in stamps:
-        assert poses.trajectory.world_from_base(stamp) == pytest.approx(way(stamp / 1e9), abs=within)
+        assert poses.trajectory.world_from_base(stamp) == pytest.approx(true_pose(stamp / 1e9), abs=within)
 
 
 def test_stamps_are_the_multiples_of_the_period_among_the_poses(tmp_path: Path) -> None:
@@ -49,20 +50,20 @@ def test_stamps_are_the_multiples_of_the_period_among_the_poses(tmp_path: Path) 
 
 def test_stamps_of_a_wall_clock_lose_no_nanosecond(tmp_path: Path) -> None:
     start = 1_600_000_000 * 10**9 + 333_333_333
-    poses = poses_of(tmp_path, [odometry(start + k * 20_000_000, way(k / 50)) for k in range(30)])
+    poses = poses_of(tmp_path, [odometry(start + k * 20_000_000, true_pose(k / 50)) for k in range(30)])
     assert poses.stamps("camera", 30.0)[:3].tolist() == [start, start + 33_333_334, start + 66_666_667]
     assert poses.stamps("camera", 25.0)[0] == 1_600_000_000_360_000_000
 
 
-def test_between_two_poses_the_robot_goes_straight_and_turns_evenly(tmp_path: Path) -> None:
-    # the way is such a motion, so a pose 7 ms off the grid gives the exact one on the grid
-    messages = [odometry(k * 20_000_000 + 7_000_000, way(k / 50 + 0.007)) for k in range(30)]
+def test_poses_are_interpolated_linearly_and_spherically(tmp_path: Path) -> None:
+    # true_pose is such a motion, so a pose 7 ms off the grid gives the exact one on the grid
+    messages = [odometry(k * 20_000_000 + 7_000_000, true_pose(k / 50 + 0.007)) for k in range(30)]
     poses = poses_of(tmp_path, messages)
-    assert_on_the_way(poses, poses.stamps("camera", 25.0).tolist())
+    assert_on_the_path(poses, poses.stamps("camera", 25.0).tolist())
 
 
 @pytest.mark.parametrize(("rate", "every", "offset"), [(25.0, 1e6, 0), (25.0, 1e6, 300_000), (30.0, 1e9 / 990, 0)])
-def test_of_a_thousand_poses_a_second_those_beside_the_stamps_stay(
+def test_at_1000_hz_only_the_poses_next_to_the_stamps_are_kept(
     tmp_path: Path, rate: float, every: float, offset: int
 ) -> None:
     instants = [round(k * every) + offset for k in range(1, 801)]
@@ -81,8 +82,10 @@ def test_of_a_thousand_poses_a_second_those_beside_the_stamps_stay(
     assert sweeping.trajectory.stamps_ns.tolist() == instants
 
 
-def test_what_is_sensed_is_recorded_with_the_next_pose(tmp_path: Path) -> None:
-    late = [odometry(k * 30_000_000, way(k * 0.03), recorded=5 * 10**9 + k * 30_000_000 + k) for k in range(1, 10)]
+def test_readings_are_recorded_with_the_next_pose(tmp_path: Path) -> None:
+    late = [
+        odometry(k * 30_000_000, true_pose(k * 0.03), recorded=5 * 10**9 + k * 30_000_000 + k) for k in range(1, 10)
+    ]
     poses = poses_of(tmp_path, late)
     assert [poses.recorded_at(t) - 5 * 10**9 for t in (40_000_000, 60_000_000, 270_000_000)] == [
         60_000_002,
@@ -91,20 +94,20 @@ def test_what_is_sensed_is_recorded_with_the_next_pose(tmp_path: Path) -> None:
     ]
 
 
-def test_messages_before_the_clock_and_before_the_robot_do_not_count(tmp_path: Path) -> None:
+def test_messages_before_the_clock_starts_or_the_robot_is_spawned_are_skipped(tmp_path: Path) -> None:
     early = odometry(0, frames.pose((9.0, 9.0, 9.0)), recorded=1)
-    assert_on_the_way(poses_of(tmp_path, [early, *drive()]), [20_000_000, 40_000_000])
-    moving = [states(k * 20_000_000, {"tree": np.eye(4), "robot": way(k / 50)}) for k in range(3, 20)]
+    assert_on_the_path(poses_of(tmp_path, [early, *drive()]), [20_000_000, 40_000_000])
+    moving = [states(k * 20_000_000, {"tree": np.eye(4), "robot": true_pose(k / 50)}) for k in range(3, 20)]
     first = states(20_000_000, {"tree": np.eye(4)})
     poses = poses_of(tmp_path / "more", [first, *moving], robot="robot")
     assert poses.trajectory.stamps_ns[0] == 60_000_000
-    assert_on_the_way(poses, [80_000_000, 120_000_000])
+    assert_on_the_path(poses, [80_000_000, 120_000_000])
 
 
-def test_of_poses_with_one_stamp_the_first_counts(tmp_path: Path) -> None:
+def test_of_poses_with_the_same_stamp_the_first_is_used(tmp_path: Path) -> None:
     # a clock that ticks every 7 ms, a simulation that publishes every millisecond
-    bunches = [states(k // 7 * 7_000_000, {"husky": way(k * 0.001)}) for k in range(7, 300)]
-    assert_on_the_way(poses_of(tmp_path, bunches), [40_000_000, 100_000_000, 200_000_000, 280_000_000], 1e-6)
+    bunches = [states(k // 7 * 7_000_000, {"husky": true_pose(k * 0.001)}) for k in range(7, 300)]
+    assert_on_the_path(poses_of(tmp_path, bunches), [40_000_000, 100_000_000, 200_000_000, 280_000_000], 1e-6)
 
 
 @pytest.mark.parametrize(
@@ -114,20 +117,27 @@ def test_of_poses_with_one_stamp_the_first_counts(tmp_path: Path) -> None:
         ("", {}, np.eye(4)),
         ("base_footprint", {}, FOOTPRINT),
         ("base_footprint", {("base_footprint", "base_link"): frames.pose((0.0, 0.0, 0.2))}, frames.pose((0, 0, -0.2))),
-        ("mast", {("base_link", "arm"): way(1.0), ("arm", "mast"): way(2.0)}, way(1.0) @ way(2.0)),
+        (
+            "mast",
+            {("base_link", "arm"): true_pose(1.0), ("arm", "mast"): true_pose(2.0)},
+            true_pose(1.0) @ true_pose(2.0),
+        ),
     ],
 )
-def test_poses_of_another_frame_are_taken_to_base_link(
-    tmp_path: Path, frame: str, tree: dict[tuple[str, str], F8], base_from_frame: F8
+def test_poses_of_another_frame_are_converted_to_base_link(
+    tmp_path: Path, frame: str, tree: dict[tuple[str, str], Array], base_from_frame: Array
 ) -> None:
-    there = [odometry(k * 20_000_000, way(k / 50) @ base_from_frame, frame) for k in range(1, 20)]
+    there = [odometry(k * 20_000_000, true_pose(k / 50) @ base_from_frame, frame) for k in range(1, 20)]
     poses = poses_of(tmp_path, [*([static(tree)] if tree else []), *there])
-    assert_on_the_way(poses, [40_000_000, 80_000_000])
+    assert_on_the_path(poses, [40_000_000, 80_000_000])
 
 
 def test_frames_that_the_bag_has_are_not_added_twice(tmp_path: Path) -> None:
     left = RIG.cameras.left.base_from_sensor
-    over_the_mast = {("base_link", "mast"): way(1.0), ("mast", "left_camera"): frames.inverse(way(1.0)) @ left}
+    over_the_mast = {
+        ("base_link", "mast"): true_pose(1.0),
+        ("mast", "left_camera"): frames.inverse(true_pose(1.0)) @ left,
+    }
     optical = {("left_camera", "left_camera_optical"): CAMERA_FROM_OPTICAL}
     run = open_run(write(tmp_path / "x.bag", [static(over_the_mast), static(optical, 2), *drive()]))
     rig = RIG.model_copy(update={"lidar": LidarConfig(enabled=False)})
@@ -150,7 +160,7 @@ def gap(park: World) -> list[Message]:
 def moved_object(park: World) -> list[Message]:
     models = {instance.name: instance.world_from_object for instance in park.instances[:3]}
     models[park.instances[1].name] = park.instances[1].world_from_object + frames.pose((0.1, 0.0, 0.0)) - np.eye(4)
-    return [states(k * 20_000_000, {**models, "husky": way(k / 50)}) for k in range(1, 20)]
+    return [states(k * 20_000_000, {**models, "husky": true_pose(k / 50)}) for k in range(1, 20)]
 
 
 def other_camera(park: World) -> list[Message]:
@@ -178,57 +188,65 @@ def of_type(topic: str, msgtype: str) -> list[Message]:
 BAD: list[tuple[str, Callable[[World], list[Message]], str]] = [
     ("no poses", lambda _: [static({})], "has no poses: neither /ground_truth/odom nor /gazebo/model_states; it has: "),
     ("no message", lambda _: [], "x.bag holds no message"),
-    ("one pose", lambda _: drive(last=1), "/ground_truth/odom of x.bag has one pose only"),
-    ("one pose 2", lambda _: [states(1, {"husky": way(0)})], "/gazebo/model_states of x.bag has one pose only"),
+    ("one pose", lambda _: drive(last=1), "/ground_truth/odom of x.bag has only one pose"),
+    ("one pose 2", lambda _: [states(1, {"husky": true_pose(0)})], "/gazebo/model_states of x.bag has only one pose"),
     (
         "short",
-        lambda _: [odometry(k, way(0)) for k in (1, 2)],
-        "no camera stamp (a multiple of 0.04 s) lies among them",
+        lambda _: [odometry(k, true_pose(0)) for k in (1, 2)],
+        "no camera stamp (a multiple of 0.04 s) lies between them",
     ),
-    ("gap", gap, "has a gap: no pose from 0.400 s to 0.700 s; allowed are 0.2 s"),
-    ("reset", halves, "time jumps back from 0.100 s to 0.020 s, as when a simulation is reset"),
+    ("gap", gap, "has a gap: no pose from 0.400 s to 0.700 s; at most 0.2 s are allowed"),
+    ("reset", halves, "time jumps back from 0.100 s to 0.020 s, as after a reset of the simulation"),
     (
         "no stamps",
-        lambda _: [odometry(0, way(0), recorded=k) for k in (1, 2)],
-        "has no stamps: those in all its headers",
+        lambda _: [odometry(0, true_pose(0), recorded=k) for k in (1, 2)],
+        "has no stamps: they are 0 in all its headers",
     ),
-    ("not finite", lambda _: [odometry(1, way(0), length=2.0)], "is no pose: ["),
+    ("not finite", lambda _: [odometry(1, true_pose(0), length=2.0)], "is not a valid pose: ["),
     (
         "frame",
-        lambda _: [odometry(5, way(0), "chassis"), odometry(6, way(0), "chassis")],
-        "has poses of 'chassis', which nothing in /tf_",
+        lambda _: [odometry(5, true_pose(0), "chassis"), odometry(6, true_pose(0), "chassis")],
+        "has poses of 'chassis', which /tf_static does not connect",
     ),
-    ("frames", lambda _: [odometry(5, way(0)), odometry(6, way(0), "mast")], "two frames, 'base_link' and 'mast'"),
-    ("robot", lambda _: [states(1, {"ground": way(0), "husky_1": way(0)})], "'husky'; there is: husky_1, ground"),
+    (
+        "frames",
+        lambda _: [odometry(5, true_pose(0)), odometry(6, true_pose(0), "mast")],
+        "must have poses of one frame, got 'base_link' and 'mast'",
+    ),
+    (
+        "robot",
+        lambda _: [states(1, {"ground": true_pose(0), "husky_1": true_pose(0)})],
+        "'husky'; did you mean 'husky_1'? Available: husky_1, ground",
+    ),
     (
         "outside",
-        lambda _: drive(lambda t: way(t) + 26.0 * np.eye(4, k=2)),
+        lambda _: drive(lambda t: true_pose(t) + 26.0 * np.eye(4, k=2)),
         "outside of park, which spans x -50 to 50 m",
     ),
     ("below", lambda _: drive(lambda t: frames.pose((0, 0, -1.0))), "with seed 0; was it recorded in another world?"),
     (
         "type",
         lambda _: of_type("/ground_truth/odom", "std_msgs/msg/Float32"),
-        "is of type std_msgs/Float32; needed",
+        "must be of type nav_msgs/Odometry, got std_msgs/Float32",
     ),
     (
         "frames' type",
         lambda _: [*of_type("/tf_static", "std_msgs/msg/Time"), *drive()],
-        "is of type std_msgs/Time; needed",
+        "must be of type tf2_msgs/TFMessage, got std_msgs/Time",
     ),
     (
         "definition",
         lambda _: [m._replace(kind=other_words(m)) for m in drive()],
-        "has another definition than ",
+        "has a different definition of ",
     ),
     ("other world", moved_object, "was recorded in another world: "),
-    ("other camera", other_camera, "has 'right_camera' at x 0.150, y -0.060, z 0.720 m of base_link, the rig at"),
-    ("already", clouds, "has /stereo/camera/left/tag/img_raw already; annotate a bag without them"),
+    ("other camera", other_camera, "has 'right_camera' at x 0.150, y -0.060, z 0.720 m in base_link, the rig at"),
+    ("already", clouds, "already has /stereo/camera/left/tag/img_raw; remove them first"),
 ]
 
 
 @pytest.mark.parametrize(("make", "line"), [row[1:] for row in BAD], ids=[row[0] for row in BAD])
-def test_a_bag_that_cannot_be_annotated_is_one_line(
+def test_a_bag_that_cannot_be_annotated_is_a_one_line_error(
     make: Callable[[World], list[Message]],
     line: str,
     park: World,
@@ -237,7 +255,7 @@ def test_a_bag_that_cannot_be_annotated_is_one_line(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(package, "load_world", lambda name, seed, layout: park)
+    monkeypatch.setattr(annotation, "load_world", lambda name, seed, layout: park)
     write(Path("x.bag"), make(park))
     assert cli.main(["annotate", "x.bag", "--world", "park"]) == 2
     out, err = capsys.readouterr()
@@ -253,7 +271,7 @@ def test_a_bag_that_cannot_be_annotated_is_one_line(
     ("words", "line"),
     [
         (["--world", "prak"], "unknown environment 'prak'; did you mean 'park'? Available: "),
-        (["--world", "park", "--out", "x.bag"], "x.bag is there already; remove it, or choose another --out"),
+        (["--world", "park", "--out", "x.bag"], "x.bag already exists; remove it, or choose another --out"),
         (["--world", "park", "--out", "x.bag/y.bag"], "cannot write x.bag/y.bag: "),
         (["--world", "park", "--robot", "jackal"], "cannot read x.bag: "),
         (
@@ -263,7 +281,7 @@ def test_a_bag_that_cannot_be_annotated_is_one_line(
         ([], "the following arguments are required: --world"),
     ],
 )
-def test_a_mistake_is_one_line(
+def test_a_wrong_argument_is_a_one_line_error(
     words: list[str], line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -277,13 +295,13 @@ def test_a_mistake_is_one_line(
     assert [path.name for path in Path().iterdir()] == ["x.bag"]
 
 
-def test_an_interrupt_says_how_to_go_on(
+def test_an_interruption_shows_the_command_that_resumes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(package, "load_world", stop)
+    monkeypatch.setattr(annotation, "load_world", stop)
     bag = write(tmp_path / "x.bag", drive())
     assert cli.main(["annotate", str(bag), "--world", "park"]) == 130
     assert capsys.readouterr().err.endswith(f" resume with: fieldtruth annotate {bag} --world park\n")
@@ -292,5 +310,5 @@ def test_an_interrupt_says_how_to_go_on(
 
 def test_a_rig_without_sensors_has_nothing_to_add(tmp_path: Path) -> None:
     bag = write(tmp_path / "x.bag", drive())
-    with pytest.raises(ConfigurationError, match="there is nothing to add"):
-        annotate(bag, "park", rig=Rig(cameras=CameraConfig(enabled=False)))
+    with pytest.raises(ConfigurationError, match="nothing to add"):
+        annotate(bag, "park", rig=Rig(cameras=CameraConfig(enabled=False), lidar=LidarConfig(enabled=False)))

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The true poses in a bag that was recorded elsewhere: which of them count, and which bags are refused.
+"""Read the true poses of a bag that was recorded elsewhere.
 
-Two clocks may differ: that of the messages' headers, in which sensors are stamped, and that of the bag, in which
-messages lie there. ``rosbag record`` takes the computer's time for the latter unless it is told of a simulated one.
+Two clocks may differ: that of the message headers, which stamps readings, and that of the bag. ``rosbag record`` uses
+the computer's time for the latter unless /use_sim_time is set.
 """
 
 from array import array
@@ -22,49 +22,50 @@ from fieldtruth.bag.model_states import ModelStatesReader
 from fieldtruth.bag.reader import BagError, BagReader, RawMessage, decoder, open_bag
 from fieldtruth.bag.robot_messages import BASE
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.trajectory import I8, Trajectory
-from fieldtruth.bag.types import F8
+from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core import frames
+from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import UnknownNameError, nearest_first
 from fieldtruth.core.progress import Advance
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.slices import PROGRESS_NS
 
 LARGEST_STEP_NS: Final = 200_000_000
-"""Poses farther apart than this are a gap: what a robot did in between is not known to a pixel."""
+"""Largest time [ns] between two poses; over a longer gap interpolation is not accurate to a pixel."""
 _UNIT: Final = 1e-3
-"""By how much a quaternion's length may differ from 1."""
+"""Largest deviation of a quaternion's squared norm from 1."""
 _LISTED: Final = 20
+"""Models listed in an error message."""
 
 
 @dataclass(frozen=True)
 class Poses:
-    """Poses of base_link in the order of their stamps, and when each was recorded: its stamp in the bag [ns]."""
+    """Poses of base_link by rising stamp, and the stamp in the bag [ns] with which each was recorded."""
 
     source: str
-    """The topic they are from."""
+    """Their topic."""
     trajectory: Trajectory
-    recorded_ns: I8
+    recorded_ns: Counts
 
     def recorded_at(self, stamp_ns: int) -> int:
         """Stamp in the bag [ns] of the first pose at or after a stamp [ns]."""
         return int(self.recorded_ns[np.searchsorted(self.trajectory.stamps_ns, stamp_ns)])
 
-    def stamps(self, sensor: str, rate_hz: float, sweep_ns: int = 0) -> I8:
-        """Stamps [ns] k / rate, k > 0, for which there are poses up to ``sweep_ns`` later.
+    def stamps(self, sensor: str, rate_hz: float, sweep_ns: int = 0) -> Counts:
+        """Return the stamps [ns] k / rate, k > 0, for which there are poses up to ``sweep_ns`` later.
 
         Raises:
-            BagError: there is none.
+            BagError: there are no such stamps.
         """
         first, last = (int(self.trajectory.stamps_ns[i]) for i in (0, -1))
         period = Fraction(10**9) / Fraction(rate_hz)
-        numbers = range(max(1, ceil(first / period) - 1), floor(last / period) + 2)  # a stamp is rounded, up or down
+        numbers = range(max(1, ceil(first / period) - 1), floor(last / period) + 2)  # stamps are rounded up or down
         rounded = [round(k * period) for k in numbers]
-        stamps: I8 = np.array([stamp for stamp in rounded if first <= stamp <= last - sweep_ns], np.int64)
+        stamps: Counts = np.array([stamp for stamp in rounded if first <= stamp <= last - sweep_ns], np.int64)
         if not len(stamps):
             raise BagError(
                 f"{self.source} has poses from {first / 1e9:.3f} s to {last / 1e9:.3f} s; "
-                f"no {sensor} stamp (a multiple of {float(period) / 1e9:g} s) lies among them"
+                f"no {sensor} stamp (a multiple of {float(period) / 1e9:g} s) lies between them"
             )
         return stamps
 
@@ -72,11 +73,11 @@ class Poses:
 def read_poses(run: Run, rig: Rig, robot: str, advance: Advance) -> Poses:
     """Read the poses of base_link: from /ground_truth/odom or, where that is missing, /gazebo/model_states.
 
-    The whole bag is read, so that damage anywhere shows before the hours that follow. Of the poses, those stay that are
-    next to an instant at which the rig senses.
+    The whole bag is read, so that damage is found before hours of rendering. Only the poses next to a stamp of the
+    rig's sensors are kept.
 
     Raises:
-        BagError: no poses or only one, a gap between them, time that runs backwards, poses of a frame that nothing ties
+        BagError: no poses or only one, a gap between them, time that goes back, poses of a frame that is not connected
             to base_link, or a damaged bag.
         UnknownNameError: no such robot.
     """
@@ -101,19 +102,19 @@ def read_poses(run: Run, rig: Rig, robot: str, advance: Advance) -> Poses:
     if not log.stamps:
         reader.explain_absence()
     if len(log.stamps) < 2:
-        raise BagError(f"{source} of {run.bag} has one pose only; images are taken between poses")
+        raise BagError(f"{source} of {run.bag} has only one pose; at least two are required")
     return log.poses(_base_from(reader.frame, run, rig))
 
 
 class _Pose(NamedTuple):
-    """A pose as recorded: stamp [ns], and x, y, z [m] and quaternion (x, y, z, w) of a frame in the world."""
+    """A recorded pose: stamp [ns], and x, y, z [m] and quaternion (x, y, z, w) of a frame in the world."""
 
     stamp_ns: int
     values: Sequence[float]
 
 
 class _Odometry:
-    """Reads nav_msgs/Odometry. Headers have stamps; one of zero means none, as before the first tick of the clock."""
+    """Reads nav_msgs/Odometry. A stamp of zero in a header means that the clock had not started; it is skipped."""
 
     def __init__(self, bag: BagReader) -> None:
         self.frame = ""
@@ -126,20 +127,20 @@ class _Odometry:
             values = (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
             stamp, frame = stamp_ns(message.header), message.child_frame_id.strip("/")
         except AttributeError as error:
-            raise BagError(f"{raw.topic} has another definition than nav_msgs/Odometry: {error}") from error
+            raise BagError(f"{raw.topic} has a different definition of nav_msgs/Odometry: {error}") from error
         if stamp == 0:
             return None
         if self.frame not in ("", frame):
-            raise BagError(f"{raw.topic} has poses of two frames, {self.frame!r} and {frame!r}; needed is one")
+            raise BagError(f"{raw.topic} must have poses of one frame, got {self.frame!r} and {frame!r}")
         self.frame = frame
         return _Pose(stamp, values)
 
     def explain_absence(self) -> None:
-        raise BagError(f"{table.ODOMETRY} has no stamps: those in all its headers are 0")
+        raise BagError(f"{table.ODOMETRY} has no stamps: they are 0 in all its headers")
 
 
 class _ModelStates:
-    """Reads gazebo_msgs/ModelStates. It has no header: the bag's stamps count. The robot may come late."""
+    """Reads gazebo_msgs/ModelStates. It has no header, so the bag's stamps are used. The robot may be spawned late."""
 
     frame = ""
 
@@ -159,9 +160,9 @@ class _ModelStates:
 
 
 class _Log:
-    """Takes poses in the order of the bag and keeps those on either side of an instant at which the rig senses.
+    """Takes poses in the order of the bag and keeps those on either side of a stamp of the rig's sensors.
 
-    At 1000 Hz that is one of twenty. A sensor that sweeps needs all of them.
+    At 1000 Hz that is one in twenty. A spinning LiDAR needs all of them.
     """
 
     def __init__(self, source: str, rig: Rig) -> None:
@@ -175,16 +176,16 @@ class _Log:
 
     def add(self, pose: _Pose, recorded_ns: int) -> None:
         if not (isfinite(sum(pose.values)) and abs(sum(v * v for v in pose.values[3:]) - 1.0) < _UNIT):
-            raise BagError(f"{self.source} at {_seconds(pose.stamp_ns)} is no pose: {list(pose.values)}")
+            raise BagError(f"{self.source} at {_seconds(pose.stamp_ns)} is not a valid pose: {list(pose.values)}")
         if self._last is None:
             self._keep(pose, recorded_ns)
         else:
             before = self._last[0].stamp_ns
-            # A clock that ticks slowly gives many the same stamp; the first of them is the nearest to it.
+            # A clock with coarse ticks gives several poses the same stamp; the first is the closest to it.
             if pose.stamp_ns == before:
                 return
             self._check_step(before, pose.stamp_ns)
-            if self._every or self._senses_between(before, pose.stamp_ns):
+            if self._every or self._stamp_between(before, pose.stamp_ns):
                 if not self._kept:
                     self._keep(*self._last)
                 self._keep(pose, recorded_ns)
@@ -196,8 +197,8 @@ class _Log:
         if self._last is not None and not self._kept:
             self._keep(*self._last)
 
-    def poses(self, base_from_frame: F8 | None) -> Poses:
-        """All that was kept, as poses of base_link; the frame is base_link itself for None."""
+    def poses(self, base_from_frame: Array | None) -> Poses:
+        """Return the kept poses, converted to base_link unless ``base_from_frame`` is None."""
         table_ = np.frombuffer(self.values).reshape(-1, 7)
         position, quaternion = table_[:, :3], frames.wxyz_from_xyzw(table_[:, 3:])
         if base_from_frame is not None:
@@ -216,22 +217,22 @@ class _Log:
     def _check_step(self, before: int, after: int) -> None:
         if after < before:
             raise BagError(
-                f"{self.source}: time jumps back from {_seconds(before)} to {_seconds(after)}, as when a simulation is "
-                "reset; annotate a bag that ends before, or begins after"
+                f"{self.source}: time jumps back from {_seconds(before)} to {_seconds(after)}, as after a reset of the "
+                "simulation; annotate a bag that ends before it or begins after it"
             )
         if after - before > LARGEST_STEP_NS:
             raise BagError(
-                f"{self.source} has a gap: no pose from {_seconds(before)} to {_seconds(after)}; allowed are "
-                f"{LARGEST_STEP_NS / 1e9:g} s; annotate a bag that ends before, or begins after"
+                f"{self.source} has a gap: no pose from {_seconds(before)} to {_seconds(after)}; at most "
+                f"{LARGEST_STEP_NS / 1e9:g} s are allowed; annotate a bag that ends before it or begins after it"
             )
 
-    def _senses_between(self, before: int, after: int) -> bool:
-        """Whether a stamp of a sensor lies there; a nanosecond more on either side, as stamps are rounded."""
+    def _stamp_between(self, before: int, after: int) -> bool:
+        """Whether a stamp of a sensor lies between; with a margin of 1 ns, as stamps are rounded."""
         return any((after + 1) * n // d > (before - 1) * n // d for n, d in self._rates)
 
 
-def _base_from(frame: str, run: Run, rig: Rig) -> F8 | None:
-    """Where in base_link the frame is whose poses were recorded: the bag knows, or the rig. None for base_link."""
+def _base_from(frame: str, run: Run, rig: Rig) -> Array | None:
+    """Pose in base_link of the recorded frame, from the bag's /tf_static or the rig; None for base_link itself."""
     if frame in ("", BASE):
         return None
     static = static_frames(run)
@@ -240,7 +241,7 @@ def _base_from(frame: str, run: Run, rig: Rig) -> F8 | None:
     if frame in rig.mounts():
         return rig.mounts()[frame].base_from_sensor
     raise BagError(
-        f"{table.ODOMETRY} of {run.bag} has poses of {frame!r}, which nothing in /tf_static ties to {BASE!r}"
+        f"{table.ODOMETRY} of {run.bag} has poses of {frame!r}, which /tf_static does not connect to {BASE!r}"
     )
 
 

@@ -3,6 +3,7 @@
 """Sub-commands for existing runs and bags: export, annotate, validate, report, view."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -32,26 +33,32 @@ def _export(options: argparse.Namespace) -> None:
 
 
 def _annotate(options: argparse.Namespace) -> None:
-    from fieldtruth.annotation import annotate
+    from fieldtruth.annotation import WorldConfig, annotate
     from fieldtruth.core.progress import show_progress
     from fieldtruth.experiment.files import load_experiment
+    from fieldtruth.experiment.rig import Rig
 
     like = None if options.experiment is None else load_experiment(options.experiment)
     if like is not None and like.environment != options.world:
         raise UsageError(
             f"--world must be {like.environment!r}, the environment of {options.experiment}, got {options.world!r}"
         )
+    rig = Rig() if like is None else like.rig
+    rig = rig.model_copy(update={"lidar": rig.lidar.model_copy(update={"enabled": options.lidar})})
+    world = (
+        WorldConfig(options.world)
+        if like is None
+        else WorldConfig(like.environment, like.seed, like.layout, like.light)
+    )
+    if options.seed is not None:
+        world = replace(world, seed=options.seed)
     with show_progress() as progress:
         made = annotate(
             options.bag,
-            options.world,
-            seed=options.seed if options.seed is not None else like.seed if like is not None else 0,
-            out=options.out,
-            lidar=options.lidar,
-            rig=None if like is None else like.rig,
-            light=None if like is None else like.light,
-            layout=None if like is None else like.layout,
+            world,
+            rig=rig,
             robot=options.robot,
+            out=options.out,
             workers=options.workers,
             progress=progress,
         )

@@ -82,14 +82,16 @@ def run_folder(experiment: Experiment, out: Path, *, overwrite: bool = False) ->
 
 
 @contextmanager
-def new_folder(path: Path) -> Iterator[None]:
+def new_folder(path: Path, output: Path | None = None) -> Iterator[None]:
     """Make a folder and its parents; if the block raises, those that are new and still empty are removed.
+
+    Errors name ``output``, the file for which the folder is needed, or the folder itself.
 
     Raises:
         OutputError: the folder cannot be made.
     """
     new = [folder for folder in (path, *path.parents) if not folder.exists()]
-    with output_errors(path):
+    with output_errors(path if output is None else output):
         path.mkdir(parents=True, exist_ok=True)
     try:
         yield

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Two streams of messages become one bag: those of another bag as they are, and those that were made for it."""
+"""Merge the messages of another bag, unchanged, with those that were made for it."""
 
 from collections.abc import Callable, Iterator, Mapping
 from heapq import merge
@@ -19,50 +19,50 @@ from fieldtruth.record.slices import PROGRESS_NS, Slices
 
 
 class _Entry(NamedTuple):
-    """A message for the new bag: its stamp there [ns], its topic or the connection that it was recorded by, bytes."""
+    """A message for the new bag: its stamp there [ns], its topic or the connection that recorded it, and its bytes."""
 
     stamp_ns: int
     topic: str | Connection
     data: bytes
 
 
-def weave(
+def merge_bags(
     run: Run,
     slices: Slices,
     target: Path,
-    fixed: Mapping[str, tuple[int, bytes]],
+    latched: Mapping[str, tuple[int, bytes]],
     recorded_at: Callable[[int], int],
     advance: Advance,
 ) -> None:
-    """Write all messages in time order; where stamps are equal, first those of the other bag.
+    """Write all messages in time order; of those with the same stamp the other bag's come first.
 
-    One chunk of either side is in memory at a time.
+    One chunk of each is in memory at a time.
 
     Args:
-        run: the other bag, all of whose messages and topics are carried over.
-        slices: what was made, all of it finished.
-        target: the new bag, which is there when it is whole.
-        fixed: stamp in the bag [ns] and bytes, by topic, of what is said once.
-        recorded_at: stamp in the bag [ns] of what was sensed at a stamp [ns].
-        advance: is called with the time [s] just written.
+        run: the other bag, all of whose messages and topics are copied.
+        slices: the new messages; all slices are finished.
+        target: the new bag; it appears when it is complete.
+        latched: stamp in the bag [ns] and bytes, by topic, of messages that are published once.
+        recorded_at: stamp in the bag [ns] of a reading taken at a stamp [ns].
+        advance: called with the time [s] just written.
     """
-    once = [topic for topic in table.TOPICS if topic.name in fixed]
+    once = [topic for topic in table.TOPICS if topic.name in latched]
     with output_errors(target), open_bag(run.bag) as source, BagWriter(target, [*once, *slices.topics]) as bag:
-        carried = {connection.id: bag.carry(connection) for connection in source.connections}
+        connections = {connection.id: bag.carry(connection) for connection in source.connections}
 
-        def theirs() -> Iterator[_Entry]:
+        def original() -> Iterator[_Entry]:
             for raw in source.messages():
-                yield _Entry(raw.stamp_ns, carried[raw.connection], raw.data)
+                yield _Entry(raw.stamp_ns, connections[raw.connection], raw.data)
 
-        def ours() -> Iterator[_Entry]:
-            yield from (_Entry(stamp, topic, data) for topic, (stamp, data) in fixed.items())
+        def added() -> Iterator[_Entry]:
+            yield from (_Entry(stamp, topic, data) for topic, (stamp, data) in latched.items())
             for k in range(slices.count):
                 with open_bag(slices.path(k)) as part:
                     for raw in part.messages():
                         yield _Entry(recorded_at(raw.stamp_ns), raw.topic, raw.data)
 
         reported_ns = run.start_ns
-        for entry in merge(theirs(), ours(), key=lambda entry: entry.stamp_ns):
+        for entry in merge(original(), added(), key=lambda entry: entry.stamp_ns):
             bag.write(entry.topic, entry.stamp_ns, entry.data)
             if entry.stamp_ns - reported_ns >= PROGRESS_NS:
                 advance((entry.stamp_ns - reported_ns) / 1e9)
