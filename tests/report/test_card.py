@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The data card against the run that it describes, and the checksums against the program that users have."""
+"""The data card against its run, and the checksums against sha256sum."""
 
 import re
 import shutil
@@ -44,8 +44,8 @@ def test_card_topics_match_the_bag(card: str, small_run: Path) -> None:
 
 
 def test_card_length_matches_the_drive(card: str, small_run: Path) -> None:
-    way = [r.message.pose.pose.position for r in read_bag(small_run / "park_1.bag", ["/ground_truth/odom"])]
-    chord = np.linalg.norm(np.diff([[p.x, p.y, p.z] for p in way], axis=0), axis=1).sum()
+    path = [r.message.pose.pose.position for r in read_bag(small_run / "park_1.bag", ["/ground_truth/odom"])]
+    chord = np.linalg.norm(np.diff([[p.x, p.y, p.z] for p in path], axis=0), axis=1).sum()
     found = re.search(r"drives ([\d.]+) m in ([\d.]+) s", card)
     assert found is not None
     assert float(found[1]) == pytest.approx(chord, abs=0.02)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Class shares: on an endless plain they are known; and they do not depend on who counts."""
+"""Class shares: known on a plain, independent of threads, formatted as tables."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def test_shares_on_a_plain_match_closed_form() -> None:
 
 def test_shares_separate_trail_and_ground_along_the_route() -> None:
     shares = class_shares(EXPERIMENT, spacing=2.0, scene=Scene(plain(trail_north_of_0=True)))
-    assert len(shares.pixels) == 7  # the way ends 2 m before the last way-point, 16 m away
+    assert len(shares.pixels) == 7  # the path ends 2 m before the last waypoint, 16 m away
     assert shares.points[:, [Label.GROUND, Label.TRAIL]].sum() == shares.points.sum() == 7 * 64 * 8
     assert (np.diff(shares.points[:, Label.TRAIL]) > 0).all()
     assert shares.pixels[-1, Label.GROUND] == 0

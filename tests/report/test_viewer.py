@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the viewer is sent, read back from its file by its own reader, against the bag."""
+"""Recordings for the viewer, read by its own reader, against the bag."""
 
 import subprocess
 import sys
@@ -84,7 +84,7 @@ def test_robot_poses_match_odometry(small_run: Path, rows: dict[str, list[dict[s
     for row in shown[::20]:
         pose = read.pose_matrix(odometry[row["time"]].pose.pose)
         assert np.allclose(values(row, "Transform3D:translation")[0], pose[:3, 3], atol=1e-5)
-        columns = values(row, "Transform3D:mat3x3")[0].reshape(3, 3)  # column by column
+        columns = values(row, "Transform3D:mat3x3")[0].reshape(3, 3)  # column-major
         assert np.allclose(columns.T, pose[:3, :3], atol=1e-6)
 
 
@@ -117,7 +117,7 @@ def test_pinhole_uses_pixel_corners(small_run: Path, rows: dict[str, list[dict[s
     true = info.K.reshape(3, 3)
     assert matrix[0, 0] == pytest.approx(true[0, 0], rel=1e-6)
     assert matrix[1, 1] == pytest.approx(true[1, 1], rel=1e-6)
-    assert matrix[:2, 2] == pytest.approx([320 / 2, 184 / 2])  # the middle, counted from the corner
+    assert matrix[:2, 2] == pytest.approx([320 / 2, 184 / 2])  # the middle, measured from the corner
     assert values(row, "Pinhole:resolution")[0].tolist() == [320, 184]
 
 
@@ -138,7 +138,7 @@ def test_errors_are_one_line_and_nothing_is_written(
 ) -> None:
     taken = tmp_path / "taken.rrd"
     taken.write_bytes(b"mine")
-    with pytest.raises(OutputError, match=r"taken\.rrd is there already"):
+    with pytest.raises(OutputError, match=r"taken\.rrd already exists"):
         view(small_run, save=taken)
     assert taken.read_bytes() == b"mine"
     with pytest.raises(OutputError, match=r"its name must end in \.rrd"):
@@ -146,7 +146,7 @@ def test_errors_are_one_line_and_nothing_is_written(
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     assert cli.main(["view", str(small_run)]) == 2
-    assert capsys.readouterr().err.startswith("error: there is no display for the viewer; --save FILE.rrd ")
+    assert capsys.readouterr().err.startswith("error: there is no display for the viewer; use --save FILE.rrd ")
     monkeypatch.setitem(sys.modules, "rerun", None)
     assert cli.main(["view", str(small_run), "--save", str(tmp_path / "new.rrd")]) == 2
     assert capsys.readouterr().err == "error: the viewer is not installed; run: pip install 'fieldtruth[view]'\n"

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The data card of a run, DATASET.md: what a stranger must know before using the data."""
+"""The data card of a run, DATASET.md: contents, conventions and limits of the data."""
 
 from collections.abc import Mapping
 from importlib import resources
@@ -20,13 +20,13 @@ from fieldtruth.world.model import World
 
 
 def data_card(experiment: Experiment, world: World, track: Track, counts: Mapping[str, int]) -> str:
-    """Write the card of a run as Markdown; the front matter is that of data set hubs.
+    """Return the card of a run as Markdown with the front matter of data set hubs.
 
     Args:
-        experiment: what made the run.
-        world: the place it was made in.
+        experiment: the executed experiment.
+        world: its world.
         track: the drive.
-        counts: messages by topic.
+        counts: number of messages by topic.
     """
     rig = experiment.rig
     text = resources.files("fieldtruth.report").joinpath("card.md").read_text(encoding="utf-8")
@@ -64,15 +64,15 @@ def _sensors(rig: Rig) -> list[str]:
         lines.append(
             f"- Stereo camera: {camera.width} x {camera.height}, {camera.horizontal_fov_deg:g} x "
             f"{camera.vertical_fov_deg:g} deg, baseline {camera.baseline:g} m. Photographs are JPEG (quality "
-            f"{camera.jpeg_quality}); tags, depth and object ids are never lossy."
+            f"{camera.jpeg_quality}); tag, depth and instance images are lossless."
         )
     if lidar.enabled:
-        instant = "columns swept over one period" if lidar.spinning else "all rays leave at the stamp"
+        timing = "columns are measured in turn over one period" if lidar.spinning else "all rays leave at the stamp"
         lines.append(
             f"- LiDAR: {lidar.columns} x {lidar.rings} rays, 360 x {lidar.vertical_fov_deg:g} deg, "
-            f"{lidar.min_range:g} to {lidar.max_range:g} m; {instant}; only returns are stored."
+            f"{lidar.min_range:g} to {lidar.max_range:g} m; {timing}; only returns are stored."
         )
-    return lines or ["Neither camera nor LiDAR was carried."]
+    return lines or ["- Neither cameras nor LiDAR were enabled."]
 
 
 def _classes() -> list[str]:

@@ -1,10 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which class how many pixels and points belong to (paper, Figure 21), counted along the line of an experiment.
+"""Class shares of pixels and points along the path of an experiment (paper, Figure 21).
 
-The sample: a robot that stands every 2 m of the way, which is every 6.7 s at the paper's speed. It scans once and takes
-one label image with its left camera; the right one, 12 cm beside it, sees nearly the same. Every pixel and every point
-of the sample is counted.
+There is a viewpoint every 2 m of the expected path, which is every 6.7 s at the paper's speed. Each has one scan and
+one label image of the left camera; the right one, 12 cm beside it, sees nearly the same.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,23 +30,23 @@ SPACING: Final = 2.0  # [m]
 
 @dataclass(frozen=True, kw_only=True)
 class ClassShares:
-    """Counts per pose and class id: ``pixels`` and ``points`` are (poses, 16)."""
+    """Counts by viewpoint and class id: ``pixels`` and ``points`` are (poses, 16)."""
 
     pixels: Counts
     points: Counts
 
     @property
     def pixel_share(self) -> Array:
-        """Share of each class (16,) in all pixels; 0 where nothing was counted."""
+        """Share of each class (16,) in all pixels; zeros without pixels."""
         return _share(self.pixels)
 
     @property
     def point_share(self) -> Array:
-        """Share of each class (16,) in all points; 0 where nothing was counted."""
+        """Share of each class (16,) in all points; zeros without points."""
         return _share(self.points)
 
     def as_dict(self) -> dict[str, Any]:
-        """Number of poses, and the counts of the classes that were seen, by the class's name."""
+        """Number of poses, and counts of the classes that occur, by name."""
         counts = {"pixels": self.pixels.sum(axis=0).tolist(), "points": self.points.sum(axis=0).tolist()}
         named = {key: {c.name: n for c, n in zip(CLASSES, row, strict=True) if n} for key, row in counts.items()}
         return {"poses": len(self.pixels), **named}
@@ -56,12 +55,12 @@ class ClassShares:
 def class_shares(
     experiment: Experiment, *, spacing: float = SPACING, scene: Scene | None = None, workers: int = 1
 ) -> ClassShares:
-    """Count the classes that camera and LiDAR see along the experiment's line.
+    """Count the classes in camera images and scans along the expected path of an experiment.
 
     Args:
-        experiment: its environment, seed, rig and route; whether a sensor is enabled makes no difference.
-        spacing: metres of way from one pose to the next.
-        scene: of the experiment's world, if there is one already.
+        experiment: environment, seed, rig and route; disabled sensors are counted, too.
+        spacing: distance [m] between viewpoints along the path.
+        scene: of the experiment's world; None builds it.
         workers: threads.
     """
     if scene is None:
@@ -76,24 +75,24 @@ def class_shares(
 def shares_of(
     experiments: Sequence[Experiment], *, progress: Progress | None = None, workers: int = 1
 ) -> dict[str, ClassShares]:
-    """Class shares of experiments by name; those that follow each other in the same world load it once."""
+    """Class shares of experiments by name; consecutive experiments in the same world load it once."""
     progress, found = Silent() if progress is None else progress, {}
     for (environment, *_), members in groupby(experiments, key=lambda e: (e.environment, e.seed, e.layout)):
         group = list(members)
         with progress.stage(f"load {environment}"):
             scene = Scene(world_of(group[0]))
         for experiment in group:
-            with progress.stage(f"look along {experiment.name}"):
+            with progress.stage(f"count along {experiment.name}"):
                 found[experiment.name] = class_shares(experiment, scene=scene, workers=workers)
     return found
 
 
 def count_classes(scene: Scene, rig: Rig, poses: Sequence[Array], *, workers: int = 1) -> ClassShares:
-    """Count what the left camera and the LiDAR see from poses world_from_base (4, 4); rows are in the poses' order."""
+    """Count the classes that left camera and LiDAR see from poses world_from_base (4, 4), one row per pose."""
     base_from_optical = rig.cameras.left.base_from_sensor @ CAMERA_FROM_OPTICAL
     pixels, points = (np.zeros((len(poses), len(CLASSES)), np.int64) for _ in range(2))
 
-    def look(rows: range) -> None:
+    def count(rows: range) -> None:
         camera, lidar = LabelCamera(rig.cameras, scene, reuse=True), Lidar(rig.lidar, scene)
         for row in rows:
             image = camera.label(poses[row] @ base_from_optical)
@@ -102,14 +101,14 @@ def count_classes(scene: Scene, rig: Rig, poses: Sequence[Array], *, workers: in
             points[row] = np.bincount(scan.label, minlength=len(CLASSES))
 
     with ThreadPoolExecutor(workers) as pool:
-        list(pool.map(look, [range(first, len(poses), workers) for first in range(workers)]))
+        list(pool.map(count, [range(first, len(poses), workers) for first in range(workers)]))
     return ClassShares(pixels=pixels, points=points)
 
 
 def shares_table(shares: Mapping[str, ClassShares]) -> str:
-    """Two tables, of pixels and of points: a line per class that is seen, a column of percent per experiment.
+    """Format two tables in percent, of pixels and points: a row per class that occurs, a column per experiment.
 
-    0.00 is a class that was seen in less than 0.005 %; a dash one that was not seen.
+    0.00 means less than 0.005 %, a dash means no pixel or point.
     """
     blocks = []
     for title in ("pixels", "points"):

@@ -1,15 +1,15 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A run in the rerun viewer: way, photographs under their tags, labelled clouds, curves, on the sensors' own frames.
+"""A run in the rerun viewer: path, photographs with labels, labelled clouds and time series in the sensors' frames.
 
-The entity tree is the tree of ``/tf_static``, so that what a sensor sees stands where the sensor sits. All scans are
-shown; images ``RATE`` times a second, because a viewer keeps everything in memory and a tag image is a megabyte there.
+The entity tree follows ``/tf_static``. All scans are shown, but only ``RATE`` images per second: the viewer keeps all
+data in memory, and a tag image takes a megabyte.
 """
 
 import os
 import sys
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,7 +23,7 @@ from fieldtruth.bag.run import Run, open_run
 from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.errors import OutputError
-from fieldtruth.core.files import output_errors
+from fieldtruth.core.files import atomic_output, output_errors
 from fieldtruth.core.progress import Progress, Silent
 
 RATE: Final = 5.0  # [Hz]
@@ -31,35 +31,37 @@ TIMELINE: Final = "time"
 BASE: Final = "world/base_link"
 
 _EPOCH_NS: Final = 10**8 * 10**9
-"""Stamps beyond three years are dates and no time since a start."""
+"""Larger stamps (three years) are dates, not time since the start."""
 
 
 def view(path: Path, *, save: Path | None = None, progress: Progress | None = None) -> None:
-    """Show a run in the rerun viewer, or write what it would show to a file.
+    """Show a run in the rerun viewer, or write the recording to a file.
 
     Args:
         path: folder of a run, or a bag.
         save: an .rrd file to write instead of opening the viewer.
-        progress: is told how far the work has come.
+        progress: receives the stages of the work.
 
     Raises:
         BagError: the bag cannot be read.
-        OutputError: rerun is not installed, there is no display, or the file is there already or cannot be written.
+        OutputError: rerun is not installed, there is no display, or the file already exists or cannot be written.
     """
     run = open_run(path)
     if save is not None and save.suffix != ".rrd":
         raise OutputError(f"cannot write {save}: its name must end in .rrd")
     if save is not None and os.path.lexists(save):
-        raise OutputError(f"{save} is there already; remove it, or choose another name")
+        raise OutputError(f"{save} already exists; remove it or choose another name")
     if save is None and sys.platform == "linux" and not os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY"}:
-        raise OutputError("there is no display for the viewer; --save FILE.rrd writes what it would show")
+        raise OutputError("there is no display for the viewer; use --save FILE.rrd to write a recording")
     rr = _rerun()
     recording = rr.RecordingStream("fieldtruth", recording_id=run.name)
-    with _written(save) as part:
-        if part is None:
+    with ExitStack() as stack:
+        if save is None:
             rr.spawn(recording=recording, hide_welcome_screen=True)
         else:
-            recording.save(str(part))
+            stack.enter_context(output_errors(save))
+            save.parent.mkdir(parents=True, exist_ok=True)
+            recording.save(str(stack.enter_context(atomic_output(save))))
         recording.send_blueprint(_blueprint(run))
         _Log(rr, recording, run).everything(Silent() if progress is None else progress)
         recording.flush()
@@ -67,7 +69,7 @@ def view(path: Path, *, save: Path | None = None, progress: Progress | None = No
 
 
 class _Log:
-    """Sends a run to a recording."""
+    """Logs a run to a recording."""
 
     def __init__(self, rr: Any, recording: Any, run: Run) -> None:
         self.rr, self.recording, self.run = rr, recording, run
@@ -76,7 +78,7 @@ class _Log:
         self._known: set[str] = set()
 
     def everything(self, progress: Progress) -> None:
-        """Send what stands still, then every message in time order."""
+        """Log static data, then the messages in time order."""
         rr, run = self.rr, self.run
         described = [rr.AnnotationInfo(int(c.label), c.name, c.rgb) for c in CLASSES if c.rgb is not None]
         self.recording.log("/", rr.AnnotationContext(described), static=True)
@@ -85,18 +87,18 @@ class _Log:
         self._entities = entities(static)
         for (_, child), parent_from_child in static.items():
             self.recording.log(self._entities[child], self._transform(parent_from_child), static=True)
-        way = read_trajectory(run).position
-        self.recording.log("world/way", rr.LineStrips3D([way[:: max(1, len(way) // 5000)]], radii=0.02), static=True)
+        path = read_trajectory(run).position
+        self.recording.log("world/path", rr.LineStrips3D([path[:: max(1, len(path) // 5000)]], radii=0.02), static=True)
         senders = {topic: sender for topic, sender in self._senders().items() if topic in run.counts}
-        told = run.start_ns
-        with progress.stage("show the run", run.duration_s) as advance, open_bag(run.bag) as bag:
+        reported = run.start_ns
+        with progress.stage("log the run", run.duration_s) as advance, open_bag(run.bag) as bag:
             decode = decoder(bag)
             for raw in bag.messages(list(senders)):
-                if not self._is_thinned(raw):
+                if not self._is_skipped(raw):
                     self._set_time(raw.stamp_ns)
                     senders[raw.topic](raw.topic, decode(raw))
-                advance((raw.stamp_ns - told) / 1e9)
-                told = raw.stamp_ns
+                advance((raw.stamp_ns - reported) / 1e9)
+                reported = raw.stamp_ns
 
     def _senders(self) -> dict[str, Any]:
         cameras = {
@@ -117,7 +119,7 @@ class _Log:
             **dict.fromkeys(table.WHEEL_SPEEDS, self._wheel),
         }
 
-    def _is_thinned(self, raw: RawMessage) -> bool:
+    def _is_skipped(self, raw: RawMessage) -> bool:
         if "/camera/" not in raw.topic:
             return False
         if raw.stamp_ns - self._last_image.get(raw.topic, -_EPOCH_NS) < 0.999e9 / RATE:
@@ -156,18 +158,10 @@ class _Log:
             return
         self._known.add(entity)
         matrix = message.K.reshape(3, 3).copy()
-        matrix[:2, 2] += 0.5  # rerun counts from the corner of the first pixel, ROS from its centre
-        self.recording.log(
-            entity,
-            self.rr.Pinhole(
-                image_from_camera=matrix,
-                width=message.width,
-                height=message.height,
-                camera_xyz=self.rr.ViewCoordinates.RDF,
-                image_plane_distance=1.0,
-            ),
-            static=True,
-        )
+        matrix[:2, 2] += 0.5  # rerun's origin is the corner of the first pixel, that of ROS its centre
+        axes, size = self.rr.ViewCoordinates.RDF, {"width": message.width, "height": message.height}
+        lens = self.rr.Pinhole(image_from_camera=matrix, camera_xyz=axes, image_plane_distance=1.0, **size)
+        self.recording.log(entity, lens, static=True)
 
     def _photograph(self, _: str, message: Any) -> None:
         entity = f"{self._entity(message.header.frame_id)}/photograph"
@@ -184,9 +178,9 @@ class _Log:
         self.recording.log(f"depth/{message.header.frame_id}", image)
 
     def _imu(self, _: str, message: Any) -> None:
-        for name, value in (("turn", message.angular_velocity), ("acceleration", message.linear_acceleration)):
+        for name in ("angular_velocity", "linear_acceleration"):
             for axis in "xyz":
-                self._scalar(f"imu/{name}/{axis}", getattr(value, axis))
+                self._scalar(f"imu/{name}/{axis}", getattr(getattr(message, name), axis))
 
     def _navsat(self, _: str, message: Any) -> None:
         self.recording.log("gnss", self.rr.GeoPoints(lat_lon=[message.latitude, message.longitude]))
@@ -199,7 +193,7 @@ class _Log:
 
 
 def entities(static: Mapping[tuple[str, str], NDArray[np.float64]]) -> dict[str, str]:
-    """Entity path of each frame by its name, from the fixed transforms by (parent, child)."""
+    """Entity path of each frame by name, from the static transforms by (parent, child)."""
     parents = {child: parent for parent, child in static}
     found: dict[str, str] = {}
     for frame in parents:
@@ -214,7 +208,7 @@ def entities(static: Mapping[tuple[str, str], NDArray[np.float64]]) -> dict[str,
 def _blueprint(run: Run) -> Any:
     import rerun.blueprint as rrb
 
-    pictures = [
+    images = [
         rrb.Spatial2DView(origin=f"{BASE}/{side}_camera/{side}_camera_optical", name=f"{side} camera")
         for side in table.SIDES
         if table.photograph(side) in run.counts or table.tag(side) in run.counts
@@ -223,33 +217,17 @@ def _blueprint(run: Run) -> Any:
         rrb.TimeSeriesView(origin=f"curves/{origin}", name=name)
         for origin, name in (
             ("speed", "speed [m/s]"),
-            ("imu/turn", "turn rate [rad/s]"),
-            ("imu/acceleration", "acceleration [m/s²]"),
+            ("imu/angular_velocity", "angular velocity [rad/s]"),
+            ("imu/linear_acceleration", "acceleration [m/s²]"),
             ("wheels", "wheels [rad/s]"),
         )
     ]
-    right = rrb.Vertical(*pictures, rrb.Tabs(*curves)) if pictures else rrb.Vertical(*curves)
+    right = rrb.Vertical(*images, rrb.Tabs(*curves)) if images else rrb.Vertical(*curves)
     return rrb.Blueprint(
         rrb.Horizontal(rrb.Spatial3DView(origin="world", name="world"), right, column_shares=[3, 2]),
         rrb.TimePanel(timeline=TIMELINE),
         collapse_panels=True,
     )
-
-
-@contextmanager
-def _written(save: Path | None) -> Iterator[Path | None]:
-    """Temporary name of a file that gets its own when it is whole."""
-    if save is None:
-        yield None
-        return
-    part = save.with_name(f".{save.name}.part")
-    with output_errors(save):
-        save.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            yield part
-            part.rename(save)
-        finally:
-            part.unlink(missing_ok=True)
 
 
 def _rerun() -> Any:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Content of a page as plain data: what the run lacks is None or empty, and ``notes`` give the reasons."""
+"""Content of a page as plain data: parts that the run lacks are empty, with the reason in a note."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -114,7 +114,7 @@ class Motion(Collector):
         }
 
     def trajectory(self) -> Trajectory | None:
-        """Return poses at least 19 ms apart; None if there are none."""
+        """Return poses at least 19 ms apart, or None without a valid pose."""
         self._flush()
         if not self._pose_stamps:
             return None

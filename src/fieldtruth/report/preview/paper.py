@@ -33,7 +33,7 @@ class Paper:
         return axes
 
     def image_at(self, image: NDArray[np.uint8], left: float, top: float, width: float, height: float) -> Axes:
-        """Place an image (h, w, 3) in a box; the unit of the axes is its pixel, (0, 0) is the centre of the first."""
+        """Draw an image (h, w, 3) into a box; the unit of the axes is its pixel, (0, 0) is the centre of the first."""
         axes = self._axes(left, top, width, height)
         axes.imshow(image, aspect="auto", interpolation="antialiased")
         axes.set_autoscale_on(False)
