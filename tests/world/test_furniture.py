@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Furniture has real dimensions, stands in the ground, has one class, and its colliders fit."""
+"""Furniture has real dimensions, feet in the ground, one class, and colliders that fit."""
 
 from collections.abc import Callable
 
@@ -36,7 +36,7 @@ SIZES = {
 
 
 def inside(collider: Collider, points: NDArray[np.float32], margin: float) -> NDArray[np.bool_]:
-    """Which points (n, 3) lie in the collider grown by a margin [m]; colliders of furniture are not turned."""
+    """Which points (n, 3) are within a margin [m] of the collider; colliders of furniture are not rotated."""
     assert collider.yaw_deg == 0.0
     x, y, z = (points - np.array(collider.position)).T
     tall = (z > -margin) & (z < collider.size[-1] + margin)
@@ -46,7 +46,7 @@ def inside(collider: Collider, points: NDArray[np.float32], margin: float) -> ND
 
 
 @pytest.mark.parametrize("name", PIECES)
-def test_dimensions(name: str) -> None:
+def test_dimensions_are_those_of_real_furniture(name: str) -> None:
     mesh, _ = PIECES[name]
     height, along, across = SIZES[name]
     assert mesh.name == name
@@ -54,18 +54,18 @@ def test_dimensions(name: str) -> None:
     assert along[0] < np.ptp(mesh.vertices[:, 0]) < along[1]
     assert across[0] < np.ptp(mesh.vertices[:, 1]) < across[1]
     assert 400 < len(mesh.faces) < 5_000
-    # Bevels and rims are at most 3 cm wider than said; the footprint keeps others clear of every vertex.
+    # Bevels and rims may be up to 3 cm outside the footprint.
     assert mesh.footprint >= np.hypot(mesh.vertices[:, 0], mesh.vertices[:, 1]).max() - 0.03
 
 
 @pytest.mark.parametrize("name", PIECES)
-def test_feet_stand_below_the_ground(name: str) -> None:
+def test_feet_are_in_the_ground(name: str) -> None:
     mesh, _ = PIECES[name]
     assert -0.11 < mesh.vertices[:, 2].min() <= -0.05
 
 
 @pytest.mark.parametrize("name", PIECES)
-def test_arrays(name: str) -> None:
+def test_mesh_is_valid(name: str) -> None:
     mesh, _ = PIECES[name]
     count = len(mesh.vertices)
     assert {a.dtype.str for a in (mesh.vertices, mesh.normals, mesh.uv)} == {"<f4"}
@@ -82,14 +82,14 @@ def test_arrays(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", PIECES)
-def test_every_triangle_has_the_class_of_its_kind(name: str) -> None:
+def test_every_material_has_the_class_of_the_object(name: str) -> None:
     mesh, label = PIECES[name]
     assert {MATERIALS[m].label for m in mesh.materials} == {label}
     assert set(np.unique(mesh.material)) == set(range(len(mesh.materials)))
 
 
 @pytest.mark.parametrize("name", PIECES)
-def test_colliders_enclose_what_a_robot_can_touch(name: str) -> None:
+def test_colliders_enclose_vertices_up_to_one_metre(name: str) -> None:
     mesh, _ = PIECES[name]
     low = mesh.vertices[mesh.vertices[:, 2] < 1.0]
     enclosed = np.any([inside(c, low, 0.05) for c in mesh.colliders], axis=0)
@@ -97,7 +97,7 @@ def test_colliders_enclose_what_a_robot_can_touch(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", PIECES)
-def test_colliders_are_not_much_bigger(name: str) -> None:
+def test_colliders_are_at_most_5_cm_larger_than_the_mesh(name: str) -> None:
     mesh, _ = PIECES[name]
     for c in mesh.colliders:
         half = np.array((c.size[0],) * 2 if c.shape == "cylinder" else (c.size[0] / 2, c.size[1] / 2))
@@ -109,7 +109,7 @@ def test_colliders_are_not_much_bigger(name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "width"), [("bench_0", 1.7), ("bench_1", 1.7)])
-def test_benches_face_forward_with_the_back_behind(name: str, width: float) -> None:
+def test_benches_face_forward(name: str, width: float) -> None:
     mesh, _ = PIECES[name]
     wood = mesh.vertices[mesh.faces[mesh.material == mesh.materials.index("bench_wood")]].reshape(-1, 3)
     seat, back = wood[wood[:, 2] < 0.47], wood[wood[:, 2] > 0.52]
@@ -120,9 +120,9 @@ def test_benches_face_forward_with_the_back_behind(name: str, width: float) -> N
 
 
 @pytest.mark.parametrize("kind", MAKERS)
-def test_unknown_variant_is_refused(kind: str) -> None:
+def test_unknown_variant_is_rejected(kind: str) -> None:
     make, count, _ = MAKERS[kind]
-    with pytest.raises(ValueError, match=f"variant is {count}"):
+    with pytest.raises(ValueError, match=rf"variant must be between 0 and {count - 1}, got {count}"):
         make(count)
-    with pytest.raises(ValueError, match="variant is -1"):
+    with pytest.raises(ValueError, match="got -1"):
         make(-1)

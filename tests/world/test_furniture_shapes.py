@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The shapes have the volume of the formula, are closed, and their normals point outwards."""
+"""Shapes have the volume in closed form, are closed, and have outward normals."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def area(mesh: Mesh) -> float:
 
 
 def open_edges(mesh: Mesh) -> int:
-    """Edges that are not run through once in each direction, of vertices in the same place taken as one."""
+    """Number of edges that are not traversed once in each direction, with vertices merged by position."""
     _, same = np.unique(np.round(mesh.vertices, 5), axis=0, return_inverse=True)
     faces = same.ravel()[mesh.faces]
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
@@ -69,7 +69,7 @@ def test_shapes_are_closed_and_normals_are_unit_and_outward(name: str) -> None:
     assert volume(mesh) > 0
 
 
-def test_bevelled_box() -> None:
+def test_bevelled_box_has_its_volume_and_size() -> None:
     length, width, height, cut = 1.0, 0.2, 0.1, 0.01
     edges = 4 * (cut**2 / 2) * (length + width + height - 6 * cut)
     expected = length * width * height - edges - 8 * (5 / 6) * cut**3
@@ -86,7 +86,7 @@ def test_grain_runs_along_the_longest_side() -> None:
 
 
 @pytest.mark.parametrize("bevel", [0.0, 0.05])
-def test_impossible_bevel_is_refused(bevel: float) -> None:
+def test_bevel_out_of_range_is_rejected(bevel: float) -> None:
     with pytest.raises(ValueError, match=r"between 0 and half the smallest side, 0\.05"):
         make_box("m", (1, 0.2, 0.1), bevel=bevel)
 
@@ -99,13 +99,13 @@ def test_bent_tube_keeps_its_cross_section() -> None:
 
 
 @pytest.mark.parametrize(("sides", "faceted"), [(24, False), (4, True), (8, True)])
-def test_lathe(sides: int, faceted: bool) -> None:
+def test_lathe_has_the_volume_of_its_frustums(sides: int, faceted: bool) -> None:
     assert volume(make_lathe("m", VASE, sides=sides, faceted=faceted)) == pytest.approx(
         ngon(sides) * frustum_sum(VASE), rel=1e-5
     )
 
 
-def test_facets_are_flat_and_round_sides_are_not() -> None:
+def test_facets_have_flat_normals_and_round_sides_radial_ones() -> None:
     prism = [(0, 0), (1, 0), (1, 2), (0, 2)]
     a, b, c = corners(make_lathe("m", prism, sides=6, faceted=True)).transpose(1, 0, 2)
     faceted = make_lathe("m", prism, sides=6, faceted=True)
@@ -118,7 +118,7 @@ def test_facets_are_flat_and_round_sides_are_not() -> None:
     np.testing.assert_allclose(smooth.normals[side], spoke, atol=1e-6)
 
 
-def test_extrusion() -> None:
+def test_extrusion_has_its_volume_and_area() -> None:
     mesh = SHAPES["extrusion"]
     assert volume(mesh) == pytest.approx(4 * 0.5, rel=1e-6)
     assert area(mesh) == pytest.approx(2 * 4 + 10 * 0.5, rel=1e-6)
@@ -133,22 +133,22 @@ def test_triangles_of_a_polygon_cover_its_area() -> None:
         triangulate(L_SHAPE[::-1])
 
 
-def test_rounding_a_right_angle_cuts_the_corner_by_a_quarter_circle() -> None:
+def test_rounded_right_angle_is_a_quarter_circle() -> None:
     path = rounded([(0, 0), (1, 0), (1, 1)], 0.25, steps=200)
     assert path_length(path) == pytest.approx(2 - 2 * 0.25 + np.pi / 2 * 0.25, abs=1e-5)
     np.testing.assert_allclose(path[[0, -1]], [(0, 0), (1, 1)])
 
 
-def test_bar_has_its_thickness() -> None:
+def test_bar_outline_has_its_thickness() -> None:
     path = np.array([(0, 0), (1, 0), (1, 1)], np.float64)
     outline = bar_outline(path, 0.1)
-    assert signed_area(outline) == pytest.approx(2 * 0.1)  # mitred: what one side gains the other loses
+    assert signed_area(outline) == pytest.approx(2 * 0.1)  # mitred: the gain of one side is the loss of the other
     points, slopes = at_length(path, [0.5, 1.5])
     np.testing.assert_allclose(points, [(0.5, 0), (1, 0.5)])
     np.testing.assert_allclose(slopes, [0, np.pi / 2])
 
 
-def test_placed_turns_vertices_and_normals() -> None:
+def test_placed_transforms_vertices_normals_and_uv() -> None:
     box = SHAPES["box"]
     turned = placed(box, pose((1, 2, 3), (0, 0, 90)), uv_shift=(0.5, 0.0))
     np.testing.assert_allclose(

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What people set up, modelled in full: each maker takes a variant's number and returns a mesh with its colliders."""
+"""Street furniture and power lines: each function makes a mesh with its colliders."""
 
 from fieldtruth.world.furniture.bench import make_bench
 from fieldtruth.world.furniture.cables import hang, make_cable

@@ -9,18 +9,17 @@ import numpy as np
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.frames import pose
 from fieldtruth.world.furniture.outlines import at_length, bar_outline, path_length, rounded
-from fieldtruth.world.furniture.shapes import make_box, make_extrusion, make_lathe, make_tube, placed
+from fieldtruth.world.furniture.shapes import check_variant, make_box, make_extrusion, make_lathe, make_tube, placed
 from fieldtruth.world.model import Collider, Mesh, merge_meshes
 
 WIDTH = 1.7  # [m]
-SUNK = 0.08  # [m] of the feet below the ground
+SUNK = 0.08  # [m] depth of the feet in the ground
 
 
 def make_bench(variant: int) -> Mesh:
     """Bench 0 (cast-iron sides), 1 (concrete sides with a back) or 2 (concrete blocks, no back)."""
     makers = (_cast_iron, _concrete_sides, _backless)
-    if not 0 <= variant < len(makers):
-        raise ValueError(f"bench variant is {variant}; there are 0 to {len(makers) - 1}")
+    check_variant("bench", variant, len(makers))
     parts, depth, height = makers[variant]()
     middle = (depth[0] + depth[1]) / 2
     collider = Collider(shape="box", size=(depth[1] - depth[0], WIDTH, height + SUNK), position=(middle, 0.0, -SUNK))
@@ -29,7 +28,7 @@ def make_bench(variant: int) -> Mesh:
 
 
 def _slats(path: Array, count: int, thickness: float, gap: float, *, bolts_at: float | None) -> list[Mesh]:
-    """Planks of the bench's width laid side by side along a curve of x and z, their upper side left of it."""
+    """Planks of the bench's width side by side along a curve of x and z, upper side to the left of it."""
     pitch = path_length(path) / count
     points, slopes = at_length(path, (np.arange(count) + 0.5) * pitch)
     parts = []
@@ -68,7 +67,7 @@ def _cast_iron() -> tuple[list[Mesh], tuple[float, float], float]:
     parts.append(make_tube("bench_iron", [(-0.03, -0.74, 0.28), (-0.03, 0.74, 0.28)], 0.011, sides=8))
     top, lean = rounded([(-0.198, 0.402), (-0.06, 0.403), (0.10, 0.413), (0.262, 0.445)], 0.6), 0.018
     parts += _slats(top, 6, 0.03, 0.014, bolts_at=0.74)
-    # The back's planks lie on the front of the uprights, so their upper side looks forward.
+    # The planks of the back are on the front of the uprights, upper side forward.
     upright = np.array([(x + lean, z) for x, z in back[::-1] if z > 0.47])
     upright = np.vstack([upright, [(-0.205 + lean, 0.495)]])
     parts += _slats(upright, 4, 0.028, 0.016, bolts_at=0.74)

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Wires that hang between two points as catenaries: the closed curve, and a thin tube about it.
+"""Wires between two points: the catenary in closed form, and a thin tube along it.
 
 A rope that neither stretches nor resists bending hangs as z = a cosh(x / a) (H. M. Irvine, Cable Structures, 1981,
-section 1.2), moved so that it passes through both points.
+section 1.2), moved to pass through both points.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -18,35 +18,35 @@ from fieldtruth.world.furniture.shapes import make_tube
 from fieldtruth.world.model import Mesh
 
 CONDUCTOR_RADIUS: Final = 0.0068
-"""Radius [m] of a conductor 94-AL1/15-ST1A of 13.6 mm (EN 50182)."""
+"""Radius [m] of a conductor 94-AL1/15-ST1A with 13.6 mm diameter (EN 50182)."""
 
 BUNDLE_RADIUS: Final = 0.012
 """Radius [m] of a twisted bundle of insulated low-voltage conductors."""
 
 CHORD_ERROR: Final = 0.001
-"""Distance [m] between the curve and a tube's segment at most."""
+"""Greatest distance [m] between the curve and a segment of the tube."""
 
-_STEEPEST: Final = 20.0  # half the span over the parameter; more would be a wire 10^7 times as long as its span
+_STEEPEST: Final = 20.0  # half the span over the parameter; a wire 10^7 times as long as its span
 
 
 @dataclass(frozen=True)
 class Catenary:
-    """A wire between two points, seen from its side: x is the horizontal distance from ``start`` towards ``end``."""
+    """A wire between two points; x is the horizontal distance from ``start`` towards ``end``."""
 
     start: Array  # (3,) [m]
     end: Array  # (3,) [m]
     parameter: float  # [m], a in z = a cosh(x / a): horizontal tension over weight per length
-    lowest: float  # [m], x of the curve's lowest point, which may lie beyond the ends
+    lowest: float  # [m], x of the curve's lowest point, which may be beyond the ends
     offset: float  # [m], added to a cosh((x - lowest) / a) to give the height
 
     @property
     def span(self) -> float:
-        """Horizontal distance [m] of the ends."""
+        """Horizontal distance [m] between the ends."""
         return float(np.hypot(*(self.end - self.start)[:2]))
 
     @property
     def sag(self) -> float:
-        """Distance [m] of the curve below the straight line between its ends, in the middle of the span."""
+        """Distance [m] in the middle of the span from the straight line between the ends down to the curve."""
         return float((self.start[2] + self.end[2]) / 2 - self.height_at(self.span / 2))
 
     @property
@@ -70,28 +70,28 @@ class Catenary:
 def hang(start: ArrayLike, end: ArrayLike, *, sag: float | None = None, length: float | None = None) -> Catenary:
     """Hang a wire between two points (3,) [m], by its sag [m] in the middle of the span or by its length [m].
 
-    Raises ValueError unless exactly one of the two is given, where the sag is not positive, the wire is not longer than
-    the straight line, or the points stand above each other.
+    Raises ValueError unless exactly one of the two is given, the sag is positive, the wire is longer than the straight
+    line, and the points have a horizontal distance.
     """
     first, last = np.asarray(start, np.float64), np.asarray(end, np.float64)
     span, rise = float(np.hypot(*(last - first)[:2])), float(last[2] - first[2])
     if span <= 0:
-        raise ValueError(f"span is {span} m; a wire hangs between points that do not stand above each other")
+        raise ValueError(f"the horizontal distance of the ends must be above 0 m, got {span}")
     if (sag is None) == (length is None):
-        raise ValueError(f"sag is {sag} and length is {length}; give one of the two")
+        raise ValueError(f"exactly one of sag and length must be given, got sag={sag} and length={length}")
 
-    # With t = span / (2 a), the sum and the difference of the ends' heights give the lowest point and these two laws.
+    # With t = span / (2 a), sum and difference of the ends' heights give the lowest point and these two functions.
     def sag_of(t: float) -> float:
         return float(span / (2 * t) * np.hypot(1.0, rise * t / (span * np.sinh(t))) * 2 * np.sinh(t / 2) ** 2)
 
     def length_of(t: float) -> float:
         return float(np.hypot(rise, span * np.sinh(t) / t))
 
-    law, wanted = (sag_of, sag) if sag is not None else (length_of, length)
+    key, function, wanted = ("sag", sag_of, sag) if sag is not None else ("length", length_of, length)
     assert wanted is not None
-    if not law(1e-5) < wanted < law(_STEEPEST):
-        raise ValueError(f"{'sag' if sag is not None else 'length'} is {wanted} m; it must be above {law(1e-5):.6g} m")
-    t = float(brentq(lambda t: law(t) - wanted, 1e-5, _STEEPEST, xtol=1e-15, rtol=1e-14))
+    if not function(1e-5) < wanted < function(_STEEPEST):
+        raise ValueError(f"{key} must be above {function(1e-5):.6g} m, got {wanted}")
+    t = float(brentq(lambda t: function(t) - wanted, 1e-5, _STEEPEST, xtol=1e-15, rtol=1e-14))
     a = span / (2 * t)
     lowest = span / 2 - a * float(np.arcsinh(rise / (2 * a * np.sinh(t))))
     return Catenary(first, last, a, lowest, float(first[2] - a * np.cosh(lowest / a)))
@@ -100,10 +100,10 @@ def hang(start: ArrayLike, end: ArrayLike, *, sag: float | None = None, length: 
 def make_cable(name: str, wire: Catenary, *, radius: float = CONDUCTOR_RADIUS, sides: int = 5) -> tuple[Mesh, Array]:
     """Mesh of a wire, a tube of ``sides`` with its corners at ``radius`` [m], and its world_from_object (4, 4).
 
-    The object's origin is in the middle of the straight line between the ends, x along the wire. Segments are as long
-    as lets the tube's axis leave the curve by ``CHORD_ERROR`` at most. A wire has no collider: nobody drives that high.
+    The object's origin is in the middle of the straight line between the ends, x along the wire. The tube's axis is
+    within ``CHORD_ERROR`` of the curve. A wire has no collider: it is above the robot.
     """
-    # A chord of horizontal width w leaves the curve by w^2 / (8 a): the curvature is 1 / (a cosh^2), the arc w cosh.
+    # A chord of horizontal width w is w^2 / (8 a) off the curve: the curvature is 1 / (a cosh^2), the arc w cosh.
     segments = max(2, int(np.ceil(wire.span / np.sqrt(8 * wire.parameter * CHORD_ERROR))))
     x = np.linspace(0.0, wire.span, segments + 1)
     height = (wire.start[2] + wire.end[2]) / 2
@@ -113,8 +113,4 @@ def make_cable(name: str, wire: Catenary, *, radius: float = CONDUCTOR_RADIUS, s
     world_from_object = np.eye(4)
     world_from_object[:2, :2] = [[ahead[0], -ahead[1]], [ahead[1], ahead[0]]]
     world_from_object[:3, 3] = *((wire.start + wire.end) / 2)[:2], height
-    named = Mesh(
-        name=name, vertices=tube.vertices, normals=tube.normals, uv=tube.uv, faces=tube.faces, material=tube.material,
-        materials=tube.materials, footprint=0.0,
-    )  # fmt: skip
-    return named, world_from_object
+    return replace(tube, name=name), world_from_object

@@ -8,22 +8,21 @@ import numpy as np
 
 from fieldtruth.core.frames import pose
 from fieldtruth.world.furniture.outlines import rounded
-from fieldtruth.world.furniture.shapes import make_box, make_lathe, make_tube, placed
+from fieldtruth.world.furniture.shapes import check_variant, make_box, make_lathe, make_tube, placed
 from fieldtruth.world.model import Collider, Mesh, merge_meshes
 
-SUNK = 0.1  # [m] of the foot below the ground
+SUNK = 0.1  # [m] depth of the base in the ground
 
 
 def make_lamp_post(variant: int) -> Mesh:
     """Lamp post 0 (classic lantern, 4.6 m) or 1 (modern, 4.3 m)."""
+    check_variant("lamp post", variant, 2)
     if variant == 0:
         parts = [*_cast_column(), *_lantern(3.62)]
         colliders = [_cylinder(0.2, -SUNK, 0.2), _cylinder(0.13, 0.2, 0.92), _cylinder(0.065, 0.92, 3.6)]
-    elif variant == 1:
+    else:
         parts = [*_steel_pole(), *_luminaire(3.85)]
         colliders = [_cylinder(0.15, -SUNK, 0.05), _cylinder(0.08, 0.05, 4.0)]
-    else:
-        raise ValueError(f"lamp post variant is {variant}; there are 0 and 1")
     return replace(merge_meshes(f"lamp_post_{variant}", parts, footprint=0.33), colliders=tuple(colliders))
 
 
@@ -44,7 +43,7 @@ def _cast_column() -> list[Mesh]:
     ]  # fmt: skip
     parts = [make_lathe("lamp_iron", plinth, sides=8, faceted=True)]
     parts += [make_lathe("lamp_iron", shaft, sides=20), make_lathe("lamp_iron", pole, sides=18)]
-    # Cast ribs around the shaft, and the bar against which the lamplighter leaned his ladder.
+    # Cast ribs around the shaft, and the ladder bar.
     for k in range(10):
         rib = make_box("lamp_iron", (0.016, 0.02, 0.36), bevel=0.006)
         parts.append(placed(rib, pose((0.0, 0.0, 0.0), (0.0, 0.0, 36.0 * k)) @ pose((0.108, 0.0, 0.43), (0, -1.6, 0))))
@@ -57,7 +56,7 @@ def _cast_column() -> list[Mesh]:
 
 
 def _lantern(z: float) -> list[Mesh]:
-    """Four leaning panes between iron bars, a roof with a vent and a finial; ``z`` [m] is its lower end."""
+    """Lantern of four inclined panes between iron bars, roof, vent and finial; ``z`` [m] is its lower end."""
     square = pose((0.0, 0.0, z), (0.0, 0.0, 45.0))
     low, high, tall = 0.155, 0.275, 0.48
     glass = [(0.0, 0.03), (low - 0.008, 0.03), (high - 0.008, tall - 0.02), (0.0, tall - 0.02)]
@@ -98,29 +97,16 @@ def _steel_pole() -> list[Mesh]:
 
 
 def _luminaire(z: float) -> list[Mesh]:
-    """Collar, frosted bowl and a wide shallow cap; ``z`` [m] is the pole's end."""
-    collar = [
-        (0.0, z - 0.04),
-        (0.055, z - 0.04),
-        (0.06, z + 0.02),
-        (0.105, z + 0.06),
-        (0.105, z + 0.08),
-        (0.0, z + 0.08),
+    """Luminaire of collar, frosted bowl and wide shallow cap; ``z`` [m] is the pole's end."""
+    collar = [(0.0, -0.04), (0.055, -0.04), (0.06, 0.02), (0.105, 0.06), (0.105, 0.08), (0.0, 0.08)]
+    bowl = [(0.0, 0.075), (0.10, 0.075), (0.135, 0.15), (0.165, 0.25), (0.18, 0.33), (0.0, 0.33)]
+    cap = [(0.0, 0.325), (0.31, 0.325), (0.325, 0.335), (0.325, 0.35), (0.27, 0.385), (0.17, 0.42)]
+    cap += [(0.07, 0.435), (0.05, 0.45), (0.0, 0.455)]
+    bodies = (("lamp_steel", collar, 24), ("lamp_glass", bowl, 28), ("lamp_steel", cap, 32))
+    parts = [
+        make_lathe(material, [(r, z + height) for r, height in profile], sides=sides)
+        for material, profile, sides in bodies
     ]
-    bowl = [
-        (0.0, z + 0.075),
-        (0.10, z + 0.075),
-        (0.135, z + 0.15),
-        (0.165, z + 0.25),
-        (0.18, z + 0.33),
-        (0.0, z + 0.33),
-    ]
-    cap = [
-        (0.0, z + 0.325), (0.31, z + 0.325), (0.325, z + 0.335), (0.325, z + 0.35), (0.27, z + 0.385), (0.17, z + 0.42),
-        (0.07, z + 0.435), (0.05, z + 0.45), (0.0, z + 0.455),
-    ]  # fmt: skip
-    parts = [make_lathe("lamp_steel", collar, sides=24), make_lathe("lamp_glass", bowl, sides=28)]
-    parts.append(make_lathe("lamp_steel", cap, sides=32))
     for k in range(3):
         turn = np.radians(120 * k)
         stay = [(r * np.cos(turn), r * np.sin(turn), z + h) for r, h in ((0.10, 0.06), (0.19, 0.20), (0.22, 0.335))]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Plane figures behind the shapes: rounded polylines, bars of a given thickness, triangles of a polygon."""
+"""Polylines and polygons: rounded corners, bars of a given thickness, triangulation."""
 
 from itertools import pairwise
 
@@ -11,17 +11,17 @@ from fieldtruth.core.arrays import Array
 
 
 def rounded(path: ArrayLike, radius: float, *, steps: int = 5) -> Array:
-    """Polyline (p, d) with every corner replaced by an arc of ``radius`` [m] (less where its sides are too short)."""
+    """Polyline (p, d) with every corner replaced by an arc of ``radius`` [m], or less if the sides are too short."""
     points = np.asarray(path, np.float64)
     result = [points[0]]
     for before, corner, after in zip(points[:-2], points[1:-1], points[2:], strict=True):
         a, b = before - corner, after - corner
         to_a, to_b = a / np.linalg.norm(a), b / np.linalg.norm(b)
         half = np.arccos(np.clip(to_a @ to_b, -1, 1)) / 2
-        reach = min(radius / np.tan(half), 0.499 * float(np.linalg.norm(a)), 0.499 * float(np.linalg.norm(b)))
+        cut = min(radius / np.tan(half), 0.499 * float(np.linalg.norm(a)), 0.499 * float(np.linalg.norm(b)))
         middle = (to_a + to_b) / np.linalg.norm(to_a + to_b)
-        centre = corner + middle * reach / np.cos(half)
-        start, stop = corner + reach * to_a - centre, corner + reach * to_b - centre
+        centre = corner + middle * cut / np.cos(half)
+        start, stop = corner + cut * to_a - centre, corner + cut * to_b - centre
         angle = np.pi - 2 * half
         for s in np.linspace(0, 1, steps + 1):
             result.append(centre + (np.sin((1 - s) * angle) * start + np.sin(s * angle) * stop) / np.sin(angle))
@@ -50,7 +50,7 @@ def signed_area(outline: Array) -> float:
 
 
 def triangulate(outline: Array) -> NDArray[np.int32]:
-    """Triangles (n - 2, 3) of a simple anticlockwise polygon (n, 2), by cutting ears."""
+    """Triangles (n - 2, 3) of a simple anticlockwise polygon (n, 2), by ear clipping."""
     left = list(range(len(outline)))
     triangles: list[tuple[int, int, int]] = []
     while len(left) > 3:
@@ -61,7 +61,7 @@ def triangulate(outline: Array) -> NDArray[np.int32]:
                 del left[k]
                 break
         else:
-            raise ValueError("the outline crosses itself or runs clockwise; it must be simple and anticlockwise")
+            raise ValueError("outline must be simple and anticlockwise")
     return np.array([*triangles, tuple(left)], np.int32)
 
 

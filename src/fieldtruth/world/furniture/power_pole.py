@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Poles of an aerial line for four wires, which run along x: a wooden one of 9 m and a spun-concrete one of 9.5 m.
+"""Poles of an overhead line with four wires along x: a wooden one of 9 m and a spun-concrete one of 9.5 m.
 
-Three bare conductors of medium voltage stand on pin insulators, two on the cross-arm and one on the top; below them an
-insulated bundle hangs from a bracket on the side. Dimensions as of European 20 kV lines with pin insulators.
+Pin insulators hold three bare medium-voltage conductors, two on the cross-arm and one on top; a bracket on the side
+holds an insulated bundle below them. Dimensions are those of European 20 kV lines with pin insulators.
 """
 
 from dataclasses import replace
@@ -14,15 +14,15 @@ import numpy as np
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.frames import pose
 from fieldtruth.world.furniture.outlines import rounded
-from fieldtruth.world.furniture.shapes import make_box, make_lathe, make_tube, placed
+from fieldtruth.world.furniture.shapes import check_variant, make_box, make_lathe, make_tube, placed
 from fieldtruth.world.model import Collider, Mesh, merge_meshes
 
 SUNK: Final = 1.6
-"""Depth [m] of the butt in the soil: a tenth of the length and 0.6 m, as lines are built."""
+"""Depth [m] of the pole in the soil: a tenth of the length and 0.6 m, the usual rule."""
 
-_TOUCHED: Final = 3.0  # [m] above the ground up to which something can run into it
+_COLLIDER_TOP: Final = 3.0  # [m] above the ground
 _ARM: Final = 0.86  # [m] from the pole's middle to the outer insulators
-_SADDLE: Final = 0.166  # [m] from an insulator's foot to the axis of the wire in its groove
+_SADDLE: Final = 0.166  # [m] from the base of an insulator to the axis of the wire in its groove
 _PIN: Final = 0.1  # [m] of steel between the cross-arm and an insulator
 
 
@@ -30,27 +30,26 @@ def make_power_pole(variant: int) -> Mesh:
     """Power pole 0 (wood, wooden cross-arm, brown porcelain) or 1 (concrete, steel cross-arm, grey porcelain)."""
     arm, top = _heights(variant)
     parts, radius = (_wooden(arm, top) if variant == 0 else _concrete(arm, top)), 0.135 if variant == 0 else 0.172
-    collider = Collider(shape="cylinder", size=(radius, SUNK + _TOUCHED), position=(0.0, 0.0, -SUNK))
+    collider = Collider(shape="cylinder", size=(radius, SUNK + _COLLIDER_TOP), position=(0.0, 0.0, -SUNK))
     return replace(merge_meshes(f"power_pole_{variant}", parts, footprint=1.05), colliders=(collider,))
 
 
 def wire_points(variant: int) -> Array:
-    """Where the four wires are held, (4, 3) [m] in the pole's frame: right, left, top, and the bundle below."""
+    """Attachment points of the wires, (4, 3) [m] in the pole's frame: right, left, top, and the bundle below."""
     arm, top = _heights(variant)
     side = 0.21 if variant == 0 else 0.23
     return np.array([(0.0, -_ARM, arm), (0.0, _ARM, arm), (0.0, 0.0, top), (0.0, side, arm - 1.35)])
 
 
 def _heights(variant: int) -> tuple[float, float]:
-    """Height [m] of the wires on the cross-arm and of the one on the top."""
+    """Height [m] of the wires on the cross-arm and of the wire on top."""
     heights = ((8.62, 9.36), (9.02, 9.85))
-    if not 0 <= variant < len(heights):
-        raise ValueError(f"power pole variant is {variant}; there are 0 and 1")
+    check_variant("power pole", variant, len(heights))
     return heights[variant]
 
 
 def _wooden(arm: float, top: float) -> list[Mesh]:
-    """A larch trunk with a zinc cap, a squared beam bolted to it, and two flat braces."""
+    """Larch trunk with a zinc cap, a beam bolted to it, and two flat braces."""
     end = top - _SADDLE - 0.16
     path = [(0.0, 0.0, z) for z in (-SUNK, 0.0, 2.5, 5.0, 7.5, end)]
     parts = [make_tube("post_wood", path, [0.135, 0.13, 0.12, 0.11, 0.1, 0.092], sides=16)]
@@ -60,7 +59,7 @@ def _wooden(arm: float, top: float) -> list[Mesh]:
     beam = make_box("post_wood", (0.09, 2 * _ARM + 0.2, 0.115), bevel=0.008)
     parts.append(placed(beam, pose((0.135, 0.0, beam_top - 0.0575)), uv_shift=(0.31, 0.2)))
     for y in (-_ARM, _ARM):
-        # The pin leans back over the pole's middle, so that wires bend at no pole.
+        # The pin is bent back over the pole's middle, so that wires run straight past the pole.
         foot, head = (0.135, y, beam_top - 0.03), (0.0, y, beam_top + _PIN + 0.02)
         parts.append(make_tube("post_steel", rounded([foot, (0.135, y, beam_top + 0.04), head], 0.05), 0.011, sides=6))
         parts += _insulator("post_brown", (0.0, y, arm - _SADDLE))
@@ -74,7 +73,7 @@ def _wooden(arm: float, top: float) -> list[Mesh]:
 
 
 def _concrete(arm: float, top: float) -> list[Mesh]:
-    """A tapered shaft, hollow as all that are spun, with a channel of steel in two clamps."""
+    """Tapered shaft with a steel channel in two clamps."""
     end = top - _SADDLE - 0.22
     shaft = [(0.0, -SUNK), (0.172, -SUNK), (0.168, 0.0), (0.138, 4.5), (0.105, end - 0.02), (0.095, end), (0.0, end)]
     parts = [make_lathe("post_concrete", shaft, sides=20)]
@@ -100,7 +99,7 @@ def _concrete(arm: float, top: float) -> list[Mesh]:
 
 
 def _insulator(material: str, foot: tuple[float, float, float]) -> list[Mesh]:
-    """Pin insulator, 0.15 m across and 0.17 m high: two petticoats, a neck for the binding wire, a groove on top."""
+    """Pin insulator, 0.15 m wide and 0.17 m high: two sheds, a neck for the binding wire, a groove on top."""
     outline = [
         (0.0, 0.012), (0.030, 0.012), (0.033, 0.0), (0.048, 0.0), (0.05, 0.012), (0.075, 0.018), (0.077, 0.026),
         (0.064, 0.048), (0.048, 0.060), (0.047, 0.068), (0.062, 0.074), (0.063, 0.081), (0.046, 0.104), (0.033, 0.117),
@@ -112,7 +111,7 @@ def _insulator(material: str, foot: tuple[float, float, float]) -> list[Mesh]:
 
 
 def _flat_bar(first: tuple[float, float, float], last: tuple[float, float, float]) -> Mesh:
-    """Brace of flat steel, 40 x 6 mm, between two points [m]; its flat side faces along the line."""
+    """Brace of flat steel, 40 x 6 mm, between two points [m]; its flat side faces along x."""
     a, b = np.array(first), np.array(last)
     length = float(np.linalg.norm(b - a))
     along = (b - a) / length
@@ -124,26 +123,26 @@ def _flat_bar(first: tuple[float, float, float], last: tuple[float, float, float
     return placed(make_box("post_steel", (0.006, 0.04, length + 0.05), bevel=0.002), turned)
 
 
-def _bolt(place: tuple[float, float, float]) -> Mesh:
-    """Hexagonal head that looks along +x."""
+def _bolt(position: tuple[float, float, float]) -> Mesh:
+    """Hexagonal bolt head that faces +x."""
     head = make_lathe("post_steel", [(0.0, -0.02), (0.018, -0.02), (0.018, 0.012), (0.0, 0.012)], sides=6, faceted=True)
-    return placed(head, pose(place, (0.0, 90.0, 0.0)))
+    return placed(head, pose(position, (0.0, 90.0, 0.0)))
 
 
-def _bracket(z: float, radius: float, reach: float) -> list[Mesh]:
-    """Bent rod at the side that carries the insulated bundle in a clamp at ``reach`` [m] from the pole's middle."""
-    rod = rounded([(0.0, 0.0, z + 0.12), (0.0, reach - 0.02, z + 0.12), (0.0, reach, z + 0.015)], 0.06)
+def _bracket(z: float, radius: float, offset: float) -> list[Mesh]:
+    """Bent rod on the side with a clamp for the insulated bundle, ``offset`` [m] from the pole's middle."""
+    rod = rounded([(0.0, 0.0, z + 0.12), (0.0, offset - 0.02, z + 0.12), (0.0, offset, z + 0.015)], 0.06)
     clamp = make_box("post_steel", (0.12, 0.03, 0.045), bevel=0.008)
     band = [(r, z + h) for r, h in ((radius, 0.09), (radius + 0.008, 0.09), (radius + 0.008, 0.15), (radius, 0.15))]
     return [
         make_tube("post_steel", rod, 0.011, sides=6),
-        placed(clamp, pose((0.0, reach, z))),
+        placed(clamp, pose((0.0, offset, z))),
         make_lathe("post_steel", [*band, band[0]], sides=16),
     ]
 
 
 def _plate(radius: float) -> list[Mesh]:
-    """Yellow plate of warning and a number plate, at eye level and above, facing along the line."""
+    """Yellow warning plate and number plate, at eye level and above, facing along x."""
     warning = make_box("post_yellow", (0.004, 0.13, 0.15), bevel=0.0015)
     number = make_box("post_grey", (0.004, 0.11, 0.07), bevel=0.0015)
     return [placed(warning, pose((radius + 0.004, 0, 2.2))), placed(number, pose((radius + 0.004, 0, 2.42)))]

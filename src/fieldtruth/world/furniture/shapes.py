@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The few shapes that street furniture is made of: bevelled box, tube along a path, lathe profile, extruded outline.
+"""Shapes of street furniture: bevelled box, tube along a path, body of revolution, extruded outline.
 
-Each is closed and is a :class:`Mesh` of one material. Texture coordinates are in repeats: metres over ``TILE``.
-On boxes u runs along the longest side, which is the direction of a plank's grain.
+Each is a closed :class:`Mesh` of one material. Texture coordinates are in repeats: metres over ``TILE``. On boxes, u
+runs along the longest side, the direction of a plank's grain.
 """
 
 from collections.abc import Sequence
@@ -17,10 +17,16 @@ from fieldtruth.world.furniture.outlines import triangulate
 from fieldtruth.world.model import Mesh, merge_meshes
 
 TILE: Final = 0.5
-"""Size [m] of one repeat of a furniture texture, along u; across the grain (v) it is the same."""
+"""Size [m] of one repeat of a furniture texture, along u and v."""
 
 CREASE_DEG: Final = 40.0
-"""Edges that bend by more than this stay sharp; below it, normals are shared so that the surface looks round."""
+"""Angle [deg] up to which adjacent sides share normals, so that the surface looks round; above it, edges are sharp."""
+
+
+def check_variant(kind: str, variant: int, count: int) -> None:
+    """Raise ValueError unless ``variant`` is one of ``count``."""
+    if not 0 <= variant < count:
+        raise ValueError(f"{kind} variant must be between 0 and {count - 1}, got {variant}")
 
 
 def make_part(material: str, vertices: ArrayLike, normals: ArrayLike, uv: ArrayLike, faces: ArrayLike) -> Mesh:
@@ -40,7 +46,7 @@ def make_part(material: str, vertices: ArrayLike, normals: ArrayLike, uv: ArrayL
 
 
 def placed(part: Mesh, object_from_part: Array, *, uv_shift: tuple[float, float] = (0.0, 0.0)) -> Mesh:
-    """The part moved by a rigid (4, 4) transform; ``uv_shift`` [repeats] keeps equal planks from looking alike."""
+    """The part moved by a rigid (4, 4) transform; ``uv_shift`` [repeats] makes equal planks look different."""
     rotation, translation = object_from_part[:3, :3], object_from_part[:3, 3]
     return Mesh(
         name=part.name,
@@ -55,13 +61,13 @@ def placed(part: Mesh, object_from_part: Array, *, uv_shift: tuple[float, float]
 
 
 def make_box(material: str, size: Sequence[float], *, bevel: float = 0.004) -> Mesh:
-    """Box about the origin with edges cut at 45 degrees; ``size`` (3,) and ``bevel`` [m], 44 triangles.
+    """Box about the origin with edges bevelled at 45 degrees; ``size`` (3,) and ``bevel`` [m], 44 triangles.
 
-    Each side keeps its flat normal at its own four corners, so light runs over the bevel as over a rounded edge.
+    Each side has its flat normal at its four corners, so the bevels are shaded like rounded edges.
     """
     half = np.asarray(size, np.float64) / 2
     if not 0 < bevel < half.min():
-        raise ValueError(f"bevel is {bevel} m; it must lie between 0 and half the smallest side, {half.min()} m")
+        raise ValueError(f"bevel must be between 0 and half the smallest side, {half.min()} m, got {bevel}")
     long_first = np.argsort(-half, kind="stable")
     signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     vertices, normals, uv = np.zeros((24, 3)), np.zeros((24, 3)), np.zeros((24, 2))
@@ -71,7 +77,7 @@ def make_box(material: str, size: Sequence[float], *, bevel: float = 0.004) -> M
         vertices[rows] = signs * inset
         normals[rows, axis] = signs[:, axis]
         u_axis, v_axis = (a for a in long_first if a != axis)
-        # Opposite and neighbouring sides read the texture at their own place, as sawn faces of one beam do.
+        # Each side shows another part of the texture, like the sawn faces of one beam.
         shift = signs[:, axis] * (0.11 + half[axis])
         uv[rows] = np.stack([vertices[rows, u_axis], vertices[rows, v_axis] + shift], axis=1)
     return make_part(material, vertices, normals, uv, _outward(vertices, _box_faces(signs)))
@@ -109,9 +115,9 @@ def _outward(vertices: Array, faces: NDArray[np.int_]) -> NDArray[np.int_]:
 
 
 def make_tube(material: str, path: ArrayLike, radius: ArrayLike, *, sides: int = 10) -> Mesh:
-    """Round bar along ``path`` (p, 3) [m] with flat ends; ``radius`` [m] is one number or one for each point.
+    """Round bar along ``path`` (p, 3) [m] with flat ends; ``radius`` [m] is one number, or one per point.
 
-    Rings at bends lie in the plane that halves the angle (a mitre), so that the bar keeps its cross-section.
+    Bends are mitred, so that the bar keeps its cross-section.
     """
     points = np.asarray(path, np.float64)
     radii = np.broadcast_to(np.asarray(radius, np.float64), len(points))
@@ -123,8 +129,8 @@ def make_tube(material: str, path: ArrayLike, radius: ArrayLike, *, sides: int =
     rings, normals = np.zeros((len(points), sides + 1, 3)), np.zeros((len(points), sides + 1, 3))
     for i, point in enumerate(points):
         before, after = directions[max(i - 1, 0)], directions[min(i, len(directions) - 1)]
-        halving = before + after
-        mitred = offsets - np.outer(offsets @ halving / (before @ halving), before)
+        bisector = before + after
+        mitred = offsets - np.outer(offsets @ bisector / (before @ bisector), before)
         turned = mitred - np.outer(mitred @ after, after)
         rings[i], normals[i] = point + radii[i] * mitred, offsets + turned
         offsets = turned
@@ -139,8 +145,8 @@ def make_tube(material: str, path: ArrayLike, radius: ArrayLike, *, sides: int =
 def make_lathe(material: str, profile: ArrayLike, *, sides: int = 24, faceted: bool = False) -> Mesh:
     """Body of revolution about z. ``profile`` (p, 2): radius and height [m], outside to the right of its direction.
 
-    A profile that begins and ends on the axis (or where it began) gives a closed body. ``faceted`` keeps the ``sides``
-    flat, as of a lantern with four panes.
+    A profile that starts and ends on the axis, or ends at its start, gives a closed body. ``faceted`` gives flat
+    ``sides``, as for a lantern with four panes.
     """
     points = np.asarray(profile, np.float64)
     steps = np.diff(points, axis=0)
@@ -155,21 +161,21 @@ def make_lathe(material: str, profile: ArrayLike, *, sides: int = 24, faceted: b
 
 
 def _blend(outward: Array, k: int, neighbour: int) -> Array:
-    """Normal of profile segment k at the end it shares with a neighbour: common unless the edge is a crease."""
+    """Normal of profile segment k at the end next to a neighbour: shared unless the edge is a crease."""
     if not 0 <= neighbour < len(outward) or outward[k] @ outward[neighbour] < np.cos(np.radians(CREASE_DEG)):
         return np.asarray(outward[k])
     return np.asarray(outward[k] + outward[neighbour])
 
 
 def _band(material: str, ends: Array, outward: Array, along: Array, sides: int, faceted: bool) -> Mesh:
-    """Frustum between two profile points; facets get vertices and a normal of their own."""
+    """Frustum between two profile points; each facet has its own vertices and normal."""
     turn = 2 * np.pi * np.arange(sides + 1) / sides
     start, stop = np.arange(sides), np.arange(1, sides + 1)
     columns = np.stack([start, stop], axis=1).ravel() if faceted else np.arange(sides + 1)
     facing = np.repeat((turn[start] + turn[stop]) / 2, 2) if faceted else turn
     angles = turn[columns]
     vertices = np.array([(r * np.cos(angles), r * np.sin(angles), np.full_like(angles, z)) for r, z in ends])
-    # The flat sides of a prism lean by less than its profile, because their middles are nearer to the axis.
+    # The flat sides of a prism are less inclined than its profile: their middles are nearer to the axis.
     lean = np.cos(np.pi / sides) if faceted else 1.0
     normals = np.array([(r * np.cos(facing), r * np.sin(facing), np.full_like(facing, z * lean)) for r, z in outward])
     vertices, normals = vertices.transpose(0, 2, 1).reshape(-1, 3), normals.transpose(0, 2, 1).reshape(-1, 3)
@@ -216,7 +222,7 @@ def make_extrusion(material: str, outline: ArrayLike, width: float) -> Mesh:
 
 
 def _perpendicular(direction: Array) -> Array:
-    """Two unit vectors (2, 3) that make a right-handed frame with ``direction`` as third."""
+    """Two unit vectors (2, 3) that form a right-handed frame with ``direction`` as the third."""
     helper = np.eye(3)[np.argmin(np.abs(direction))]
     first = np.cross(helper, direction)
     first /= np.linalg.norm(first)
@@ -224,7 +230,7 @@ def _perpendicular(direction: Array) -> Array:
 
 
 def _grid_faces(rows: int, columns: int) -> NDArray[np.int_]:
-    """Two triangles for each cell of a grid of vertices numbered row by row, row by row."""
+    """Two triangles per cell of a grid of vertices that are numbered row by row."""
     corner = (columns * np.arange(rows - 1)[:, None] + np.arange(columns - 1)).ravel()
     cell = np.array([(0, 1, columns), (1, columns + 1, columns)])
     return np.asarray((corner[:, None, None] + cell).reshape(-1, 3))

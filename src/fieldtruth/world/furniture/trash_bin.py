@@ -6,22 +6,21 @@ from dataclasses import replace
 
 from fieldtruth.core.frames import pose
 from fieldtruth.world.furniture.outlines import bar_outline, rounded
-from fieldtruth.world.furniture.shapes import make_box, make_extrusion, make_lathe, make_tube, placed
+from fieldtruth.world.furniture.shapes import check_variant, make_box, make_extrusion, make_lathe, make_tube, placed
 from fieldtruth.world.model import Collider, Mesh, merge_meshes
 
-SUNK = 0.08  # [m] of the foot below the ground
+SUNK = 0.08  # [m] depth of the base in the ground
 
 
 def make_trash_bin(variant: int) -> Mesh:
     """Trash bin 0 (slatted basket, open top) or 1 (hooded, on a post)."""
+    check_variant("trash bin", variant, 2)
     if variant == 0:
         drum = Collider(shape="cylinder", size=(0.31, 0.9 + SUNK), position=(0.0, 0.0, -SUNK))
         return replace(merge_meshes("trash_bin_0", _slatted(), footprint=0.31), colliders=(drum,))
-    if variant == 1:
-        body = Collider(shape="cylinder", size=(0.215, 0.67), position=(0.04, 0.0, 0.28))
-        post = Collider(shape="cylinder", size=(0.09, 1.0 + SUNK), position=(-0.19, 0.0, -SUNK))
-        return replace(merge_meshes("trash_bin_1", _hooded(), footprint=0.28), colliders=(body, post))
-    raise ValueError(f"trash bin variant is {variant}; there are 0 and 1")
+    body = Collider(shape="cylinder", size=(0.215, 0.67), position=(0.04, 0.0, 0.28))
+    post = Collider(shape="cylinder", size=(0.09, 1.0 + SUNK), position=(-0.19, 0.0, -SUNK))
+    return replace(merge_meshes("trash_bin_1", _hooded(), footprint=0.28), colliders=(body, post))
 
 
 def _slatted() -> list[Mesh]:
