@@ -27,7 +27,8 @@ from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.lidar import Lidar, ray_directions
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.environments import ENVIRONMENTS, Environment
-from fieldtruth.world.environments.park import ParkConfig, build_park
+from fieldtruth.world.environments.park.build import build as build_park
+from fieldtruth.world.environments.park.config import Config as ParkConfig
 from fieldtruth.world.model import World
 
 RIG = Rig(cameras=CameraConfig(width=64, height=48), lidar=LidarConfig(columns=64, rings=16))
@@ -47,7 +48,7 @@ def world() -> World:
 
 @pytest.fixture
 def _small_park(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fieldtruth.world.environments.park.build_park", lambda seed, corridors, config: world)
+    monkeypatch.setattr("fieldtruth.world.environments.park.build.build", lambda seed, corridors, config: world)
 
 
 def spread(rows: int, columns: int) -> NDArray[np.float32]:
@@ -150,7 +151,7 @@ def test_an_environment_is_measured_by_its_first_experiment_and_all_its_drives()
 
 
 def test_an_environment_where_nobody_drives_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(ENVIRONMENTS, "desert", Environment("sand", "park", "build_park", "ParkConfig"))
+    monkeypatch.setitem(ENVIRONMENTS, "desert", Environment("sand", ENVIRONMENTS["park"].package))
     with pytest.raises(ConfigurationError, match="no built-in experiment drives in desert"):
         settings_of("desert")
 
@@ -164,7 +165,7 @@ def test_all_environments_are_measured_apart_and_the_ratios_stand_beside_them(
         calls.append(arguments)
         return {"ten_times_trees": 1.25} if code == all_module.RATIOS else {"world_load_s": float(len(calls))}
 
-    monkeypatch.setitem(ENVIRONMENTS, "desert", Environment("sand", "park", "build_park", "ParkConfig"))
+    monkeypatch.setitem(ENVIRONMENTS, "desert", Environment("sand", ENVIRONMENTS["park"].package))
     monkeypatch.setattr(all_module, "measured", measured)
     everything = run_all()
     names = [name for name in ENVIRONMENTS if experiments_in(name)]

@@ -21,6 +21,7 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import parse_experiment
 from fieldtruth.experiment.problems import condition_at, models_of
 from fieldtruth.experiment.rig import Mount, Rig
+from fieldtruth.world.build import layout_model
 from fieldtruth.world.environments import ENVIRONMENTS
 
 ROOT = Path(__file__).parents[1]
@@ -87,7 +88,7 @@ def test_the_example_of_the_reference_is_an_experiment() -> None:
 def test_the_layout_of_each_environment_is_described(name: str) -> None:
     section = PLACES.partition(f"\n### {name.capitalize()}\n")[2].partition("\n#")[0]
     described = {cells[0].strip("`"): cells for cells in table_rows(section) if cells[0].startswith("`")}
-    config = ENVIRONMENTS[name].config
+    config = layout_model(name)
     defaults = config().model_dump(mode="json")
     assert list(described) == list(config.model_fields)
     for key, (_, default, allowed, meaning) in described.items():
@@ -102,7 +103,7 @@ def test_the_layout_of_each_environment_is_described(name: str) -> None:
 def test_the_example_of_a_layout_is_an_experiment() -> None:
     [text] = re.findall(r"```yaml\n(.*?)```", PLACES, flags=re.S)
     experiment = parse_experiment(text)
-    assert ENVIRONMENTS[experiment.environment].config.model_validate(experiment.layout).model_fields_set == {
+    assert layout_model(experiment.environment).model_validate(experiment.layout).model_fields_set == {
         "old_trees",
         "species",
     }

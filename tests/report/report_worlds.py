@@ -10,7 +10,8 @@ import numpy as np
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import CameraConfig, LidarConfig, Rig
 from fieldtruth.experiment.route import route_from_metres
-from fieldtruth.world.environments.park import ParkConfig, build_park
+from fieldtruth.world.environments.park.build import build as build_park
+from fieldtruth.world.environments.park.config import Config as ParkConfig
 from fieldtruth.world.model import Heightfield, Raster, World
 
 RIG = Rig(cameras=CameraConfig(width=64, height=48), lidar=LidarConfig(columns=64, rings=16))

@@ -19,7 +19,8 @@ from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.lidar import Lidar
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world import assembly
-from fieldtruth.world.environments.lake import LakeConfig, build_lake
+from fieldtruth.world.environments.lake.build import build as build_lake
+from fieldtruth.world.environments.lake.config import Config as LakeConfig
 from fieldtruth.world.furniture import hang, make_cable, make_power_pole
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.trails import Line

@@ -11,7 +11,8 @@ from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.world import assembly
-from fieldtruth.world.environments.lake import LakeConfig, build_lake
+from fieldtruth.world.environments.lake.build import build as build_lake
+from fieldtruth.world.environments.lake.config import Config as LakeConfig
 from fieldtruth.world.model import World
 from fieldtruth.world.trails import Line
 

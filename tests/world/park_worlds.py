@@ -15,7 +15,8 @@ from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.world import assembly
 from fieldtruth.world.build import load_world
-from fieldtruth.world.environments.park import ParkConfig, build_park
+from fieldtruth.world.environments.park.build import build as build_park
+from fieldtruth.world.environments.park.config import Config as ParkConfig
 from fieldtruth.world.model import World
 from fieldtruth.world.trails import Line
 

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fieldtruth.world.backdrop import height_beyond, make_backdrop, strew_beyond
+from fieldtruth.world.backdrop import height_beyond, make_backdrop, scatter_beyond
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Heightfield, Mesh
 from fieldtruth.world.rocks import ROCK_TYPES, make_rock
+from fieldtruth.world.swarms import SwarmSpec
 
 F8 = NDArray[np.float64]
 SIZE = (20.0, 10.0)
@@ -69,16 +70,15 @@ def test_heights_beyond_are_those_of_the_mesh(backdrop: Mesh) -> None:
     assert found == pytest.approx(middle[near, 2], abs=0.06)
 
 
-def test_things_strewn_beyond_stand_there_and_nowhere_else(backdrop: Mesh) -> None:
+def test_swarm_beyond_the_edge_stands_on_the_backdrop_within_its_bounds(backdrop: Mesh) -> None:
     rock = make_rock(ROCK_TYPES["scree"], name="r", size=0.5, rng=np.random.default_rng(0), triangles=80, solid=False)
 
-    def north(places: F8) -> F8:
-        return (places[:, 0] > 0).astype(float)
+    def north(xy: F8) -> F8:
+        return (xy[:, 0] > 0).astype(float)
 
-    swarm, meshes = strew_beyond(
-        bumpy(), SIZE, backdrop, "far", "rock", [rock], per_m2=0.2, rng=np.random.default_rng(1), within=30.0,
-        density=north, tilt=1.0,
-    )  # fmt: skip
+    ground = height_beyond(bumpy(), SIZE, backdrop)
+    spec = SwarmSpec(name="far", kind="rock", meshes=[rock], per_m2=0.2, tilt=1.0)
+    swarm, meshes = scatter_beyond(SIZE, ground, spec, np.random.default_rng(1), within=30.0, density=north)
     assert swarm.meshes == tuple(m.name for m in meshes) == ("r",)
     x, y, z = swarm.world_from_object[:, :3, 3].T
     area = 30 * (2 * 10 + 10) + np.pi * 30**2 / 2
@@ -86,7 +86,7 @@ def test_things_strewn_beyond_stand_there_and_nowhere_else(backdrop: Mesh) -> No
     assert x.min() > 0
     outside = np.hypot(np.maximum(np.abs(x) - 10, 0), np.maximum(np.abs(y) - 5, 0))
     assert 1.5 < outside.min() < outside.max() < 30.0
-    assert z == pytest.approx(height_beyond(bumpy(), SIZE, backdrop)(x, y), abs=1e-9)
+    assert z == pytest.approx(ground(x, y), abs=1e-9)
     up = swarm.world_from_object[:, :3, 2] / np.linalg.norm(swarm.world_from_object[:, :3, 2], axis=1, keepdims=True)
     far = outside > 25  # the land is a plane there
     slope = np.array([-0.1, -0.3, 1]) / np.hypot(1, np.hypot(0.1, 0.3))

@@ -16,8 +16,9 @@ from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.world import assembly
-from fieldtruth.world.environments.forest import ForestConfig, build_forest
-from fieldtruth.world.environments.forest_flora import AGES
+from fieldtruth.world.environments.forest.build import build as build_forest
+from fieldtruth.world.environments.forest.config import Config as ForestConfig
+from fieldtruth.world.environments.forest.plants import AGES
 from fieldtruth.world.model import Instance, World
 from fieldtruth.world.placement import CrowdedWorldError
 from fieldtruth.world.plants import TREES

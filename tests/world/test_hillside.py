@@ -16,7 +16,8 @@ from fieldtruth.core.classes import Label
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.world import assembly
-from fieldtruth.world.environments.hillside import HillsideConfig, build_hillside
+from fieldtruth.world.environments.hillside.build import build as build_hillside
+from fieldtruth.world.environments.hillside.config import Config as HillsideConfig
 from fieldtruth.world.model import Instance, World
 from fieldtruth.world.rocks.laying import rim_vertices
 from fieldtruth.world.trails import Line

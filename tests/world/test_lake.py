@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from fieldtruth.core.classes import Label
-from fieldtruth.world.environments.lake import LakeConfig
+from fieldtruth.world.environments.lake.config import Config as LakeConfig
 from fieldtruth.world.model import Instance, World
 from fieldtruth.world.placement import CrowdedWorldError
 from fieldtruth.world.trails import Line

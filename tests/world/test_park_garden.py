@@ -11,7 +11,7 @@ from park_worlds import park_variant, real_park, routes
 from scipy.spatial import cKDTree
 
 from fieldtruth.core.classes import Label
-from fieldtruth.world.environments.park_beds import STONE, Bed, bed_distance
+from fieldtruth.world.environments.park.beds import STONE, Bed, bed_distance
 from fieldtruth.world.model import Swarm, World
 
 F8 = NDArray[np.float64]
@@ -58,7 +58,7 @@ def test_an_oblong_bed_is_turned_and_its_outline_is_where_its_distance_is_0() ->
     gaps = np.linalg.norm(np.roll(rim, -1, axis=0) - rim, axis=1)
     assert gaps.min() > 0.19
     assert gaps.max() < 0.215
-    assert np.hypot(*(rim - wavy.centre).T).max() < wavy.reach
+    assert np.hypot(*(rim - wavy.centre).T).max() < wavy.radius
 
 
 def test_bushes_stand_in_mulched_beds_and_the_stones_close_round_them(world: World) -> None:

@@ -9,12 +9,13 @@ import pytest
 from numpy.typing import NDArray
 
 from fieldtruth.core.classes import Label
-from fieldtruth.world.environments.power_line import string_line
+from fieldtruth.world.environments.lake.config import Config
+from fieldtruth.world.environments.lake.power_line import string_line
 from fieldtruth.world.furniture import hang, make_cable, make_power_pole, wire_points
 from fieldtruth.world.furniture.cables import BUNDLE_RADIUS, CHORD_ERROR, CONDUCTOR_RADIUS, Catenary
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Heightfield
-from fieldtruth.world.placement import CrowdedWorldError, Site
+from fieldtruth.world.placement import CrowdedWorldError, WorldBuilder
 from fieldtruth.world.trails import Line
 
 F8 = NDArray[np.float64]
@@ -22,12 +23,13 @@ F8 = NDArray[np.float64]
 LEVEL = ((0.0, 0.0, 9.0), (46.0, 0.0, 9.0))
 RISING = ((3.0, -2.0, 8.6), (33.0, 38.0, 12.1))
 STEEP = ((0.0, 0.0, 0.0), (6.0, -8.0, 9.0))
+CONFIG = Config(line_y=17.0, pole_distance=46.0, sag=0.02)
 ENDS = {"level": LEVEL, "rising": RISING, "steep": STEEP}
 
 
-def site(corridors: list[Line] | None = None, *, height: float = 0.0) -> Site:
+def flat_builder(corridors: list[Line] | None = None, *, height: float = 0.0) -> WorldBuilder:
     flat = Heightfield(heights=np.full((101, 51), height, np.float32), spacing=1.0, x0=-50.0, y0=-25.0)
-    return Site(flat, (100.0, 50.0), (), corridors or [])
+    return WorldBuilder(flat, (100.0, 50.0), (), corridors or [])
 
 
 @pytest.mark.parametrize("name", ENDS)
@@ -144,11 +146,8 @@ def test_unknown_variant_is_refused() -> None:
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_a_line_across_a_world(seed: int) -> None:
-    land = site(height=1.5)
-    line = string_line(
-        land, y=17.0, distance=46.0, sag=0.02, far=2, ground_at=lambda p: np.full(len(p), 1.5),
-        rng=np.random.default_rng(seed),
-    )  # fmt: skip
+    land = flat_builder(height=1.5)
+    line = string_line(land, CONFIG, lambda xy: np.full(len(xy), 1.5), np.random.default_rng(seed), far=2)
     poles = [i for i in land.instances if i.kind == "power_pole"]
     cables = [i for i in land.instances if i.kind == "cable"]
     assert (len(poles), len(cables)) == (2, 12)
@@ -174,8 +173,5 @@ def test_a_line_across_a_world(seed: int) -> None:
 
 def test_a_line_that_has_no_room_says_so() -> None:
     everywhere = [Line.through([(-49.0, y), (49.0, y)], smooth=False) for y in (14.0, 16.0, 18.0, 20.0)]
-    with pytest.raises(CrowdedWorldError, match="no two poles"):
-        string_line(
-            site(everywhere), y=17.0, distance=46.0, sag=0.02, far=0, ground_at=lambda p: np.zeros(len(p)),
-            rng=np.random.default_rng(0),
-        )  # fmt: skip
+    with pytest.raises(CrowdedWorldError, match="no two free positions"):
+        string_line(flat_builder(everywhere), CONFIG, lambda xy: np.zeros(len(xy)), np.random.default_rng(0), far=0)

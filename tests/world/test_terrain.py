@@ -7,8 +7,8 @@ import pytest
 
 from fieldtruth.world.model import Heightfield
 from fieldtruth.world.noise import fractal_noise, solid_noise
-from fieldtruth.world.relief import collapsed, eroded, gentled, pits_and_mounds, root_swells, slope_limit
-from fieldtruth.world.relief.gentle import steepest
+from fieldtruth.world.relief import collapsed, eroded, limit_slope, slope_limit
+from fieldtruth.world.relief.slopes import node_slope
 
 X, Y = np.linspace(0, 20, 101), np.linspace(0, 10, 51)
 
@@ -68,33 +68,18 @@ def test_slopes_keep_their_bounds_and_gentle_ground_stays() -> None:
     before = rough_flank() * 1.5
     distance = np.abs(Y - 5.0) * np.ones((101, 1))
     limit = slope_limit(distance, within=12.0, beyond=36.0, near=1.0, far=3.0)
-    after = gentled(before, 0.2, limit, rounds=80)
-    slope = steepest(Heightfield(heights=after.astype(np.float32), spacing=0.2, x0=0.0, y0=0.0))
+    after = limit_slope(before, 0.2, limit, rounds=80)
+    slope = node_slope(Heightfield(heights=after.astype(np.float32), spacing=0.2, x0=0.0, y0=0.0))
     assert np.degrees(np.arctan(slope[distance < 0.9])).max() < 12.3
     assert np.all(slope < 1.03 * limit)
     assert after.mean() == pytest.approx(before.mean())
     plane = np.broadcast_to(0.1 * Y, (101, 51))
-    assert gentled(plane, 0.2, np.tan(np.radians(12))) == pytest.approx(plane, abs=1e-12)
+    assert limit_slope(plane, 0.2, np.tan(np.radians(12))) == pytest.approx(plane, abs=1e-12)
 
 
 def test_slope_limits_in_numbers() -> None:
     limit = slope_limit(np.array([0.0, 1.0, 2.0, 3.0, np.inf]), within=10, beyond=30, near=1, far=3)
     assert np.degrees(np.arctan(limit)) == pytest.approx([10, 10, 20, 30, 30])
-
-
-def test_pits_and_mounds_are_pairs_about_the_ground() -> None:
-    x = y = np.linspace(-50, 50, 401)
-    relief = pits_and_mounds(x, y, rng=np.random.default_rng(0), per_ha=120)
-    assert abs(relief.mean()) < 0.01
-    assert 0.2 < relief.max() < 1.5
-    assert -1.5 < relief.min() < -0.2
-
-
-def test_a_root_swell_has_its_height_and_ends() -> None:
-    swell = root_swells(X, Y, np.array([[10.0, 5.0]]), np.array([0.8]), np.array([0.25]))
-    assert swell[50, 25] == pytest.approx(0.25)
-    assert swell[54, 25] == pytest.approx(0.25 * np.exp(-1.0))
-    assert np.count_nonzero(swell) < np.pi * 2.5**2 / 0.04 * 1.3
 
 
 def test_noise_in_space_has_unit_deviation_and_its_wavelength() -> None:

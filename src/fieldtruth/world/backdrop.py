@@ -1,28 +1,29 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The land beyond a world's edge, down to the horizon: rings of ground fastened to the terrain, and what stands there.
+"""The backdrop: rings of ground around the terrain, down to the horizon, and the swarms on it.
 
-The land goes on without a step: at the edge it has the terrain's height and its slope outwards, and within a dozen
-metres it becomes the far land that the environment asks for. Class ground, no colliders; the robot never gets there.
+Height and outward slope are continuous at the world's edge; within a dozen metres they blend into the far land of the
+environment. Class ground, no colliders; the robot never gets there.
 """
 
 from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from fieldtruth.core.arrays import Array
+from fieldtruth.core.arrays import Array, Index
+from fieldtruth.world.grids import distance_beyond
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.model import Heightfield, Mesh, Swarm
-from fieldtruth.world.placement import random_tints, rotations_to, upright_poses
+from fieldtruth.world.model import Heightfield, Mesh
+from fieldtruth.world.poses import tilted, upright_poses
+from fieldtruth.world.swarms import Density, FarSwarm, SwarmSpec, jittered_grid, make_swarm, random_scales
 
 Land = Callable[[Array, Array], Array]
 """Height [m] of the far land at world x, y [m], arrays of one shape."""
 
-Cover = Callable[[Array, Array, Array], NDArray[np.intp]]
-"""Row of the material for triangles (n,) at x, y [m] with a slope [rad]."""
+Cover = Callable[[Array, Array, Array], Index]
+"""Index of the material of triangles (n,) at x, y [m] with a slope [rad]."""
 
 RINGS: Final = (
     0.0, 0.4, 0.8, 1.3, 1.9, 2.6, 3.4, 4.3, 5.3, 6.5, 7.9, 9.5, 11.3, 13.4, 15.9, 18.7, 22.0, 25.8, 30.2, 35.2, 41.0,
@@ -31,33 +32,35 @@ RINGS: Final = (
 """Distances [m] of the rings of vertices from the edge, one vertex on each for every node of the edge."""
 
 FAR_RINGS: Final = tuple(100.0 * 9.5 ** (k / 56) for k in range(1, 57))
-"""Distances [m] of the rings behind those; they have a vertex for every ``COARSER`` nodes."""
+"""Distances [m] of the outer rings; they have a vertex for every ``COARSER`` nodes."""
 
 COARSER: Final = 4
 
 HEIGHT_FADES: Final = 14.0
+"""Distance [m] within which the edge's smoothed height blends into the far land."""
 DETAIL_FADES: Final = 1.6
+"""The same for the detail that smoothing removed; further out it would form ribs that all point outwards."""
 SLOPE_FADES: Final = 2.5
-BROAD: Final = 3.0
-"""Distances [m] within which the edge's own height, its detail along the edge (what a Gaussian of ``BROAD`` takes off),
-and its slope outwards give way to the far land's: detail that went on would be ribs that all point outwards."""
+"""The same for the edge's outward slope."""
+SMOOTHING: Final = 3.0
+"""Standard deviation [m] of the Gaussian along the edge."""
 
 
 def make_backdrop(
     field: Heightfield, size: tuple[float, float], material: str | Sequence[str], rng: np.random.Generator,
     *, land: Land | None = None, cover: Cover | None = None,
 ) -> Mesh:  # fmt: skip
-    """Rings of land around a heightfield, fastened to its edge node by node.
+    """Rings of land around a heightfield that share the positions of its edge nodes.
 
-    Without ``land`` there are low hills towards the horizon. ``cover`` chooses among several materials by triangle;
-    each texture covers its material's ``repeat``. The first len(RINGS) x n vertices are the rings, from the edge
-    outwards, n the number of the terrain's edge nodes; the far rings, and copies for further materials, follow.
+    Without ``land`` there are low hills towards the horizon. ``cover`` selects one of several materials per triangle.
+    The first len(RINGS) x n vertices are the inner rings, from the edge outwards, for n edge nodes of the terrain; the
+    outer rings and copies of vertices for further materials follow.
     """
     x0, y0, h0 = _edge(field)
     land = land if land is not None else rolling_hills(size, rng)
     far = np.hypot(x0, y0)
     height, slope = h0 - land(x0, y0), _slope_outwards(field, land, x0, y0, far)
-    broad = gaussian_filter1d(height, BROAD / field.spacing, mode="wrap")
+    broad = gaussian_filter1d(height, SMOOTHING / field.spacing, mode="wrap")
     parts = []
     for rings, rows in ((RINGS, slice(None)), (FAR_RINGS, slice(None, None, COARSER))):
         distance = np.array(rings)[:, None]
@@ -74,16 +77,16 @@ def make_backdrop(
         middle = vertices[faces].mean(axis=1)
         steepness = np.arccos(normals[faces].mean(axis=1)[:, 2].clip(-1, 1))
         choice = cover(middle[:, 0], middle[:, 1], steepness)
-    return _skinned(vertices, normals, faces, choice, names)
+    return _with_materials(vertices, normals, faces, choice, names)
 
 
 def rolling_hills(size: tuple[float, float], rng: np.random.Generator, *, height: float = 9.0) -> Land:
-    """Land that rises gently from a world's edge to hills of about ``height`` [m] at the horizon."""
+    """Land that rises gradually from a world's edge to hills of about ``height`` [m] at the horizon."""
     waves = [(k, rng.normal() / k**0.7, rng.normal() / k**0.7) for k in range(2, 18)]
 
     def land(x: Array, y: Array) -> Array:
-        reach = np.maximum(np.maximum(np.abs(x) / size[0], np.abs(y) / size[1]) * 2, 1e-9)
-        distance = np.hypot(x, y) * np.maximum(1 - 1 / reach, 0)
+        relative = np.maximum(np.maximum(np.abs(x) / size[0], np.abs(y) / size[1]) * 2, 1e-9)
+        distance = np.hypot(x, y) * np.maximum(1 - 1 / relative, 0)
         angle = np.arctan2(y / size[1], x / size[0])
         hills = sum(c * np.cos(k * angle) + s * np.sin(k * angle) for k, c, s in waves)
         return np.asarray(0.01 * distance + np.maximum(hills + 1.2, 0.0) * height * (distance / FAR_RINGS[-1]) ** 0.8)
@@ -92,7 +95,7 @@ def rolling_hills(size: tuple[float, float], rng: np.random.Generator, *, height
 
 
 def height_beyond(field: Heightfield, size: tuple[float, float], backdrop: Mesh) -> Land:
-    """Height [m] of a backdrop's own ground at places up to 100 m beyond the world's edge."""
+    """Height [m] of a backdrop's ground as a function of x, y up to 100 m outside the world's edge."""
     count = len(_edge(field)[0])
     distance = np.array(RINGS)
     heights = backdrop.vertices[: len(RINGS) * count, 2].reshape(len(RINGS), count).astype(np.float64)
@@ -100,15 +103,15 @@ def height_beyond(field: Heightfield, size: tuple[float, float], backdrop: Mesh)
     half = np.array(size) / 2
 
     def height(x: Array, y: Array) -> Array:
-        reach = np.maximum(np.abs(x) / half[0], np.abs(y) / half[1])
-        u, v = (x / reach - field.x0) / field.spacing, (y / reach - field.y0) / field.spacing
+        relative = np.maximum(np.abs(x) / half[0], np.abs(y) / half[1])
+        u, v = (x / relative - field.x0) / field.spacing, (y / relative - field.y0) / field.spacing
         sides = np.stack([np.abs(v), np.abs(u - (nx - 1)), np.abs(v - (ny - 1)), np.abs(u)])
         along = np.choose(
             np.argmin(sides, axis=0), [u, nx - 1 + v, nx - 1 + ny - 1 + (nx - 1 - u), 2 * nx + ny - 3 + (ny - 1 - v)]
         )
         column = np.clip(np.floor(along), 0, count - 1).astype(int)
         across = np.clip(along - column, 0, 1)
-        off = (reach - 1) * np.hypot(x / reach, y / reach)
+        off = (relative - 1) * np.hypot(x / relative, y / relative)
         ring = np.clip(np.searchsorted(distance, off, side="right") - 1, 0, len(distance) - 2)
         outwards = np.clip((off - distance[ring]) / (distance[ring + 1] - distance[ring]), 0, 1)
         following = (column + 1) % count
@@ -119,53 +122,40 @@ def height_beyond(field: Heightfield, size: tuple[float, float], backdrop: Mesh)
     return height
 
 
-def strew_beyond(
-    field: Heightfield, size: tuple[float, float], backdrop: Mesh, name: str, kind: str, meshes: Sequence[Mesh],
-    *, per_m2: float, rng: np.random.Generator, within: float = 80.0, margin: float = 1.5,
-    density: Callable[[Array], Array] | None = None, scales: tuple[float, float] = (0.8, 1.25), tint: float = 0.1,
-    tilt: float = 0.0, sink: float = 0.0,
-) -> tuple[Swarm, tuple[Mesh, ...]]:  # fmt: skip
-    """Strew things over the land between ``margin`` and ``within`` [m] beyond the edge: a swarm, and its meshes.
+def scatter_beyond(
+    size: tuple[float, float],
+    ground: Land,
+    spec: SwarmSpec,
+    rng: np.random.Generator,
+    *,
+    within: float = 80.0,
+    margin: float = 1.5,
+    density: Density | None = None,
+) -> FarSwarm:
+    """Spread small objects over the land between ``margin`` and ``within`` [m] outside the world's edge.
 
-    As ``Site.strew``, but outside: ``density`` gives for places (n, 2) the share [0, 1] of ``per_m2`` that stands
-    there; trees keep ``sink`` [m] times their scale in the soil. Hand the result to ``assemble(beyond=...)``.
+    ``ground`` is the land's height (``height_beyond``). Draws a jittered grid, scales, yaws, meshes and tints.
     """
-    half = np.array(size) / 2
-    span = 2 * (half + within)
-    cells = np.maximum(1, np.round(span * np.sqrt(per_m2))).astype(int)
-    grid = np.stack(np.meshgrid(*(np.arange(c) for c in cells), indexing="ij"), axis=-1).reshape(-1, 2)
-    places = (grid + rng.random(grid.shape)) / cells * span - span / 2
-    chance = rng.random(len(places))
-    off = np.maximum(np.abs(places) - half, 0)
-    outside = np.hypot(off[:, 0], off[:, 1])
-    keep = (outside > margin) & (outside < within)
-    places, chance = places[keep], chance[keep]
-    if density is not None:
-        places = places[chance < density(places)]
-    n = len(places)
-    scale = np.exp(rng.uniform(np.log(scales[0]), np.log(scales[1]), n))
-    poses = upright_poses(places, rng.uniform(0, 2 * np.pi, n), scale)
-    height = height_beyond(field, size, backdrop)
-    x, y = places.T
-    dx, dy = ((height(x + i, y + j) - height(x - i, y - j)) / 1.0 for i, j in ((0.5, 0.0), (0.0, 0.5)))
-    poses[:, :3, :3] = rotations_to(np.column_stack([-tilt * dx, -tilt * dy, np.ones(n)])) @ poses[:, :3, :3]
-    # Upright things stand where the lowest ground below them is, as well as it is known here.
-    reach = scale * np.mean([min(mesh.footprint, 0.5) for mesh in meshes]) * (1 - tilt)
-    poses[:, 2, 3] = height(x, y) - sink * scale - reach * np.hypot(dx, dy)
-    swarm = Swarm(
-        name=name,
-        kind=kind,
-        object_id=0,  # known when all objects are
-        meshes=tuple(mesh.name for mesh in meshes),
-        mesh=rng.integers(len(meshes), size=n).astype(np.int32),
-        world_from_object=poses,
-        tint=random_tints(rng, tint, n),
-    )
-    return swarm, tuple(meshes)
+
+    def around(xy: Array) -> Array:
+        outside = distance_beyond(size, xy[:, 0], xy[:, 1])
+        return np.asarray((outside > margin) & (outside < within))
+
+    xy = jittered_grid(2 * (np.array(size) / 2 + within), spec.per_m2, rng, density, keep=around)
+    n = len(xy)
+    scale = random_scales(rng, spec.scales, n)
+    poses = upright_poses(xy, rng.uniform(0, 2 * np.pi, n), scale)
+    x, y = xy.T
+    dx, dy = ((ground(x + i, y + j) - ground(x - i, y - j)) / 1.0 for i, j in ((0.5, 0.0), (0.0, 0.5)))
+    poses[:, :3, :3] = tilted(poses, dx, dy, spec.tilt)
+    # Upright objects stand at the lowest ground below their footprint, estimated from the slope.
+    radius = scale * np.mean([min(mesh.footprint, 0.5) for mesh in spec.meshes]) * (1 - spec.tilt)
+    poses[:, 2, 3] = ground(x, y) - spec.sink * scale - radius * np.hypot(dx, dy)
+    return make_swarm(spec.name, spec.kind, spec.meshes, poses, rng, tint=spec.tint), spec.meshes
 
 
 def _edge(field: Heightfield) -> tuple[Array, Array, Array]:
-    """x, y, height of the terrain's edge nodes, around it anticlockwise from its first corner."""
+    """x, y and height [m] of the terrain's edge nodes, anticlockwise from its first corner."""
     nx, ny = field.heights.shape
     edge = np.concatenate(
         [
@@ -180,7 +170,7 @@ def _edge(field: Heightfield) -> tuple[Array, Array, Array]:
 
 
 def _slope_outwards(field: Heightfield, land: Land, x: Array, y: Array, far: Array) -> Array:
-    """Slope of the terrain beyond that of the land, away from the middle, at the edge; smooth along it."""
+    """Outward slope of the terrain minus that of the land at the edge nodes, smoothed along the edge."""
     step = 0.6
     ux, uy = x / far, y / far
     own = (field.height_at(x, y) - field.height_at(x - step * ux, y - step * uy)) / step
@@ -190,8 +180,8 @@ def _slope_outwards(field: Heightfield, land: Land, x: Array, y: Array, far: Arr
     return np.convolve(around, window, mode="valid").clip(-1.0, 1.0)
 
 
-def _net(count: int) -> NDArray[np.intp]:
-    """Triangles (f, 3) of the rings, whose vertices are numbered ring by ring; a band of fans joins near and far."""
+def _net(count: int) -> Index:
+    """Triangles (f, 3) of the rings, whose vertices are numbered ring by ring; fans join inner and outer rings."""
     few = -(-count // COARSER)
     starts = np.concatenate([count * np.arange(len(RINGS)), count * len(RINGS) + few * np.arange(len(FAR_RINGS))])
     faces = []
@@ -203,16 +193,14 @@ def _net(count: int) -> NDArray[np.intp]:
     k = np.arange(count)
     near = np.minimum((k + COARSER // 2) // COARSER, few) % few
     faces.append(np.stack([inner + k, outer + near, inner + (k + 1) % count], axis=-1))
-    turn = np.flatnonzero(near != np.roll(near, -1))  # where the next node belongs to the next far vertex
+    turn = np.flatnonzero(near != np.roll(near, -1))  # the next node has the next outer vertex
     following = (turn + 1) % count
     faces.append(np.stack([inner + following, outer + near[turn], outer + near[following]], axis=-1))
     return np.concatenate(faces)
 
 
-def _skinned(
-    vertices: Array, normals: Array, faces: NDArray[np.intp], rows: NDArray[np.intp], names: tuple[str, ...]
-) -> Mesh:
-    """Mesh in which each further material has copies of its vertices, with uv in its own repeats."""
+def _with_materials(vertices: Array, normals: Array, faces: Index, rows: Index, names: tuple[str, ...]) -> Mesh:
+    """Mesh in which each material after the first has copies of its vertices with its own uv scale."""
     parts, shares, moved, total = [np.arange(len(vertices))], [np.full(len(vertices), 0)], faces.copy(), len(vertices)
     for row in range(1, len(names)):
         own = rows == row
@@ -233,7 +221,7 @@ def _skinned(
     )
 
 
-def _vertex_normals(vertices: Array, triangles: NDArray[np.intp]) -> Array:
+def _vertex_normals(vertices: Array, triangles: Index) -> Array:
     corners = vertices[triangles]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     across *= np.sign(across[:, 2:])

@@ -1,41 +1,44 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Worlds by name and seed, built by rules or taken from the cache."""
+"""Worlds by name and seed, built by rules or read from the cache."""
 
 import contextlib
-import hashlib
-import json
-import os
 from collections.abc import Mapping
-from functools import cache
-from importlib.metadata import version
+from importlib import import_module
 from pathlib import Path
-from typing import Any
-from zipfile import BadZipFile
+from typing import Any, Final
 
 from pydantic import ValidationError
 
+from fieldtruth.core.cache import cache_folder as default_cache_folder
+from fieldtruth.core.cache import cache_key
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.problems import configuration_error
+from fieldtruth.experiment.rig import Frozen
 from fieldtruth.world.environments import ENVIRONMENTS
-from fieldtruth.world.library import data_files
 from fieldtruth.world.model import World
-from fieldtruth.world.store import read_world, save_world
+from fieldtruth.world.store import DamagedWorldError, read_world, save_world
 from fieldtruth.world.trails import Line
+
+_LIBRARIES: Final = ("numpy", "scipy", "numba")
 
 
 def build_world(environment: str, seed: int = 0, layout: Mapping[str, Any] | None = None) -> World:
-    """Build an environment by its rules. Same name, seed and layout, same world.
+    """Build an environment. Same name, seed and layout, same world.
 
-    ``layout`` changes its configuration, ``{"old_trees": 60}`` say: docs/environments.md lists the keys.
+    ``layout`` changes its configuration, for example ``{"old_trees": 60}``; docs/environments.md lists the keys. The
+    corridors of the environment stay free of obstacles in every layout.
 
-    The lines of the built-in experiments of this environment stay free of obstacles, whichever of them is driven, so
-    that all its experiments share one world. Raises UnknownNameError, and ConfigurationError for a layout that is not
-    allowed.
+    Raises:
+        UnknownNameError: unknown environment.
+        ConfigurationError: a key or value that the layout does not allow.
+        CrowdedWorldError: the layout asks for more objects than find room.
     """
     check_layout(environment, layout)
-    return ENVIRONMENTS[environment].build(seed, _corridors(environment), layout)
+    config = layout_model(environment).model_validate(dict(layout or {}))
+    world: World = _module(environment, "build").build(seed, reserved_corridors(environment), config)
+    return world
 
 
 def check_experiment(experiment: Experiment, source: str = "") -> None:
@@ -50,37 +53,45 @@ def check_experiment(experiment: Experiment, source: str = "") -> None:
 
 
 def check_layout(environment: str, layout: Mapping[str, Any] | None, source: str = "") -> None:
-    """Raise UnknownNameError for an unknown environment, ConfigurationError for a layout that it does not allow.
-
-    ``source``, a file's name say, stands in front of what is wrong.
-    """
+    """Check an environment's name and a layout for it; raises as ``check_experiment``."""
     if environment not in ENVIRONMENTS:
         raise UnknownNameError("environment", environment, ENVIRONMENTS)
-    if not layout:
-        return
-    config = ENVIRONMENTS[environment].config
     try:
-        config.model_validate(dict(layout))
+        layout_model(environment).model_validate(dict(layout or {}))
     except ValidationError as report:
-        raise configuration_error(config, report, f"{source}: layout" if source else "layout") from report
+        prefix = f"{source}: layout" if source else "layout"
+        raise configuration_error(layout_model(environment), report, prefix) from report
+
+
+def layout_model(environment: str) -> type[Frozen]:
+    """Configuration of an environment's layout: counts, densities, sizes."""
+    model: type[Frozen] = _module(environment, "config").Config
+    return model
+
+
+def reserved_corridors(environment: str) -> list[Line]:
+    """Centre lines of the corridors that stay free of obstacles, whatever experiments exist."""
+    return [Line.through(corners, smooth=False) for corners in _module(environment, "corridors").CORRIDORS]
 
 
 def load_world(
     environment: str, seed: int = 0, layout: Mapping[str, Any] | None = None, *, cache_folder: Path | None = None
 ) -> World:
-    """Return the world from the cache, or build it (see ``build_world``) and put it there.
+    """Read a world from the cache, or build it (see ``build_world``) and store it there.
 
-    The cache is ``$XDG_CACHE_HOME/fieldtruth`` (or ``~/.cache/fieldtruth``) unless a folder is given; its key covers
-    the code that builds worlds, so that a changed rule never meets an old world. Where it cannot be written, it is not.
+    Args:
+        environment: a name from ``list_environments``.
+        seed: of everything random.
+        layout: changes to the environment's configuration.
+        cache_folder: by default ``fieldtruth.core.cache.cache_folder()``. File names contain a digest of the code, the
+            libraries' versions and the layout. A folder that cannot be written is ignored.
     """
-    folder = cache_folder if cache_folder is not None else default_cache()
-    stem = f"{environment}-{seed}{_layout_key(layout)}"
-    path = folder / f"{stem}-{_code_key()}.npz"
-    if environment in ENVIRONMENTS and path.is_file():
-        try:
-            return read_world(path)
-        except (OSError, ValueError, KeyError, EOFError, TypeError, NotImplementedError, BadZipFile):
-            path.unlink(missing_ok=True)  # cut short or foreign: build it anew
+    check_layout(environment, layout)
+    folder = default_cache_folder() if cache_folder is None else cache_folder
+    stem = f"{environment}-{seed}" + (f"_{cache_key((), dict(sorted(layout.items())))[:12]}" if layout else "")
+    path = folder / f"{stem}-{world_key(environment)}.npz"
+    with contextlib.suppress(OSError, DamagedWorldError):
+        return read_world(path)
     world = build_world(environment, seed, layout)
     with contextlib.suppress(OSError):
         save_world(path, world)
@@ -89,39 +100,17 @@ def load_world(
     return world
 
 
-def default_cache() -> Path:
-    """Folder of built worlds."""
-    root = os.environ.get("XDG_CACHE_HOME")
-    return (Path(root) if root else Path.home() / ".cache") / "fieldtruth"
+def world_key(environment: str) -> str:
+    """Digest of everything besides seed and layout that shapes a world: code, data files, versions of libraries."""
+    package = ENVIRONMENTS[environment].package
+    modules = [__name__, *(f"{package}.{name}" for name in ("build", "config", "corridors"))]
+    return cache_key(modules, libraries=_LIBRARIES)
 
 
 def world_of(experiment: Experiment) -> World:
-    """Return the world in which an experiment takes place."""
+    """Load the world of an experiment."""
     return load_world(experiment.environment, experiment.seed, experiment.layout)
 
 
-def _layout_key(layout: Mapping[str, Any] | None) -> str:
-    if not layout:
-        return ""
-    return "_" + hashlib.blake2b(json.dumps(layout, sort_keys=True).encode(), digest_size=6).hexdigest()
-
-
-def _corridors(environment: str) -> list[Line]:
-    from fieldtruth.experiment.catalogue import list_experiments
-    from fieldtruth.experiment.files import load_experiment
-    from fieldtruth.experiment.route import metres_from_route
-
-    routes = [
-        load_experiment(name).route for name in list_experiments() if load_experiment(name).environment == environment
-    ]
-    return [Line.through([tuple(p) for p in metres_from_route(route)], smooth=False) for route in routes]
-
-
-@cache
-def _code_key() -> str:
-    """Digest of all that shapes a world: this package's rules and built-in routes, NumPy's and SciPy's version."""
-    digest = hashlib.blake2b(f"{version('numpy')} {version('scipy')}".encode(), digest_size=8)
-    root = Path(__file__).parent
-    for path in sorted([*root.rglob("*.py"), *data_files(), *(root.parent / "experiment" / "builtin").glob("*.yaml")]):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()
+def _module(environment: str, name: str) -> Any:
+    return import_module(f"{ENVIRONMENTS[environment].package}.{name}")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a world is: terrain, shared meshes, objects that are instances of them, materials. Plain data, no behaviour.
+"""The data of a world: terrain, shared meshes, objects that are instances of them, swarms, materials.
 
 A triangle's class is its material's; the terrain's class follows from the signed distance to the nearest trail's edge.
 """
@@ -12,16 +12,17 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 
 ROBOT_ID: Final = 0
-"""Object id of the robot, which none of its sensors sees; so an id of 0 in an image means that nothing was hit."""
+"""Object id of the robot, which its own sensors do not see: 0 in an image means that no object was hit."""
 GROUND_ID: Final = 1
 
 
 @dataclass(frozen=True, kw_only=True)
 class Material:
-    """How a surface looks, and which class it is.
+    """Appearance and class of a surface.
 
     ``texture`` names an image in ``World.textures``; its mean colour is multiplied by ``tint`` (linear, 1 = unchanged).
     """
@@ -31,20 +32,20 @@ class Material:
     texture: str
     tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
     translucency: float = 0.0
-    """Share of the light on the far side that shines through (leaves: about 0.4)."""
+    """Share of the light from behind that is transmitted (leaves: about 0.4)."""
     gloss: float = 0.0
     """Strength of the highlight, 0 (matt) to 1 (wet or lacquered)."""
     mirror: float = 0.0
-    """Share of the light that a slightly rippled surface mirrors at normal incidence (water: 0.02); 0 is no mirror."""
+    """Reflectance of a slightly rippled surface at normal incidence (water: 0.02); 0 turns reflections off."""
     repeat: float = 1.0
-    """Length [m] that the texture covers on the ground; meshes say it by their own uv."""
+    """Length [m] of the ground that one repeat of the texture covers; meshes have uv coordinates instead."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Collider:
-    """A primitive that stands for a mesh in the physics, in the object's frame, upright.
+    """An upright primitive that replaces a mesh in the physics, in the object's frame.
 
-    ``size`` [m] is (radius, height) of a cylinder or (length, width, height) of a box; ``position``: its foot's centre.
+    ``size`` [m] is (radius, height) of a cylinder or (length, width, height) of a box; ``position``: base centre.
     """
 
     shape: Literal["cylinder", "box"]
@@ -58,8 +59,9 @@ class Mesh:
     """Triangles in the object's frame: origin on the ground below the middle, z up, x forward (furniture faces +x).
 
     ``vertices`` (v, 3) float32 [m]; ``normals`` (v, 3) float32 of unit length; ``uv`` (v, 2) float32 in repeats of the
-    texture; ``faces`` (f, 3) int32; ``material`` (f,) int32, a row of ``materials``. What stands in the soil reaches
-    below z = 0 so that it does not float on a slope. ``footprint`` [m] is the radius about the origin that others keep.
+    texture; ``faces`` (f, 3) int32; ``material`` (f,) int32, a row of ``materials``. Meshes of objects that
+    stand in the soil reach below z = 0, so that they do not float on a slope. ``footprint`` [m] is the radius about the
+    origin that is kept free of other objects.
     """
 
     name: str
@@ -74,7 +76,7 @@ class Mesh:
 
 
 def merge_meshes(name: str, parts: Sequence[Mesh], *, footprint: float) -> Mesh:
-    """One mesh of several in the same frame; equal material names become one, colliders are kept in order."""
+    """Merge meshes of one frame; equal material names are shared, colliders keep their order."""
     names = tuple(dict.fromkeys(n for part in parts for n in part.materials))
     offsets = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
     rows = [np.array([names.index(n) for n in part.materials], np.int32)[part.material] for part in parts]
@@ -105,10 +107,7 @@ class Instance:
 
 @dataclass(frozen=True, kw_only=True)
 class Swarm:
-    """Many things of a kind that nobody asks for one by one: tufts of grass, pebbles, the trees beyond the edge.
-
-    They share one object id, and the robot passes through them: they have no colliders.
-    """
+    """Many objects of a kind under one object id and without colliders: tufts of grass, pebbles, distant trees."""
 
     name: str
     kind: str
@@ -121,7 +120,7 @@ class Swarm:
 
 @dataclass(frozen=True, kw_only=True)
 class Heightfield:
-    """A regular grid of heights: ``heights[i, j]`` [m] stands at x = x0 + i * spacing, y = y0 + j * spacing.
+    """A regular grid of heights: ``heights[i, j]`` [m] is at x = x0 + i * spacing, y = y0 + j * spacing.
 
     Each cell is two triangles, divided from (i, j) to (i + 1, j + 1).
     """
@@ -132,7 +131,7 @@ class Heightfield:
     y0: float
 
     def height_at(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
-        """Height [m] of the triangles at world x, y [m] (any shape); beyond the edge the edge's height holds."""
+        """Height [m] of the triangles at world x, y [m] (any shape); outside the grid that of its edge."""
         nx, ny = self.heights.shape
         u = np.clip((np.asarray(x, np.float64) - self.x0) / self.spacing, 0, nx - 1)
         v = np.clip((np.asarray(y, np.float64) - self.y0) / self.spacing, 0, ny - 1)
@@ -144,10 +143,17 @@ class Heightfield:
         first, second = np.where(fu >= fv, fu, fv), np.where(fu >= fv, fv, fu)
         return np.asarray(h00 + first * (corner - h00) + second * (h11 - corner))
 
+    def slope_at(self, x: ArrayLike, y: ArrayLike, step: float = 0.25) -> tuple[Array, Array]:
+        """Slopes [rise over run] along x and along y, by central differences over ``step`` [m] to either side."""
+        x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
+        along_x = (self.height_at(x + step, y) - self.height_at(x - step, y)) / (2 * step)
+        along_y = (self.height_at(x, y + step) - self.height_at(x, y - step)) / (2 * step)
+        return along_x, along_y
+
 
 @dataclass(frozen=True, kw_only=True)
 class Raster:
-    """A value per node of a regular grid over the world, (nx, ny) or (nx, ny, channels), read bilinearly."""
+    """Values at the nodes of a regular grid over the world, (nx, ny) or (nx, ny, channels), with bilinear lookup."""
 
     values: NDArray[np.float32]
     spacing: float  # [m]
@@ -155,7 +161,7 @@ class Raster:
     y0: float
 
     def at(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
-        """Bilinear value at world x, y [m]; beyond the edge the edge's value holds."""
+        """Bilinear value at world x, y [m]; outside the grid that of its edge."""
         nx, ny = self.values.shape[:2]
         u = np.clip((np.asarray(x, np.float64) - self.x0) / self.spacing, 0, nx - 1)
         v = np.clip((np.asarray(y, np.float64) - self.y0) / self.spacing, 0, ny - 1)
@@ -173,7 +179,7 @@ class Raster:
 class Terrain:
     """The ground. ``trail_distance`` [m] is signed: below 0 inside a trail. The class is trail there, ground elsewhere.
 
-    ``cover`` holds one channel per name in ``ground_materials``: the weights with which these are mixed off the trails.
+    ``cover`` has one channel per name in ``ground_materials``: the weights with which they are mixed outside trails.
     """
 
     field: Heightfield
@@ -191,7 +197,7 @@ class Terrain:
 
 @dataclass(frozen=True, kw_only=True)
 class World:
-    """A place: all that a sensor can see and a wheel can touch. Frame: x north, y west, z up, origin in the middle."""
+    """An environment built from a seed and a layout. Frame: x north, y west, z up, origin in its centre."""
 
     name: str
     seed: int
@@ -203,8 +209,8 @@ class World:
     textures: Mapping[str, NDArray[np.uint8]]  # (n, n, 3) sRGB, tileable, n a power of two
     swarms: tuple[Swarm, ...] = ()
     water_level: float | None = None
-    """Height [m] of the water's surface, itself an instance of kind "water"; ground below it is under water."""
+    """Height [m] of the water's surface, which is an instance of kind "water"; lower ground is under water."""
     backdrop: Mesh | None = None
-    """Land beyond the world's edge down to the horizon, class ground, seen by cameras and the LiDAR alike."""
+    """Land outside the world's edge down to the horizon, class ground, visible to cameras and LiDAR."""
     object_names: tuple[str, ...] = field(default=())
-    """Name of each object id; row 0 is the robot, row 1 the ground."""
+    """Name of each object id; 0 is the robot, 1 the ground."""

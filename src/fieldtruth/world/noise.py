@@ -2,24 +2,29 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fractal noise on a grid and in space: sums of smooth random fields of halving wavelength."""
 
+from collections.abc import Callable
+
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
+
+from fieldtruth.core.arrays import Array
+from fieldtruth.world.grids import grid_axes
+from fieldtruth.world.model import Raster
 
 
 def fractal_noise(
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
+    x: Array,
+    y: Array,
     *,
     wavelength: float,
     octaves: int,
     rng: np.random.Generator,
     gain: float = 0.5,
-) -> NDArray[np.float64]:
+) -> Array:
     """Noise (len(x), len(y)) of about unit deviation; the longest ``wavelength`` [m] halves ``octaves`` - 1 times.
 
-    Each octave is a grid of independent normal numbers, half a wavelength apart, joined by cubic splines, and weighs
-    ``gain`` times the one before (Perlin 1985 calls the same sum turbulence without the absolute value).
+    Each octave interpolates independent normal numbers, half a wavelength apart, with cubic splines; its weight is
+    ``gain`` times that of the octave before (the turbulence of Perlin 1985 without the absolute value).
     """
     total, energy = np.zeros((len(x), len(y))), 0.0
     for octave in range(octaves):
@@ -32,9 +37,9 @@ def fractal_noise(
 
 
 def solid_noise(
-    points: NDArray[np.float64], *, wavelength: float, octaves: int, rng: np.random.Generator, gain: float = 0.5
-) -> NDArray[np.float64]:
-    """Noise (n,) of about unit deviation at ``points`` (n, d), in any number d of dimensions; else as on a grid."""
+    points: Array, *, wavelength: float, octaves: int, rng: np.random.Generator, gain: float = 0.5
+) -> Array:
+    """Noise (n,) of about unit deviation at ``points`` (n, d), in d dimensions; see ``fractal_noise``."""
     total, energy = np.zeros(len(points)), 0.0
     low, extent = points.min(axis=0), np.ptp(points, axis=0)
     for octave in range(octaves):
@@ -42,4 +47,17 @@ def solid_noise(
         nodes = rng.standard_normal(tuple((extent / step).astype(int) + 5))
         total += weight * map_coordinates(nodes, ((points - low) / step + 2.0).T, order=3, mode="nearest")
         energy += weight**2
-    return np.asarray(total / np.sqrt(0.87 ** points.shape[1] * energy))  # the splines keep 0.87 a dimension
+    return np.asarray(total / np.sqrt(0.87 ** points.shape[1] * energy))  # splines keep 0.87 per dimension
+
+
+def noise_map(
+    size: tuple[float, float], wavelength: float, rng: np.random.Generator, *, nodes: int = 16
+) -> Callable[[Array], Array]:
+    """Noise of three octaves and about unit deviation over an area (x, y) [m], as a function of positions (n, 2).
+
+    ``nodes`` is the resolution: nodes per wavelength.
+    """
+    x, y = grid_axes(size, wavelength / nodes)
+    values = fractal_noise(x, y, wavelength=wavelength, octaves=3, rng=rng).astype(np.float32)
+    raster = Raster(values=values, spacing=float(x[1] - x[0]), x0=float(x[0]), y0=float(y[0]))
+    return lambda xy: raster.at(*xy.T)

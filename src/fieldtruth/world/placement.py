@@ -1,81 +1,146 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Putting things into a world by rules: what stands where is kept, so nothing overlaps and the routes stay free."""
+"""Placing objects by rules: a world builder records the space that is taken, so that nothing overlaps."""
 
 import dataclasses
 from collections.abc import Callable, Iterable, Sequence
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
-from fieldtruth.core.arrays import Array
+from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.world.model import GROUND_ID, Heightfield, Instance, Mesh, Swarm
+from fieldtruth.world.poses import random_tint, rotations_to, upright_pose, upright_poses
+from fieldtruth.world.swarms import Density, SwarmSpec, jittered_grid, make_swarm, random_scales
 from fieldtruth.world.trails import Line, Trail
 
-_EASES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
-"""Shares of the wished spacing, tried in turn: things that are strewn at random may take each other's room."""
+EASES: Final = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
+"""Shares of the requested spacing that are tried in turn, because random positions waste space."""
+
+Attempt = Callable[[Array, int, bool], Instance | None]
+"""Tries to place an object: (candidate, number of objects placed so far, whether the spacing is kept)."""
 
 
 class CrowdedWorldError(FieldtruthError):
-    """The rules leave no room for what was asked for; says how many of what found a place."""
+    """The rules leave no space for the objects of a layout; the text states how many found space."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ObjectGroup:
+    """Objects of one kind to place; meshes are used in turn."""
+
+    kind: str
+    meshes: Sequence[Mesh]
+    count: int
+    spacing: float = 0.0
+    """Distance [m] between any two of the group; it eases where space is scarce."""
+    scales: tuple[float, float] = (1.0, 1.0)
+    tint: float = 0.0
+    """Spread of the brightness, see ``random_tint``."""
+
+    def mesh(self, number: int) -> Mesh:
+        """Mesh of the object with this number, counted from 0."""
+        return self.meshes[number % len(self.meshes)]
+
+    def check_complete(self, placed: Sequence[Instance], where: str = "in the world") -> list[Instance]:
+        """Return the placed objects.
+
+        Raises:
+            CrowdedWorldError: there are fewer than ``count``.
+        """
+        if len(placed) < self.count:
+            raise CrowdedWorldError(
+                f"only {len(placed)} of {self.count} {self.kind} find room {where}; ask for fewer in the layout"
+            )
+        return list(placed)
+
+
+def place_until_count(
+    count: int, candidates: Iterable[Array], attempt: Attempt, *, spacings: Sequence[float] = (0.0,)
+) -> list[Instance]:
+    """Try candidate positions in turn until ``count`` objects are placed (dart throwing, Cook 1986).
+
+    For each of ``spacings`` [m] in turn, all candidates are tried in their order. ``attempt`` returns the object that
+    it placed, or None; it is called for candidates too near to those already placed as well, because some attempts
+    draw random numbers before that matters. This function draws none itself. It ends with the last object: no candidate
+    is taken from the iterable after that. Candidates are arrays that start with x, y [m]; only a sequence can be tried
+    with several spacings.
+
+    Returns the objects, fewer than ``count`` if all candidates were tried with every spacing.
+    """
+    placed: list[Instance] = []
+    taken = np.zeros((count, 2))
+    if count == 0:
+        return placed
+    for spacing in spacings:
+        for candidate in candidates:
+            n = len(placed)
+            apart = n == 0 or bool(np.hypot(*(taken[:n] - candidate[:2]).T).min() >= spacing)
+            instance = attempt(candidate, n, apart)
+            if instance is not None:
+                taken[n] = candidate[:2]
+                placed.append(instance)
+                if len(placed) == count:
+                    return placed
+    return placed
+
+
+def eased(spacing: float, eases: Sequence[float] = EASES) -> list[float]:
+    """Spacings [m] to try in turn: shares of the requested one."""
+    return [ease * spacing for ease in eases]
 
 
 @dataclasses.dataclass
-class Site:
-    """A world while it is filled. Every placed thing keeps a circle of its mesh's footprint to itself."""
+class WorldBuilder:
+    """A world while it is built. Each object keeps a circle of its mesh's footprint free of others."""
 
     field: Heightfield
     size: tuple[float, float]
     trails: Sequence[Trail]
     corridors: Sequence[Line]
-    """Lines that robots drive; their middle keeps ``corridor_width`` / 2 [m] free of everything that stands."""
+    """Centre lines of the strips that stay free of obstacles, ``corridor_width`` [m] wide."""
     corridor_width: float = 2.0
-    meshes: dict[str, Mesh] = dataclasses.field(default_factory=dict)
-    instances: list[Instance] = dataclasses.field(default_factory=list)
-    swarms: list[Swarm] = dataclasses.field(default_factory=list)
-    _circles: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 3)))
-    _solids: list[tuple[float, float, float]] = dataclasses.field(default_factory=list)
-    _counts: dict[str, int] = dataclasses.field(default_factory=dict)
+    water_level: float | None = None
+    meshes: dict[str, Mesh] = dataclasses.field(default_factory=dict, init=False)
+    instances: list[Instance] = dataclasses.field(default_factory=list, init=False)
+    swarms: list[Swarm] = dataclasses.field(default_factory=list, init=False)
+    _circles: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 3)), init=False)
+    _solids: list[tuple[float, float, float]] = dataclasses.field(default_factory=list, init=False)
+    _counts: dict[str, int] = dataclasses.field(default_factory=dict, init=False)
 
-    def trail_distance(self, places: Array) -> Array:
-        """Distance [m], (n,), of places (n, 2) to the nearest trail's edge, below 0 inside; infinite without trails."""
+    def trail_distance(self, xy: Array) -> Array:
+        """Distance [m], (n,), of positions (n, 2) to the nearest trail's edge; negative inside, infinite without."""
         if not self.trails:
-            return np.full(len(places), np.inf)
-        return np.asarray(np.min([t.line.distance(places) - t.width / 2.0 for t in self.trails], axis=0))
+            return np.full(len(xy), np.inf)
+        return np.asarray(np.min([t.line.distance(xy) - t.width / 2.0 for t in self.trails], axis=0))
 
-    def is_free(self, x: float, y: float, radius: float, *, margin: float = 0.0) -> bool:
-        """Tell whether a circle lies in the world, off the corridors and ``margin`` [m] off everything placed."""
+    def random_positions(self, count: int, rng: np.random.Generator) -> Array:
+        """Positions (count, 2), uniform over the world."""
+        return np.asarray(rng.uniform(-0.5, 0.5, (count, 2)) * self.size)
+
+    def is_free(self, xy: Sequence[float] | Array, radius: float) -> bool:
+        """Whether a circle around xy [m] lies in the world, outside all corridors, and overlaps no object."""
+        x, y = xy
         length, width = self.size
         if abs(x) + radius > length / 2 - 0.5 or abs(y) + radius > width / 2 - 0.5:
             return False
         a, b, r = self._circles.T
-        if ((x - a) ** 2 + (y - b) ** 2 < (radius + r + margin) ** 2).any():
+        if ((x - a) ** 2 + (y - b) ** 2 < (radius + r) ** 2).any():
             return False
         return all(line.distance([[x, y]])[0] >= radius + self.corridor_width / 2 for line in self.corridors)
 
-    def place(
-        self, kind: str, mesh: Mesh, x: float, y: float, *, yaw: float, scale: float = 1.0,
+    def add(
+        self,
+        kind: str,
+        mesh: Mesh,
+        world_from_object: Array,
+        circles: Iterable[tuple[float, float, float]],
+        *,
         tint: tuple[float, float, float] = (1.0, 1.0, 1.0),
-    ) -> Instance:  # fmt: skip
-        """Stand a mesh on the ground at x, y [m], turned by ``yaw`` [rad], where its footprint's lowest ground is."""
-        radius = mesh.footprint * scale
-        angles = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
-        reach = min(radius, 0.9)
-        ground = self.field.height_at([x, *(x + reach * np.cos(angles))], [y, *(y + reach * np.sin(angles))])
-        pose = np.eye(4)
-        pose[:3, :3] = scale * np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
-        pose[:3, 3] = x, y, float(ground.min())
-        return self.stand(kind, mesh, pose, [(x, y, radius)], tint=tint)
-
-    def stand(
-        self, kind: str, mesh: Mesh, world_from_object: Array, circles: Iterable[tuple[float, float, float]],
-        *, tint: tuple[float, float, float] = (1.0, 1.0, 1.0),
-    ) -> Instance:  # fmt: skip
-        """Put a mesh at a pose (4, 4) as it is; it keeps ``circles`` (x, y, radius) [m] to itself.
-
-        For what lies or leans: a fallen trunk keeps a row of circles, a rock may be tilted.
-        """
+    ) -> Instance:
+        """Add a mesh at a pose (4, 4); it keeps ``circles`` (x, y, radius) [m] free of other objects."""
         count = self._counts[kind] = self._counts.get(kind, 0) + 1
         instance = Instance(
             name=f"{kind}_{count}",
@@ -96,177 +161,126 @@ class Site:
             self._solids.append((float(x), float(y), float(half) * scale))
         return instance
 
+    def add_upright(
+        self,
+        kind: str,
+        mesh: Mesh,
+        xy: Sequence[float] | Array,
+        *,
+        yaw: float,
+        scale: float = 1.0,
+        tint: tuple[float, float, float] = (1.0, 1.0, 1.0),
+    ) -> Instance:
+        """Add a mesh at xy [m], turned by ``yaw`` [rad], at the height of the lowest ground below its footprint."""
+        x, y = xy
+        radius = mesh.footprint * scale
+        angles = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
+        reach = min(radius, 0.9)
+        ground = self.field.height_at([x, *(x + reach * np.cos(angles))], [y, *(y + reach * np.sin(angles))])
+        pose = upright_pose(x, y, yaw, scale)
+        pose[2, 3] = float(ground.min())
+        return self.add(kind, mesh, pose, [(x, y, radius)], tint=tint)
+
     def scatter(
-        self, kind: str, meshes: Sequence[Mesh], count: int, *, rng: np.random.Generator,
-        allowed: Callable[[Array], NDArray[np.bool_]], spacing: float = 0.0, scales: tuple[float, float] = (1.0, 1.0),
-        tint: float = 0.0, tries: int = 4000, quarters: bool = False,
-    ) -> list[Instance]:  # fmt: skip
-        """Scatter ``count`` things, at least ``spacing`` [m] from their own kind (dart throwing, Cook 1986).
+        self,
+        group: ObjectGroup,
+        rng: np.random.Generator,
+        allowed: Callable[[Array], Mask],
+        *,
+        tries: int = 4000,
+        quarter_turns: bool = False,
+    ) -> list[Instance]:
+        """Scatter upright objects where ``allowed`` is true for positions (n, 2).
 
-        ``allowed`` says for places (n, 2) where they may stand. Meshes are taken in turn, so that all are used alike.
-        ``quarters`` turns things by quarter turns only: the box of a tall tree, which every passing ray must look into,
-        stays as narrow as the tree (7 to 11 % of the time for an image of a dense forest).
-        Where too few of the ``tries`` darts find room, the spacing eases down to a half. Raises CrowdedWorldError when
-        even that does not help.
+        Draws ``tries`` positions at first; then for each candidate a scale, and for a placed object yaw and tint.
+        ``quarter_turns`` keeps the bounding box of a tall tree, which each passing ray enters, as narrow as the tree
+        (7 to 11 % of the time for an image of a dense forest).
+
+        Raises:
+            CrowdedWorldError: too few candidates are free even at half the spacing.
         """
-        placed: list[Instance] = []
-        length, width = self.size
-        darts = rng.uniform(-0.5, 0.5, (tries, 2)) * [length, width]
+        darts = self.random_positions(tries, rng)
+
+        def attempt(xy: Array, number: int, apart: bool) -> Instance | None:
+            mesh, scale = group.mesh(number), float(rng.uniform(*group.scales))
+            if not apart or not self.is_free(xy, mesh.footprint * scale):
+                return None
+            yaw = float(rng.integers(4)) * np.pi / 2 if quarter_turns else float(rng.uniform(0.0, 2.0 * np.pi))
+            return self.add_upright(group.kind, mesh, xy, yaw=yaw, scale=scale, tint=random_tint(rng, group.tint))
+
         hits = darts[allowed(darts)]
-        for apart, (x, y) in ((ease * spacing, dart) for ease in _EASES for dart in hits):
-            if len(placed) == count:
-                break
-            mesh, scale = meshes[len(placed) % len(meshes)], float(rng.uniform(*scales))
-            if not _keeps_apart(x, y, placed, apart):
-                continue
-            if self.is_free(x, y, mesh.footprint * scale):
-                yaw = float(rng.integers(4)) * np.pi / 2 if quarters else float(rng.uniform(0.0, 2.0 * np.pi))
-                placed.append(self.place(kind, mesh, x, y, yaw=yaw, scale=scale, tint=random_tint(rng, tint)))
-        if len(placed) < count:
-            raise CrowdedWorldError(f"only {len(placed)} of {count} {kind} find room in the world; ask for fewer")
-        return placed
+        return group.check_complete(place_until_count(group.count, hits, attempt, spacings=eased(group.spacing)))
 
-    def along_trails(
-        self, kind: str, meshes: Sequence[Mesh], count: int, *, rng: np.random.Generator, offset: float,
-        spacing: float, tint: float = 0.0,
-    ) -> list[Instance]:  # fmt: skip
-        """Line the trails with ``count`` things that face the trail from ``offset`` [m] beyond its edge.
+    def along_trails(self, group: ObjectGroup, rng: np.random.Generator, offset: float) -> list[Instance]:
+        """Place objects of scale 1 on both sides of the trails, facing them, ``offset`` [m] outside their edge.
 
-        ``spacing`` [m] eases, and CrowdedWorldError is raised, as in ``scatter``.
+        Draws the order of all candidates at first, then the tint of each placed object.
+
+        Raises:
+            CrowdedWorldError: too few candidates are free even at half the spacing.
         """
-        length, width = self.size
+        candidates = self._beside_trails(offset)
+        order = rng.permutation(len(candidates))
+
+        def attempt(candidate: Array, number: int, apart: bool) -> Instance | None:
+            mesh, xy = group.mesh(number), candidate[:2]
+            if not apart or self.trail_distance(xy[None])[0] < min(mesh.footprint, offset) - 1e-6:
+                return None
+            if not self.is_free(xy, mesh.footprint):
+                return None
+            return self.add_upright(group.kind, mesh, xy, yaw=float(candidate[2]), tint=random_tint(rng, group.tint))
+
+        placed = place_until_count(group.count, candidates[order], attempt, spacings=eased(group.spacing))
+        return group.check_complete(placed, "along the trails")
+
+    def _beside_trails(self, offset: float) -> Array:
+        """Candidates (n, 3): x, y [m] every 0.8 m on either side of the trails, and the yaw [rad] towards the trail."""
         candidates = []
         for trail in self.trails:
-            inside = np.flatnonzero(
-                (np.abs(trail.line.points[:, 0]) < length / 2 - 2) & (np.abs(trail.line.points[:, 1]) < width / 2 - 2)
-            )
-            for row in inside[:: max(1, int(0.8 / 0.05))]:
+            inside = (np.abs(trail.line.points) < np.array(self.size) / 2 - 2).all(axis=1)
+            for row in np.flatnonzero(inside)[::16]:
+                tx, ty = trail.line.tangents[row]
                 for side in (-1.0, 1.0):
-                    tx, ty = trail.line.tangents[row]
                     outwards = side * np.array([-ty, tx])
-                    place = trail.line.points[row] + outwards * (trail.width / 2 + offset)
-                    candidates.append((*place, float(np.arctan2(-outwards[1], -outwards[0]))))
-        placed: list[Instance] = []
-        order = rng.permutation(len(candidates))
-        for apart, (x, y, yaw) in ((ease * spacing, candidates[row]) for ease in _EASES for row in order):
-            if len(placed) == count:
-                break
-            mesh = meshes[len(placed) % len(meshes)]
-            if not _keeps_apart(x, y, placed, apart):
-                continue
-            clear_of_trails = self.trail_distance(np.array([[x, y]]))[0] >= min(mesh.footprint, offset) - 1e-6
-            if clear_of_trails and self.is_free(x, y, mesh.footprint):
-                placed.append(self.place(kind, mesh, x, y, yaw=yaw, tint=random_tint(rng, tint)))
-        if len(placed) < count:
-            raise CrowdedWorldError(f"only {len(placed)} of {count} {kind} find room along the trails; ask for fewer")
-        return placed
+                    xy = trail.line.points[row] + outwards * (trail.width / 2 + offset)
+                    candidates.append((*xy, np.arctan2(-outwards[1], -outwards[0])))
+        return np.array(candidates).reshape(-1, 3)
 
-    def strew(
-        self, name: str, kind: str, meshes: Sequence[Mesh], *, per_m2: float, rng: np.random.Generator,
-        density: Callable[[Array], Array] | None = None, scales: tuple[float, float] = (0.8, 1.25), tint: float = 0.1,
-        tilt: float = 0.0, lean_deg: float = 0.0, sink: float = 0.0, clear: float = 0.0,
-    ) -> int:  # fmt: skip
-        """Strew small things over the ground as one swarm: up to ``per_m2`` of them, thinned by ``density``.
+    def add_swarm(self, swarm: Swarm, meshes: Sequence[Mesh]) -> None:
+        """Add a swarm with its meshes."""
+        for mesh in meshes:
+            self.meshes.setdefault(mesh.name, mesh)
+        self.swarms.append(swarm)
 
-        ``density`` gives for places (n, 2) the share [0, 1] that grows or lies there. Places are a jittered grid
-        (stratified, so that they neither clump nor line up). Nothing stands in an obstacle, nor within ``clear`` [m] of
-        one or of a corridor's middle. Things stand upright, ``tilt`` 1 lays them along the ground's slope, and
-        ``lean_deg`` [deg] leans them at random; ``sink`` [m] times their scale puts them into the soil. They are turned
-        by quarter turns: their boxes, into which every passing ray must look, stay narrow. Returns how many there are.
+    def scatter_swarm(self, spec: SwarmSpec, rng: np.random.Generator, density: Density | None = None) -> None:
+        """Spread small objects over the ground as one swarm, thinned by ``density`` at positions (n, 2).
+
+        Draws a jittered grid, scales, quarter turns (bounding boxes stay narrow), lean, meshes and tints.
         """
-        places = self._jittered(per_m2, rng)
-        chance = rng.random(len(places))
-        if density is not None:
-            places = places[chance < density(places)]
-        places = places[self._off_solids(places, clear)]
-        for line in self.corridors if clear > 0 else ():
-            places = places[line.distance(places) > clear]
-        n = len(places)
+        xy = jittered_grid(np.array(self.size), spec.per_m2, rng, density)
+        xy = xy[self._off_solids(xy, spec.clear)]
+        for line in self.corridors if spec.clear > 0 else ():
+            xy = xy[line.distance(xy) > spec.clear]
+        n = len(xy)
         if n == 0:
-            return 0
-        scale = np.exp(rng.uniform(np.log(scales[0]), np.log(scales[1]), n))
-        poses = upright_poses(places, (np.pi / 2) * rng.integers(4, size=n).astype(np.float64), scale)
-        poses[:, :3, :3] = self._tilted(places, tilt, lean_deg, rng) @ poses[:, :3, :3]
-        poses[:, 2, 3] = self.field.height_at(places[:, 0], places[:, 1]) - sink * scale
-        self.meshes.update({mesh.name: mesh for mesh in meshes if mesh.name not in self.meshes})
-        self.swarms.append(
-            Swarm(
-                name=name,
-                kind=kind,
-                object_id=0,  # known when all objects are
-                meshes=tuple(mesh.name for mesh in meshes),
-                mesh=rng.integers(len(meshes), size=n).astype(np.int32),
-                world_from_object=poses,
-                tint=random_tints(rng, tint, n),
-            )
-        )
-        return n
+            return
+        scale = random_scales(rng, spec.scales, n)
+        poses = upright_poses(xy, (np.pi / 2) * rng.integers(4, size=n).astype(np.float64), scale)
+        poses[:, :3, :3] = self._tilted(xy, spec.tilt, spec.lean_deg, rng) @ poses[:, :3, :3]
+        poses[:, 2, 3] = self.field.height_at(xy[:, 0], xy[:, 1]) - spec.sink * scale
+        self.add_swarm(make_swarm(spec.name, spec.kind, spec.meshes, poses, rng, tint=spec.tint), spec.meshes)
 
-    def _jittered(self, per_m2: float, rng: np.random.Generator) -> Array:
-        """Places (n, 2), one somewhere in each cell of a grid over the world, in rows along y."""
-        cells = np.maximum(1, np.round(np.array(self.size) * np.sqrt(per_m2))).astype(int)
-        grid = np.stack(np.meshgrid(*(np.arange(c) for c in cells), indexing="ij"), axis=-1).reshape(-1, 2)
-        return np.asarray((grid + rng.random(grid.shape)) / cells * self.size - np.array(self.size) / 2)
-
-    def _off_solids(self, places: Array, clear: float) -> NDArray[np.bool_]:
-        from scipy.spatial import cKDTree
-
-        off = np.ones(len(places), np.bool_)
-        if len(places) and self._solids:
+    def _off_solids(self, xy: Array, clear: float) -> Mask:
+        off = np.ones(len(xy), np.bool_)
+        if len(xy) and self._solids:
             solids = np.array(self._solids)
-            inside = cKDTree(places).query_ball_point(solids[:, :2], solids[:, 2] + clear)
+            inside = cKDTree(xy).query_ball_point(solids[:, :2], solids[:, 2] + clear)
             off[np.concatenate([np.asarray(rows, np.intp) for rows in inside])] = False
         return off
 
-    def _tilted(self, places: Array, tilt: float, lean_deg: float, rng: np.random.Generator) -> Array:
-        """Rotations (n, 3, 3) from upright to the share ``tilt`` of the ground's slope, with some lean at random."""
-        step = 0.25
-        x, y = places.T
-        along = (self.field.height_at(x + step, y) - self.field.height_at(x - step, y)) / (2 * step)
-        across = (self.field.height_at(x, y + step) - self.field.height_at(x, y - step)) / (2 * step)
-        lean = np.tan(np.radians(lean_deg)) * rng.standard_normal((len(places), 2)).clip(-2, 2)
-        return rotations_to(np.column_stack([-tilt * along + lean[:, 0], -tilt * across + lean[:, 1], np.ones(len(x))]))
-
-
-def _keeps_apart(x: float, y: float, placed: Sequence[Instance], spacing: float) -> bool:
-    return all(np.hypot(*(i.world_from_object[:2, 3] - (x, y))) >= spacing for i in placed)
-
-
-def random_tint(rng: np.random.Generator, spread: float) -> tuple[float, float, float]:
-    """Colour factors near 1: brightness by ``spread``, each channel by a third of it."""
-    bright = rng.normal(0.0, spread)
-    r, g, b = np.exp(np.clip(bright + rng.normal(0.0, spread / 3, 3), -0.5, 0.5))
-    return float(r), float(g), float(b)
-
-
-def random_tints(rng: np.random.Generator, spread: float, count: int) -> NDArray[np.float32]:
-    """Colour factors (count, 3) as those of ``random_tint``."""
-    bright = rng.normal(0.0, spread, (count, 1)) + rng.normal(0.0, spread / 3, (count, 3))
-    return np.asarray(np.exp(bright.clip(-0.5, 0.5)), np.float32)
-
-
-def upright_poses(places: Array, yaw: Array, scale: Array) -> Array:
-    """Poses (n, 4, 4) at places (n, 2) and height 0, turned by ``yaw`` (n,) [rad] and scaled by ``scale`` (n,)."""
-    poses = np.zeros((len(places), 4, 4))
-    poses[:, 0, 0] = poses[:, 1, 1] = scale * np.cos(yaw)
-    poses[:, 1, 0], poses[:, 0, 1] = scale * np.sin(yaw), -scale * np.sin(yaw)
-    poses[:, 2, 2], poses[:, 3, 3] = scale, 1.0
-    poses[:, :2, 3] = places
-    return poses
-
-
-def rotations_to(up: Array) -> Array:
-    """Smallest rotations (n, 3, 3) that take z to directions ``up`` (n, 3), which need not be of unit length.
-
-    Rodrigues' formula about z x up; ``up`` must not point straight down.
-    """
-    x, y, z = (up / np.linalg.norm(up, axis=1, keepdims=True)).T
-    share = 1.0 / (1.0 + z)
-    return np.stack(
-        [
-            np.stack([1.0 - share * x * x, -share * x * y, x], axis=-1),
-            np.stack([-share * x * y, 1.0 - share * y * y, y], axis=-1),
-            np.stack([-x, -y, z], axis=-1),
-        ],
-        axis=1,
-    )
+    def _tilted(self, xy: Array, tilt: float, lean_deg: float, rng: np.random.Generator) -> Array:
+        """Rotations (n, 3, 3) from upright to the share ``tilt`` of the ground's slope, with some random lean."""
+        slope_x, slope_y = self.field.slope_at(*xy.T)
+        lean = np.tan(np.radians(lean_deg)) * rng.standard_normal((len(xy), 2)).clip(-2, 2)
+        up = np.column_stack([-tilt * slope_x + lean[:, 0], -tilt * slope_y + lean[:, 1], np.ones(len(xy))])
+        return rotations_to(up)

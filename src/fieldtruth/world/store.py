@@ -1,17 +1,19 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Worlds on disk: one uncompressed ``.npz`` of plain arrays and a JSON text, so that a world loads in a second."""
+"""Worlds on disk: one uncompressed ``.npz`` of plain arrays and a JSON text, which loads in a second."""
 
 import json
-import os
+import zlib
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.classes import Label
+from fieldtruth.core.files import atomic_output
 from fieldtruth.world.model import Collider, Heightfield, Instance, Material, Mesh, Raster, Swarm, Terrain, World
 
 _MESH_ARRAYS = ("vertices", "normals", "uv", "faces", "material")
@@ -19,8 +21,12 @@ _SWARM_ARRAYS = ("mesh", "world_from_object", "tint")
 Arrays = dict[str, NDArray[Any]]
 
 
+class DamagedWorldError(Exception):
+    """A stored world that is cut short, altered, or another file."""
+
+
 def save_world(path: Path, world: World) -> None:
-    """Write a world; the file appears whole or not at all."""
+    """Write a world atomically; missing folders are created."""
     arrays: Arrays = {}
     meshes = {**world.meshes, **({world.backdrop.name: world.backdrop} if world.backdrop is not None else {})}
     text = {
@@ -53,17 +59,24 @@ def save_world(path: Path, world: World) -> None:
     arrays |= {"heights": terrain.field.heights, "trail": terrain.trail_distance.values, "cover": terrain.cover.values}
     arrays["text"] = np.frombuffer(json.dumps(text).encode(), np.uint8)
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(f".{os.getpid()}.part")
-    try:
-        with partial.open("wb") as stream:
-            np.savez(stream, allow_pickle=False, **arrays)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with atomic_output(path) as part, part.open("wb") as stream:
+        np.savez(stream, allow_pickle=False, **arrays)
 
 
 def read_world(path: Path) -> World:
-    """Read what ``save_world`` wrote."""
+    """Read a file that ``save_world`` wrote.
+
+    Raises:
+        OSError: the file cannot be opened.
+        DamagedWorldError: it is cut short, altered, or not a world.
+    """
+    try:
+        return _read(path)
+    except (ValueError, KeyError, EOFError, TypeError, NotImplementedError, BadZipFile, zlib.error) as error:
+        raise DamagedWorldError(f"{path} is not a stored world: {error}") from error
+
+
+def _read(path: Path) -> World:
     with np.load(path, allow_pickle=False) as arrays:
         text = json.loads(arrays["text"].tobytes())
         meshes = {m["name"]: _mesh(m, k, arrays) for k, m in enumerate(text["meshes"])}

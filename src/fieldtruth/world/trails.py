@@ -1,19 +1,18 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Trails as smooth lines with a width, and the distance of every place to them."""
+"""Trails as smooth lines with a width, and distances to them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
+from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array
-
-if TYPE_CHECKING:
-    from scipy.spatial import cKDTree
 
 _STEP = 0.05  # [m] between the points of a line
 
@@ -27,13 +26,11 @@ class Line:
 
     @classmethod
     def through(cls, corners: Sequence[tuple[float, float]], *, smooth: bool = True) -> Self:
-        """Join corners (m, 2) [m] by a cubic spline over the chord's length, or by straight lines."""
+        """Connect corners (m, 2) [m] by a cubic spline over the chord length, or by straight segments."""
         knots = np.asarray(corners, np.float64)
         chord = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(knots, axis=0), axis=1))])
         s = np.linspace(0.0, chord[-1], max(2, int(chord[-1] / _STEP) + 1))
         if smooth and len(knots) > 2:
-            from scipy.interpolate import CubicSpline  # late: a list of environments needs no splines
-
             points = CubicSpline(chord, knots)(s)
         else:
             points = np.stack([np.interp(s, chord, knots[:, k]) for k in range(2)], axis=-1)
@@ -45,28 +42,26 @@ class Line:
         """Length [m]."""
         return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
 
-    def distance(self, places: ArrayLike) -> Array:
-        """Distance [m], (n,), of places (n, 2) to the line."""
-        places = np.asarray(places, np.float64)
-        _, nearest = self._tree.query(places, workers=-1)
-        best = np.full(len(places), np.inf)
-        for step in (-1, 0):  # the two pieces that meet in the nearest point
+    def distance(self, xy: ArrayLike) -> Array:
+        """Distance [m], (n,), of positions (n, 2) to the line."""
+        xy = np.asarray(xy, np.float64)
+        _, nearest = self._tree.query(xy, workers=-1)
+        best = np.full(len(xy), np.inf)
+        for step in (-1, 0):  # the two segments that meet in the nearest point
             first = np.clip(nearest + step, 0, len(self.points) - 2)
             a, b = self.points[first], self.points[first + 1]
-            along = np.clip(((places - a) * (b - a)).sum(1) / ((b - a) ** 2).sum(1), 0.0, 1.0)
-            best = np.minimum(best, np.linalg.norm(places - a - along[:, None] * (b - a), axis=1))
+            along = np.clip(((xy - a) * (b - a)).sum(1) / ((b - a) ** 2).sum(1), 0.0, 1.0)
+            best = np.minimum(best, np.linalg.norm(xy - a - along[:, None] * (b - a), axis=1))
         return best
 
     @cached_property
     def _tree(self) -> "cKDTree[None]":
-        from scipy.spatial import cKDTree
-
         return cKDTree(self.points)
 
 
 @dataclass(frozen=True)
 class Trail:
-    """A trail: its middle line and its width [m]."""
+    """A trail: its centre line and its width [m]."""
 
     line: Line
     width: float

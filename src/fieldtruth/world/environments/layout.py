@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Kinds of values that the layouts of several environments have. Strict: a text or a yes is no number."""
+"""Value types that the layouts of several environments share; text and booleans are not accepted as numbers."""
 
 from typing import Annotated
 

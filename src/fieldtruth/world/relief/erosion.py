@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Erosion of a heightfield: streams cut gullies, soil creeps, and what is too steep slides down as scree.
+"""Erosion of a heightfield: streams cut gullies, soil creeps, and slopes that are too steep collapse into scree.
 
 Streams follow the stream power law dh/dt = -K A^0.5 S (A the area drained, S the slope), solved implicitly from the
-outlets upwards (Braun and Willett, Geomorphology 180, 2013), after hollows were made to overflow at their lowest rim
+outlets upwards (Braun and Willett, Geomorphology 180, 2013), after hollows are filled to their lowest rim
 (Barnes, Lehman and Mulla, Computers and Geosciences 62, 2014). Creep is linear diffusion (Culling, Journal of Geology
-68, 1960). Slides are the thermal weathering of Musgrave, Kolb and Mace (SIGGRAPH 1989): what exceeds the angle of
-repose moves to the lower neighbours. What streams cut is carried away; nothing is random here.
+68, 1960). Collapse is the thermal weathering of Musgrave, Kolb and Mace (SIGGRAPH 1989): material above the angle
+of repose moves to the lower neighbours. Material cut by streams is removed. Nothing here is random.
 """
 
 import heapq
@@ -34,10 +34,10 @@ def eroded(
     heights: Array, spacing: float, *, strength: Array | float = 0.02, creep: float = 0.02, repose_deg: float = 36.0,
     steps: int = 30,
 ) -> Eroded:  # fmt: skip
-    """Erode heights (nx, ny) [m] on a grid of ``spacing`` [m]; the border stays as it is.
+    """Erode heights (nx, ny) [m] on a grid of ``spacing`` [m]; the border is unchanged.
 
-    ``strength`` K dt, a number or one for each node, is what a stream that drains 1 m^2 takes off a slope of 1 in a
-    step [m]; ``creep`` D dt [m^2] smooths crests and beds in a step. ``repose_deg`` [deg] bounds the slope at last.
+    ``strength`` is K dt, a number or one per node: the depth [m] that a stream which drains 1 m^2 cuts into a slope of
+    1 in a step. ``creep`` is D dt [m^2] per step. ``repose_deg`` [deg] limits the slope of the result.
     """
     h = np.array(heights, np.float64)
     power = np.ascontiguousarray(np.broadcast_to(np.asarray(strength, np.float64), h.shape))
@@ -55,7 +55,7 @@ def eroded(
 
 
 def collapsed(heights: Array, spacing: float, *, repose_deg: float, steps: int = 30) -> Array:
-    """Let slopes above ``repose_deg`` [deg] slide into the lower neighbours; volume is kept inside the border."""
+    """Collapse slopes above ``repose_deg`` [deg] into the lower neighbours; the volume inside the border is kept."""
     h = np.array(heights, np.float64)
     moved = np.empty_like(h)
     for _ in range(steps):
@@ -140,7 +140,7 @@ def _diffuse(h: Array, share: float) -> None:
 # (float64[:, ::1], float64[:, ::1], float64, float64) -> None
 @njit(nogil=True, cache=True)
 def _slide(h: Array, moved: Array, steepest: float, spacing: float) -> None:
-    """Fill ``moved`` with what each node gains or loses in one step; a quarter of the excess goes."""
+    """Fill ``moved`` with the gain or loss of each node in one step; a quarter of the excess moves."""
     nx, ny = h.shape
     moved[:] = 0.0
     for i in range(nx):

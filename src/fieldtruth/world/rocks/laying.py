@@ -2,14 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """How a rock lies: leaning with the slope, and so deep that the ground closes around it on every side."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.model import Heightfield, Instance, Mesh
-from fieldtruth.world.placement import CrowdedWorldError, Site, random_tint, rotations_to, upright_poses
+from fieldtruth.world.placement import ObjectGroup, WorldBuilder, eased, place_until_count
+from fieldtruth.world.poses import random_tint, rotations_to, upright_pose
+from fieldtruth.world.swarms import Density
 
 LEAN: Final = 0.75
 """Share of the ground's slope that a lying rock takes on."""
@@ -18,12 +20,19 @@ BED: Final = 0.03
 
 
 def lay_rock(
-    site: Site, kind: str, mesh: Mesh, x: float, y: float, *, yaw: float, scale: float = 1.0,
+    builder: WorldBuilder,
+    kind: str,
+    mesh: Mesh,
+    xy: Sequence[float] | Array,
+    *,
+    yaw: float,
+    scale: float = 1.0,
     tint: tuple[float, float, float] = (1.0, 1.0, 1.0),
-) -> Instance:  # fmt: skip
-    """Lay a rock into the ground of a site at x, y [m], turned by ``yaw`` [rad]; it keeps its footprint to itself."""
-    pose = rock_pose(site.field, mesh, x, y, yaw, scale)
-    return site.stand(kind, mesh, pose, [(x, y, mesh.footprint * scale)], tint=tint)
+) -> Instance:
+    """Add a rock that is sunk into the ground at xy [m], turned by ``yaw`` [rad]; its footprint stays free."""
+    x, y = xy
+    pose = rock_pose(builder.field, mesh, x, y, yaw, scale)
+    return builder.add(kind, mesh, pose, [(x, y, mesh.footprint * scale)], tint=tint)
 
 
 def rock_pose(field: Heightfield, mesh: Mesh, x: float, y: float, yaw: float, scale: float) -> Array:
@@ -32,7 +41,7 @@ def rock_pose(field: Heightfield, mesh: Mesh, x: float, y: float, yaw: float, sc
     angles = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     around = field.height_at(x + 0.8 * radius * np.cos(angles), y + 0.8 * radius * np.sin(angles))
     slope = 2 * np.array([around @ np.cos(angles), around @ np.sin(angles)]) / (len(angles) * 0.8 * radius)
-    pose: Array = upright_poses(np.array([[x, y]]), np.array([yaw]), np.array([scale]))[0]
+    pose = upright_pose(x, y, yaw, scale)
     pose[:3, :3] = rotations_to(np.array([[-LEAN * slope[0], -LEAN * slope[1], 1.0]]))[0] @ pose[:3, :3]
     rim = rim_vertices(mesh) @ pose[:3, :3].T + pose[:3, 3]
     gap = rim[:, 2] - field.height_at(rim[:, 0], rim[:, 1])
@@ -55,29 +64,27 @@ def rim_vertices(mesh: Mesh, sectors: int = 16) -> Array:
 
 
 def scatter_rocks(
-    site: Site, kind: str, meshes: Sequence[Mesh], count: int, *, rng: np.random.Generator,
-    density: Callable[[Array], Array], spacing: float = 0.0, scales: tuple[float, float] = (0.85, 1.2),
-    tint: float = 0.08, tries: int = 6000,
-) -> list[Instance]:  # fmt: skip
-    """Lay ``count`` rocks where ``density`` (share in [0, 1] for places (n, 2)) lets them; meshes are taken in turn.
+    builder: WorldBuilder, group: ObjectGroup, rng: np.random.Generator, density: Density, *, tries: int = 6000
+) -> list[Instance]:
+    """Scatter rocks where ``density`` (share in [0, 1] at positions (n, 2)) allows them.
 
-    Like ``Site.scatter``: dart throwing, ``spacing`` [m] eases when room gets scarce. Raises CrowdedWorldError.
+    Draws ``tries`` positions and a number for each at first; then for each candidate that keeps the spacing a scale,
+    whose logarithm is uniform, and for a placed rock yaw and tint.
+
+    Raises:
+        CrowdedWorldError: too few candidates are free even at a fifth of the spacing.
     """
-    length, width = site.size
-    darts = rng.uniform(-0.5, 0.5, (tries, 2)) * [length, width]
+    darts = builder.random_positions(tries, rng)
     hits = darts[rng.random(tries) < density(darts)]
-    placed: list[Instance] = []
-    taken = np.zeros((0, 2))
-    for apart, (x, y) in ((ease * spacing, dart) for ease in (1.0, 0.8, 0.6, 0.4, 0.2) for dart in hits):
-        if len(placed) == count:
-            break
-        if len(taken) and np.hypot(*(taken - (x, y)).T).min() < apart:
-            continue
-        mesh, scale = meshes[len(placed) % len(meshes)], float(np.exp(rng.uniform(*np.log(scales))))
-        if site.is_free(x, y, mesh.footprint * scale):
-            yaw = float(rng.uniform(0, 2 * np.pi))
-            placed.append(lay_rock(site, kind, mesh, x, y, yaw=yaw, scale=scale, tint=random_tint(rng, tint)))
-            taken = np.concatenate([taken, [[x, y]]])
-    if len(placed) < count:
-        raise CrowdedWorldError(f"only {len(placed)} of {count} {kind} find room in the world; ask for fewer")
-    return placed
+
+    def attempt(xy: Array, number: int, apart: bool) -> Instance | None:
+        if not apart:
+            return None
+        mesh, scale = group.mesh(number), float(np.exp(rng.uniform(*np.log(group.scales))))
+        if not builder.is_free(xy, mesh.footprint * scale):
+            return None
+        yaw = float(rng.uniform(0, 2 * np.pi))
+        return lay_rock(builder, group.kind, mesh, xy, yaw=yaw, scale=scale, tint=random_tint(rng, group.tint))
+
+    spacings = eased(group.spacing, (1.0, 0.8, 0.6, 0.4, 0.2))
+    return group.check_complete(place_until_count(group.count, hits, attempt, spacings=spacings))

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Bounds on the slope of a heightfield that differ from place to place, as along a route that a robot must drive.
+"""Limits on the slope of a heightfield that vary over it, as along a route that a robot must drive.
 
-The gradient is cut to what is allowed and summed up again by Poisson's equation (as Fattal, Lischinski and Werman did
-with light, SIGGRAPH 2002). Both "is a gradient" and "is nowhere too steep" are convex, so going back and forth between
-them comes to a surface that is both (von Neumann's alternating projections). A route across a steep flank becomes a
-shelf, with the hill's shape kept on either side, and without an edge anywhere.
+The gradient is cut to the limit and integrated by Poisson's equation (as Fattal, Lischinski and Werman did with light,
+SIGGRAPH 2002). "Is a gradient" and "is nowhere too steep" are both convex, so alternating projections (von Neumann)
+converge to a surface that is both. A route across a steep flank becomes a ledge without edges, and the hill keeps its
+shape on either side.
 """
 
 import numpy as np
@@ -17,18 +17,18 @@ from fieldtruth.world.model import Heightfield
 
 
 def slope_limit(distance: Array, *, within: float, beyond: float, near: float, far: float) -> Array:
-    """Steepest slope allowed [rise over run] at ``distance`` [m] from a route.
+    """Maximum slope [rise over run] at ``distance`` [m] from a route.
 
-    ``within`` [deg] up to ``near`` [m], ``beyond`` [deg] from ``far`` [m] on, smooth between.
+    ``within`` [deg] up to ``near`` [m], ``beyond`` [deg] from ``far`` [m] on, smooth in between.
     """
     t = np.clip((distance - near) / (far - near), 0.0, 1.0)
     return np.asarray(np.tan(np.radians(within + (beyond - within) * t * t * (3.0 - 2.0 * t))))
 
 
-def gentled(heights: Array, spacing: float, limit: ArrayLike, *, rounds: int = 40, tighter: float = 0.96) -> Array:
-    """Heights (nx, ny) [m] whose slope nowhere exceeds ``limit`` [rise over run], a number or one for each node.
+def limit_slope(heights: Array, spacing: float, limit: ArrayLike, *, rounds: int = 40, tighter: float = 0.96) -> Array:
+    """Heights (nx, ny) [m] whose slope nowhere exceeds ``limit`` [rise over run], a number or one per node.
 
-    The mean height stays. Each round aims at ``tighter`` times the limit, so that a few rounds come below it.
+    The mean height is kept. Each round cuts to ``tighter`` times the limit, so that a few rounds get below it.
     """
     h = np.array(heights, np.float64)
     aim = np.broadcast_to(np.asarray(limit, np.float64) * tighter, h.shape)
@@ -54,8 +54,8 @@ def gentled(heights: Array, spacing: float, limit: ArrayLike, *, rounds: int = 4
     return h
 
 
-def steepest(field: Heightfield) -> Array:
-    """Slope [rise over run] at each node (nx, ny): that of the steeper of the cells' sides that meet there."""
+def node_slope(field: Heightfield) -> Array:
+    """Slope [rise over run] at each node (nx, ny): the steepest of the cell sides that meet there."""
     h = field.heights.astype(np.float64)
     return _steepness(np.diff(h, axis=0) / field.spacing, np.diff(h, axis=1) / field.spacing)
 

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The shape of a lake's shore: where the water's edge runs, and the ground above and below the water.
 
-Everything follows from the distance to the water's edge, as shores do: a beach or a scarp by turns, then the bank that
-flattens into the meadow; under water a shelf, then the slope into the depth.
+The height depends on the distance to the water's edge: a beach or a scarp, then the bank, which flattens into the
+meadow; under water a shelf, then the slope down to the bed.
 """
 
 from collections.abc import Sequence
@@ -15,62 +15,56 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.world.environments.lake.config import Config
 from fieldtruth.world.grids import grid_axes
 from fieldtruth.world.model import Heightfield, Raster
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.trails import Line
 
 DEPTH: Final = 3.5  # [m] of the lake's bed
-DRY: Final = 6.0  # [m] of land between a line that robots drive and the water
+DRY: Final = 6.0  # [m] of land between a corridor's centre line and the water
 WORN: Final = 2.4
-"""Distance [m] from such a line within which the ground is evened out."""
+"""Distance [m] from a corridor's centre line within which the ground is smoothed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Shore:
-    """A lake's shore: the ground, how far from the water a place is, and how steep the bank is there."""
+    """A lake's shore: the ground, the distance to the water, and the steepness of the bank."""
 
     field: Heightfield
     inland: Raster
     """Distance [m] to the water's edge, below 0 in the lake."""
     scarp: Raster
-    """0 where a beach leads into the water, 1 where the bank is cut off."""
+    """0 at a beach, 1 where the bank ends in a scarp."""
 
 
-def make_shore(
-    size: tuple[float, float], grid: float, *, edge: float, bends: float, bank: float, relief: float,
-    water_level: float, dry: Sequence[Line], rng: np.random.Generator,
-) -> Shore:  # fmt: skip
-    """Shape a shore along x with the lake on the side of negative y.
-
-    ``edge`` [m] is the mean y of the water's edge, ``bends`` [m] the deviation of its points and coves, ``bank`` [m]
-    the meadow's height above the water, ``relief`` [m] the deviation of its swells. The lines ``dry`` stay on land.
-    """
-    x, y = grid_axes(size, grid)
+def make_shore(config: Config, corridors: Sequence[Line], rng: np.random.Generator) -> Shore:
+    """Shape a shore along x with the lake at negative y; ``corridors`` stay on land."""
+    x, y = grid_axes(config.size, config.grid)
     coves = fractal_noise(x, y, wavelength=34.0, octaves=4, rng=rng, gain=0.46)
-    inland = y[None, :] - edge + bends * coves
+    inland = y[None, :] - config.edge + config.bends * coves
     nodes = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
-    off_route = np.full(inland.shape, np.inf)
-    for line in dry:
-        off_route = np.minimum(off_route, line.distance(nodes).reshape(inland.shape))
-    inland = _smooth_max(inland, DRY - off_route, 1.0) if dry else inland
-    inland = _signed_distance(inland > 0) * grid
+    off_corridor = np.full(inland.shape, np.inf)
+    for line in corridors:
+        off_corridor = np.minimum(off_corridor, line.distance(nodes).reshape(inland.shape))
+    inland = _smooth_max(inland, DRY - off_corridor, 1.0) if corridors else inland
+    inland = _signed_distance(inland > 0) * config.grid
     turns = fractal_noise(x, y, wavelength=30.0, octaves=2, rng=rng, gain=0.4)
     scarp = 1.0 / (1.0 + np.exp(-2.4 * (turns + 0.15)))
     slumps = fractal_noise(x, y, wavelength=4.5, octaves=3, rng=rng, gain=0.45)
     swell = fractal_noise(x, y, wavelength=30.0, octaves=3, rng=rng, gain=0.4)
     bumps = fractal_noise(x, y, wavelength=2.6, octaves=3, rng=rng, gain=0.6)
-    above = _above(inland, scarp, slumps, bank) + relief * swell * np.clip(inland / 18.0, 0.0, 1.0)
+    above = _above(inland, scarp, slumps, config.bank) + config.relief * swell * np.clip(inland / 18.0, 0.0, 1.0)
     height = np.where(inland > 0, above, -_below(-inland, scarp))
     height += bumps * (0.012 + 0.014 * np.clip(np.abs(inland) / 4.0, 0.0, 1.0))
-    # Where robots drive the bank has been worn to an even slope.
-    worn = np.exp(-((off_route / WORN) ** 2))
-    height += worn * (gaussian_filter(height, WORN / grid, mode="nearest") + 0.006 * bumps - height)
+    # Along corridors the bank has an even slope.
+    worn = np.exp(-((off_corridor / WORN) ** 2))
+    height += worn * (gaussian_filter(height, WORN / config.grid, mode="nearest") + 0.006 * bumps - height)
     x0, y0 = float(x[0]), float(y[0])
     return Shore(
-        field=Heightfield(heights=(height + water_level).astype(np.float32), spacing=grid, x0=x0, y0=y0),
-        inland=Raster(values=inland.astype(np.float32), spacing=grid, x0=x0, y0=y0),
-        scarp=Raster(values=scarp.astype(np.float32), spacing=grid, x0=x0, y0=y0),
+        field=Heightfield(heights=(height + config.water_level).astype(np.float32), spacing=config.grid, x0=x0, y0=y0),
+        inland=Raster(values=inland.astype(np.float32), spacing=config.grid, x0=x0, y0=y0),
+        scarp=Raster(values=scarp.astype(np.float32), spacing=config.grid, x0=x0, y0=y0),
     )
 
 
@@ -90,7 +84,7 @@ def _above(inland: Array, scarp: Array, slumps: Array, bank: float) -> Array:
     beach = 3.6 * (1.0 - scarp)
     rise = (bank - 0.8) * (1.0 - np.exp(-(np.maximum(d - beach, 0.0) ** 1.3) / 21.0)) + 0.022 * d
     strand = 0.09 * np.minimum(d, beach)
-    # The scarp's foot stands back where the bank has slumped, and its turf hangs over the beach where it has not.
+    # The scarp recedes where the bank has slumped.
     cut = np.clip((d - 0.4 - 0.5 * np.maximum(slumps, -0.6)) / 1.7, 0.0, 1.0)
     step = 1.0 * scarp**1.5 * cut * cut * (3.0 - 2.0 * cut) * np.exp(-np.maximum(d - 2.0, 0.0) / 7.0)
     return np.asarray(rise + strand + step + 0.03 * d * (d < 0.5))

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A mountain's flank: valley on one side, summits on the other, gullies that run through the world from above it.
+"""Heights of a mountain's flank: valley on one side, summits on the other, gullies that start above the world.
 
-Three grids, each finer and smaller than the one before: the region down to the horizon (10 m), the neighbourhood that
-can be told apart by eye (1 m), the world itself. Each is eroded, and takes its shape from the coarser one.
+Three grids, each finer and smaller than the one before, are eroded, and each takes its shape from the coarser one: the
+region down to the horizon (10 m), the surroundings of the world (1 m), and the world itself.
 """
 
 from typing import Final, NamedTuple
@@ -14,73 +14,69 @@ from scipy.ndimage import gaussian_filter
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.backdrop import Land
+from fieldtruth.world.environments.hillside.config import Config
 from fieldtruth.world.noise import fractal_noise
-from fieldtruth.world.relief.erosion import collapsed, eroded
-from fieldtruth.world.relief.gentle import gentled, slope_limit
+from fieldtruth.world.relief import collapsed, eroded, limit_slope, slope_limit
 
 REGION: Final = 1100.0
-"""Half the side [m] of the region."""
+"""Half the side length [m] of the region."""
 MARGIN: Final = 90.0
-"""Width [m] of the neighbourhood around the world."""
+"""Width [m] of the surroundings of the world."""
 
 _PROFILE: Final = (
     (-1100, 0), (-700, -5), (-330, -11), (-190, -7), (-150, 0), (-110, 12), (-60, 21), (-25, 25), (-17, 20), (-12, 10),
     (10, 9), (15, 22), (22, 27), (32, 24), (55, 20), (150, 17), (280, 20), (370, 3), (470, -16), (1100, -6),
 )  # fmt: skip
-"""Slope [deg] upwards along y at y [m]: far side of the valley, its floor, lower flank, shoulder, upper flank, top."""
+"""(y [m], slope [deg] along y): far side of the valley, its floor, lower flank, shoulder, upper flank, top."""
 
 
 class Mountain(NamedTuple):
-    """The world's ground, (nx, ny) each, and the land about it."""
+    """Ground of the world, (nx, ny) each, and the land around it."""
 
     heights: Array  # [m]
-    drained: Array  # [m^2] that drains through each node, from the mountain above as well
+    drained: Array  # [m^2] that drains through each node, including the mountain above
     land: Land
 
 
-def mountain(
-    x: Array, y: Array, *, route_distance: Land, rng: np.random.Generator, roughness: float, gullies: float,
-    route_slope_deg: float, steepest_deg: float,
-) -> Mountain:  # fmt: skip
+def make_mountain(x: Array, y: Array, config: Config, corridor_distance: Land, rng: np.random.Generator) -> Mountain:
     """Shape the flank on nodes x, y [m] of the world.
 
-    ``roughness`` [m] is the deviation of the noise from which erosion starts, ``gullies`` scales what streams cut.
-    ``route_distance`` [m] tells how far a place is from the nearest route, where the slope stays below
-    ``route_slope_deg``; beyond 8 m it reaches up to ``steepest_deg``.
+    The slope stays below ``config.route_slope_deg`` near corridors, and below ``config.steepest_deg`` from 9 m on.
     """
     region = _region(rng)
     near_x, near_y = (np.arange(c[0] - MARGIN, c[-1] + MARGIN + 0.5) for c in (x, y))
     gx, gy = np.meshgrid(near_x, near_y, indexing="ij")
-    distance = route_distance(gx, gy)
-    h = region(near_x, near_y) + roughness * fractal_noise(near_x, near_y, wavelength=26.0, octaves=5, rng=rng)
-    steep = slope_limit(distance, within=0.9 * route_slope_deg, beyond=steepest_deg + 4, near=2.5, far=9.0)
-    h = gentled(h, 1.0, steep, rounds=60)
+    distance = corridor_distance(gx, gy)
+    h = region(near_x, near_y) + config.roughness * fractal_noise(near_x, near_y, wavelength=26.0, octaves=5, rng=rng)
+    steep = slope_limit(
+        distance, within=0.9 * config.route_slope_deg, beyond=config.steepest_deg + 4, near=2.5, far=9.0
+    )
+    h = limit_slope(h, 1.0, steep, rounds=60)
     away = np.clip(distance / 6.0, 0.25, 1.0)
-    near = eroded(h, 1.0, strength=0.016 * gullies * away, creep=0.05, repose_deg=steepest_deg, steps=40)
+    near = eroded(h, 1.0, strength=0.016 * config.gullies * away, creep=0.05, repose_deg=config.steepest_deg, steps=40)
     spline = RectBivariateSpline(near_x, near_y, near.heights)
-    h = spline(x, y) + _grain(x, y, spline, route_distance, rng)
-    strength = 0.002 * gullies * np.clip(route_distance(*np.meshgrid(x, y, indexing="ij")) / 4.0, 0.1, 1.0)
+    h = spline(x, y) + _fine_relief(x, y, spline, corridor_distance, rng)
+    strength = 0.002 * config.gullies * np.clip(corridor_distance(*np.meshgrid(x, y, indexing="ij")) / 4.0, 0.1, 1.0)
     spacing = float(x[1] - x[0])
-    h = eroded(h, spacing, strength=strength, creep=0.001, repose_deg=steepest_deg, steps=10).heights
+    h = eroded(h, spacing, strength=strength, creep=0.001, repose_deg=config.steepest_deg, steps=10).heights
     drained = np.exp(RectBivariateSpline(near_x, near_y, np.log(near.drained), kx=1, ky=1)(x, y))
-    return Mountain(h, drained, _joined(spline, region, (x, y)))
+    return Mountain(h, drained, _blended(spline, region, (x, y)))
 
 
-def along_routes(
-    heights: Array, spacing: float, distance: Array, *, route_slope_deg: float, steepest_deg: float
-) -> Array:
-    """Heights (nx, ny) [m] whose slope keeps below one bound on the route and another far from it.
+def smooth_corridors(heights: Array, distance: Array, config: Config) -> Array:
+    """Limit the slope of heights (nx, ny) [m] by the ``distance`` [m] from corridors; remove bumps inside them.
 
-    Bumps of less than about 2 m are smoothed away on the route, to a few centimetres.
+    Bumps shorter than about 2 m are reduced to a few centimetres.
     """
-    limit = slope_limit(distance, within=route_slope_deg, beyond=steepest_deg, near=1.3, far=6.0)
-    h = collapsed(heights, spacing, repose_deg=steepest_deg, steps=10)
+    spacing = config.grid
+    limit = slope_limit(distance, within=config.route_slope_deg, beyond=config.steepest_deg, near=1.3, far=6.0)
+    h = collapsed(heights, spacing, repose_deg=config.steepest_deg, steps=10)
     h += (gaussian_filter(h, 0.6 / spacing) - h) * np.clip(1.5 - distance / 2.0, 0.0, 0.8)
-    return gentled(h, spacing, limit, rounds=60)
+    return limit_slope(h, spacing, limit, rounds=60)
 
 
 def _region(rng: np.random.Generator) -> RectBivariateSpline:
-    """Far land as a spline: a ridge and a valley along x, bent, with eroded spurs that begin off the world."""
+    """Far land as a spline: a curved ridge and valley along x, with eroded spurs outside the world."""
     c = np.arange(-REGION, REGION + 1, 10.0)
     gx, gy = np.meshgrid(c, c, indexing="ij")
     away = np.hypot(np.maximum(np.abs(gx) - 50, 0), np.maximum(np.abs(gy) - 25, 0))
@@ -97,11 +93,11 @@ def _region(rng: np.random.Generator) -> RectBivariateSpline:
     return RectBivariateSpline(c, c, h)
 
 
-def _grain(
-    x: Array, y: Array, near: RectBivariateSpline, route_distance: Land, rng: np.random.Generator
+def _fine_relief(
+    x: Array, y: Array, near: RectBivariateSpline, corridor_distance: Land, rng: np.random.Generator
 ) -> Array:  # fmt: skip
-    """Small unevenness [m]: hummocks, rougher away from the routes; ribs and ledges of rock where it is steep."""
-    away = np.clip((route_distance(*np.meshgrid(x, y, indexing="ij")) - 0.8) / 5.0, 0.0, 1.0)
+    """Fine relief [m]: hummocks, rougher away from corridors; ribs and ledges of rock on steep slopes."""
+    away = np.clip((corridor_distance(*np.meshgrid(x, y, indexing="ij")) - 0.8) / 5.0, 0.0, 1.0)
     hummocks = fractal_noise(x, y, wavelength=3.2, octaves=3, rng=rng)
     slope = np.hypot(near(x, y, dx=1), near(x, y, dy=1))
     rocky = np.clip((slope - 0.3) / 0.25 + 0.5 * fractal_noise(x, y, wavelength=9.0, octaves=2, rng=rng), 0.0, 1.0)
@@ -109,7 +105,8 @@ def _grain(
     return np.asarray((0.012 + 0.05 * away) * hummocks + 0.34 * away * rocky * ribs)
 
 
-def _joined(near: RectBivariateSpline, far: RectBivariateSpline, axes: tuple[Array, Array]) -> Land:
+def _blended(near: RectBivariateSpline, far: RectBivariateSpline, axes: tuple[Array, Array]) -> Land:
+    """Height of the land beyond the world: the surroundings, blended into the region at their outer edge."""
     half_x, half_y = (float(a[-1]) for a in axes)
 
     def land(x: Array, y: Array) -> Array:

@@ -1,31 +1,31 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What covers the ground of a lake's shore: grass nobody mows, earth on the scarps, mud and pebbles at the water."""
+"""Cover of the lake's shore: rough grass, bare earth on the scarps, mud and pebbles at the water."""
 
 import numpy as np
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.world.environments.shore import Shore
+from fieldtruth.world.environments.lake.shore import Shore
 from fieldtruth.world.grids import grid_axes
 from fieldtruth.world.model import Raster, Terrain
 from fieldtruth.world.noise import fractal_noise
-from fieldtruth.world.placement import Site
+from fieldtruth.world.placement import WorldBuilder
 
 NODE = 0.1  # [m] between the cover's nodes
 
 
-def cover_ground(site: Site, shore: Shore, rng: np.random.Generator) -> Terrain:
-    """Grass nobody mows, drier on the swells, bare earth on the scarps; mud or pebbles at and under the water."""
-    x, y = grid_axes(site.size, NODE)
+def cover_ground(builder: WorldBuilder, shore: Shore, rng: np.random.Generator) -> Terrain:
+    """Rough grass, drier on the swells, bare earth on the scarps; mud or pebbles at and under the water."""
+    x, y = grid_axes(builder.size, NODE)
     nodes = np.meshgrid(x, y, indexing="ij")
     patch = fractal_noise(x, y, wavelength=15.0, octaves=4, rng=rng, gain=0.6)
     fine = fractal_noise(x, y, wavelength=1.6, octaves=3, rng=rng, gain=0.7)
     stony = np.clip(0.5 + 1.6 * fractal_noise(x, y, wavelength=20.0, octaves=2, rng=rng) + 0.5 * fine, 0.0, 1.0)
-    inland, height = shore.inland.at(*nodes), site.field.height_at(*nodes)
+    inland, height = shore.inland.at(*nodes), builder.field.height_at(*nodes)
     steep = np.hypot(*np.gradient(height, NODE))
     scarp = np.clip((steep - 0.5 + 0.12 * fine) / 0.2, 0.0, 1.0)
     wet = np.clip(1.0 - (inland - 0.9 - 1.6 * (1.0 - shore.scarp.at(*nodes)) + 0.55 * fine) / 0.7, 0.0, 1.0)
-    litter = _below_crowns(site, x, y, fine)
+    litter = _below_crowns(builder, x, y, fine)
     dry = np.clip(0.28 + 0.3 * patch + 0.24 * fine, 0.0, 0.9)
     turf = (1.0 - wet) * (1.0 - scarp) * (1.0 - litter)
     drowned = np.clip(-inland / 3.0, 0.0, 0.85)
@@ -41,10 +41,10 @@ def cover_ground(site: Site, shore: Shore, rng: np.random.Generator) -> Terrain:
         axis=-1,
     )
     x0, y0 = float(x[0]), float(y[0])
-    nowhere = np.full((2, 2), 1e3, np.float32)
+    no_trail = np.full((2, 2), 1e3, np.float32)
     return Terrain(
-        field=site.field,
-        trail_distance=Raster(values=nowhere, spacing=max(site.size), x0=x0, y0=y0),
+        field=builder.field,
+        trail_distance=Raster(values=no_trail, spacing=max(builder.size), x0=x0, y0=y0),
         cover=Raster(values=cover.astype(np.float32), spacing=NODE, x0=x0, y0=y0),
         ground_materials=("rough_grass", "lawn_dry", "soil", "litter", "mud", "pebbles"),
         trail_material="gravel",
@@ -52,16 +52,16 @@ def cover_ground(site: Site, shore: Shore, rng: np.random.Generator) -> Terrain:
     )
 
 
-def _below_crowns(site: Site, x: Array, y: Array, fine: Array) -> Array:
-    """Share of the ground [0, 1] that leaves cover, about each trunk and bush."""
+def _below_crowns(builder: WorldBuilder, x: Array, y: Array, fine: Array) -> Array:
+    """Share of the ground [0, 1] covered by leaves, around trunks and bushes."""
     share = np.zeros((len(x), len(y)))
-    for instance in site.instances:
+    for instance in builder.instances:
         if not instance.kind.endswith(("tree", "bush")):
             continue
         at = instance.world_from_object[:2, 3]
-        reach = 1.1 if instance.kind.endswith("tree") else 0.7
-        i, j = (np.flatnonzero(np.abs(axis - c) < reach + 1.0) for axis, c in zip((x, y), at, strict=True))
+        radius = 1.1 if instance.kind.endswith("tree") else 0.7
+        i, j = (np.flatnonzero(np.abs(axis - c) < radius + 1.0) for axis, c in zip((x, y), at, strict=True))
         away = np.hypot(*np.meshgrid(x[i] - at[0], y[j] - at[1], indexing="ij"))
         block = np.ix_(i, j)
-        share[block] = np.maximum(share[block], np.clip((reach - away) / 0.5 + 0.8 * fine[block], 0.0, 1.0))
+        share[block] = np.maximum(share[block], np.clip((radius - away) / 0.5 + 0.8 * fine[block], 0.0, 1.0))
     return share

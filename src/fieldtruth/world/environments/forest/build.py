@@ -1,0 +1,55 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The dense forest (paper, 2.2.3): trees on uneven ground, two trails, high grass, stones, bushes, fallen trunks."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fieldtruth.world.assembly import assemble
+from fieldtruth.world.backdrop import make_backdrop
+from fieldtruth.world.environments.forest.beyond import canopy, far_cover, scatter_far_trees
+from fieldtruth.world.environments.forest.config import Config
+from fieldtruth.world.environments.forest.deadwood import place_deadwood
+from fieldtruth.world.environments.forest.ground import cover_ground, make_glades, make_heights
+from fieldtruth.world.environments.forest.plants import plant_bushes, plant_herbs, plant_trees
+from fieldtruth.world.environments.forest.rocks import place_rocks
+from fieldtruth.world.model import World
+from fieldtruth.world.placement import WorldBuilder
+from fieldtruth.world.trails import Line, Trail
+
+
+def build(seed: int, corridors: Sequence[Line], config: Config | None = None) -> World:
+    """Build a forest; ``corridors`` stay free of obstacles. Same arguments, same world.
+
+    Raises:
+        CrowdedWorldError: the layout asks for more objects than find room.
+    """
+    config = config if config is not None else Config()
+    seeds = np.random.SeedSequence(seed).spawn(10)
+    relief, growth, trees, dead, bushes, stones, herbs, cover, land = (np.random.default_rng(s) for s in seeds[:-1])
+    trails = [Trail(Line.through(corners), config.trail_width) for corners in config.trails]
+    builder = WorldBuilder(make_heights(config, trails, relief), config.size, trails, corridors)
+    place_deadwood(builder, config, dead)
+    plant_trees(builder, config, growth, trees)
+    place_rocks(builder, config, stones)
+    plant_bushes(builder, config, bushes)
+    glades = make_glades(config.size, herbs)
+    plant_herbs(builder, config, glades, herbs)
+    backdrop = make_backdrop(
+        builder.field,
+        config.size,
+        ("needles", "canopy"),
+        land,
+        land=canopy(config.size, land),
+        cover=far_cover(config.size),
+    )
+    return assemble(
+        builder,
+        cover_ground(builder, glades, cover),
+        name="forest",
+        seed=seed,
+        textures=seeds[-1],
+        backdrop=backdrop,
+        beyond=scatter_far_trees(builder, config, backdrop, growth, land),
+    )

@@ -1,0 +1,43 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Rocks of the forest: field stones in groups, small stones scattered around them."""
+
+import numpy as np
+
+from fieldtruth.core.arrays import Array
+from fieldtruth.world.environments.forest.config import Config
+from fieldtruth.world.placement import ObjectGroup, WorldBuilder
+from fieldtruth.world.rocks import ROCK_TYPES, make_rock, scatter_rocks
+from fieldtruth.world.swarms import SwarmSpec
+
+
+def place_rocks(builder: WorldBuilder, config: Config, rng: np.random.Generator) -> None:
+    """Place field stones with colliders and a swarm of small stones."""
+    centres = rng.uniform(-0.5, 0.5, (14, 2)) * builder.size
+
+    def near_centres(xy: Array) -> Array:
+        away = np.min(np.linalg.norm(xy[:, None] - centres, axis=2), axis=1)
+        return np.asarray((0.12 + 0.88 * np.exp(-((away / 2.6) ** 2))) * (builder.trail_distance(xy) > 0.3))
+
+    fieldstone = ROCK_TYPES["fieldstone"]
+    rocks = [
+        make_rock(fieldstone, name=f"rock_{k}", size=float(size), rng=rng, triangles=700)
+        for k, size in enumerate(np.geomspace(0.35, 1.5, 8))
+    ]
+    group = ObjectGroup(kind="rock", meshes=rocks, count=config.rocks, spacing=0.6, scales=(0.85, 1.2), tint=0.08)
+    scatter_rocks(builder, group, rng, near_centres)
+    stones = [
+        make_rock(fieldstone, name=f"stone_{k}", size=float(size), rng=rng, triangles=80, solid=False)
+        for k, size in enumerate(np.geomspace(0.06, 0.22, 8))
+    ]
+    spec = SwarmSpec(
+        name="small_stones",
+        kind="stone",
+        meshes=stones,
+        per_m2=config.stones_per_m2 * 3,
+        scales=(0.7, 1.3),
+        tint=0.12,
+        tilt=1.0,
+        clear=0.45,
+    )
+    builder.scatter_swarm(spec, rng, lambda xy: np.clip(1.4 * near_centres(xy), 0.0, 1.0))

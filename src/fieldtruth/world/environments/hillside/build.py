@@ -1,0 +1,60 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The rugged hillside (paper, 2.2.4): a mountain's flank, dry and rocky, with sparse high grass, bushes and trees.
+
+The mountain rises towards +y (west), the valley falls towards -y; a shoulder along x between them can be driven.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fieldtruth.world.assembly import assemble
+from fieldtruth.world.backdrop import make_backdrop
+from fieldtruth.world.environments.hillside.beyond import (
+    FAR_MATERIALS,
+    far_cover,
+    scatter_far_plants,
+    scatter_far_rocks,
+)
+from fieldtruth.world.environments.hillside.config import Config
+from fieldtruth.world.environments.hillside.ground import as_terrain, make_ground
+from fieldtruth.world.environments.hillside.plants import plant_bushes, plant_grass, plant_trees
+from fieldtruth.world.environments.hillside.rocks import place_rocks, scatter_stones
+from fieldtruth.world.model import World
+from fieldtruth.world.placement import WorldBuilder
+from fieldtruth.world.trails import Line
+
+
+def build(seed: int, corridors: Sequence[Line], config: Config | None = None) -> World:
+    """Build a hillside; ``corridors`` are moderately steep and stay free of obstacles. Same arguments, same world.
+
+    Raises:
+        CrowdedWorldError: the layout asks for more objects than find room.
+    """
+    config = config if config is not None else Config()
+    seeds = np.random.SeedSequence(seed).spawn(8)
+    relief, cover, rocks, stones, plants, grass, beyond = (np.random.default_rng(s) for s in seeds[:-1])
+    ground, land = make_ground(config, corridors, relief, cover)
+    builder = WorldBuilder(ground.field, config.size, (), corridors, corridor_width=2.6)
+    place_rocks(builder, ground, config, rocks)
+    plant_trees(builder, ground, config, plants)
+    plant_bushes(builder, ground, config, plants)
+    scatter_stones(builder, ground, config, stones)
+    tufts = plant_grass(builder, ground, config, grass)
+    rng = np.random.default_rng(beyond.integers(2**63))
+    backdrop = make_backdrop(
+        ground.field, config.size, FAR_MATERIALS, rng, land=land, cover=far_cover(config.size, rng)
+    )
+    return assemble(
+        builder,
+        as_terrain(ground, config.size),
+        name="hillside",
+        seed=seed,
+        textures=seeds[-1],
+        backdrop=backdrop,
+        beyond=[
+            *scatter_far_plants(builder, backdrop, tufts, beyond),
+            scatter_far_rocks(builder, backdrop, beyond),
+        ],
+    )

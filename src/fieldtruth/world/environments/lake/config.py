@@ -1,0 +1,31 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Layout of the lake's shore."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from fieldtruth.experiment.rig import Frozen, Number, Positive
+from fieldtruth.world.environments.layout import Count, Individuals, Size
+
+
+class Config(Frozen):
+    """Layout of the lake's shore."""
+
+    size: Size = (100.0, 50.0)  # [m] along x (north) and y (west)
+    grid: Positive = 0.2  # [m] between the terrain's nodes
+    water_level: Number = -3.0  # [m]
+    edge: Number = -13.5  # [m], mean y of the water's edge; the lake lies east of it
+    bends: Annotated[Number, Field(ge=0, le=6)] = 3.0  # [m], deviation of its points and coves
+    bank: Annotated[Number, Field(ge=1, le=6)] = 3.4  # [m], the meadow's height above the water
+    relief: Annotated[Number, Field(ge=0, le=1)] = 0.3  # [m], deviation of the meadow's swells
+    line_y: Number = 17.5  # [m] of the power line
+    pole_distance: Annotated[Number, Field(ge=20, le=80)] = 46.0  # [m]
+    sag: Annotated[Number, Field(gt=0, le=0.05)] = 0.018  # of a wire, relative to its span
+    waterside_trees: Count = 13
+    meadow_trees: Count = 30
+    waterside_bushes: Count = 12
+    meadow_bushes: Count = 26
+    individuals: Individuals = 3  # of each species
+    grass: Annotated[Number, Field(ge=0, le=4)] = 1.0  # density of all high grass relative to the default

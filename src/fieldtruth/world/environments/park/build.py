@@ -1,0 +1,40 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The urban park (paper, 2.2.1): almost plane ground, two trails, trees, bushes, lamps, benches, tables, bins."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fieldtruth.world.assembly import assemble
+from fieldtruth.world.environments.park.beds import edge_beds, lay_beds
+from fieldtruth.world.environments.park.beyond import make_surroundings
+from fieldtruth.world.environments.park.config import Config
+from fieldtruth.world.environments.park.furniture import furnish
+from fieldtruth.world.environments.park.ground import cover_ground, make_heights
+from fieldtruth.world.environments.park.herbs import plant_herbs
+from fieldtruth.world.environments.park.plants import plant_trees
+from fieldtruth.world.model import World
+from fieldtruth.world.placement import WorldBuilder
+from fieldtruth.world.trails import Line, Trail
+
+
+def build(seed: int, corridors: Sequence[Line], config: Config | None = None) -> World:
+    """Build a park; ``corridors`` stay free of obstacles. Same arguments, same world.
+
+    Raises:
+        CrowdedWorldError: the layout asks for more objects than find room.
+    """
+    config = config if config is not None else Config()
+    seeds = np.random.SeedSequence(seed).spawn(9)
+    relief, plants, trees, bushes, furniture, cover, land, herbs = (np.random.default_rng(s) for s in seeds[:-1])
+    trails = [Trail(Line.through(corners), config.trail_width) for corners in config.trails]
+    builder = WorldBuilder(make_heights(config, relief), config.size, trails, corridors)
+    furnish(builder, config, furniture)
+    plant_trees(builder, config, trees, plants)
+    beds = lay_beds(builder, config.bushes, bushes)
+    edge_beds(builder, beds, herbs)
+    plant_herbs(builder, beds, config.herbs, herbs)
+    terrain = cover_ground(builder, beds, config.border_width, cover)
+    backdrop, beyond = make_surroundings(builder, terrain, config.beyond, land)
+    return assemble(builder, terrain, name="park", seed=seed, textures=seeds[-1], backdrop=backdrop, beyond=beyond)

@@ -1,0 +1,30 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Layout of the park."""
+
+from fieldtruth.experiment.rig import Frozen, Number, Positive
+from fieldtruth.world.environments.layout import Count, Individuals, Share, Size, Trails
+
+
+class Config(Frozen):
+    """Layout of the park; the counts are those of the published world."""
+
+    size: Size = (100.0, 50.0)  # [m] along x (north) and y (west)
+    grid: Positive = 0.2  # [m] between the terrain's nodes
+    relief: Number = 0.21  # [m], standard deviation of the ground's height
+    trails: Trails = (
+        ((-58, -7), (-33, -6), (-17, -3), (0, 3.5), (12, 8.5), (26, 12), (40, 14.5), (58, 20)),
+        ((-31, 34), (-22, 18), (-12, 8), (-3.5, 1.2), (4, -6), (16, -12), (32, -15), (58, -18)),
+    )  # [m]
+    trail_width: Positive = 2.4  # [m]
+    border_width: Positive = 0.14  # [m]
+    large_trees: Count = 23
+    small_trees: Count = 15
+    bushes: Count = 34
+    benches: Count = 16
+    lamp_posts: Count = 15
+    tables: Count = 11
+    trash_bins: Count = 11
+    individuals: Individuals = 4  # of each common species and size
+    herbs: Share = 1.0  # of the flowers and the long grass
+    beyond: Share = 0.7  # of the trees and bushes beyond the edge

@@ -1,0 +1,69 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Ground of the park: gentle swells; lawn, litter below crowns, mulch in beds, trails with a border."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fieldtruth.world.environments.park.beds import Bed, bed_distance
+from fieldtruth.world.environments.park.config import Config
+from fieldtruth.world.grids import grid_axes
+from fieldtruth.world.model import Heightfield, Raster, Terrain
+from fieldtruth.world.noise import fractal_noise
+from fieldtruth.world.placement import WorldBuilder
+from fieldtruth.world.trails import signed_distance
+
+
+def make_heights(config: Config, rng: np.random.Generator) -> Heightfield:
+    """Low swells and small bumps."""
+    x, y = grid_axes(config.size, config.grid)
+    swell = fractal_noise(x, y, wavelength=46.0, octaves=3, rng=rng, gain=0.35)
+    bumps = fractal_noise(x, y, wavelength=2.4, octaves=2, rng=rng)
+    heights = config.relief * swell + 0.008 * bumps
+    return Heightfield(
+        heights=(heights - heights.mean()).astype(np.float32), spacing=config.grid, x0=float(x[0]), y0=float(y[0])
+    )
+
+
+def cover_ground(builder: WorldBuilder, beds: Sequence[Bed], border_width: float, rng: np.random.Generator) -> Terrain:
+    """Lawn, dry and worn in patches, litter below large trees, mulch in the beds, trails with a border of setts."""
+    x, y = grid_axes(builder.size, 0.1)
+    distance = signed_distance(builder.trails, x, y)
+    patch = fractal_noise(x, y, wavelength=14.0, octaves=4, rng=rng, gain=0.6)
+    fine = fractal_noise(x, y, wavelength=1.6, octaves=3, rng=rng, gain=0.7)
+    worn = np.clip(0.95 - distance / 0.32 + 0.75 * fine, 0.0, 1.0)
+    litter, bare = np.zeros_like(patch), np.zeros_like(patch)
+    nodes = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    bed = np.clip(0.5 - bed_distance(beds, nodes).reshape(patch.shape) / 0.1, 0.0, 1.0)
+    # Leaves below large trees, mulch around young ones, bare soil around furniture.
+    for kind, radius, ragged, under in (
+        ("large_tree", 1.1, (0.5, 0.35), litter),
+        ("small_tree", 0.5, (0.12, 0.1), bed),
+        ("bench", 0.85, (0.5, 0.45), bare),
+        ("table", 1.1, (0.5, 0.5), bare),
+    ):
+        for instance in builder.instances:
+            if instance.kind != kind:
+                continue
+            ix, iy = instance.world_from_object[:2, 3] + (
+                0.35 * instance.world_from_object[:2, 0] if kind == "bench" else 0
+            )
+            away = np.hypot(*np.meshgrid(x - ix, y - iy, indexing="ij"))
+            here = np.clip((radius - away) / ragged[0] + ragged[1] * 3.1 * fine, 0.0, 1.0) * (away < radius + 1.0)
+            under[...] = np.maximum(under, here)
+    dry = np.clip(0.32 + 0.36 * patch + 0.26 * fine, 0.0, 0.95)
+    trodden = np.clip(0.9 * worn * (0.5 + 0.4 * fine) + 0.55 * bare * (0.7 + 0.5 * fine), 0.0, 1.0)
+    free = (1.0 - bed) * (1.0 - litter)
+    cover = np.stack(
+        [free * (1 - trodden) * (1 - dry), free * (1 - trodden) * dry, free * trodden, bed, litter * (1 - bed)], axis=-1
+    )
+    return Terrain(
+        field=builder.field,
+        trail_distance=Raster(values=distance, spacing=0.1, x0=float(x[0]), y0=float(y[0])),
+        cover=Raster(values=cover.astype(np.float32), spacing=0.1, x0=float(x[0]), y0=float(y[0])),
+        ground_materials=("lawn", "lawn_dry", "soil", "mulch", "litter"),
+        trail_material="gravel",
+        border_material="setts",
+        border_width=border_width,
+    )
