@@ -133,7 +133,7 @@ def test_existing_page_is_replaced_only_with_overwrite(
     made.write_text("mine")
     assert cli.main(["report", str(bag)]) == 2
     assert capsys.readouterr().err.splitlines() == [
-        f"fieldtruth: {made} already exists; choose another --out, or use --overwrite to replace it"
+        f"error: {made} already exists; choose another --out, or use --overwrite to replace it"
     ]
     assert made.read_text() == "mine"
     assert cli.main(["report", str(bag), "--overwrite"]) == 0
