@@ -99,6 +99,11 @@ def test_rock_type_added_from_one_file_makes_rocks(basalt: str) -> None:
         ("draw: smooth_bark", "draw: smoth_bark", r"textures\.bark_rowan: unknown drawing 'smoth_bark'; did you mean"),
         ("foliage: leaf_rowan", "foliage: leaf_rown", r"rowan\.yaml: unknown material 'leaf_rown'; did you mean"),
         ("  bark_rowan: {label", "  bark_lime: {label", r"materials\.bark_lime is already defined in .*lime\.yaml"),
+        (
+            "  bark_rowan: {label: trunk}",
+            "  bark_rowan: trunk",
+            r"rowan\.yaml: materials must be a mapping of mappings",
+        ),
         ("orders: ", "orders: [", r"rowan\.yaml: broken YAML: "),
     ],
 )

@@ -49,7 +49,7 @@ def _document(path: Path) -> Entry:
     except OSError as error:
         raise ConfigurationError(f"cannot read {path}: {error.strerror}") from error
     except yaml.YAMLError as error:
-        raise ConfigurationError(f"{path}: broken YAML: {error}") from error
+        raise ConfigurationError(f"{path}: broken YAML: {' '.join(str(error).split())}") from error
     if not isinstance(document, dict):
         raise ConfigurationError(f"{path} must be a mapping, got {document!r}")
     return document
@@ -60,7 +60,10 @@ def _section(name: str) -> dict[str, tuple[Path, Entry]]:
     """Entries of one section of all files, each with its file."""
     entries: dict[str, tuple[Path, Entry]] = {}
     for path in data_files():
-        for key, entry in (_document(path).get(name) or {}).items():
+        section = _document(path).get(name, {})
+        if not isinstance(section, dict) or not all(isinstance(entry, dict) for entry in section.values()):
+            raise ConfigurationError(f"{path}: {name} must be a mapping of mappings, got {section!r}")
+        for key, entry in section.items():
             if key in entries:
                 raise ConfigurationError(f"{path}: {name}.{key} is already defined in {entries[key][0]}")
             entries[key] = path, entry
@@ -98,11 +101,13 @@ class Library(Mapping[str, T]):
         if path.stem in known:
             raise ConfigurationError(f"{path}: the name {path.stem!r} is already used by {known[path.stem]}")
         known[path.stem] = path
+        _document.cache_clear()
         _section.cache_clear()
         try:
             for name, section in _SECTIONS.items():
-                for key in _document(path).get(name) or {}:
-                    section[key]
+                for key, (file, _) in _section(name).items():
+                    if file == path:
+                        section[key]
             model = self[path.stem]
             for material in self._materials_of(model):
                 if material not in (None, *_section("materials")):

@@ -17,13 +17,13 @@ BLADE = 128
 
 
 def _grid(n: int) -> tuple[Image, Image]:
-    """Coordinates u and v of each pixel (n, n), v up axis 0."""
+    """Coordinates u and v of each pixel (n, n); v is 0 in the first row."""
     grid = ((np.arange(n) + 0.5) / n).astype(np.float32)
     return np.broadcast_to(grid, (n, n)), np.broadcast_to(grid[:, None], (n, n))
 
 
 def _leaf_grid() -> tuple[Image, Image]:
-    """Coordinates u and v of each pixel, v down axis 0."""
+    """Coordinates u and v of each pixel; v is 0 in the last row, as in the sampling of textures."""
     u, v = _grid(LEAF)
     return u, np.asarray(1 - v, np.float32)
 

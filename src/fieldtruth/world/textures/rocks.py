@@ -31,7 +31,7 @@ Crusts = Sequence[Mapping[str, Any]]
 
 
 def _cracks(rng: Rng, across: int, *, width: float, share: float) -> Image:
-    """Lines (n, n) between cells, drawing, 1 in a crack; only about ``share`` of them are open."""
+    """Lines (n, n) between cells, 1 in a crack; about ``share`` of them are open."""
     bend = [0.16 * noise(rng, N, 3, 40, slope=1.2) for _ in range(2)]
     net = cells(rng, N, across, across, jitter=0.95, shift=bend)
     open_here = np.clip((noise(rng, N, 2, 12, slope=0.8) + 2.2 * (share - 0.5)) * 1.5, 0, 1)
