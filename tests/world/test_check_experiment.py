@@ -20,7 +20,7 @@ def park() -> Experiment:
 
 
 def test_unknown_environment_lists_the_known_ones(park: Experiment) -> None:
-    with pytest.raises(UnknownNameError, match=r"environment 'parc'.*: park"):
+    with pytest.raises(UnknownNameError, match=r"unknown environment 'parc'; did you mean 'park'\? Available: forest"):
         check_experiment(park.model_copy(update={"environment": "parc"}))
 
 

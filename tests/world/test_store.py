@@ -125,7 +125,7 @@ def test_a_cache_that_cannot_be_written_is_skipped(builds: list[tuple[str, int]]
 
 
 def test_an_unknown_environment_lists_the_known_ones(tmp_path: Path) -> None:
-    with pytest.raises(UnknownNameError, match=r"no environment 'bark'; there is: park"):
+    with pytest.raises(UnknownNameError, match=r"unknown environment 'bark'; did you mean 'park'"):
         load_world("bark", 0, cache_folder=tmp_path)
     assert list(tmp_path.iterdir()) == []
 

@@ -1,0 +1,77 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Corridors are data of an environment: built-in experiments drive in them, and do not shape worlds."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldtruth.core import cache
+from fieldtruth.experiment import catalogue
+from fieldtruth.experiment.catalogue import experiment_names, experiment_text
+from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.route import metres_from_route
+from fieldtruth.world.build import layout_model, reserved_corridors, world_key
+from fieldtruth.world.environments import ENVIRONMENTS
+from fieldtruth.world.trails import Line
+
+
+@pytest.mark.parametrize("name", experiment_names())
+def test_route_of_each_builtin_experiment_lies_in_a_corridor(name: str) -> None:
+    experiment = load_experiment(name)
+    route = Line.through([(float(x), float(y)) for x, y in metres_from_route(experiment.route)], smooth=False)
+    corridors = reserved_corridors(experiment.environment)
+    distance = np.min([corridor.distance(route.points) for corridor in corridors], axis=0)
+    assert distance.max() < 0.01
+
+
+@pytest.mark.parametrize("environment", ENVIRONMENTS)
+def test_corridors_lie_in_the_world(environment: str) -> None:
+    corridors = reserved_corridors(environment)
+    size = layout_model(environment)().model_dump()["size"]
+    assert corridors
+    assert all((np.abs(corridor.points) < np.array(size) / 2).all() for corridor in corridors)
+
+
+def test_another_builtin_experiment_changes_no_world(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Neither the corridors nor the cache key; no file of the built-in experiments is an input of a world."""
+    keys = {name: world_key(name) for name in ENVIRONMENTS}
+    corridors = {name: [line.points.tobytes() for line in reserved_corridors(name)] for name in ENVIRONMENTS}
+    text = experiment_text("park_1").replace("name: park_1", "name: park_9")
+    monkeypatch.setattr(catalogue, "_texts", lambda: {"park_9": text})
+    cache._sources_digest.cache_clear()
+    assert experiment_names() == ("park_9",)
+    assert {name: world_key(name) for name in ENVIRONMENTS} == keys
+    assert {n: [line.points.tobytes() for line in reserved_corridors(n)] for n in ENVIRONMENTS} == corridors
+    source = Path(cache.__file__).parents[2]
+    modules = [f"{ENVIRONMENTS['park'].package}.build", "fieldtruth.world.build"]
+    inputs = [path.relative_to(source).as_posix() for path in cache.import_closure(modules, source)]
+    assert not [path for path in inputs if path.startswith("fieldtruth/experiment/builtin/")]
+    assert "fieldtruth/experiment/catalogue.py" not in inputs
+
+
+@pytest.mark.parametrize(
+    "file",
+    [
+        "world/environments/park/build.py",
+        "world/environments/park/config.py",
+        "world/environments/park/corridors.py",
+        "world/environments/park/plants.py",
+        "world/plants/growth.py",
+        "world/data/trees/birch.yaml",
+        "world/build.py",
+        "world/store.py",
+        "core/frames.py",
+        "core/classes.py",
+    ],
+)
+def test_world_key_covers_every_input(file: str) -> None:
+    source = Path(cache.__file__).parents[2]
+    modules = [f"{ENVIRONMENTS['park'].package}.{name}" for name in ("build", "config", "corridors")]
+    inputs = cache.import_closure(["fieldtruth.world.build", *modules], source)
+    assert source / "fieldtruth" / file in inputs
+
+
+def test_world_key_of_one_environment_does_not_depend_on_the_others() -> None:
+    assert len({world_key(name) for name in ENVIRONMENTS}) == len(ENVIRONMENTS)
