@@ -20,7 +20,7 @@ EASES: Final = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
 """Shares of the requested spacing that are tried in turn, because random positions waste space."""
 
 Attempt = Callable[[Array, int, bool], Instance | None]
-"""Tries to place an object: (candidate, number of objects placed so far, whether the spacing is kept)."""
+"""Tries to add an object: (candidate, number of objects placed so far, whether the spacing is kept)."""
 
 
 class CrowdedWorldError(FieldtruthError):
@@ -29,7 +29,7 @@ class CrowdedWorldError(FieldtruthError):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ObjectGroup:
-    """Objects of one kind to place; meshes are used in turn."""
+    """Objects of one kind that a builder distributes; meshes are used in turn."""
 
     kind: str
     meshes: Sequence[Mesh]
@@ -212,7 +212,7 @@ class WorldBuilder:
         return group.check_complete(place_until_count(group.count, hits, attempt, spacings=eased(group.spacing)))
 
     def along_trails(self, group: ObjectGroup, rng: np.random.Generator, offset: float) -> list[Instance]:
-        """Place objects of scale 1 on both sides of the trails, facing them, ``offset`` [m] outside their edge.
+        """Add objects of scale 1 on both sides of the trails, facing them, ``offset`` [m] outside their edge.
 
         Draws the order of all candidates at first, then the tint of each placed object.
 

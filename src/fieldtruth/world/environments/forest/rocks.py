@@ -12,7 +12,7 @@ from fieldtruth.world.swarms import SwarmSpec
 
 
 def place_rocks(builder: WorldBuilder, config: Config, rng: np.random.Generator) -> None:
-    """Place field stones with colliders and a swarm of small stones."""
+    """Add field stones with colliders and a swarm of small stones."""
     centres = rng.uniform(-0.5, 0.5, (14, 2)) * builder.size
 
     def near_centres(xy: Array) -> Array:

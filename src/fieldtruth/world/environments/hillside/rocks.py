@@ -14,7 +14,7 @@ from fieldtruth.world.swarms import SwarmSpec
 
 
 def place_rocks(builder: WorldBuilder, ground: Ground, config: Config, rng: np.random.Generator) -> None:
-    """Place rocks with colliders, large ones first."""
+    """Add rocks with colliders, large ones first."""
 
     def steep(xy: Array) -> Array:
         return np.clip((ground.slope_deg(xy) - 17) / 10, 0.02, 1)

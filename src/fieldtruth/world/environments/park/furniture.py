@@ -15,7 +15,7 @@ from fieldtruth.world.poses import random_tint
 
 
 def furnish(builder: WorldBuilder, config: Config, rng: np.random.Generator) -> None:
-    """Place benches and lamps along the trails, bins beside benches, tables on the lawn."""
+    """Add benches and lamps along the trails, bins beside benches, tables on the lawn."""
     lamps = ObjectGroup(kind="lamp_post", meshes=[make_lamp_post(0)], count=config.lamp_posts, spacing=9.0, tint=0.03)
     builder.along_trails(lamps, rng, offset=0.45)
     benches = ObjectGroup(
@@ -34,7 +34,7 @@ def furnish(builder: WorldBuilder, config: Config, rng: np.random.Generator) -> 
 
 
 def _place_bins(builder: WorldBuilder, count: int, benches: Sequence[Instance], rng: np.random.Generator) -> None:
-    """Place at most one bin beside each bench, the rest along the trails.
+    """Add at most one bin beside each bench, the rest along the trails.
 
     Draws the order of the benches at first, then the tint of each placed bin.
     """
