@@ -15,6 +15,7 @@ import pytest
 import yaml
 from pydantic import BaseModel
 
+from fieldtruth import exporters
 from fieldtruth.cli import main
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.experiment.config import Experiment
@@ -23,6 +24,8 @@ from fieldtruth.experiment.problems import condition_at, models_of
 from fieldtruth.experiment.rig import Mount, Rig
 from fieldtruth.world.build import layout_model
 from fieldtruth.world.environments import ENVIRONMENTS
+from fieldtruth.world.model import World
+from fieldtruth.world.plants import TREES
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -153,22 +156,46 @@ def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda path: path.name)
-def test_what_a_tutorial_says_can_be_done(
+def test_tutorials_can_be_followed(
     page: Path, small_run: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """Its commands and its Python run in order; only the run itself is the small one of these tests."""
+    """Commands and Python run in order; only the run itself is the small one of these tests."""
     monkeypatch.chdir(tmp_path)
     shutil.copytree(small_run, tmp_path / "data" / small_run.name)
+    follow(page)
+
+
+def test_the_page_on_extending_can_be_followed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr("fieldtruth.exporters.__path__", [*exporters.__path__, str(tmp_path / "exporters")])
+    monkeypatch.setitem(exporters.FORMATS, "wheels", exporters.FORMATS["tum"])  # removed again at the end
+    monkeypatch.setitem(ENVIRONMENTS, "meadow", ENVIRONMENTS["park"])
+    try:
+        names = follow(ROOT / "docs/extending.md")
+    finally:
+        TREES.remove("rowan")
+    world = names["world"]
+    assert isinstance(world, World)
+    assert sum(name.startswith("hazel") for name in world.object_names) == 5
+
+
+def follow(page: Path) -> dict[str, object]:
+    """Write the files of a page (blocks with a title), run its commands and its Python in order; return the names."""
     names: dict[str, object] = {"__name__": page.stem}
-    for kind, code in re.findall(r"```(sh|python)\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.S):
-        if kind == "python":
+    blocks = re.findall(r'```(sh|python|yaml)(?: title="([^"]+)")?\n(.*?)```', page.read_text("utf-8"), flags=re.S)
+    for kind, title, code in blocks:
+        if title:
+            Path(title).parent.mkdir(exist_ok=True)
+            Path(title).write_text(code, "utf-8")
+        elif kind == "python":
             exec(compile(code, str(page), "exec"), names)
-            continue
-        for line in filter(None, code.splitlines()):
-            program, *arguments = shlex.split(line, comments=True)
-            assert program == "fieldtruth"
-            if arguments[0] != "generate":
-                assert main(arguments) == 0, line
+        elif kind == "sh":
+            for line in filter(None, code.splitlines()):
+                program, *arguments = shlex.split(line, comments=True)
+                assert program == "fieldtruth"
+                assert arguments[0] == "generate" or main(arguments) == 0, line
+    return names
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)

@@ -80,6 +80,13 @@ def test_the_closure_holds_late_imports_parents_and_data_beside_modules(tmp_path
     assert names_of(tmp_path, "fieldtruth.a") == expected
 
 
+def test_the_source_of_a_module_outside_the_package_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "outside_of_it.py").write_text("x = 1\n")
+    before = cache_key(["outside_of_it"])
+    assert key_after_edit(tmp_path / "outside_of_it.py", "outside_of_it") != before
+
+
 class Pair(NamedTuple):
     x: int
     y: object

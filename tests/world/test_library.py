@@ -22,7 +22,9 @@ from fieldtruth.world.textures import TEXTURES, make_texture
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "extending.md"
 EXAMPLES = {
-    name: next(block for block in re.findall(r"```yaml\n(.*?)```", DOCUMENT.read_text(), re.DOTALL) if key in block)
+    name: next(
+        block for block in re.findall(r"```yaml[^\n]*\n(.*?)```", DOCUMENT.read_text(), re.DOTALL) if key in block
+    )
     for name, key in (("rowan", "Sorbus"), ("basalt", "rock_basalt"))
 }
 

@@ -13,6 +13,7 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
@@ -37,7 +38,7 @@ def cache_key(modules: Iterable[str], *inputs: object, libraries: Sequence[str] 
 
     Args:
         modules: names of the modules that make the result. Modules that are imported by a computed name are not found
-            through imports and must be listed here.
+            through imports and must be listed here. Of modules outside this package, their own source counts.
         inputs: dataclasses, mappings, sequences, arrays, bytes or plain values; compared by value.
         libraries: distributions whose version shapes the result.
 
@@ -54,6 +55,10 @@ def _sources_digest(modules: tuple[str, ...]) -> bytes:
     digest = hashlib.sha256()
     for path in import_closure(modules, _ROOT):
         _update(digest, [path.relative_to(_ROOT).as_posix(), path.read_bytes()])
+    for name in modules:
+        if name.partition(".")[0] != _PACKAGE:  # an environment of a user
+            spec = find_spec(name)
+            _update(digest, [name, Path(spec.origin).read_bytes() if spec and spec.origin else b""])
     return digest.digest()
 
 
