@@ -14,8 +14,9 @@ import pytest
 from fieldtruth.bag import topics
 from fieldtruth.bag.robot_messages import ModelStatesWriter
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz
-from fieldtruth.drive import Track, drive
 from fieldtruth.drive.physics import resting_pose
+from fieldtruth.drive.simulate import drive
+from fieldtruth.drive.track import Track
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment

@@ -11,7 +11,8 @@ from fieldtruth.bag.decode import count_messages
 from fieldtruth.bag.topics import topics_of
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
-from fieldtruth.drive import drive, plan_route
+from fieldtruth.drive.plan import plan_route
+from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment

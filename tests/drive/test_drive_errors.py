@@ -9,7 +9,7 @@ import pytest
 from drive_worlds import F8, make_experiment, make_world, obstacle
 
 from fieldtruth.core.errors import DriveError
-from fieldtruth.drive import drive
+from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.config import ControlConfig
 from fieldtruth.world.model import World
 

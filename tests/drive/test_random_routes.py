@@ -12,8 +12,10 @@ from drive_worlds import F8, make_experiment, make_world, obstacle, tilted
 import fieldtruth
 from fieldtruth import pipeline
 from fieldtruth.core.errors import DriveError, RouteError
-from fieldtruth.drive import drive, plan, plan_route
+from fieldtruth.drive import plan
 from fieldtruth.drive.kinematics import KinematicSimulator, path_length
+from fieldtruth.drive.plan import plan_route
+from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.config import ControlConfig, Experiment, RouteConfig
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route, random_route

@@ -10,7 +10,8 @@ from drive_worlds import F8, make_experiment, make_world, obstacle, tilted
 
 import fieldtruth
 from fieldtruth.core.errors import DriveError, FieldtruthError, RouteError
-from fieldtruth.drive import drive, plan_route
+from fieldtruth.drive.plan import plan_route
+from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.config import ControlConfig, Experiment
 from fieldtruth.experiment.files import load_experiment, parse_experiment

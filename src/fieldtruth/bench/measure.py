@@ -23,8 +23,9 @@ from fieldtruth.core import frames
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
-from fieldtruth.drive import Track, drive
 from fieldtruth.drive.expected_path import experiments_in
+from fieldtruth.drive.simulate import drive
+from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.rig import OPTICAL, CameraConfig, LidarConfig

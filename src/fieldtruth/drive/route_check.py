@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Check a route against a world: each waypoint, each straight leg, and the path of the follower, which cuts corners."""
 
+from collections.abc import Callable
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import RouteError
 from fieldtruth.drive.ground import CHASSIS_CLEARANCE, bump_height_on_path
 from fieldtruth.drive.kinematics import KinematicSimulator
-from fieldtruth.drive.outlines import distance_to, gap_to
+from fieldtruth.drive.outlines import Outline, distance_to, gap_to
 from fieldtruth.drive.traversability import BLOCKAGE_TEXTS, ROBOT_RADIUS, Blockage, Traversability
 
 SPACING: Final = (1.0, 25.0)  # [m] between waypoints; the paper has 5 to 20, and less near obstacles
@@ -31,23 +32,22 @@ class Conflict(NamedTuple):
 
 def line_conflict(ground: Traversability, points: Array) -> Conflict | None:
     """Return the first obstacle that is nearer than LINE_GAP to points (n, 2) [m] of a straight line."""
-    for number in _near(ground, points, LINE_GAP):
-        outline = ground.outlines[number]
-        distance = distance_to(outline, points)
-        nearest = int(distance.argmin())
-        if distance[nearest] < LINE_GAP:
-            return Conflict(outline.name, max(0.0, float(distance[nearest])), points[nearest])
-    return None
+    return _first_conflict(ground, points, LINE_GAP, distance_to, margin=0.0)
 
 
 def path_conflict(ground: Traversability, poses: Array, min_gap: float = PATH_GAP) -> Conflict | None:
     """Return the first obstacle that is nearer than ``min_gap`` [m] to the robot's outline at poses (n, 3)."""
-    for number in _near(ground, poses[:, :2], ROBOT_RADIUS + min_gap):
-        outline = ground.outlines[number]
-        gap = gap_to(outline, poses)
+    return _first_conflict(ground, poses, min_gap, gap_to, margin=ROBOT_RADIUS)
+
+
+def _first_conflict(
+    ground: Traversability, path: Array, min_gap: float, gap_of: Callable[[Outline, Array], Array], *, margin: float
+) -> Conflict | None:
+    for outline in _near(ground, path[:, :2], margin + min_gap):
+        gap = gap_of(outline, path)
         nearest = int(gap.argmin())
         if gap[nearest] < min_gap:
-            return Conflict(outline.name, max(0.0, float(gap[nearest])), poses[nearest])
+            return Conflict(outline.name, max(0.0, float(gap[nearest])), path[nearest])
     return None
 
 
@@ -93,8 +93,7 @@ def _leg(row: int) -> str:
 
 
 def _check_waypoint(ground: Traversability, corners: Array, row: int) -> None:
-    for number in _near(ground, corners[row : row + 1], 0.0):
-        outline = ground.outlines[number]
+    for outline in _near(ground, corners[row : row + 1], 0.0):
         if distance_to(outline, corners[row : row + 1])[0] <= 0:
             raise RouteError(f"{_waypoint(corners, row)} lies in {outline.name}; move it to free ground")
     blockage = Blockage(ground.blockage_at(corners[row])[0])
@@ -142,9 +141,9 @@ def _check_terrain(ground: Traversability, row: int, points: Array) -> None:
         raise RouteError(f"{_leg(row)} lies {text}, at {_xy(points[blocked[0]])}")
 
 
-def _near(ground: Traversability, points: Array, distance: float) -> list[int]:
+def _near(ground: Traversability, points: Array, distance: float) -> list[Outline]:
     """Outlines whose circle comes within ``distance`` [m] of the bounding box of points (n, 2)."""
     x, y, radius = ground.circles.T
     low, high = points.min(axis=0), points.max(axis=0)
     away = np.hypot(x - np.clip(x, low[0], high[0]), y - np.clip(y, low[1], high[1]))
-    return np.flatnonzero(away <= radius + distance).tolist()
+    return [ground.outlines[number] for number in np.flatnonzero(away <= radius + distance)]

@@ -7,7 +7,9 @@ rates that divide 1000 Hz the two are equal. The accelerometer reads the change 
 step that ends at the stamp: its sum over all steps is the velocity, and a short drive equals the start of a long one.
 """
 
+import itertools
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +25,11 @@ from fieldtruth.experiment.rig import GnssConfig, ImuConfig, Mount, TachometerCo
 def steps_at_rate(rate_hz: float, duration_ns: int) -> Counts:
     """Physics steps (n,), counted from 1, at which a sensor of ``rate_hz`` reads, ``duration_ns`` included."""
     return np.rint(stamps_at_rate(rate_hz, duration_ns) / STEP_NS).astype(np.int64)
+
+
+def due_steps(rate_hz: float) -> Iterator[int]:
+    """Yield the physics steps of ``steps_at_rate`` one by one, without end."""
+    return (round(round(k * (1e9 / rate_hz)) / STEP_NS) for k in itertools.count(1))
 
 
 def read_imu(motion: Motion, config: ImuConfig) -> ImuReadings:

@@ -57,7 +57,8 @@ def drive(world: World, experiment: Experiment, *, progress: Callable[[float], N
     _update_fix(follower, state, rig)
 
     end = math.inf if experiment.seconds is None else max(1, round(experiment.seconds / STEP_S))
-    imu_due, gnss_due = _DueSteps(rig.imu.rate_hz), _DueSteps(rig.gnss.rate_hz)
+    imu_steps, gnss_steps = sensors.due_steps(rig.imu.rate_hz), sensors.due_steps(rig.gnss.rate_hz)
+    next_fix = next(gnss_steps)
     arrived = False
     blocks: list[Array] = []
     while robot.step < end:
@@ -65,11 +66,12 @@ def drive(world: World, experiment: Experiment, *, progress: Callable[[float], N
             arrived, end = True, min(end, robot.step + round(STOP_SECONDS / STEP_S))
         command = follower.command(sensors.heading(state[_QUATERNION]))
         began = robot.step
-        block = robot.advance(command, int(min(imu_due.pop(), end)) - began)
+        block = robot.advance(command, int(min(next(imu_steps), end)) - began)
         blocks.append(block)
         state = block[-1]
-        while gnss_due.next <= robot.step:
-            _update_fix(follower, block[gnss_due.pop() - began - 1], rig)
+        while next_fix <= robot.step:
+            _update_fix(follower, block[next_fix - began - 1], rig)
+            next_fix = next(gnss_steps)
         if progress is not None and int(robot.seconds) > int(began * STEP_S):
             progress(robot.seconds)
     return _track(np.concatenate(blocks), rig)
@@ -122,23 +124,6 @@ class SimulatedHusky:
 
     def _touched(self) -> str:
         return next(self._obstacles[g] for g in self._data.contact.geom.ravel().tolist() if g in self._obstacles)
-
-
-class _DueSteps:
-    """Iterates over the physics steps at which a sensor reads, those of ``sensors.steps_at_rate``."""
-
-    def __init__(self, rate_hz: float) -> None:
-        self._period = 1e9 / rate_hz
-        self._count = 0
-        self.next = 0
-        self.pop()
-
-    def pop(self) -> int:
-        """Return ``next`` and advance it."""
-        due = self.next
-        self._count += 1
-        self.next = round(round(self._count * self._period) / STEP_NS)
-        return due
 
 
 def _update_fix(follower: WaypointFollower, state: Array, rig: Rig) -> None:

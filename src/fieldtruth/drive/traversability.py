@@ -6,13 +6,13 @@ import dataclasses
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import distance_transform_edt
 
-from fieldtruth.core.arrays import Array, Index, Mask
+from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.drive.ground import CHASSIS_CLEARANCE, max_bump_height, mean_ground, slopes
 from fieldtruth.drive.husky import OUTLINE
 from fieldtruth.drive.outlines import Outline, distance_to, obstacle_outlines
@@ -68,18 +68,15 @@ class Traversability:
 
     def clearance_at(self, points: ArrayLike) -> Array:
         """Clearance [m], (n,), in the cells of points (n, 2); outside the grid -inf."""
-        i, j, inside = self._cells(points)
-        return np.where(inside, self.clearance[i, j], -np.inf)
+        return np.asarray(self._look_up(self.clearance, points, -np.inf))
 
     def terrain_clearance_at(self, points: ArrayLike) -> Array:
         """Clearance [m], (n,), without obstacles, in the cells of points (n, 2); outside the grid -inf."""
-        i, j, inside = self._cells(points)
-        return np.where(inside, self.terrain_clearance[i, j], -np.inf)
+        return np.asarray(self._look_up(self.terrain_clearance, points, -np.inf))
 
     def blockage_at(self, points: ArrayLike) -> NDArray[np.uint8]:
         """Blockage, (n,), in the cells of points (n, 2); outside the grid EDGE."""
-        i, j, inside = self._cells(points)
-        return np.where(inside, self.blockage[i, j], np.uint8(Blockage.EDGE)).astype(np.uint8)
+        return self._look_up(self.blockage, points, Blockage.EDGE).astype(np.uint8)
 
     def path_length(self, poses: Array) -> float:
         """Length [m], slopes included, of a path through poses (n, 2 or 3)."""
@@ -88,13 +85,12 @@ class Traversability:
         heights = self.floor.height_at(poses[rows, 0], poses[rows, 1])
         return float(np.hypot(np.diff(arc[rows]), np.diff(heights)).sum())
 
-    def _cells(self, points: ArrayLike) -> tuple[Index, Index, Mask]:
-        nx, ny = self.blockage.shape
+    def _look_up(self, grid: NDArray[Any], points: ArrayLike, outside: float) -> NDArray[Any]:
         points = np.asarray(points, np.float64).reshape(-1, 2)
-        i = np.rint((points[:, 0] - self.x0) / CELL).astype(np.intp)
-        j = np.rint((points[:, 1] - self.y0) / CELL).astype(np.intp)
-        inside = (i >= 0) & (i < nx) & (j >= 0) & (j < ny)
-        return np.clip(i, 0, nx - 1), np.clip(j, 0, ny - 1), inside
+        cells = np.rint((points - (self.x0, self.y0)) / CELL).astype(np.intp)
+        inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
+        i, j = np.clip(cells, 0, np.subtract(grid.shape, 1)).T
+        return np.where(inside, grid[i, j], outside)
 
     @cached_property
     def circles(self) -> Array:
