@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The land beyond joins the terrain in height and slope, becomes the land that was asked for, and carries things."""
+"""The backdrop continues the terrain's height and slope, blends into the requested land, and carries swarms."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def hill(x: F8, y: F8) -> F8:
 
 
 def bumpy() -> Heightfield:
-    """0.3 m above the hill, and bent by a wave that runs off it on all sides."""
+    """0.3 m above the hill, modulated by a wave."""
     x, y = np.linspace(-10, 10, 101), np.linspace(-5, 5, 51)
     heights = hill(*np.meshgrid(x, y, indexing="ij")) + 0.3 + 0.4 * np.sin(x / 3)[:, None] * np.cos(y / 2)
     return Heightfield(heights=heights.astype(np.float32), spacing=0.2, x0=-10.0, y0=-5.0)
@@ -35,7 +35,7 @@ def backdrop() -> Mesh:
     return make_backdrop(bumpy(), SIZE, ("garrigue", "scree"), np.random.default_rng(0), land=hill, cover=cover)
 
 
-def test_height_and_slope_go_on_at_the_edge(backdrop: Mesh) -> None:
+def test_height_and_slope_are_continuous_at_the_edge(backdrop: Mesh) -> None:
     field, height = bumpy(), height_beyond(bumpy(), SIZE, backdrop)
     y = np.linspace(-3, 3, 25)
     for x, out in ((10.0, 1.0), (-10.0, -1.0)):
@@ -46,14 +46,14 @@ def test_height_and_slope_go_on_at_the_edge(backdrop: Mesh) -> None:
         assert np.abs(outside - inside).max() < 0.08
 
 
-def test_it_becomes_the_land(backdrop: Mesh) -> None:
+def test_backdrop_blends_into_the_land(backdrop: Mesh) -> None:
     x, y, z = backdrop.vertices.astype(float).T
     far = np.maximum(np.abs(x) - 10, np.abs(y) - 5) > 45
     assert np.abs(z - hill(x, y))[far].max() < 2e-3
     assert np.abs(x[far]).max() > 900
 
 
-def test_each_material_covers_its_own_and_repeats_as_it_should(backdrop: Mesh) -> None:
+def test_materials_have_their_triangles_and_uv_scale(backdrop: Mesh) -> None:
     middle = backdrop.vertices[backdrop.faces].astype(float).mean(axis=1)
     assert np.array_equal(backdrop.material == 1, middle[:, 1] > 0)
     for row, name in enumerate(backdrop.materials):
@@ -62,7 +62,7 @@ def test_each_material_covers_its_own_and_repeats_as_it_should(backdrop: Mesh) -
         assert backdrop.uv[used] == pytest.approx(expected, rel=1e-5, abs=1e-5)
 
 
-def test_heights_beyond_are_those_of_the_mesh(backdrop: Mesh) -> None:
+def test_height_beyond_matches_the_mesh(backdrop: Mesh) -> None:
     corners = backdrop.vertices[backdrop.faces].astype(float)
     middle = corners.mean(axis=1)
     near = (np.abs(middle[:, 0]) < 60) & (np.abs(middle[:, 1]) < 55)

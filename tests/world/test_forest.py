@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The forest keeps its own rules, whatever the seed: it is dense, of all ages, and its trails and routes are free."""
+"""Rules of the forest for several seeds: density, ages, free trails and routes."""
 
 from collections import Counter
 from functools import cache
@@ -12,10 +12,8 @@ from park_worlds import digest
 from pydantic import ValidationError
 
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.catalogue import experiment_names
-from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.world import assembly
+from fieldtruth.world.build import reserved_corridors
 from fieldtruth.world.environments.forest.build import build as build_forest
 from fieldtruth.world.environments.forest.config import Config as ForestConfig
 from fieldtruth.world.environments.forest.plants import AGES
@@ -29,16 +27,13 @@ CONFIG = ForestConfig()
 CONIFERS = {"spruce", "pine"}
 
 
-@cache
 def routes() -> list[Line]:
-    experiments = [load_experiment(name) for name in experiment_names()]
-    corners = [metres_from_route(e.route) for e in experiments if e.environment == "forest"]
-    return [Line.through([(float(x), float(y)) for x, y in points], smooth=False) for points in corners]
+    return reserved_corridors("forest")
 
 
 @cache
 def forest(seed: int, **changes: float) -> World:
-    """A forest with one individual of each species and age and without textures, which do not bear on its layout."""
+    """A forest with one individual of each species and age and without textures, which do not change its layout."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(assembly, "make_textures", lambda *_: {})
         return build_forest(seed, routes(), ForestConfig.model_validate({"individuals": 1, **changes}))
@@ -53,12 +48,12 @@ def trees(world: World) -> list[Instance]:
     return [i for i in world.instances if i.kind in TREES]
 
 
-def scale_of(thing: Instance) -> float:
-    return float(np.cbrt(np.linalg.det(thing.world_from_object[:3, :3])))
+def scale_of(instance: Instance) -> float:
+    return float(np.cbrt(np.linalg.det(instance.world_from_object[:3, :3])))
 
 
-def places(things: list[Instance]) -> F8:
-    return np.array([i.world_from_object[:2, 3] for i in things])
+def positions(objects: list[Instance]) -> F8:
+    return np.array([i.world_from_object[:2, 3] for i in objects])
 
 
 def test_counts_species_and_ages(world: World) -> None:
@@ -81,7 +76,7 @@ def test_counts_species_and_ages(world: World) -> None:
     assert len(world.object_names) <= 500
 
 
-def test_it_goes_on_beyond_its_edge(world: World) -> None:
+def test_far_trees_are_outside_the_world(world: World) -> None:
     far = [s for s in world.swarms if s.name.startswith("far_")]
     assert sum(len(s.mesh) for s in far) > 200
     for swarm in far:
@@ -89,11 +84,11 @@ def test_it_goes_on_beyond_its_edge(world: World) -> None:
         assert ((x > 50.0) | (y > 25.0)).all()
 
 
-def test_no_trunk_stands_in_another(world: World) -> None:
-    """Axes of neighbouring trunks are farther apart than both radii; so are trees from fallen trunks' boxes."""
+def test_trunks_do_not_intersect(world: World) -> None:
+    """Neighbouring trunks do not overlap, neither do standing trees and fallen trunks."""
     living = trees(world)
     radius = np.array([scale_of(i) * world.meshes[i.mesh].colliders[0].size[0] for i in living])
-    at = places(living)
+    at = positions(living)
     apart = np.linalg.norm(at[:, None] - at, axis=2) - radius[:, None] - radius
     assert apart[~np.eye(len(at), dtype=bool)].min() > 0.3
     for log in (i for i in world.instances if i.kind == "fallen_trunk"):
@@ -104,19 +99,19 @@ def test_no_trunk_stands_in_another(world: World) -> None:
             assert (np.hypot(*off.T) > radius).all()
 
 
-def test_nothing_stands_on_a_trail_or_a_route(world: World) -> None:
-    for thing in world.instances:
-        colliders = world.meshes[thing.mesh].colliders
-        scale = scale_of(thing)
+def test_no_collider_on_trails_or_routes(world: World) -> None:
+    for instance in world.instances:
+        colliders = world.meshes[instance.mesh].colliders
+        scale = scale_of(instance)
         for collider in colliders:
-            place = (thing.world_from_object @ [*collider.position, 1.0])[None, :2]
+            position = (instance.world_from_object @ [*collider.position, 1.0])[None, :2]
             half = collider.size[0] if collider.shape == "cylinder" else min(collider.size[:2]) / 2
             for line in routes():
-                assert line.distance(place)[0] > 0.9 + half * scale, thing.name
-            assert world.terrain.trail_distance.at(*place[0]) > -0.3, thing.name
+                assert line.distance(position)[0] > 0.9 + half * scale, instance.name
+            assert world.terrain.trail_distance.at(*position[0]) > -0.3, instance.name
 
 
-def test_the_ground_is_uneven_but_not_on_the_trails(world: World) -> None:
+def test_ground_is_uneven_except_on_trails(world: World) -> None:
     field = world.terrain.field
     slope = np.degrees(np.arctan(np.hypot(*np.gradient(field.heights.astype(float), field.spacing))))
     x = field.x0 + field.spacing * np.arange(field.heights.shape[0])
@@ -129,17 +124,17 @@ def test_the_ground_is_uneven_but_not_on_the_trails(world: World) -> None:
     assert 0.04 < (off < 0).mean() < 0.12  # two trails of 1.7 m
 
 
-def test_nothing_floats(world: World) -> None:
-    """Each thing's lowest vertices are in the ground; a fallen trunk may bridge a hollow, but rests somewhere."""
+def test_objects_touch_the_ground(world: World) -> None:
+    """The lowest vertices of an object are in the ground; a fallen trunk may span a hollow."""
     field = world.terrain.field
-    for thing in world.instances:
-        pose = thing.world_from_object
-        vertices = world.meshes[thing.mesh].vertices @ pose[:3, :3].T + pose[:3, 3]
+    for instance in world.instances:
+        pose = instance.world_from_object
+        vertices = world.meshes[instance.mesh].vertices @ pose[:3, :3].T + pose[:3, 3]
         above = vertices[:, 2] - field.height_at(vertices[:, 0], vertices[:, 1])
         sole = vertices[:, 2] < vertices[:, 2].min() + 0.005
-        assert above.min() < -0.02, thing.name
-        if thing.kind != "fallen_trunk":
-            assert above[sole].max() < 0.01, thing.name
+        assert above.min() < -0.02, instance.name
+        if instance.kind != "fallen_trunk":
+            assert above[sole].max() < 0.01, instance.name
     for swarm in world.swarms:
         x, y, z = swarm.world_from_object[:, :3, 3].T
         inside = (np.abs(x) < 50.0) & (np.abs(y) < 25.0)
@@ -151,11 +146,11 @@ def test_classes(world: World) -> None:
     assert labels == {
         Label.GROUND, Label.TRUNK, Label.TREETOP, Label.BUSH, Label.ROCK, Label.HIGH_GRASS, Label.TRAIL
     }  # fmt: skip
-    for thing in world.instances:
-        own = {world.materials[n].label for n in world.meshes[thing.mesh].materials}
-        if thing.kind in TREES:
+    for instance in world.instances:
+        own = {world.materials[n].label for n in world.meshes[instance.mesh].materials}
+        if instance.kind in TREES:
             assert own == {Label.TRUNK, Label.TREETOP}
-        elif thing.kind in ("snag", "stump", "fallen_trunk"):
+        elif instance.kind in ("snag", "stump", "fallen_trunk"):
             assert own == {Label.TRUNK}
 
 
@@ -166,7 +161,7 @@ def test_same_seed_same_forest_other_seed_another() -> None:
     assert digest(forest(2)) != digest(first)
 
 
-def test_a_layout_changes_what_it_names() -> None:
+def test_layout_changes_only_its_keys() -> None:
     sparse = forest(0, old_trees=10, fallen_trunks=0)
     birches = ForestConfig.model_validate({"species": {"birch": 1.0}})
     assert dict(birches.species) == {"birch": 1.0}
@@ -174,8 +169,8 @@ def test_a_layout_changes_what_it_names() -> None:
     assert not any(i.kind == "fallen_trunk" for i in sparse.instances)
 
 
-def test_what_cannot_be_is_refused() -> None:
-    with pytest.raises(ValidationError, match="no species 'palm'; there is: alder"):
+def test_unknown_species_and_too_many_objects_are_errors() -> None:
+    with pytest.raises(ValidationError, match=r"unknown species 'palm'.*Available: alder"):
         ForestConfig.model_validate({"species": {"palm": 1.0}})
-    with pytest.raises(CrowdedWorldError, match="at most 500"):
+    with pytest.raises(CrowdedWorldError, match="maximum is 500"):
         forest(0, young_trees=190)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The hillside keeps its rules, whatever the seed: slopes on and off the routes, rocks in the ground, free routes."""
+"""Rules of the hillside for several seeds: slopes on and off the routes, rocks in the ground, free routes."""
 
 from collections import Counter
 from functools import cache
@@ -13,9 +13,8 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.world import assembly
+from fieldtruth.world.build import reserved_corridors
 from fieldtruth.world.environments.hillside.build import build as build_hillside
 from fieldtruth.world.environments.hillside.config import Config as HillsideConfig
 from fieldtruth.world.model import Instance, World
@@ -29,15 +28,12 @@ BUSHES = {"juniper": 18, "gorse": 40, "heather": 60}
 
 
 def routes() -> list[Line]:
-    return [
-        Line.through([(float(x), float(y)) for x, y in metres_from_route(load_experiment(name).route)], smooth=False)
-        for name in ("hillside_1", "hillside_2")
-    ]
+    return reserved_corridors("hillside")
 
 
 @cache
 def hillside(seed: int) -> World:
-    """The hillside with one individual of each kind and without textures, which do not bear on its layout."""
+    """The hillside with one individual of each kind and without textures, which do not change its layout."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(assembly, "make_textures", lambda *_: {})
         return build_hillside(seed, routes(), HillsideConfig(individuals=1))
@@ -48,10 +44,10 @@ def world(request: pytest.FixtureRequest) -> World:
     return hillside(request.param)
 
 
-def corners(world: World, thing: Instance) -> F8:
+def corners(world: World, instance: Instance) -> F8:
     """Vertices (v, 3) of an object in the world [m]."""
-    pose = thing.world_from_object
-    return np.asarray(world.meshes[thing.mesh].vertices @ pose[:3, :3].T + pose[:3, 3])
+    pose = instance.world_from_object
+    return np.asarray(world.meshes[instance.mesh].vertices @ pose[:3, :3].T + pose[:3, 3])
 
 
 def slopes(world: World) -> tuple[F8, F8]:
@@ -72,12 +68,12 @@ def test_counts_and_budget(world: World) -> None:
     assert swarms["pebbles"] > 5000
     assert swarms["stones"] > 500
     assert 1500 < swarms["grass"] < 20_000
-    for thing in world.instances:
-        if thing.kind in ROCKS:
-            assert len(world.meshes[thing.mesh].faces) <= 3000
+    for instance in world.instances:
+        if instance.kind in ROCKS:
+            assert len(world.meshes[instance.mesh].faces) <= 3000
 
 
-def test_it_is_drivable_on_the_routes_and_rugged_off_them(world: World) -> None:
+def test_slopes_are_drivable_on_routes_and_steep_elsewhere(world: World) -> None:
     slope, away = slopes(world)
     assert slope[away < 0.6].max() <= 15.0
     assert slope[away < 2.0].max() <= 15.0
@@ -104,55 +100,55 @@ def test_the_mountain_rises_across_the_world_and_beyond(world: World) -> None:
     assert z[down].mean() < -15.0
 
 
-def test_no_rock_shows_daylight_below_it(world: World) -> None:
-    for thing in world.instances:
-        if thing.kind in ROCKS:
-            pose = thing.world_from_object
-            rim = rim_vertices(world.meshes[thing.mesh]) @ pose[:3, :3].T + pose[:3, 3]
-            assert np.all(rim[:, 2] < world.terrain.field.height_at(rim[:, 0], rim[:, 1])), thing.name
-            whole = corners(world, thing)
+def test_rims_of_rocks_are_in_the_ground(world: World) -> None:
+    for instance in world.instances:
+        if instance.kind in ROCKS:
+            pose = instance.world_from_object
+            rim = rim_vertices(world.meshes[instance.mesh]) @ pose[:3, :3].T + pose[:3, 3]
+            assert np.all(rim[:, 2] < world.terrain.field.height_at(rim[:, 0], rim[:, 1])), instance.name
+            whole = corners(world, instance)
             above = whole[:, 2] - world.terrain.field.height_at(whole[:, 0], whole[:, 1])
-            assert above.max() > 0.04, thing.name
+            assert above.max() > 0.04, instance.name
 
 
-def test_plants_stand_in_the_ground(world: World) -> None:
-    """Stems reach into the ground where they stand, but not deeper than half a metre; leaves may hang over a slope."""
-    for thing in world.instances:
-        if thing.kind in TREES | BUSHES:
-            whole = corners(world, thing)
-            x, y, z = thing.world_from_object[:3, 3]
+def test_stems_reach_into_the_ground(world: World) -> None:
+    """Stems reach 5 to 90 cm into the ground; leaves may overhang a slope."""
+    for instance in world.instances:
+        if instance.kind in TREES | BUSHES:
+            whole = corners(world, instance)
+            x, y, z = instance.world_from_object[:3, 3]
             near = whole[np.hypot(whole[:, 0] - x, whole[:, 1] - y) < 0.5]
             depth = world.terrain.field.height_at(near[:, 0], near[:, 1]) - near[:, 2]
-            assert 0.05 < depth.max() < 0.9, thing.name
-            assert world.terrain.field.height_at(x, y) > z - 1e-6, thing.name
+            assert 0.05 < depth.max() < 0.9, instance.name
+            assert world.terrain.field.height_at(x, y) > z - 1e-6, instance.name
 
 
-def test_nothing_overlaps(world: World) -> None:
-    """Circles of all footprints are disjoint, so that no rock stands in a trunk."""
-    spots = np.array([i.world_from_object[:2, 3] for i in world.instances])
+def test_footprints_are_disjoint(world: World) -> None:
+    """Circles of all footprints are disjoint, so that no rock intersects a trunk."""
+    xy = np.array([i.world_from_object[:2, 3] for i in world.instances])
     scale = np.array([np.cbrt(np.linalg.det(i.world_from_object[:3, :3])) for i in world.instances])
     radius = scale * [world.meshes[i.mesh].footprint for i in world.instances]
-    apart = np.linalg.norm(spots[:, None] - spots, axis=-1) - radius[:, None] - radius
+    apart = np.linalg.norm(xy[:, None] - xy, axis=-1) - radius[:, None] - radius
     np.fill_diagonal(apart, np.inf)
     assert apart.min() > -1e-6
-    assert np.all(np.abs(spots) + radius[:, None] < np.array([50.0, 25.0]))
+    assert np.all(np.abs(xy) + radius[:, None] < np.array([50.0, 25.0]))
 
 
-def test_routes_are_free(world: World) -> None:
-    """No named thing reaches within 0.6 m of a route below 1 m, no larger stone of a swarm within 0.5 m."""
+def test_no_collider_near_routes(world: World) -> None:
+    """No collider is within 0.6 m of a route, no larger stone of a swarm within 0.5 m."""
     tree = cKDTree(np.concatenate([line.points for line in routes()]))
-    for thing in world.instances:
-        for collider in world.meshes[thing.mesh].colliders:
-            pose = thing.world_from_object
+    for instance in world.instances:
+        for collider in world.meshes[instance.mesh].colliders:
+            pose = instance.world_from_object
             middle = (pose @ [*collider.position, 1.0])[:2]
             half = collider.size[0] if collider.shape == "cylinder" else np.linalg.norm(collider.size[:2]) / 2
             reach = float(half * np.cbrt(np.linalg.det(pose[:3, :3])))
-            assert float(tree.query(middle)[0]) - reach > 0.6, thing.name
+            assert float(tree.query(middle)[0]) - reach > 0.6, instance.name
     (stones,) = (s for s in world.swarms if s.name == "stones")
     assert np.min(tree.query(stones.world_from_object[:, :2, 3])[0]) > 0.5
 
 
-def test_what_a_swarm_holds_lies_on_the_ground(world: World) -> None:
+def test_swarms_are_on_the_ground(world: World) -> None:
     for swarm in world.swarms:
         x, y, z = swarm.world_from_object[:, :3, 3].T
         inside = (np.abs(x) <= 50) & (np.abs(y) <= 25)
@@ -165,23 +161,23 @@ def test_classes_and_no_trail(world: World) -> None:
     assert world.terrain.trail_distance.values.min() > 0
     assert {int(v) for v in world.terrain.label_at([-49, 0, 49], [-24, 0, 24])} == {Label.GROUND}
     labels: dict[str, set[Label]] = {"rocks": set(), "trees": set(), "bushes": set()}
-    for thing in world.instances:
-        group = "rocks" if thing.kind in ROCKS else "trees" if thing.kind in TREES else "bushes"
-        labels[group] |= {world.materials[n].label for n in world.meshes[thing.mesh].materials}
+    for instance in world.instances:
+        group = "rocks" if instance.kind in ROCKS else "trees" if instance.kind in TREES else "bushes"
+        labels[group] |= {world.materials[n].label for n in world.meshes[instance.mesh].materials}
     assert labels["rocks"] == {Label.ROCK}
     assert labels["trees"] == {Label.TRUNK, Label.TREETOP}
     assert labels["bushes"] == {Label.BUSH}
     cover = world.terrain.cover.values
     assert cover.sum(axis=-1) == pytest.approx(np.ones(cover.shape[:2]), abs=1e-5)
-    assert np.all(cover.mean(axis=(0, 1)) > 0.02)  # turf, soil, scree and rock, all of them
+    assert np.all(cover.mean(axis=(0, 1)) > 0.02)  # turf, soil, scree and rock
 
 
-def test_same_seed_same_bytes_and_other_seed_another_place() -> None:
+def test_same_seed_same_bytes_and_other_seed_another_world() -> None:
     assert digest(hillside.__wrapped__(1)) == digest(hillside(1))
     assert not np.array_equal(hillside(1).terrain.field.heights, hillside(2).terrain.field.heights)
 
 
-def test_without_routes_the_flank_is_as_steep_as_it_likes() -> None:
+def test_flank_without_corridors_is_steep_everywhere() -> None:
     config = HillsideConfig(individuals=1, crags=2, boulders=2, blocks=2, slabs=1, stones=0, pebbles=0, grass=0,
                             junipers=1, gorse=1, cushions=1, pines=1, oaks=1, snags=1)  # fmt: skip
     with pytest.MonkeyPatch.context() as patch:

@@ -1,16 +1,17 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The lake keeps its own rules, whatever the seed: a bank, an irregular shore, dry routes, each plant in its place."""
+"""Rules of the lake's shore for several seeds: bank, irregular shore, dry routes, zones of plants."""
 
 from collections import Counter
 
 import numpy as np
 import pytest
-from lake_worlds import lake_routes, lake_variant
+from lake_worlds import lake_variant
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from fieldtruth.core.classes import Label
+from fieldtruth.world.build import reserved_corridors
 from fieldtruth.world.environments.lake.config import Config as LakeConfig
 from fieldtruth.world.model import Instance, World
 from fieldtruth.world.placement import CrowdedWorldError
@@ -39,17 +40,13 @@ def level(world: World) -> float:
     return world.water_level
 
 
-def above_water(world: World, places: F8) -> F8:
-    return world.terrain.field.height_at(places[:, 0], places[:, 1]) - level(world)
+def above_water(world: World, xy: F8) -> F8:
+    return world.terrain.field.height_at(xy[:, 0], xy[:, 1]) - level(world)
 
 
-def corners(world: World, thing: Instance) -> F8:
-    pose = thing.world_from_object
-    return np.asarray(world.meshes[thing.mesh].vertices @ pose[:3, :3].T + pose[:3, 3])
-
-
-def route_lines() -> list[Line]:
-    return [Line.through([(float(x), float(y)) for x, y in c], smooth=False) for c in lake_routes().values()]
+def corners(world: World, instance: Instance) -> F8:
+    pose = instance.world_from_object
+    return np.asarray(world.meshes[instance.mesh].vertices @ pose[:3, :3].T + pose[:3, 3])
 
 
 def test_counts_and_budget(world: World) -> None:
@@ -58,7 +55,7 @@ def test_counts_and_budget(world: World) -> None:
     assert len(world.object_names) <= 480
 
 
-def test_several_kinds_of_trees_bushes_and_grass(world: World) -> None:
+def test_species_of_trees_bushes_and_grass(world: World) -> None:
     trees = {i.mesh.split("_")[2] for i in world.instances if i.kind.endswith("tree")}
     bushes = {i.mesh.removeprefix("bush_")[:-2] for i in world.instances if i.kind.endswith("bush")}
     assert trees == {"alder", "willow", "birch", "pine", "oak"}
@@ -69,7 +66,7 @@ def test_several_kinds_of_trees_bushes_and_grass(world: World) -> None:
     assert near_water == {"alder", "willow"}
 
 
-def test_the_bank_is_a_few_metres_high(world: World) -> None:
+def test_bank_height_and_slopes(world: World) -> None:
     field = world.terrain.field
     height = field.heights - level(world)
     assert (field.x0, field.y0) == (-50.0, -25.0)
@@ -99,7 +96,7 @@ def test_the_shore_is_irregular(world: World) -> None:
     assert np.count_nonzero(bends) >= 6  # points and coves, not one curve
 
 
-def test_the_water_is_one_flat_sheet_as_far_as_the_other_shore(world: World) -> None:
+def test_water_is_one_flat_sheet_up_to_the_far_shore(world: World) -> None:
     (lake,) = (i for i in world.instances if i.kind == "water")
     assert lake.name == "lake_1"
     mesh, sheet = world.meshes[lake.mesh], corners(world, lake)
@@ -119,29 +116,29 @@ def test_the_water_is_one_flat_sheet_as_far_as_the_other_shore(world: World) -> 
     assert across[:, 2].min() > level(world)  # the far shore
 
 
-def test_nothing_floats(world: World) -> None:
-    """The lowest vertices of what stands are in the ground; so are the feet of grass."""
+def test_objects_touch_the_ground(world: World) -> None:
+    """The lowest vertices of objects are in the ground; so are the stems of grass."""
     field = world.terrain.field
-    for thing in world.instances:
-        if thing.kind in ("water", "cable"):
+    for instance in world.instances:
+        if instance.kind in ("water", "cable"):
             continue
-        vertices = corners(world, thing)
+        vertices = corners(world, instance)
         sole = vertices[vertices[:, 2] < vertices[:, 2].min() + 0.005]
-        assert (sole[:, 2] - field.height_at(sole[:, 0], sole[:, 1])).max() < 0.001, thing.name
+        assert (sole[:, 2] - field.height_at(sole[:, 0], sole[:, 1])).max() < 0.001, instance.name
     for swarm in world.swarms:
         x, y, z = swarm.world_from_object[:, :3, 3].T
         inside = (np.abs(x) < 50) & (np.abs(y) < 25)
         assert (z - field.height_at(x, y))[inside].max(initial=-1.0) < 1e-6, swarm.name
 
 
-def test_only_reeds_stand_in_the_water(world: World) -> None:
-    for thing in world.instances:
-        if thing.kind not in ("water", "cable"):
-            assert above_water(world, thing.world_from_object[None, :2, 3])[0] > 0.02, thing.name
+def test_only_reeds_and_cattails_are_in_the_water(world: World) -> None:
+    for instance in world.instances:
+        if instance.kind not in ("water", "cable"):
+            assert above_water(world, instance.world_from_object[None, :2, 3])[0] > 0.02, instance.name
     for swarm in world.swarms:
-        places = swarm.world_from_object[:, :2, 3]
-        inside = (np.abs(places) < [50, 25]).all(axis=1)
-        height = above_water(world, places[inside])
+        xy = swarm.world_from_object[:, :2, 3]
+        inside = (np.abs(xy) < [50, 25]).all(axis=1)
+        height = above_water(world, xy[inside])
         if IN_WATER & set(swarm.name.split("_")):
             assert height.min() > -0.6
             assert height.max() < 0.2
@@ -151,7 +148,7 @@ def test_only_reeds_stand_in_the_water(world: World) -> None:
 
 def test_routes_are_dry_and_even(world: World) -> None:
     field, step = world.terrain.field, 0.3
-    for line in route_lines():
+    for line in reserved_corridors("lake"):
         assert above_water(world, line.points).min() > 0.5
         side = np.column_stack([-line.tangents[:, 1], line.tangents[:, 0]])
         x, y = np.concatenate([line.points + off * side for off in (-0.4, 0.0, 0.4)]).T
@@ -160,30 +157,30 @@ def test_routes_are_dry_and_even(world: World) -> None:
         assert np.degrees(np.arctan(np.hypot(along, across))).max() < 15.0
 
 
-def test_routes_are_free(world: World) -> None:
-    for line in route_lines():
-        for thing in world.instances:
-            scale = float(np.cbrt(np.linalg.det(thing.world_from_object[:3, :3])))
-            for collider in world.meshes[thing.mesh].colliders:
-                middle = (thing.world_from_object @ [*collider.position, 1.0])[None, :2]
-                assert line.distance(middle)[0] - collider.size[0] * scale > 0.6, thing.name
+def test_no_collider_near_routes(world: World) -> None:
+    for line in reserved_corridors("lake"):
+        for instance in world.instances:
+            scale = float(np.cbrt(np.linalg.det(instance.world_from_object[:3, :3])))
+            for collider in world.meshes[instance.mesh].colliders:
+                middle = (instance.world_from_object @ [*collider.position, 1.0])[None, :2]
+                assert line.distance(middle)[0] - collider.size[0] * scale > 0.6, instance.name
 
 
-def test_nothing_overlaps(world: World) -> None:
+def test_footprints_are_disjoint(world: World) -> None:
     standing = [i for i in world.instances if i.kind.endswith(("tree", "bush", "pole"))]
-    spots = np.array([i.world_from_object[:2, 3] for i in standing])
+    xy = np.array([i.world_from_object[:2, 3] for i in standing])
     room = [
         0.8
         if i.kind == "power_pole"
         else world.meshes[i.mesh].footprint * np.cbrt(np.linalg.det(i.world_from_object[:3, :3]))
         for i in standing
     ]
-    apart = np.linalg.norm(spots[:, None] - spots, axis=-1) - np.add.outer(room, room)
+    apart = np.linalg.norm(xy[:, None] - xy, axis=-1) - np.add.outer(room, room)
     np.fill_diagonal(apart, np.inf)
     assert apart.min() > -1e-6
 
 
-def test_wires_hang_high_and_over_no_trunk(world: World) -> None:
+def test_wires_are_high_and_not_above_trunks(world: World) -> None:
     cables = [corners(world, i) for i in world.instances if i.kind == "cable"]
     trunks = np.array([i.world_from_object[:2, 3] for i in world.instances if i.kind.endswith("tree")])
     for wire in cables:
@@ -192,7 +189,7 @@ def test_wires_hang_high_and_over_no_trunk(world: World) -> None:
         order = np.argsort(wire[:, 0])
         line = Line.through([(float(x), float(y)) for x, y in wire[order[:: len(order) // 8], :2]], smooth=False)
         assert line.distance(trunks).min() > 2.0
-    assert min(wire[:, 0].min() for wire in cables) < -50.0  # to the world's edge and on
+    assert min(wire[:, 0].min() for wire in cables) < -50.0  # to the world's edge and beyond
     assert max(wire[:, 0].max() for wire in cables) > 50.0
 
 
@@ -236,8 +233,8 @@ def test_same_seed_same_lake_other_seed_another() -> None:
     assert not np.array_equal(other.terrain.field.heights, first.terrain.field.heights)
 
 
-def test_configuration() -> None:
-    """More grass moves no tree; what does not fit is refused in one line."""
+def test_grass_density_moves_no_object_and_bad_layouts_are_errors() -> None:
+    """The grass density does not move trees; layouts that are not allowed raise errors."""
     few, many = lake_variant(2, grass=0.1), lake_variant(2)
     for a, b in zip(few.instances, many.instances, strict=True):
         assert np.array_equal(a.world_from_object, b.world_from_object)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Trails' distances in closed form, and noise of the deviation and wavelength that it says."""
+"""Distances to trails in closed form; deviation and wavelength of noise."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.trails import Line, Trail, signed_distance
 
 
-def test_a_line_passes_its_corners_5_cm_by_5_cm() -> None:
+def test_line_passes_its_corners_in_steps_of_5_cm() -> None:
     corners = [(0.0, 0.0), (4.0, 3.0), (10.0, 3.0), (12.0, -5.0)]
     for smooth in (True, False):
         line = Line.through(corners, smooth=smooth)
@@ -25,7 +25,7 @@ def test_a_line_passes_its_corners_5_cm_by_5_cm() -> None:
     assert Line.through(corners, smooth=False).length == pytest.approx(5 + 6 + np.hypot(2, 8), rel=1e-3)
 
 
-def test_a_smooth_line_has_no_kinks() -> None:
+def test_smooth_line_has_no_kinks() -> None:
     line = Line.through([(0, 0), (4, 3), (10, 3), (12, -5)])
     turn = np.abs(np.diff(np.unwrap(np.arctan2(line.tangents[:, 1], line.tangents[:, 0]))))
     assert np.degrees(turn).max() < 6.0
@@ -36,8 +36,8 @@ def test_a_smooth_line_has_no_kinks() -> None:
 
 def test_distance_to_a_straight_line() -> None:
     line = Line.through([(0.0, 0.0), (10.0, 0.0)])
-    places = [(5.0, 2.0), (5.013, -3.0), (-3.0, 4.0), (13.0, -4.0), (7.0, 0.0)]
-    assert line.distance(places) == pytest.approx([2.0, 3.0, 5.0, 5.0, 0.0], abs=1e-12)
+    xy = [(5.0, 2.0), (5.013, -3.0), (-3.0, 4.0), (13.0, -4.0), (7.0, 0.0)]
+    assert line.distance(xy) == pytest.approx([2.0, 3.0, 5.0, 5.0, 0.0], abs=1e-12)
 
 
 def test_distance_to_a_circle() -> None:
@@ -46,8 +46,8 @@ def test_distance_to_a_circle() -> None:
     line = Line.through([(10 * np.cos(a), 10 * np.sin(a)) for a in angle])
     rng = np.random.default_rng(0)
     bearing, reach = np.radians(rng.uniform(25, 155, 200)), rng.uniform(5, 15, 200)
-    places = np.stack([reach * np.cos(bearing), reach * np.sin(bearing)], axis=-1)
-    assert line.distance(places) == pytest.approx(np.abs(reach - 10), abs=1e-3)
+    xy = np.stack([reach * np.cos(bearing), reach * np.sin(bearing)], axis=-1)
+    assert line.distance(xy) == pytest.approx(np.abs(reach - 10), abs=1e-3)
 
 
 def test_signed_distance_to_the_nearest_of_two_trails() -> None:
@@ -104,7 +104,7 @@ def test_rasters_and_heightfields_in_closed_form() -> None:
     assert field.height_at(-0.5, 4.5) == pytest.approx(0.25 * 0 + 0.5 * 1 + 0.25 * 7)
 
 
-def test_the_backdrop_is_fastened_to_the_edge_and_ends_above_the_horizon() -> None:
+def test_backdrop_shares_the_edge_and_ends_above_the_horizon() -> None:
     heights = np.random.default_rng(0).uniform(-1, 1, (21, 11)).astype(np.float32)
     field = Heightfield(heights=heights, spacing=1.0, x0=-10.0, y0=-5.0)
     mesh = make_backdrop(field, (20.0, 10.0), "meadow", np.random.default_rng(1))

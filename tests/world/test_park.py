@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The park keeps its own rules, whatever the seed: counts, footing, room for each thing, free routes, names."""
+"""Rules of the park for several seeds: counts, ground contact, spacing, free routes, names."""
 
 from collections import Counter
 from dataclasses import replace
@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from park_worlds import digest, park_variant, real_park, routes
+from park_worlds import digest, park_variant, real_park
 from scipy.sparse.csgraph import connected_components
 
 from fieldtruth.core.classes import Label
 from fieldtruth.world.backdrop import COARSER
 from fieldtruth.world.build import build_world
+from fieldtruth.world.environments.park.corridors import CORRIDORS
 from fieldtruth.world.model import GROUND_ID, Instance, Mesh, Swarm, World
 from fieldtruth.world.plants import TREES
 
@@ -30,30 +31,30 @@ def park(tmp_path_factory: pytest.TempPathFactory) -> World:
 
 @pytest.fixture(scope="module", params=[0, 1, 2, 5], ids=lambda seed: f"seed_{seed}")
 def world(request: pytest.FixtureRequest, park: World) -> World:
-    """The real park of seed 0 and quick ones of other seeds; in 5 the lamp posts take each other's room at first."""
+    """The real park of seed 0 and quick ones of other seeds; in 5 the spacing of the lamp posts eases."""
     return park if request.param == 0 else park_variant(request.param)
 
 
-def corners(world: World, thing: Instance) -> F8:
+def corners(world: World, instance: Instance) -> F8:
     """Vertices (v, 3) of an object in the world [m]."""
-    pose = thing.world_from_object
-    return np.asarray(world.meshes[thing.mesh].vertices @ pose[:3, :3].T + pose[:3, 3])
+    pose = instance.world_from_object
+    return np.asarray(world.meshes[instance.mesh].vertices @ pose[:3, :3].T + pose[:3, 3])
 
 
-def spot(thing: Instance) -> F8:
-    return thing.world_from_object[:2, 3]
+def position(instance: Instance) -> F8:
+    return instance.world_from_object[:2, 3]
 
 
-def scale(thing: Instance) -> float:
-    return float(np.cbrt(np.linalg.det(thing.world_from_object[:3, :3])))
+def scale(instance: Instance) -> float:
+    return float(np.cbrt(np.linalg.det(instance.world_from_object[:3, :3])))
 
 
-def distance_to_line(places: F8, line: F8) -> F8:
-    """Distance (n,) of places (n, 2) to a line through corners (m, 2), piece by piece."""
+def distance_to_line(xy: F8, line: F8) -> F8:
+    """Distance (n,) of positions (n, 2) to a line through corners (m, 2)."""
     a, b = line[:-1], line[1:]
-    along = np.einsum("nmi,mi->nm", places[:, None] - a, b - a) / ((b - a) ** 2).sum(axis=1)
+    along = np.einsum("nmi,mi->nm", xy[:, None] - a, b - a) / ((b - a) ** 2).sum(axis=1)
     foot = a + np.clip(along, 0, 1)[..., None] * (b - a)
-    return np.asarray(np.linalg.norm(places[:, None] - foot, axis=-1).min(axis=1))
+    return np.asarray(np.linalg.norm(xy[:, None] - foot, axis=-1).min(axis=1))
 
 
 def test_counts(world: World) -> None:
@@ -73,15 +74,15 @@ def test_size_and_grid(world: World) -> None:
     assert np.abs(np.degrees(np.arctan(slope))).mean() > 0.2  # and yet not flat
 
 
-def test_nothing_floats(world: World) -> None:
-    """Wherever a thing stands on the ground, the whole sole of that foot is in the ground, or at most 1 mm above it."""
+def test_objects_touch_the_ground(world: World) -> None:
+    """The whole sole of each foot of an object is in the ground, or at most 1 mm above it."""
     floating = {}
-    for thing in world.instances:
-        vertices = corners(world, thing)
+    for instance in world.instances:
+        vertices = corners(world, instance)
         above = vertices[:, 2] - world.terrain.field.height_at(vertices[:, 0], vertices[:, 1])
         gap = max(float(above[sole].max()) for sole in soles(vertices))
         if gap > 0.001:
-            floating[thing.name] = round(gap, 4)
+            floating[instance.name] = round(gap, 4)
     assert not floating, f"above the ground [m]: {floating}"
 
 
@@ -94,32 +95,32 @@ def soles(vertices: F8) -> list[NDArray[np.int64]]:
     return [foot[vertices[foot, 2] < vertices[foot, 2].min() + 0.005] for foot in feet]
 
 
-def test_feet_are_found(park: World) -> None:
-    """Guards the test above: a bench stands on several feet, a tree on one."""
+def test_soles_finds_each_foot(park: World) -> None:
+    """Checks the helper: a bench has several feet, a tree one."""
     count = {i.kind: len(soles(corners(park, i))) for i in park.instances}
     assert count["large_tree"] == count["small_tree"] == 1
     assert max(len(soles(corners(park, i))) for i in park.instances if i.kind == "bench") >= 2
     assert max(len(soles(corners(park, i))) for i in park.instances if i.kind == "table") >= 4
 
 
-def test_nothing_is_buried(world: World) -> None:
+def test_origins_are_at_most_20_cm_below_the_ground(world: World) -> None:
     """An object's origin, its own ground level, lies at most 20 cm under the real ground, and never above it."""
-    for thing in world.instances:
-        x, y, z = thing.world_from_object[:3, 3]
-        assert -1e-6 < float(world.terrain.field.height_at(x, y)) - z < 0.20, thing.name
+    for instance in world.instances:
+        x, y, z = instance.world_from_object[:3, 3]
+        assert -1e-6 < float(world.terrain.field.height_at(x, y)) - z < 0.20, instance.name
 
 
-def test_nothing_overlaps(world: World) -> None:
+def test_footprints_are_disjoint(world: World) -> None:
     """Circles of the meshes' footprints are disjoint."""
-    spots = np.array([spot(i) for i in world.instances])
+    xy = np.array([position(i) for i in world.instances])
     radius = np.array([world.meshes[i.mesh].footprint * scale(i) for i in world.instances])
-    apart = np.linalg.norm(spots[:, None] - spots, axis=-1) - radius[:, None] - radius
+    apart = np.linalg.norm(xy[:, None] - xy, axis=-1) - radius[:, None] - radius
     np.fill_diagonal(apart, np.inf)
     assert apart.min() > -1e-6, [world.instances[k].name for k in np.unravel_index(apart.argmin(), apart.shape)]
 
 
-def test_solid_parts_do_not_cut_each_other(world: World) -> None:
-    """Furniture and trunks below 1.5 m, sampled by their own vertices: 3 cm or more between any two things."""
+def test_solid_parts_are_3_cm_apart(world: World) -> None:
+    """Furniture and trunks below 1.5 m, sampled by their vertices: 3 cm or more between any two objects."""
     solid = [(i, corners(world, i)) for i in world.instances if i.kind != "bush"]
     low = [v[v[:, 2] < i.world_from_object[2, 3] + 1.5] for i, v in solid]
     boxes = np.array([[v[:, :2].min(axis=0), v[:, :2].max(axis=0)] for v in low])
@@ -130,20 +131,20 @@ def test_solid_parts_do_not_cut_each_other(world: World) -> None:
                 assert gap > 0.03, (solid[a][0].name, solid[b][0].name)
 
 
-def test_everything_stands_inside_the_world(world: World) -> None:
-    spots = np.array([spot(i) for i in world.instances])
-    assert np.all(np.abs(spots) < [49.5, 24.5])
+def test_objects_are_inside_the_world(world: World) -> None:
+    xy = np.array([position(i) for i in world.instances])
+    assert np.all(np.abs(xy) < [49.5, 24.5])
 
 
 def test_trails_are_free_of_furniture_and_trunks(world: World) -> None:
     terrain = world.terrain
-    for thing in world.instances:
-        vertices = corners(world, thing)
-        low = vertices[vertices[:, 2] < thing.world_from_object[2, 3] + 1.0]
-        if thing.kind in ("large_tree", "small_tree"):
-            assert float(terrain.trail_distance.at(*spot(thing))) > 1.5, thing.name
+    for instance in world.instances:
+        vertices = corners(world, instance)
+        low = vertices[vertices[:, 2] < instance.world_from_object[2, 3] + 1.0]
+        if instance.kind in ("large_tree", "small_tree"):
+            assert float(terrain.trail_distance.at(*position(instance))) > 1.5, instance.name
         else:
-            assert terrain.trail_distance.at(low[:, 0], low[:, 1]).min() > 0.0, thing.name
+            assert terrain.trail_distance.at(low[:, 0], low[:, 1]).min() > 0.0, instance.name
 
 
 def test_there_are_two_trails_with_a_border(world: World) -> None:
@@ -165,12 +166,13 @@ def test_there_are_two_trails_with_a_border(world: World) -> None:
     assert cover.sum(axis=-1) == pytest.approx(np.ones(cover.shape[:2]), abs=1e-5)
 
 
-def test_routes_are_free(world: World) -> None:
-    """No collider comes within 0.6 m of any built-in experiment's line."""
-    for name, line in routes().items():
-        for thing in world.instances:
-            pose, size = thing.world_from_object, scale(thing)
-            for collider in world.meshes[thing.mesh].colliders:
+def test_no_collider_near_routes(world: World) -> None:
+    """No collider comes within 0.6 m of a corridor's centre line."""
+    for name, corners_of_line in enumerate(CORRIDORS):
+        line = np.array(corners_of_line)
+        for instance in world.instances:
+            pose, size = instance.world_from_object, scale(instance)
+            for collider in world.meshes[instance.mesh].colliders:
                 if collider.shape == "cylinder":
                     middle = np.array([[*collider.position, 1.0]]) @ pose.T
                     gap = distance_to_line(middle[:, :2], line)[0] - collider.size[0] * size
@@ -181,41 +183,41 @@ def test_routes_are_free(world: World) -> None:
                     grid = grid @ [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
                     points = np.column_stack([grid + collider.position[:2], np.zeros(len(grid)), np.ones(len(grid))])
                     gap = distance_to_line((points @ pose.T)[:, :2], line).min()
-                assert gap > FREE, (name, thing.name)
+                assert gap > FREE, (name, instance.name)
 
 
 def test_object_ids_are_rows_of_object_names(world: World) -> None:
-    things: list[Instance | Swarm] = [*world.instances, *world.swarms]
-    ids = [i.object_id for i in things]
+    objects: list[Instance | Swarm] = [*world.instances, *world.swarms]
+    ids = [i.object_id for i in objects]
     assert len(set(ids)) == len(ids)
     assert world.object_names[0] == "husky"
     assert "ground" in world.object_names[GROUND_ID]
     assert sorted(ids) == list(range(GROUND_ID + 1, len(world.object_names)))
-    assert all(world.object_names[i.object_id] == i.name for i in things)
+    assert all(world.object_names[i.object_id] == i.name for i in objects)
     assert len(set(world.object_names)) == len(world.object_names)
 
 
 def test_poses_are_upright_turns_with_one_scale(world: World) -> None:
     yaws = []
-    for thing in world.instances:
-        linear = thing.world_from_object[:3, :3] / scale(thing)
+    for instance in world.instances:
+        linear = instance.world_from_object[:3, :3] / scale(instance)
         assert linear @ linear.T == pytest.approx(np.eye(3), abs=1e-12)
         assert linear[2, 2] == pytest.approx(1.0)
-        assert thing.world_from_object[3].tolist() == [0, 0, 0, 1]
+        assert instance.world_from_object[3].tolist() == [0, 0, 0, 1]
         yaws.append(np.arctan2(linear[1, 0], linear[0, 0]))
     assert np.std(yaws) > 1.0
 
 
 def test_benches_face_their_trail(world: World) -> None:
     """A step of 0.3 m ahead of the seat (+x) brings one nearer to the trail."""
-    for thing in world.instances:
-        if thing.kind == "bench":
-            here, ahead = spot(thing), (thing.world_from_object @ [0.3, 0, 0, 1])[:2]
+    for instance in world.instances:
+        if instance.kind == "bench":
+            here, ahead = position(instance), (instance.world_from_object @ [0.3, 0, 0, 1])[:2]
             near, nearer = (float(world.terrain.trail_distance.at(*p)) for p in (here, ahead))
-            assert nearer < near - 0.2, thing.name
+            assert nearer < near - 0.2, instance.name
 
 
-def test_a_large_tree_has_20_000_triangles_of_two_classes(world: World) -> None:
+def test_large_tree_has_20_000_triangles_of_two_classes(world: World) -> None:
     for mesh in {i.mesh: world.meshes[i.mesh] for i in world.instances if "tree" in i.kind}.values():
         labels = np.array([int(world.materials[n].label) for n in mesh.materials])[mesh.material]
         assert set(labels.tolist()) == {Label.TRUNK, Label.TREETOP}
@@ -246,14 +248,14 @@ def test_classes_of_furniture_and_bushes(park: World) -> None:
         "bench": Label.BENCH, "lamp_post": Label.LAMP_POST, "table": Label.TABLE, "trash_bin": Label.TRASH_BIN,
         "bush": Label.BUSH,
     }  # fmt: skip
-    for thing in park.instances:
-        if thing.kind in expected:
-            labels = {park.materials[name].label for name in park.meshes[thing.mesh].materials}
-            assert labels == {expected[thing.kind]}, thing.name
+    for instance in park.instances:
+        if instance.kind in expected:
+            labels = {park.materials[name].label for name in park.meshes[instance.mesh].materials}
+            assert labels == {expected[instance.kind]}, instance.name
     assert all(material.texture in park.textures for material in park.materials.values())
 
 
-def test_the_backdrop_joins_the_terrain_and_is_land_woods_and_trails(park: World) -> None:
+def test_backdrop_is_watertight_at_the_terrain_and_has_land_woods_and_trails(park: World) -> None:
     whole, field = park.backdrop, park.terrain.field
     assert whole is not None
     labels = {name: park.materials[name].label for name in whole.materials}
@@ -261,7 +263,7 @@ def test_the_backdrop_joins_the_terrain_and_is_land_woods_and_trails(park: World
         "meadow": Label.GROUND, "canopy": Label.TREETOP, "gravel": Label.TRAIL, "setts": Label.TRAIL,
     }  # fmt: skip
     assert whole.materials[0] == "meadow"
-    mesh = one_skin(whole)
+    mesh = joined_land(whole)
     x, y, z = mesh.vertices.astype(float).T
     edge = (np.abs(x) < 50.001) & (np.abs(y) < 25.001)
     assert np.count_nonzero(edge) == 2 * sum(n - 1 for n in field.heights.shape)
@@ -277,7 +279,7 @@ def test_the_backdrop_joins_the_terrain_and_is_land_woods_and_trails(park: World
     assert np.count_nonzero(counts == 1) == np.count_nonzero(edge) * (1 + 1 / COARSER)
 
 
-def one_skin(backdrop: Mesh) -> Mesh:
+def joined_land(backdrop: Mesh) -> Mesh:
     """The land without the trails on it, its materials' vertices joined where they meet."""
     faces = backdrop.faces[np.isin(backdrop.material, [backdrop.materials.index(n) for n in ("meadow", "canopy")])]
     _, first, joined = np.unique(backdrop.vertices, axis=0, return_index=True, return_inverse=True)
@@ -289,7 +291,7 @@ def test_same_seed_same_bytes(park: World) -> None:
     assert digest(build_world("park", 0)) == digest(park)
 
 
-def test_same_seed_same_layout_and_other_seed_another(park: World) -> None:
+def test_same_seed_same_world_and_other_seed_another(park: World) -> None:
     first = park_variant(1)
     assert digest(park_variant.__wrapped__(1)) == digest(first)
     other = park_variant(2)
@@ -300,7 +302,7 @@ def test_same_seed_same_layout_and_other_seed_another(park: World) -> None:
     assert trees[0].shape != trees[1].shape or not np.array_equal(trees[0], trees[1])
 
 
-def test_more_bushes_do_not_move_anything_else() -> None:
+def test_number_of_bushes_does_not_move_other_objects() -> None:
     many, few = park_variant(1), park_variant(1, bushes=10)
     for name in {i.name for i in many.instances if i.kind != "bush"}:
         pair = [next(i for i in w.instances if i.name == name) for w in (many, few)]

@@ -1,17 +1,18 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The park's beds, its trees' neighbours, what is strewn over it, and what stands beyond its edge."""
+"""Beds of the park, its trees, its swarms, and its surroundings."""
 
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from park_worlds import park_variant, real_park, routes
+from park_worlds import park_variant, real_park
 from scipy.spatial import cKDTree
 
 from fieldtruth.core.classes import Label
 from fieldtruth.world.environments.park.beds import STONE, Bed, bed_distance
+from fieldtruth.world.environments.park.corridors import CORRIDORS
 from fieldtruth.world.model import Swarm, World
 
 F8 = NDArray[np.float64]
@@ -28,28 +29,28 @@ def swarm(world: World, name: str) -> Swarm:
     return next(s for s in world.swarms if s.name == name)
 
 
-def places(swarm: Swarm) -> F8:
+def positions(swarm: Swarm) -> F8:
     return swarm.world_from_object[:, :2, 3]
 
 
-def nearest(places_in: F8, spots: F8) -> tuple[F8, NDArray[np.intp]]:
-    """Distance (n,) of spots (n, 2) to the nearest of places (m, 2), and its row."""
-    away, row = cKDTree(places_in).query(spots)
+def nearest(others: F8, xy: F8) -> tuple[F8, NDArray[np.intp]]:
+    """Distance (n,) of positions (n, 2) to the nearest of others (m, 2), and its row."""
+    away, row = cKDTree(others).query(xy)
     return np.asarray(away), np.asarray(row)
 
 
-def off_edge(world: World, spots: F8) -> F8:
-    return np.asarray(np.hypot(*np.maximum(np.abs(spots) - np.array(world.size) / 2, 0.0).T))
+def off_edge(world: World, xy: F8) -> F8:
+    return np.asarray(np.hypot(*np.maximum(np.abs(xy) - np.array(world.size) / 2, 0.0).T))
 
 
-def test_a_round_bed_measures_as_a_circle() -> None:
+def test_round_bed_has_the_distances_of_a_circle() -> None:
     bed = Bed("box", (3.0, -2.0), (1.5, 1.5), 0.7, ())
     assert np.hypot(*(bed.outline(0.2) - bed.centre).T) == pytest.approx(1.5, abs=1e-4)
     assert bed.distance(np.array([[3.0, -2.0], [5.0, -2.0], [3.0, 0.0]])) == pytest.approx([-1.5, 0.5, 0.5])
     assert bed_distance([bed], np.array([[3.5, -2.0], [30.0, 0.0]])) == pytest.approx([-1.0, np.inf])
 
 
-def test_an_oblong_bed_is_turned_and_its_outline_is_where_its_distance_is_0() -> None:
+def test_oblong_bed_is_rotated_and_has_distance_0_on_its_outline() -> None:
     bed = Bed("box", (1.0, 1.0), (2.0, 1.0), np.pi / 2, ())  # two metres along y
     assert bed.distance(np.array([[1.0, 3.0], [2.0, 1.0], [1.0, 4.0]])) == pytest.approx([0.0, 0.0, 1.0])
     wavy = Bed("box", (1.0, 1.0), (2.0, 1.2), 0.4, ((2, 0.1, 0.3), (3, 0.05, 1.0)))
@@ -61,14 +62,14 @@ def test_an_oblong_bed_is_turned_and_its_outline_is_where_its_distance_is_0() ->
     assert np.hypot(*(rim - wavy.centre).T).max() < wavy.radius
 
 
-def test_bushes_stand_in_mulched_beds_and_the_stones_close_round_them(world: World) -> None:
-    """Each bush has mulch about it; each stone has a neighbour at a stone's length on both sides."""
+def test_bushes_are_in_mulched_beds_with_closed_edges(world: World) -> None:
+    """Each bush is on mulch; each stone has a neighbour at a stone's length on both sides."""
     mulch = world.terrain.cover.values[..., world.terrain.ground_materials.index("mulch")]
     cover = world.terrain.cover
     bushes = np.array([i.world_from_object[:2, 3] for i in world.instances if i.kind == "bush"])
     i, j = np.round((bushes - (cover.x0, cover.y0)) / cover.spacing).astype(int).T
     assert mulch[i, j].min() > 0.9
-    stones = places(swarm(world, "bed_edges"))
+    stones = positions(swarm(world, "bed_edges"))
     away = np.asarray(cKDTree(stones).query(stones, k=3)[0])
     assert away[:, 1:].max() < STONE[0] + 0.05
     assert away[:, 1].min() > STONE[0] - 0.05
@@ -80,12 +81,12 @@ def test_bushes_stand_in_mulched_beds_and_the_stones_close_round_them(world: Wor
     assert 0.35 < mulch[i, j].mean() < 0.6
 
 
-def test_bushes_are_of_four_kinds(world: World) -> None:
+def test_bushes_are_of_four_species(world: World) -> None:
     kinds = {i.mesh.split("_")[1] for i in world.instances if i.kind == "bush"}
     assert kinds == {"box", "hazel", "heather", "juniper"}
 
 
-def test_stones_are_ground_and_lie_in_it(world: World) -> None:
+def test_stones_of_edges_are_ground_and_flush_with_it(world: World) -> None:
     edge = swarm(world, "bed_edges")
     for name in edge.meshes:
         mesh = world.meshes[name]
@@ -100,20 +101,20 @@ def test_stones_are_ground_and_lie_in_it(world: World) -> None:
     assert np.abs(z - world.terrain.field.height_at(x, y)).max() < 0.02
 
 
-def test_nothing_strewn_stands_on_a_trail_or_a_route_or_floats(world: World) -> None:
+def test_swarms_are_on_the_ground_off_trails_and_routes(world: World) -> None:
     inside = [s for s in world.swarms if s.name not in BEYOND]
     assert {s.name for s in inside} >= {"bed_edges", "rough_grass", "meadow_islands", "bed_grass", "bed_daisy"}
     for s in inside:
-        spots = places(s)
-        assert np.all(np.abs(spots) <= np.array(world.size) / 2)
-        trail = world.terrain.trail_distance.at(*spots.T)
+        xy = positions(s)
+        assert np.all(np.abs(xy) <= np.array(world.size) / 2)
+        trail = world.terrain.trail_distance.at(*xy.T)
         assert trail.min() > (0.35 if s.name == "bed_edges" else 0.0), s.name
         z = s.world_from_object[:, 2, 3]
-        assert np.abs(z - world.terrain.field.height_at(*spots.T)).max() < 0.03, s.name
+        assert np.abs(z - world.terrain.field.height_at(*xy.T)).max() < 0.03, s.name
         if s.name in ("bed_edges", "meadow_islands"):
-            for line in routes().values():
+            for line in CORRIDORS:
                 steps = [np.linspace(a, b, 100) for a, b in pairwise(line)]
-                assert nearest(np.concatenate(steps), spots)[0].min() > 1.1, s.name
+                assert nearest(np.concatenate(steps), xy)[0].min() > 1.1, s.name
 
 
 def test_herbs_are_high_grass(world: World) -> None:
@@ -125,41 +126,41 @@ def test_herbs_are_high_grass(world: World) -> None:
             assert labels == {Label.TRUNK, Label.TREETOP}, s.name
 
 
-def test_grass_is_left_about_trunks_and_posts(world: World) -> None:
-    tufts = places(swarm(world, "rough_grass"))
+def test_long_grass_grows_at_trunks_and_posts(world: World) -> None:
+    tufts = positions(swarm(world, "rough_grass"))
     feet = np.array([i.world_from_object[:2, 3] for i in world.instances if i.kind in ("large_tree", "lamp_post")])
     assert np.mean(nearest(tufts, feet)[0] < 1.0) > 0.7
 
 
-def test_no_tree_stands_beside_its_copy(tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_nearest_trees_are_different_individuals(tmp_path_factory: pytest.TempPathFactory) -> None:
     world = real_park(tmp_path_factory.getbasetemp())
     for kind in ("large_tree", "small_tree"):
         trees = [i for i in world.instances if i.kind == kind]
-        spots = np.array([i.world_from_object[:2, 3] for i in trees])
-        neighbour = np.asarray(cKDTree(spots).query(spots, k=2)[1])[:, 1]
+        xy = np.array([i.world_from_object[:2, 3] for i in trees])
+        neighbour = np.asarray(cKDTree(xy).query(xy, k=2)[1])[:, 1]
         assert all(trees[k].mesh != trees[n].mesh for k, n in enumerate(neighbour)), kind
 
 
-def test_far_things_stand_outside_the_world_alone_and_on_the_land(world: World) -> None:
+def test_far_swarms_are_outside_the_world_and_on_the_backdrop(world: World) -> None:
     assert world.backdrop is not None
     x, y, z = world.backdrop.vertices.astype(float).T
     for name in BEYOND:
         far = swarm(world, name)
-        spots = places(far)
-        assert len(spots) > 3, name
-        off = off_edge(world, spots)
+        xy = positions(far)
+        assert len(xy) > 3, name
+        off = off_edge(world, xy)
         assert off.min() > 0.9, name
         if name == "woods_beyond":  # at the rims the nodes are roofs as well as ground
             continue
-        away, near = nearest(np.column_stack([x, y]), spots)
+        away, near = nearest(np.column_stack([x, y]), xy)
         gap = far.world_from_object[:, 2, 3] - z[near]
         assert np.all(gap < 0.05 + 0.25 * away), name
         assert np.all(gap > -0.6 - 0.25 * away), name
-    near_by = np.concatenate([places(swarm(world, n)) for n in BEYOND if "trees" in n or "avenue" in n])
+    near_by = np.concatenate([positions(swarm(world, n)) for n in BEYOND if "trees" in n or "avenue" in n])
     assert 80 <= np.count_nonzero(off_edge(world, near_by) < 62.0) <= 300
 
 
-def test_trails_go_on_beyond_the_edge_without_a_step(world: World) -> None:
+def test_trails_continue_beyond_the_edge_without_a_step(world: World) -> None:
     """At the edge the ribbons lie where the trails leave the world; no tree stands on them."""
     land = world.backdrop
     assert land is not None
@@ -174,11 +175,11 @@ def test_trails_go_on_beyond_the_edge_without_a_step(world: World) -> None:
     assert np.all(off >= 0)
     inside = (np.abs(ribbon[:, :2]) < np.array(world.size) / 2 - 1e-4).all(axis=1)
     assert not inside.any()
-    trees = np.concatenate([places(swarm(world, n)) for n in BEYOND if n != "woods_beyond"])
+    trees = np.concatenate([positions(swarm(world, n)) for n in BEYOND if n != "woods_beyond"])
     assert nearest(ribbon[:, :2], trees)[0].min() > 0.8
 
 
-def test_none_of_it_grows_if_none_is_wished() -> None:
+def test_densities_of_0_remove_herbs_and_far_plants() -> None:
     bare = park_variant(1, herbs=0, beyond=0)
     assert [s.name for s in bare.swarms] == ["bed_edges"]
     same = park_variant(1)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Wires hang as the closed catenary says and end at the insulators; poles are post, stand deep and in a row."""
+"""Wires follow the closed-form catenary and end at the insulators; poles are in a row."""
 
 from itertools import pairwise
 
@@ -34,7 +34,7 @@ def flat_builder(corridors: list[Line] | None = None, *, height: float = 0.0) ->
 
 @pytest.mark.parametrize("name", ENDS)
 @pytest.mark.parametrize("sag", [0.2, 0.9, 4.0])
-def test_a_wire_passes_through_both_ends_with_its_sag(name: str, sag: float) -> None:
+def test_wire_passes_through_both_ends_with_its_sag(name: str, sag: float) -> None:
     start, end = (np.array(p) for p in ENDS[name])
     wire = hang(start, end, sag=sag)
     ends = wire.points([0.0, wire.span])
@@ -55,7 +55,7 @@ def test_the_curve_is_a_catenary(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ENDS)
-def test_length_and_sag_say_the_same(name: str) -> None:
+def test_length_and_sag_are_consistent(name: str) -> None:
     wire = hang(*ENDS[name], sag=0.8)
     x = np.linspace(0.0, wire.span, 20_001)
     measured = np.linalg.norm(np.diff(wire.points(x), axis=0), axis=1).sum()
@@ -71,7 +71,7 @@ def test_known_catenary() -> None:
     assert wire.sag == pytest.approx(20 * (np.cosh(0.75) - 1), rel=1e-9)
 
 
-def test_what_cannot_hang_is_refused() -> None:
+def test_impossible_sag_and_length_are_errors() -> None:
     with pytest.raises(ValueError, match=r"sag must be above .* m, got -1"):
         hang(*LEVEL, sag=-1)
     with pytest.raises(ValueError, match=r"length must be above .* m, got 45\.9"):
@@ -83,7 +83,7 @@ def test_what_cannot_hang_is_refused() -> None:
 
 
 def off_curve(wire: Catenary, points: F8) -> F8:
-    """Distance [m] of world points (n, 3) to the curve, from its own closed form sampled each millimetre."""
+    """Distance [m] of world points (n, 3) to the curve, from its closed form sampled every millimetre."""
     ahead = (wire.end - wire.start)[:2] / wire.span
     along = (points[:, :2] - wire.start[:2]) @ ahead
     near = along[:, None] + np.linspace(-0.05, 0.05, 101)
@@ -108,7 +108,7 @@ def test_the_mesh_follows_the_catenary(name: str, radius: float) -> None:
     assert off_curve(wire, (rings[1:] + rings[:-1]) / 2).max() < 1.05 * CHORD_ERROR + 1e-4 < 0.01
 
 
-def test_cables_are_cable_without_colliders() -> None:
+def test_cables_have_class_cable_and_no_colliders() -> None:
     mesh, _ = make_cable("cable", hang(*LEVEL, sag=0.8))
     assert {MATERIALS[n].label for n in mesh.materials} == {Label.CABLE}
     assert mesh.colliders == ()
@@ -116,7 +116,7 @@ def test_cables_are_cable_without_colliders() -> None:
 
 
 @pytest.mark.parametrize("variant", [0, 1])
-def test_poles_are_post_and_stand_deep(variant: int) -> None:
+def test_poles_have_class_post_and_reach_into_the_ground(variant: int) -> None:
     mesh = make_power_pole(variant)
     assert {MATERIALS[n].label for n in mesh.materials} == {Label.POST}
     assert 8.0 < mesh.vertices[:, 2].max() < 10.0
@@ -130,8 +130,8 @@ def test_poles_are_post_and_stand_deep(variant: int) -> None:
 
 
 @pytest.mark.parametrize("variant", [0, 1])
-def test_wires_end_at_the_insulators(variant: int) -> None:
-    """The axis of each wire lies on the pole's own surface: within 2 cm of a vertex of what holds it."""
+def test_wires_end_at_insulators(variant: int) -> None:
+    """The axis of each wire lies on the pole's own surface: within 2 cm of a vertex of its insulator."""
     mesh, held = make_power_pole(variant), wire_points(variant)
     assert held.shape == (4, 3)
     nearest = np.linalg.norm(mesh.vertices[:, None] - held, axis=-1).min(axis=0)
@@ -145,7 +145,7 @@ def test_unknown_variant_is_refused() -> None:
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_a_line_across_a_world(seed: int) -> None:
+def test_power_line_across_a_world(seed: int) -> None:
     land = flat_builder(height=1.5)
     line = string_line(land, CONFIG, lambda xy: np.full(len(xy), 1.5), np.random.default_rng(seed), far=2)
     poles = [i for i in land.instances if i.kind == "power_pole"]
@@ -171,7 +171,7 @@ def test_a_line_across_a_world(seed: int) -> None:
     assert line.distance(line.poles) == pytest.approx(np.zeros(6), abs=1e-9)
 
 
-def test_a_line_that_has_no_room_says_so() -> None:
+def test_power_line_without_free_positions_is_an_error() -> None:
     everywhere = [Line.through([(-49.0, y), (49.0, y)], smooth=False) for y in (14.0, 16.0, 18.0, 20.0)]
     with pytest.raises(CrowdedWorldError, match="no two free positions"):
         string_line(flat_builder(everywhere), CONFIG, lambda xy: np.zeros(len(xy)), np.random.default_rng(0), far=0)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A world read back is the world that was written; a broken or foreign file in the cache is built anew."""
+"""Stored worlds keep every byte; damaged or foreign files in the cache are rebuilt."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +23,7 @@ def park(tmp_path_factory: pytest.TempPathFactory) -> World:
 
 @pytest.fixture
 def builds(monkeypatch: pytest.MonkeyPatch, park: World) -> list[tuple[str, int]]:
-    """What was built, by a builder that takes no time."""
+    """Calls of a builder that takes no time."""
     calls: list[tuple[str, int]] = []
 
     def quick(environment: str, seed: int = 0, _layout: object = None) -> World:
@@ -60,8 +60,8 @@ def test_round_trip_of_the_park_keeps_every_field_and_byte(park: World, tmp_path
     assert [p.name for p in tmp_path.iterdir()] == ["park.npz"]
 
 
-def test_the_digest_sees_a_change_of_one_bit(park: World) -> None:
-    """Guards the test above."""
+def test_digest_detects_a_change_of_one_bit(park: World) -> None:
+    """Checks the helper of the test above."""
     heights = park.terrain.field.heights.copy()
     heights[7, 9] = np.nextafter(heights[7, 9], np.float32(99))
     terrain = replace(park.terrain, field=replace(park.terrain.field, heights=heights))
@@ -76,7 +76,7 @@ def test_round_trip_without_backdrop_objects_and_textures(park: World, tmp_path:
     assert digest(read_world(tmp_path / "folder" / "bare.npz")) == digest(bare)
 
 
-def test_the_cache_is_used(builds: list[tuple[str, int]], tmp_path: Path) -> None:
+def test_world_is_read_from_the_cache(builds: list[tuple[str, int]], tmp_path: Path) -> None:
     first = load_world("park", 3, cache_folder=tmp_path)
     again = load_world("park", 3, cache_folder=tmp_path)
     assert builds == [("park", 3)]
@@ -86,7 +86,7 @@ def test_the_cache_is_used(builds: list[tuple[str, int]], tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("keep", [0, 1, 100, 0.5, 0.999])
-def test_a_truncated_file_is_built_anew(builds: list[tuple[str, int]], tmp_path: Path, keep: float) -> None:
+def test_truncated_file_is_rebuilt(builds: list[tuple[str, int]], tmp_path: Path, keep: float) -> None:
     whole = load_world("park", 0, cache_folder=tmp_path)
     (path,) = tmp_path.iterdir()
     data = path.read_bytes()
@@ -98,18 +98,18 @@ def test_a_truncated_file_is_built_anew(builds: list[tuple[str, int]], tmp_path:
     assert len(builds) == 2
 
 
-@pytest.mark.parametrize("place", [0.1, 0.3, 0.6, 0.9])
-def test_damaged_bytes_never_pass_for_a_world(builds: list[tuple[str, int]], tmp_path: Path, place: float) -> None:
+@pytest.mark.parametrize("position", [0.1, 0.3, 0.6, 0.9])
+def test_damaged_bytes_are_rebuilt(builds: list[tuple[str, int]], tmp_path: Path, position: float) -> None:
     whole = load_world("park", 0, cache_folder=tmp_path)
     (path,) = tmp_path.iterdir()
     data = bytearray(path.read_bytes())
-    start = int(place * len(data))
+    start = int(position * len(data))
     data[start : start + 64] = bytes(b ^ 0x55 for b in data[start : start + 64])
     path.write_bytes(data)
     assert digest(load_world("park", 0, cache_folder=tmp_path)) == digest(whole)
 
 
-def test_a_foreign_file_is_built_anew(builds: list[tuple[str, int]], tmp_path: Path) -> None:
+def test_foreign_file_is_rebuilt(builds: list[tuple[str, int]], tmp_path: Path) -> None:
     load_world("park", 0, cache_folder=tmp_path)
     (path,) = tmp_path.iterdir()
     for write in (lambda: np.savez(path, other=np.zeros(3)), lambda: path.write_text("not a world")):
@@ -118,8 +118,8 @@ def test_a_foreign_file_is_built_anew(builds: list[tuple[str, int]], tmp_path: P
     assert len(builds) == 3
 
 
-def test_a_cache_that_cannot_be_written_is_skipped(builds: list[tuple[str, int]], tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("in the way")
+def test_read_only_cache_is_ignored(builds: list[tuple[str, int]], tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("a file, not a folder")
     assert load_world("park", 0, cache_folder=tmp_path / "file" / "worlds").name == "park"
     assert builds == [("park", 0)]
 
@@ -130,7 +130,7 @@ def test_an_unknown_environment_lists_the_known_ones(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_variant_can_be_stored_too(tmp_path: Path) -> None:
+def test_round_trip_of_a_variant(tmp_path: Path) -> None:
     world = park_variant(1)
     save_world(tmp_path / "w.npz", world)
     assert digest(read_world(tmp_path / "w.npz")) == digest(world)

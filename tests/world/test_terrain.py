@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Erosion, bounded slopes and unevenness, each on a surface whose answer is known."""
+"""Erosion, limited slopes and noise on surfaces with known results."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def rough_flank(seed: int = 0) -> np.ndarray[tuple[int, int], np.dtype[np.float6
 
 
 def test_a_plane_drains_line_by_line() -> None:
-    """On an inclined plane each node passes on what its column above it brought: one cell more at each step down."""
+    """On an inclined plane the drained area grows by one cell with each step down."""
     plane = np.broadcast_to(0.5 * Y, (101, 51)).copy()
     drained = eroded(plane, 0.2, strength=0.0, creep=0.0, steps=1).drained
     column = drained[50, 1:-1]
@@ -46,7 +46,7 @@ def test_gullies_are_cut_where_water_gathers_and_nothing_rises() -> None:
     assert drained.max() < 20.3 * 10.3  # no more than the whole area
 
 
-def test_scree_comes_to_rest_at_its_angle_and_keeps_its_volume() -> None:
+def test_collapse_stops_at_the_angle_of_repose_and_keeps_volume() -> None:
     tower = np.zeros((61, 61))
     tower[28:33, 28:33] = 3.0
     after = collapsed(tower, 0.2, repose_deg=35, steps=600)
@@ -64,7 +64,7 @@ def test_creep_smooths_a_wave_at_its_own_rate() -> None:
     assert after[50:60, 25].std() / wave[50:60, 25].std() == pytest.approx(expected, rel=0.03)
 
 
-def test_slopes_keep_their_bounds_and_gentle_ground_stays() -> None:
+def test_limited_slopes_keep_their_bounds_and_gentle_ground_is_unchanged() -> None:
     before = rough_flank() * 1.5
     distance = np.abs(Y - 5.0) * np.ones((101, 1))
     limit = slope_limit(distance, within=12.0, beyond=36.0, near=1.0, far=3.0)
