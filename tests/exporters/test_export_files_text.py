@@ -24,7 +24,7 @@ from files_read_back import (
 )
 
 from fieldtruth.exporters import export
-from fieldtruth.exporters.text_files import points_csv
+from fieldtruth.exporters.files_text import points_csv
 
 
 @pytest.fixture(scope="module")
@@ -163,7 +163,7 @@ def test_the_readme_names_every_file_and_the_columns_are_as_many_as_it_says(made
     assert len(lines) == 7
     for name, columns in lines:
         assert len(columns.split()) == np.loadtxt(made / name, ndmin=2).shape[1]
-    assert "Not here" not in text
+    assert "Missing" not in text
     assert max(map(len, text.splitlines())) <= 120
 
 
@@ -175,7 +175,7 @@ def test_what_the_bag_lacks_is_left_out_and_told(bag: Path, tmp_path: Path) -> N
     assert {path.name for path in found.iterdir()} == {
         "README.txt", "lidar", "imu_data.txt", "tacho_data", "data_proportion.xlsx"
     }  # fmt: skip
-    missing = (found / "README.txt").read_text().partition("Not here")[2]
+    missing = (found / "README.txt").read_text().partition("Missing")[2]
     for name in ("img_left/", "img_right_tag/", "depth_left/", "instances_right/", "GNSS_data.txt", "pose_ground"):
         assert name in missing
     assert "lidar/" not in missing

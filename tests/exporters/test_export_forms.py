@@ -41,7 +41,7 @@ def test_each_form_is_made_beside_the_bag_and_is_the_same_with_any_number_of_wor
     bag = shutil.copy(small_run / "park_1.bag", tmp_path)
     before = digest(Path(bag))
     assert cli.main(["export", str(bag), "--to", form, "--workers", "1"]) == 0
-    made = tmp_path / f"park_1{FORMATS[form].ending}"
+    made = tmp_path / f"park_1{FORMATS[form].suffix}"
     assert capsys.readouterr().out.startswith(f"{made}: ")
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted([made.name, "park_1.bag"])
     other = export(Path(bag), form, out=tmp_path / "other" / made.name, workers=2)
@@ -51,7 +51,7 @@ def test_each_form_is_made_beside_the_bag_and_is_the_same_with_any_number_of_wor
     again = cli.main(["export", str(bag), "--to", form])
     assert again == 2
     assert capsys.readouterr().err.splitlines()[-1] == (
-        f"error: {made} is there already; remove it, or choose another --out"
+        f"error: {made} exists; remove it, or choose another --out"
     )
     assert digest(other) == digest(made)
 
@@ -80,13 +80,16 @@ def test_what_cannot_be_is_one_line_and_writes_nothing(
     run, none, out = str(small_run), str(tmp_path / "no"), ["--out", str(tmp_path / "out")]
     again = str(small_run / "park_1.bag")
     for words, line in (
-        ([run, "--to", "kiti"], "no format 'kiti'; there is: kitti, "),
-        ([run, "--to", "files", "--label-map", "relis"], "no label map 'relis'; there is: rellis, "),
+        ([run, "--to", "kiti"], "unknown format 'kiti'; did you mean 'kitti'? Available: files, "),
+        (
+            [run, "--to", "files", "--label-map", "relis"],
+            "unknown label map 'relis'; did you mean 'rellis'? Available: ",
+        ),
         (
             [run, "--to", "zip", "--label-map", "rellis"],
-            "form 'zip' holds no labels that could be mapped; those that do: ",
+            "format 'zip' has no labels to map; formats with labels: ",
         ),
-        ([run, run, "--to", "tum"], "form 'tum' is made of one run, not of 2; forms that join several: "),
+        ([run, run, "--to", "tum"], "format 'tum' takes one run, got 2; formats that join several: "),
         ([none, "--to", "tum"], f"there is no {none}; needed is the folder of a run, or a bag"),
         ([run, again, "--to", "kitti"], f"{again} is given twice; each run can be one sequence"),
         ([run], "the following arguments are required: --to"),
@@ -109,7 +112,7 @@ def test_a_bag_that_ends_in_the_middle_of_the_work_leaves_nothing(small_run: Pat
             export(bag, name)
         except BagError as error:
             assert "\n" not in str(error)  # noqa: PT017
-            assert not (tmp_path / f"flipped{form.ending}").exists()
+            assert not (tmp_path / f"flipped{form.suffix}").exists()
     assert not [path for path in tmp_path.iterdir() if path.name.endswith(".part")]
 
 
@@ -145,7 +148,7 @@ def test_a_folder_that_may_not_be_written_is_named(small_run: Path, tmp_path: Pa
 
 def test_a_link_is_not_followed_out(small_run: Path, tmp_path: Path) -> None:
     (tmp_path / "out.tum").symlink_to(tmp_path / "elsewhere")
-    with pytest.raises(OutputError, match="is there already"):
+    with pytest.raises(OutputError, match=" exists; remove it"):
         export(small_run, "tum", out=tmp_path / "out.tum")
     assert not (tmp_path / "elsewhere").exists()
 

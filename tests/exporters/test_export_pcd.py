@@ -204,7 +204,7 @@ def test_what_is_missing_or_wrong_is_one_line(bag: Path, tmp_path: Path) -> None
         ),
         "other": (
             with_clouds(bag, tmp_path / "other.bag", lambda stamp: bare_cloud(stamp, [1.0, 1.0, 87.5])),
-            r"cloud at \d+ ns in .*other\.bag has a point of class 87\.5 \(intensity\); classes are 0 to 15",
+            r"cloud at \d+ ns in .*other\.bag: intensity must be a class from 0 to 15, got 87\.5",
         ),
         "twice": (
             with_clouds(bag, tmp_path / "twice.bag", lambda stamp: bare_cloud(500_000_000, [1.0, 1.0])),
@@ -223,7 +223,7 @@ def test_what_is_missing_or_wrong_is_one_line(bag: Path, tmp_path: Path) -> None
 
 
 def test_two_runs_or_an_unknown_ontology_are_refused(small_run: Path, tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match="made of one run, not of 2"):
+    with pytest.raises(OutputError, match="takes one run, got 2"):
         export([small_run, small_run], "pcd", out=tmp_path / "a")
-    with pytest.raises(UnknownNameError, match="no label map 'relis'; there is: rellis"):
+    with pytest.raises(UnknownNameError, match="unknown label map 'relis'; did you mean 'rellis'"):
         export(small_run, "pcd", out=tmp_path / "a", label_map="relis")

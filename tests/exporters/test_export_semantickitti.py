@@ -386,9 +386,9 @@ def test_what_is_missing_is_named(bag: Path, tmp_path: Path, dropped: tuple[str,
         (
             "label",
             16,
-            r"the cloud at 100000000 ns in .*odd\.bag has a point of class 16 \(label\); classes are 0 to 15",
+            r"the cloud at 100000000 ns in .*odd\.bag: label must be a class from 0 to 15, got 16",
         ),
-        ("x", None, r"has the fields .*; needed are x, y, z and label or intensity"),
+        ("x", None, r"must have x, y, z and label or intensity, got y, z, "),
     ],
 )
 def test_odd_clouds_are_told_apart(bag: Path, tmp_path: Path, field: str, value: int | None, message: str) -> None:

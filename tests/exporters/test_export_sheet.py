@@ -14,7 +14,7 @@ from rosbags.highlevel import AnyReader
 
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.exporters import export
-from fieldtruth.exporters.sheet import write_sheet
+from fieldtruth.exporters.files_sheet import write_sheet
 from fieldtruth.ontology.label_map import LabelMap, OntologyClass
 
 TAGS = {side: f"/stereo/camera/{side}/tag/img_raw" for side in ("left", "right")}

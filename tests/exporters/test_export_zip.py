@@ -169,6 +169,6 @@ def test_a_bag_that_is_cut_off_is_one_line(alone: Path) -> None:
 def test_what_is_there_is_not_touched(alone: Path) -> None:
     there = alone.with_suffix(".zip")
     there.write_text("mine")
-    with pytest.raises(OutputError, match="is there already"):
+    with pytest.raises(OutputError, match=" exists; remove it"):
         export(alone, "zip")
     assert there.read_text() == "mine"

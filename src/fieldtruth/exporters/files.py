@@ -1,9 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The human-readable form of a run, as the paper publishes it (section 5): images, clouds, text files, class shares.
+"""Export a run as images, CSV, text files and class shares, as the paper publishes it (section 5).
 
-The bag is read once. Images and clouds become files side by side in several threads, each as soon as it is read; lines
-of text are written, and classes counted, on the way.
+The bag is read once. Several threads write images and clouds and count classes; the reading thread writes the text.
 """
 
 import csv
@@ -27,46 +26,52 @@ from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.calibration_file import calibration_yaml
 from fieldtruth.exporters.files_layout import CALIBRATION, LIDAR, LIDAR_LABEL, OBJECTS, README, SHEET, folders, readme
+from fieldtruth.exporters.files_sheet import write_sheet
+from fieldtruth.exporters.files_text import (
+    TextFile,
+    calibration_yaml,
+    header_or_bag_stamp,
+    line,
+    points_csv,
+    text_files,
+)
 from fieldtruth.exporters.sequences import Clock, returns
-from fieldtruth.exporters.sheet import write_sheet
-from fieldtruth.exporters.text_files import TextFile, header_or_bag_stamp, line, points_csv, text_files
 from fieldtruth.ontology.label_map import LabelMap
 
-_FARTHEST: Final = 65535.0  # [mm]
+_MAX_DEPTH: Final = 65535.0  # [mm]
 _TYPES: Final = {topic.name: topic.msgtype for topic in table.TOPICS}
-_BESIDE: Final = {
-    CALIBRATION: "how the cameras project, their baseline, and where every sensor sits",
-    OBJECTS: "columns id,name: the objects in the images of instances",
-    SHEET: "how many pixels and points belong to each class, with their shares and a chart",
+_PER_RUN: Final = {
+    CALIBRATION: "projection of the cameras, their baseline, and the pose of every sensor",
+    OBJECTS: "columns id,name: the objects in the instance images",
+    SHEET: "number of pixels and points of each class, with their shares and a chart",
 }
 
 
-class _Made(NamedTuple):
-    """What a message becomes: bytes by folder, and the counts of a table by class id."""
+class _Encoded(NamedTuple):
+    """Files of a message, bytes by folder, and counts by class id (16,) for the columns of the workbook."""
 
     files: Mapping[str, bytes]
     counts: Mapping[str, Counts] = {}
 
 
-_Maker = Callable[[Any], _Made]
+_Encoder = Callable[[Any], _Encoded]
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
-    """Make the folder ``target``, with a README.txt that says what is there and what is not.
+    """Write the folder ``target``, with a README.txt that describes what it has and what is missing.
 
     Raises:
-        BagError: the bag has no sensor's messages, one of a topic is of another type, two have the same stamp, an image
-            or cloud cannot be read or has an unknown class, or the bag is damaged.
+        BagError: the bag has no messages of sensors, a topic has another type, two messages of a topic have the same
+            stamp, an image or cloud cannot be read or has an unknown class, or the bag is damaged.
     """
     (run,) = runs
     all_folders, all_texts = list(folders(options.label_map)), list(text_files(run))
     known = list(dict.fromkeys([folder.topic for folder in all_folders] + [text.topic for text in all_texts]))
     topics = [topic for topic in known if topic in run.counts]
     _check(run, known)
-    endings = {folder.path: folder.ending for folder in all_folders if folder.topic in run.counts}
-    for path in endings:
+    suffixes = {folder.path: folder.suffix for folder in all_folders if folder.topic in run.counts}
+    for path in suffixes:
         (target / path).mkdir(parents=True)
     counts: dict[str, Counts] = {}
     with (
@@ -74,13 +79,15 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         open_bag(run.bag) as bag,
         options.progress.stage("write files", run.duration_s) as advance,
     ):
-        take = _line_writers(stack, bag, target, [text for text in all_texts if text.topic in topics])
-        work = partial(_save, run, decoder(bag), _makers(run, options.label_map), target, endings)
-        for found in in_order(_heavy(run, bag.messages(topics), take, advance), work, options.workers):
+        write_line = _line_writers(stack, bag, target, [text for text in all_texts if text.topic in topics])
+        work = partial(_save, run, decoder(bag), _encoders(run, options.label_map), target, suffixes)
+        for found in in_order(
+            _images_and_clouds(run, bag.messages(topics), write_line, advance), work, options.workers
+        ):
             for key, more in found.items():
                 counts[key] = counts.get(key, 0) + more
-    beside = _write_beside(run, target, counts, options.label_map)
-    text = readme(run, all_folders, all_texts, beside, options.label_map)
+    per_run = _write_per_run(run, target, counts, options.label_map)
+    text = readme(run, all_folders, all_texts, per_run, options.label_map)
     (target / README).write_text(text, encoding="utf-8")
 
 
@@ -88,10 +95,10 @@ def _check(run: Run, known: Sequence[str]) -> None:
     sensors = [topic for topic in known if topic not in (table.MODEL_STATES, table.ODOMETRY)]
     if run.counts.keys().isdisjoint(sensors):
         has = ", ".join(sorted(run.counts))
-        raise BagError(f"{run.bag} has no sensor's messages, which would be {', '.join(sensors)}; it has: {has}")
+        raise BagError(f"{run.bag} has no messages of sensors; expected {', '.join(sensors)}; it has: {has}")
     for topic in known:
         if topic in run.counts and run.msgtypes[topic] != _TYPES[topic]:
-            raise BagError(f"{topic} of {run.bag} is {run.msgtypes[topic]}; needed is {_TYPES[topic]}")
+            raise BagError(f"{topic} of {run.bag} must be {_TYPES[topic]}, got {run.msgtypes[topic]}")
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -101,7 +108,7 @@ def _check(run: Run, known: Sequence[str]) -> None:
 def _line_writers(
     stack: ExitStack, bag: BagReader, target: Path, texts: Sequence[TextFile]
 ) -> Mapping[str, Callable[[RawMessage], object]]:
-    """What takes the messages of each topic that becomes lines."""
+    """Functions that write a message as a line, for each topic with a text file."""
     decode = decoder(bag)
 
     def writer(text: TextFile) -> Callable[[RawMessage], object]:
@@ -113,17 +120,17 @@ def _line_writers(
     return {text.topic: writer(text) for text in texts}
 
 
-def _heavy(
+def _images_and_clouds(
     run: Run,
     messages: Iterator[RawMessage],
-    take: Mapping[str, Callable[[RawMessage], object]],
+    write_line: Mapping[str, Callable[[RawMessage], object]],
     advance: Callable[[float], None],
 ) -> Iterator[RawMessage]:
-    """Messages that become files; those that become lines are written on the way."""
+    """Messages of images and clouds; the others are written as lines of text."""
     clock = Clock(run.start_ns)
     for raw in messages:
-        if raw.topic in take:
-            take[raw.topic](raw)
+        if raw.topic in write_line:
+            write_line[raw.topic](raw)
         else:
             advance(clock.seconds_until(raw))
             yield raw
@@ -136,25 +143,25 @@ def _heavy(
 def _save(
     run: Run,
     decode: Callable[[RawMessage], Any],
-    makers: Mapping[str, _Maker],
+    encoders: Mapping[str, _Encoder],
     target: Path,
-    endings: Mapping[str, str],
+    suffixes: Mapping[str, str],
     raw: RawMessage,
 ) -> Mapping[str, Counts]:
     message = decode(raw)
     stamp = header_or_bag_stamp(raw, message.header)
-    made = makers[raw.topic](message)
-    for folder, data in made.files.items():
+    encoded = encoders[raw.topic](message)
+    for folder, data in encoded.files.items():
         try:
-            with (target / folder / f"{stamp}{endings[folder]}").open("xb") as file:
+            with (target / folder / f"{stamp}{suffixes[folder]}").open("xb") as file:
                 file.write(data)
         except FileExistsError:
             raise BagError(f"{run.bag}: {raw.topic} has two messages with the stamp {stamp} ns") from None
-    return made.counts
+    return encoded.counts
 
 
-def _makers(run: Run, label_map: LabelMap | None) -> Mapping[str, _Maker]:
-    images: dict[str, _Maker] = {}
+def _encoders(run: Run, label_map: LabelMap | None) -> Mapping[str, _Encoder]:
+    images: dict[str, _Encoder] = {}
     for side in table.SIDES:
         images |= {
             table.photograph(side): partial(_photograph, side),
@@ -162,22 +169,22 @@ def _makers(run: Run, label_map: LabelMap | None) -> Mapping[str, _Maker]:
             table.depth(side): partial(_depth, side),
             table.instances(side): partial(_instances, side),
         }
-    named = {topic: partial(_naming_the_image, run, topic, make) for topic, make in images.items()}
+    named = {topic: partial(_with_context, run, topic, make) for topic, make in images.items()}
     return named | {table.POINTS: partial(_cloud, run, label_map)}
 
 
-def _naming_the_image(run: Run, topic: str, make: _Maker, message: Any) -> _Made:
+def _with_context(run: Run, topic: str, make: _Encoder, message: Any) -> _Encoded:
     try:
         return make(message)
     except BagError as error:
         raise BagError(f"{run.bag}: {topic} at {stamp_ns(message.header)} ns: {error}") from error
 
 
-def _photograph(side: str, message: Any) -> _Made:
-    return _Made({f"img_{side}": encode_png(image(message))})
+def _photograph(side: str, message: Any) -> _Encoded:
+    return _Encoded({f"img_{side}": encode_png(image(message))})
 
 
-def _tag(side: str, label_map: LabelMap | None, message: Any) -> _Made:
+def _tag(side: str, label_map: LabelMap | None, message: Any) -> _Encoded:
     colours = image(message)
     label = labels(colours)
     files = {f"img_{side}_tag": encode_png(colours)}
@@ -187,23 +194,23 @@ def _tag(side: str, label_map: LabelMap | None, message: Any) -> _Made:
             f"img_{side}_label_id": encode_png(ids),
             f"img_{side}_label_color": encode_png(label_map.colours()[ids]),
         }
-    return _Made(files, {side: _count(label)})
+    return _Encoded(files, {side: _count(label)})
 
 
-def _depth(side: str, message: Any) -> _Made:
+def _depth(side: str, message: Any) -> _Encoded:
     metres, raw = depth(message), BytesIO()
     np.save(raw, metres.astype("<f4", copy=False), allow_pickle=False)
     millimetres = np.multiply(metres, 1000.0, dtype=np.float64)
     np.rint(millimetres, out=millimetres)
-    np.copyto(millimetres, 0.0, where=~((millimetres > 0.0) & (millimetres <= _FARTHEST)))
-    return _Made({f"depth_{side}": encode_png(millimetres.astype(np.uint16)), f"depth_{side}_raw": raw.getvalue()})
+    np.copyto(millimetres, 0.0, where=~((millimetres > 0.0) & (millimetres <= _MAX_DEPTH)))
+    return _Encoded({f"depth_{side}": encode_png(millimetres.astype(np.uint16)), f"depth_{side}_raw": raw.getvalue()})
 
 
-def _instances(side: str, message: Any) -> _Made:
-    return _Made({f"instances_{side}": encode_png(instances(message))})
+def _instances(side: str, message: Any) -> _Encoded:
+    return _Encoded({f"instances_{side}": encode_png(instances(message))})
 
 
-def _cloud(run: Run, label_map: LabelMap | None, message: Any) -> _Made:
+def _cloud(run: Run, label_map: LabelMap | None, message: Any) -> _Encoded:
     rows, label = returns(message, run)
     names = rows.dtype.names or ()
     reflectivity = rows["intensity"] if "intensity" in names else label
@@ -212,7 +219,7 @@ def _cloud(run: Run, label_map: LabelMap | None, message: Any) -> _Made:
     files = {LIDAR: points_csv(np.stack(columns, axis=1, dtype=kind))}
     if label_map is not None:
         files[LIDAR_LABEL] = label_map.ids[label].astype("<u4").tobytes()
-    return _Made(files, {"points": _count(label)})
+    return _Encoded(files, {"points": _count(label)})
 
 
 def _count(label: NDArray[np.uint8]) -> Counts:
@@ -220,20 +227,20 @@ def _count(label: NDArray[np.uint8]) -> Counts:
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# What is there once
+# Files of the whole run
 
 
-def _write_beside(
+def _write_per_run(
     run: Run, target: Path, counts: Mapping[str, Counts], label_map: LabelMap | None
 ) -> list[tuple[str, str]]:
-    """Write calibration, names of objects and class shares as far as the bag allows; return them with what they are."""
+    """Write calibration, names of objects and class shares as far as the run has them; return file names and texts."""
     if calibration := calibration_yaml(run):
         (target / CALIBRATION).write_text(calibration, encoding="utf-8")
     if table.MODEL_STATES in run.counts and not run.counts.keys().isdisjoint(map(table.instances, table.SIDES)):
         (target / OBJECTS).write_text(_objects(run), encoding="utf-8")
     if any(found.any() for found in counts.values()):
         write_sheet(target / SHEET, run.name, counts, label_map)
-    return [(name, about) for name, about in _BESIDE.items() if (target / name).exists()]
+    return [(name, about) for name, about in _PER_RUN.items() if (target / name).exists()]
 
 
 def _objects(run: Run) -> str:

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""KITTI odometry: stereo photographs, clouds, poses, times and calibration, one sequence per run.
+"""Export runs as KITTI odometry: stereo photographs, clouds, poses, times and calibration, one sequence per run.
 
-A frame is one instant: a cloud, both photographs with the very same stamp, and the pose at it (see ``pairing``).
+A frame is a cloud, both photographs with the same stamp, and the pose at that stamp (see ``bag.pairing``).
 """
 
 from collections.abc import Iterator, Sequence
@@ -35,34 +35,34 @@ from fieldtruth.exporters.sequences import (
 _README: Final = """\
 # Runs as KITTI odometry sequences
 
-- `sequences/NN/image_2`, `image_3`: photographs of the left and the right camera (PNG), rectified.
-- `sequences/NN/velodyne`: clouds, float32 x, y, z [m] (x forward, y left, z up) and 0, as no reflectance is simulated.
+- `sequences/NN/image_2`, `image_3`: photographs of the left and right camera (PNG), rectified.
+- `sequences/NN/velodyne`: clouds, float32 x, y, z [m] (x forward, y left, z up) and 0, as reflectance is not simulated.
 - `sequences/NN/times.txt`: seconds after the sequence's first frame.
 - `sequences/NN/calib.txt`: projections P0 to P3 (P0 = P2 left, P1 = P3 right); Tr, from the LiDAR to the left camera.
-- `poses/NN.txt`: true pose of the left camera (x right, y down, z forward) in its own first one, 3 x 4 numbers a row.
+- `poses/NN.txt`: true pose of the left camera (x right, y down, z forward) relative to its first, 3 x 4 numbers a row.
 
-A frame is a cloud and the photographs of the same instant; clouds that have none are left out (the form semantickitti
-has them all). Only if a run has (nearly) no such instants, the nearest photographs are taken; times and poses are then
-those of the left photograph.
+A frame is a cloud and the photographs with the same stamp; other clouds are left out (the format semantickitti has
+them all). Only if (nearly) no stamps agree, the nearest photographs are used; times and poses are then those of the
+left photograph.
 
-| sequence | run | frames | first stamp [ns] | cloud and photographs are apart by at most |
+| sequence | run | frames | first stamp [ns] | most between cloud and photographs |
 |---|---|---|---|---|
 """
 
 
 class _Written(NamedTuple):
-    """What became of a run."""
+    """The frames written of a run."""
 
     stamps_ns: list[int]
     apart_ns: int
-    """The most that a cloud lies apart from its photographs."""
+    """Largest difference between the stamps of a cloud and its photographs."""
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
-    """Make the folder ``target``: a sequence per run, their poses, and a README.
+    """Write the folder ``target``: a sequence per run, the poses, and a README.
 
     Raises:
-        BagError: no clouds, photographs, calibration or true poses, or a damaged bag.
+        BagError: a bag has no clouds, photographs, calibration or true poses, or is damaged.
     """
     for run in runs:
         run.require(table.POINTS, *map(table.photograph, table.SIDES))
@@ -100,10 +100,10 @@ def _write_frames(run: Run, folder: Path, options: Options) -> _Written:
     with open_bag(run.bag) as bag, options.progress.stage(f"{run.name}: frames", run.duration_s) as advance:
 
         def numbered() -> Iterator[tuple[int, Frame]]:
-            told_ns = run.start_ns
+            done_ns = run.start_ns
             for number, frame in enumerate(stereo_frames(bag)):
-                advance((frame.bag_ns - told_ns) / 1e9)
-                told_ns = frame.bag_ns
+                advance((frame.bag_ns - done_ns) / 1e9)
+                done_ns = frame.bag_ns
                 yield number, frame
 
         saved = list(in_order(numbered(), save, options.workers))

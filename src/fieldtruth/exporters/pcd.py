@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Clouds as PCD files, which CloudCompare, PCL and Open3D show in the colours of the classes."""
+"""Export clouds as PCD files, which CloudCompare, PCL and Open3D show in the colours of the classes."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -15,8 +15,8 @@ from fieldtruth.bag.decode import stamp_ns
 from fieldtruth.bag.reader import BagError, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import read_trajectory
-from fieldtruth.bag.types import F8
 from fieldtruth.core import frames
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.core.parallel import in_order
 from fieldtruth.exporters import Options
@@ -24,18 +24,18 @@ from fieldtruth.exporters.sequences import Clock, Returns, returns
 from fieldtruth.ontology.label_map import LabelMap
 
 _TYPES: Final = {"f": "F", "u": "U", "i": "I"}
-"""PCD's letter by NumPy's kind of number."""
+"""PCD's TYPE by NumPy's dtype kind."""
 _README: Final = """\
 # Clouds of {name}
 
-A PCD file (version 0.7, binary) per cloud; its name is the cloud's stamp in nanoseconds of simulated time.
+One PCD file (version 0.7, binary) per cloud; its name is the cloud's stamp in nanoseconds of simulated time.
 
 - `x y z` [m]: in the LiDAR's frame (x forward, y left, z up).
-- `VIEWPOINT`: the LiDAR's true pose in the world (x north, y west, z up), position [m] and quaternion w x y z. Points
-  that are moved by it make one map of all clouds.
-- `rgb`: the colour of the class, packed as PCL packs it (0x00RRGGBB in the bits of a float).
+- `VIEWPOINT`: the LiDAR's true pose in the world (x north, y west, z up), position [m] and quaternion w x y z. It
+  transforms the points of all clouds into one map.
+- `rgb`: the colour of the class, packed as in PCL (0x00RRGGBB in the bits of a float).
 - `label`: the id of the class, see the table.
-- All other fields are the bag's own. In a run of fieldtruth these are `intensity` (the class among fieldtruth's own),
+- All other fields are those of the bag. In a run of fieldtruth they are `intensity` (fieldtruth's id of the class),
   `ring` and `column` of the ray, `instance` (row of /gazebo/model_states; 1 is the ground) and, from a spinning LiDAR,
   `t` [ns] after the stamp.
 
@@ -45,10 +45,10 @@ A PCD file (version 0.7, binary) per cloud; its name is the cloud's stamp in nan
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
-    """Make the folder ``target``: ``<stamp in ns>.pcd`` for each cloud, and a README.
+    """Write the folder ``target``: ``<stamp in ns>.pcd`` for each cloud, and a README.
 
     Raises:
-        BagError: no clouds, true poses or /tf_static, clouds without labels, or a damaged bag.
+        BagError: the bag has no clouds, true poses or /tf_static, clouds have no labels, or the bag is damaged.
     """
     (run,) = runs
     run.require(table.POINTS)
@@ -71,7 +71,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
                 cloud = decode(raw)
                 stamp = stamp_ns(cloud.header)
                 if stamp in seen:
-                    raise BagError(f"{run.bag} has two clouds with the stamp {stamp} ns, which would be one file")
+                    raise BagError(f"{run.bag} has two clouds with the stamp {stamp} ns")
                 seen.add(stamp)
                 advance(clock.seconds_until(raw))
                 yield cloud
@@ -81,14 +81,14 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
 
 
 def _ids_and_colours(label_map: LabelMap | None) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Id to write by class id (16,), and RGB by id written (n, 3)."""
+    """Written id by class id (16,), and RGB by written id (n, 3)."""
     if label_map is None:
         return np.arange(len(CLASSES), dtype=np.uint8), PALETTE
     return label_map.ids, label_map.colours()
 
 
 def _with_colours(found: Returns, ids: NDArray[np.uint8], colours: NDArray[np.uint8]) -> NDArray[np.void]:
-    """Rows as they are stored: x, y, z, rgb, label (32 bits, as in PCL's PointXYZRGBL), then all other fields."""
+    """Points as stored: x, y, z, rgb, label (32 bits, as in PCL's PointXYZRGBL), then all other fields."""
     dtype = found.rows.dtype
     others = [name for name in dtype.names or () if name not in ("x", "y", "z", "rgb", "label")]
     kinds = [(name, dtype[name].base, dtype[name].shape) for name in ("x", "y", "z", *others)]
@@ -101,7 +101,7 @@ def _with_colours(found: Returns, ids: NDArray[np.uint8], colours: NDArray[np.ui
     return rows
 
 
-def _header(rows: NDArray[np.void], world_from_lidar: F8) -> bytes:
+def _header(rows: NDArray[np.void], world_from_lidar: Array) -> bytes:
     names = rows.dtype.names or ()
     kinds = [rows.dtype[name] for name in names]
     types = ["F" if name == "rgb" else _TYPES[kind.base.kind] for name, kind in zip(names, kinds, strict=True)]

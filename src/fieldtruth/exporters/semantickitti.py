@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""SemanticKITTI: clouds with the class and the object of each point, poses, calibration, one sequence per run.
+"""Export runs as SemanticKITTI: clouds with class and instance id per point, poses, calibration, a sequence per run.
 
-Files and conventions are those of semantic-kitti-api and KITTI's odometry devkit: clouds in the LiDAR's frame (x
+Conventions are those of semantic-kitti-api and KITTI's odometry devkit: clouds in the LiDAR's frame (x
 forward, y left, z up), poses of the left camera's optical frame (cam0) relative to its first, ``Tr`` from the LiDAR's
-frame to cam0. A run without cameras has as cam0 the optical frame in the LiDAR's own centre, and [1 | 0] as P.
+frame to cam0. In a run without cameras, cam0 is an optical frame in the LiDAR's centre, and P is [1 | 0].
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,7 +20,7 @@ from fieldtruth.bag.decode import image, stamp_ns
 from fieldtruth.bag.reader import BagError, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import read_trajectory
-from fieldtruth.bag.types import F8
+from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES, NO_RETURN, PALETTE, Label
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
@@ -40,36 +40,34 @@ from fieldtruth.exporters.sequences import (
 )
 from fieldtruth.ontology.label_map import LabelMap, OntologyClass
 
-I8 = NDArray[np.int64]
-
-_MOST: Final = 65535
-"""Largest object id; a label has 16 bits for it."""
+_MAX_INSTANCE: Final = 65535
+"""Largest instance id; a label has 16 bits for it."""
 _HEADER: Final = """\
-# What semantic-kitti-api and the networks built on it read: sequences/NN/velodyne/*.bin is float32 x, y, z [m] and
-# remission; sequences/NN/labels/*.label is uint32, class in the low and object in the high 16 bits.
-# Remission is 0 in all clouds: no reflectance is simulated, and the class must not be where a network looks.
-# image_2 (left) and image_3 (right) hold the photographs that were taken at a cloud's very stamp, under its number.
+# For semantic-kitti-api and networks built on it. sequences/NN/velodyne/*.bin is float32 x, y, z [m] and remission;
+# sequences/NN/labels/*.label is uint32: class in the low, instance id in the high 16 bits.
+# Remission is 0 in all clouds: reflectance is not simulated, and the class must not become an input of a network.
+# image_2 (left) and image_3 (right) are the photographs with the stamp of a cloud, under the cloud's number.
 # content is the share of points of the training sequences. Colours are blue, green, red.
 """
 
 
 class _Written(NamedTuple):
-    """What became of a run."""
+    """The files written of a run."""
 
     stamps_ns: list[int]
-    """Of its clouds, by number."""
-    points: I8
-    """(256,) by class id."""
+    """Stamps of the clouds, by number."""
+    points: Counts
+    """Number of points by class id (256,)."""
     images: int
-    world_from_cam0: F8
-    """(4, 4) at the first cloud; what poses.txt is relative to."""
+    world_from_cam0: Array
+    """(4, 4) at the first cloud, to which poses.txt is relative."""
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
-    """Make the folder ``target``: a sequence per run, and fieldtruth.yaml.
+    """Write the folder ``target``: a sequence per run, and fieldtruth.yaml.
 
     Raises:
-        BagError: a bag without clouds, true poses or /tf_static, or a damaged one.
+        BagError: a bag has no clouds, true poses or /tf_static, or is damaged.
     """
     for run in runs:
         run.require(table.POINTS)
@@ -98,15 +96,15 @@ def _write_sequence(run: Run, geometry: Geometry, folder: Path, options: Options
 # Clouds
 
 
-def _write_clouds(run: Run, folder: Path, options: Options) -> tuple[list[int], I8]:
+def _write_clouds(run: Run, folder: Path, options: Options) -> tuple[list[int], Counts]:
     """Write all clouds with their labels; return their stamps [ns] and the points by class id (256,)."""
     ids = np.arange(len(CLASSES), dtype=np.uint8) if options.label_map is None else options.label_map.ids
     (folder / CLOUDS).mkdir(parents=True)
     (folder / "labels").mkdir()
     stamps_ns: list[int] = []
-    counts: I8 = np.zeros(256, np.int64)
+    counts: Counts = np.zeros(256, np.int64)
 
-    def save(numbered: tuple[int, Any]) -> I8:
+    def save(numbered: tuple[int, Any]) -> Counts:
         number, cloud = numbered
         xyzr, label, instance = _cloud_arrays(cloud, run)
         mapped = ids[label].astype("<u4")
@@ -130,13 +128,13 @@ def _write_clouds(run: Run, folder: Path, options: Options) -> tuple[list[int], 
 
 
 def _cloud_arrays(cloud: Any, run: Run) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint32]]:
-    """Points (n, 4) with remission 0, class ids (n,) and object ids (n,): 0 where the cloud tells of no objects."""
+    """Points (n, 4) with remission 0, class ids (n,) and instance ids (n,), 0 if the cloud has none."""
     found = returns(cloud, run)
     rows, names = found.rows, found.rows.dtype.names or ()
     instance = rows["instance"] if "instance" in names else np.zeros(len(rows), np.uint32)
-    if (odd := instance[(instance < 0) | (instance > _MOST)]).size:
+    if (odd := instance[(instance < 0) | (instance > _MAX_INSTANCE)]).size:
         where = f"the cloud at {stamp_ns(cloud.header)} ns in {run.bag}"
-        raise BagError(f"{where} has a point of object {odd[0]}; a label file holds 0 to {_MOST}")
+        raise BagError(f"{where}: instance must be from 0 to {_MAX_INSTANCE} in a label file, got {odd[0]}")
     return xyz_and_zero(rows), found.label, instance.astype(np.uint32)
 
 
@@ -145,7 +143,7 @@ def _cloud_arrays(cloud: Any, run: Run) -> tuple[NDArray[np.float32], NDArray[np
 
 
 def _write_images(run: Run, stamps_ns: Sequence[int], folder: Path, options: Options) -> int:
-    """Write the photographs of either camera that have the stamp of a cloud, under its number; return how many."""
+    """Write the photographs with the stamp of a cloud, under the cloud's number; return how many."""
     number_at = {stamp: number for number, stamp in enumerate(stamps_ns)}
     folders = {table.photograph(side): folder / name for side, name in IMAGES.items()}
     present = [topic for topic in folders if topic in run.counts]
@@ -177,15 +175,15 @@ def _write_images(run: Run, stamps_ns: Sequence[int], folder: Path, options: Opt
 
 
 class _Dumper(yaml.SafeDumper):
-    """A line per entry; lists in one line."""
+    """One line per entry, lists in one line."""
 
     def represent_sequence(self, tag: str, sequence: Any, flow_style: bool | None = None) -> yaml.SequenceNode:
-        """Lists in one line."""
+        """Represent a list in one line."""
         return super().represent_sequence(tag, sequence, flow_style=True)
 
 
 def _description(runs: Sequence[Run], written: Sequence[_Written], label_map: LabelMap | None) -> dict[str, Any]:
-    """Everything of fieldtruth.yaml, as that package's configuration files have it."""
+    """Content of fieldtruth.yaml, in the structure of semantic-kitti-api's configuration files."""
     if label_map is None:
         classes = {c.label.value: OntologyClass(c.name, rgb) for c, rgb in zip(CLASSES, PALETTE.tolist(), strict=True)}
         ids = {label: label.value for label in Label}
@@ -201,7 +199,7 @@ def _description(runs: Sequence[Run], written: Sequence[_Written], label_map: La
         "labels": {number: other.name for number, other in classes.items()},
         "color_map": {number: list(other.rgb)[::-1] for number, other in classes.items()},
         "content": {number: int(counts[number]) / total for number in classes},
-        # A network's outputs are numbered without gaps; what no LiDAR point can be is ignored.
+        # Outputs of a network are numbered without gaps; classes that no LiDAR point can have are ignored.
         "learning_map": {number: train for train, number in enumerate(classes)},
         "learning_map_inv": dict(enumerate(classes)),
         "learning_ignore": {train: number not in seen for train, number in enumerate(classes)},
@@ -221,7 +219,7 @@ def _description(runs: Sequence[Run], written: Sequence[_Written], label_map: La
 
 
 def _split(sequences: int) -> dict[str, list[int]]:
-    """Whole runs only: the last for tests, the one before for validation; of two the last, of one none."""
+    """Split by run: the last of three or more is for tests, the one before, or the last of two, for validation."""
     valid, test = (1 if sequences > 1 else 0), (1 if sequences > 2 else 0)
     numbers = list(range(sequences))
     train = sequences - valid - test

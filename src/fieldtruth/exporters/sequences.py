@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What KITTI's odometry data, SemanticKITTI and all that copy them have in common: geometry, poses, times, clouds.
+"""What the formats kitti and semantickitti share: geometry, poses, times, clouds.
 
-Clouds are in the LiDAR's frame (x forward, y left, z up). cam0 is the left camera's optical frame; poses are its own,
-relative to its first. Tr takes points from the LiDAR's frame to cam0.
+Clouds are in the LiDAR's frame (x forward, y left, z up). cam0 is the left camera's optical frame; poses are those of
+cam0 relative to its first. Tr takes points from the LiDAR's frame to cam0.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,43 +17,43 @@ from fieldtruth.bag.calibration import base_from_lidar, read_calibration, read_s
 from fieldtruth.bag.decode import points, stamp_ns
 from fieldtruth.bag.reader import BagError, RawMessage
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.types import F8
 from fieldtruth.core import frames
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.experiment.rig import OPTICAL
 from fieldtruth.exporters.tum import seconds
 
 CLOUDS: Final = "velodyne"
 IMAGES: Final = {"left": "image_2", "right": "image_3"}
-"""Folders of the colour images by side; image_0 and image_1 would be grey ones."""
+"""Folders of the colour images by side; KITTI's image_0 and image_1 are grey."""
 
 _XYZ: Final = frozenset("xyz")
 
 
 class Geometry(NamedTuple):
-    """What calib.txt and the poses are made of."""
+    """Projections and sensor poses, for calib.txt and the poses."""
 
-    projection: Mapping[str, F8]
+    projection: Mapping[str, Array]
     """P (3, 4) [pixel] by side, from points in cam0."""
-    base_from_cam0: F8
-    base_from_lidar: F8
+    base_from_cam0: Array
+    base_from_lidar: Array
 
     @property
-    def cam0_from_lidar(self) -> F8:
+    def cam0_from_lidar(self) -> Array:
         """(4, 4), KITTI's Tr."""
         return frames.inverse(self.base_from_cam0) @ self.base_from_lidar
 
 
 def has_cameras(run: Run) -> bool:
-    """Whether the bag tells of a camera's calibration."""
+    """Whether the run has the calibration of a camera."""
     return any(table.camera_info(side) in run.counts for side in table.SIDES)
 
 
 def read_geometry(run: Run) -> Geometry:
-    """Read where the sensors are; a run without cameras has cam0 in the LiDAR's centre, and [1 | 0] as projections.
+    """Read the poses of the sensors; a run without cameras has cam0 in the LiDAR's centre, and [1 | 0] as projections.
 
     Raises:
-        BagError: /tf_static or a camera's CameraInfo is missing or says nothing.
+        BagError: /tf_static or a camera's CameraInfo is missing or invalid.
     """
     if has_cameras(run):
         calibration = read_calibration(run)
@@ -67,25 +67,25 @@ def read_geometry(run: Run) -> Geometry:
 
 
 def calib_text(geometry: Geometry) -> str:
-    """``calib.txt``: the grey cameras P0 and P1 that KITTI has stand where the colour cameras P2 and P3 do."""
+    """``calib.txt``; the grey cameras P0 and P1 of KITTI are those of the colour cameras P2 and P3."""
     left, right = (geometry.projection[side] for side in table.SIDES)
     rows = {"P0": left, "P1": right, "P2": left, "P3": right, "Tr": geometry.cam0_from_lidar}
     return "".join(f"{name}: {_row(matrix)}\n" for name, matrix in rows.items())
 
 
-def poses_text(world_from_cam0: F8) -> str:
-    """Poses (n, 4, 4) relative to the first, a row of 3 x 4 numbers each."""
+def poses_text(world_from_cam0: Array) -> str:
+    """Poses (n, 4, 4) relative to the first, one row of 3 x 4 numbers each."""
     first_from_cam0 = frames.inverse(world_from_cam0[0]) @ world_from_cam0
     return "".join(f"{_row(pose)}\n" for pose in first_from_cam0)
 
 
 def times_text(stamps_ns: Sequence[int]) -> str:
-    """Stamps [ns] as seconds after the first, a line each."""
+    """Stamps [ns] as seconds after the first, one line each."""
     return "".join(f"{seconds(stamp - stamps_ns[0])}\n" for stamp in stamps_ns)
 
 
-def _row(matrix: F8) -> str:
-    """Twelve numbers of (3, 4) or (4, 4), row by row; what is below 1e-12 is rounding and becomes 0."""
+def _row(matrix: Array) -> str:
+    """Twelve numbers of (3, 4) or (4, 4), row by row; below 1e-12 is rounding error and becomes 0."""
     return " ".join(f"{value:.12e}" for value in np.round(matrix[:3], 12).ravel() + 0.0)
 
 
@@ -94,7 +94,7 @@ def _row(matrix: F8) -> str:
 
 
 class Returns(NamedTuple):
-    """The points of a cloud that came back (n)."""
+    """The LiDAR returns of a cloud (n): points with finite coordinates."""
 
     rows: NDArray[np.void]
     """Structured, with the cloud's own fields."""
@@ -103,33 +103,31 @@ class Returns(NamedTuple):
 
 
 def returns(cloud: Any, run: Run) -> Returns:
-    """Points of a sensor_msgs/PointCloud2 of this run; without ``label`` the intensity is the class, as in the paper.
+    """LiDAR returns of a sensor_msgs/PointCloud2; without ``label`` the intensity is the class, as in the paper.
 
     Raises:
-        BagError: x, y, z or both label and intensity are missing, or a label is no class.
+        BagError: x, y, z or both label and intensity are missing, or a label is not a class id.
     """
     names = [field.name for field in cloud.fields]
     source = next((name for name in ("label", "intensity") if name in names), None)
     if source is None or not _XYZ.issubset(names):
-        needed = "needed are x, y, z and label or intensity"
-        raise BagError(f"{_where(cloud, run)} has the fields {', '.join(names)}; {needed}")
+        raise BagError(f"{_where(cloud, run)} must have x, y, z and label or intensity, got {', '.join(names)}")
     rows = returned(cloud, run)
     label = rows[source]
     if (odd := label[~np.isin(label, np.arange(len(CLASSES)))]).size:
-        classes = f"classes are 0 to {len(CLASSES) - 1}"
-        raise BagError(f"{_where(cloud, run)} has a point of class {odd[0]} ({source}); {classes}")
+        raise BagError(f"{_where(cloud, run)}: {source} must be a class from 0 to {len(CLASSES) - 1}, got {odd[0]}")
     return Returns(rows, label.astype(np.uint8))
 
 
 def returned(cloud: Any, run: Run) -> NDArray[np.void]:
-    """Structured array (n) of the points of a sensor_msgs/PointCloud2 that came back, with the cloud's own fields.
+    """Structured array (n) of the points with finite coordinates, with the cloud's own fields.
 
     Raises:
         BagError: x, y or z is missing.
     """
     rows = points(cloud)
     if not _XYZ.issubset(names := rows.dtype.names or ()):
-        raise BagError(f"{_where(cloud, run)} has the fields {', '.join(names)}; needed are x, y and z")
+        raise BagError(f"{_where(cloud, run)} must have x, y and z, got {', '.join(names)}")
     finite = np.logical_and.reduce([np.isfinite(rows[axis]) for axis in "xyz"])
     return rows if finite.all() else rows[finite]
 
@@ -137,7 +135,7 @@ def returned(cloud: Any, run: Run) -> NDArray[np.void]:
 def xyz_and_zero(rows: NDArray[np.void]) -> NDArray[np.float32]:
     """(n, 4): x, y, z [m] and 0 as reflectance.
 
-    No reflectance is simulated, and the class, which the bag has there, must not be where a network looks.
+    Reflectance is not simulated; the bag's intensity is the class, which must not become an input of a network.
     """
     values: NDArray[np.float32] = np.zeros((len(rows), 4), "<f4")
     for column, axis in enumerate("xyz"):
@@ -150,12 +148,12 @@ def _where(cloud: Any, run: Run) -> str:
 
 
 class Clock:
-    """Tells how far a stream of messages has come."""
+    """Measures the simulated time between messages of a stream, for progress."""
 
     def __init__(self, start_ns: int) -> None:
         self._now_ns = start_ns
 
     def seconds_until(self, raw: RawMessage) -> float:
-        """Simulated seconds from the message asked about before to this one."""
+        """Simulated seconds from the message of the previous call to this one."""
         passed, self._now_ns = raw.stamp_ns - self._now_ns, raw.stamp_ns
         return passed / 1e9

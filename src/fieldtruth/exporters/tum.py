@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The true trajectory as the TUM RGB-D benchmark writes it, which evo and most SLAM systems read."""
+"""Export the true trajectory in the format of the TUM RGB-D benchmark, which evo and most SLAM systems read."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,20 +11,21 @@ from fieldtruth.exporters import Options
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
-    """Write ``t x y z qx qy qz qw`` a pose: base_link in the world, every digit as in the bag.
+    """Write a line ``t x y z qx qy qz qw`` per pose of base_link in the world, with every digit of the bag.
 
     Raises:
-        BagError: the bag tells no true poses, or is damaged.
+        BagError: the bag has no true poses, or is damaged.
     """
     (run,) = runs
     with options.progress.stage("write the trajectory"), target.open("w", encoding="ascii") as file:
-        way = read_trajectory(run)
+        trajectory = read_trajectory(run)
         file.write("# true poses of base_link in the world: x north, y west, z up\n# t[s] x[m] y[m] z[m] qx qy qz qw\n")
-        for stamp_ns, (x, y, z), (qw, qx, qy, qz) in zip(way.stamps_ns, way.position, way.quaternion_wxyz, strict=True):
+        rows = zip(trajectory.stamps_ns, trajectory.position, trajectory.quaternion_wxyz, strict=True)
+        for stamp_ns, (x, y, z), (qw, qx, qy, qz) in rows:
             values = " ".join(repr(float(value)) for value in (x, y, z, qx, qy, qz, qw))
             file.write(f"{seconds(int(stamp_ns))} {values}\n")
 
 
 def seconds(ns: int) -> str:
-    """Seconds of a time [ns], all nine digits after the point as they are."""
+    """Format a time [ns] as seconds with nine decimals."""
     return f"{'-' * (ns < 0)}{abs(ns) // 10**9}.{abs(ns) % 10**9:09d}"

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The class shares of a run as an Excel workbook: a table, the bar chart of the paper's Figure 21, and what they mean.
+"""The class shares of a run as an Excel workbook: a table, the bar chart of the paper's Figure 21, and an explanation.
 
-XlsxWriter fixes every time-stamp in the file, so that the same counts give the same bytes.
+All dates in the file are fixed, so that the same counts give the same bytes.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,22 +12,21 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 import xlsxwriter
-from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Counts
+from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.ontology.label_map import LabelMap
 
 SHARES: Final = "class shares"
 FIGURE: Final = "figure 21"
 EXPLANATION: Final = "explanation"
-_THE_FIRST: Final = datetime(1980, 1, 1)
+_CREATED: Final = datetime(1980, 1, 1)
 _FIRST_ROW: Final = 2
-"""Of the classes; two rows of headings stand above them."""
+"""First row of classes, below two rows of headings."""
 _PIXELS, _POINTS, _GRID = "#2f6fde", "#dc3f36", "#d5dbe3"
 """Colours of the chart: bars of pixels, bars of points, grid lines."""
 _WIDTHS: Final = (6, 24, 10)
-"""[characters] of the columns id, class and colour."""
+"""Widths [characters] of the columns id, class and colour."""
 
 
 class _Class(NamedTuple):
@@ -43,9 +42,9 @@ class _Column(NamedTuple):
     counts: Counts
 
     @property
-    def shares(self) -> NDArray[np.float64]:
-        """Share of each class in all; 0 where nothing was counted."""
-        share: NDArray[np.float64] = self.counts / max(int(self.counts.sum()), 1)
+    def shares(self) -> Array:
+        """Share of each class in the total; 0 if nothing was counted."""
+        share: Array = self.counts / max(int(self.counts.sum()), 1)
         return share
 
 
@@ -55,14 +54,14 @@ def write_sheet(path: Path, name: str, counts: Mapping[str, Counts], label_map: 
     Args:
         path: the .xlsx file.
         name: of the run.
-        counts: (16,) by class id, of the pixels of the ``"left"`` and the ``"right"`` camera and of the ``"points"``;
-            those that the run does not have are not there.
-        label_map: adds a table of the same pixels and points in that ontology's classes.
+        counts: (16,) by class id: pixels of the ``"left"`` and ``"right"`` camera, and ``"points"``, as far as the run
+            has them.
+        label_map: adds a table in the classes of this ontology.
     """
     columns = list(_columns(counts))
     rows = [_Class(*row) for row in CLASSES if row.rgb is not None or _occurs(row.label, columns)]
     with xlsxwriter.Workbook(str(path), {"in_memory": True}) as book:
-        book.set_properties({"title": f"{name}: share of each class in pixels and points", "created": _THE_FIRST})
+        book.set_properties({"title": f"{name}: share of each class in pixels and points", "created": _CREATED})
         _write_table(book, SHARES, rows, columns)
         _write_figure(book, [row for row in rows if _occurs(row.number, columns)], columns)
         if label_map is not None:
@@ -124,7 +123,7 @@ def _write_table(book: Any, title: str, rows: Sequence[_Class], columns: Sequenc
 
 
 def _write_figure(book: Any, rows: Sequence[_Class], columns: Sequence[_Column]) -> None:
-    """Per unit, as in the paper: the classes that were seen, pixels of both cameras and points."""
+    """Shares per unit, as in the paper: classes that occur, in the pixels of both cameras and in the points."""
     sheet = _add_sheet(book, FIGURE)
     bold, right = (book.add_format({"bold": True, "align": align}) for align in ("left", "right"))
     share = _number(book, "0.000000")
@@ -163,25 +162,27 @@ def _write_explanation(book: Any, name: str, columns: Sequence[_Column], label_m
     sheet.set_column(0, 0, 110, book.add_format({"text_wrap": True, "valign": "top"}))
     counted = "; ".join(f"{column.title}: {int(column.counts.sum()):,}" for column in columns)
     lines = [
-        f"Share of each class in everything that the cameras and the LiDAR of {name} saw.",
-        f"Counted were all of them. {counted}.",
-        f"Sheet '{SHARES}': how many pixels and points belong to each class, and their share in all of that column.",
-        f"Sheet '{FIGURE}': the shares per unit, of the classes that occur, as in Figure 21 of the paper below: "
+        f"Share of each class in all pixels of the cameras and all points of the LiDAR of {name}.",
+        f"Counts: {counted}.",
+        f"Sheet '{SHARES}': number of pixels and points of each class, and their share in the column's total.",
+        f"Sheet '{FIGURE}': shares per unit of the classes that occur, as in Figure 21 of the paper below: "
         "pixels blue, points red.",
-        "A pixel has the class of what a ray through its centre hits; it is read from its colour in the tag image.",
-        "A point has the class of what it hit; this is its reflectivity. Water and sky return no laser pulse.",
-        "Near things fill more pixels, and more points, than far ones: these are shares of the view, not of the place.",
+        "The class of a pixel is the class of the surface that a ray through its centre hits; it is read from the tag "
+        "image.",
+        "The class of a point is the class of the surface that the laser hit; it is the point's reflectivity. Water "
+        "and sky return no laser pulse.",
+        "Near objects fill more pixels and points than far ones: these are shares of the view, not of the world.",
         "M. Sánchez, J. Morales, J. L. Martínez, J. J. Fernández-Lozano, A. García-Cerezo: Automatically Annotated "
         "Dataset of a Ground Mobile Robot in Natural Environments via Gazebo Simulations. Sensors 2022, 22(15), 5599.",
     ]
     if label_map is not None:
-        lines.insert(4, f"Sheet '{label_map.name} classes': the same pixels and points by that ontology's classes.")
+        lines.insert(4, f"Sheet '{label_map.name} classes': the same counts by the classes of {label_map.name}.")
     for at, text in enumerate(lines):
         sheet.write_string(at, 0, text)
 
 
 def _add_sheet(book: Any, title: str) -> Any:
-    """Add a sheet that prints on one page, lying."""
+    """Add a sheet that prints on one landscape page."""
     sheet = book.add_worksheet(title)
     sheet.set_landscape()
     sheet.set_paper(9)  # A4
