@@ -50,9 +50,7 @@ def test_each_form_is_made_beside_the_bag_and_is_the_same_with_any_number_of_wor
 
     again = cli.main(["export", str(bag), "--to", form])
     assert again == 2
-    assert capsys.readouterr().err.splitlines()[-1] == (
-        f"error: {made} exists; remove it, or choose another --out"
-    )
+    assert capsys.readouterr().err.splitlines()[-1] == (f"error: {made} exists; remove it, or choose another --out")
     assert digest(other) == digest(made)
 
 
