@@ -36,6 +36,8 @@ STAMPS = [k * 200_000_000 for k in range(1, 7)]
 WIDTH, HEIGHT = 320, 184
 BASE_FROM_CAM0 = np.array([[0, 0, 1, 0.15], [-1, 0, 0, 0.06], [0, -1, 0, 0.72], [0, 0, 0, 1.0]])
 """The paper's Table 2, and REP-103: x right, y down, z forward."""
+IN_BAG = np.dtype([(name, "<f4") for name in ("x", "y", "z", "intensity")]
+                  + [(name, "<u2") for name in ("ring", "column", "label", "instance")])  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +78,8 @@ def world_from_cam0(bag: Path, stamps_ns: list[int]) -> F8:
 
 
 def cloud_xyz(bag: Path, stamp_ns: int) -> NDArray[np.float32]:
-    rows = messages(bag, POINTS)[stamp_ns].data.reshape(-1, 28)
+    cloud = messages(bag, POINTS)[stamp_ns]
+    rows = cloud.data.reshape(-1, cloud.point_step)
     return np.ascontiguousarray(rows[:, :12]).view("<f4")
 
 
@@ -138,7 +141,7 @@ def test_points_fall_upon_pixels_of_their_class(sequence: Any, bag: Path, camera
     clouds = messages(bag, POINTS)
     agree, compared = [], 0
     for number, stamp in enumerate(STAMPS):
-        label = np.ascontiguousarray(clouds[stamp].data.reshape(-1, 28)[:, 24:26]).view("<u2")[:, 0]
+        label = clouds[stamp].data.view(IN_BAG)["label"]
         colours = tags[stamp].data.reshape(HEIGHT, WIDTH, 3)
         code = colours.astype(np.int64) @ [1, 256, 65536]
         inside = maximum_filter(code, 3) == minimum_filter(code, 3)
