@@ -14,6 +14,7 @@ import yaml
 
 from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.world.build import world_key
 from fieldtruth.world.library import data_files
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_snag, grow_tree
@@ -71,6 +72,14 @@ def test_materials_and_textures_of_an_added_file_follow_those_of_the_package(row
     assert image.shape == (256, 256, 3)
     assert rowan in TREES
     assert any(path.stem == rowan for path in data_files())
+
+
+def test_added_species_changes_the_cache_key_of_worlds(tmp_path: Path) -> None:
+    before = world_key("forest")
+    TREES.add(write(tmp_path, "rowan", EXAMPLES["rowan"]))
+    changed = world_key("forest")
+    TREES.remove("rowan")
+    assert changed != before == world_key("forest")
 
 
 def test_added_species_changes_no_texture_of_the_package(tmp_path: Path) -> None:

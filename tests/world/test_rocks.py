@@ -108,11 +108,11 @@ def test_normals_are_shared_below_the_crease_angle_only() -> None:
 
 
 @pytest.mark.parametrize("slope_deg", [0.0, 20.0, 35.0])
-def test_a_lying_rock_shows_no_daylight(rock: Mesh, slope_deg: float) -> None:
-    """The rim lies in the ground, but not the whole rock, and the rock leans with the slope."""
+def test_rim_of_a_rock_on_a_slope_is_in_the_ground(rock: Mesh, slope_deg: float) -> None:
+    """The rim is in the ground, the top is not, and the rock is inclined with the slope."""
     builder = WorldBuilder(inclined(slope_deg), (10.0, 10.0), (), ())
-    thing = lay_rock(builder, "rock", rock, (0.3, -0.4), yaw=1.0, scale=1.2)
-    pose = thing.world_from_object
+    instance = lay_rock(builder, "rock", rock, (0.3, -0.4), yaw=1.0, scale=1.2)
+    pose = instance.world_from_object
     rim = rim_vertices(rock) @ pose[:3, :3].T + pose[:3, 3]
     assert np.all(rim[:, 2] < builder.field.height_at(rim[:, 0], rim[:, 1]) - 0.02)
     whole = rock.vertices.astype(float) @ pose[:3, :3].T + pose[:3, 3]
@@ -121,21 +121,21 @@ def test_a_lying_rock_shows_no_daylight(rock: Mesh, slope_deg: float) -> None:
     assert lean == pytest.approx(np.degrees(np.arctan(0.75 * np.tan(np.radians(slope_deg)))), abs=0.5)
 
 
-def test_scattered_rocks_keep_apart_off_corridors_and_where_they_may() -> None:
+def test_scattered_rocks_keep_their_distance_and_follow_the_density() -> None:
     builder = WorldBuilder(inclined(10.0), (10.0, 10.0), (), ())
     mesh = make_rock(ROCK_TYPES["scree"], name="r", size=0.4, rng=np.random.default_rng(0), triangles=80)
 
-    def north(places: F8) -> F8:
-        return (places[:, 0] > 0).astype(float)
+    def north(positions: F8) -> F8:
+        return (positions[:, 0] > 0).astype(float)
 
     def group(count: int) -> ObjectGroup:
         return ObjectGroup(kind="rock", meshes=[mesh], count=count, scales=(0.85, 1.2), tint=0.08)
 
     placed = scatter_rocks(builder, group(20), np.random.default_rng(1), north)
-    spots = np.array([i.world_from_object[:2, 3] for i in placed])
+    positions = np.array([i.world_from_object[:2, 3] for i in placed])
     assert len(placed) == 20
-    assert spots[:, 0].min() > 0
-    apart = np.linalg.norm(spots[:, None] - spots, axis=-1) + 9 * np.eye(20)
+    assert positions[:, 0].min() > 0
+    apart = np.linalg.norm(positions[:, None] - positions, axis=-1) + 9 * np.eye(20)
     assert apart.min() > 2 * 0.85 * mesh.footprint
     with pytest.raises(CrowdedWorldError, match="of 2000 rock find room"):
         scatter_rocks(builder, group(2000), np.random.default_rng(1), north)

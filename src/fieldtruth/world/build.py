@@ -17,6 +17,7 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.problems import configuration_error
 from fieldtruth.experiment.rig import Frozen
 from fieldtruth.world.environments import ENVIRONMENTS
+from fieldtruth.world.library import data_files
 from fieldtruth.world.model import World
 from fieldtruth.world.store import DamagedWorldError, read_world, save_world
 from fieldtruth.world.trails import Line
@@ -104,7 +105,8 @@ def world_key(environment: str) -> str:
     """Digest of everything besides seed and layout that shapes a world: code, data files, versions of libraries."""
     package = ENVIRONMENTS[environment].package
     modules = [__name__, *(f"{package}.{name}" for name in ("build", "config", "corridors"))]
-    return cache_key(modules, libraries=_LIBRARIES)
+    species = [path.read_bytes() for path in data_files()]  # the package's and added ones
+    return cache_key(modules, species, libraries=_LIBRARIES)
 
 
 def world_of(experiment: Experiment) -> World:

@@ -37,7 +37,7 @@ def _files() -> dict[str, dict[str, Path]]:
 
 
 def data_files() -> list[Path]:
-    """Every data file that is in use, for digests of what shapes a world."""
+    """Every data file in use, the package's and added ones."""
     return [path for folder in _files().values() for path in folder.values()]
 
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""How a rock lies: leaning with the slope, and so deep that the ground closes around it on every side."""
+"""Poses of rocks: inclined with the slope, and so deep that no gap below the rim is visible."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -14,9 +14,9 @@ from fieldtruth.world.poses import random_tint, rotations_to, upright_pose
 from fieldtruth.world.swarms import Density
 
 LEAN: Final = 0.75
-"""Share of the ground's slope that a lying rock takes on."""
+"""Slope of a rock relative to that of the ground."""
 BED: Final = 0.03
-"""Least depth [m] times the square root of the size at which a rock's rim lies below the ground around it."""
+"""Least depth of a rock's rim in the ground [m], per square root of its radius [m]."""
 
 
 def lay_rock(
@@ -36,7 +36,7 @@ def lay_rock(
 
 
 def rock_pose(field: Heightfield, mesh: Mesh, x: float, y: float, yaw: float, scale: float) -> Array:
-    """Pose (4, 4) in which the rock leans with the mean slope below it, sunk until its whole rim is in the ground."""
+    """Pose (4, 4) of a rock, inclined with the mean slope below it and sunk until its whole rim is in the ground."""
     radius = mesh.footprint * scale
     angles = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     around = field.height_at(x + 0.8 * radius * np.cos(angles), y + 0.8 * radius * np.sin(angles))
@@ -50,7 +50,7 @@ def rock_pose(field: Heightfield, mesh: Mesh, x: float, y: float, yaw: float, sc
 
 
 def rim_vertices(mesh: Mesh, sectors: int = 16) -> Array:
-    """Of each sector around the rock the lowest vertex (k, 3) in its outer part: what must not show daylight below."""
+    """The lowest vertex (k, 3) in the outer part of each sector around the rock; it must be below the ground."""
     points = mesh.vertices.astype(np.float64)
     away, turn = np.hypot(points[:, 0], points[:, 1]), np.arctan2(points[:, 1], points[:, 0])
     number = np.floor((turn / (2 * np.pi) + 0.5) * sectors).astype(int) % sectors
