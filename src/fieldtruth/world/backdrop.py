@@ -47,9 +47,14 @@ SMOOTHING: Final = 3.0
 
 
 def make_backdrop(
-    field: Heightfield, size: tuple[float, float], material: str | Sequence[str], rng: np.random.Generator,
-    *, land: Land | None = None, cover: Cover | None = None,
-) -> Mesh:  # fmt: skip
+    field: Heightfield,
+    size: tuple[float, float],
+    material: str | Sequence[str],
+    rng: np.random.Generator,
+    *,
+    land: Land | None = None,
+    cover: Cover | None = None,
+) -> Mesh:
     """Rings of land around a heightfield that share the positions of its edge nodes.
 
     Without ``land`` there are low hills towards the horizon. ``cover`` selects one of several materials per triangle.

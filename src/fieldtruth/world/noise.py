@@ -13,13 +13,7 @@ from fieldtruth.world.model import Raster
 
 
 def fractal_noise(
-    x: Array,
-    y: Array,
-    *,
-    wavelength: float,
-    octaves: int,
-    rng: np.random.Generator,
-    gain: float = 0.5,
+    x: Array, y: Array, *, wavelength: float, octaves: int, rng: np.random.Generator, gain: float = 0.5
 ) -> Array:
     """Noise (len(x), len(y)) of about unit deviation; the longest ``wavelength`` [m] halves ``octaves`` - 1 times.
 

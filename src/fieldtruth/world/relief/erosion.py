@@ -31,9 +31,14 @@ class Eroded(NamedTuple):
 
 
 def eroded(
-    heights: Array, spacing: float, *, strength: Array | float = 0.02, creep: float = 0.02, repose_deg: float = 36.0,
+    heights: Array,
+    spacing: float,
+    *,
+    strength: Array | float = 0.02,
+    creep: float = 0.02,
+    repose_deg: float = 36.0,
     steps: int = 30,
-) -> Eroded:  # fmt: skip
+) -> Eroded:
     """Erode heights (nx, ny) [m] on a grid of ``spacing`` [m]; the border is unchanged.
 
     ``strength`` is K dt, a number or one per node: the depth [m] that a stream which drains 1 m^2 cuts into a slope of
@@ -112,9 +117,14 @@ def _route(h: Array, order: NDArray[np.int64], receiver: NDArray[np.int64], drai
 # (float64[::1], float64[::1], int64[::1], int64[::1], float64[::1], float64, int64) -> None
 @njit(nogil=True, cache=True)
 def _incise(
-    h: Array, power: Array, order: NDArray[np.int64], receiver: NDArray[np.int64], drained: Array, spacing: float,
+    h: Array,
+    power: Array,
+    order: NDArray[np.int64],
+    receiver: NDArray[np.int64],
+    drained: Array,
+    spacing: float,
     ny: int,
-) -> None:  # fmt: skip
+) -> None:
     """Lower each node towards its receiver, which comes before it in ``order`` (equation 23 of Braun and Willett)."""
     for k in range(len(order)):
         node = order[k]

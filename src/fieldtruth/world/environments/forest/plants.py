@@ -91,62 +91,28 @@ def plant_herbs(builder: WorldBuilder, config: Config, glades: Raster, rng: np.r
 
     grass_clumps = _clumps("grass", {"forest": 0.9, "sedge": 0.1}, rng)
     nettle_clumps = _clumps("nettles", {"nettle": 0.7, "forest": 0.3}, rng)
-    fern_clumps = [
-        grow_clump(
-            {GRASSES["fern"]: 0.8, GRASSES["bracken"]: 0.2},
-            name=f"ferns_{k}",
-            radius=0.75,
-            per_m2=FERNS_PER_CLUMP / (np.pi * 0.75**2),
-            rng=rng,
-            size=0.15 * k,
-        )
-        for k in range(6)
-    ]
-    for spec, density in (
-        (
-            SwarmSpec(
-                name="forest_grass",
-                kind="high_grass",
-                meshes=grass_clumps,
-                per_m2=config.grass_per_m2 / TUFTS_PER_M2,
-                scales=(0.7, 1.25),
-                tint=0.14,
-                tilt=1.0,
-            ),
-            grass,
-        ),
-        (
-            SwarmSpec(
-                name="ferns",
-                kind="fern",
-                meshes=fern_clumps,
-                per_m2=config.ferns_per_m2 / FERNS_PER_CLUMP,
-                scales=(0.65, 1.2),
-                tint=0.14,
-                tilt=1.0,
-                clear=0.5,
-            ),
-            ferns,
-        ),
-        (
-            SwarmSpec(
-                name="nettles",
-                kind="herb",
-                meshes=nettle_clumps,
-                per_m2=0.35,
-                scales=(0.7, 1.2),
-                tint=0.12,
-                tilt=1.0,
-                clear=0.5,
-            ),
-            nettles,
-        ),
+    fern_clumps = _fern_clumps(rng)
+    grass_per_m2, ferns_per_m2 = config.grass_per_m2 / TUFTS_PER_M2, config.ferns_per_m2 / FERNS_PER_CLUMP
+    for name, kind, meshes, per_m2, scales, tint, clear, density in (
+        ("forest_grass", "high_grass", grass_clumps, grass_per_m2, (0.7, 1.25), 0.14, 0.0, grass),
+        ("ferns", "fern", fern_clumps, ferns_per_m2, (0.65, 1.2), 0.14, 0.5, ferns),
+        ("nettles", "herb", nettle_clumps, 0.35, (0.7, 1.2), 0.12, 0.5, nettles),
     ):
+        spec = SwarmSpec(
+            name=name, kind=kind, meshes=meshes, per_m2=per_m2, scales=scales, tint=tint, tilt=1.0, clear=clear
+        )
         builder.scatter_swarm(spec, rng, density)
 
 
+def _fern_clumps(rng: np.random.Generator) -> list[Mesh]:
+    """Six clumps of ferns of increasing size."""
+    shares = {GRASSES["fern"]: 0.8, GRASSES["bracken"]: 0.2}
+    per_m2 = FERNS_PER_CLUMP / (np.pi * 0.75**2)
+    return [grow_clump(shares, name=f"ferns_{k}", radius=0.75, per_m2=per_m2, rng=rng, size=0.15 * k) for k in range(6)]
+
+
 def _clumps(name: str, shares: Mapping[str, float], rng: np.random.Generator) -> list[Mesh]:
-    """Five clumps of increasing size."""
+    """Five clumps of grass and herbs of increasing size."""
     return [
         grow_clump(
             {GRASSES[species]: share for species, share in shares.items()},

@@ -53,8 +53,5 @@ def build(seed: int, corridors: Sequence[Line], config: Config | None = None) ->
         seed=seed,
         textures=seeds[-1],
         backdrop=backdrop,
-        beyond=[
-            *scatter_far_plants(builder, backdrop, tufts, beyond),
-            scatter_far_rocks(builder, backdrop, beyond),
-        ],
+        beyond=[*scatter_far_plants(builder, backdrop, tufts, beyond), scatter_far_rocks(builder, backdrop, beyond)],
     )

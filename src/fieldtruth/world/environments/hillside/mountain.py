@@ -95,7 +95,7 @@ def _region(rng: np.random.Generator) -> RectBivariateSpline:
 
 def _fine_relief(
     x: Array, y: Array, near: RectBivariateSpline, corridor_distance: Land, rng: np.random.Generator
-) -> Array:  # fmt: skip
+) -> Array:
     """Fine relief [m]: hummocks, rougher away from corridors; ribs and ledges of rock on steep slopes."""
     away = np.clip((corridor_distance(*np.meshgrid(x, y, indexing="ij")) - 0.8) / 5.0, 0.0, 1.0)
     hummocks = fractal_noise(x, y, wavelength=3.2, octaves=3, rng=rng)

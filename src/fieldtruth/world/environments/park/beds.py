@@ -17,8 +17,11 @@ from fieldtruth.world.poses import random_tint, rotations_to, upright_poses
 from fieldtruth.world.swarms import make_swarm
 
 BUSH_HEIGHTS: Final[Mapping[str, tuple[float, float]]] = {
-    "box": (0.65, 1.1), "hazel": (0.5, 0.95), "heather": (0.8, 1.15), "juniper": (0.5, 0.9),
-}  # fmt: skip
+    "box": (0.65, 1.1),
+    "hazel": (0.5, 0.95),
+    "heather": (0.8, 1.15),
+    "juniper": (0.5, 0.9),
+}
 """Species of bushes, with bounds of their height relative to a grown one's: they are pruned."""
 
 OFF_TRAIL: Final = 0.45
