@@ -190,7 +190,7 @@ def test_preview_writes_the_sheet(
     capsys.readouterr()
     before = (tmp_path / "a.jpg").read_bytes()
     assert cli.main(["preview", "park", "--out", "a.jpg"]) == 2
-    expected = "error: a.jpg is there already; choose another --out, or --overwrite replaces it\n"
+    expected = "error: a.jpg already exists; choose another --out, or use --overwrite to replace it\n"
     assert capsys.readouterr().err == expected
     assert (tmp_path / "a.jpg").read_bytes() == before
     assert len(calls) == 2

@@ -35,8 +35,8 @@ def test_jpeg_has_the_best_quality_below_the_size_limit(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "text"),
     [
-        ("a.bmp", r"its name must end in \.png or \.jpg or \.jpeg"),
-        ("a", r"its name must end in \.png or \.jpg or \.jpeg"),
+        ("a.bmp", r"its name must end in \.png, \.jpg or \.jpeg"),
+        ("a", r"its name must end in \.png, \.jpg or \.jpeg"),
         ("old.png", "old.png already exists; choose another --out, or use --overwrite to replace it"),
         ("folder.png", "folder.png: it is a folder"),
         ("no/a.png", "folder .*no does not exist"),

@@ -26,7 +26,8 @@ def check_output_path(path: Path, endings: Sequence[str], *, overwrite: bool = F
             folder does not exist.
     """
     if path.suffix.lower() not in endings:
-        raise OutputError(f"cannot write {path}: its name must end in {' or '.join(endings)}")
+        allowed = f"{', '.join(endings[:-1])} or {endings[-1]}"
+        raise OutputError(f"cannot write {path}: its name must end in {allowed}")
     if path.is_dir():
         raise OutputError(f"cannot write {path}: it is a folder")
     if os.path.lexists(path) and not overwrite:
