@@ -66,5 +66,5 @@ def test_environment_without_experiments_has_a_sheet_without_routes(monkeypatch:
 
 def test_unknown_environment_lists_the_known_ones() -> None:
     assert fieldtruth.preview is preview
-    with pytest.raises(UnknownNameError, match="unknown environment 'prak'; did you mean 'park'\\? Available: .*park"):
+    with pytest.raises(UnknownNameError, match=r"unknown environment 'prak'; did you mean 'park'\? Available: .*park"):
         preview("prak")
