@@ -19,7 +19,7 @@ def geodetic(*points: tuple[float, float]) -> list[tuple[float, float]]:
 
 def follower(*waypoints: tuple[float, float], at: tuple[float, float] = (0.0, 0.0)) -> WaypointFollower:
     made = WaypointFollower(geodetic(*waypoints), GAINS)
-    made.see_fix(*geodetic(at)[0])
+    made.update_fix(*geodetic(at)[0])
     return made
 
 
@@ -58,9 +58,9 @@ def test_turn_rate_is_limited_to_both_sides() -> None:
 
 def test_next_waypoint_is_taken_below_the_arrival_distance() -> None:
     driver = follower((10.0, 0.0), (10.0, 10.0))
-    driver.see_fix(*geodetic((7.99, 0.0))[0])
+    driver.update_fix(*geodetic((7.99, 0.0))[0])
     assert driver.target == 0
-    driver.see_fix(*geodetic((8.01, 0.0))[0])
+    driver.update_fix(*geodetic((8.01, 0.0))[0])
     assert driver.target == 1
     assert driver.command(0.0).turn_rate > 0
 
@@ -72,8 +72,8 @@ def test_waypoints_within_the_arrival_distance_are_skipped() -> None:
 def test_robot_stops_at_the_last_waypoint() -> None:
     driver = follower((10.0, 0.0))
     assert not driver.finished
-    driver.see_fix(*geodetic((9.0, 1.0))[0])
+    driver.update_fix(*geodetic((9.0, 1.0))[0])
     assert driver.finished
     assert driver.command(1.0) == (0.0, 0.0)
-    driver.see_fix(*geodetic((0.0, 0.0))[0])  # and does not start again
+    driver.update_fix(*geodetic((0.0, 0.0))[0])  # and does not start again
     assert driver.finished

@@ -35,7 +35,7 @@ class WaypointFollower:
         """True once the last waypoint is reached."""
         return self.target == len(self.waypoints_xy)
 
-    def see_fix(self, latitude_deg: float, longitude_deg: float) -> None:
+    def update_fix(self, latitude_deg: float, longitude_deg: float) -> None:
         """Take a GNSS fix; below the arrival distance the next waypoint becomes the target."""
         self._antenna_xy = horizontal_from_geodetic((latitude_deg, longitude_deg))
         while not self.finished and self.distance < self._control.arrival_distance:

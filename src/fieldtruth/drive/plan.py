@@ -23,7 +23,7 @@ def plan_route(world: World, experiment: Experiment, *, verify: bool = True) -> 
 
     Args:
         world: the world to drive in.
-        experiment: its route, control and rig count.
+        experiment: supplies route, control and rig.
         verify: drive a random route to its end in the physics simulation before returning it (some 20 s for 150 m): on
             rough ground the robot skids farther from the expected path than the kinematic simulation predicts.
 

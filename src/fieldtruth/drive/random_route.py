@@ -111,10 +111,10 @@ class RandomRoutePlanner:
         """Set waypoints on ``path`` by depth-first search, the widest spacing first; True if any was set."""
         arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
         # The robot turns this far before a waypoint, and there the path begins.
-        begun, at = len(draft.paths), [self._simulator.control.arrival_distance if draft.paths else 0.0]
+        first, at = len(draft.paths), [self._simulator.control.arrival_distance if draft.paths else 0.0]
         untried = [self._choices()]
         for _ in range(80):
-            rest = SPACINGS[-1] if len(draft.paths) > begun else CLOSE_SPACINGS[-1]
+            rest = SPACINGS[-1] if len(draft.paths) > first else CLOSE_SPACINGS[-1]
             if not untried or draft.length >= self._length or at[-1] > arc[-1] - rest:
                 break
             if not untried[-1]:  # dead end: back to the waypoint before
@@ -133,7 +133,7 @@ class RandomRoutePlanner:
                 draft.add(target, *leg, self._ground.path_length(leg[0]))
                 at.append(ahead)
                 untried.append(self._choices())
-        return len(draft.paths) > begun
+        return len(draft.paths) > first
 
     def _choices(self) -> list[tuple[float, bool]]:
         """Spacings [m] in the order in which they are tried, a random one first; True: only with wide clearance."""
@@ -178,11 +178,11 @@ class RandomRoutePlanner:
             rest = self._length - draft.lengths[last]
             if rest < 5.0 and last > 0 and last == enough - 1 and draft.lengths[last] > 15.0:
                 continue  # better one waypoint less and the last one farther out
-            begun = _Draft(draft.corners[: last + 1], draft.states[: last + 1], draft.paths[:last])
+            start = _Draft(draft.corners[: last + 1], draft.states[: last + 1], draft.paths[:last])
             direction = draft.corners[last + 1] - draft.corners[last]
-            target = self._last_waypoint(begun, direction / np.linalg.norm(direction), rest)
+            target = self._last_waypoint(start, direction / np.linalg.norm(direction), rest)
             if target is not None:
-                return np.array([*begun.corners, target])
+                return np.array([*start.corners, target])
         return None
 
     def _last_waypoint(self, draft: _Draft, direction: Array, rest: float) -> Array | None:

@@ -42,7 +42,7 @@ def drive(world: World, experiment: Experiment, *, progress: Callable[[float], N
 
     Args:
         world: the world to drive in.
-        experiment: its route, control, rig and seconds count.
+        experiment: supplies route, control, rig and duration.
         progress: called after every simulated second with the simulated time [s].
 
     Raises:
@@ -54,7 +54,7 @@ def drive(world: World, experiment: Experiment, *, progress: Callable[[float], N
     monitor = DriveMonitor(world, follower, experiment.control)
     robot = SimulatedHusky(world, rig, monitor)
     state = robot.spawn(world, horizontal_from_geodetic(route.start), follower.waypoints_xy[0])
-    _update_fix(follower, state, rig)
+    _read_fix(follower, state, rig)
 
     end = math.inf if experiment.seconds is None else max(1, round(experiment.seconds / STEP_S))
     imu_steps, gnss_steps = sensors.due_steps(rig.imu.rate_hz), sensors.due_steps(rig.gnss.rate_hz)
@@ -70,7 +70,7 @@ def drive(world: World, experiment: Experiment, *, progress: Callable[[float], N
         blocks.append(block)
         state = block[-1]
         while next_fix <= robot.step:
-            _update_fix(follower, block[next_fix - began - 1], rig)
+            _read_fix(follower, block[next_fix - began - 1], rig)
             next_fix = next(gnss_steps)
         if progress is not None and int(robot.seconds) > int(began * STEP_S):
             progress(robot.seconds)
@@ -126,9 +126,9 @@ class SimulatedHusky:
         return next(self._obstacles[g] for g in self._data.contact.geom.ravel().tolist() if g in self._obstacles)
 
 
-def _update_fix(follower: WaypointFollower, state: Array, rig: Rig) -> None:
+def _read_fix(follower: WaypointFollower, state: Array, rig: Rig) -> None:
     latitude, longitude, _ = sensors.antenna_geodetic(state[_POSITION], state[_QUATERNION], rig.gnss.mount)
-    follower.see_fix(float(latitude), float(longitude))
+    follower.update_fix(float(latitude), float(longitude))
 
 
 def _track(states: Array, rig: Rig) -> Track:
