@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""PNG encoders on the images of a bag, and the way from its JPEGs to PNG files.
+"""Compare PNG encoders on the images of a bag, and measure the conversion of its JPEGs to PNG files.
 
 Run: python benchmarks/png_encoders.py BAG
-Encoders that are not installed are left out; all of them:
+Encoders that are not installed are skipped. To install all:
 pip install pillow imagecodecs opencv-python-headless fpng deflate zlib-ng isal
 """
 
@@ -29,7 +29,7 @@ from fieldtruth.core.png import _filtered, encode_png
 
 Encoder = Callable[[Any], Any]
 SAMPLE, EVERY, WORKERS = 10, 10, 2
-"""Images of each kind, one of so many in the bag; threads on the way from JPEG to PNG."""
+"""Images of each kind, of which every EVERY-th of the bag is taken; threads that convert JPEG to PNG."""
 
 
 def pillow(level: int) -> Encoder:
@@ -73,12 +73,12 @@ def unfiltered(level: int) -> Encoder:
 
 
 ENCODERS: dict[str, Callable[[], Encoder]] = {
-    "this package": lambda: encode_png,
-    "rows of differences, ISA-L 0": lambda: ours("isal.isal_zlib", "compress", 0),
-    "rows of differences, ISA-L 2": lambda: ours("isal.isal_zlib", "compress", 2),
-    "rows of differences, libdeflate 1": lambda: ours("deflate", "zlib_compress", 1),
-    "rows of differences, zlib-ng 1": lambda: ours("zlib_ng.zlib_ng", "compress", 1),
-    "rows as they are, ISA-L 1": lambda: unfiltered(1),
+    "fieldtruth": lambda: encode_png,
+    "Sub filter, ISA-L 0": lambda: ours("isal.isal_zlib", "compress", 0),
+    "Sub filter, ISA-L 2": lambda: ours("isal.isal_zlib", "compress", 2),
+    "Sub filter, libdeflate 1": lambda: ours("deflate", "zlib_compress", 1),
+    "Sub filter, zlib-ng 1": lambda: ours("zlib_ng.zlib_ng", "compress", 1),
+    "no filter, ISA-L 1": lambda: unfiltered(1),
     "Pillow 0": lambda: pillow(0),
     "Pillow 1": lambda: pillow(1),
     "imagecodecs, libspng 0": lambda: imagecodecs("spng_encode", 0),
@@ -111,7 +111,7 @@ def sample(bag: Path) -> dict[str, list[NDArray[Any]]]:
 
 
 def measure(encode: Encoder, images: list[NDArray[Any]]) -> tuple[float, float]:
-    """Images per second of processor time, and bytes per image."""
+    """Return images per second of processor time, and bytes per image."""
     encode(images[0])
     start = time.thread_time()
     size = sum(len(encode(pixels)) for pixels in images)
@@ -119,7 +119,7 @@ def measure(encode: Encoder, images: list[NDArray[Any]]) -> tuple[float, float]:
 
 
 def from_jpeg_to_disk(bag: Path) -> tuple[int, float, float]:
-    """Number of photographs, and seconds and processor seconds from the bag's JPEGs to PNG files."""
+    """Convert the bag's JPEGs to PNG files; return their number, seconds and processor seconds."""
     with open_bag(bag) as stored, TemporaryDirectory(dir=Path.cwd()) as folder:
         decode = decoder(stored)
 
@@ -138,7 +138,7 @@ def main() -> None:
     bag = Path(sys.argv[1])
     images = sample(bag)
     height, width = next(iter(images.values()))[0].shape[:2]
-    print(f"{width} x {height}: images per second of a core's time, and bytes per image")
+    print(f"{width} x {height}: images per second of processor time, and kB per image")
     print(f"{'':<36}" + "".join(f"{kind:>12}{'kB':>8}" for kind in images))
     for name, make in ENCODERS.items():
         try:
@@ -150,12 +150,12 @@ def main() -> None:
             try:
                 rate, size = measure(encode, pixels)
                 row += f"{rate:>12.0f}{size / 1e3:>8.0f}"
-            except AttributeError:  # fpng has no 16 bits
+            except AttributeError:  # fpng does not support 16 bits
                 row += f"{'-':>12}{'-':>8}"
         print(f"{name:<36}{row}")
     count, seconds, cpu = from_jpeg_to_disk(bag)
     print(f"JPEG in the bag to PNG on disk, {WORKERS} threads: {count} photographs in {seconds:.2f} s, "
-          f"{count / seconds:.0f} a second; {1e3 * cpu / count:.1f} ms of a core's time each")  # fmt: skip
+          f"{count / seconds:.0f} per second; {1e3 * cpu / count:.1f} ms of processor time each")  # fmt: skip
 
 
 if __name__ == "__main__":
