@@ -47,7 +47,7 @@ def flat_world() -> World:
 
 @pytest.fixture(scope="session")
 def winding_track() -> Track:
-    """A drive with turns both ways over rolling ground."""
+    """A drive with turns to both sides over rolling ground."""
     from drive_worlds import hills, make_experiment, make_world
 
     from fieldtruth.drive.simulate import drive

@@ -4,7 +4,7 @@
 
 import numpy as np
 import pytest
-from oracle import judge, pieces
+from oracle import expected_hits
 from sense_worlds import F8, box, built_scene, make_world, trace_rays
 
 from fieldtruth.core import frames
@@ -12,6 +12,7 @@ from fieldtruth.core.classes import Label
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.sense.scene import Scene
+from fieldtruth.validation.retrace.tracer import ReferenceTracer
 
 RAYS = {"park": 3000, "lake": 900, "forest": 900, "hillside": 900}
 CLASSES = {"park": 9, "lake": 7, "forest": 7, "hillside": 6}
@@ -41,11 +42,11 @@ def test_oracle_on_a_box() -> None:
     world = make_world([(box("box", (1, 2, 3), "bark"), pose)])
     origins = np.array([[0, 0.1, 5.2], [0, 1.5, 5.0], [0, 0.999999, 5.3], [3.1, 3.2, 2.0], [0, 0.5, 5.5]])
     directions = np.array([[1.0, 0, 0], [1, 0, 0], [1, 0, 0], [0, 0, -1], [0, 0, 1]])
-    verdict = judge(world, origins, directions)
-    assert verdict.label.tolist()[:2] + verdict.label.tolist()[3:] == [Label.TRUNK, Label.SKY, Label.GROUND, Label.SKY]
-    assert verdict.range_m[[0, 1, 3, 4]] == pytest.approx([8.0, 0.0, 2.0, 0.0])  # rotated by 90 deg: 2 m along x
-    assert verdict.instance[[0, 1, 3, 4]].tolist() == [2, 0, 1, 0]
-    assert verdict.doubtful.tolist() == [False, False, True, False, False]  # the third is 1 um inside an edge
+    found = expected_hits(ReferenceTracer(world), origins, directions)
+    assert found.label[[0, 1, 3, 4]].tolist() == [Label.TRUNK, Label.SKY, Label.GROUND, Label.SKY]
+    assert found.range_m[[0, 1, 3, 4]] == pytest.approx([8.0, 0.0, 2.0, 0.0])  # rotated by 90 deg: 2 m along x
+    assert found.instance[[0, 1, 3, 4]].tolist() == [2, 0, 1, 0]
+    assert found.doubtful.tolist() == [False, False, True, False, False]  # the third is 1 um inside an edge
 
 
 @pytest.fixture(scope="module", params=RAYS)
@@ -53,31 +54,36 @@ def scene(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     return built_scene(tmp_path_factory.getbasetemp(), request.param)
 
 
-def test_oracle_has_every_triangle(scene: Scene) -> None:
+@pytest.fixture(scope="module")
+def tracer(scene: Scene) -> ReferenceTracer:
+    return ReferenceTracer(scene.world)
+
+
+def test_oracle_has_every_triangle(scene: Scene, tracer: ReferenceTracer) -> None:
     world = scene.world
     nx, ny = world.terrain.field.heights.shape
     assert world.backdrop is not None
     objects = sum(len(world.meshes[i.mesh].faces) for i in world.instances)
     objects += sum(len(world.meshes[s.meshes[row]].faces) for s in world.swarms for row in s.mesh)
     expected = 2 * (nx - 1) * (ny - 1) + len(world.backdrop.faces) + objects
-    assert sum(len(piece.corners) for piece in pieces(world)) == expected > 1_000_000
+    assert tracer.triangles == expected > 1_000_000
 
 
-def test_class_object_and_range_agree_with_the_oracle(scene: Scene) -> None:
+def test_class_object_and_range_agree_with_the_oracle(scene: Scene, tracer: ReferenceTracer) -> None:
     count = RAYS[scene.world.name]
     origins, directions = robot_rays(scene, count, np.random.default_rng(20))
     seen = trace_rays(scene, origins, directions, max_range=3000.0)
-    verdict = judge(scene.world, origins, unit(directions))
-    sure = ~verdict.doubtful
+    expected = expected_hits(tracer, origins, unit(directions))
+    sure = ~expected.doubtful
     excluded = f"{np.count_nonzero(~sure)} of {count} rays graze a border and were excluded"
     assert np.count_nonzero(~sure) < 0.03 * count, excluded
-    assert len(np.unique(verdict.label[sure])) >= CLASSES[scene.world.name], "the rays must hit nearly every class"
-    wet = verdict.label == Label.WATER  # which returns no pulse
-    verdict.label[wet], verdict.instance[wet], verdict.range_m[wet] = Label.SKY, 0, 0.0
+    assert len(np.unique(expected.label[sure])) >= CLASSES[scene.world.name], "the rays must hit nearly every class"
+    wet = expected.label == Label.WATER  # which returns no pulse
+    expected.label[wet], expected.instance[wet], expected.range_m[wet] = Label.SKY, 0, 0.0
     label = np.where(seen.range_m > 0, seen.label, Label.SKY)
-    wrong = np.flatnonzero(sure & ((label != verdict.label) | (seen.instance != verdict.instance)))
+    wrong = np.flatnonzero(sure & ((label != expected.label) | (seen.instance != expected.instance)))
     assert len(wrong) == 0, f"class or object differ for rays {wrong.tolist()}; {excluded}"
     # Single precision rounds surfaces by about 10 um, which grows with the inverse cosine along a grazing ray.
-    allowed = 2e-5 / verdict.cosine + 1e-6 * verdict.range_m
-    off = np.flatnonzero(sure & (np.abs(seen.range_m - verdict.range_m) > allowed))
+    allowed = 2e-5 / expected.cosine + 1e-6 * expected.range_m
+    off = np.flatnonzero(sure & (np.abs(seen.range_m - expected.range_m) > allowed))
     assert len(off) == 0, f"range differs for rays {off.tolist()}; {excluded}"

@@ -27,7 +27,7 @@ _STATUS: Final = {True: "pass", False: "FAIL", None: "skipped"}
 class Check:
     """Result of one check. ``name`` is stable, for programs; ``text`` is for people.
 
-    ``passed`` is None if the check was skipped. ``text`` holds figures, or the first mismatch, or why it was skipped.
+    ``passed`` has the value None if the check was skipped. ``text`` holds figures, or the first mismatch, or why it was skipped.
     """
 
     name: str

@@ -83,7 +83,7 @@ class Checker:
     topics: Sequence[str] = ()
 
     def see(self, raw: RawMessage, message: Any) -> None:
-        """Take a message; ``message`` is None for /clock and /gazebo/model_states, which are too many to decode."""
+        """Take a message, decoded but for /clock and /gazebo/model_states, which are too many (None)."""
 
     def finish(self) -> None:
         """Take the end of the bag."""

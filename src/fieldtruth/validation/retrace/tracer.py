@@ -59,6 +59,7 @@ class ReferenceTracer:
     """The triangles of a world. Threads may share it."""
 
     def __init__(self, world: World) -> None:
+        self.world = world
         labels = {name: int(material.label) for name, material in world.materials.items()}
         meshes: dict[str, tuple[Array, NDArray[np.uint8]]] = {"terrain": terrain_corners(world.terrain.field)}
         poses: dict[str, list[tuple[Array, int]]] = {"terrain": [(np.eye(4), GROUND_ID)]}
