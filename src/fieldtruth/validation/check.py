@@ -27,7 +27,7 @@ _STATUS: Final = {True: "pass", False: "FAIL", None: "skipped"}
 class Check:
     """Result of one check. ``name`` is stable, for programs; ``text`` is for people.
 
-    ``passed`` has the value None if the check was skipped. ``text`` holds figures, or the first mismatch, or why it was skipped.
+    ``passed`` has the value None if the check was skipped. ``text`` holds figures, the first mismatch, or the reason.
     """
 
     name: str
@@ -66,10 +66,15 @@ class Rule:
 
 @dataclass(frozen=True)
 class Spec:
-    """Declaration of a check: its stable name and its rules, of which docs/validate.md is generated."""
+    """Declaration of a check: its stable name and its rules, of which docs/validate.md is generated.
+
+    The text of a check that passes counts ``items``; ``skipped`` says why it has none.
+    """
 
     name: str
     rules: tuple[Rule, ...]
+    items: str = ""
+    skipped: str = ""
 
 
 class Count:
@@ -137,7 +142,7 @@ class Count:
     @property
     def margin(self) -> str:
         """Largest residual beside its tolerance."""
-        return f"{self.worst:.1e} {self.rule.unit} (tolerance {self.rule.tolerance:.2g})"
+        return f"{self.worst:.2g} {self.rule.unit} (tolerance {self.rule.tolerance:.2g})"
 
 
 class Tally:
@@ -145,40 +150,45 @@ class Tally:
 
     def __init__(self, spec: Spec, strict: bool = True) -> None:
         self.spec = spec
+        self.note = ""
+        """Further figures for the text of a check that passes."""
+        self.skipped = spec.skipped
+        self.more: list[Count] = []
+        """Counts of further rules."""
         self._strict = strict
         self._counts = {rule: Count(rule, strict) for rule in spec.rules}
+        self._whole: Tally | None = None
 
     def __getitem__(self, rule: Rule) -> Count:
         return self._counts[rule]
 
-    def fresh(self) -> "Tally":
-        """Return an empty tally of the same check, for another thread to fill."""
-        return Tally(self.spec, self._strict)
+    def part(self) -> "Tally":
+        """Return an empty tally of the same check for a thread to fill."""
+        part = Tally(self.spec, self._strict)
+        part._whole = self
+        return part
 
-    def merge(self, other: "Tally") -> None:
-        """Add the counts of another tally of this check."""
-        for rule, count in self._counts.items():
-            more = other[rule]
-            count.worst = max(count.worst, more.worst)
-            count.add(more.seen, more.wrong, more.first)
+    def join(self) -> None:
+        """Add a part to the tally that it is a part of."""
+        assert self._whole is not None
+        for rule, own in self._counts.items():
+            count = self._whole[rule]
+            count.worst = max(count.worst, own.worst)
+            count.add(own.seen, own.wrong, own.first)
 
-    def result(self, figures: str, skipped: str, more: Sequence[Count] = ()) -> Check:
-        """Return the check.
-
-        Args:
-            figures: text of a check that passes.
-            skipped: why the check is skipped, if no rule has seen an item.
-            more: further counts that belong to the check.
-        """
-        counts = [*self._counts.values(), *more]
+    def result(self) -> Check:
+        """Return the check."""
+        counts = [*self._counts.values(), *self.more]
         wrong = [count.text for count in counts if count.passed is False]
         if wrong:
             return Check(self.spec.name, False, "; ".join(wrong))
         unused = [count for count in counts if count.passed is None and count.seen]
-        note = "".join(f"; does not apply: {c.rule.text} ({c.wrong:,} of {c.seen:,} mismatch)" for c in unused)
-        if any(count.passed for count in counts if not count.rule.minor):
-            return Check(self.spec.name, True, figures + note)
-        return Check(self.spec.name, None, note.removeprefix("; ") or skipped)
+        notes = [f"does not apply: {c.rule.text} ({c.wrong:,} of {c.seen:,} mismatch)" for c in unused]
+        if not any(count.passed for count in counts if not count.rule.minor):
+            return Check(self.spec.name, None, "; ".join(notes) or self.skipped)
+        figures = [f"{max(count.seen for count in counts):,} {self.spec.items}"] * bool(self.spec.items)
+        figures += [count.margin for count in counts if count.rule.tolerance is not None and count.met]
+        return Check(self.spec.name, True, "; ".join([*figures, *[self.note] * bool(self.note), *notes]))
 
 
 def markdown(specs: Sequence[Spec]) -> str:

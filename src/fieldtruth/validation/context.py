@@ -15,7 +15,7 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.sense.scene import Scene
-from fieldtruth.validation.check import Check, Spec, Tally
+from fieldtruth.validation.check import Spec, Tally
 from fieldtruth.validation.window import MotionWindow
 from fieldtruth.world.model import World
 
@@ -31,13 +31,6 @@ class RebuiltWorld(NamedTuple):
     baked: BakedScene | None
 
 
-class Job(NamedTuple):
-    """Work for a thread, and the function that takes its result in the main thread."""
-
-    work: Callable[[], Any]
-    fold: Callable[[Any], None]
-
-
 @dataclass
 class Context:
     """The run, and what has been read of it so far."""
@@ -51,7 +44,8 @@ class Context:
     """Fixed frames of /tf_static: parent and parent_from_child (4, 4) by child."""
     names: tuple[str, ...] = ()
     """Objects of /gazebo/model_states; the row is the object's id."""
-    jobs: deque[Job] = field(default_factory=deque)
+    jobs: deque[Callable[[], Sequence[Tally]]] = field(default_factory=deque)
+    """Work for threads, in order: each returns parts of tallies that it has filled."""
 
     @property
     def experiment(self) -> Experiment | None:
@@ -72,25 +66,18 @@ class Context:
         """Return an empty tally of a check, strict if the run's experiment is known."""
         return Tally(spec, strict=self.experiment is not None)
 
-    def submit(self, work: Callable[[], Any], fold: Callable[[Any], None]) -> None:
-        """Run ``work`` in a thread; ``fold`` gets its result in the main thread, in the order of submission."""
-        self.jobs.append(Job(work, fold))
-
 
 class Checker:
     """A group of checks, which sees the messages of ``topics`` in time order."""
 
     topics: Sequence[str] = ()
+    tallies: Sequence[Tally] = ()
 
     def see(self, raw: RawMessage, message: Any) -> None:
         """Take a message, decoded but for /clock and /gazebo/model_states, which are too many (None)."""
 
     def finish(self) -> None:
         """Take the end of the bag."""
-
-    def results(self) -> list[Check]:
-        """Return the checks."""
-        raise NotImplementedError
 
 
 def at(raw: RawMessage) -> str:

@@ -33,7 +33,7 @@ READABLE: Final = Rule("the file consists of records without a gap, and can be u
 COUNTS: Final = Rule("header and index have the chunks, stamps and message counts of the file")
 ENTRIES: Final = Rule("every message has its entry in the index behind its chunk, and every entry its message")
 TOPICS: Final = Rule("chunks repeat the topic definitions of the index")
-STRUCTURE: Final[Spec] = Spec("structure", (READABLE, COUNTS, ENTRIES, TOPICS))
+STRUCTURE: Final[Spec] = Spec("structure", (READABLE, COUNTS, ENTRIES, TOPICS), "messages", "the file was not read")
 
 
 def check_checksums(bag: Path, progress: Progress) -> Check:
@@ -108,7 +108,7 @@ class BagFile:
         self._topics = {c.id: (c.topic, c.msgtype) for c in connections}
         self._definitions: dict[int, tuple[Header, bytes]] = {}
         self._infos: dict[int, ChunkInfo] = {}
-        self._size = self._messages = 0
+        self._size = 0
 
     @property
     def readable(self) -> bool:
@@ -125,9 +125,8 @@ class BagFile:
 
     def result(self) -> Check:
         """Return the check of the structure."""
-        entries = self.tally[ENTRIES].seen
-        size = f"{self._size / 1e6:.1f} MB, {len(self._infos):,} chunks"
-        return self.tally.result(f"{size}, {self._messages:,} messages, {entries:,} entries", "the file was not read")
+        self.tally.note = f"{self._size / 1e6:.1f} MB, {len(self._infos):,} chunks"
+        return self.tally.result()
 
     def _read_index(self, source: BinaryIO) -> int:
         """Read the header and the index at the end of the file; returns where the index begins."""
@@ -209,7 +208,6 @@ class BagFile:
     def _known(self, rows: list[tuple[int, int, int, int, bytes]]) -> Iterator[RawMessage]:
         for stamp, _, _, number, data in rows:
             if number in self._topics:
-                self._messages += 1
                 yield RawMessage(stamp, *self._topics[number], data, number)
 
     def _compare(self, chunk: _Chunk) -> None:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The single pass over a bag: messages go to the checks of their topic, costly work goes to threads, in order."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,8 +14,8 @@ from fieldtruth.bag.run import find_bag
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.validation import files, streams
-from fieldtruth.validation.check import Check, Rule, Spec
-from fieldtruth.validation.context import Checker, Context, Job, at
+from fieldtruth.validation.check import Check, Rule, Spec, Tally
+from fieldtruth.validation.context import Checker, Context, at
 from fieldtruth.validation.files import BagFile
 from fieldtruth.validation.motion import calibration, poses, sensors
 from fieldtruth.validation.retrace import agreement, clouds, images, reference, world
@@ -25,7 +25,7 @@ SAMPLES: Final = 20
 """Number of stamps of a run at which costly checks are made."""
 
 DECODABLE: Final = Rule("every message has exactly the bytes of its type")
-MESSAGES: Final[Spec] = Spec("messages", (DECODABLE,))
+MESSAGES: Final[Spec] = Spec("messages", (DECODABLE,), "messages")
 
 SPECS: Final[tuple[Spec, ...]] = (
     files.CHECKSUMS_SPEC, files.EXPERIMENT_SPEC, files.STRUCTURE, MESSAGES,
@@ -115,7 +115,7 @@ def _read(
         for topic in checker.topics:
             by_topic.setdefault(topic, []).append(checker)
 
-    def jobs() -> Iterator[Job]:
+    def jobs() -> Iterator[Callable[[], Sequence[Tally]]]:
         reported_ns = context.run.start_ns
         for raw in file.messages():
             try:
@@ -136,11 +136,12 @@ def _read(
         while context.jobs:
             yield context.jobs.popleft()
 
-    for fold, result in in_order(jobs(), lambda job: (job.fold, job.work()), workers):
-        fold(result)
+    for parts in in_order(jobs(), lambda job: job(), workers):
+        for part in parts:
+            part.join()
     digests = {c.topic: (c.digest, store.generate_msgdef(c.msgtype)[1]) for c in stored.connections}
-    checks = [file.result(), messages.result(f"{messages[DECODABLE].seen:,} messages", "no messages")]
-    checks += [streams.check_topics(context, digests), *(check for each in checkers for check in each.results())]
+    checks = [file.result(), messages.result(), streams.check_topics(context, digests)]
+    checks += [tally.result() for checker in checkers for tally in checker.tallies]
     if file.readable:
         return checks
     return [c if c.passed is False else Check(c.name, None, "the bag cannot be read to its end") for c in checks]

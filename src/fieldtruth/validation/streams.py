@@ -22,28 +22,29 @@ from fieldtruth.validation.context import STEP_NS, Checker, Context, at
 PRESENT: Final = Rule("every topic that the sensors publish exists")
 TYPES: Final = Rule("topics have the types of the topic table")
 DIGESTS: Final = Rule("the MD5 sum of a type is the one of its definition")
-TOPICS: Final[Spec] = Spec("topics", (PRESENT, TYPES, DIGESTS))
+TOPICS: Final[Spec] = Spec("topics", (PRESENT, TYPES, DIGESTS), "topics")
 
 COUNT: Final = Rule("each topic has duration times rate messages", 1, "message")
-COUNTS: Final[Spec] = Spec("counts", (COUNT,))
+COUNTS: Final[Spec] = Spec("counts", (COUNT,), "topics", "no topic has its rate")
 
 RISING: Final = Rule("the stamps of each topic rise")
 HEADER_STAMP: Final = Rule("the stamp in a header is the stamp in the bag")
 ON_RATE: Final = Rule("stamps are k / rate, rounded to nanoseconds or to steps of the physics")
 NO_GAP: Final = Rule("no reading is missing")
-STAMPS: Final[Spec] = Spec("stamps", (RISING, HEADER_STAMP, ON_RATE, NO_GAP))
+_NO_TOPIC: Final = "no topic of the topic table"
+STAMPS: Final[Spec] = Spec("stamps", (RISING, HEADER_STAMP, ON_RATE, NO_GAP), "stamps", _NO_TOPIC)
 
 TOGETHER: Final = Rule("cameras' topics, wheels, odometry and /tf, /clock and model states have the same stamps")
-SYNCHRONISATION: Final[Spec] = Spec("synchronisation", (TOGETHER,))
+SYNCHRONISATION: Final[Spec] = Spec("synchronisation", (TOGETHER,), "stamps", "no topics with the same stamps")
 
 OWN_STAMP: Final = Rule("/clock publishes its own stamp")
-CLOCK: Final[Spec] = Spec("clock", (OWN_STAMP,))
+CLOCK: Final[Spec] = Spec("clock", (OWN_STAMP,), "messages", f"no {table.CLOCK}")
 
 SEQUENCE: Final = Rule("sequence numbers count the messages of a topic from 0")
 FRAME: Final = Rule("headers name the frame of their sensor")
-HEADERS: Final[Spec] = Spec("headers", (SEQUENCE, FRAME))
+HEADERS: Final[Spec] = Spec("headers", (SEQUENCE, FRAME), "headers", "no message has a header")
 KNOWN_FRAME: Final = Rule("frames of headers exist in /tf_static or /tf")
-FRAMES: Final[Spec] = Spec("frames", (KNOWN_FRAME,))
+FRAMES: Final[Spec] = Spec("frames", (KNOWN_FRAME,), "frames", "neither /tf_static nor /tf")
 
 _ON_STEPS: Final = (table.IMU, table.NAVSAT, *table.WHEEL_SPEEDS)
 _CAMERAS: Final = tuple(topic.name for topic in table.TOPICS if topic.sensor in ("cameras", "depth", "instances"))
@@ -78,10 +79,10 @@ def check_topics(context: Context, digests: dict[str, tuple[str, str]]) -> Check
     for name, (stated, real) in digests.items():
         tally[DIGESTS].see(stated == real, f"{name} states {stated}, its definition has {real}")
     others = sorted(set(run.counts) - {topic.name for topic in table.TOPICS})
-    more = f"; {len(others)} other topics are not checked: {', '.join(others[:5])}" if others else ""
-    if not due:
-        return Check(TOPICS.name, None, f"no topic of the topic table{more}")
-    return tally.result(f"{len(due)} topics with their types{more}", "")
+    tally.note = f"{len(others)} other topics are not checked: {', '.join(others[:5])}" if others else ""
+    if due:
+        return tally.result()
+    return Check(TOPICS.name, None, "; ".join([_NO_TOPIC, *[tally.note] * bool(others)]))
 
 
 class _Clock(NamedTuple):
@@ -125,6 +126,7 @@ class Stamps(Checker):
         }
         self._counts, self._stamps = context.tally(COUNTS), context.tally(STAMPS)
         self._together, self._clock = context.tally(SYNCHRONISATION), context.tally(CLOCK)
+        self.tallies = [self._counts, self._stamps, self._together, self._clock]
         self._last: dict[str, int] = {}
         self._number: dict[str, int] = {}
         self._seen: dict[str, int] = {}
@@ -168,23 +170,10 @@ class Stamps(Checker):
             for stamp, met in waiting.items():
                 self._together[TOGETHER].see(False, _missing(stamp, group, met))
 
-    def results(self) -> list[Check]:
-        """Counts, stamps, synchronisation, clock."""
-        used = [name for name, count in self._on_rate.items() if count.passed is not None]
-        rates = sorted({f"{self._clocks[name].rate_hz:g}" for name in used}, key=float)
-        on_rate = sum(self._on_rate[name].seen for name in used)
-        parts = [f"{self._stamps[RISING].met:,} stamps rise"]
-        parts += [f"{self._stamps[HEADER_STAMP].met:,} headers agree"] * bool(self._stamps[HEADER_STAMP].met)
-        parts += [f"{on_rate:,} are at {', '.join(rates)} Hz"] * bool(rates)
-        parts += [f"{len(self._on_rate) - len(used)} topics follow another clock"] * (len(used) < len(self._on_rate))
-        moments, messages = self._together[TOGETHER].met, sum(self._seen.values())
-        ticks = self._clock[OWN_STAMP].seen
-        return [
-            self._counts.result(f"{len(self._seen)} topics, {messages:,} messages", "no topic has its rate"),
-            self._stamps.result(", ".join(parts), "no topic of the topic table", [self._on_rate[n] for n in used]),
-            self._together.result(f"{moments:,} stamps, {len(self._groups)} groups", "no topics with the same stamps"),
-            self._clock.result(f"{ticks:,} messages publish their own stamp", f"no {table.CLOCK}"),
-        ]
+        used = [count for count in self._on_rate.values() if count.passed is not None]
+        self._stamps.more += used
+        if len(used) < len(self._on_rate):
+            self._stamps.note = f"{len(self._on_rate) - len(used)} topics follow another clock"
 
     def _follow(self, raw: RawMessage, clock: _Clock) -> None:
         number, before = clock.number(raw.stamp_ns), self._number.get(raw.topic, 0)
@@ -221,6 +210,7 @@ class Headers(Checker):
     def __init__(self, context: Context) -> None:
         self.topics = [topic.name for topic in table.TOPICS if topic.name in context.run.counts]
         self._headers, self._frames = context.tally(HEADERS), context.tally(FRAMES)
+        self.tallies = [self._headers, self._frames]
         self._numbers: dict[str, int] = {}
         self._named: dict[str, str] = {}
         self._known: set[str] = set()
@@ -240,16 +230,11 @@ class Headers(Checker):
             if raw.topic in (table.ODOMETRY, table.TF):
                 self._see_frame(raw, part.child_frame_id, BASE)
 
-    def results(self) -> list[Check]:
-        """Headers, frames."""
+    def finish(self) -> None:
+        """Take the end of the bag."""
         if self._known:
             for name, where in self._named.items():
                 self._frames[KNOWN_FRAME].see(name in self._known, f"{where}: {name!r}")
-        named, known, counted = len(self._named), len(self._known), self._headers[SEQUENCE].met
-        return [
-            self._headers.result(f"{counted:,} headers count up and name {named} frames", "no message has a header"),
-            self._frames.result(f"{named} frames of {known} in /tf_static and /tf", "neither /tf_static nor /tf"),
-        ]
 
     def _see_frame(self, raw: RawMessage, found: str, due: str) -> None:
         self._headers[FRAME].see(found == due, f"{at(raw)}: {found!r} instead of {due!r}")

@@ -14,7 +14,7 @@ from fieldtruth.bag.sensor_messages import camera_matrix, optical_frame, project
 from fieldtruth.core import frames
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.experiment.rig import CameraConfig
-from fieldtruth.validation.check import Check, Rule, Spec
+from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import Checker, Context, at
 
 MOUNTS: Final = Rule("frames of /tf_static are mounted as in the rig", 1e-9, "m or of a rotation")
@@ -25,7 +25,8 @@ LENS: Final = Rule("size, K and P follow from the rig's image size and field of 
 PINHOLE: Final = Rule("cameras are rectified pinholes: R is the identity, D zero, P[:, :3] is K, no binning, no ROI")
 BASELINE: Final = Rule("the baseline in P is the one in /tf_static", 1e-6, "pixel")
 CONSTANT: Final = Rule("CameraInfo does not change")
-CALIBRATION: Final[Spec] = Spec("calibration", (MOUNTS, UNIT, ONCE, LENS, PINHOLE, BASELINE, CONSTANT))
+_RULES: Final = (MOUNTS, UNIT, ONCE, LENS, PINHOLE, BASELINE, CONSTANT)
+CALIBRATION: Final[Spec] = Spec("calibration", _RULES, "items", "neither /tf_static nor CameraInfo")
 
 
 class Calibration(Checker):
@@ -33,11 +34,11 @@ class Calibration(Checker):
 
     def __init__(self, context: Context) -> None:
         self._context, self._tally = context, context.tally(CALIBRATION)
+        self.tallies = [self._tally]
         self._infos = {table.camera_info(side): side for side in table.SIDES}
         self.topics = [name for name in (table.TF_STATIC, *self._infos) if name in context.run.counts]
         self._first: dict[str, tuple[bytes, Any]] = {}
         self._published = 0
-        self._baseline = 0.0
 
     def see(self, raw: RawMessage, message: Any) -> None:
         """Take a message."""
@@ -67,14 +68,6 @@ class Calibration(Checker):
         if len(self._first) == len(table.SIDES):
             self._check_baseline()
 
-    def results(self) -> list[Check]:
-        """Calibration."""
-        mounts, lens = self._tally[MOUNTS], self._tally[LENS]
-        parts = [f"{mounts.seen} frames as in the rig: {mounts.margin}"] * bool(mounts.seen)
-        parts += [f"K and P of {len(self._first)} cameras: {lens.margin}"] * bool(lens.seen)
-        parts += [f"baseline {self._baseline:.4f} m in P as in /tf_static"] * bool(self._tally[BASELINE].seen)
-        return [self._tally.result("; ".join(parts), "neither /tf_static nor CameraInfo")]
-
     def _check_lens(self, side: str, info: Any) -> None:
         k, p, roi = np.reshape(info.K, (3, 3)), np.reshape(info.P, (3, 4)), info.roi
         cut = (info.binning_x, info.binning_y, roi.x_offset, roi.y_offset, roi.height, roi.width, int(roi.do_rectify))
@@ -96,6 +89,6 @@ class Calibration(Checker):
             left, right = (self._context.frames.base_from(optical_frame(side)) for side in table.SIDES)
         except FieldtruthError:
             return  # missing frames are reported by the mounts
-        self._baseline = float((frames.inverse(left) @ right)[0, 3])
-        residual = p["right"][0, 3] + p["right"][0, 0] * self._baseline, p["left"][0, 3]
-        self._tally[BASELINE].measure(float(np.abs(residual).max()), f"{self._baseline:.6f} m between the cameras")
+        baseline = float((frames.inverse(left) @ right)[0, 3])
+        residual = p["right"][0, 3] + p["right"][0, 0] * baseline, p["left"][0, 3]
+        self._tally[BASELINE].measure(float(np.abs(residual).max()), f"{baseline:.6f} m between the cameras")

@@ -22,31 +22,33 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.validation.check import Check, Rule, Spec
+from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import STEP_NS, Checker, Context, at
 from fieldtruth.validation.window import is_attitude
 
 STILL: Final = Rule("only the robot moves, and names do not change")
 UNIQUE: Final = Rule("names are unique")
-STATIC_OBJECTS: Final[Spec] = Spec("static objects", (STILL, UNIQUE))
+_NO_STATES: Final = f"no {table.MODEL_STATES} with a model {ROBOT!r}"
+STATIC_OBJECTS: Final[Spec] = Spec("static objects", (STILL, UNIQUE), "messages", _NO_STATES)
 
 UNIT: Final = Rule("attitudes are unit quaternions", 1e-9, "from length 1", minor=True)
 # 10 ms of jitter in the stamps at several metres a second.
 JUMPS: Final = Rule("the robot does not jump", 0.05, "m")
 MOVES: Final = Rule("the robot moves by velocity times time step", 1e-9, "m")
 TURNS: Final = Rule("the robot turns by turn rate times time step", 1e-9, "rad")
-MOTION: Final[Spec] = Spec("motion", (UNIT, JUMPS, MOVES, TURNS))
+MOTION: Final[Spec] = Spec("motion", (UNIT, JUMPS, MOVES, TURNS), "messages", _NO_STATES)
 
 ODOMETRY_POSE: Final = Rule("the pose of odometry is the one of model states", 0.0, "m or of a quaternion")
 TF_POSE: Final = Rule("the pose of /tf is the one of model states", 0.0, "m or of a quaternion")
 TWIST: Final = Rule("the twist of odometry is the one of model states in base_link", 1e-9, "m/s or rad/s")
 EXACT: Final = Rule("covariances of odometry are zero", minor=True)
-POSES: Final[Spec] = Spec("poses", (ODOMETRY_POSE, TF_POSE, TWIST, EXACT))
+_NO_PAIR: Final = "only one of /gazebo/model_states, /ground_truth/odom and /tf"
+POSES: Final[Spec] = Spec("poses", (ODOMETRY_POSE, TF_POSE, TWIST, EXACT), "poses", _NO_PAIR)
 
 # The robot settles for two seconds before the recording, in which it may creep.
 START: Final = Rule("the drive begins at the start of the route", 0.3, "m")
 END: Final = Rule("the drive lasts as long as the experiment says, or until the robot stands at the last waypoint")
-DRIVE: Final[Spec] = Spec("drive", (START, END))
+DRIVE: Final[Spec] = Spec("drive", (START, END), skipped="no experiment, or no true motion")
 _STOPPING: Final = 0.5  # [m] from the fix that reaches the last waypoint to standstill, at most
 _STANDING: Final = 0.05  # [m/s]
 
@@ -64,6 +66,7 @@ class ModelStates(Checker):
         self._context = context
         self._reader = ModelStatesReader()
         self._static, self._motion = context.tally(STATIC_OBJECTS), context.tally(MOTION)
+        self.tallies = [self._static, self._motion]
         self._first: tuple[tuple[str, ...], Array] | None = None
         self._stamps: list[int] = []
         self._rows: list[Array] = []
@@ -96,15 +99,7 @@ class ModelStates(Checker):
     def finish(self) -> None:
         """Take the end of the bag."""
         self._check_motion()
-
-    def results(self) -> list[Check]:
-        """Static objects, motion."""
-        missing, objects = f"no {table.MODEL_STATES} with a model {ROBOT!r}", len(self._context.names)
-        static = f"{objects - 1} objects do not move in {self._static[STILL].seen:,} messages"
-        motion = f"{self._length:.2f} m without a jump"
-        if self._motion[MOVES].met:
-            motion += f"; residuals {self._motion[MOVES].margin}, {self._motion[TURNS].margin}"
-        return [self._static.result(static, missing), self._motion.result(motion, missing)]
+        self._motion.note = f"{self._length:.2f} m driven"
 
     def _check_motion(self) -> None:
         """Check the collected rows; the last one begins the next block."""
@@ -152,6 +147,7 @@ class Poses(Checker):
 
     def __init__(self, context: Context) -> None:
         self._motion, self._tally = context.motion, context.tally(POSES)
+        self.tallies = [self._tally]
         self._has_states = table.MODEL_STATES in context.run.counts
         self.topics = [name for name in (table.ODOMETRY, table.TF) if name in context.run.counts]
 
@@ -170,12 +166,6 @@ class Poses(Checker):
         elif is_attitude(pose[3:]):
             rotated = velocities @ frames.rotation_from_quaternion_wxyz(pose[3:]).T
             self._motion.add(raw.stamp_ns, np.concatenate([pose, rotated.ravel()]))
-
-    def results(self) -> list[Check]:
-        """Poses."""
-        odometry, tf, twists = (self._tally[rule] for rule in (ODOMETRY_POSE, TF_POSE, TWIST))
-        figures = f"{odometry.seen:,} of odometry and {tf.seen:,} of /tf are exact; twists: {twists.margin}"
-        return [self._tally.result(figures, "only one of /gazebo/model_states, /ground_truth/odom and /tf")]
 
     def _compare(self, raw: RawMessage, pose: Array, rule: Rule, velocities: Array | None = None) -> None:
         state = self._motion.state(raw.stamp_ns)
@@ -199,9 +189,9 @@ class Drive(Checker):
     def __init__(self, context: Context) -> None:
         self._context = context
         self._tally = context.tally(DRIVE)
+        self.tallies = [self._tally]
         self._first: Array | None = None
         self._last_ns = 0
-        self._figures = ""
 
     def see(self, raw: RawMessage, message: Any) -> None:
         """Take a message, after the motion window did."""
@@ -223,20 +213,16 @@ class Drive(Checker):
             self._tally[START].measure(away, f"the first pose is {away:.2f} m from the start")
         self._check_end(experiment, goal)
 
-    def results(self) -> list[Check]:
-        """Drive."""
-        return [self._tally.result(self._figures, "no experiment, or no true motion")]
-
     def _check_end(self, experiment: Experiment, goal: Any) -> None:
         seconds, asked, end = self._last_ns / 1e9, experiment.seconds, self._tally[END]
         due = None if asked is None else max(1, round(asked * 1e9 / STEP_NS)) * STEP_NS
         if due is not None and self._last_ns >= due:
             end.see(self._last_ns == due, f"{seconds:g} s instead of {asked:g} s")
-            self._figures = f"{seconds:g} s as in the experiment"
+            self._tally.note = f"{seconds:g} s as in the experiment"
         elif goal is not None:
             state = self._context.motion.state(self._last_ns)
             antenna = frames.transform(state.world_from_base, np.array([experiment.rig.gnss.mount.xyz]))[0]
             away, speed = float(np.linalg.norm(antenna[:2] - goal)), float(np.linalg.norm(state.linear_velocity))
-            self._figures = f"{seconds:g} s, then {away:.2f} m from the last waypoint at {speed:.2f} m/s"
+            self._tally.note = f"{seconds:g} s, then {away:.2f} m from the last waypoint at {speed:.2f} m/s"
             arrived = away < experiment.control.arrival_distance + _STOPPING and speed < _STANDING
-            end.see(arrived, f"it ends after {self._figures}")
+            end.see(arrived, f"it ends after {self._tally.note}")

@@ -16,23 +16,25 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core import frames, geodesy
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.physics import GRAVITY
-from fieldtruth.validation.check import Check, Rule, Spec
+from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import STEP_NS, Checker, Context, at
 
 ATTITUDE: Final = Rule("the IMU's attitude is the true one, turned by its mount", 1e-9, "rad")
 TURN_RATE: Final = Rule("the gyroscope measures the true turn rate", 1e-9, "rad/s")
 FORCE: Final = Rule("the accelerometer measures the change of velocity, and gravity", 1e-6, "m/s^2")
 IMU_EXACT: Final = Rule("covariances of the IMU are zero", minor=True)
-IMU: Final[Spec] = Spec("imu", (ATTITUDE, TURN_RATE, FORCE, IMU_EXACT))
+_NO_IMU: Final = f"no {table.IMU}, or no true motion"
+IMU: Final[Spec] = Spec("imu", (ATTITUDE, TURN_RATE, FORCE, IMU_EXACT), "readings", _NO_IMU)
 
 ANTENNA: Final = Rule("the fix is the true position of the antenna", 1e-6, "m")
 FIX: Final = Rule("each reading is a fix without covariance", minor=True)
-GNSS: Final[Spec] = Spec("gnss", (ANTENNA, FIX))
+GNSS: Final[Spec] = Spec("gnss", (ANTENNA, FIX), "fixes", f"no {table.NAVSAT}, or no true motion")
 
 SLIP: Final = Rule("both wheels of a side roll alike, and all as fast as the robot drives", 0.25, "m/s")
 SKID: Final = Rule("the difference of the sides turns the robot", 0.4, "rad/s")
 ROLLED: Final = Rule("wheels roll the length of the path, if that is over 2 m", 0.05, "of the length")
-WHEELS: Final[Spec] = Spec("wheels", (SLIP, SKID, ROLLED))
+_NO_WHEELS: Final = "no tachometers of all four wheels, or no true motion"
+WHEELS: Final[Spec] = Spec("wheels", (SLIP, SKID, ROLLED), "readings of four wheels", _NO_WHEELS)
 _ROLLED_FROM: Final = 2.0
 """Length [m] of a path from which on it is compared; before, starting and turning have too large a share."""
 
@@ -44,6 +46,7 @@ class Imu(Checker):
 
     def __init__(self, context: Context) -> None:
         self._motion, self._tally = context.motion, context.tally(IMU)
+        self.tallies = [self._tally]
         self._base_from_imu = context.rig.imu.mount.base_from_sensor
 
     def see(self, raw: RawMessage, message: Any) -> None:
@@ -55,12 +58,6 @@ class Imu(Checker):
         # The first step has none before it: its reading is the one of the second step.
         ready = raw.stamp_ns + STEP_NS if raw.stamp_ns <= STEP_NS else raw.stamp_ns
         self._motion.when_known(ready, lambda: self._compare(raw, message))
-
-    def results(self) -> list[Check]:
-        """IMU."""
-        margins = ", ".join(self._tally[rule].margin for rule in (ATTITUDE, TURN_RATE, FORCE))
-        figures = f"{self._tally[ATTITUDE].seen:,} readings follow from the true motion: {margins}"
-        return [self._tally.result(figures, f"no {table.IMU}, or no true motion")]
 
     def _compare(self, raw: RawMessage, message: Any) -> None:
         state, tally, q = self._motion.state(raw.stamp_ns), self._tally, message.orientation
@@ -97,6 +94,7 @@ class Gnss(Checker):
 
     def __init__(self, context: Context) -> None:
         self._motion, self._tally = context.motion, context.tally(GNSS)
+        self.tallies = [self._tally]
         self._antenna = np.array([context.rig.gnss.mount.xyz])
 
     def see(self, raw: RawMessage, message: Any) -> None:
@@ -106,11 +104,6 @@ class Gnss(Checker):
         self._tally[FIX].see(found == (0, 1, 0, False), f"{at(raw)}: status, service and covariance {found}")
         fix = np.array([message.latitude, message.longitude, message.altitude])
         self._motion.when_known(raw.stamp_ns, lambda: self._compare(raw, fix))
-
-    def results(self) -> list[Check]:
-        """GNSS."""
-        figures = f"{self._tally[ANTENNA].seen:,} fixes are at the antenna: {self._tally[ANTENNA].margin}"
-        return [self._tally.result(figures, f"no {table.NAVSAT}, or no true motion")]
 
     def _compare(self, raw: RawMessage, fix: Array) -> None:
         antenna = frames.transform(self._motion.state(raw.stamp_ns).world_from_base, self._antenna)[0]
@@ -125,6 +118,7 @@ class Wheels(Checker):
     def __init__(self, context: Context) -> None:
         self.topics = [name for name in table.WHEEL_SPEEDS if name in context.run.counts]
         self._motion, self._tally, self._wheels = context.motion, context.tally(WHEELS), context.rig.wheels
+        self.tallies = [self._tally]
         self._speeds: dict[int, dict[str, float]] = {}
         self._rolled = self._driven = 0.0
         self._last: int | None = None
@@ -140,14 +134,11 @@ class Wheels(Checker):
         elif len(self._speeds) > 100:
             self._speeds.pop(next(iter(self._speeds)))
 
-    def results(self) -> list[Check]:
-        """Wheels."""
-        lengths = f"{self._rolled:.2f} m rolled, {self._driven:.2f} m driven"
+    def finish(self) -> None:
+        """Take the end of the bag."""
+        self._tally.note = f"{self._rolled:.2f} m rolled, {self._driven:.2f} m driven"
         if self._driven > _ROLLED_FROM:
-            self._tally[ROLLED].measure(self._rolled / self._driven - 1.0, lengths)
-        slip, skid = self._tally[SLIP], self._tally[SKID]
-        figures = f"{slip.seen:,} readings of four wheels: {slip.margin}, {skid.margin}; {lengths}"
-        return [self._tally.result(figures, "no tachometers of all four wheels, or no true motion")]
+            self._tally[ROLLED].measure(self._rolled / self._driven - 1.0, self._tally.note)
 
     def _compare(self, raw: RawMessage, speeds: Array) -> None:
         state, wheels = self._motion.state(raw.stamp_ns), self._wheels

@@ -9,7 +9,7 @@ pixels show; so shares of points are checked, not single points.
 """
 
 from collections import OrderedDict
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,15 +20,16 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.validation.check import Check, Rule, Spec
-from fieldtruth.validation.context import Checker, Context
-from fieldtruth.validation.retrace.moments import Moment, Moments, Sampler
+from fieldtruth.validation.check import Rule, Spec, Tally
+from fieldtruth.validation.context import Context
+from fieldtruth.validation.retrace.moments import Moment, MomentChecker, Sampler
 
 # Shares in 360 views of four environments were up to 0.006, 0.075 and 0.048.
 SAME_OBJECT: Final = Rule("points at the depth of their pixel have its class and instance id", 0.02, "of the points")
 SAME_DEPTH: Final = Rule("points have the depth of their pixel", 0.25, "of the points")
 SAME_CLASS: Final = Rule("without depth images, points have the class of their pixel", 0.15, "of the points")
-LIDAR_AND_CAMERAS: Final[Spec] = Spec("lidar and cameras", (SAME_OBJECT, SAME_DEPTH, SAME_CLASS))
+_NO_VIEWS: Final = "no clouds and tag images with the same stamps, or no /tf_static and CameraInfo"
+LIDAR_AND_CAMERAS: Final[Spec] = Spec("lidar and cameras", (SAME_OBJECT, SAME_DEPTH, SAME_CLASS), "views", _NO_VIEWS)
 
 BEND: Final = 0.003
 """Share of inverse depth by which 5 x 5 pixels may differ from a plane."""
@@ -39,30 +40,15 @@ _KEPT: Final = 4  # clouds
 _AROUND: Final = np.arange(-2, 3)
 
 
-class _Shares(NamedTuple):
-    """Shares of a moment's points that differ; those at the depth of their pixel are ``at_depth``."""
-
-    where: str
-    compared: int
-    other_depth: float
-    at_depth: int
-    other_object: float
-    """Of those at the depth of their pixel, or without depth images of all."""
-    deep: bool
-
-
-class Agreement(Checker):
+class Agreement(MomentChecker):
     """Clouds against images on a sample of stamps."""
 
     def __init__(self, context: Context, sampler: Sampler) -> None:
-        self._context, self._sampler, self._tally = context, sampler, context.tally(LIDAR_AND_CAMERAS)
-        self._moments = Moments(("tag", "depth", "instances"), context.run.counts, self._submit)
-        self._infos = {table.camera_info(side): side for side in table.SIDES}
-        self.topics = [*self._moments.topics, table.POINTS, *self._infos]
+        super().__init__(context, ("tag", "depth", "instances"))
+        self._sampler, self._tally = sampler, context.tally(LIDAR_AND_CAMERAS)
+        self.topics = [*self.topics, table.POINTS]
         self._clouds: OrderedDict[int, Any] = OrderedDict()
-        self._lens: dict[str, Any] = {}
-        self._points = self._views = 0
-        self._skipped = "no clouds and tag images with the same stamps, or no /tf_static and CameraInfo"
+        self.tallies = [self._tally]
 
     def see(self, raw: RawMessage, message: Any) -> None:
         """Take a message."""
@@ -70,51 +56,27 @@ class Agreement(Checker):
             self._clouds[raw.stamp_ns] = message
             if len(self._clouds) > _KEPT:
                 self._clouds.popitem(last=False)
-        elif raw.topic in self._infos:
-            self._lens.setdefault(self._infos[raw.topic], message)
-        else:
-            self._moments.add(raw.topic, raw.stamp_ns, message)
+        super().see(raw, message)
 
-    def finish(self) -> None:
-        """Take the end of the bag."""
-        self._moments.finish()
-
-    def results(self) -> list[Check]:
-        """LiDAR and cameras."""
-        worst = " and ".join(self._tally[rule].margin for rule in LIDAR_AND_CAMERAS.rules if self._tally[rule].seen)
-        figures = f"{self._points:,} points of {self._views} views agree with the pixels; others at most {worst}"
-        return [self._tally.result(figures, self._skipped)]
-
-    def _submit(self, moment: Moment) -> None:
-        cloud, lens = self._clouds.get(moment.stamp_ns), self._lens.get(moment.side)
+    def take(self, moment: Moment) -> None:
+        """Take a moment."""
+        cloud, lens = self._clouds.get(moment.stamp_ns), self.infos.get(moment.side)
         if cloud is None or lens is None or "tag" not in moment.parts or not self._sampler.takes(moment.stamp_ns):
             return
-        if self._context.rig.lidar.spinning:
-            self._skipped = "the LiDAR spins while the robot moves; its points are checked by retracing"
+        if self.context.rig.lidar.spinning:
+            self._tally.skipped = "the LiDAR spins while the robot moves; its points are checked by retracing"
             return
         try:
-            base_from_optical = self._context.frames.base_from(lens.header.frame_id)
-            base_from_lidar = self._context.frames.base_from(cloud.header.frame_id)
+            base_from_optical = self.context.frames.base_from(lens.header.frame_id)
+            base_from_lidar = self.context.frames.base_from(cloud.header.frame_id)
         except FieldtruthError:
             return
         optical_from_lidar, k = frames.inverse(base_from_optical) @ base_from_lidar, np.reshape(lens.K, (3, 3))
-        self._context.submit(lambda: _compare(moment, cloud, k, optical_from_lidar), self._fold)
-
-    def _fold(self, shares: _Shares | None) -> None:
-        if shares is None or shares.compared < FEW:
-            return
-        self._views += 1
-        self._points += shares.compared
-        where = f"{shares.where}, {shares.compared:,} points"
-        if not shares.deep:
-            self._tally[SAME_CLASS].measure(shares.other_object, where)
-            return
-        self._tally[SAME_DEPTH].measure(shares.other_depth, where)
-        if shares.at_depth >= FEW:
-            self._tally[SAME_OBJECT].measure(shares.other_object, where)
+        part = self._tally.part()
+        self.context.jobs.append(lambda: [_compare(part, moment, cloud, k, optical_from_lidar)])
 
 
-def _compare(moment: Moment, cloud: Any, k: Array, optical_from_lidar: Array) -> _Shares | None:
+def _compare(tally: Tally, moment: Moment, cloud: Any, k: Array, optical_from_lidar: Array) -> Tally:
     try:
         points = read.points(cloud)
         label = read.labels(read.image(moment.parts["tag"]))
@@ -133,11 +95,17 @@ def _compare(moment: Moment, cloud: Any, k: Array, optical_from_lidar: Array) ->
             even = even & plane
             at_depth = even & (np.abs(metres - z) <= 0.01 + BEND * z)
     except (FieldtruthError, ValueError, KeyError, IndexError):
-        return None  # errors of the parts are reported by their own checks
+        return tally  # errors of the parts are reported by their own checks
     count, near = int(even.sum()), int(at_depth.sum())
-    other = float((~same[at_depth]).mean()) if near else 0.0
-    other_depth = 1.0 - near / count if count else 0.0
-    return _Shares(moment.at("tag"), count, other_depth, near, other, depth is not None)
+    if count < FEW:
+        return tally
+    where = f"{moment.at('tag')}, {count:,} points"
+    if depth is not None:
+        tally[SAME_DEPTH].measure(1.0 - near / count, where)
+    if near >= FEW:
+        other = float((~same[at_depth]).mean())
+        tally[SAME_CLASS if depth is None else SAME_OBJECT].measure(other, where)
+    return tally
 
 
 def _projected(

@@ -11,8 +11,7 @@ import simplejpeg
 from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag import topics as table
-from fieldtruth.bag.reader import BagError, RawMessage
+from fieldtruth.bag.reader import BagError
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.core.errors import FieldtruthError
@@ -20,38 +19,32 @@ from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL
 from fieldtruth.render.camera import Camera
 from fieldtruth.sense.label_camera import LabelCamera, LabelImages
 from fieldtruth.sense.pinhole import pinhole
-from fieldtruth.validation.check import Check, Rule, Spec, Tally
-from fieldtruth.validation.context import Checker, Context, RebuiltWorld
-from fieldtruth.validation.retrace.moments import Moment, Moments, Sampler
-from fieldtruth.validation.retrace.reference import (
-    NOTHING,
-    UNKNOWN,
-    Comparison,
-    RayReading,
-    RayReference,
-    Retraced,
-    close,
-)
+from fieldtruth.validation.check import Rule, Spec, Tally
+from fieldtruth.validation.context import Context, RebuiltWorld
+from fieldtruth.validation.retrace.moments import TOPIC_OF, Moment, MomentChecker, Sampler
+from fieldtruth.validation.retrace.reference import NOTHING, UNKNOWN, RayReading, RayReference, close
 from fieldtruth.validation.retrace.world import ClassComparison, ObjectClasses
 
 FORM: Final = Rule("images have the encoding of their topic and the size of CameraInfo")
 JPEG: Final = Rule("photographs can be decoded")
-IMAGES: Final[Spec] = Spec("images", (FORM, JPEG))
+IMAGES: Final[Spec] = Spec("images", (FORM, JPEG), "images", "no images")
 
 COLOUR: Final = Rule("every pixel of a tag image has the colour of a class")
-TAG_COLOURS: Final[Spec] = Spec("tag colours", (COLOUR,))
+TAG_COLOURS: Final[Spec] = Spec("tag colours", (COLOUR,), "pixels", "no tag images")
 
 DEPTH_RANGE: Final = Rule("depth is infinite on the sky and within the camera's range elsewhere")
-DEPTH: Final[Spec] = Spec("depth", (DEPTH_RANGE,))
+_NO_DEPTH: Final = "no depth images: generate --extras depth makes them"
+DEPTH: Final[Spec] = Spec("depth", (DEPTH_RANGE,), "pixels", _NO_DEPTH)
 
 SAME_PIXELS: Final = Rule("cameras see the same classes, depths and instance ids in the rebuilt world (sample)")
 EQUAL_IMAGES: Final = Rule("retraced images are equal to the last digit", minor=True, learned=True)
-RETRACED_IMAGES: Final[Spec] = Spec("retraced images", (SAME_PIXELS, EQUAL_IMAGES))
+_NO_TAGS: Final = "no tag images, or no true motion"
+RETRACED_IMAGES: Final[Spec] = Spec("retraced images", (SAME_PIXELS, EQUAL_IMAGES), "pixels", _NO_TAGS)
 
 # Mean difference in a block of 8 x 8 pixels, as JPEG packs them. On another processor rounding moves pixels at edges.
 SAME_PHOTOGRAPH: Final = Rule("photographs look the same when rendered again (with --full)", 8.0, "of 255 in a block")
 EQUAL_PHOTOGRAPHS: Final = Rule("photographs rendered again are equal to the last digit", 0.0, "of 255", learned=True)
-PHOTOGRAPHS: Final[Spec] = Spec("photographs", (SAME_PHOTOGRAPH, EQUAL_PHOTOGRAPHS))
+PHOTOGRAPHS: Final[Spec] = Spec("photographs", (SAME_PHOTOGRAPH, EQUAL_PHOTOGRAPHS), "photographs", _NO_TAGS)
 _BLOCK: Final = 8
 
 _ENCODINGS: Final = {"tag": "rgb8", "depth": "32FC1", "instances": "16UC1"}
@@ -63,55 +56,25 @@ _DECODERS: Final[dict[str, Callable[[Any], NDArray[Any]]]] = {
 }
 
 
-class Images(Checker):
+class Images(MomentChecker):
     """Form, colours and depth of every image of both cameras."""
 
     def __init__(self, context: Context, objects: ObjectClasses) -> None:
-        self._context, self._objects = context, objects
-        self._moments = Moments(_DECODERS, context.run.counts, self._submit)
-        self._infos = {table.camera_info(side): side for side in table.SIDES}
-        self.topics = [*self._moments.topics, *self._infos]
-        self._sizes: dict[str, tuple[int, int]] = {}
-        self._tallies = [context.tally(spec) for spec in (IMAGES, TAG_COLOURS, DEPTH)]
+        super().__init__(context, TOPIC_OF)
+        self._objects = objects
+        self.tallies = [context.tally(spec) for spec in (IMAGES, TAG_COLOURS, DEPTH)]
 
-    def see(self, raw: RawMessage, message: Any) -> None:
-        """Take a message."""
-        if raw.topic in self._infos:
-            self._sizes.setdefault(self._infos[raw.topic], (message.width, message.height))
-        else:
-            self._moments.add(raw.topic, raw.stamp_ns, message)
-
-    def finish(self) -> None:
-        """Take the end of the bag."""
-        self._moments.finish()
-
-    def results(self) -> list[Check]:
-        """Images, tag colours, depth."""
-        images, colours, depth = self._tallies
-        sizes = " and ".join(sorted({f"{w} x {h}" for w, h in self._sizes.values()})) or "unknown size"
-        return [
-            images.result(f"{images[FORM].seen:,} images of {sizes}", "no images"),
-            colours.result(f"{colours[COLOUR].seen:,} pixels have the colours of classes", "no tag images"),
-            depth.result(
-                f"{depth[DEPTH_RANGE].seen:,} pixels have depths that fit their classes",
-                "no depth images: generate --extras depth makes them",
-            ),
-        ]
-
-    def _submit(self, moment: Moment) -> None:
-        tallies, classes = [tally.fresh() for tally in self._tallies], self._objects.comparison()
-        size, far = self._sizes.get(moment.side), self._context.rig.cameras.far
+    def take(self, moment: Moment) -> None:
+        """Take a moment."""
+        tallies, classes = [tally.part() for tally in self.tallies], self._objects.comparison()
+        info, far = self.infos.get(moment.side), self.context.rig.cameras.far
+        size = None if info is None else (info.width, info.height)
 
         def work() -> list[Tally]:
             _check_moment(moment, size, far, tallies, classes)
             return [*tallies, classes.tally]
 
-        self._context.submit(work, self._fold)
-
-    def _fold(self, tallies: list[Tally]) -> None:
-        for own, other in zip(self._tallies, tallies, strict=False):
-            own.merge(other)
-        self._objects.fold(tallies[-1])
+        self.context.jobs.append(work)
 
 
 def _check_moment(
@@ -178,70 +141,39 @@ class _Pixels(NamedTuple):
     photograph: NDArray[np.uint8] | None
 
 
-class RetracedImages(Checker):
+class RetracedImages(MomentChecker):
     """Images, rendered again in the rebuilt world and compared pixel by pixel: a sample, or all."""
 
     def __init__(
         self, context: Context, rebuilt: RebuiltWorld, reference: RayReference, sampler: Sampler, *, full: bool
     ) -> None:
-        self._context, self._rebuilt, self._reference = context, rebuilt, reference
-        self._sampler, self._full = sampler, full
-        parts = ("tag", "depth", "instances", *["photograph"] * full)
-        self._moments = Moments(parts, context.run.counts, self._wait)
-        self.topics = [*self._moments.topics]
-        self._retraced = Retraced(context.tally(RETRACED_IMAGES), SAME_PIXELS, EQUAL_IMAGES)
-        self._photographs = context.tally(PHOTOGRAPHS)
+        super().__init__(context, ("tag", "depth", "instances", *["photograph"] * full))
+        self._rebuilt, self._reference, self._sampler, self._full = rebuilt, reference, sampler, full
+        self.tallies = [context.tally(RETRACED_IMAGES), context.tally(PHOTOGRAPHS)]
+        self.tallies[0].note = "all images" if full else "a sample of the images"
+        if not full:
+            self.tallies[1].skipped = "photographs are rendered again with --full"
         self._cameras = threading.local()
 
-    def see(self, raw: RawMessage, message: Any) -> None:
-        """Take a message."""
-        self._moments.add(raw.topic, raw.stamp_ns, message)
-
-    def finish(self) -> None:
-        """Take the end of the bag."""
-        self._moments.finish()
-
-    def results(self) -> list[Check]:
-        """Retraced images, photographs."""
-        found, extent, photographs = self._retraced, "all" if self._full else "a sample", self._photographs
-        missing, rendered = "no tag images, or no true motion", photographs[SAME_PHOTOGRAPH]
-        images = f"{found.same.seen:,} pixels of {found.count:,} images ({extent}) are the same{found.note}"
-        return [
-            found.tally.result(images, missing),
-            photographs.result(
-                f"{rendered.seen:,} photographs look the same when rendered again: {rendered.margin}",
-                missing if self._full else "photographs are rendered again with --full",
-            ),
-        ]
-
-    def _wait(self, moment: Moment) -> None:
+    def take(self, moment: Moment) -> None:
+        """Take a moment."""
         if "tag" in moment.parts:
-            self._context.motion.when_known(moment.stamp_ns, lambda: self._submit(moment))
+            self.context.motion.when_known(moment.stamp_ns, lambda: self._submit(moment))
 
     def _submit(self, moment: Moment) -> None:
         sampled = self._sampler.takes(moment.stamp_ns)
         if not (sampled or self._full):
             return
-        cameras, state = self._context.rig.cameras, self._context.motion.state(moment.stamp_ns)
+        cameras, state = self.context.rig.cameras, self.context.motion.state(moment.stamp_ns)
         mount = cameras.left if moment.side == "left" else cameras.right
         pose = state.world_from_base @ (mount.base_from_sensor @ CAMERA_FROM_OPTICAL)
-        self._context.submit(lambda: self._compare(moment, pose, moment.stamp_ns if sampled else None), self._fold)
+        self.context.jobs.append(lambda: self._compare(moment, pose, moment.stamp_ns if sampled else None))
 
-    def _fold(self, found: tuple[Comparison, float | None, str] | None) -> None:
-        if found is None:
-            return
-        result, difference, where = found
-        self._retraced.add(result, where)
-        self._reference.fold(result)
-        if difference is not None:
-            for rule in PHOTOGRAPHS.rules:
-                self._photographs[rule].measure(difference, where)
-
-    def _compare(self, moment: Moment, pose: Array, seed: int | None) -> tuple[Comparison, float | None, str] | None:
-        config, lens = self._context.rig.cameras, pinhole(self._context.rig.cameras)
+    def _compare(self, moment: Moment, pose: Array, seed: int | None) -> list[Tally]:
+        config, lens = self.context.rig.cameras, pinhole(self.context.rig.cameras)
         bag = _pixels(moment, (config.height, config.width))
         if bag is None:
-            return None
+            return []
         own, difference = self._render(pose, bag.photograph)
 
         def reading(k: int) -> RayReading:
@@ -256,12 +188,18 @@ class RetracedImages(Checker):
             )  # fmt: skip
 
         same, equal = _same(bag, own)
-        result = self._reference.compare(np.flatnonzero(~same), same.size, reading, seed, equal)
-        return result, difference, moment.at("photograph")
+        retraced, photographs = (tally.part() for tally in self.tallies)
+        retraced[EQUAL_IMAGES].see(equal, moment.at("tag"))
+        if difference is not None:
+            for rule in PHOTOGRAPHS.rules:
+                photographs[rule].measure(difference, moment.at("photograph"))
+        differing = np.flatnonzero(~same)
+        sample = self._reference.compare(retraced[SAME_PIXELS], differing, same.size, reading, seed)
+        return [retraced, photographs, sample]
 
     def _render(self, pose: Array, photograph: NDArray[np.uint8] | None) -> tuple[LabelImages, float | None]:
         """Render with this thread's camera; returns the images, and the difference of the photographs."""
-        config, baked = self._context.rig.cameras, self._rebuilt.baked
+        config, baked = self.context.rig.cameras, self._rebuilt.baked
         if photograph is None or baked is None:
             if not hasattr(self._cameras, "label"):
                 self._cameras.label = LabelCamera(config, self._rebuilt.scene, reuse=True)

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.reader import RawMessage
+from fieldtruth.validation.context import Checker, Context
 
 TOPIC_OF: Final[dict[str, Callable[[str], str]]] = {
     "photograph": table.photograph,
@@ -33,31 +35,44 @@ class Moment:
         return f"{TOPIC_OF[part](self.side)} at {self.stamp_ns} ns"
 
 
-class Moments:
-    """Collects parts and passes each moment on when it is complete, or when its other parts are no longer awaited."""
+class MomentChecker(Checker):
+    """Collects parts and takes each moment when it is complete, or when its other parts are no longer awaited.
 
-    def __init__(self, parts: Collection[str], present: Collection[str], done: Callable[[Moment], None]) -> None:
-        self._done = done
+    ``infos`` holds the first CameraInfo of each camera.
+    """
+
+    def __init__(self, context: Context, parts: Collection[str]) -> None:
+        self.context = context
+        self.infos: dict[str, Any] = {}
         pairs = {TOPIC_OF[part](side): (part, side) for part in parts for side in table.SIDES}
-        self.topics = {topic: pair for topic, pair in pairs.items() if topic in present}
-        """Part and side by topic, of the topics that exist."""
+        self._parts = {topic: pair for topic, pair in pairs.items() if topic in context.run.counts}
+        self._sides = {table.camera_info(side): side for side in table.SIDES}
+        self.topics = [*self._parts, *self._sides]
         self._open: OrderedDict[tuple[str, int], Moment] = OrderedDict()
 
-    def add(self, topic: str, stamp_ns: int, message: Any) -> None:
-        """Add a part."""
-        part, side = self.topics[topic]
-        key = (side, stamp_ns)
-        moment = self._open.setdefault(key, Moment(side, stamp_ns))
+    def take(self, moment: Moment) -> None:
+        """Take a moment."""
+        raise NotImplementedError
+
+    def see(self, raw: RawMessage, message: Any) -> None:
+        """Take a message."""
+        if raw.topic in self._sides:
+            self.infos.setdefault(self._sides[raw.topic], message)
+        if raw.topic not in self._parts:
+            return
+        part, side = self._parts[raw.topic]
+        key = (side, raw.stamp_ns)
+        moment = self._open.setdefault(key, Moment(side, raw.stamp_ns))
         moment.parts[part] = message
-        if len(moment.parts) == sum(other == side for _, other in self.topics.values()):
-            self._done(self._open.pop(key))
+        if len(moment.parts) == sum(other == side for _, other in self._parts.values()):
+            self.take(self._open.pop(key))
         elif len(self._open) > WAITING:
-            self._done(self._open.popitem(last=False)[1])
+            self.take(self._open.popitem(last=False)[1])
 
     def finish(self) -> None:
-        """Pass on what is left."""
+        """Take the end of the bag."""
         while self._open:
-            self._done(self._open.popitem(last=False)[1])
+            self.take(self._open.popitem(last=False)[1])
 
 
 class Sampler:

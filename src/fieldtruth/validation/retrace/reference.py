@@ -17,15 +17,16 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array, Mask
+from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
-from fieldtruth.validation.check import Check, Rule, Spec, Tally
+from fieldtruth.validation.check import Count, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context
 from fieldtruth.validation.retrace.tracer import TERRAIN, Hits, ReferenceTracer, resolution
 from fieldtruth.world.model import World
 
 SAME_RAYS: Final = Rule("rays traced in double precision hit what the bag says (sample)")
-INDEPENDENT_RAYS: Final[Spec] = Spec("independent rays", (SAME_RAYS,))
+_NO_SAMPLE: Final = "no clouds and no tag images, or no true motion"
+INDEPENDENT_RAYS: Final[Spec] = Spec("independent rays", (SAME_RAYS,), "rays traced in double precision", _NO_SAMPLE)
 
 NOTHING: Final = 0.0
 """Range of a ray that hit nothing."""
@@ -134,21 +135,6 @@ def _trail_labels(world: World, point: Array, range_m: float, cosine: float) -> 
     return {int(Label.TRAIL if distance < 0 else Label.GROUND)}
 
 
-class Comparison(NamedTuple):
-    """Result for a cloud or an image."""
-
-    rays: int
-    wrong: list[str]
-    """Mismatches of the bag."""
-    differing: int
-    """Other rays where engine and bag differ."""
-    sampled: int
-    """Rays that the second tracer checked."""
-    sampled_wrong: list[str]
-    equal: bool
-    """Whether engine and bag are equal to the last digit."""
-
-
 class RayReference(Checker):
     """The second tracer in a world. Threads may share it."""
 
@@ -156,69 +142,37 @@ class RayReference(Checker):
         self._world = world
         self._tracer = ReferenceTracer(world)
         self._tally = context.tally(INDEPENDENT_RAYS)
+        self.tallies = [self._tally]
 
     def compare(
-        self,
-        differing: NDArray[np.intp],
-        rays: int,
-        reading: Callable[[int], RayReading],
-        seed: int | None,
-        equal: bool,
-    ) -> Comparison:
-        """Check the rays of a cloud or an image.
+        self, count: Count, differing: Index, rays: int, reading: Callable[[int], RayReading], seed: int | None
+    ) -> Tally:
+        """Count the rays of a cloud or an image, and check a sample of them with the second tracer.
 
         Args:
+            count: where all rays are counted; those where engine and bag differ are right if the second tracer says so.
             differing: rays where engine and bag differ.
             rays: number of rays.
             reading: returns what the bag says about a ray.
-            seed: of the sample of rays; None for no sample.
-            equal: whether engine and bag are equal to the last digit.
+            seed: of the sample; None for no sample.
+
+        Returns:
+            The check of the sample.
         """
-        count = min(len(differing), RAYS if len(differing) > ELSEWHERE * rays else DIFFERING)
-        chosen = differing[np.unique(np.linspace(0, len(differing) - 1, count).astype(int))].tolist()
-        sample: list[int] = []
+        number = min(len(differing), RAYS if len(differing) > ELSEWHERE * rays else DIFFERING)
+        chosen = differing[np.unique(np.linspace(0, len(differing) - 1, number).astype(int))].tolist()
+        wrong = self._wrong([reading(k) for k in chosen])
+        count.add(rays, len(wrong), "".join(wrong[:1]))
+        part, sample = self._tally.part(), list[int]()
         if seed is not None:
             sample = np.random.default_rng(seed).choice(rays, min(RAYS, rays), replace=False).tolist()
-        wrong, sample_wrong = (self._wrong([reading(k) for k in rows]) for rows in (chosen, sample))
-        return Comparison(rays, wrong, len(differing) - len(wrong), len(sample), sample_wrong, equal)
-
-    def fold(self, result: Comparison) -> None:
-        """Count the sampled rays of a cloud or an image."""
-        self._tally[SAME_RAYS].add(result.sampled, len(result.sampled_wrong), "".join(result.sampled_wrong[:1]))
-
-    def results(self) -> list[Check]:
-        """Independent rays."""
-        figures = f"{self._tally[SAME_RAYS].seen:,} rays, traced in double precision, hit what the bag says"
-        return [self._tally.result(figures, "no clouds and no tag images, or no true motion")]
+        wrong = self._wrong([reading(k) for k in sample])
+        part[SAME_RAYS].add(len(sample), len(wrong), "".join(wrong[:1]))
+        return part
 
     def _wrong(self, readings: list[RayReading]) -> list[str]:
         found = mismatches(self._world, self._tracer, readings)
         return [f"{reading}, but {hit}" for reading, hit in zip(readings, found, strict=True) if hit is not None]
-
-
-class Retraced:
-    """Counts of the clouds, or images, that were measured again.
-
-    On the processor that made a run all are equal to the last digit, and one that is not was changed. On another
-    processor hardly any is, as each holds thousands of ranges; then that rule does not apply.
-    """
-
-    def __init__(self, tally: Tally, same: Rule, equal: Rule) -> None:
-        self.tally = tally
-        self.same, self._equal = tally[same], tally[equal]
-        self.count = self._differing = 0
-
-    def add(self, result: Comparison, where: str) -> None:
-        """Count a cloud or an image."""
-        self.count += 1
-        self._differing += result.differing
-        self.same.add(result.rays, len(result.wrong), "".join(result.wrong[:1]))
-        self._equal.see(result.equal, where)
-
-    @property
-    def note(self) -> str:
-        """Number of rays where engine and bag differ and the bag is right, in words."""
-        return f"; {self._differing:,} differ in the last digit or at an edge" if self._differing else ""
 
 
 def close(mine: NDArray[np.floating[Any]], theirs: NDArray[np.floating[Any]]) -> Mask:

@@ -23,7 +23,7 @@ from fieldtruth.experiment.files import VERSION_KEY
 from fieldtruth.experiment.yaml_io import parse_mapping
 from fieldtruth.render.bake import bake
 from fieldtruth.sense.scene import Scene
-from fieldtruth.validation.check import Check, Rule, Spec, Tally
+from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, RebuiltWorld, at
 from fieldtruth.world.build import world_of
 from fieldtruth.world.model import GROUND_ID, World
@@ -31,10 +31,11 @@ from fieldtruth.world.model import GROUND_ID, World
 NAMES: Final = Rule("objects have the names of the world's objects")
 # Worlds that are built on other processors differ in the last digit.
 OBJECT_POSES: Final = Rule("objects have the poses of the world's objects", 1e-6, "m or of a quaternion")
-WORLD: Final[Spec] = Spec("world", (NAMES, OBJECT_POSES))
+WORLD: Final[Spec] = Spec("world", (NAMES, OBJECT_POSES), "objects", f"no {table.MODEL_STATES}")
 
 CLASS_OF_OBJECT: Final = Rule("each instance id is 0 for the sky, or an object that can have this class")
-OBJECT_CLASSES: Final[Spec] = Spec("object classes", (CLASS_OF_OBJECT,))
+_NO_IDS: Final = "no points or pixels with instance ids"
+OBJECT_CLASSES: Final[Spec] = Spec("object classes", (CLASS_OF_OBJECT,), "points and pixels", _NO_IDS)
 
 N_CLASSES: Final = len(CLASSES)
 _WORDS: Final[dict[tuple[Label, ...], str]] = {
@@ -84,6 +85,8 @@ class WorldObjects(Checker):
 
     def __init__(self, context: Context) -> None:
         self._context, self._tally = context, context.tally(WORLD)
+        self._tally.skipped = context.no_world or WORLD.skipped
+        self.tallies = [self._tally]
 
     def see(self, raw: RawMessage, message: Any) -> None:
         """Take a message."""
@@ -98,12 +101,6 @@ class WorldObjects(Checker):
         if self._tally[NAMES].see(expected.names == names, mismatch):
             residuals = np.abs(poses[1:] - true[1:]).max(axis=1)
             self._tally[OBJECT_POSES].measure_all(residuals, lambda k: f"{at(raw)}: {names[1 + k]!r}")
-
-    def results(self) -> list[Check]:
-        """World."""
-        poses = self._tally[OBJECT_POSES]
-        figures = f"{poses.seen} objects are where the rebuilt world has them: {poses.margin}"
-        return [self._tally.result(figures, self._context.no_world or f"no {table.MODEL_STATES}")]
 
 
 class ClassComparison(NamedTuple):
@@ -137,6 +134,8 @@ class ObjectClasses(Checker):
 
     def __init__(self, context: Context) -> None:
         self._context, self._tally = context, context.tally(OBJECT_CLASSES)
+        self._tally.note = "by their names" if context.rebuilt is None else "by the materials of the world"
+        self.tallies = [self._tally]
         self._names: tuple[str, ...] | None = None
         self._allowed: Mask = np.zeros((0, N_CLASSES), np.bool_)
 
@@ -151,17 +150,7 @@ class ObjectClasses(Checker):
             allowed[0] = np.arange(N_CLASSES) == Label.SKY
             allowed[:, Label.VOID] = True  # the checks of labels and colours report it
             self._names, self._allowed = names, allowed
-        return ClassComparison(self._tally.fresh(), self._allowed, names)
-
-    def fold(self, tally: Tally) -> None:
-        """Add the counts of a thread."""
-        self._tally.merge(tally)
-
-    def results(self) -> list[Check]:
-        """Object classes."""
-        how = "by their names" if self._context.rebuilt is None else "by the materials of the world"
-        figures = f"{self._tally[CLASS_OF_OBJECT].seen:,} points and pixels have classes of their objects, {how}"
-        return [self._tally.result(figures, "no points or pixels with instance ids")]
+        return ClassComparison(self._tally.part(), self._allowed, names)
 
 
 def allowed_by_world(world: World) -> Mask:
