@@ -3,6 +3,8 @@
 """The cache key changes with everything that can change a result, and with nothing else."""
 
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,7 +13,7 @@ import pytest
 
 import fieldtruth
 from fieldtruth.core import cache
-from fieldtruth.core.cache import cache_key, import_closure
+from fieldtruth.core.cache import cache_key, import_closure, load_or_make
 
 SOURCE = Path(fieldtruth.__file__).parents[1]
 
@@ -39,8 +41,11 @@ def test_the_key_of_the_lidar_changes_with_every_module_that_it_imports(copied_s
 
 @pytest.mark.parametrize("edited", ["trees/lime.yaml", "rocks/slab.yaml", "materials/ground.yaml"])
 def test_the_key_of_worlds_changes_with_every_species_rock_type_and_material(copied_source: Path, edited: str) -> None:
-    before = cache_key(["fieldtruth.world.environments.forest"])
-    assert key_after_edit(copied_source / "world" / "data" / edited, "fieldtruth.world.environments.forest") != before
+    before = cache_key(["fieldtruth.world.environments.forest.build"])
+    assert (
+        key_after_edit(copied_source / "world" / "data" / edited, "fieldtruth.world.environments.forest.build")
+        != before
+    )
 
 
 @pytest.mark.parametrize("edited", ["report/card.py", "cli/__init__.py", "validation/__init__.py"])
@@ -113,3 +118,31 @@ def test_different_inputs_have_different_keys(one: object, other: object) -> Non
 
 def test_the_versions_of_libraries_are_part_of_the_key() -> None:
     assert cache_key((), libraries=["numpy"]) != cache_key((), libraries=["scipy"]) != cache_key(())
+
+
+def test_a_second_process_waits_for_what_the_first_makes(tmp_path: Path) -> None:
+    path, made = tmp_path / "folder" / "value", tmp_path / "made"
+    code = f"""
+import time
+from pathlib import Path
+from fieldtruth.core.cache import load_or_make
+
+def make():
+    with Path({str(made)!r}).open("a") as file:
+        file.write("made ")
+    time.sleep(0.5)
+    return "value"
+
+load = lambda path: path.read_text() if path.exists() else None
+print(load_or_make(Path({str(path)!r}), load, make, lambda path, value: path.write_text(value) and None))
+"""
+    both = [subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    assert [child.communicate()[0] for child in both] == ["value\n"] * 2
+    assert made.read_text() == "made "
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_a_cache_that_cannot_be_written_is_not_used(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    made = load_or_make(tmp_path / "file" / "value", lambda path: None, lambda: 7, lambda path, value: path.touch())
+    assert made == 7

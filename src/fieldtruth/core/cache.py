@@ -10,15 +10,19 @@ import dataclasses
 import hashlib
 import re
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, suppress
 from functools import cache
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
+from filelock import FileLock
 from platformdirs import user_cache_path
+
+T = TypeVar("T")
 
 _ROOT: Final = Path(__file__).parents[2]
 _PACKAGE: Final = "fieldtruth"
@@ -48,6 +52,30 @@ def cache_key(modules: Iterable[str], *inputs: object, libraries: Sequence[str] 
     digest = hashlib.sha256(_sources_digest(tuple(modules)))
     _update(digest, [sys.version_info[:2], [(name, version(name)) for name in libraries], inputs])
     return digest.hexdigest()[:32]
+
+
+def load_or_make(
+    path: Path, load: Callable[[Path], T | None], make: Callable[[], T], save: Callable[[Path, T], None]
+) -> T:
+    """Return the value that is stored at ``path``, or make and store it; a second process waits for the first.
+
+    ``load`` returns None for a file that is missing or damaged. A folder that cannot be written is not used.
+    """
+    value = load(path)
+    if value is not None:
+        return value
+    lock = Path(f"{path}.lock")
+    with ExitStack() as stack:
+        with suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            stack.enter_context(FileLock(lock))
+            stack.callback(lock.unlink, missing_ok=True)
+        value = load(path)
+        if value is None:
+            value = make()
+            with suppress(OSError):
+                save(path, value)
+    return value
 
 
 @cache

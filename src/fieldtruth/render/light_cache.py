@@ -3,14 +3,13 @@
 """Baked light on disk, under a key that covers the scene, the sun, and the code that bakes."""
 
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 from zipfile import BadZipFile
 
 import numpy as np
 
-from fieldtruth.core.cache import cache_key
+from fieldtruth.core.cache import cache_key, load_or_make
 from fieldtruth.core.files import atomic_output
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.render.sky import Dome
@@ -25,12 +24,7 @@ _LIBRARIES: Final = ("embreex", "llvmlite", "numba", "numpy", "scipy")
 def cached_light(scene: Scene, light: LightConfig, folder: Path, make: Callable[[], LightTable]) -> LightTable:
     """Read the light of a scene from a cache folder, or make it and keep it there if the folder can be written."""
     path = folder / f"light-{scene.world.name}-{light_key(scene, light)}.npz"
-    table = _read(path)
-    if table is None:
-        table = make()
-        with suppress(OSError):
-            _write(path, table)
-    return table
+    return load_or_make(path, _read, make, _write)
 
 
 def light_key(scene: Scene, light: LightConfig) -> str:
@@ -54,7 +48,6 @@ def _write(path: Path, table: LightTable) -> None:
         grid: Grid = getattr(table, name)
         arrays |= {name: grid.values, f"{name}_at": np.array([grid.x0, grid.y0, grid.per_metre])}
     arrays |= {f"dome_{name}": value for name, value in table.dome._asdict().items()}
-    path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_output(path) as part, part.open("wb") as stream:
         np.savez(stream, allow_pickle=False, **arrays)
     newest_first = sorted(path.parent.glob("light-*.npz"), key=lambda p: p.stat().st_mtime, reverse=True)

@@ -11,7 +11,7 @@ from typing import Any, Final
 from pydantic import ValidationError
 
 from fieldtruth.core.cache import cache_folder as default_cache_folder
-from fieldtruth.core.cache import cache_key
+from fieldtruth.core.cache import cache_key, load_or_make
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.problems import configuration_error
@@ -91,14 +91,18 @@ def load_world(
     folder = default_cache_folder() if cache_folder is None else cache_folder
     stem = f"{environment}-{seed}" + (f"_{cache_key((), dict(sorted(layout.items())))[:12]}" if layout else "")
     path = folder / f"{stem}-{world_key(environment)}.npz"
-    with contextlib.suppress(OSError, DamagedWorldError):
-        return read_world(path)
-    world = build_world(environment, seed, layout)
-    with contextlib.suppress(OSError):
+
+    def load(path: Path) -> World | None:
+        with contextlib.suppress(OSError, DamagedWorldError):
+            return read_world(path)
+        return None
+
+    def save(path: Path, world: World) -> None:
         save_world(path, world)
         for stale in set(folder.glob(f"{stem}-*.npz")) - {path}:
             stale.unlink()
-    return world
+
+    return load_or_make(path, load, lambda: build_world(environment, seed, layout), save)
 
 
 def world_key(environment: str) -> str:
