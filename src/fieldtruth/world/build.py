@@ -109,8 +109,10 @@ def world_key(environment: str) -> str:
     """Digest of everything besides seed and layout that shapes a world: code, data files, versions of libraries."""
     package = ENVIRONMENTS[environment].package
     modules = [__name__, *(f"{package}.{name}" for name in ("build", "config", "corridors"))]
-    species = [path.read_bytes() for path in data_files()]  # the package's and added ones
-    return cache_key(modules, species, libraries=_LIBRARIES)
+    files = data_files()  # the package's and added ones
+    if not package.startswith("fieldtruth."):  # `cache_key` finds the package's own modules only
+        files += sorted(path for folder in import_module(package).__path__ for path in Path(folder).rglob("*.py"))
+    return cache_key(modules, [path.read_bytes() for path in files], libraries=_LIBRARIES)
 
 
 def world_of(experiment: Experiment) -> World:

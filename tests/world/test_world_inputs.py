@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Corridors are data of an environment: built-in experiments drive in them, and do not shape worlds."""
+"""Inputs of a world: corridors are data of an environment, not of the experiments; the cache key covers every file."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from fieldtruth.experiment.catalogue import experiment_names, experiment_text
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.world.build import layout_model, reserved_corridors, world_key
-from fieldtruth.world.environments import ENVIRONMENTS
+from fieldtruth.world.environments import ENVIRONMENTS, Environment
 from fieldtruth.world.trails import Line
 
 
@@ -75,3 +75,15 @@ def test_world_key_covers_every_input(file: str) -> None:
 
 def test_world_key_of_one_environment_does_not_depend_on_the_others() -> None:
     assert len({world_key(name) for name in ENVIRONMENTS}) == len(ENVIRONMENTS)
+
+
+def test_world_key_covers_an_environment_outside_the_package(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    folder = tmp_path / "my_steppe"
+    folder.mkdir()
+    (folder / "build.py").write_text("GRASS = 1\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setitem(ENVIRONMENTS, "steppe", Environment("grass", "my_steppe"))
+    first = world_key("steppe")
+    assert world_key("steppe") == first
+    (folder / "build.py").write_text("GRASS = 2\n")
+    assert world_key("steppe") != first
