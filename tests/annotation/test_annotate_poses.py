@@ -187,7 +187,7 @@ def of_type(topic: str, msgtype: str) -> list[Message]:
 
 BAD: list[tuple[str, Callable[[World], list[Message]], str]] = [
     ("no poses", lambda _: [static({})], "has no poses: neither /ground_truth/odom nor /gazebo/model_states; it has: "),
-    ("no message", lambda _: [], "x.bag holds no message"),
+    ("no message", lambda _: [], "x.bag has no messages"),
     ("one pose", lambda _: drive(last=1), "/ground_truth/odom of x.bag has only one pose"),
     ("one pose 2", lambda _: [states(1, {"husky": true_pose(0)})], "/gazebo/model_states of x.bag has only one pose"),
     (

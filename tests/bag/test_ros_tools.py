@@ -42,7 +42,7 @@ with rosbag.Bag(sys.argv[1]) as bag:
             problems.append(topic + ": rows")
         if topic.endswith("/img_raw") and len(message.data) != message.height * message.step:
             problems.append(topic + ": size")
-        if topic == "/os1_cloud_node/points" and len(message.data) != 28 * message.width:
+        if topic == "/os1_cloud_node/points" and len(message.data) != 24 * message.width:
             problems.append(topic + ": size")
     latched = [i.header.get("latching", b"").decode() for i in bag._get_connections() if i.topic == "/tf_static"]
 print(json.dumps({"counts": counts, "problems": problems, "latched": latched}))

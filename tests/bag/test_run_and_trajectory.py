@@ -51,20 +51,20 @@ def test_a_bag_does_not_take_its_neighbours_experiment(small_run: Path, tmp_path
 
 
 def test_what_is_no_run_is_one_line(small_run: Path, tmp_path: Path) -> None:
-    with pytest.raises(BagError, match=r"there is no .*nowhere; needed is the folder of a run, or a bag"):
+    with pytest.raises(BagError, match=r"nowhere does not exist; a run must be the folder of a run, or a bag"):
         open_run(tmp_path / "nowhere")
-    with pytest.raises(BagError, match="holds no bag; needed is the folder of one run"):
+    with pytest.raises(BagError, match="has no bag; a run must be a folder with one bag"):
         open_run(tmp_path)
     for name in "ab":
         shutil.copy(small_run / "park_1.bag", tmp_path / f"{name}.bag")
-    with pytest.raises(BagError, match=r"holds 2 bags \(a.bag, b.bag\)"):
+    with pytest.raises(BagError, match=r"has 2 bags \(a.bag, b.bag\)"):
         open_run(tmp_path)
     empty = tmp_path / "empty.bag"
     with Writer(empty):
         pass
-    with pytest.raises(BagError, match=r"empty\.bag holds no message"):
+    with pytest.raises(BagError, match=r"empty\.bag has no messages"):
         open_run(empty)
-    with pytest.raises(BagError, match="has no /lidar; it has: /clock, "):
+    with pytest.raises(BagError, match="has no /lidar; available: /clock, "):
         open_run(small_run).require("/imu/data", "/lidar")
 
 
@@ -81,7 +81,7 @@ def test_model_states_in_place_equal_the_message(small_run: Path) -> None:
                 assert poses[k].tolist() == [p.x, p.y, p.z, q.x, q.y, q.z, q.w]
                 linear, angular = twist.linear, twist.angular
                 assert twists[k].tolist() == [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z]
-    with pytest.raises(BagError, match="no model 'robot' in /gazebo/model_states; there is: husky, "):
+    with pytest.raises(BagError, match="/gazebo/model_states has no model 'robot'; available: husky, "):
         reader.row(raw.data, "robot")
     for broken in (raw.data[:-1], raw.data[:3], b"", raw.data + b"x", b"\xff" * 40):
         with pytest.raises(BagError, match="damaged"):
@@ -115,7 +115,7 @@ def test_between_two_poses_the_way_is_straight_and_the_turn_even() -> None:
     assert np.allclose(way.world_from_base(2000), frames.pose((2.0, 4.0, 0.0), (0, 0, 90.0)), atol=1e-12)
     assert np.allclose(way.world_from_base(500), turn[0])
     assert way.length_m == pytest.approx(20**0.5)
-    with pytest.raises(BagError, match="no true pose at 3001 ns; there are some from 1000 ns to 2000 ns"):
+    with pytest.raises(BagError, match="no true pose at 3001 ns; poses range from 1000 to 2000 ns"):
         way.world_from_base(3001)
 
 
@@ -162,9 +162,9 @@ def test_depth_and_instances_are_what_the_camera_saw(small_run: Path) -> None:
     assert np.array_equal(ids == 0, sky)
     assert (metres > 0).all()
     assert (depth.encoding, instance.encoding, depth.step, instance.step) == ("32FC1", "16UC1", 1280, 640)
-    with pytest.raises(BagError, match="only 32FC1"):
+    with pytest.raises(BagError, match="must be 32FC1"):
         read.depth(instance)
-    with pytest.raises(BagError, match="only 16UC1"):
+    with pytest.raises(BagError, match="must be 16UC1"):
         read.instances(depth)
 
 
@@ -173,5 +173,5 @@ def test_a_quaternion_of_zeros_is_one_line(small_run: Path) -> None:
     pose = message.pose.pose
     assert read.pose_matrix(pose).shape == (4, 4)
     nowhere = type(pose)(pose.position, type(pose.orientation)(0.0, 0.0, 0.0, 0.0))
-    with pytest.raises(BagError, match="a quaternion of four zeros"):
+    with pytest.raises(BagError, match="quaternion of a pose must not be zero"):
         read.pose_matrix(nowhere)

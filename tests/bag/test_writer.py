@@ -76,6 +76,6 @@ def test_a_crashed_recording_is_no_bag(tmp_path: Path) -> None:
 def test_a_bag_is_not_overwritten(tmp_path: Path) -> None:
     path = write(tmp_path / "a.bag", range(1, 3))
     before = path.read_bytes()
-    with pytest.raises(OutputError, match=r"a\.bag exists already"):
+    with pytest.raises(OutputError, match=r"a\.bag already exists"):
         write(path, range(5, 9))
     assert path.read_bytes() == before

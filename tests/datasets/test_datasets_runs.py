@@ -50,7 +50,7 @@ def test_a_folder_is_its_runs_one_after_the_other(small_run: Path, tmp_path: Pat
         assert (run.name, frame) == (runs.names[place % 36 // 12], place % 12)
         equal(runs[place], {**alone[frame], "run": run.name})
     for wrong in (36, -37):
-        with pytest.raises(IndexError, match=f"no frame {wrong}; there are 36"):
+        with pytest.raises(IndexError, match=f"frame must be between -36 and 35, got {wrong}"):
             runs[wrong]
     with pytest.raises(TypeError, match="Subset"):
         runs[:2]  # type: ignore[index]
@@ -74,13 +74,13 @@ def test_copies_and_what_is_unfinished_are_no_runs_and_links_are(small_run: Path
 
 
 def test_a_folder_without_a_run_or_with_two_of_a_name_says_so(small_run: Path, tmp_path: Path) -> None:
-    with pytest.raises(FieldtruthError, match="holds no run"):
+    with pytest.raises(FieldtruthError, match="has no runs"):
         open_runs(tmp_path)
-    with pytest.raises(FieldtruthError, match="there is no folder"):
+    with pytest.raises(FieldtruthError, match="is not a folder"):
         open_runs(tmp_path / "nowhere")
     data = lay(small_run, tmp_path, ["park_1"])
     (data / "park_1.bag").hardlink_to(data / "park_1/park_1.bag")
-    with pytest.raises(FieldtruthError, match="would both be called 'park_1'"):
+    with pytest.raises(FieldtruthError, match="have the same name 'park_1'"):
         open_runs(data)
     (data / "park_1.bag").unlink()
     (data / "broken.bag").write_bytes(b"#ROSBAG V2.0\n")
@@ -139,9 +139,9 @@ def test_runs_through_one_world_stay_together_if_asked(small_run: Path, tmp_path
         worlds = [{seeds[name] for name in part.names} for part in parts.values()]
         assert not worlds[0] & worlds[1]
         assert worlds[0] | worlds[1] == {0, 1, 2}
-    with pytest.raises(FieldtruthError, match="4 parts need at least as many worlds; there are 3"):
+    with pytest.raises(FieldtruthError, match="4 parts need at least 4 worlds, got 3"):
         split(runs, by="world", rng=np.random.default_rng(0), a=0.25, b=0.25, c=0.25, d=0.25)
-    with pytest.raises(FieldtruthError, match="'a' and 'c' show one world, which is in two parts, 'train' and 'val'"):
+    with pytest.raises(FieldtruthError, match="'a' and 'c' are of the same world, which is in two parts, 'train'"):
         split(runs, by="world", train=["a"], val=["c"])
     assert split(runs, train=["a"], val=["c"])["val"].names == ("c",)
 
@@ -149,17 +149,17 @@ def test_runs_through_one_world_stay_together_if_asked(small_run: Path, tmp_path
 @pytest.mark.parametrize(
     ("line", "arguments"),
     [
-        ("11 parts need at least as many runs; there are 10", {f"p{k}": 1 / 11 for k in range(11)}),
-        ("shares must be above 0 and add to 1, not 0.7, 0.2", {"train": 0.7, "val": 0.2}),
-        ("shares must be above 0 and add to 1, not 1.1, -0.1", {"train": 1.1, "val": -0.1}),
-        ("either all shares, as train=0.7, val=0.3, or all lists", {"train": 0.7, "val": ["run_1"]}),
-        ("either all shares, as train=0.7, val=0.3, or all lists", {}),
-        ("shares need rng=", {"train": 0.5, "val": 0.5, "rng": None}),
+        ("11 parts need at least 11 runs, got 10", {f"p{k}": 1 / 11 for k in range(11)}),
+        ("shares must be above 0 with the sum 1, got 0.7, 0.2", {"train": 0.7, "val": 0.2}),
+        ("shares must be above 0 with the sum 1, got 1.1, -0.1", {"train": 1.1, "val": -0.1}),
+        ("either all shares, such as train=0.7, val=0.3, or all lists", {"train": 0.7, "val": ["run_1"]}),
+        ("either all shares, such as train=0.7, val=0.3, or all lists", {}),
+        ("shares need a random generator, such as rng=", {"train": 0.5, "val": 0.5, "rng": None}),
         ("run 'run_1' is in two parts, 'train' and 'val'", {"train": ["run_1"], "val": ["run_1"]}),
-        ("no run 'run_x'; there is: run_", {"train": ["run_x"]}),
-        ("part 'train' must be a share or a list of runs, not 'run_1'", {"train": "run_1"}),
-        ("part 'train' must be a share or a list of runs, not []", {"train": []}),
-        ("no way to split by 'frame'; there is: ", {"train": 1.0, "by": "frame"}),
+        ("unknown run 'run_x'; did you mean 'run_", {"train": ["run_x"]}),
+        ("part 'train' must be a share or a list of runs, got 'run_1'", {"train": "run_1"}),
+        ("part 'train' must be a share or a list of runs, got []", {"train": []}),
+        ("unknown unit of a split", {"train": 1.0, "by": "frame"}),
     ],
 )
 def test_wrong_parts_give_one_clear_line(ten: Runs, line: str, arguments: dict[str, Any]) -> None:
@@ -168,14 +168,14 @@ def test_wrong_parts_give_one_clear_line(ten: Runs, line: str, arguments: dict[s
     assert "\n" not in str(caught.value)
 
 
-def test_one_run_has_no_parts(small_run: Path) -> None:
-    with pytest.raises(FieldtruthError, match="2 parts need at least as many runs; there is 1"):
+def test_one_run_cannot_be_split(small_run: Path) -> None:
+    with pytest.raises(FieldtruthError, match="2 parts need at least 2 runs, got 1"):
         split(Runs([RunDataset(small_run)]), rng=np.random.default_rng(0), train=0.5, val=0.5)
 
 
-def test_no_runs_and_other_classes_make_no_data_set(small_run: Path) -> None:
+def test_no_runs_or_different_classes_are_an_error(small_run: Path) -> None:
     for runs in ([], [RunDataset(small_run), RunDataset(small_run, label_map="rellis")]):
-        with pytest.raises(FieldtruthError, match="one at least, and if all have the same classes"):
+        with pytest.raises(FieldtruthError, match="must be at least one, and all must have the same classes"):
             Runs(runs)
 
 

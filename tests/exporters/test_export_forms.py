@@ -88,7 +88,7 @@ def test_what_cannot_be_is_one_line_and_writes_nothing(
             "format 'zip' has no labels to map; formats with labels: ",
         ),
         ([run, run, "--to", "tum"], "format 'tum' takes one run, got 2; formats that join several: "),
-        ([none, "--to", "tum"], f"there is no {none}; needed is the folder of a run, or a bag"),
+        ([none, "--to", "tum"], f"{none} does not exist; a run must be the folder of a run, or a bag"),
         ([run, again, "--to", "kitti"], f"{again} is given twice; each run can be one sequence"),
         ([run], "the following arguments are required: --to"),
     ):

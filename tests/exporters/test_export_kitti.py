@@ -244,7 +244,7 @@ def test_clouds_need_no_labels(bag: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("topics", "words"),
     [
-        ([POINTS], f"has no {POINTS}; it has: /clock"),
+        ([POINTS], f"has no {POINTS}; available: /clock"),
         ([PHOTOS["right"]], f"has no {PHOTOS['right']}; it has"),
         (["/tf_static"], "has no /tf_static; it has"),
         ([INFOS[0]], f"has no {INFOS[0]}; it has"),

@@ -195,7 +195,7 @@ def test_what_is_missing_or_wrong_is_one_line(bag: Path, tmp_path: Path) -> None
     cases = {
         "no_clouds": (
             without(bag, tmp_path / "no_clouds.bag", POINTS),
-            r"has no /os1_cloud_node/points; it has: /clock",
+            r"has no /os1_cloud_node/points; available: /clock",
         ),
         "no_frames": (without(bag, tmp_path / "no_frames.bag", "/tf_static"), "has no /tf_static"),
         "no_poses": (

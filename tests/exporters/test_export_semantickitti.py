@@ -366,10 +366,10 @@ def test_the_papers_clouds_have_the_class_as_intensity_and_no_objects(bag: Path,
 @pytest.mark.parametrize(
     ("dropped", "message"),
     [
-        ((table.POINTS,), f"has no {table.POINTS}; it has: "),
-        ((table.TF_STATIC,), f"has no {table.TF_STATIC}; it has: "),
-        ((table.ODOMETRY, table.MODEL_STATES), f"has no {table.ODOMETRY}; it has: "),
-        ((table.camera_info("right"),), f"has no {table.camera_info('right')}; it has: "),
+        ((table.POINTS,), f"has no {table.POINTS}; available: "),
+        ((table.TF_STATIC,), f"has no {table.TF_STATIC}; available: "),
+        ((table.ODOMETRY, table.MODEL_STATES), f"has no {table.ODOMETRY}; available: "),
+        ((table.camera_info("right"),), f"has no {table.camera_info('right')}; available: "),
     ],
 )
 def test_what_is_missing_is_named(bag: Path, tmp_path: Path, dropped: tuple[str, ...], message: str) -> None:
@@ -442,12 +442,12 @@ def test_frames_are_found_along_their_parents() -> None:
     assert np.allclose(static.base_from("lidar")[:3, 0], [0.0, 1.0, 0.0])
     assert np.allclose(static.base_from("base_footprint")[:3, 3], [-10.0, 0.0, 0.0])
     assert np.array_equal(static.base_from("base_link"), np.eye(4))
-    with pytest.raises(BagError, match=r"a\.bag has no frame 'velodyne'; it has: base_footprint, base_link, lidar, "):
+    with pytest.raises(BagError, match=r"a\.bag has no frame 'velodyne'; available: base_footprint, base_link, "):
         static.base_from("velodyne")
     with pytest.raises(BagError, match="does not connect 'stray' with 'base_link'"):
         static.base_from("stray")
     circle = StaticFrames({"a": ("b", moved(1.0)), "b": ("a", moved(1.0)), "base_link": ("b", moved(1.0))}, "a.bag")
-    with pytest.raises(BagError, match="goes in a circle at "):
+    with pytest.raises(BagError, match="has a cycle at "):
         circle.base_from("a")
 
 
@@ -468,5 +468,7 @@ def test_a_camera_without_a_projection_is_refused(bag: Path, tmp_path: Path) -> 
 
     kept = {*LIDAR_ONLY, *map(table.camera_info, table.SIDES)}
     strange = rewritten(bag, tmp_path / "blind.bag", kept, camera_info=blind)
-    with pytest.raises(BagError, match=r"left/camera_info of .*blind\.bag holds no projection: P has fx 0\.0, fy 0\.0"):
+    with pytest.raises(
+        BagError, match=r"left/camera_info of .*blind.bag has an invalid projection: P has fx 0\.0, fy 0\.0"
+    ):
         export(strange, "semantickitti")

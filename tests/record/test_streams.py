@@ -262,7 +262,7 @@ def test_reading_what_is_no_bag(tmp_path: Path, bag: Path) -> None:
     with pytest.raises(BagError, match=r"none\.bag"):
         list(read_bag(tmp_path / "none.bag"))
     (tmp_path / "text.bag").write_text("no bag at all")
-    with pytest.raises(BagError, match="it is no ROS 1 bag, which begins with #ROSBAG"):
+    with pytest.raises(BagError, match="it is not a ROS 1 bag, which begins with #ROSBAG"):
         list(read_bag(tmp_path / "text.bag"))
     with pytest.raises(UnknownNameError, match="/imu/data"):
         list(read_bag(bag, ["/imu/date"]))

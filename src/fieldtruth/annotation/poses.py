@@ -198,7 +198,7 @@ class _Log:
             self._keep(*self._last)
 
     def poses(self, base_from_frame: Array | None) -> Poses:
-        """Return the kept poses, converted to base_link unless ``base_from_frame`` is None."""
+        """Return the kept poses, converted to base_link if ``base_from_frame`` is given."""
         table_ = np.frombuffer(self.values).reshape(-1, 7)
         position, quaternion = table_[:, :3], frames.wxyz_from_xyzw(table_[:, 3:])
         if base_from_frame is not None:

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The bag: messages from a drive and its sensors, written in time slices, joined, and read back.
+"""Bags: topics and message types, reading and writing, tf and calibration, the true trajectory.
 
-Here are the names for reading. What writes brings the physics along, which a reader should not have to wait for.
+These are the names for reading. Modules that write import the physics, which takes longer to load.
 """
 
 from fieldtruth.bag.decode import (

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a run says of where its sensors sit and how its cameras project: /tf_static and CameraInfo."""
+"""Mounts of the sensors and projection of the cameras, from /tf_static and CameraInfo."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,8 +12,8 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.decode import matrix
 from fieldtruth.bag.reader import BagError, decoder, open_bag
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.types import F8
 from fieldtruth.core import frames
+from fieldtruth.core.arrays import Array
 
 BASE: Final = "base_link"
 LIDAR: Final = "os1_lidar"
@@ -23,57 +23,57 @@ LIDAR: Final = "os1_lidar"
 class StaticFrames:
     """The fixed frames of a robot: ``parents[child]`` is the parent and ``parent_from_child`` (4, 4)."""
 
-    parents: Mapping[str, tuple[str, F8]]
+    parents: Mapping[str, tuple[str, Array]]
     source: str
-    """Where they were read, for messages."""
+    """The bag, or other source, for error messages."""
 
-    def base_from(self, frame: str) -> F8:
-        """(4, 4) that takes points of a frame to base_link, along all parents that both have.
+    def base_from(self, frame: str) -> Array:
+        """Return base_link from ``frame``, (4, 4), composed along their chains of parents.
 
         Raises:
-            BagError: there is no such frame, or no chain from it to base_link.
+            BagError: unknown frame, or one that is not connected to base_link.
         """
         known = {BASE, *self.parents, *(parent for parent, _ in self.parents.values())}
         if frame not in known:
-            raise BagError(f"/tf_static of {self.source} has no frame {frame!r}; it has: {', '.join(sorted(known))}")
+            raise BagError(f"/tf_static of {self.source} has no frame {frame!r}; available: {', '.join(sorted(known))}")
         (root, root_from_frame), (base_root, root_from_base) = self._to_root(frame), self._to_root(BASE)
         if root != base_root:
             raise BagError(f"/tf_static of {self.source} does not connect {frame!r} with {BASE!r}")
         return frames.inverse(root_from_base) @ root_from_frame
 
-    def _to_root(self, frame: str) -> tuple[str, F8]:
-        """Frame without a parent, and ``root_from_frame``."""
-        root_from_frame: F8 = np.eye(4)
+    def _to_root(self, frame: str) -> tuple[str, Array]:
+        """Return the root of a frame's tree, and ``root_from_frame``."""
+        root_from_frame: Array = np.eye(4)
         for _ in self.parents:
             if frame not in self.parents:
                 break
             frame, parent_from_child = self.parents[frame]
             root_from_frame = parent_from_child @ root_from_frame
         if frame in self.parents:
-            raise BagError(f"/tf_static of {self.source} goes in a circle at {frame!r}")
+            raise BagError(f"/tf_static of {self.source} has a cycle at {frame!r}")
         return frame, root_from_frame
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """Geometry of the stereo camera and the LiDAR; by side means by ``"left"`` and ``"right"``."""
+    """Geometry of the stereo camera and the LiDAR; sides are ``"left"`` and ``"right"``."""
 
     width: int
     height: int
-    """Size [pixel] of the images of either camera."""
-    projection: Mapping[str, F8]
-    """P (3, 4) [pixel] by side: from points [m] in the left optical frame; the right one holds the baseline."""
-    base_from_lidar: F8
+    """Size [pixel] of the images of both cameras."""
+    projection: Mapping[str, Array]
+    """P (3, 4) [pixel] by side, of points [m] in the left optical frame; the right one holds the baseline."""
+    base_from_lidar: Array
     """(4, 4) from the frame of the clouds."""
-    base_from_optical: Mapping[str, F8]
-    """(4, 4) by side, from the optical frame: x right, y down, z forward."""
+    base_from_optical: Mapping[str, Array]
+    """(4, 4) by side, from the optical frame (x right, y down, z forward)."""
     static: StaticFrames
 
-    def base_from(self, frame: str) -> F8:
-        """(4, 4) that takes points of any frame of /tf_static to base_link.
+    def base_from(self, frame: str) -> Array:
+        """Return base_link from any frame of /tf_static, (4, 4).
 
         Raises:
-            BagError: there is no such frame, or no chain from it to base_link.
+            BagError: unknown frame, or one that is not connected to base_link.
         """
         return self.static.base_from(frame)
 
@@ -82,7 +82,7 @@ def read_calibration(run: Run) -> Calibration:
     """Read the calibration of a run with a stereo camera.
 
     Raises:
-        BagError: /tf_static or a camera's CameraInfo is missing, says nothing, or does not fit the other.
+        BagError: /tf_static or a CameraInfo is missing or invalid, or the two cameras differ in size.
     """
     run.require(table.TF_STATIC, *map(table.camera_info, table.SIDES))
     static = read_static_frames(run)
@@ -91,7 +91,7 @@ def read_calibration(run: Run) -> Calibration:
     for side, matrix34 in projection.items():
         fx, fy = matrix34[0, 0], matrix34[1, 1]
         if not (np.isfinite(matrix34).all() and fx > 0.0 and fy > 0.0):
-            raise BagError(f"{table.camera_info(side)} of {run.bag} holds no projection: P has fx {fx}, fy {fy}")
+            raise BagError(f"{table.camera_info(side)} of {run.bag} has an invalid projection: P has fx {fx}, fy {fy}")
     sizes = {side: (int(info.width), int(info.height)) for side, info in infos.items()}
     if sizes["left"] != sizes["right"]:
         raise BagError(f"the cameras of {run.bag} differ in size: {sizes['left']} and {sizes['right']}")
@@ -118,8 +118,8 @@ def read_static_frames(run: Run) -> StaticFrames:
     return StaticFrames(parents, str(run.bag))
 
 
-def base_from_lidar(run: Run, static: StaticFrames) -> F8:
-    """(4, 4) from the frame of the run's clouds, or of os1_lidar where it has none.
+def base_from_lidar(run: Run, static: StaticFrames) -> Array:
+    """Return base_link from the frame of the run's clouds, (4, 4), or from os1_lidar if the run has no clouds.
 
     Raises:
         BagError: /tf_static does not connect the frame with base_link.
@@ -129,7 +129,7 @@ def base_from_lidar(run: Run, static: StaticFrames) -> F8:
 
 
 def first_message(run: Run, topic: str) -> Any:
-    """Read the first message of a topic that the run has, with ROS's field names.
+    """Read the first message of a topic of the run, with ROS's field names.
 
     Raises:
         BagError: the bag is damaged.

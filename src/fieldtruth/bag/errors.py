@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Files that are no bags, or no longer: whatever the layers below say of them becomes one clear line."""
+"""Unreadable files: errors of the libraries below become one clear line."""
 
 import struct
 from collections.abc import Iterator
@@ -14,29 +14,29 @@ from rosbags.typesys import TypesysError
 from fieldtruth.core.errors import FieldtruthError
 
 _DAMAGE: Final = (ReaderError, OSError, EOFError, RuntimeError, ValueError, KeyError, struct.error, TypesysError)
-"""What the layers below raise about bytes that are not what they should be."""
+"""Errors that the libraries raise for invalid bytes."""
 _BAG: Final = b"#ROSBAG V2.0"
 _KINDS: Final = {
-    b"PK\x03\x04": "it is a Zip file; unpack it and name the bag in it",
-    b"\x89MCAP": "it is an MCAP file of ROS 2; needed is a ROS 1 bag",
-    b"SQLite": "it is a database of ROS 2; needed is a ROS 1 bag",
-    b"#ROSBAG": "it is a bag of another version; needed is v2.0",
+    b"PK\x03\x04": "it is a Zip file; unpack it and use the bag in it",
+    b"\x89MCAP": "it is an MCAP file of ROS 2, not a ROS 1 bag",
+    b"SQLite": "it is a database of ROS 2, not a ROS 1 bag",
+    b"#ROSBAG": "its bag version is not 2.0",
 }
-"""What users take for a bag, by its first bytes."""
+"""Files that users confuse with bags, by their first bytes."""
 _LONGEST: Final = 200
-"""Characters of a message from below, which may quote what it read."""
+"""Characters of a library's message, which may quote what it read."""
 
 
 class BagError(FieldtruthError):
-    """A file that is no readable bag, or that lacks what is needed of it."""
+    """A file that is not a readable bag, or a bag that lacks required topics or fields."""
 
 
 @contextmanager
 def read_errors(path: Path) -> Iterator[None]:
-    """Turn whatever goes wrong while a bag is read into one clear line.
+    """Turn any error while a bag is read into one clear line.
 
     Raises:
-        BagError: the path and what is wrong there.
+        BagError: the path and the reason.
     """
     try:
         yield
@@ -47,7 +47,7 @@ def read_errors(path: Path) -> Iterator[None]:
 
 
 def _other_kind(path: Path) -> str:
-    """What a file is that is no bag at all."""
+    """Describe a file that is not a bag at all; empty for bags."""
     try:
         with path.open("rb") as file:
             start = file.read(len(_BAG))
@@ -56,7 +56,7 @@ def _other_kind(path: Path) -> str:
     if start.startswith(_BAG):
         return ""
     kinds = [words for magic, words in _KINDS.items() if start.startswith(magic)] if start else ["it is empty"]
-    return kinds[0] if kinds else f"it is no ROS 1 bag, which begins with {_BAG.decode()}"
+    return kinds[0] if kinds else f"it is not a ROS 1 bag, which begins with {_BAG.decode()}"
 
 
 def _in_words(error: BaseException) -> str:
@@ -66,7 +66,7 @@ def _in_words(error: BaseException) -> str:
         return f"a record lacks its field {error}"
     text = str(error)
     if "not indexed" in text:
-        return "it has no index, as when a recording was cut off; `rosbag reindex` may mend it"
+        return "it has no index, as after an aborted recording; `rosbag reindex` may repair it"
     if text.startswith("Bag index looks damaged"):
-        return "its index is damaged, as when a file was cut off"
+        return "its index is damaged, as in a truncated file"
     return " ".join(text.split())[:_LONGEST] or type(error).__name__

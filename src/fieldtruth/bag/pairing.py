@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which photographs belong to a cloud: those of its very instant.
+"""Pair each cloud with the photographs of the same stamp.
 
-At 10 and 25 Hz that is every second cloud. Were each cloud joined with its nearest photographs, every second pair would
-be 20 ms apart: 9 pixels for a robot that turns at 0.5 rad/s. So clouds without photographs of their own stamp are left
-out, unless a bag has (nearly) no others: then the nearest photographs are taken.
+At 10 and 25 Hz every second cloud has such photographs. With the nearest ones instead, every second pair would be 20 ms
+apart, 9 pixels for a robot that turns at 0.5 rad/s. So clouds without photographs of their own stamp are left out,
+unless a bag has (nearly) no others: then the nearest photographs are used.
 """
 
 from collections import deque
@@ -16,11 +16,11 @@ from fieldtruth.bag.decode import stamp_ns
 from fieldtruth.bag.reader import BagReader, decoder
 
 WINDOW_NS: Final = 500_000_000
-"""How far [ns] the messages of a frame may lie apart, in the bag and by their headers."""
-_LOOK: Final = 50
-"""Clouds at the start by which a bag is judged."""
-_SHARE: Final = 0.1
-"""Of them so many must have photographs of their own stamp, or the nearest are taken."""
+"""Largest difference [ns] of the stamps of a frame's messages, in the bag and in their headers."""
+_FIRST_CLOUDS: Final = 50
+"""Clouds at the start that decide whether pairing is exact."""
+_EXACT_SHARE: Final = 0.1
+"""Pairing is exact if at least this share of them has photographs of its own stamp."""
 
 
 class _Item(NamedTuple):
@@ -31,27 +31,27 @@ class _Item(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """A cloud and the photographs with it: messages with ROS's field names."""
+    """A cloud and its photographs, as messages with ROS's field names."""
 
     cloud: Any
     left: Any
     right: Any
     stamp_ns: int
-    """Of the left photograph, and so of cam0 [ns]."""
+    """Stamp [ns] of the left photograph (cam0)."""
     apart_ns: int
-    """The most that two of the three lie apart [ns]."""
+    """Largest difference [ns] between the three stamps."""
     bag_ns: int
     """Stamp in the bag [ns] of the cloud."""
 
 
 def stereo_frames(bag: BagReader) -> Iterator[Frame]:
-    """Frames of a bag that has clouds and both cameras' photographs, in time order; a second of it is in memory.
+    """Yield the frames of a bag with clouds and photographs of both cameras, in time order; 1 s of it is in memory.
 
     Raises:
         BagError: the bag is damaged.
     """
     sides = {table.photograph(side): side for side in table.SIDES}
-    pairing, decode = _Pairing(exact=_in_step(bag)), decoder(bag)
+    pairing, decode = _Pairing(exact=_has_exact_pairs(bag)), decoder(bag)
     for raw in bag.messages([table.POINTS, *sides]):
         message = decode(raw)
         item = _Item(raw.stamp_ns, stamp_ns(message.header), message)
@@ -59,28 +59,28 @@ def stereo_frames(bag: BagReader) -> Iterator[Frame]:
     yield from pairing.rest()
 
 
-def _in_step(bag: BagReader) -> bool:
-    """Whether clouds have photographs of their own stamp."""
+def _has_exact_pairs(bag: BagReader) -> bool:
+    """Whether clouds at the start have photographs of their own stamp."""
     stamps: dict[str, set[int]] = {topic: set() for topic in (table.POINTS, *map(table.photograph, table.SIDES))}
     decode = decoder(bag)
     for raw in bag.messages(list(stamps)):
         stamps[raw.topic].add(stamp_ns(decode(raw).header))
-        if len(stamps[table.POINTS]) > _LOOK:
+        if len(stamps[table.POINTS]) > _FIRST_CLOUDS:
             break
-    return len(set.intersection(*stamps.values())) >= _SHARE * len(stamps[table.POINTS])
+    return len(set.intersection(*stamps.values())) >= _EXACT_SHARE * len(stamps[table.POINTS])
 
 
 class _Pairing:
-    """Clouds that wait for their photographs, and the photographs of the last second."""
+    """Clouds that are not paired yet, and the photographs of the last second."""
 
     def __init__(self, *, exact: bool) -> None:
         self._exact = exact
         self._clouds: deque[_Item] = deque()
         self._images: dict[str, deque[_Item]] = {side: deque() for side in table.SIDES}
-        self._last_ns = -1  # of the left photograph of the frame before
+        self._last_ns = -1  # left photograph of the previous frame
 
     def add(self, side: str | None, item: _Item) -> Iterator[Frame]:
-        """Take the next message, a cloud (None) or a photograph of a side; yield the frames that nothing can change."""
+        """Take the next message, a cloud (None) or a photograph of a side; yield the frames that are final."""
         while self._clouds and item.bag_ns - self._clouds[0].bag_ns > WINDOW_NS:
             yield from self._frame(self._clouds.popleft())
         for images in self._images.values():
@@ -89,7 +89,7 @@ class _Pairing:
         (self._clouds if side is None else self._images[side]).append(item)
 
     def rest(self) -> Iterator[Frame]:
-        """Yield what can be made of the clouds that are left at the end."""
+        """Yield the frames of the remaining clouds at the end."""
         while self._clouds:
             yield from self._frame(self._clouds.popleft())
 
@@ -106,5 +106,5 @@ class _Pairing:
 
 
 def _nearest(images: deque[_Item], stamp_ns: int) -> _Item:
-    """Nearest by its header; of two the earlier."""
+    """Return the item with the nearest stamp; of two equally near the earlier."""
     return min(images, key=lambda image: abs(image.stamp_ns - stamp_ns))

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A stored bag, read as a stream: the list of its chunks is in memory and one chunk at a time, however long it is.
+"""Read a bag as a stream: in memory are the list of its chunks and one chunk at a time, however long the bag is.
 
-ROS's own readers, and the one this is built upon, first read where each message lies. At 1000 Hz that list is larger
-than all the images that are in memory at once, and takes longer to read than a trajectory.
+ROS's readers, and that of rosbags, first read the index of all messages. At 1000 Hz that index is larger than all
+images in memory at once, and takes longer to read than a trajectory.
 """
 
 import struct
@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader, ReaderError
 from rosbags.rosbag1.reader import Chunk, ChunkInfo, Header, IndexData, RecordType
@@ -22,28 +21,27 @@ from rosbags.typesys.store import Typestore
 
 from fieldtruth.bag.errors import BagError as BagError
 from fieldtruth.bag.errors import read_errors
+from fieldtruth.core.arrays import Counts
 from fieldtruth.core.errors import UnknownNameError
-
-I8 = NDArray[np.int64]
 
 
 class RawMessage(NamedTuple):
-    """A message as it is stored: stamp in the bag [ns], topic, type (``sensor_msgs/msg/Imu``) and serialised bytes."""
+    """A serialised message: stamp in the bag [ns], topic, type (``sensor_msgs/msg/Imu``) and bytes."""
 
     stamp_ns: int
     topic: str
     msgtype: str
     data: bytes
     connection: int = -1
-    """Number of its connection in the bag; a topic has one for each that published it."""
+    """Number of its connection in the bag; a topic has one per publisher."""
 
 
-class Places(NamedTuple):
-    """Where the messages of a topic lie, a row each, in time order: stamp [ns], the chunk's position, offset in it."""
+class MessageIndex(NamedTuple):
+    """Index of a topic's messages, a row each, in time order: stamp [ns], position of the chunk, offset in it."""
 
-    stamps_ns: I8
-    chunk: I8
-    offset: I8
+    stamps_ns: Counts
+    chunk: Counts
+    offset: Counts
 
 
 _OPERATION: Final = b"op="
@@ -52,7 +50,7 @@ _TIME: Final = b"time="
 
 
 class BagReader:
-    """An open bag. Make it with ``open_bag``; one thread at a time may read it."""
+    """An open bag, from ``open_bag``; one thread at a time may read it."""
 
     def __init__(self, path: Path, reader: "_LeanReader") -> None:
         self.path = path
@@ -68,19 +66,19 @@ class BagReader:
 
     @property
     def connections(self) -> list[Connection]:
-        """Topics with types, definitions and who published them."""
+        """Topics with types, definitions and publishers."""
         return list(self._by_id.values())
 
     def types(self) -> Typestore:
-        """Return the types as the bag itself defines them."""
+        """Return the message types as the bag defines them."""
         with read_errors(self.path):
             return types_of({c.msgtype: c.msgdef.data for c in self.connections})
 
     def messages(self, topics: Sequence[str] = ()) -> Iterator[RawMessage]:
-        """Messages of some topics, or of all, in time order; ties in the order in which they were written.
+        """Yield the messages of some topics, or of all, in time order; ties in the order in which they were written.
 
         Raises:
-            UnknownNameError: a topic that the bag does not have.
+            UnknownNameError: the bag has no such topic.
             BagError: the bag is damaged.
         """
         wanted = self._chosen(topics)
@@ -103,28 +101,24 @@ class BagReader:
         waiting.sort()
         yield from map(self._raw, waiting)
 
-    def places(self, topic: str) -> Places:
-        """Where the messages of a topic lie, for reading them in any order with ``message``."""
-        return self.places_of([topic])[topic]
-
-    def places_of(self, topics: Sequence[str]) -> dict[str, Places]:
-        """Where the messages of each of these topics lie; one pass for all of them, several times as fast."""
+    def index(self, topics: Sequence[str]) -> dict[str, MessageIndex]:
+        """Return the index of each topic, for reading messages in any order; one pass for all topics."""
         topic_of = {number: self._by_id[number].topic for number in self._chosen(topics)} if topics else {}
         rows: dict[str, list[tuple[int, int, int]]] = {topic: [] for topic in topics}
         for info in self._reader.chunk_infos:
-            for number, row in self._index(info, topic_of.keys()):
+            for number, row in self._index_rows(info, topic_of.keys()):
                 rows[topic_of[number]].append(row)
         tables = {topic: np.array(sorted(found), np.int64).reshape(-1, 3) for topic, found in rows.items()}
-        return {topic: Places(*np.ascontiguousarray(table.T)) for topic, table in tables.items()}
+        return {topic: MessageIndex(*np.ascontiguousarray(table.T)) for topic, table in tables.items()}
 
     def message(self, chunk: bytes, offset: int) -> RawMessage:
-        """Return the message at an offset in an unpacked chunk."""
+        """Return the message at an offset in a decompressed chunk."""
         with read_errors(self.path):
             stamp, number, data = message_at(chunk, offset)
             return self._raw((stamp, 0, 0, number, data))
 
     def chunk(self, position: int) -> bytes:
-        """Unpack the chunk at a position in the file."""
+        """Read and decompress the chunk at a position in the file."""
         with read_errors(self.path):
             return self._reader.unpack(self._reader.chunks[position])
 
@@ -139,8 +133,8 @@ class BagReader:
         connection = self._by_id[number]
         return RawMessage(stamp, connection.topic, connection.msgtype, data, number)
 
-    def _index(self, info: ChunkInfo, wanted: Set[int]) -> Iterator[tuple[int, tuple[int, int, int]]]:
-        """Connection of each wanted message of a chunk, and stamp, chunk, offset, from the index records behind it."""
+    def _index_rows(self, info: ChunkInfo, wanted: Set[int]) -> Iterator[tuple[int, tuple[int, int, int]]]:
+        """Yield connection and (stamp, chunk, offset) of each wanted message, from the index records of a chunk."""
         if wanted.isdisjoint(info.connection_counts):
             return
         with read_errors(self.path):
@@ -160,7 +154,7 @@ def open_bag(path: Path) -> Iterator[BagReader]:
     """Open a bag for reading.
 
     Raises:
-        BagError: no such file, it is no bag, it is cut off, or its index is damaged.
+        BagError: no such file, not a bag, a truncated one, or one with a damaged index.
     """
     with read_errors(path):
         reader = _LeanReader(path)
@@ -174,30 +168,30 @@ def open_bag(path: Path) -> Iterator[BagReader]:
 
 
 class _LeanReader(Reader):
-    """Reads the list of chunks and not that of messages."""
+    """Reads the list of chunks, but not the index of messages."""
 
     def read_index_data(self, pos: int, indexes: dict[int, list[IndexData]]) -> None:
-        """Skip it."""
+        """Skip the index of messages."""
 
     def read_chunk(self) -> Chunk:
-        """Read where a chunk's data is; what lies outside the file is damage."""
+        """Read the position of a chunk's data, which must lie within the file."""
         chunk = super().read_chunk()
         if chunk.datapos + chunk.datasize > self.path.stat().st_size:
-            raise ReaderError("it ends in the middle of a chunk")
+            raise ReaderError("it is truncated within a chunk")
         return chunk
 
     def unpack(self, chunk: Chunk) -> bytes:
-        """Read and unpack a chunk."""
+        """Read and decompress a chunk."""
         assert self.bio is not None
         self.bio.seek(chunk.datapos)
         packed = self.bio.read(chunk.datasize)
         if len(packed) < chunk.datasize:
-            raise ReaderError("it ends in the middle of a chunk")
+            raise ReaderError("it is truncated within a chunk")
         return chunk.decompressor(packed)
 
 
 def read_chunk(path: Path, position: int) -> bytes:
-    """Unpack the chunk at a position in a bag's file, for those who know where it is; raises as ``open_bag``."""
+    """Read and decompress the chunk at a known position in a bag file; raises as ``open_bag``."""
     with read_errors(path), path.open("rb") as source:
         reader = _LeanReader(path)
         reader.bio = source
@@ -206,23 +200,23 @@ def read_chunk(path: Path, position: int) -> bytes:
 
 
 def message_at(chunk: bytes, offset: int) -> tuple[int, int, bytes]:
-    """Stamp in the bag [ns], connection and bytes of a message at an offset in an unpacked chunk; within ``damage``."""
+    """Return stamp [ns], connection and bytes of the message at an offset in a chunk; call it in ``read_errors``."""
     found = next(_records(chunk, offset), None)
     if found is None:
-        raise ReaderError("there is no message where the index says")
+        raise ReaderError("its index points to a position without a message")
     stamp, number, at, size = found
     return stamp, number, chunk[at : at + size]
 
 
 def _records(data: bytes, at: int = 0) -> Iterator[tuple[int, int, int, int]]:
-    """Stamp [ns], connection, start and size of each message in an unpacked chunk, from an offset on."""
+    """Yield stamp [ns], connection, start and size of each message in a decompressed chunk, from an offset on."""
     while at < len(data):
         (size,) = struct.unpack_from("<L", data, at)
         fields, at = _fields(data, at + 4, size), at + 4 + size
         (size,) = struct.unpack_from("<L", data, at)
         at += 4
         if at + size > len(data):
-            raise ReaderError("a message is cut off at the end of its chunk")
+            raise ReaderError("a message is truncated at the end of its chunk")
         if fields[_OPERATION] == bytes([RecordType.MSGDATA]):
             seconds, nanoseconds = struct.unpack("<LL", fields[_TIME])
             yield seconds * 10**9 + nanoseconds, int.from_bytes(fields[_CONNECTION], "little"), at, size
@@ -230,11 +224,11 @@ def _records(data: bytes, at: int = 0) -> Iterator[tuple[int, int, int, int]]:
 
 
 def _fields(data: bytes, at: int, size: int) -> dict[bytes, bytes]:
-    """Fields of a record's header by ``name=``."""
+    """Return the fields of a record's header by ``name=``."""
     fields: dict[bytes, bytes] = {}
     end = at + size
     if end > len(data):
-        raise ReaderError("a record's header is cut off")
+        raise ReaderError("a record's header is truncated")
     while at < end:
         (size,) = struct.unpack_from("<L", data, at)
         name, sign, value = data[at + 4 : at + 4 + size].partition(b"=")
@@ -244,7 +238,7 @@ def _fields(data: bytes, at: int, size: int) -> dict[bytes, bytes]:
 
 
 def types_of(definitions: Mapping[str, str]) -> Typestore:
-    """Return the types with these names and definitions (ROS's .msg text)."""
+    """Return the message types with these names and definitions (ROS's .msg text)."""
     store = get_typestore(Stores.EMPTY)
     for msgtype, definition in definitions.items():
         store.register(get_types_from_msg(definition, msgtype))
@@ -255,17 +249,17 @@ Decoder = Callable[[RawMessage], Any]
 
 
 def decoder(bag: BagReader) -> Decoder:
-    """Return what turns a raw message of this bag into one with ROS's field names."""
+    """Return the function that deserialises raw messages of this bag, with ROS's field names."""
     return decoder_of(bag.types(), bag.path)
 
 
 def decoder_of(store: Typestore, path: Path) -> Decoder:
-    """Return what turns a raw message of the bag at ``path`` into one with ROS's field names."""
+    """Return the function that deserialises raw messages of the bag at ``path``."""
 
     def decode(raw: RawMessage) -> Any:
         try:
             return store.deserialize_ros1(raw.data, raw.msgtype)
-        except Exception as error:  # the generated code raises whatever the bytes lead it to
+        except Exception as error:  # generated code raises any exception on invalid bytes
             raise BagError(f"cannot read {path}: the message of {raw.topic} at {raw.stamp_ns} ns is damaged") from error
 
     return decode

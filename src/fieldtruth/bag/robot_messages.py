@@ -20,8 +20,9 @@ from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__NavSatStatus as
 from rosbags.typesys.stores.ros1_noetic import std_msgs__msg__Float32 as Float32
 
 from fieldtruth.bag import types as ros
-from fieldtruth.bag.types import F8
+from fieldtruth.bag.model_states import ROBOT
 from fieldtruth.core import frames
+from fieldtruth.core.arrays import Array
 from fieldtruth.drive.state import State
 from fieldtruth.drive.track import GnssReadings, ImuReadings, Motion
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, Rig
@@ -29,23 +30,22 @@ from fieldtruth.world.model import World
 
 WORLD: Final = "world"
 BASE: Final = "base_link"
-ROBOT: Final = "husky"
 
 
 def clock(stamp_ns: int) -> bytes:
-    """rosgraph_msgs/Clock: the simulated time."""
+    """Serialise rosgraph_msgs/Clock: the simulated time."""
     return ros.serialize(Clock(ros.time(stamp_ns)), "rosgraph_msgs/msg/Clock")
 
 
-def rig_transforms(rig: Rig) -> dict[tuple[str, str], F8]:
-    """Every fixed ``parent_from_child`` (4, 4) by (parent, child): the paper's Table 2, and the optical frames."""
+def rig_transforms(rig: Rig) -> dict[tuple[str, str], Array]:
+    """Return all fixed ``parent_from_child`` (4, 4) by (parent, child): the paper's Table 2 and the optical frames."""
     result = {(BASE, name): mount.base_from_sensor for name, mount in rig.mounts().items()}
     optical = {(f"{side}_camera", f"{side}_camera_optical"): CAMERA_FROM_OPTICAL for side in ("left", "right")}
     return result | optical
 
 
-def tf_static(stamp_ns: int, transforms: Mapping[tuple[str, str], F8]) -> bytes:
-    """tf2_msgs/TFMessage of all fixed transforms."""
+def tf_static(stamp_ns: int, transforms: Mapping[tuple[str, str], Array]) -> bytes:
+    """Serialise tf2_msgs/TFMessage of all fixed transforms."""
     stamped = [
         ros.transform_stamped(ros.header(0, stamp_ns, parent), child, parent_from_child)
         for (parent, child), parent_from_child in transforms.items()
@@ -54,14 +54,14 @@ def tf_static(stamp_ns: int, transforms: Mapping[tuple[str, str], F8]) -> bytes:
 
 
 def tf(seq: int, stamp_ns: int, state: State) -> bytes:
-    """tf2_msgs/TFMessage of base_link in the world."""
+    """Serialise tf2_msgs/TFMessage of base_link in the world."""
     transform = ros.Transform(ros.vector(state.position), ros.quaternion(state.quaternion_wxyz))
     stamped = ros.TransformStamped(ros.header(seq, stamp_ns, WORLD), BASE, transform)
     return ros.serialize(ros.TFMessage([stamped]), "tf2_msgs/msg/TFMessage")
 
 
 def odometry(seq: int, stamp_ns: int, state: State) -> bytes:
-    """nav_msgs/Odometry: the pose in the world, the twist in base_link."""
+    """Serialise nav_msgs/Odometry: the pose in the world, the twist in base_link."""
     base_from_world = frames.rotation_from_quaternion_wxyz(state.quaternion_wxyz).T
     linear, angular = base_from_world @ state.linear_velocity, base_from_world @ state.angular_velocity
     twist = ros.Twist(ros.vector(linear), ros.vector(angular))
@@ -76,7 +76,7 @@ def odometry(seq: int, stamp_ns: int, state: State) -> bytes:
 
 
 def imu(k: int, readings: ImuReadings) -> bytes:
-    """sensor_msgs/Imu, everything in imu_link (REP-145); the orientation is world_from_imu."""
+    """Serialise sensor_msgs/Imu, all of it in imu_link (REP-145); the orientation is world_from_imu."""
     zeros = np.zeros(9)
     message = Imu(
         ros.header(k, int(readings.stamps_ns[k]), "imu_link"),
@@ -91,7 +91,7 @@ def imu(k: int, readings: ImuReadings) -> bytes:
 
 
 def navsat(k: int, readings: GnssReadings) -> bytes:
-    """sensor_msgs/NavSatFix of the antenna: latitude and longitude [deg], ellipsoidal height [m]."""
+    """Serialise sensor_msgs/NavSatFix of the antenna: latitude and longitude [deg], ellipsoidal height [m]."""
     latitude, longitude, height = map(float, readings.geodetic[k])
     message = NavSatFix(
         ros.header(k, int(readings.stamps_ns[k]), "GNSS_link"),
@@ -106,15 +106,15 @@ def navsat(k: int, readings: GnssReadings) -> bytes:
 
 
 def wheel_speed(speed: float) -> bytes:
-    """std_msgs/Float32 [rad/s]; it has no header, so its stamp is the bag's."""
+    """Serialise std_msgs/Float32 [rad/s]; it has no header, so its stamp is that in the bag."""
     return ros.serialize(Float32(float(speed)), "std_msgs/msg/Float32")
 
 
 class ModelStatesWriter:
-    """gazebo_msgs/ModelStates at the physics rate: only the robot moves, so 104 bytes of a template are patched.
+    """Writes gazebo_msgs/ModelStates at the physics rate: only the robot moves, so 104 bytes of a template are patched.
 
     Row i is the object with id i, as in the cloud's ``instance``: first the robot, then the ground, then the rest.
-    The twist is of base_link's origin in the world frame, as Gazebo has it.
+    The twist is that of base_link's origin in the world frame, as in Gazebo.
     """
 
     def __init__(self, world: World) -> None:
@@ -130,7 +130,7 @@ class ModelStatesWriter:
         self._twist_at = self._pose_at + 56 * len(names) + 4
 
     def message(self, k: int, motion: Motion) -> bytes:
-        """Bytes of the message at row ``k`` of the motion."""
+        """Serialise the message at row ``k`` of the motion."""
         data = bytearray(self.template)
         w, x, y, z = motion.quaternion_wxyz[k]
         struct.pack_into("<7d", data, self._pose_at, *motion.position[k], x, y, z, w)
@@ -138,8 +138,8 @@ class ModelStatesWriter:
         return bytes(data)
 
 
-def _pose(world_from_object: F8) -> ros.Pose:
-    """Pose of an object, whose matrix may also scale."""
+def _pose(world_from_object: Array) -> ros.Pose:
+    """Return the pose of an object, whose matrix may also scale."""
     rotation = world_from_object[:3, :3] / np.cbrt(np.linalg.det(world_from_object[:3, :3]))
     orientation = ros.quaternion(frames.quaternion_wxyz_from_rotation(rotation))
     return ros.Pose(ros.point(world_from_object[:3, 3]), orientation)

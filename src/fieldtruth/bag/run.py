@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A run as its users hand it over: the folder that ``generate`` made, or any bag with the same topics."""
+"""A run: the folder that ``generate`` made, or any bag with the same topics."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,17 +11,17 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
 
 EXPERIMENT: str = "experiment.yaml"
-"""The file beside a bag that says how it was made."""
+"""The experiment beside a bag."""
 CARD: str = "DATASET.md"
 """The data card beside a bag."""
 
 
 class Run(NamedTuple):
-    """A bag and what is known of it without reading it through."""
+    """A bag and its metadata, which is known without reading all of it."""
 
     bag: Path
     experiment: Experiment | None
-    """What made it; None for a bag from elsewhere."""
+    """The experiment that generated it; None for a bag from elsewhere."""
     counts: Mapping[str, int]
     """Messages by topic; every topic has at least one."""
     msgtypes: Mapping[str, str]
@@ -32,12 +32,12 @@ class Run(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The bag's name without its ending."""
+        """The bag's name without its suffix."""
         return self.bag.stem
 
     @property
     def folder(self) -> Path:
-        """Where the bag lies."""
+        """The folder of the bag."""
         return self.bag.parent
 
     @property
@@ -46,51 +46,51 @@ class Run(NamedTuple):
         return (self.end_ns - self.start_ns) / 1e9
 
     def require(self, *topics: str) -> None:
-        """Make sure that the bag has messages of all these topics.
+        """Check that the bag has messages of all these topics.
 
         Raises:
-            BagError: names those that are missing, and those that are there.
+            BagError: lists the missing and the available topics.
         """
         missing = [topic for topic in topics if topic not in self.counts]
         if missing:
-            raise BagError(f"{self.bag} has no {', '.join(missing)}; it has: {', '.join(sorted(self.counts))}")
+            raise BagError(f"{self.bag} has no {', '.join(missing)}; available: {', '.join(sorted(self.counts))}")
 
 
-def open_run(path: Path) -> Run:
-    """Look at the folder of a run, or at a bag.
+def open_run(path: Path | str) -> Run:
+    """Open the folder of a run, or a bag.
 
     Raises:
-        BagError: nothing there, no bag in the folder or several, an unreadable bag, or one without a message.
+        BagError: no such path, no bag in the folder or several, an unreadable bag, or one without messages.
         ConfigurationError: the experiment.yaml of this bag cannot be read.
     """
-    bag = find_bag(path)
+    bag = find_bag(Path(path))
     with open_bag(bag) as stored:
         counts = {topic: count for topic, count in stored.counts.items() if count}
         if not counts:
-            raise BagError(f"{bag} holds no message")
+            raise BagError(f"{bag} has no messages")
         return Run(bag, _experiment_of(bag), counts, stored.msgtypes, stored.start_ns, stored.end_ns)
 
 
 def find_bag(path: Path) -> Path:
-    """Path of the bag: the file itself, or the one in the folder of a run.
+    """Return the path of the bag: the file itself, or the one in the folder of a run.
 
     Raises:
-        BagError: nothing there, no bag in the folder, or several.
+        BagError: no such path, no bag in the folder, or several.
     """
     if not path.is_dir():
         if not path.exists():
-            raise BagError(f"there is no {path}; needed is the folder of a run, or a bag")
+            raise BagError(f"{path} does not exist; a run must be the folder of a run, or a bag")
         return path
     own = path / f"{path.resolve().name}.bag"
     bags = [own] if own.exists() else sorted(path.glob("*.bag"))
     if len(bags) != 1:
         what = f"{len(bags)} bags ({', '.join(bag.name for bag in bags)})" if bags else "no bag"
-        raise BagError(f"{path} holds {what}; needed is the folder of one run, or a bag")
+        raise BagError(f"{path} has {what}; a run must be a folder with one bag, or a bag")
     return bags[0]
 
 
 def _experiment_of(bag: Path) -> Experiment | None:
-    """What made the bag; another bag's experiment, in the same folder by chance, says nothing about it."""
+    """Return the experiment beside a bag if it has the bag's name, else it belongs to another bag."""
     path = bag.parent / EXPERIMENT
     if not path.exists():
         return None

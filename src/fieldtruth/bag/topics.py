@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a bag holds: one table of topic, message type and rate (paper, Table 5, and what its users miss there).
+"""Topics of a bag with message type and rate: the paper's Table 5, with additions.
 
-The table's order is the order in the bag of messages with the same stamp, and the connection number.
+The table's order is that of connection numbers, and of messages with the same stamp.
 """
 
 from collections.abc import Callable
@@ -26,7 +26,7 @@ POINTS: Final = "/os1_cloud_node/points"
 
 
 class Topic(NamedTuple):
-    """A row of the table; ``rate_hz`` reads the rate [Hz] from the rig and is None for one message a bag."""
+    """A row of the table; ``rate_hz`` reads the rate [Hz] from the rig; None for one message per bag."""
 
     name: str
     msgtype: str
@@ -35,7 +35,7 @@ class Topic(NamedTuple):
 
     @property
     def latched(self) -> bool:
-        """Whether a late subscriber gets the last message: so it is with what is published once."""
+        """Whether late subscribers get the last message; true for topics that are published once."""
         return self.rate_hz is None
 
     def exists(self, rig: Rig) -> bool:
@@ -61,7 +61,7 @@ def photograph(side: str) -> str:
 
 
 def tag(side: str) -> str:
-    """Topic of a camera's tag images: the flat colour of the class of what each pixel's centre sees."""
+    """Topic of a camera's tag images: the flat colour of the class at each pixel's centre."""
     return f"/stereo/camera/{side}/tag/img_raw"
 
 

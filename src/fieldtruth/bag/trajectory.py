@@ -1,46 +1,44 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The robot's true way through a bag, and its pose at any stamp in between."""
+"""The robot's true trajectory in a bag, and its pose at any stamp."""
 
 from array import array
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.model_states import ROBOT, ModelStatesReader
 from fieldtruth.bag.reader import BagError, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.core import frames
+from fieldtruth.core.arrays import Array, Counts
 
-F8 = NDArray[np.float64]
-I8 = NDArray[np.int64]
 Rows = tuple["array[int]", "array[float]"]
-"""Stamps [ns], and seven numbers for each: packed, because there may be a thousand a second."""
+"""Stamps [ns], and seven numbers for each; packed, because there may be 1000 per second."""
 
 
 @dataclass(frozen=True)
 class Trajectory:
     """Poses of base_link in the world, n rows: rising ``stamps_ns``, ``position`` [m], ``quaternion_wxyz``."""
 
-    stamps_ns: I8
-    position: F8
-    quaternion_wxyz: F8
+    stamps_ns: Counts
+    position: Array
+    quaternion_wxyz: Array
 
     def __len__(self) -> int:
         return len(self.stamps_ns)
 
     @property
     def length_m(self) -> float:
-        """Length [m] of the way."""
+        """Length [m] of the path."""
         return float(np.linalg.norm(np.diff(self.position, axis=0), axis=1).sum())
 
-    def world_from_base(self, stamp_ns: int) -> F8:
-        """Pose (4, 4) at a stamp [ns]: a row as it stands, or the straight way and even turn between two.
+    def world_from_base(self, stamp_ns: int) -> Array:
+        """Return the pose (4, 4) at a stamp [ns], interpolated linearly and spherically between two rows.
 
         Raises:
-            BagError: the stamp lies outside the trajectory by more than its own largest step.
+            BagError: the stamp is outside the trajectory by more than its largest step.
         """
         after = int(np.searchsorted(self.stamps_ns, stamp_ns))
         if after < len(self) and self.stamps_ns[after] == stamp_ns:
@@ -49,8 +47,9 @@ class Trajectory:
             nearest = min(after, len(self) - 1)
             step = int(np.diff(self.stamps_ns).max(initial=0))
             if abs(int(self.stamps_ns[nearest]) - stamp_ns) > step:
-                raise BagError(f"no true pose at {stamp_ns} ns; there are some from {self.stamps_ns[0]} ns "
-                               f"to {self.stamps_ns[-1]} ns")  # fmt: skip
+                raise BagError(
+                    f"no true pose at {stamp_ns} ns; poses range from {self.stamps_ns[0]} to {self.stamps_ns[-1]} ns"
+                )
             return frames.pose_from_quaternion_wxyz(self.position[nearest], self.quaternion_wxyz[nearest])
         before = after - 1
         share = float(stamp_ns - self.stamps_ns[before]) / float(self.stamps_ns[after] - self.stamps_ns[before])
@@ -66,9 +65,9 @@ class Trajectory:
 
 
 def read_trajectory(run: Run) -> Trajectory:
-    """Read the true poses: /ground_truth/odom, or where that is missing the robot in /gazebo/model_states.
+    """Read the true poses from /ground_truth/odom or, if it is missing, from the robot in /gazebo/model_states.
 
-    Stamps are those of the headers; ModelStates has none, so the bag's stamps count.
+    Stamps are those of the headers; ModelStates has no header, so the bag's stamps are used.
 
     Raises:
         BagError: the bag has neither, or is damaged.

@@ -1,15 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ROS 1 messages that a bag holds, as typed classes, and the store that turns them into bytes and back.
+"""The ROS 1 message types of our bags, as typed classes, and the store that serialises them.
 
-Quaternions change to ROS's (x, y, z, w) here and nowhere else.
+Only here quaternions are converted to ROS's order (x, y, z, w).
 """
 
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.stores.ros1_noetic import builtin_interfaces__msg__Time as Time
 from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__Point as Point
@@ -22,8 +20,7 @@ from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__Vector3 as Ve
 from rosbags.typesys.stores.ros1_noetic import std_msgs__msg__Header as Header
 
 from fieldtruth.core import frames
-
-F8 = NDArray[np.float64]
+from fieldtruth.core.arrays import Array
 
 # Wording as in ROS, so that the MD5 sums are ROS's own.
 TF_MESSAGE: Final = "geometry_msgs/TransformStamped[] transforms\n"
@@ -35,7 +32,7 @@ geometry_msgs/Twist[] twist   # desired twist in world frame
 """
 
 STORE: Final = get_typestore(Stores.ROS1_NOETIC)
-"""All message types of ROS noetic's common packages, and the two that the store lacks."""
+"""All message types of the common packages of ROS noetic, and the two that rosbags lacks."""
 STORE.register(get_types_from_msg(TF_MESSAGE, "tf2_msgs/msg/TFMessage"))
 STORE.register(get_types_from_msg(MODEL_STATES, "gazebo_msgs/msg/ModelStates"))
 
@@ -57,37 +54,37 @@ class ModelStates:
 
 
 def serialize(message: object, msgtype: str) -> bytes:
-    """Bytes of a message; ``msgtype`` is like ``sensor_msgs/msg/Imu``."""
+    """Serialise a message; ``msgtype`` is like ``sensor_msgs/msg/Imu``."""
     return bytes(STORE.serialize_ros1(message, msgtype))
 
 
 def time(stamp_ns: int) -> Time:
-    """Stamp [ns] as ROS's seconds and nanoseconds."""
+    """Convert a stamp [ns] to ROS's seconds and nanoseconds."""
     return Time(*divmod(int(stamp_ns), 10**9))
 
 
 def header(seq: int, stamp_ns: int, frame_id: str) -> Header:
-    """Header of the ``seq``-th message of a topic, counted from 0."""
+    """Return the header of the ``seq``-th message of a topic, counted from 0."""
     return Header(seq, time(stamp_ns), frame_id)
 
 
-def vector(xyz: F8) -> Vector3:
-    """Vector of (3,)."""
+def vector(xyz: Array) -> Vector3:
+    """Convert (3,) to a Vector3."""
     return Vector3(*map(float, xyz))
 
 
-def point(xyz: F8) -> Point:
-    """Point of (3,) [m]."""
+def point(xyz: Array) -> Point:
+    """Convert (3,) [m] to a Point."""
     return Point(*map(float, xyz))
 
 
-def quaternion(wxyz: F8) -> Quaternion:
-    """Quaternion of (4,) in (w, x, y, z)."""
+def quaternion(wxyz: Array) -> Quaternion:
+    """Convert (4,) in the order (w, x, y, z) to a Quaternion."""
     return Quaternion(*map(float, frames.xyzw_from_wxyz(wxyz)))
 
 
-def transform_stamped(head: Header, child: str, parent_from_child: F8) -> TransformStamped:
-    """Transform (4, 4) from ``child`` to the header's frame."""
+def transform_stamped(head: Header, child: str, parent_from_child: Array) -> TransformStamped:
+    """Convert (4, 4), from ``child`` to the header's frame, to a TransformStamped."""
     rotation = frames.quaternion_wxyz_from_rotation(parent_from_child[:3, :3])
     return TransformStamped(head, child, Transform(vector(parent_from_child[:3, 3]), quaternion(rotation)))
 

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Bags (ROS 1, v2.0) that ROS's own tools read, that are whole or not there, and that are joined without unpacking.
+"""Write bags (ROS 1, v2.0) that ROS's own tools read, and join them without decompression.
 
-A bag grows under a temporary name and gets its own when it is complete, so a crashed recording never looks like a bag.
+A bag is written under a temporary name and renamed when complete, so an aborted recording never looks like a bag.
 """
 
 import os
@@ -24,7 +24,7 @@ from fieldtruth.bag.topics import Topic
 from fieldtruth.bag.types import STORE
 from fieldtruth.core.errors import OutputError
 
-CHUNK_SIZE: Final = 4 * 2**20  # [byte]; also LZ4's block size: the larger, the better model states shrink
+CHUNK_SIZE: Final = 4 * 2**20  # [byte]; also LZ4's block size; larger blocks compress model states better
 COPY_SIZE: Final = 8 * 2**20  # [byte]
 
 _MAGIC: Final = b"#ROSBAG V2.0\n"
@@ -35,12 +35,12 @@ class BagWriter:
     """Context manager that writes messages in time order; the same messages give the same bytes.
 
     Raises:
-        OutputError: the bag exists already.
+        OutputError: the bag already exists.
     """
 
     def __init__(self, path: Path, topics: Sequence[Topic]) -> None:
         if path.exists():
-            raise OutputError(f"{path} exists already and is not overwritten")
+            raise OutputError(f"{path} already exists and is not overwritten")
         self.path = path
         self._part = path.with_name(path.name + ".part")
         self._part.unlink(missing_ok=True)
@@ -62,9 +62,9 @@ class BagWriter:
         return self
 
     def carry(self, connection: Connection) -> Connection:
-        """Add a topic as another bag has it: with its own definition, checksum, publisher and latching."""
+        """Add a connection of another bag with its definition, checksum, publisher and latching."""
         for known in self._writer.connections:
-            if _told(known) == _told(connection):
+            if _metadata(known) == _metadata(connection):
                 return known
         publisher = connection.ext
         assert isinstance(publisher, ConnectionExtRosbag1)
@@ -78,24 +78,24 @@ class BagWriter:
         )
 
     def write(self, topic: str | Connection, stamp_ns: int, data: bytes) -> None:
-        """Add one serialised message to a topic of the table, or to one that ``carry`` gave."""
+        """Add a serialised message to a topic of the table, or to a connection from ``carry``."""
         chunks = self._writer.chunks
         before = len(chunks)
         self._writer.write(self._connections[topic] if isinstance(topic, str) else topic, stamp_ns, data)
-        if len(chunks) > before:  # the index at the end needs how many messages a chunk holds, and not which
+        if len(chunks) > before:  # the index needs only the number of messages in a chunk
             full = chunks[-2]
             full.connections = _counts({number: len(rows) for number, rows in full.connections.items()})
 
     def append(self, path: Path) -> None:
-        """Add a whole bag that was written for the same topics: its chunks are copied as they are.
+        """Add a bag that was written for the same topics: its chunks are copied unchanged.
 
-        Chunks and their message indices hold no absolute positions; only the index at the end does, and is made anew.
+        Chunks and their message indices hold no absolute positions; only the index at the end does, and is rebuilt.
         """
         writer = self._writer
         assert writer.bio is not None
         if writer.chunks[-1].connections:
             writer.write_chunk(writer.chunks[-1])
-        writer.chunks.pop()  # it holds nothing, or only the list of topics, which each bag brings along
+        writer.chunks.pop()  # it is empty, or holds only the list of topics, which each bag has
         with path.open("rb") as source, Reader(path) as reader:
             first = min(info.pos for info in reader.chunk_infos)
             shift = writer.bio.tell() - first
@@ -121,18 +121,18 @@ class BagWriter:
             self._part.unlink(missing_ok=True)
 
 
-def _told(connection: Connection) -> tuple[object, ...]:
-    """What a bag says of a topic's connection, beside its number."""
+def _metadata(connection: Connection) -> tuple[object, ...]:
+    """Return a connection without its number."""
     return connection.topic, connection.msgtype, connection.msgdef, connection.digest, connection.ext
 
 
 def _counts(messages: Mapping[int, int]) -> dict[int, list[tuple[int, int]]]:
-    """Message counts by connection, as a finished chunk has them: something of that length."""
+    """Return sequences with the length of the message counts by connection, as rosbags keeps them for a chunk."""
     return {number: cast(list[tuple[int, int]], range(count)) for number, count in messages.items()}
 
 
 def _compress(data: bytes) -> bytes:
-    """LZ4 as ROS's reader wants it: independent blocks, a checksum of the content, and no stored size."""
+    """Compress with LZ4 as ROS's reader expects it: independent blocks, a checksum of the content, no stored size."""
     packed: bytes = lz4.frame.compress(
         data, block_linked=False, content_checksum=True, store_size=False, block_size=lz4.frame.BLOCKSIZE_MAX4MB
     )
@@ -140,9 +140,9 @@ def _compress(data: bytes) -> bytes:
 
 
 def _pad_header(bag: BinaryIO) -> None:
-    """Make the file's header as long as ROS makes it, or ROS's append and reindex overwrite the first chunk.
+    """Pad the file header to ROS's length, or ROS's append and reindex overwrite the first chunk.
 
-    ROS pads header and padding to 4096 bytes without their two lengths, the writer with them.
+    ROS pads header and padding to 4096 bytes without their two lengths, rosbags with them.
     """
     bag.seek(len(_MAGIC))
     size = int.from_bytes(bag.read(4), "little")
@@ -151,7 +151,7 @@ def _pad_header(bag: BinaryIO) -> None:
 
 
 def _index_position(bag: BinaryIO) -> int:
-    """Where a bag's index starts, which is where its chunks end."""
+    """Return the position of a bag's index, which is the end of its chunks."""
     bag.seek(len(_MAGIC))
     return Header.read(bag, RecordType.BAGHEADER).get_uint64("index_pos")
 

@@ -1,12 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Runs as data sets for training: frames by number, in any order, from any process. PyTorch is needed by collate only.
+"""Runs as data sets for training: frames by index, in any order, from any process. Only ``collate`` needs PyTorch.
 
-from torch.utils.data import DataLoader
-from fieldtruth.datasets import collate, open_runs, split
-
-parts = split(open_runs("data", items=("image", "mask")), train=["park_1", "lake_1"], val=["forest_1"])
-loader = DataLoader(parts["train"], batch_size=8, shuffle=True, num_workers=4, collate_fn=collate)
+parts = ft.split(ft.open_runs("data", items=("image", "mask")), train=["park_1", "lake_1"], val=["forest_1"])
+loader = DataLoader(parts["train"], batch_size=8, shuffle=True, num_workers=4, collate_fn=ft.collate)
 """
 
 from fieldtruth.datasets.collate import collate

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""From samples to a batch of tensors. The one place that needs PyTorch."""
+"""Collate samples to a batch of tensors; the only module that needs PyTorch."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -10,11 +10,11 @@ from fieldtruth.datasets.items import RAGGED, Sample
 
 
 def collate(samples: Sequence[Sample]) -> dict[str, Any]:
-    """Make a batch for ``DataLoader(ds, collate_fn=collate)``.
+    """Make a batch, for ``DataLoader(ds, collate_fn=collate)``.
 
-    What has one shape in all frames is stacked to a tensor, (batch, 3, h, w) for ``image``; stamps become a tensor,
-    names a list. Cloud, labels, instances and rays, whose length differs, become a list of tensors, one a frame:
-    nothing is padded and nothing thrown away. ``torch.cat(batch["cloud"])`` or
+    Arrays with the same shape in all frames are stacked to a tensor, (batch, 3, h, w) for ``image``; stamps become a
+    tensor, names a list. Cloud, labels, instances and rays differ in length and become a list of tensors, one per
+    frame, without padding. ``torch.cat(batch["cloud"])`` or
     ``torch.nn.utils.rnn.pad_sequence(batch["cloud"], batch_first=True)`` make one tensor of them.
 
     Raises:
@@ -24,7 +24,7 @@ def collate(samples: Sequence[Sample]) -> dict[str, Any]:
         import torch
         from torch.utils.data import default_collate
     except ImportError as error:
-        raise ConfigurationError("collate makes tensors: it needs PyTorch (pip install torch)") from error
+        raise ConfigurationError("collate needs PyTorch (pip install torch)") from error
     batch: dict[str, Any] = {}
     for key in samples[0]:
         values = [sample[key] for sample in samples]  # type: ignore[literal-required]

@@ -13,12 +13,12 @@ import numpy as np
 from fieldtruth.bag.reader import BagError
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.datasets.items import Sensor
-from fieldtruth.datasets.run import DEFAULT_ITEMS, RunDataset, Transform, position
+from fieldtruth.datasets.run import DEFAULT_ITEMS, RunDataset, Transform, checked_index
 from fieldtruth.ontology.label_map import LabelMap
 
 
 class Options(TypedDict, total=False):
-    """The keyword arguments of ``RunDataset`` that hold for all runs alike."""
+    """Keyword arguments of ``RunDataset`` that apply to all runs."""
 
     camera: Literal["left", "right"]
     anchor: Sensor | None
@@ -28,15 +28,15 @@ class Options(TypedDict, total=False):
 
 
 class Runs:
-    """Several runs as one data set: the frames of the first, then those of the second, and so on.
+    """Several runs as one data set: their frames one run after the other.
 
     Raises:
-        ConfigurationError: there is none, or their masks have different classes.
+        ConfigurationError: no runs, or runs whose masks have different classes.
     """
 
     def __init__(self, runs: Sequence[RunDataset]) -> None:
         if not runs or any(run.classes != runs[0].classes for run in runs):
-            raise ConfigurationError("runs make a data set if there is one at least, and if all have the same classes")
+            raise ConfigurationError("runs must be at least one, and all must have the same classes")
         self.runs = tuple(runs)
         self._ends = np.cumsum([len(run) for run in self.runs], dtype=np.int64)
 
@@ -51,20 +51,20 @@ class Runs:
         return self.runs[0].classes
 
     def locate(self, index: SupportsIndex) -> tuple[RunDataset, int]:
-        """Return the run of a frame, and its number there.
+        """Return the run of a frame, and its index there.
 
         Raises:
-            IndexError: there is no such frame.
+            IndexError: the index is out of range.
         """
-        place = position(index, len(self))
-        k = int(np.searchsorted(self._ends, place, side="right"))
-        return self.runs[k], place - int(self._ends[k]) + len(self.runs[k])
+        frame = checked_index(index, len(self))
+        k = int(np.searchsorted(self._ends, frame, side="right"))
+        return self.runs[k], frame - int(self._ends[k]) + len(self.runs[k])
 
     def __len__(self) -> int:
         return int(self._ends[-1])
 
     def __getitem__(self, index: SupportsIndex) -> Any:
-        """Read a frame as ``RunDataset`` does."""
+        """Return a sample, as ``RunDataset`` does."""
         run, frame = self.locate(index)
         return run[frame]
 
@@ -76,32 +76,32 @@ class Runs:
 
 
 def open_runs(folder: Path | str, items: Sequence[str] = DEFAULT_ITEMS, **options: Unpack[Options]) -> Runs:
-    """Open every run in a folder and below, sorted by name.
+    """Open every run in a folder and its subfolders, sorted by name.
 
-    A run's name is its way from the folder: ``park_1``, or ``seed_3/park_1``. Where a folder holds the bag that is
-    named after it, other bags there are copies of it (annotated, say) and are left out. So is what begins with a dot.
+    A run's name is its path in the folder: ``park_1``, or ``seed_3/park_1``. If a folder has a bag with the folder's
+    name, its other bags are copies (annotated, say) and are skipped. So are names that begin with a dot.
 
     Args:
-        folder: of runs.
-        items: as in ``RunDataset``, and so are ``options``.
+        folder: the folder of runs.
+        items: as for ``RunDataset``, like ``options``.
 
     Raises:
-        BagError: there is no run, or one cannot be read or lacks what was asked for, or two have the same name.
+        BagError: no runs, an unreadable run, one that lacks a requested item, or two with the same name.
     """
     root = Path(folder)
     if not root.is_dir():
-        raise BagError(f"there is no folder {root}; needed is one that holds runs")
+        raise BagError(f"{root} is not a folder; runs are opened from the folder that contains them")
     bags = sorted(_bags(root))
     if not bags:
-        raise BagError(f"{root} holds no run: there is no bag in it or below")
+        raise BagError(f"{root} has no runs: no bag in it or its subfolders")
     for (name, bag), (following, other) in pairwise(bags):
         if name == following:
-            raise BagError(f"{bag} and {other} would both be called {name!r}; rename one")
+            raise BagError(f"{bag} and {other} have the same name {name!r}; rename one")
     return Runs([RunDataset(bag, items, name=name, **options) for name, bag in bags])
 
 
 def _bags(root: Path) -> Iterator[tuple[str, Path]]:
-    """Name and bag of each run; linked folders count, each once."""
+    """Yield name and bag of each run; links to folders are followed, each folder once."""
     seen: set[str] = set()
     for path, folders, files in os.walk(root, followlinks=True):
         real = os.path.realpath(path)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a sample can hold: for each item the sensor and topic that it comes from, and the array that it becomes."""
+"""Items of a sample: for each its sensor, its topic, and the conversion of the message to an array."""
 
 from collections.abc import Callable
 from typing import Any, Final, Literal, NamedTuple, TypedDict
@@ -11,16 +11,15 @@ from numpy.typing import NDArray
 from fieldtruth.bag import decode as read
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import BagError
+from fieldtruth.core.arrays import Array, Counts
 
-I8 = NDArray[np.int64]
-F8 = NDArray[np.float64]
 Sensor = Literal["camera", "lidar"]
 
 
 class Sample(TypedDict, total=False):
-    """One frame. It holds ``run`` and ``stamp_ns``, and what belongs to the items that were asked for.
+    """One frame: ``run`` and ``stamp_ns``, and the keys of the requested items.
 
-    Every array is the caller's own. Frames: the camera's optical frame has x right, y down, z forward; the LiDAR's and
+    Arrays are new and may be changed. The camera's optical frame has x right, y down, z forward; the LiDAR's frame and
     ``base_link`` have x forward, y left, z up.
     """
 
@@ -34,81 +33,81 @@ class Sample(TypedDict, total=False):
     """Stamp [ns] of the cloud items."""
     image: NDArray[np.uint8]
     """(3, h, w) RGB of the photograph."""
-    mask: I8
+    mask: Counts
     """(h, w) class ids."""
     depth: NDArray[np.float32]
-    """(h, w) metres along the optical axis; infinite where nothing is."""
+    """(h, w) [m] along the optical axis; infinite for the sky."""
     instance_mask: NDArray[np.int32]
-    """(h, w) object ids; 0 where nothing is."""
+    """(h, w) object ids; 0 for the sky."""
     cloud: NDArray[np.float32]
-    """(n, 3) x, y, z [m] of the returns in the LiDAR's frame. n differs from frame to frame."""
-    labels: I8
+    """(n, 3) x, y, z [m] of the returns in the LiDAR's frame; n varies."""
+    labels: Counts
     """(n,) class ids."""
     instances: NDArray[np.int32]
     """(n,) object ids."""
-    rays: I8
+    rays: Counts
     """(n, 3) ring, column, and time [ns] after ``lidar_stamp_ns``: 0 where the cloud has no field ``t``."""
-    world_from_base: F8
+    world_from_base: Array
     """(4, 4) true pose of base_link at ``stamp_ns``."""
-    world_from_camera: F8
+    world_from_camera: Array
     """(4, 4) true pose of the camera's optical frame at ``camera_stamp_ns``."""
-    world_from_lidar: F8
+    world_from_lidar: Array
     """(4, 4) true pose of the LiDAR's frame at ``lidar_stamp_ns``."""
-    K: F8
+    K: Array
     """(3, 3) pinhole matrix [pixel] of the camera; the centre of the first pixel is (0, 0)."""
-    base_from_camera: F8
+    base_from_camera: Array
     """(4, 4) mount of the camera's optical frame."""
-    base_from_lidar: F8
+    base_from_lidar: Array
     """(4, 4) mount of the LiDAR's frame."""
 
 
 class Item(NamedTuple):
-    """A row of the table: the sensor, its topic by side, and the array from message and ids by class."""
+    """Sensor, topic by camera side, and conversion to an array from the message and the output ids by class."""
 
     sensor: Sensor
     topic: Callable[[str], str]
-    value: Callable[[Any, I8], NDArray[Any]]
+    value: Callable[[Any, Counts], NDArray[Any]]
 
 
-def _image(message: Any, ids: I8) -> NDArray[np.uint8]:
+def _image(message: Any, ids: Counts) -> NDArray[np.uint8]:
     return np.ascontiguousarray(read.image(message).transpose(2, 0, 1))
 
 
-def _mask(message: Any, ids: I8) -> I8:
-    mask: I8 = np.take(ids, read.labels(read.image(message)))
+def _mask(message: Any, ids: Counts) -> Counts:
+    mask: Counts = np.take(ids, read.labels(read.image(message)))
     return mask
 
 
-def _depth(message: Any, ids: I8) -> NDArray[np.float32]:
+def _depth(message: Any, ids: Counts) -> NDArray[np.float32]:
     return read.depth(message).astype(np.float32)
 
 
-def _instance_mask(message: Any, ids: I8) -> NDArray[np.int32]:
+def _instance_mask(message: Any, ids: Counts) -> NDArray[np.int32]:
     return read.instances(message).astype(np.int32)
 
 
-def _cloud(message: Any, ids: I8) -> NDArray[np.float32]:
+def _cloud(message: Any, ids: Counts) -> NDArray[np.float32]:
     return _columns(_returns(message), ("x", "y", "z"), np.dtype(np.float32))
 
 
-def _labels(message: Any, ids: I8) -> I8:
-    """Class ids; a cloud in the paper's own form, without a field for them, has them as its intensity."""
+def _labels(message: Any, ids: Counts) -> Counts:
+    """Return class ids; clouds of the paper's data set have no field for them and store them as intensity."""
     points = _returns(message)
     field = "label" if "label" in (points.dtype.names or ()) else "intensity"
     exact = _columns(points, (field,), np.dtype(np.float64))[:, 0]
     label = exact.astype(np.intp)
     wrong = (label != exact) | (label < 0) | (label >= len(ids))
     if wrong.any():
-        raise BagError(f"{field} of a point in the cloud is {exact[wrong][0]:g}, which is no class")
-    found: I8 = np.take(ids, label)
+        raise BagError(f"{field} of a point must be a class id, got {exact[wrong][0]:g}")
+    found: Counts = np.take(ids, label)
     return found
 
 
-def _instances(message: Any, ids: I8) -> NDArray[np.int32]:
+def _instances(message: Any, ids: Counts) -> NDArray[np.int32]:
     return _columns(_returns(message), ("instance",), np.dtype(np.int32))[:, 0]
 
 
-def _rays(message: Any, ids: I8) -> I8:
+def _rays(message: Any, ids: Counts) -> Counts:
     points = _returns(message)
     rays = np.zeros((len(points), 3), np.int64)
     rays[:, :2] = _columns(points, ("ring", "column"), np.dtype(np.int64))
@@ -118,18 +117,18 @@ def _rays(message: Any, ids: I8) -> I8:
 
 
 def _returns(message: Any) -> NDArray[np.void]:
-    """Points with a place; LiDARs that keep a row for a ray without a return set its place to NaN."""
+    """Return the points with finite coordinates; organised clouds have NaN for rays without a return."""
     points = read.points(message)
-    there = np.isfinite(_columns(points, ("x", "y", "z"), np.dtype(np.float32))).all(axis=1)
-    return points if there.all() else points[there]
+    finite = np.isfinite(_columns(points, ("x", "y", "z"), np.dtype(np.float32))).all(axis=1)
+    return points if finite.all() else points[finite]
 
 
 def _columns(points: NDArray[np.void], fields: tuple[str, ...], dtype: np.dtype[Any]) -> NDArray[Any]:
-    """(n, len(fields)) of some fields of a structured array."""
+    """Return fields of a structured array as (n, len(fields))."""
     known = points.dtype.names or ()
     for field in fields:
         if field not in known:
-            raise BagError(f"points of the cloud have no {field!r}; they have: {', '.join(known)}")
+            raise BagError(f"points of the cloud have no field {field!r}; available: {', '.join(known)}")
     values = np.empty((len(points), len(fields)), dtype)
     for column, field in enumerate(fields):
         values[:, column] = points[field]
@@ -153,7 +152,7 @@ ITEMS: Final[dict[str, Item]] = {
 """Items that are readings of a sensor."""
 
 GEOMETRY: Final = ("pose", "calibration")
-"""Items that tell of the sensors from which the others come."""
+"""Items about the sensors of the other items."""
 
 RAGGED: Final = frozenset(name for name, item in ITEMS.items() if item.sensor == "lidar")
-"""Items whose length differs from frame to frame."""
+"""Items whose length varies from frame to frame."""

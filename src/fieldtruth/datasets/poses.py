@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The robot's true pose at any stamp, from the one or two messages around it."""
+"""The robot's true pose at any stamp, from the one or two nearest messages."""
 
 from typing import Any
 
@@ -11,14 +11,13 @@ from fieldtruth.bag.model_states import ROBOT
 from fieldtruth.bag.reader import BagError
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory
-from fieldtruth.core.arrays import Mask
+from fieldtruth.core.arrays import Array, Counts, Mask
 from fieldtruth.datasets.association import Stream
-from fieldtruth.datasets.items import F8, I8
 from fieldtruth.datasets.storage import Storage
 
 
 def pose_topic(run: Run) -> str:
-    """Topic that tells the true pose: /ground_truth/odom, or else /gazebo/model_states.
+    """Return the topic of the true pose: /ground_truth/odom if the bag has it, else /gazebo/model_states.
 
     Raises:
         BagError: the bag has neither.
@@ -30,20 +29,20 @@ def pose_topic(run: Run) -> str:
 
 
 class Poses:
-    """True poses by stamp; nothing but their places is in memory."""
+    """True poses by stamp; only their positions in the bag are in memory."""
 
     def __init__(self, storage: Storage, stream: Stream) -> None:
         self._storage = storage
         self._stream = stream
 
-    def cover(self, stamps_ns: I8) -> Mask:
-        """Tell which stamps lie between the first and the last pose."""
+    def cover(self, stamps_ns: Counts) -> Mask:
+        """Return which stamps lie between the first and the last pose."""
         known = self._stream.stamps_ns
         inside: Mask = (stamps_ns >= known[0]) & (stamps_ns <= known[-1])
         return inside
 
-    def world_from_base(self, stamp_ns: int) -> F8:
-        """Pose (4, 4) at a stamp [ns] that is covered: a message as it stands, or the way between two."""
+    def world_from_base(self, stamp_ns: int) -> Array:
+        """Return the pose (4, 4) at a covered stamp [ns], interpolated between two messages."""
         known = self._stream.stamps_ns
         after = int(np.searchsorted(known, stamp_ns))
         rows = [after] if known[after] == stamp_ns else [after - 1, after]
@@ -51,7 +50,7 @@ class Poses:
         return Trajectory(known[rows], poses[:, :3], poses[:, 3:]).world_from_base(stamp_ns)
 
     def _row(self, row: int) -> tuple[float, ...]:
-        """Position [m] and quaternion (w, x, y, z)."""
+        """Return position [m] and quaternion (w, x, y, z)."""
         stream = self._stream
         message = self._storage.message(stream.topic, int(stream.chunk[row]), int(stream.offset[row]))
         pose = self._pose(message)
@@ -62,5 +61,5 @@ class Poses:
         if self._stream.topic == table.ODOMETRY:
             return message.pose.pose
         if ROBOT not in message.name:
-            raise BagError(f"no model {ROBOT!r} in {table.MODEL_STATES} of {self._storage.path}")
+            raise BagError(f"{table.MODEL_STATES} of {self._storage.path} has no model {ROBOT!r}")
         return message.pose[message.name.index(ROBOT)]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""One run as a map data set: frame by number, in any order, from any process."""
+"""One run as a map-style data set: frames by index, in any order, from any process."""
 
 import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -15,10 +15,11 @@ from fieldtruth.bag.calibration import read_static_frames
 from fieldtruth.bag.errors import BagError, read_errors
 from fieldtruth.bag.reader import open_bag
 from fieldtruth.bag.run import Run, open_run
+from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
-from fieldtruth.datasets.association import Stream, associate, read_streams, why_none
-from fieldtruth.datasets.items import F8, GEOMETRY, I8, ITEMS, Sample, Sensor
+from fieldtruth.datasets.association import Stream, associate, explain_no_frame, read_streams
+from fieldtruth.datasets.items import GEOMETRY, ITEMS, Sample, Sensor
 from fieldtruth.datasets.poses import Poses, pose_topic
 from fieldtruth.datasets.storage import Storage
 from fieldtruth.ontology.label_map import LabelMap, label_map_of
@@ -32,26 +33,26 @@ Transform = Callable[[Sample], Any]
 class RunDataset:
     """The frames of one run, for ``torch.utils.data.DataLoader`` or without PyTorch: ``len(ds)``, ``ds[i]``.
 
-    A sample is a dict of NumPy arrays, see ``Sample``; ``fieldtruth.datasets.collate`` makes tensors of a batch. A
-    frame is a stamp of the anchor sensor at which there is everything that was asked for. What comes from one sensor
-    has one stamp. Camera and LiDAR have the same stamp, too, unless ``tolerance_s`` allows the nearest reading of the
-    other. Poses are true at the very stamp of each sensor.
+    A sample is a dict of NumPy arrays, see ``Sample``; ``ft.collate`` makes tensors of a batch. A frame is a stamp of
+    the anchor sensor at which all requested items exist. Items of one sensor have the same stamp, and so have camera
+    and LiDAR, unless ``tolerance_s`` allows the nearest reading of the other. Poses are those at the stamp of each
+    sensor.
 
     Args:
         path: folder of a run, or a bag.
-        items: what a sample holds: names from ``ITEMS`` (image, mask, depth, instance_mask, cloud, labels, instances,
-            rays), and "pose" and "calibration" of the sensors from which the others come.
+        items: contents of a sample: names from ``ITEMS`` (image, mask, depth, instance_mask, cloud, labels, instances,
+            rays), and "pose" and "calibration" of the sensors of the other items.
         camera: "left" or "right".
-        anchor: sensor whose stamps are the frames, "camera" or "lidar"; by default the camera if an item needs it.
+        anchor: sensor whose stamps define the frames, "camera" or "lidar"; by default the camera if an item needs it.
         tolerance_s: largest difference [s] between the stamps of camera and LiDAR in a frame.
-        label_map: ontology of mask and labels, as ``fieldtruth export`` knows it; None keeps the classes of the README.
-        transform: is called with each sample; what it returns is what ``ds[i]`` gives.
-        name: what the run is called; by default the bag's name.
+        label_map: ontology of mask and labels, as for ``fieldtruth export``; None keeps our own classes.
+        transform: applied to each sample; ``ds[i]`` returns its result.
+        name: name of the run; by default that of the bag.
 
     Raises:
-        BagError: no bag there, a damaged one, one that lacks what was asked for, or one without a frame.
-        UnknownNameError: an item or ontology that does not exist.
-        ConfigurationError: arguments that do not go together.
+        BagError: no bag, a damaged one, one that lacks a requested item, or one without a frame.
+        UnknownNameError: unknown item or ontology.
+        ConfigurationError: an argument that is not allowed.
     """
 
     def __init__(
@@ -82,11 +83,11 @@ class RunDataset:
         self._streams = {stream.topic: stream for group in chosen.values() for stream in group}
         self._stamps = {sensor: group[0].stamps_ns for sensor, group in chosen.items()}
         if not len(self):
-            why = why_none(opened.streams, self.anchor)
+            why = explain_no_frame(opened.streams, self.anchor)
             raise BagError(f"{self.run.bag} has no frame with {', '.join(self.items)}: {why}")
 
     @property
-    def stamps_ns(self) -> I8:
+    def stamps_ns(self) -> Counts:
         """(len,) stamp [ns] of each frame."""
         return self._stamps[self.anchor]
 
@@ -94,13 +95,13 @@ class RunDataset:
         return len(self._stamps[self.anchor])
 
     def __getitem__(self, index: SupportsIndex) -> Any:
-        """Read a frame; negative numbers count from the end.
+        """Return a sample; negative indices count from the end.
 
         Raises:
-            IndexError: there is no such frame.
-            BagError: the bag is gone, has changed, or is damaged there.
+            IndexError: the index is out of range.
+            BagError: the bag is missing, has changed, or is damaged.
         """
-        sample = self._sample(position(index, len(self)))
+        sample = self._sample(checked_index(index, len(self)))
         return sample if self.transform is None else self.transform(sample)
 
     def __iter__(self) -> Iterator[Any]:
@@ -126,7 +127,7 @@ class RunDataset:
             sample |= {key: value.copy() for key, value in self._fixed.items()}
         return cast(Sample, sample)
 
-    def _true_poses(self, i: int, poses: Poses) -> dict[str, F8]:
+    def _true_poses(self, i: int, poses: Poses) -> dict[str, Array]:
         result = {"world_from_base": poses.world_from_base(int(self.stamps_ns[i]))}
         for sensor in self._sensors:
             stamp = int(self._stamps[sensor][i])
@@ -136,7 +137,7 @@ class RunDataset:
         return result
 
     def _topics_by_sensor(self, camera: str) -> dict[Sensor, list[str]]:
-        """Topics by sensor; an anchor from which no item comes has the one that it always has."""
+        """Return topics by sensor; an anchor without items has its main topic."""
         default = {"camera": table.photograph(camera), "lidar": table.POINTS}
         return {
             sensor: list(dict.fromkeys(topic for item, topic in self._topics.items() if ITEMS[item].sensor == sensor))
@@ -145,27 +146,27 @@ class RunDataset:
         }
 
 
-def position(index: SupportsIndex, length: int) -> int:
-    """Return the place of a sequence's item, which negative numbers count from the end."""
+def checked_index(index: SupportsIndex, length: int) -> int:
+    """Return an index from 0 to ``length`` - 1; negative ones count from the end."""
     if isinstance(index, slice):
-        raise TypeError("a data set has no slices; torch.utils.data.Subset(ds, range(...)) is one")
-    place = operator.index(index)
-    if not -length <= place < length:
-        raise IndexError(f"no frame {place}; there are {length}")
-    return place % length
+        raise TypeError("a data set cannot be sliced; use torch.utils.data.Subset(ds, range(...))")
+    frame = operator.index(index)
+    if not -length <= frame < length:
+        raise IndexError(f"frame must be between {-length} and {length - 1}, got {frame}")
+    return frame % length
 
 
 class _Opened(NamedTuple):
-    """What a bag's index and its first messages tell."""
+    """Data from a bag's index and its first messages."""
 
     storage: Storage
     streams: dict[Sensor, list[Stream]]
     poses: Poses | None
-    fixed: dict[str, F8]
+    fixed: dict[str, Array]
     """Calibration by key of the sample."""
 
-    def covered(self, stamps_ns: I8) -> NDArray[np.bool_]:
-        """Tell at which stamps there is a true pose, if one is asked for."""
+    def covered(self, stamps_ns: Counts) -> NDArray[np.bool_]:
+        """Return which stamps have a true pose, or all if none is requested."""
         return np.full(len(stamps_ns), True) if self.poses is None else self.poses.cover(stamps_ns)
 
 
@@ -179,7 +180,7 @@ def _open(run: Run, topics: Mapping[Sensor, list[str]], items: Sequence[str], ca
     with open_bag(run.bag) as bag:
         storage = Storage(bag)
         streams = read_streams(bag, storage, [*readings, *filter(None, (pose, info))])
-    fixed: dict[str, F8] = {}
+    fixed: dict[str, Array] = {}
     if geometry:
         static = read_static_frames(run)
         for sensor, group in topics.items():
@@ -188,7 +189,7 @@ def _open(run: Run, topics: Mapping[Sensor, list[str]], items: Sequence[str], ca
     if info is not None:
         fixed["K"] = np.array(_first(storage, streams[info]).K, np.float64).reshape(3, 3)
         if not (np.isfinite(fixed["K"]).all() and fixed["K"][0, 0] > 0.0 < fixed["K"][1, 1]):
-            raise BagError(f"{info} of {run.bag} holds no calibration: K is {fixed['K'].ravel().tolist()}")
+            raise BagError(f"{info} of {run.bag} has an invalid calibration: K is {fixed['K'].ravel().tolist()}")
     by_sensor = {sensor: [streams[topic] for topic in group] for sensor, group in topics.items()}
     return _Opened(storage, by_sensor, None if pose is None else Poses(storage, streams[pose]), fixed)
 
@@ -198,7 +199,7 @@ def _first(storage: Storage, stream: Stream) -> Any:
 
 
 def _require(run: Run, topics: Sequence[str]) -> None:
-    """Make sure that the bag has the readings; those that are off by default are told how to get."""
+    """Check that the bag has the topics; the error for optional ones shows how to record them."""
     for topic in topics:
         for extra in ("depth", "instances"):
             if topic not in run.counts and topic in [getattr(table, extra)(side) for side in table.SIDES]:
@@ -208,12 +209,12 @@ def _require(run: Run, topics: Sequence[str]) -> None:
 
 def _checked_items(items: Sequence[str]) -> tuple[str, ...]:
     if isinstance(items, str):
-        raise ConfigurationError(f"items must be names in a list or tuple, as ({items!r},), and not a text")
+        raise ConfigurationError(f"items must be a list or tuple of names, such as ({items!r},), got a string")
     for item in items:
         if item not in ITEMS and item not in GEOMETRY:
             raise UnknownNameError("item", item, [*ITEMS, *GEOMETRY])
     if not items:
-        raise ConfigurationError(f"items names nothing; there is: {', '.join([*ITEMS, *GEOMETRY])}")
+        raise ConfigurationError(f"items must not be empty; available: {', '.join([*ITEMS, *GEOMETRY])}")
     return tuple(dict.fromkeys(items))
 
 
@@ -223,15 +224,15 @@ def _check_choices(camera: str, anchor: str, tolerance_s: float) -> None:
     if anchor not in _SENSORS:
         raise UnknownNameError("anchor", anchor, _SENSORS)
     if not 0.0 <= tolerance_s < np.inf:
-        raise ConfigurationError(f"tolerance_s must be a time [s] of at least 0, not {tolerance_s!r}")
+        raise ConfigurationError(f"tolerance_s must be a time [s] of at least 0, got {tolerance_s!r}")
 
 
-def _ontology(label_map: str | LabelMap | None) -> tuple[dict[int, str], I8]:
-    """Names of the classes by id, and the id by class id of this package."""
+def _ontology(label_map: str | LabelMap | None) -> tuple[dict[int, str], Counts]:
+    """Return names of classes by output id, and output ids by our class id."""
     if label_map is None:
         return {int(row.label): row.name for row in CLASSES}, np.arange(len(Label))
     chosen = label_map_of(label_map) if isinstance(label_map, str) else label_map
     return {number: other.name for number, other in chosen.classes.items()}, chosen.ids.astype(np.int64)
 
 
-__all__ = ["DEFAULT_ITEMS", "RunDataset", "Transform", "position"]
+__all__ = ["DEFAULT_ITEMS", "RunDataset", "Transform", "checked_index"]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of a bag in any order, from any process and thread: nothing is open between two reads."""
+"""Messages of a bag in any order, from any process and thread; no file stays open between two reads."""
 
 import os
 from collections import OrderedDict
@@ -22,13 +22,13 @@ from fieldtruth.bag.reader import (
     types_of,
 )
 
-BUDGET: Final = 64 * 2**20  # [byte]; the chunks of two frames of 1280 x 720 with all there is
+BUDGET: Final = 64 * 2**20  # [byte]; the chunks of two frames of 1280 x 720 with all items
 
 Key = tuple[Path, tuple[int, int], int]
 
 
 class Storage:
-    """The messages of one bag by place. It holds no file and no message, so it is pickled and forked freely."""
+    """The messages of one bag by position. It holds no file and no message, so it can be pickled and forked."""
 
     def __init__(self, bag: BagReader) -> None:
         self.path = bag.path.resolve()
@@ -40,14 +40,14 @@ class Storage:
         """Return the message of a topic at an offset in the chunk at a position in the file, with ROS's field names.
 
         Raises:
-            BagError: the bag is gone, has changed since it was opened, or is damaged.
+            BagError: the bag is missing, has changed since it was opened, or is damaged.
         """
         unpacked = _RECENT.get((self.path, self._version, chunk), lambda: self._unpack(chunk))
         with read_errors(self.path):
             stamp, number, data = message_at(unpacked, offset)
         found, msgtype = self._kinds.get(number, ("no topic", ""))
         if found != topic:
-            raise BagError(f"cannot read {self.path}: its index says {topic} where a message of {found} lies")
+            raise BagError(f"cannot read {self.path}: its index has {topic} at the position of a message of {found}")
         return decoder_of(_types(self._definitions), self.path)(RawMessage(stamp, topic, msgtype, data))
 
     def _unpack(self, chunk: int) -> bytes:
@@ -56,25 +56,25 @@ class Storage:
         return read_chunk(self.path, chunk)
 
 
-class Recent:
-    """The unpacked chunks that were used last; together they stay below a budget [byte], or it is a single one."""
+class ChunkCache:
+    """The most recently used chunks, decompressed: a single one, or several within a budget [byte]."""
 
     def __init__(self, budget: int) -> None:
         self.budget = budget
         self.forget()
 
     def forget(self) -> None:
-        """Start anew, with a lock that nobody holds."""
+        """Clear the cache and replace its lock, which may be held in a forked process."""
         self._chunks: OrderedDict[Key, bytes] = OrderedDict()
         self._lock = Lock()
 
     @property
     def size(self) -> int:
-        """Bytes that are held."""
+        """Bytes in the cache."""
         return sum(map(len, self._chunks.values()))
 
     def get(self, key: Key, unpack: Callable[[], bytes]) -> bytes:
-        """Return the chunk of a key; it is unpacked if it is not held."""
+        """Return the chunk of a key; ``unpack`` is called if it is not cached."""
         with self._lock:
             if key in self._chunks:
                 self._chunks.move_to_end(key)
@@ -87,9 +87,10 @@ class Recent:
         return chunk
 
 
-_RECENT: Final = Recent(BUDGET)
-"""Shared by all data sets of a process, so that a hundred runs need no more memory than one."""
-os.register_at_fork(after_in_child=_RECENT.forget)
+_RECENT: Final = ChunkCache(BUDGET)
+"""Shared by all data sets of a process, so that 100 runs need no more memory than one."""
+if hasattr(os, "register_at_fork"):  # not on Windows
+    os.register_at_fork(after_in_child=_RECENT.forget)
 
 
 @lru_cache(maxsize=16)
@@ -98,7 +99,7 @@ def _types(definitions: tuple[tuple[str, str], ...]) -> Typestore:
 
 
 def _version(path: Path) -> tuple[int, int]:
-    """Tells a file from another that was put in its place."""
+    """Return modification time [ns] and size [byte], which identify the version of a file."""
     with read_errors(path):
         stat = path.stat()
     return stat.st_mtime_ns, stat.st_size

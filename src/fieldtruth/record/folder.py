@@ -114,7 +114,7 @@ def _refuse_occupied(run: RunFolder, experiment: Experiment) -> None:
 
 
 def _differences(path: Path, experiment: Experiment) -> str:
-    """Keys in which the experiment in a file differs from this one; empty if there are none, or no file."""
+    """Keys in which the experiment in a file differs from this one; empty without a difference, or without a file."""
     if not path.exists():
         return ""
     try:

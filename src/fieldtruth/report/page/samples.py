@@ -68,7 +68,7 @@ def take_samples(run: Run) -> Samples:
     if not wanted:
         return found
     with open_bag(run.bag) as bag:
-        decode, places = decoder(bag), {topic: bag.places(topic) for topic in wanted}
+        decode, places = decoder(bag), bag.index(wanted)
 
         def nearest(topic: str, stamp: int) -> Any:
             if topic not in places:

@@ -53,7 +53,7 @@ def accumulate_scans(run: Run, trajectory: Trajectory | None) -> ScanCloud | Non
     if table.POINTS not in usable_topics(run)[0]:
         return None
     with open_bag(run.bag) as bag:
-        places, decode = bag.places(table.POINTS), decoder(bag)
+        places, decode = bag.index([table.POINTS])[table.POINTS], decoder(bag)
         voxels, last = _Voxels(), len(places.stamps_ns) - 1
 
         def scan(row: int) -> tuple[Any, int]:
