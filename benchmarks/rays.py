@@ -1,15 +1,15 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Bare Embree on the rays of camera and LiDAR in the park, in every packet mode. Run: python benchmarks/rays.py"""
+"""Bare Embree on the rays of camera and LiDAR in the park in every packet mode. Run: python benchmarks/rays.py"""
 
 from time import perf_counter
 
 import numpy as np
 
 import fieldtruth as ft
-from fieldtruth.bench.bare import MODES, BareTracer, Rays
-from fieldtruth.bench.sensing import pixel_directions, poses_along
-from fieldtruth.core.arrays import Array
+from fieldtruth.bench.bare import MODES, BareTracer
+from fieldtruth.bench.sensors import pixel_directions, poses_along
+from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL
 from fieldtruth.sense.lidar import ray_directions
 
@@ -25,7 +25,7 @@ def main() -> None:
     from_lidar = [pose @ rig.lidar.mount.base_from_sensor for pose in poses]
     pixels, beams = pixel_directions(rig.cameras), ray_directions(rig.lidar).astype(np.float32)
 
-    def mrays_per_s(tracer: BareTracer, directions: Rays, poses: list[Array]) -> float:
+    def mrays_per_s(tracer: BareTracer, directions: Float32Array, poses: list[Array]) -> float:
         total = 0.0
         for pose in poses:
             tries = []

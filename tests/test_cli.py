@@ -51,10 +51,8 @@ class Recorder:
 
 BENCH = SimpleNamespace(
     settings_of=lambda name: name,
-    run=lambda settings, progress: {settings: 2.5},
-    run_all=lambda progress: {"park": {"lidar": 2.5}, "ten_times_trees": 1.2},
+    measure=lambda settings, progress: {settings: 2.5},
     table=str,
-    table_of_all=lambda everything: "all of " + " and ".join(everything),
 )
 
 
@@ -166,10 +164,6 @@ def test_bench_prints_a_table_or_one_json_object(
     assert capsys.readouterr().out == '{"park": 2.5}\n'
     assert cli.main(["bench", "--env", "forest"]) == 0
     assert capsys.readouterr().out == "{'forest': 2.5}\n"
-    assert cli.main(["bench", "--env", "all", "--json"]) == 0
-    assert capsys.readouterr().out == '{"park": {"lidar": 2.5}, "ten_times_trees": 1.2}\n'
-    assert cli.main(["bench", "--env", "all"]) == 0
-    assert capsys.readouterr().out == "all of park and ten_times_trees\n"
 
 
 def test_preview_writes_the_sheet(

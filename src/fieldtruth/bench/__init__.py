@@ -1,9 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""How fast this machine makes data, each sensor side by side with bare Embree on the same rays."""
+"""The speed of this machine: each sensor against bare Embree on the same rays, recording, and memory."""
 
-from fieldtruth.bench.all import run_all
-from fieldtruth.bench.figures import FIGURES, RATIOS, Figure, table, table_of_all
-from fieldtruth.bench.measure import Settings, run, settings_of
+from fieldtruth.bench.measure import UNITS, Settings, measure, settings_of, table
 
-__all__ = ["FIGURES", "RATIOS", "Figure", "Settings", "run", "run_all", "settings_of", "table", "table_of_all"]
+__all__ = ["UNITS", "Settings", "measure", "settings_of", "table"]

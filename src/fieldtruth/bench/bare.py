@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Bare Embree: the same primary rays, traced in every packet mode, of whose hits nothing but the distance is kept.
+"""Bare Embree: primary rays in every packet mode, of whose hits only the distance is kept.
 
-It does less than any sensor could: directions stand ready in single precision in the order of the packets, and what
-does not change from ray to ray is written once. So a ratio to it never flatters.
+It does less than any sensor: directions are prepared in single precision in packet order, and what all rays share is
+set once. A sensor's time is therefore always compared with a lower bound.
 """
 
 import ctypes
@@ -13,17 +13,16 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 from llvmlite import binding as llvm
-from numba import njit, types
+from numba import types
 from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array
+from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.sense import embree
-
-Rays = NDArray[np.float32]
+from fieldtruth.sense.kernel import kernel
 
 llvm.add_symbol("rtcIntersect1", ctypes.cast(embree._library().rtcIntersect1, ctypes.c_void_p).value)
 
-# Field f of lane k stands at f * lanes + k for any number of lanes; a single ray is a packet of one.
+# Field f of lane k is word f * lanes + k for any number of lanes; a single ray is a packet of one.
 _FIELD: Final = {
     name: getattr(embree, name) // embree.LANES
     for name in ("ORG_X", "ORG_Y", "ORG_Z", "TNEAR", "DIR_X", "DIR_Y", "DIR_Z", "TFAR", "MASK", "GEOM_ID", "INST_ID")
@@ -32,7 +31,7 @@ _WORDS: Final = embree.RAYHIT_WORDS // embree.LANES
 
 
 class Mode(NamedTuple):
-    """How rays are packed: ``lanes`` of them, in tiles of ``rows`` x lanes / rows; ``coherent`` is Embree's flag."""
+    """Packets of ``lanes`` rays in tiles of ``rows`` x lanes / rows, with or without Embree's flag ``coherent``."""
 
     lanes: int
     rows: int
@@ -40,52 +39,63 @@ class Mode(NamedTuple):
 
 
 MODES: Final = (
-    Mode(1, 1, False),  # the flag changes nothing for a single ray
+    Mode(1, 1, False),  # the flag does not affect single rays
     *(Mode(8, rows, coherent) for rows in (1, 2, 4, 8) for coherent in (False, True)),
     *(Mode(16, rows, coherent) for rows in (1, 2, 4, 8, 16) for coherent in (False, True)),
 )
 
 
-class BareTracer:
-    """Traces rays of fixed ``directions`` (rows, columns, 3), unit, in the sensor's frame, as far as ``far`` [m].
+class _Packet(NamedTuple):
+    """Memory of a packet; addresses are integers, so that the kernel counts no references."""
 
-    A tile must divide rows and columns, or ValueError is raised.
+    ray: Float32Array
+    words: NDArray[np.uint32]
+    ray_at: int
+    valid_at: int
+    arguments_at: int
+
+
+class BareTracer:
+    """Traces rays of fixed unit ``directions`` (rows, columns, 3) in the sensor's frame, up to ``far`` [m].
+
+    Raises:
+        ValueError: rows and columns are not multiples of the tile.
     """
 
-    def __init__(self, scene: np.uint64, directions: Rays, far: float, mode: Mode) -> None:
+    def __init__(self, scene: np.uint64, directions: Float32Array, far: float, mode: Mode) -> None:
         rows, columns, lanes = mode.rows, mode.lanes // mode.rows, mode.lanes
         height, width = directions.shape[:2]
         if height % rows or width % columns:
-            raise ValueError(f"tiles of {rows} x {columns} do not divide {height} x {width} rays")
+            raise ValueError(f"rays must be a multiple of tiles of {rows} x {columns}, got {height} x {width}")
         self._tiles = (height // rows, rows, width // columns, columns)
         tiles = directions.reshape(*self._tiles, 3).transpose(0, 2, 4, 1, 3)
         self._directions = np.ascontiguousarray(tiles, np.float32).reshape(-1, 3, lanes)
-        self._reach = np.zeros((len(self._directions), lanes), np.float32)
-        self._ray = embree.aligned(_WORDS * lanes)
-        self._words = self._ray.view(np.uint32)
-        self._words[_FIELD["MASK"] * lanes :][:lanes] = embree.MISS
-        self._valid = embree.aligned(lanes, np.int32)
-        self._valid[:] = -1
-        self._arguments = embree.arguments_block(coherent=mode.coherent)
+        self._distance = np.zeros((len(self._directions), lanes), np.float32)
+        ray, valid = embree.aligned(_WORDS * lanes), embree.aligned(lanes, np.int32)
+        words, arguments = ray.view(np.uint32), embree.arguments_block(coherent=mode.coherent)
+        words[_FIELD["MASK"] * lanes :][:lanes] = embree.MISS
+        valid[:] = -1
+        self._packet = _Packet(ray, words, ray.ctypes.data, valid.ctypes.data, arguments.ctypes.data)
+        self._kept = valid, arguments  # the packet has their addresses
         self._kernel = _KERNELS[lanes]
         self._scene, self._far = scene, np.float32(far)
 
     def trace(self, world_from_sensor: Array) -> None:
         """Trace all rays from a pose (4, 4)."""
-        self._kernel(
-            self._scene, self._ray, self._words, self._ray.ctypes.data, self._valid.ctypes.data,
-            self._arguments.ctypes.data, world_from_sensor.astype(np.float32), self._directions, self._far, self._reach,
-        )  # fmt: skip
+        pose = world_from_sensor.astype(np.float32)
+        self._kernel(self._scene, self._packet, pose, self._directions, self._far, self._distance)
 
     @property
-    def distances(self) -> Rays:
-        """Distance [m] (rows, columns) to the last trace's hits; ``far`` where there was none."""
+    def distances(self) -> Float32Array:
+        """Distances [m] (rows, columns) of the last trace's hits; ``far`` for a miss."""
         tall, rows, wide, columns = self._tiles
-        return self._reach.reshape(tall, wide, rows, columns).transpose(0, 2, 1, 3).reshape(tall * rows, wide * columns)
+        return (
+            self._distance.reshape(tall, wide, rows, columns).transpose(0, 2, 1, 3).reshape(tall * rows, wide * columns)
+        )
 
 
-def best_mode(scene: np.uint64, directions: Rays, far: float, poses: Sequence[Array]) -> Mode:
-    """Return the mode that traces the rays fastest: all run from the first pose, and the leaders from all ``poses``."""
+def best_mode(scene: np.uint64, directions: Float32Array, far: float, poses: Sequence[Array]) -> Mode:
+    """Find the fastest mode: all are tried from the first pose, the five best from all ``poses``."""
 
     def seconds(mode: Mode, poses: Sequence[Array]) -> float:
         tracer = BareTracer(scene, directions, far, mode)
@@ -104,7 +114,7 @@ def best_mode(scene: np.uint64, directions: Rays, far: float, poses: Sequence[Ar
 
 
 def _make_kernel(lanes: int) -> Callable[..., None]:
-    """Compile for a number of lanes, so that they are constants. Addresses go as numbers: no reference is counted."""
+    """Compile for a number of lanes, so that it is a constant."""
     address = types.uint64
     intersect: Any
     if lanes == 1:
@@ -114,11 +124,11 @@ def _make_kernel(lanes: int) -> Callable[..., None]:
     ox, oy, oz, near, dx, dy, dz, tfar, _, geometry, instance = (field * lanes for field in _FIELD.values())
     single, miss = lanes == 1, np.uint32(embree.MISS)
 
-    @njit(error_model="numpy", nogil=True, cache=True)
+    @kernel
     def trace(
-        scene: np.uint64, ray: Rays, words: NDArray[np.uint32], ray_at: int, valid_at: int, arguments_at: int,
-        pose: Rays, directions: Rays, far: float, reach: Rays,
-    ) -> None:  # fmt: skip
+        scene: np.uint64, packet: _Packet, pose: Float32Array, directions: Float32Array, far: float, out: Float32Array
+    ) -> None:
+        ray, words, ray_at, valid_at, arguments_at = packet
         xx, xy, xz, yx, yy, yz = pose[0, 0], pose[0, 1], pose[0, 2], pose[1, 0], pose[1, 1], pose[1, 2]
         zx, zy, zz = pose[2, 0], pose[2, 1], pose[2, 2]
         for lane in range(lanes):
@@ -137,10 +147,10 @@ def _make_kernel(lanes: int) -> Callable[..., None]:
             else:
                 intersect(valid_at, scene, ray_at, arguments_at)
             for lane in range(lanes):
-                reach[k, lane] = ray[tfar + lane]
+                out[k, lane] = ray[tfar + lane]
 
-    kernel: Callable[..., None] = trace
-    return kernel
+    result: Callable[..., None] = trace
+    return result
 
 
 _KERNELS: Final = {lanes: _make_kernel(lanes) for lanes in (1, 8, 16)}

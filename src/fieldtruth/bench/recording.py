@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Stereo pairs through the very slices of a run: both photographs and tag images seen, encoded and written to disk."""
+"""Recording of stereo pairs as in a run: photographs and tag images rendered, encoded and written as time slices."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,11 +18,11 @@ from fieldtruth.render.bake import BakedScene
 from fieldtruth.render.camera import Camera
 
 SECONDS: Final = 4
-"""Simulated time [s], so slices, that is recorded: a multiple of the usual numbers of workers."""
+"""Simulated time [s] that is recorded, one slice per second: a multiple of the usual numbers of workers."""
 
 
 def pairs_per_second(baked: BakedScene, track: Track, rig: Rig, *, pairs: int, workers: int) -> float:
-    """Rate at which so many threads make about ``pairs`` stereo pairs of the drive's first seconds."""
+    """Stereo pairs per second that ``workers`` threads record, over about ``pairs`` pairs of the track's start."""
     seconds = min(SECONDS, track.duration_s)
     cameras = rig.cameras.model_copy(update={"rate_hz": max(1.0, pairs / seconds)})
     rig = rig.model_copy(update={"cameras": cameras})
@@ -35,7 +35,7 @@ def pairs_per_second(baked: BakedScene, track: Track, rig: Rig, *, pairs: int, w
     ]
     ready = [Camera(cameras, baked, reuse=True) for _ in range(workers)]
     for camera in ready:
-        camera.render(np.eye(4))  # a long run pays once for a worker's memory, so this short one must not
+        camera.render(np.eye(4))  # exclude the first use of each worker's memory, which a long run pays once
     with TemporaryDirectory() as folder:
         slices = Slices(Path(folder), streams, topics, lambda: Sensors(camera=ready.pop()))
         start = perf_counter()

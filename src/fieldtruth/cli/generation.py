@@ -111,17 +111,12 @@ def _shares(options: argparse.Namespace) -> None:
 def _bench(options: argparse.Namespace) -> None:
     import json
 
-    from fieldtruth.bench import run, run_all, settings_of, table, table_of_all
+    from fieldtruth.bench import measure, settings_of, table
     from fieldtruth.core.progress import show_progress
 
-    if options.env == "all":
-        with show_progress() as progress:
-            everything = run_all(progress)
-        print(json.dumps(everything) if options.json else table_of_all(everything))
-        return
     settings = settings_of(options.env)
     with show_progress() as progress:
-        figures = run(settings, progress)
+        figures = measure(settings, progress)
     print(json.dumps(figures) if options.json else table(figures))
 
 
@@ -148,7 +143,7 @@ def add_commands(command: AddCommand) -> None:
     _add_shares(command("shares", _shares, "Count the pixels and points of each class."))
     command("list", _list, "List the experiments and environments.")
     bench = command("bench", _bench, "Measure the speed of this machine.")
-    bench.add_argument("--env", metavar="NAME", default="park", help="environment, or all (park)")
+    bench.add_argument("--env", metavar="NAME", default="park", help="environment (park)")
     bench.add_argument("--json", action="store_true", help="JSON instead of a table")
 
 
