@@ -123,7 +123,7 @@ def test_world_without_free_ground_is_refused() -> None:
         )
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_random_route_in_the_park_is_driven_to_its_end(seed: int) -> None:
     world = fieldtruth.load_world("park", 0)
     experiment = load_experiment("park_1").model_copy(update={"route": random_route(40.0, seed)})
@@ -145,7 +145,7 @@ def test_run_drives_the_planned_route_and_writes_the_original_experiment(
 
     monkeypatch.setattr(pipeline, "world_of", lambda _: world)
     monkeypatch.setattr(pipeline, "drive", lambda _, experiment: driven.append(experiment.route))
-    monkeypatch.setattr(pipeline, "Scene", no_scene)
+    monkeypatch.setattr(pipeline, "sensor_factory", no_scene)
     experiment = random_experiment(50.0, 3).model_copy(update={"environment": "park"})
     with pytest.raises(DriveError, match="enough"):
         pipeline.generate(experiment, tmp_path)
