@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from mesh_checks import assert_same_bytes, assert_valid, face_normals
 
 from fieldtruth.core.classes import Label
 from fieldtruth.world.materials import MATERIALS
@@ -46,15 +47,8 @@ seeds = pytest.mark.parametrize("seed", [1, 2, 3, 4])
 @seeds
 def test_mesh_is_valid(make: Make, seed: int) -> None:
     mesh = make(np.random.default_rng(seed))
-    assert mesh.vertices.dtype == mesh.normals.dtype == mesh.uv.dtype == np.float32
-    assert mesh.faces.dtype == mesh.material.dtype == np.int32
-    assert len(mesh.vertices) == len(mesh.normals) == len(mesh.uv) > mesh.faces.max()
-    assert all(np.isfinite(a).all() for a in (mesh.vertices, mesh.normals, mesh.uv))
-    np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-5)
-    corner = mesh.vertices[mesh.faces].astype(np.float64)
-    across = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    assert np.linalg.norm(across, axis=1).min() > 1e-9
-    assert ((across * mesh.normals[mesh.faces].mean(1)).sum(1) > 0).mean() > 0.93
+    assert_valid(mesh, least_area=5e-10)
+    assert ((face_normals(mesh) * mesh.normals[mesh.faces].mean(1)).sum(1) > 0).mean() > 0.93
     assert len(mesh.faces) < 20_000
 
 
@@ -68,9 +62,7 @@ def test_all_materials_are_trunk(make: Make) -> None:
 @every
 def test_same_seed_gives_same_bytes_and_another_seed_another_piece(make: Make) -> None:
     first, again, other = (make(np.random.default_rng(seed)) for seed in (5, 5, 6))
-    for part in ("vertices", "normals", "uv", "faces", "material"):
-        assert getattr(first, part).tobytes() == getattr(again, part).tobytes()
-    assert (first.colliders, first.footprint) == (again.colliders, again.footprint)
+    assert_same_bytes(first, again)
     assert first.vertices.tobytes() != other.vertices.tobytes()
 
 

@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from mesh_checks import assert_valid, face_normals
 
+from fieldtruth.core.arrays import Float32Array, Mask
 from fieldtruth.core.classes import Label
 from fieldtruth.world.furniture import make_bench, make_lamp_post, make_table, make_trash_bin
 from fieldtruth.world.materials import MATERIALS
@@ -35,7 +36,7 @@ SIZES = {
 }
 
 
-def inside(collider: Collider, points: NDArray[np.float32], margin: float) -> NDArray[np.bool_]:
+def inside(collider: Collider, points: Float32Array, margin: float) -> Mask:
     """Which points (n, 3) are within a margin [m] of the collider; colliders of furniture are not rotated."""
     assert collider.yaw_deg == 0.0
     x, y, z = (points - np.array(collider.position)).T
@@ -68,17 +69,9 @@ def test_feet_are_in_the_ground(name: str) -> None:
 def test_mesh_is_valid(name: str) -> None:
     mesh, _ = PIECES[name]
     count = len(mesh.vertices)
-    assert {a.dtype.str for a in (mesh.vertices, mesh.normals, mesh.uv)} == {"<f4"}
-    assert {a.dtype.str for a in (mesh.faces, mesh.material)} == {"<i4"}
-    assert mesh.normals.shape == (count, 3)
-    assert mesh.uv.shape == (count, 2)
-    assert mesh.material.shape == (len(mesh.faces),)
+    assert_valid(mesh, least_area=0.0)
     np.testing.assert_array_equal(np.unique(mesh.faces), np.arange(count))
-    np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-5)
-    a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2).astype(np.float64)
-    facing = np.cross(b - a, c - a)
-    assert np.linalg.norm(facing, axis=1).min() > 0
-    assert (np.einsum("ij,ij->i", facing, mesh.normals[mesh.faces].sum(axis=1)) > 0).all()
+    assert (np.einsum("ij,ij->i", face_normals(mesh), mesh.normals[mesh.faces].sum(axis=1)) > 0).all()
 
 
 @pytest.mark.parametrize("name", PIECES)

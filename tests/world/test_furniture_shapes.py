@@ -4,8 +4,8 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.frames import pose
 from fieldtruth.world.furniture.outlines import at_length, bar_outline, path_length, rounded, signed_area, triangulate
 from fieldtruth.world.furniture.shapes import TILE, make_box, make_extrusion, make_lathe, make_tube, placed
@@ -15,7 +15,7 @@ L_SHAPE = np.array([(0, 0), (2, 0), (2, 1), (1, 1), (1, 3), (0, 3)], np.float64)
 VASE = np.array([(0, 0), (0.3, 0), (0.3, 0.1), (0.1, 0.5), (0, 0.5)], np.float64)
 
 
-def corners(mesh: Mesh) -> NDArray[np.float64]:
+def corners(mesh: Mesh) -> Array:
     return mesh.vertices.astype(np.float64)[mesh.faces]
 
 
@@ -38,7 +38,7 @@ def open_edges(mesh: Mesh) -> int:
     return len(there ^ back)
 
 
-def frustum_sum(profile: NDArray[np.float64]) -> float:
+def frustum_sum(profile: Array) -> float:
     r, z = profile.T
     return float((np.diff(z) * (r[:-1] ** 2 + r[:-1] * r[1:] + r[1:] ** 2)).sum() / 3)
 

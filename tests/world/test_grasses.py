@@ -4,6 +4,7 @@
 
 import numpy as np
 import pytest
+from mesh_checks import assert_same_bytes, assert_valid
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
@@ -47,14 +48,9 @@ def test_species_of_every_environment_exist() -> None:
 @seeds
 def test_mesh_is_valid_and_within_the_budget(species: GrassSpecies, seed: int) -> None:
     mesh = grow(species, seed=seed)
-    assert mesh.vertices.dtype == mesh.normals.dtype == mesh.uv.dtype == np.float32
-    assert mesh.faces.dtype == mesh.material.dtype == np.int32
+    assert_valid(mesh, least_area=1e-7)
     assert 60 <= len(mesh.faces) <= 260
-    assert len(mesh.material) == len(mesh.faces)
     np.testing.assert_array_equal(np.unique(mesh.faces), np.arange(len(mesh.vertices)))  # every vertex is used
-    np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-5)
-    assert np.isfinite(mesh.uv).all()
-    assert areas(mesh.vertices, mesh.faces).min() > 1e-7  # [m^2]
     assert not mesh.colliders
 
 
@@ -118,8 +114,7 @@ def test_less_detail_gives_fewer_and_wider_blades(species: GrassSpecies) -> None
 @every_species
 def test_same_seed_gives_same_bytes_and_another_seed_another_tuft(species: GrassSpecies) -> None:
     first, again, other = (grow(species, seed=s) for s in (8, 8, 9))
-    for part in ("vertices", "normals", "uv", "faces", "material"):
-        assert getattr(first, part).tobytes() == getattr(again, part).tobytes()
+    assert_same_bytes(first, again)
     assert first.vertices.tobytes() != other.vertices.tobytes()
 
 

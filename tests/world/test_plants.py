@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from mesh_checks import assert_same_bytes, assert_valid
 from scipy.spatial import cKDTree
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Mesh
@@ -19,7 +20,6 @@ from fieldtruth.world.plants.species import Habit, Leaf
 from fieldtruth.world.plants.variation import at_detail, individual
 
 FOLIAGE = 1
-F8 = NDArray[np.float64]
 
 
 class Plant(NamedTuple):
@@ -68,10 +68,10 @@ grown = cache(grow)
 class Blades(NamedTuple):
     """Leaves of a mesh."""
 
-    corners: F8  # (m, k, 3) [m]
-    uv: F8  # (m, k, 2)
-    base: F8  # (m, 3) [m]
-    tip: F8  # (m, 3) [m]
+    corners: Array  # (m, k, 3) [m]
+    uv: Array  # (m, k, 2)
+    base: Array  # (m, 3) [m]
+    tip: Array  # (m, 3) [m]
 
 
 def blades(mesh: Mesh, leaf: Leaf) -> Blades:
@@ -92,24 +92,14 @@ def leaf_area(mesh: Mesh) -> float:
     return float(0.5 * np.linalg.norm(across, axis=1).sum())
 
 
-def wood_of(mesh: Mesh) -> F8:
+def wood_of(mesh: Mesh) -> Array:
     return np.asarray(mesh.vertices[np.unique(mesh.faces[mesh.material != FOLIAGE])], np.float64)
 
 
 @plants
 def test_mesh_is_valid(plant: Plant) -> None:
     mesh = grown(plant)
-    assert mesh.vertices.dtype == mesh.normals.dtype == mesh.uv.dtype == np.float32
-    assert mesh.faces.dtype == mesh.material.dtype == np.int32
-    assert len(mesh.vertices) == len(mesh.normals) == len(mesh.uv)
-    assert len(mesh.faces) == len(mesh.material)
-    assert all(np.isfinite(a).all() for a in (mesh.vertices, mesh.normals, mesh.uv))
-    np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-5)
-    corner = mesh.vertices[mesh.faces].astype(np.float64)
-    area = 0.5 * np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
-    assert area.min() > 1e-7  # [m^2]: a tenth of a square millimetre
-    assert mesh.faces.min() == 0
-    assert mesh.faces.max() < len(mesh.vertices)
+    assert_valid(mesh, least_area=1e-7)  # [m^2]: a tenth of a square millimetre
 
 
 @plants
@@ -272,10 +262,7 @@ def test_leaf_coordinates_run_from_stalk_to_tip(plant: Plant) -> None:
 @plants
 def test_same_seed_gives_same_bytes_and_another_seed_another_plant(plant: Plant) -> None:
     first, again, other = grown(plant), grow(plant), grow(plant, 9)
-    for part in ("vertices", "normals", "uv", "faces", "material"):
-        assert getattr(first, part).tobytes() == getattr(again, part).tobytes()
-    assert first.colliders == again.colliders
-    assert first.footprint == again.footprint
+    assert_same_bytes(first, again)
     assert first.vertices.tobytes() != other.vertices.tobytes()
 
 

@@ -4,8 +4,8 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Heightfield, Mesh
@@ -15,8 +15,6 @@ from fieldtruth.world.rocks.laying import rim_vertices
 from fieldtruth.world.rocks.meshing import corner_normals
 from fieldtruth.world.rocks.rock import TEXTURE_LENGTH
 from fieldtruth.world.rocks.shape import geodesic, worn_radius
-
-F8 = NDArray[np.float64]
 
 
 @pytest.fixture(params=ROCK_TYPES)
@@ -125,7 +123,7 @@ def test_scattered_rocks_keep_their_distance_and_follow_the_density() -> None:
     builder = WorldBuilder(inclined(10.0), (10.0, 10.0), (), ())
     mesh = make_rock(ROCK_TYPES["scree"], name="r", size=0.4, rng=np.random.default_rng(0), triangles=80)
 
-    def north(positions: F8) -> F8:
+    def north(positions: Array) -> Array:
         return (positions[:, 0] > 0).astype(float)
 
     def group(count: int) -> ObjectGroup:

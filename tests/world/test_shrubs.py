@@ -4,6 +4,7 @@
 
 import numpy as np
 import pytest
+from mesh_checks import assert_same_bytes, assert_valid
 
 from fieldtruth.core.classes import Label
 from fieldtruth.world.materials import MATERIALS
@@ -51,9 +52,7 @@ def test_detail_out_of_range_is_rejected(species: Species, detail: float) -> Non
 def test_mesh_is_valid_rooted_and_of_the_requested_height(species: Species, detail: float) -> None:
     mesh = grow(species, detail=detail)
     height = species.grown.height
-    assert mesh.faces.max() < len(mesh.vertices)
-    assert np.isfinite(mesh.vertices).all()
-    np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-5)
+    assert_valid(mesh, least_area=0.0)
     assert -0.8 < mesh.vertices[:, 2].min() < -0.15  # canes of bramble arch into the ground
     assert np.quantile(mesh.vertices[:, 2], 0.999) == pytest.approx(height, rel=0.15)
     wood = mesh.vertices[np.unique(mesh.faces[mesh.material == WOOD])]
@@ -102,8 +101,7 @@ def test_flowers_have_the_stated_share_and_are_on_top(species: Species) -> None:
 @every_species
 def test_same_seed_gives_same_bytes_and_another_seed_another_bush(species: Species) -> None:
     first, again, other = (grow(species, detail=0.4, seed=s) for s in (8, 8, 9))
-    for part in ("vertices", "normals", "uv", "faces", "material"):
-        assert getattr(first, part).tobytes() == getattr(again, part).tobytes()
+    assert_same_bytes(first, again)
     assert first.vertices.tobytes() != other.vertices.tobytes()
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.plants import BUSHES, TREES, Species
@@ -32,7 +33,7 @@ ALBEDO = {
 }
 
 
-def mean_albedo(texture: NDArray[np.uint8]) -> NDArray[np.float64]:
+def mean_albedo(texture: NDArray[np.uint8]) -> Array:
     return np.asarray(linear(texture).astype(np.float64).mean(axis=(0, 1)))
 
 

@@ -12,9 +12,8 @@ Shading normals are blended with the vertical, so that a meadow is lit as a soft
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array
+from fieldtruth.core.arrays import Array, Index
 from fieldtruth.world.plants.growth import unit
 from fieldtruth.world.plants.meshing import Surface
 
@@ -42,7 +41,7 @@ def midribs(foot: Array, azimuth: Array, length: Array, lean: Array, bend: Array
     return np.asarray(foot[:, None] + np.concatenate([np.zeros_like(rise[:, :1]), rise], axis=1))
 
 
-def along(path: Array, row: NDArray[np.intp], fraction: Array) -> tuple[Array, Array]:
+def along(path: Array, row: Index, fraction: Array) -> tuple[Array, Array]:
     """Position [m] and unit tangent (m, 3) of midrib ``row`` at a fraction of its length (m,)."""
     at = np.clip(fraction, 0, 1) * STEPS
     i = np.minimum(at.astype(np.intp), STEPS - 1)

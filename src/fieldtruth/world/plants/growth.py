@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array
+from fieldtruth.core.arrays import Array, Index
 from fieldtruth.world.plants.species import Habit, Order, outline_ratio
 
 TIP_RADIUS: Final = 0.0015  # [m]
@@ -29,15 +28,15 @@ class Stems:
     axis: Array  # (n, k + 1, 3) [m]
     radius: Array  # (n, k + 1) [m], never growing along the stem
     length: Array  # (n,) [m]
-    parent: NDArray[np.intp]  # (n,) row in the order before; -1 from the ground
+    parent: Index  # (n,) row in the order before; -1 from the ground
     joint: Array  # (n,) where along the parent, as a fraction of its length
-    limb: NDArray[np.intp]  # (n,) number of the order-1 stem that it grows on; -1 for the trunk
+    limb: Index  # (n,) number of the order-1 stem that it grows on; -1 for the trunk
 
-    def take(self, rows: NDArray[np.intp]) -> "Stems":
+    def take(self, rows: Index) -> "Stems":
         """Some of the stems."""
         return Stems(**{key: value[rows] for key, value in vars(self).items()})
 
-    def at(self, row: NDArray[np.intp], fraction: Array) -> tuple[Array, Array, Array]:
+    def at(self, row: Index, fraction: Array) -> tuple[Array, Array, Array]:
         """Position [m], unit tangent and radius [m] of stem ``row`` at a fraction of its length (all of shape (m,))."""
         segments = self.axis.shape[1] - 1
         at = np.clip(fraction, 0, 1) * segments
@@ -163,7 +162,7 @@ def dry_branches(trunk: Stems, habit: Habit, height: float, rng: np.random.Gener
 
 def spread_along(
     stems: Stems, start: Array, number: float, rng: np.random.Generator, *, whorl: int = 1
-) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+) -> tuple[Index, Index, Array]:
     """About ``number`` positions for shoots or leaves above each stem's ``start``, in proportion to the length there.
 
     ``whorl`` of them have nearly the same height. Returns (m,) each: the stem's row, the position's rank on that stem,
@@ -183,8 +182,8 @@ def spread_along(
 
 def sideways(
     tangent: Array,
-    parent: NDArray[np.intp],
-    rank: NDArray[np.intp],
+    parent: Index,
+    rank: Index,
     divergence: float,
     spread: float,
     rng: np.random.Generator,
@@ -202,8 +201,8 @@ def sideways(
 
 def _directions(
     tangent: Array,
-    parent: NDArray[np.intp],
-    rank: NDArray[np.intp],
+    parent: Index,
+    rank: Index,
     depth: Array,
     order: Order,
     rng: np.random.Generator,

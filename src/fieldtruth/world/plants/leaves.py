@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array
+from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.world.plants.growth import Stems, sideways, spread_along, unit
 from fieldtruth.world.plants.species import Habit, Leaf, Order
 from fieldtruth.world.plants.variation import SIDE_PRONG, outline_corners
@@ -53,7 +53,7 @@ def place_leaves(skeleton: tuple[Stems, ...], habit: Habit, height: float, rng: 
     return Leaves(**{key: value[rows] for key, value in vars(leaves).items()})
 
 
-def _on_live_limb(limb: NDArray[np.intp], dead: float, rng: np.random.Generator) -> NDArray[np.bool_]:
+def _on_live_limb(limb: Index, dead: float, rng: np.random.Generator) -> Mask:
     """Whether each leaf's limb is alive."""
     count = int(limb.max()) + 1 if len(limb) else 0
     return np.asarray((rng.random(count) >= dead)[limb])
@@ -61,7 +61,7 @@ def _on_live_limb(limb: NDArray[np.intp], dead: float, rng: np.random.Generator)
 
 def _along(
     stems: Stems, order: Order, form: Leaf, number: float, rng: np.random.Generator
-) -> tuple[Array, Array, Array, NDArray[np.intp]]:
+) -> tuple[Array, Array, Array, Index]:
     """Leaf positions [m] on the stems of one order, the stems' tangents, the leaves' directions, and the limbs."""
     start = np.full(len(stems.length), order.leaf_start)
     parent, rank, joint = spread_along(stems, start, number, rng)
@@ -70,7 +70,7 @@ def _along(
 
 
 def _oriented(
-    form: Leaf, scale: float, twig: Array, tangent: Array, side: Array, limb: NDArray[np.intp], rng: np.random.Generator
+    form: Leaf, scale: float, twig: Array, tangent: Array, side: Array, limb: Index, rng: np.random.Generator
 ) -> Leaves:
     """Leaves with their upper sides turned to the light."""
     n = len(twig)
@@ -85,7 +85,7 @@ def _oriented(
     )
 
 
-def _outward(points: Array, limb: NDArray[np.intp]) -> Array:
+def _outward(points: Array, limb: Index) -> Array:
     """Unit vectors away from the middle of the crown (an ellipsoid's normal) and of each limb's leaves, averaged."""
     middle = points.mean(0)
     spread = points.std(0) + 1e-9

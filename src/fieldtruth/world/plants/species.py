@@ -13,14 +13,15 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+
+from fieldtruth.core.arrays import Array
 
 Outline = Literal["conical", "spherical", "hemispherical", "flame", "domed", "spire", "flat"]
 
 GrownIn = Literal["open", "stand", "exposed"]
 """Where a tree grew up: in the open, in a forest stand, or on a windy, stony slope."""
 
-_OUTLINES: Final[Mapping[Outline, Callable[[NDArray[np.float64]], NDArray[np.float64]]]] = {
+_OUTLINES: Final[Mapping[Outline, Callable[[Array], Array]]] = {
     "conical": lambda r: 0.2 + 0.8 * r,
     "spherical": lambda r: 0.2 + 0.8 * np.sin(np.pi * r),
     "hemispherical": lambda r: 0.2 + 0.8 * np.sin(0.5 * np.pi * r),
@@ -31,7 +32,7 @@ _OUTLINES: Final[Mapping[Outline, Callable[[NDArray[np.float64]], NDArray[np.flo
 }
 
 
-def outline_ratio(outline: Outline, ratio: NDArray[np.float64]) -> NDArray[np.float64]:
+def outline_ratio(outline: Outline, ratio: Array) -> Array:
     """Length of a limb relative to the longest, at ``ratio`` of the crown's depth: 1 at its base, 0 at its top.
 
     Weber and Penn's ShapeRatio (section 4.3; "flame" is their "tend flame"). "domed" (tall round crowns), "spire"

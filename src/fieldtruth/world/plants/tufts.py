@@ -11,9 +11,8 @@ from dataclasses import replace
 from typing import assert_never
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array
+from fieldtruth.core.arrays import Array, Index
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.plants.blades import along, discs, kites, midribs, pinnae, spindles, strips
 from fieldtruth.world.plants.grass_species import Blades, Flower, Frond, GrassSpecies, Leaves, Organ, Spike
@@ -159,7 +158,7 @@ def _leaves(organ: Leaves, path: Array, scale: float, rng: np.random.Generator) 
     return kites(base, direction, upper, organ.length * size, organ.width * size, organ.widest)
 
 
-def _divergence(organ: Leaves, rank: NDArray[np.intp]) -> Array:
+def _divergence(organ: Leaves, rank: Index) -> Array:
     """Angle [deg] about the stalk of each leaf."""
     if organ.arrangement == "pairs":  # each pair at right angles to the one before
         return np.asarray(90.0 * (rank // 2) + 180.0 * (rank % 2))

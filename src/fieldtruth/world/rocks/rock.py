@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from fieldtruth.core.arrays import Array
+from fieldtruth.core.arrays import Array, Index
 from fieldtruth.world import materials  # noqa: F401  (reads the materials and textures of added files)
 from fieldtruth.world.library import Entry, Library, validated
 from fieldtruth.world.model import Collider, Mesh
@@ -86,7 +85,7 @@ def make_rock(
     )
 
 
-def _body(rock_type: RockType, frequency: int, rng: np.random.Generator) -> tuple[Array, NDArray[np.intp]]:
+def _body(rock_type: RockType, frequency: int, rng: np.random.Generator) -> tuple[Array, Index]:
     """Vertices (v, 3) of about unit radius and faces: fractured, worn, layered, roughened, scaled to proportions."""
     directions, faces = geodesic(frequency)
     directions = directions @ _random_turn(rng).T

@@ -10,15 +10,14 @@ a large p (flat facets of freshly broken rock) and a smooth ball for a small one
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array
+from fieldtruth.core.arrays import Array, Index
 
 _SNAP: Final = 0.4
 """Distance, in sides of a triangle, within which vertices move onto an edge, so that edges are not jagged."""
 
 
-def geodesic(frequency: int) -> tuple[Array, NDArray[np.intp]]:
+def geodesic(frequency: int) -> tuple[Array, Index]:
     """Unit vertices (v, 3) and outward faces (20 * frequency**2, 3) of a subdivided icosahedron."""
     golden = (1 + 5**0.5) / 2
     ring = [(0.0, a, b) for a in (-1.0, 1.0) for b in (-golden, golden)]

@@ -6,8 +6,8 @@
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Index
 from fieldtruth.world.textures.canvas import (
     Image,
     Rng,
@@ -91,11 +91,11 @@ def birch_bark(rng: Rng, *, tones: Tones, marks: Tones) -> Image:
     return even_out(colour)
 
 
-def _oval(a: Image, b: Image, _rows: NDArray[np.intp]) -> Image:
+def _oval(a: Image, b: Image, _rows: Index) -> Image:
     return np.asarray(1 - a**2 - b**2, np.float32)
 
 
-def _rhombus(a: Image, b: Image, _rows: NDArray[np.intp]) -> Image:
+def _rhombus(a: Image, b: Image, _rows: Index) -> Image:
     return np.asarray(1 - np.abs(a) - np.abs(b), np.float32)
 
 

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import fft, ndimage
 
+from fieldtruth.core.arrays import Index
+
 Image = NDArray[np.float32]
 Rng = np.random.Generator
 Tone = Sequence[int]
@@ -144,7 +146,7 @@ def strokes(rng: Rng, n: int, count: int, length: tuple[float, float], width: fl
     return Samples(*(np.broadcast_to(f, full).ravel() for f in fields))
 
 
-Profile = Callable[[Image, Image, NDArray[np.intp]], Image]
+Profile = Callable[[Image, Image, Index], Image]
 """Height 0 to 1 at a, b (m,) in -1 to 1 of the pieces numbered by the third argument; below 0 is outside."""
 
 

@@ -9,8 +9,8 @@ averaged, so that a blade of grass covers part of a pixel.
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Index
 from fieldtruth.world.textures.canvas import (
     Image,
     Profile,
@@ -67,7 +67,7 @@ def blades_over_soil(
     return even_out(halve(colour * light[..., None]))
 
 
-def _clover_leaf(a: Image, b: Image, _rows: NDArray[np.intp]) -> Image:
+def _clover_leaf(a: Image, b: Image, _rows: Index) -> Image:
     turn = np.arctan2(b, a)
     return np.asarray(0.75 + 0.25 * np.cos(3 * turn) - np.hypot(a, b), np.float32)
 
@@ -75,7 +75,7 @@ def _clover_leaf(a: Image, b: Image, _rows: NDArray[np.intp]) -> Image:
 def stone_profile(lumps: Image) -> Profile:
     """Profile of rounded pebbles; the phases ``lumps`` (k, 4) vary their outlines."""
 
-    def profile(a: Image, b: Image, rows: NDArray[np.intp]) -> Image:
+    def profile(a: Image, b: Image, rows: Index) -> Image:
         turn, wave = np.arctan2(b, a), lumps[rows]
         rim = (
             0.86
@@ -156,7 +156,7 @@ def bark_mulch(rng: Rng) -> Image:
     return even_out(halve(colour * light[..., None]))
 
 
-def _chip(a: Image, b: Image, rows: NDArray[np.intp]) -> Image:
+def _chip(a: Image, b: Image, rows: Index) -> Image:
     ends = 0.92 + 0.08 * np.sin(7 * b + rows)
     inside = np.minimum(ends - np.abs(a), 1 - np.abs(b) * (1 + 0.3 * np.abs(a)))
     return np.asarray(np.where(inside > 0, np.minimum(1, 4 * inside), -1), np.float32)
@@ -182,7 +182,7 @@ def leaf_litter(rng: Rng) -> Image:
     return even_out(halve(colour * light[..., None]))
 
 
-def dead_leaf(a: Image, b: Image, rows: NDArray[np.intp]) -> Image:
+def dead_leaf(a: Image, b: Image, rows: Index) -> Image:
     """Profile of a leaf: a pointed oval with a wavy margin that differs between rows."""
     wave = 1 + 0.08 * np.sin(11 * a + rows)
     half = np.clip(1 - a**2, 0, 1) ** 0.8 * (1 - 0.25 * a) * wave

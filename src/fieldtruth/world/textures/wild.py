@@ -3,8 +3,8 @@
 """Ground of a lake shore and a dry hillside, and distant land. A tile of ground is 1.5 m, of scree 2.5 m."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Index
 from fieldtruth.world.textures.canvas import (
     Image,
     Relief,
@@ -137,7 +137,7 @@ def _shards(rng: Rng, count: int, radius: tuple[float, float], *, power: float) 
     turn = (np.arange(6) / 6 * 2 * np.pi + rng.uniform(-0.5, 0.5, (count, 6))).astype(np.float32)
     reach = rng.uniform(0.55, 0.95, (count, 6)).astype(np.float32)
 
-    def profile(a: Image, b: Image, rows: NDArray[np.intp]) -> Image:
+    def profile(a: Image, b: Image, rows: Index) -> Image:
         edge = np.full(a.shape, 1.0, np.float32)
         for k in range(6):
             edge = np.minimum(edge, 1 - (a * np.cos(turn[rows, k]) + b * np.sin(turn[rows, k])) / reach[rows, k])
