@@ -14,7 +14,8 @@ ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "fieldtruth"
 FOLDERS = sorted(p for p in [*SOURCE.iterdir(), *(ROOT / "tests").iterdir()] if p.is_dir() and any(p.rglob("*.py")))
 LOOSE = [ROOT / "benchmarks", ROOT / "examples", *SOURCE.glob("*.py"), *(ROOT / "tests").glob("*.py")]
-DOCUMENTS = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
+TEMPLATES = [*SOURCE.rglob("*.jinja"), *SOURCE.rglob("*.js"), *SOURCE.rglob("*.md")]
+DOCUMENTS = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *TEMPLATES]
 
 # Each banned pattern with what to write instead; matched without regard to case.
 PROSE = {
@@ -41,7 +42,7 @@ PROSE_TOKENS = {tokenize.STRING, tokenize.COMMENT, getattr(tokenize, "FSTRING_MI
 def findings(path: Path) -> Iterator[str]:
     """Banned words in one file, as ``file:line: word (write ...)``."""
     text = path.read_text(encoding="utf-8")
-    if path.suffix == ".md":
+    if path.suffix != ".py":
         pieces = list(enumerate(text.splitlines(), 1))
     else:
         tokens = tokenize.generate_tokens(io.StringIO(text).readline)

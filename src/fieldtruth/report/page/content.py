@@ -17,7 +17,7 @@ from fieldtruth.report.page.bag_pass import UNEXPECTED, reason, summarize_bag
 from fieldtruth.report.page.cloud_view import CloudView, pack_cloud
 from fieldtruth.report.page.curves import Curve, Tick, curve_values, draw_curves, time_ticks
 from fieldtruth.report.page.map import Map, draw_map
-from fieldtruth.report.page.samples import Pair, take_samples
+from fieldtruth.report.page.samples import Pair, read_pairs
 from fieldtruth.report.page.scan_cloud import accumulate_scans
 from fieldtruth.report.page.world_view import view_world
 
@@ -62,7 +62,7 @@ def collect_content(run: Run, workers: int, progress: Progress) -> PageContent:
     summary = summarize_bag(run, workers, progress)
     trajectory = summary.trajectory
     with progress.stage("select images"):
-        samples = take_samples(run)
+        pairs, unreadable = read_pairs(run)
     with progress.stage("accumulate scans"):
         cloud, cloud_note = _cloud(run, trajectory)
     aerial, map_note = view_world(run, progress) if trajectory is not None else (None, "")
@@ -70,14 +70,14 @@ def collect_content(run: Run, workers: int, progress: Progress) -> PageContent:
     fov_deg = next((camera.horizontal_fov_deg for camera in cameras), None)
     classes, class_sums = tables.class_rows(summary)
     checksums, checksums_source = tables.checksums(run, progress)
-    visible = frozenset[int]().union(*(view.classes for pair in samples.pairs for view in pair.views.values()))
+    visible = frozenset[int]().union(*(view.classes for pair in pairs for view in pair.views.values()))
     return PageContent(
         run=run,
         key_figures=tables.key_figures(run, summary),
         about=tables.about(run, summary),
-        map=draw_map(run, trajectory, aerial, [pair.stamp_ns for pair in samples.pairs], fov_deg),
+        map=draw_map(run, trajectory, aerial, [pair.stamp_ns for pair in pairs], fov_deg),
         map_note=map_note,
-        pairs=samples.pairs,
+        pairs=pairs,
         image_classes=tuple((row.name, class_colour(row.label)) for row in CLASSES if row.label in visible),
         cloud=cloud,
         cloud_note=cloud_note,
@@ -95,8 +95,7 @@ def collect_content(run: Run, workers: int, progress: Progress) -> PageContent:
         exports=snippets.export_commands(run),
         snippets=snippets.snippets(run),
         notes=[
-            (shortened(topic), shortened(why))
-            for topic, why in sorted({**samples.unreadable, **summary.unreadable}.items())
+            (shortened(topic), shortened(why)) for topic, why in sorted({**unreadable, **summary.unreadable}.items())
         ],
     )
 

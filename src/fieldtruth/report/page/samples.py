@@ -48,25 +48,18 @@ class Pair:
     thumbnail: bytes = b""
 
 
-@dataclass
-class Samples:
-    """Pairs in time order, and by topic why its images cannot be shown."""
-
-    pairs: list[Pair] = field(default_factory=list)
-    unreadable: dict[str, str] = field(default_factory=dict)
-
-
-def take_samples(run: Run) -> Samples:
-    """Read a pair from the middle of each sixth of the images; no other image is decoded.
+def read_pairs(run: Run) -> tuple[list[Pair], dict[str, str]]:
+    """Read a pair from the middle of each sixth of the images, and by topic why its images cannot be shown.
 
     Raises:
         BagError: the bag is damaged.
     """
     topics, _ = usable_topics(run)
     wanted = [t for t in (*map(table.photograph, table.SIDES), *map(table.tag, table.SIDES)) if t in topics]
-    found = Samples()
+    pairs: list[Pair] = []
+    unreadable: dict[str, str] = {}
     if not wanted:
-        return found
+        return pairs, unreadable
     with open_bag(run.bag) as bag:
         decode, places = decoder(bag), bag.index(wanted)
 
@@ -84,12 +77,12 @@ def take_samples(run: Run) -> Samples:
         for k in range(count):
             pair = Pair(int(stamps[(2 * k + 1) * len(stamps) // (2 * count)]))
             for side in table.SIDES:
-                view = _view(side, nearest, found.unreadable, pair)
+                view = _view(side, nearest, unreadable, pair)
                 if view.photo or view.tag:
                     pair.views[side] = view
             if pair.views:
-                found.pairs.append(pair)
-    return found
+                pairs.append(pair)
+    return pairs, unreadable
 
 
 def _view(side: str, nearest: Callable[[str, int], Any], unreadable: dict[str, str], pair: Pair) -> View:

@@ -60,23 +60,16 @@ def snippets(run: Run) -> list[Snippet]:
 
 def _fieldtruth(run: Run, path: str) -> str:
     """A program that reads the topic with the richest content."""
-    readers = {table.POINTS: "points", table.tag("left"): "image"}
-    topic = next((topic for topic in readers if topic in run.counts), min(run.counts))
-    reader = readers.get(topic)
-    return _FIELDTRUTH.format(
-        names=f"{reader}, read_bag" if reader else "read_bag",
-        path=path,
-        topic=ascii(topic),
-        value=f"{reader}(reading.message)" if reader else "reading.message",
-    )
+    decoders = {table.POINTS: "ft.bag.points(reading.message)", table.tag("left"): "ft.bag.image(reading.message)"}
+    topic = next((topic for topic in decoders if topic in run.counts), min(run.counts))
+    return _FIELDTRUTH.format(path=path, topic=ascii(topic), value=decoders.get(topic, "reading.message"))
 
 
 _FIELDTRUTH = """\
 from pathlib import Path
-from fieldtruth.bag import {names}
+import fieldtruth as ft
 
-bag = Path({path})
-for reading in read_bag(bag, [{topic}]):
+for reading in ft.read_bag(Path({path}), [{topic}]):
     print(reading.stamp_ns, {value})"""
 
 _ROSBAGS = """\
@@ -88,8 +81,8 @@ with AnyReader([Path({path})]) as reader:
         message = reader.deserialize(raw, connection.msgtype)"""
 
 _PYTORCH = """\
-from fieldtruth.datasets import RunDataset
+import fieldtruth as ft
 
-frames = RunDataset({path}, items=("image", "mask", "cloud", "labels"))
+frames = ft.RunDataset({path}, items=("image", "mask", "cloud", "labels"))
 for frame in frames:
     print(frame["stamp_ns"], frame["image"].shape)"""
