@@ -68,7 +68,7 @@ def test_class_shares_count_every_pixel_and_point(page: Page, messages: Messages
             for code, count in zip(codes.tolist(), counts.tolist(), strict=True):
                 pixels[next(row.label for row in CLASSES if row.rgb == tuple(code.to_bytes(3)))] += count
     label = np.concatenate(
-        [cloud.data.reshape(-1, 28)[:, 24:26].copy().view("<u2")[:, 0] for _, cloud in messages[POINTS]]
+        [cloud.data.reshape(-1, 24)[:, 20:22].copy().view("<u2")[:, 0] for _, cloud in messages[POINTS]]
     )
     points = np.bincount(label, minlength=16)
     rows = {row[0]: row[1:] for row in page.rows(".//table[@class='shares']")}
