@@ -6,16 +6,18 @@ import re
 import shutil
 from pathlib import Path
 
+import lz4.frame
 import numpy as np
 import pytest
 from changed_bags import bag_in, failures
+from rosbags.rosbag1 import ReaderError
 
 from fieldtruth.bag.checksums import CHECKSUMS
 from fieldtruth.bag.reader import open_bag
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.progress import Silent
 from fieldtruth.validation import validate
-from fieldtruth.validation.files import BagFile, check_checksums
+from fieldtruth.validation.files import BagFile, check_checksums, unpack
 
 PARTS = ("magic", "header", "padding", "chunks", "packed", "index records", "index")
 
@@ -74,6 +76,16 @@ def test_structure_of_an_intact_bag_passes(lean_run: Path) -> None:
     assert len(messages) == sum(counts.values()) > 1000
     stamps = [raw.stamp_ns for raw in messages]
     assert stamps == sorted(stamps)
+
+
+def test_bytes_behind_the_compressed_data_of_a_chunk_are_an_error() -> None:
+    """LZ4 itself ignores them."""
+    packed = lz4.frame.compress(b"twelve bytes", content_checksum=True)
+    assert unpack("lz4", packed) == b"twelve bytes"
+    with pytest.raises(ReaderError, match="behind its LZ4 frame"):
+        unpack("lz4", packed + b"x")
+    with pytest.raises(RuntimeError):
+        unpack("lz4", packed[:-1])
 
 
 @pytest.mark.parametrize("name", ["park_1.bag", "experiment.yaml", "DATASET.md"])

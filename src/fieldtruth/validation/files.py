@@ -13,6 +13,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, Final, NamedTuple
 
+import lz4.frame
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import ReaderError
 from rosbags.rosbag1.reader import ChunkInfo, Header, RecordType, decompressors, read_bytes, read_uint32
@@ -161,7 +162,7 @@ class BagFile:
     def _chunks(self, source: BinaryIO, index_at: int) -> Iterator[_Chunk]:
         while (start := source.tell()) < index_at:
             header = Header.read(source, RecordType.CHUNK)
-            data = decompressors[header.get_string("compression")](read_bytes(source, read_uint32(source)))
+            data = unpack(header.get_string("compression"), read_bytes(source, read_uint32(source)))
             if start not in self._infos or len(data) != header.get_uint32("size"):
                 raise ReaderError(f"the chunk at byte {start} is not in the index, or of another size")
             entries: list[tuple[int, int, int]] = []
@@ -224,6 +225,20 @@ class BagFile:
         stamps = [stamp for _, stamp, _ in found]
         right = not stamps or (info.start_time, info.end_time) == (min(stamps), max(stamps))
         self.tally[COUNTS].see(right, f"{where}: other first or last stamp")
+
+
+def unpack(compression: str, packed: bytes) -> bytes:
+    """Unpack a chunk.
+
+    Raises:
+        ReaderError: bytes follow the LZ4 frame, which the decompressor of rosbags ignores.
+    """
+    if compression != "lz4":
+        return decompressors[compression](packed)
+    data, used = lz4.frame.decompress(packed, return_bytes_read=True)
+    if used != len(packed):
+        raise ReaderError("a chunk holds bytes behind its LZ4 frame")
+    return bytes(data)
 
 
 def _record(source: BinaryIO) -> tuple[Header, bytes]:
