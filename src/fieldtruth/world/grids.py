@@ -1,10 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Grid axes over a world, and the distance from its edge."""
+"""Grids over a world, and the distance from its edge."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.world.model import Heightfield, Raster
 
 
 def grid_axes(size: tuple[float, float], spacing: float) -> tuple[Array, Array]:
@@ -16,3 +18,13 @@ def grid_axes(size: tuple[float, float], spacing: float) -> tuple[Array, Array]:
 def distance_beyond(size: tuple[float, float], x: Array, y: Array) -> Array:
     """Distance [m] of positions to the world's edge, 0 inside."""
     return np.asarray(np.hypot(np.maximum(np.abs(x) - size[0] / 2, 0.0), np.maximum(np.abs(y) - size[1] / 2, 0.0)))
+
+
+def make_heightfield(heights: Array, spacing: float, x: Array, y: Array) -> Heightfield:
+    """Heightfield of heights (nx, ny) [m] on nodes x (nx,), y (ny,), which are ``spacing`` [m] apart."""
+    return Heightfield(heights=heights.astype(np.float32), spacing=spacing, x0=float(x[0]), y0=float(y[0]))
+
+
+def make_raster(values: ArrayLike, spacing: float, x: Array, y: Array) -> Raster:
+    """Raster of values (nx, ny) or (nx, ny, channels) on nodes x (nx,), y (ny,), which are ``spacing`` [m] apart."""
+    return Raster(values=np.asarray(values, np.float32), spacing=spacing, x0=float(x[0]), y0=float(y[0]))

@@ -8,8 +8,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.world.grids import grid_axes
-from fieldtruth.world.model import Raster
+from fieldtruth.world.grids import grid_axes, make_raster
 
 
 def fractal_noise(
@@ -52,6 +51,6 @@ def noise_map(
     ``nodes`` is the resolution: nodes per wavelength.
     """
     x, y = grid_axes(size, wavelength / nodes)
-    values = fractal_noise(x, y, wavelength=wavelength, octaves=3, rng=rng).astype(np.float32)
-    raster = Raster(values=values, spacing=float(x[1] - x[0]), x0=float(x[0]), y0=float(y[0]))
+    values = fractal_noise(x, y, wavelength=wavelength, octaves=3, rng=rng)
+    raster = make_raster(values, float(x[1] - x[0]), x, y)
     return lambda xy: raster.at(*xy.T)

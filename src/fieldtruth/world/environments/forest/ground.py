@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.environments.forest.config import Config
-from fieldtruth.world.grids import grid_axes
+from fieldtruth.world.grids import grid_axes, make_heightfield, make_raster
 from fieldtruth.world.model import Heightfield, Raster, Terrain
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import WorldBuilder
@@ -33,15 +33,13 @@ def make_heights(config: Config, trails: Sequence[Trail], rng: np.random.Generat
     heights = heights * (1.0 - on_trail) + trodden * on_trail
     heights = limit_slope(heights, config.grid, slope_limit(off_trail, within=10.0, beyond=32.0, near=0.6, far=5.0))
     heights += bumps * (0.028 - 0.018 * on_trail)
-    return Heightfield(
-        heights=(heights - heights.mean()).astype(np.float32), spacing=config.grid, x0=float(x[0]), y0=float(y[0])
-    )
+    return make_heightfield(heights - heights.mean(), config.grid, x, y)
 
 
 def make_glades(size: tuple[float, float], rng: np.random.Generator) -> Raster:
     """Light on the forest floor, about 0 on average: high in glades, low in shade."""
-    light = fractal_noise(*grid_axes(size, 0.5), wavelength=13.0, octaves=3, rng=rng)
-    return Raster(values=light.astype(np.float32), spacing=0.5, x0=-size[0] / 2, y0=-size[1] / 2)
+    x, y = grid_axes(size, 0.5)
+    return make_raster(fractal_noise(x, y, wavelength=13.0, octaves=3, rng=rng), 0.5, x, y)
 
 
 def cover_ground(builder: WorldBuilder, glades: Raster, rng: np.random.Generator) -> Terrain:
@@ -58,11 +56,10 @@ def cover_ground(builder: WorldBuilder, glades: Raster, rng: np.random.Generator
     rest = (1.0 - moss) * (1.0 - soil)
     cover = np.stack([rest * (1.0 - leaves), rest * leaves, moss, (1.0 - moss) * soil], axis=-1)
     ragged = distance + 0.16 * fine + 0.1 * patch
-    x0, y0 = float(x[0]), float(y[0])
     return Terrain(
         field=builder.field,
-        trail_distance=Raster(values=ragged.astype(np.float32), spacing=0.1, x0=x0, y0=y0),
-        cover=Raster(values=cover.astype(np.float32), spacing=0.1, x0=x0, y0=y0),
+        trail_distance=make_raster(ragged, 0.1, x, y),
+        cover=make_raster(cover, 0.1, x, y),
         ground_materials=("needles", "litter", "moss", "soil"),
         trail_material="path",
         border_material="path_edge",
@@ -79,5 +76,5 @@ def _crown_share(builder: WorldBuilder, x: Array, y: Array, species: Sequence[st
             i, j = np.round((instance.world_from_object[:2, 3] - (x[0], y[0])) / 0.5).astype(int)
             marks[i, j] += 1.0
     spread = gaussian_filter(marks, 1.6 / 0.5) * 60.0
-    coarse = Raster(values=np.clip(spread, 0, 1).astype(np.float32), spacing=0.5, x0=float(x[0]), y0=float(y[0]))
+    coarse = make_raster(np.clip(spread, 0, 1), 0.5, x, y)
     return coarse.at(*np.meshgrid(x, y, indexing="ij"))

@@ -16,7 +16,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.world.backdrop import Land
 from fieldtruth.world.environments.hillside.config import Config
 from fieldtruth.world.environments.hillside.mountain import make_mountain, smooth_corridors
-from fieldtruth.world.grids import grid_axes
+from fieldtruth.world.grids import grid_axes, make_heightfield, make_raster
 from fieldtruth.world.model import Heightfield, Raster, Terrain
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.trails import Line
@@ -61,7 +61,7 @@ def make_ground(
     distance = _corridor_distance(corridors)
     mountain = make_mountain(x, y, config, distance, relief)
     heights = smooth_corridors(mountain.heights, distance(*np.meshgrid(x, y, indexing="ij")), config)
-    field = Heightfield(heights=heights.astype(np.float32), spacing=config.grid, x0=float(x[0]), y0=float(y[0]))
+    field = make_heightfield(heights, config.grid, x, y)
     return cover_ground(field, mountain.drained, distance, cover), mountain.land
 
 
@@ -84,7 +84,7 @@ def cover_ground(field: Heightfield, drained: Array, corridor_distance: Land, rn
     fine_x, fine_y = (np.asarray(np.arange(c[0], c[-1] + _CELL / 2, _CELL), np.float64) for c in (x, y))
     smooth = gaussian_filter(field.heights.astype(np.float64), 0.5 / field.spacing)
     steep = np.degrees(np.arctan(np.hypot(*np.gradient(smooth, field.spacing))))
-    slope = _raster(steep, field.spacing, x, y)
+    slope = make_raster(steep, field.spacing, x, y)
     # Scree lies below breaking rock: the mean of the rock within some metres uphill (towards +y).
     breaking = np.clip((steep - 27) / 6, 0, 1)
     fallen = gaussian_filter(shift(breaking, (0, -4.0 / field.spacing), order=1, mode="nearest"), 2.0 / field.spacing)
@@ -92,18 +92,14 @@ def cover_ground(field: Heightfield, drained: Array, corridor_distance: Land, rn
     patch = fractal_noise(fine_x, fine_y, wavelength=11.0, octaves=4, rng=rng, gain=0.6)
     fine = fractal_noise(fine_x, fine_y, wavelength=1.3, octaves=4, rng=rng, gain=0.7)
     gx, gy = np.meshgrid(fine_x, fine_y, indexing="ij")
-    steep, fallen, gully = (_raster(v, field.spacing, x, y).at(gx, gy) for v in (steep, fallen, gully))
+    steep, fallen, gully = (make_raster(v, field.spacing, x, y).at(gx, gy) for v in (steep, fallen, gully))
     trodden = np.clip(1.3 - corridor_distance(gx, gy) / 1.6, 0, 0.5)
     rock = np.clip((steep - 29) / 5 + 0.5 * patch + 0.45 * fine - 0.25, 0, 1)
     scree = np.clip(1.5 * fallen + 0.7 * gully + 0.45 * patch + 0.35 * fine - 0.5, 0, 1)
     turf = np.clip(0.52 - np.clip(steep - 18, 0, 30) / 30 - 0.38 * patch + 0.4 * fine - trodden, 0, 1)
     free = 1 - rock
     weights = [free * (1 - scree) * turf, free * (1 - scree) * (1 - turf), free * scree, rock]
-    return Ground(field, _raster(np.stack(weights, axis=-1), _CELL, fine_x, fine_y), slope)
-
-
-def _raster(values: Array, spacing: float, x: Array, y: Array) -> Raster:
-    return Raster(values=values.astype(np.float32), spacing=spacing, x0=float(x[0]), y0=float(y[0]))
+    return Ground(field, make_raster(np.stack(weights, axis=-1), _CELL, fine_x, fine_y), slope)
 
 
 def as_terrain(ground: Ground, size: tuple[float, float]) -> Terrain:

@@ -41,7 +41,7 @@ class Mountain(NamedTuple):
 def make_mountain(x: Array, y: Array, config: Config, corridor_distance: Land, rng: np.random.Generator) -> Mountain:
     """Shape the flank on nodes x, y [m] of the world.
 
-    The slope stays below ``config.route_slope_deg`` near corridors, and below ``config.steepest_deg`` from 9 m on.
+    The slope stays below ``config.route_slope_deg`` near corridors, and about ``config.steepest_deg`` from 9 m on.
     """
     region = _region(rng)
     near_x, near_y = (np.arange(c[0] - MARGIN, c[-1] + MARGIN + 0.5) for c in (x, y))

@@ -6,8 +6,8 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.environments.lake.shore import Shore
-from fieldtruth.world.grids import grid_axes
-from fieldtruth.world.model import Raster, Terrain
+from fieldtruth.world.grids import grid_axes, make_raster
+from fieldtruth.world.model import Terrain
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import WorldBuilder
 
@@ -40,12 +40,11 @@ def cover_ground(builder: WorldBuilder, shore: Shore, rng: np.random.Generator) 
         ],
         axis=-1,
     )
-    x0, y0 = float(x[0]), float(y[0])
     no_trail = np.full((2, 2), 1e3, np.float32)
     return Terrain(
         field=builder.field,
-        trail_distance=Raster(values=no_trail, spacing=max(builder.size), x0=x0, y0=y0),
-        cover=Raster(values=cover.astype(np.float32), spacing=NODE, x0=x0, y0=y0),
+        trail_distance=make_raster(no_trail, max(builder.size), x, y),
+        cover=make_raster(cover, NODE, x, y),
         ground_materials=("rough_grass", "lawn_dry", "soil", "litter", "mud", "pebbles"),
         trail_material="gravel",
         border_material="gravel",

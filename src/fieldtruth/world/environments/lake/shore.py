@@ -16,7 +16,7 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.environments.lake.config import Config
-from fieldtruth.world.grids import grid_axes
+from fieldtruth.world.grids import grid_axes, make_heightfield, make_raster
 from fieldtruth.world.model import Heightfield, Raster
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.trails import Line
@@ -60,11 +60,10 @@ def make_shore(config: Config, corridors: Sequence[Line], rng: np.random.Generat
     # Along corridors the bank has an even slope.
     worn = np.exp(-((off_corridor / WORN) ** 2))
     height += worn * (gaussian_filter(height, WORN / config.grid, mode="nearest") + 0.006 * bumps - height)
-    x0, y0 = float(x[0]), float(y[0])
     return Shore(
-        field=Heightfield(heights=(height + config.water_level).astype(np.float32), spacing=config.grid, x0=x0, y0=y0),
-        inland=Raster(values=inland.astype(np.float32), spacing=config.grid, x0=x0, y0=y0),
-        scarp=Raster(values=scarp.astype(np.float32), spacing=config.grid, x0=x0, y0=y0),
+        field=make_heightfield(height + config.water_level, config.grid, x, y),
+        inland=make_raster(inland, config.grid, x, y),
+        scarp=make_raster(scarp, config.grid, x, y),
     )
 
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from fieldtruth.world.environments.park.beds import Bed, bed_distance
 from fieldtruth.world.environments.park.config import Config
-from fieldtruth.world.grids import grid_axes
-from fieldtruth.world.model import Heightfield, Raster, Terrain
+from fieldtruth.world.grids import grid_axes, make_heightfield, make_raster
+from fieldtruth.world.model import Heightfield, Terrain
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import WorldBuilder
 from fieldtruth.world.trails import signed_distance
@@ -21,9 +21,7 @@ def make_heights(config: Config, rng: np.random.Generator) -> Heightfield:
     swell = fractal_noise(x, y, wavelength=46.0, octaves=3, rng=rng, gain=0.35)
     bumps = fractal_noise(x, y, wavelength=2.4, octaves=2, rng=rng)
     heights = config.relief * swell + 0.008 * bumps
-    return Heightfield(
-        heights=(heights - heights.mean()).astype(np.float32), spacing=config.grid, x0=float(x[0]), y0=float(y[0])
-    )
+    return make_heightfield(heights - heights.mean(), config.grid, x, y)
 
 
 def cover_ground(builder: WorldBuilder, beds: Sequence[Bed], border_width: float, rng: np.random.Generator) -> Terrain:
@@ -60,8 +58,8 @@ def cover_ground(builder: WorldBuilder, beds: Sequence[Bed], border_width: float
     )
     return Terrain(
         field=builder.field,
-        trail_distance=Raster(values=distance, spacing=0.1, x0=float(x[0]), y0=float(y[0])),
-        cover=Raster(values=cover.astype(np.float32), spacing=0.1, x0=float(x[0]), y0=float(y[0])),
+        trail_distance=make_raster(distance, 0.1, x, y),
+        cover=make_raster(cover, 0.1, x, y),
         ground_materials=("lawn", "lawn_dry", "soil", "mulch", "litter"),
         trail_material="gravel",
         border_material="setts",
