@@ -6,7 +6,6 @@ The bag needs true poses (/ground_truth/odom or /gazebo/model_states) from a dri
 """
 
 import sys
-from pathlib import Path
 
 import fieldtruth as ft
 
@@ -14,8 +13,8 @@ import fieldtruth as ft
 def main(bag: str, out: str, environment: str = "park") -> None:
     """Add labelled clouds and images at the bag's own poses."""
     with ft.show_progress() as progress:
-        annotated = ft.annotate(Path(bag), environment, out=Path(out), rig=ft.Rig(), progress=progress)
-    before, after = ft.count_messages(Path(bag)), ft.count_messages(annotated)
+        annotated = ft.annotate(bag, environment, out=out, rig=ft.Rig(), progress=progress)
+    before, after = ft.count_messages(bag), ft.count_messages(annotated)
     for topic in sorted(after.keys() - before.keys()):
         print(f"{after[topic]:>6} {topic}")
 

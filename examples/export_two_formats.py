@@ -14,8 +14,8 @@ def main(run: str, out: str) -> None:
     """Export twice, and read both back with NumPy alone."""
     target = Path(out)
     target.mkdir(parents=True, exist_ok=True)
-    sequences = ft.export(Path(run), to="semantickitti", out=target / "semantickitti", label_map="rellis")
-    trajectory = ft.export(Path(run), to="tum", out=target / "truth.tum")
+    sequences = ft.export(run, to="semantickitti", out=target / "semantickitti", label_map="rellis")
+    trajectory = ft.export(run, to="tum", out=target / "truth.tum")
 
     labels = sorted(sequences.rglob("*.label"))
     first = np.fromfile(labels[0], np.uint32)

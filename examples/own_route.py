@@ -3,7 +3,6 @@
 """Drive a route of your own through the park, LiDAR only: python own_route.py [OUT [SECONDS]]."""
 
 import sys
-from pathlib import Path
 
 import fieldtruth as ft
 
@@ -25,7 +24,7 @@ def main(out: str = "data", seconds: str | None = None) -> None:
     ft.plan_route(world, experiment)  # raises RouteError: which waypoint is blocked, where, by what
     print(ft.route_yaml(route), end="")  # paste it into an experiment's file
 
-    bag = ft.generate(experiment, Path(out))
+    bag = ft.generate(experiment, out)
     print(f"{ft.open_run(bag).duration_s:.1f} s in {bag}")
 
 

@@ -3,7 +3,6 @@
 """Other sensors on the same robot: python own_sensors.py [OUT [SECONDS]]."""
 
 import sys
-from pathlib import Path
 
 import fieldtruth as ft
 
@@ -24,7 +23,7 @@ def main(out: str = "data", seconds: str = "2") -> None:
     rig = park.rig.model_copy(update={"lidar": lidar, "cameras": camera})
     experiment = park.model_copy(update={"name": "my_sensors", "rig": rig, "seconds": float(seconds)})
 
-    bag = ft.generate(experiment, Path(out))
+    bag = ft.generate(experiment, out)
     cloud = next(ft.read_bag(bag, topics=["/os1_cloud_node/points"]))
     points = ft.bag.points(cloud.message)
     print(f"{camera.baseline:.2f} m baseline, {len(points)} points on {points['ring'].max() + 1} rings")

@@ -3,7 +3,6 @@
 """Make a labelled run and open it: python whole_run.py [EXPERIMENT [SECONDS [OUT]]]."""
 
 import sys
-from pathlib import Path
 
 import fieldtruth as ft
 
@@ -12,7 +11,7 @@ def main(name: str = "park_1", seconds: str = "5", out: str = "data") -> None:
     """Drive, sense, label, write the bag, check it, and count its messages."""
     experiment = ft.with_overrides(ft.load_experiment(name), seconds=float(seconds))
     with ft.show_progress() as progress:
-        bag = ft.generate(experiment, Path(out), progress=progress)
+        bag = ft.generate(experiment, out, progress=progress)
 
     run = ft.open_run(bag.parent)
     print(f"{run.name}: {run.duration_s:.1f} s in {bag}")

@@ -27,7 +27,7 @@ from fieldtruth.world.model import World
 
 def generate(
     experiment: Experiment,
-    out: Path,
+    out: Path | str,
     *,
     workers: int | None = None,
     overwrite: bool = False,
@@ -59,7 +59,7 @@ def generate(
     check_experiment(experiment)
     workers = cpu_count() if workers is None else workers
     progress = Silent() if progress is None else progress
-    with run_folder(experiment, out, overwrite=overwrite) as run:
+    with run_folder(experiment, Path(out), overwrite=overwrite) as run:
         with progress.stage("build the world"):
             world = world_of(experiment)
         with progress.stage("drive"):

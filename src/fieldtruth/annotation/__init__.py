@@ -50,12 +50,12 @@ class WorldConfig:
 
 
 def annotate(
-    bag: Path,
+    bag: Path | str,
     world: str | WorldConfig,
     *,
     rig: Rig = CAMERAS_ONLY,
     robot: str = ROBOT,
-    out: Path | None = None,
+    out: Path | str | None = None,
     workers: int | None = None,
     progress: Progress | None = None,
 ) -> Path:
@@ -86,7 +86,7 @@ def annotate(
     check_layout(config.environment, config.layout)
     progress = Silent() if progress is None else progress
     run = open_run(bag)
-    target = run.folder / f"{run.name}_annotated.bag" if out is None else out
+    target = run.folder / f"{run.name}_annotated.bag" if out is None else Path(out)
     added = _added_topics(run, rig)
     with _work_folder(target) as folder:
         frames = check_frames(run, rig)

@@ -29,7 +29,7 @@ _NUMPY: Final = dict(enumerate(["i1", "u1", "<i2", "<u2", "<i4", "<u4", "<f4", "
 """NumPy type by the datatype of sensor_msgs/PointField."""
 
 
-def read_bag(path: Path, topics: Sequence[str] = ()) -> Iterator[Reading]:
+def read_bag(path: Path | str, topics: Sequence[str] = ()) -> Iterator[Reading]:
     """Read the messages of some topics, or of all, in time order; one chunk of the bag is in memory at a time.
 
     Raises:
@@ -42,7 +42,7 @@ def read_bag(path: Path, topics: Sequence[str] = ()) -> Iterator[Reading]:
             yield Reading(raw.stamp_ns, raw.topic, decode(raw))
 
 
-def count_messages(path: Path) -> dict[str, int]:
+def count_messages(path: Path | str) -> dict[str, int]:
     """Count the messages of each topic.
 
     Raises:
@@ -52,7 +52,7 @@ def count_messages(path: Path) -> dict[str, int]:
         return dict(bag.counts)
 
 
-def static_transforms(path: Path) -> dict[tuple[str, str], Array]:
+def static_transforms(path: Path | str) -> dict[tuple[str, str], Array]:
     """Read every fixed ``parent_from_child`` (4, 4) in /tf_static by (parent, child)."""
     return {
         (stamped.header.frame_id, stamped.child_frame_id): matrix(stamped.transform)

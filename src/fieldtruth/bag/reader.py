@@ -150,12 +150,13 @@ class BagReader:
 
 
 @contextmanager
-def open_bag(path: Path) -> Iterator[BagReader]:
+def open_bag(path: Path | str) -> Iterator[BagReader]:
     """Open a bag for reading.
 
     Raises:
         BagError: no such file, not a bag, a truncated one, or one with a damaged index.
     """
+    path = Path(path)
     with read_errors(path):
         reader = _LeanReader(path)
         reader.open()

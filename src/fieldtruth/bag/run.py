@@ -63,7 +63,7 @@ def open_run(path: Path | str) -> Run:
         BagError: no such path, no bag in the folder or several, an unreadable bag, or one without messages.
         ConfigurationError: the experiment.yaml of this bag cannot be read.
     """
-    bag = find_bag(Path(path))
+    bag = find_bag(path)
     with open_bag(bag) as stored:
         counts = {topic: count for topic, count in stored.counts.items() if count}
         if not counts:
@@ -71,12 +71,13 @@ def open_run(path: Path | str) -> Run:
         return Run(bag, _experiment_of(bag), counts, stored.msgtypes, stored.start_ns, stored.end_ns)
 
 
-def find_bag(path: Path) -> Path:
+def find_bag(path: Path | str) -> Path:
     """Return the path of the bag: the file itself, or the one in the folder of a run.
 
     Raises:
         BagError: no such path, no bag in the folder, or several.
     """
+    path = Path(path)
     if not path.is_dir():
         if not path.exists():
             raise BagError(f"{path} does not exist; a run must be the folder of a run, or a bag")

@@ -60,10 +60,10 @@ class Options(NamedTuple):
 
 
 def export(
-    path: Path | Sequence[Path],
+    path: Path | str | Sequence[Path | str],
     to: str,
     *,
-    out: Path | None = None,
+    out: Path | str | None = None,
     label_map: str | None = None,
     workers: int | None = None,
     progress: Progress | None = None,
@@ -93,8 +93,8 @@ def export(
         cpu_count() if workers is None else workers,
         Silent() if progress is None else progress,
     )
-    runs = _runs_for(to, [path] if isinstance(path, Path) else list(path))
-    target = runs[0].folder / (runs[0].name + FORMATS[to].suffix) if out is None else out
+    runs = _runs_for(to, [path] if isinstance(path, Path | str) else path)
+    target = runs[0].folder / (runs[0].name + FORMATS[to].suffix) if out is None else Path(out)
     part = target.with_name(f".{target.name}.part")
     with output_errors(target):
         if os.path.lexists(target):
@@ -119,7 +119,7 @@ def _label_map_for(to: str, name: str) -> LabelMap:
     return found
 
 
-def _runs_for(to: str, paths: Sequence[Path]) -> list[Run]:
+def _runs_for(to: str, paths: Sequence[Path | str]) -> list[Run]:
     if len(paths) > 1 and not FORMATS[to].joins:
         able = ", ".join(name for name, row in FORMATS.items() if row.joins)
         raise OutputError(f"format {to!r} takes one run, got {len(paths)}; formats that join several: {able}")

@@ -34,7 +34,7 @@ _EPOCH_NS: Final = 10**8 * 10**9
 """Larger stamps (three years) are dates, not time since the start."""
 
 
-def view(path: Path, *, save: Path | None = None, progress: Progress | None = None) -> None:
+def view(path: Path | str, *, save: Path | str | None = None, progress: Progress | None = None) -> None:
     """Show a run in the rerun viewer, or write the recording to a file.
 
     Args:
@@ -47,6 +47,7 @@ def view(path: Path, *, save: Path | None = None, progress: Progress | None = No
         OutputError: rerun is not installed, there is no display, or the file already exists or cannot be written.
     """
     run = open_run(path)
+    save = None if save is None else Path(save)
     if save is not None and save.suffix != ".rrd":
         raise OutputError(f"cannot write {save}: its name must end in .rrd")
     if save is not None and os.path.lexists(save):

@@ -43,7 +43,7 @@ _REPORT_NS: Final = 10**8
 
 
 def validate(
-    path: Path,
+    path: Path | str,
     *,
     workers: int | None = None,
     progress: Progress | None = None,

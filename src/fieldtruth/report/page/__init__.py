@@ -18,7 +18,7 @@ LARGEST_PAGE: Final = 15_000_000
 
 
 def write_report(
-    path: Path, *, out: Path | None = None, overwrite: bool = False, progress: Progress | None = None
+    path: Path | str, *, out: Path | str | None = None, overwrite: bool = False, progress: Progress | None = None
 ) -> Path:
     """Write an HTML page about a run; by default ``NAME_report.html`` beside the bag.
 
@@ -41,7 +41,7 @@ def write_report(
         OutputError: the page already exists, or cannot be written.
     """
     run = open_run(path)
-    target = run.folder / f"{run.name}_report.html" if out is None else out
+    target = run.folder / f"{run.name}_report.html" if out is None else Path(out)
     check_output_path(target, (".html", ".htm"), overwrite=overwrite)
     progress = Silent() if progress is None else progress
     content = collect_content(run, cpu_count(), progress)
