@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""How fast a data set opens and how many frames a second it gives. Run: python benchmarks/dataset.py data/park_1
+"""Time to open a data set, and frames per second. Run: python benchmarks/dataset.py data/park_1
 
-Frames are those of the left camera or of the LiDAR, in random order and in order, up to a hundred of them. CPU is the
-process's, so that what else runs on the machine counts little.
+Up to a hundred frames of the left camera or the LiDAR are read, in random order and in order. Times are CPU times of
+the process, so that other load matters little.
 """
 
 import sys

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""From nothing to the first labelled photograph: a fresh environment, pip install, and the first frame, twice.
+"""Time from a fresh virtual environment to the first labelled photograph, and of a second one.
 
-Run: python benchmarks/first_frame.py. The second frame finds the world and the compiled kernels cached.
+Run: python benchmarks/first_frame.py. For the second frame, world, light and kernels come from the cache.
 """
 
 import os
@@ -27,16 +27,16 @@ def main() -> None:
         environment = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "NUMBA"))}
         environment["XDG_CACHE_HOME"] = str(Path(folder, "cache"))
 
-        def tell(what: str, *command: str, env: dict[str, str]) -> None:
+        def timed(what: str, *command: str, env: dict[str, str]) -> None:
             start = perf_counter()
             subprocess.run(command, check=True, stdout=subprocess.DEVNULL, cwd=folder, env=env)
             print(f"{what:<16}{perf_counter() - start:>7.1f} s", flush=True)
 
-        # pip may keep what it has downloaded: the time of the network is not ours.
-        tell("environment", sys.executable, "-m", "venv", "venv", env=dict(os.environ))
-        tell("pip install", python, "-m", "pip", "install", "--quiet", str(REPOSITORY), env=dict(os.environ))
-        tell("first frame", python, "-c", FRAME, env=environment)
-        tell("second frame", python, "-c", FRAME, env=environment)
+        # pip may use its cache: the time of the network is not measured.
+        timed("environment", sys.executable, "-m", "venv", "venv", env=dict(os.environ))
+        timed("pip install", python, "-m", "pip", "install", "--quiet", str(REPOSITORY), env=dict(os.environ))
+        timed("first frame", python, "-c", FRAME, env=environment)
+        timed("second frame", python, "-c", FRAME, env=environment)
 
 
 if __name__ == "__main__":

@@ -85,7 +85,7 @@ def overhead(azimuth: float, elevation: float) -> tuple[F8, F8, CameraImages]:
 
 
 def in_shadow(x: F8, y: F8, azimuth: float, elevation: float, grow: float) -> NDArray[np.bool_]:
-    """Ground whose ray to the sun meets the box enlarged by ``grow`` [m], from slabs of the box along that ray."""
+    """Ground whose ray to the sun hits the box enlarged by ``grow`` [m], from slabs of the box along that ray."""
     # Azimuth is clockwise from north; x is north and y is west, so that an eastern sun (90 deg) is at -y.
     a, e = np.radians([azimuth, elevation])
     sx, sy, slope = np.cos(a), -np.sin(a), np.tan(e)

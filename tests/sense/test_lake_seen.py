@@ -68,7 +68,7 @@ def lines() -> list[Line]:
     return [Line.through([(float(x), float(y)) for x, y in route], smooth=False) for route in routes]
 
 
-def stand(scene: Scene, line: Line, at: float) -> NDArray[np.float64]:
+def robot_pose(scene: Scene, line: Line, at: float) -> NDArray[np.float64]:
     """The robot's pose (4, 4) at a fraction of a line, level, facing along it."""
     row = int(at * (len(line.points) - 1))
     (x, y), (u, v) = line.points[row], line.tangents[row]
@@ -82,7 +82,7 @@ def test_every_class_is_seen_from_the_route(lake: Scene) -> None:
     lidar, camera = Lidar(rig.lidar, lake), LabelCamera(rig.cameras, lake)
     for line in lines():
         for at in np.linspace(0.02, 0.98, 10):
-            base = stand(lake, line, at)
+            base = robot_pose(lake, line, at)
             hit |= set(lidar.scan(base @ rig.lidar.mount.base_from_sensor).label.tolist())
             picture = camera.label(base @ frames.pose(rig.cameras.left.xyz) @ OPTICAL)
             seen |= set(picture.label[::3, ::3].ravel().tolist())

@@ -96,12 +96,12 @@ def _against_bare(
     for sensor in sensors:
         sensor(poses[0])  # compiled before the clock runs
     for pose in poses:
-        tries = [[_seconds(look, pose) for look in (tracer.trace, *sensors)] for _ in range(repeats)]
+        tries = [[_seconds(sensor, pose) for sensor in (tracer.trace, *sensors)] for _ in range(repeats)]
         total += np.min(tries, axis=0)
     return [float(seconds) for seconds in total]
 
 
-def _seconds(look: Callable[[Array], object], pose: Array) -> float:
+def _seconds(sensor: Callable[[Array], object], pose: Array) -> float:
     start = perf_counter()
-    look(pose)
+    sensor(pose)
     return perf_counter() - start

@@ -54,26 +54,21 @@ class Scene:
         self.engine = Engine()
         self.meshes = [*world.meshes.values(), *([world.backdrop] if world.backdrop is not None else [])]
         self.mesh_rays = [self._mesh_scene(mesh) for mesh in self.meshes]
+        self.tops = list(_top_levels(world))
         self.rays = RayScene(self.engine)
-        self.tops: list[TopLevel] = []
-        self._add(self.rays.add_mesh(*terrain_triangles(world.terrain.field)), _fixed(None))
-        if world.backdrop is not None:
-            self._add(self.rays.add_mesh(world.backdrop.vertices, world.backdrop.faces), _fixed(world.backdrop))
         rows = {mesh.name: row for row, mesh in enumerate(self.meshes)}
         clear = {m.name for m in self.meshes if any(world.materials[name].mirror > 0 for name in m.materials)}
-        for top in _instances(world):
-            assert top.mesh is not None
-            mask = CLEAR if top.mesh.name in clear else SOLID
-            self._add(
-                self.rays.add_instance(self.mesh_rays[rows[top.mesh.name]], top.world_from_object, mask=mask), top
-            )
+        for row, (mesh, pose, *_) in enumerate(self.tops):
+            if mesh is None:
+                geometry_id = self.rays.add_mesh(*terrain_triangles(world.terrain.field))
+            elif mesh is world.backdrop:
+                geometry_id = self.rays.add_mesh(mesh.vertices, mesh.faces)
+            else:
+                mask = CLEAR if mesh.name in clear else SOLID
+                geometry_id = self.rays.add_instance(self.mesh_rays[rows[mesh.name]], pose, mask=mask)
+            assert geometry_id == row, "Embree numbers geometries in the order in which they are attached"
         self.rays.commit()
         self.hits = _hit_table(world, self.meshes, self.tops)
-
-    def _add(self, geometry_id: int, top: TopLevel) -> None:
-        if geometry_id != len(self.tops):
-            raise AssertionError(f"Embree returned geometry id {geometry_id} instead of {len(self.tops)}")
-        self.tops.append(top)
 
     def _mesh_scene(self, mesh: Mesh) -> RayScene:
         scene = RayScene(self.engine)
@@ -81,11 +76,9 @@ class Scene:
         return scene.commit()
 
 
-def _fixed(mesh: Mesh | None) -> TopLevel:
-    return TopLevel(mesh, np.eye(4), GROUND_ID, _NO_TINT)
-
-
-def _instances(world: World) -> Iterator[TopLevel]:
+def _top_levels(world: World) -> Iterator[TopLevel]:
+    for mesh in (None, *([world.backdrop] if world.backdrop is not None else [])):
+        yield TopLevel(mesh, np.eye(4), GROUND_ID, _NO_TINT)
     for instance in world.instances:
         yield TopLevel(world.meshes[instance.mesh], instance.world_from_object, instance.object_id, instance.tint)
     for swarm in world.swarms:
