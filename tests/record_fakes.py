@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A world, a drive and sensors that cost nothing and whose every value is known beforehand."""
+"""Fake world, drive and sensors, fast and with known values."""
 
 import time
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ def make_experiment(seconds: float = 2.5, seed: int = 0, rig: Rig = SMALL, name:
 
 
 def make_world(environment: str = "park", seed: int = 0, objects: int = 5) -> World:
-    """A square metre of ground with things on it: object i stands at (i, seed, 0), scaled by 1 + i / 10."""
+    """One square metre of ground with objects: object i is at (i, seed, 0), scaled by 1 + i / 10."""
     raster = Raster(values=np.ones((2, 2), np.float32), spacing=1.0, x0=0.0, y0=0.0)
     field = Heightfield(heights=np.zeros((2, 2), np.float32), spacing=1.0, x0=0.0, y0=0.0)
     instances = []
@@ -131,7 +131,7 @@ class FakeScene:
 
 
 class FakeLidar:
-    """Returns a number of points that changes from scan to scan, on a line that tells the LiDAR's pose."""
+    """Returns a number of points that changes from scan to scan, on a line that depends on the LiDAR's pose."""
 
     def __init__(self, config: LidarConfig, scene: FakeScene) -> None:
         self.config = config
@@ -150,7 +150,7 @@ class FakeLidar:
 
 
 class FakeCamera:
-    """A gradient that tells the camera's pose, and stripes of all classes; ``pause`` [s] makes it slow."""
+    """A gradient that depends on the camera's pose, and stripes of all classes; ``pause`` [s] makes it slow."""
 
     pause = 0.0
 

@@ -58,7 +58,7 @@ def test_clock() -> None:
     assert (clock.sec, clock.nanosec) == (12, 345_678_901)
 
 
-def test_imu_is_in_imu_link_and_its_quaternion_in_the_order_of_ros() -> None:
+def test_imu_is_in_imu_link_with_quaternions_in_ros_order() -> None:
     message = back(robot_messages.imu(7, TRACK.imu), "sensor_msgs/msg/Imu")
     assert (message.header.seq, read.stamp_ns(message.header)) == (7, 160_000_000)
     assert message.header.frame_id == "imu_link"
@@ -115,7 +115,7 @@ def test_model_states_are_the_robot_and_every_object_by_its_id() -> None:
         assert xyz(message.twist[i].linear) == [0.0, 0.0, 0.0]
 
 
-def test_model_states_hold_names_of_any_letters() -> None:
+def test_model_states_encode_names_as_utf8() -> None:
     world = make_world(objects=1)
     odd = world.__class__(**{**world.__dict__, "object_names": ("husky", "Böden", "bäume")})
     message = back(robot_messages.ModelStatesWriter(odd).message(0, TRACK.motion), "gazebo_msgs/msg/ModelStates")
@@ -185,7 +185,7 @@ def test_tag_is_exact() -> None:
     np.testing.assert_array_equal(read.image(message), PALETTE[label])
 
 
-def test_photograph_is_near() -> None:
+def test_photograph_is_close_to_its_pixels() -> None:
     y, x = np.mgrid[:48, :64]
     photo = np.stack([2 * x + 50, 3 * y + 20, x + y], axis=-1).astype(np.uint8)
     message = back(sensor_messages.photograph(0, STAMP, "right", photo, 95), "sensor_msgs/msg/CompressedImage")
@@ -214,7 +214,7 @@ def test_the_outer_pixel_edges_span_the_field_of_view() -> None:
     assert np.degrees(np.arctan(corner[:2])).tolist() == pytest.approx([-34.5, -21.0], rel=1e-12)
 
 
-def test_a_point_projects_to_both_images_as_the_transforms_say() -> None:
+def test_projection_matrices_agree_with_the_transforms() -> None:
     config = CameraConfig(
         left=Mount(xyz=(0.3, 0.1, 0.7), rpy_deg=(0, 90, 0)), right=Mount(xyz=(0.3, -0.2, 0.7), rpy_deg=(0, 90, 0))
     )
@@ -228,7 +228,7 @@ def test_a_point_projects_to_both_images_as_the_transforms_say() -> None:
     np.testing.assert_allclose(projected / projected[2], pixel / pixel[2], atol=1e-9)
 
 
-def test_fixed_frames_are_the_papers_and_the_optical_ones() -> None:
+def test_fixed_frames_are_those_of_the_paper_and_the_optical_frames() -> None:
     fixed = robot_messages.rig_transforms(Rig())
     assert len(fixed) == 12
     forward, right, down = [0, 0, 1], [1, 0, 0], [0, 1, 0]
@@ -242,7 +242,7 @@ def test_state_between_two_rows() -> None:
     middle = state_at(TRACK.motion, 500_250_000)
     before, after = TRACK.motion.position[499:501]
     np.testing.assert_allclose(middle.position, 0.75 * before + 0.25 * after, rtol=1e-15)
-    # roll, pitch and yaw of the fake drive at that instant, to the second order of a millisecond
+    # roll, pitch and yaw of the fake drive at that stamp, to second order in 1 ms
     t = 0.50025
     attitude = frames.pose((0, 0, 0), np.degrees([0.1 * np.sin(t), 0.05 * np.cos(t), 0.1 * t]).tolist())
     np.testing.assert_allclose(middle.world_from_base[:3, :3], attitude[:3, :3], atol=1e-7)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Laws that a finished bag obeys, checked with nothing but what the bag itself says of frames and lenses."""
+"""Consistency of a finished bag: labels, depth, motion and positions agree through its own frames and cameras."""
 
 from pathlib import Path
 from typing import Any
@@ -129,7 +129,7 @@ def test_instances_are_rows_of_model_states(park_bag: Path) -> None:
     assert checked >= 5
 
 
-def test_gnss_and_imu_tell_the_true_pose(park_bag: Path) -> None:
+def test_gnss_and_imu_agree_with_the_true_pose(park_bag: Path) -> None:
     static = static_transforms(park_bag)
     odometry = messages(park_bag, "/ground_truth/odom")
     for stamp, fix in messages(park_bag, "/navsat/fix").items():

@@ -24,8 +24,8 @@ MOUNT = [0.09, 0.0, 0.826]
 BOUNDS = {"park": 0.06, "lake": 0.06, "forest": 0.02, "hillside": 0.8}
 """RMSE [m] of the position after rigid alignment, over 6 m of driving; measured: 0.035, 0.036, 0.008, 0.47.
 
-On the open slope of the hillside 70 % of the points are ground: its rings slide with the sensor, and point-to-point
-registration follows them.
+On the open slope of the hillside 70 % of the points are ground: its rings move with the sensor, and point-to-point
+registration matches them to themselves.
 """
 
 

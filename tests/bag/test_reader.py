@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Bags as streams: the messages that another reader finds, whatever the compression, and damage in one line."""
+"""Reading bags as streams: the messages that rosbags finds, for any compression, and one-line errors for damage."""
 
 import struct
 import zipfile
@@ -37,13 +37,13 @@ def write_bag(path: Path, rows: Iterable[tuple[str, int]], compression: str | No
 
 
 def shuffled_rows(rng: np.random.Generator) -> list[tuple[str, int]]:
-    """Stamps that run backwards now and then, so that chunks overlap in time; with ties."""
+    """Stamps that sometimes decrease, so that chunks overlap in time; with ties."""
     stamps = np.arange(1, 301) * 10**8 + rng.integers(-5, 6, 300) * 10**8
     return [("ab"[k % 2], int(max(stamp, 1))) for k, stamp in enumerate(stamps)]
 
 
 @pytest.mark.parametrize("compression", [None, "BZ2", "LZ4"])
-def test_messages_come_in_time_order_though_chunks_overlap(tmp_path: Path, compression: str | None) -> None:
+def test_messages_are_in_time_order_although_chunks_overlap(tmp_path: Path, compression: str | None) -> None:
     rows = shuffled_rows(np.random.default_rng(0))
     path = write_bag(tmp_path / "o.bag", rows, compression)
     with open_bag(path) as bag:
@@ -129,7 +129,7 @@ def test_damage_is_one_line_with_the_path(small_run: Path, tmp_path: Path, chang
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_no_byte_that_is_changed_leads_to_anything_but_a_clear_line(tmp_path: Path, seed: int) -> None:
+def test_any_changed_byte_gives_at_most_a_clear_error(tmp_path: Path, seed: int) -> None:
     rng = np.random.default_rng(seed)
     path = write_bag(tmp_path / "x.bag", [("ab"[k % 2], (k + 1) * 10**8) for k in range(60)])
     data = np.frombuffer(path.read_bytes(), np.uint8).copy()
@@ -174,7 +174,7 @@ def test_a_damaged_message_is_named_with_its_topic(tmp_path: Path) -> None:
         (b"\x89MCAP0\r\n" + bytes(99), "it is an MCAP file of ROS 2, not a ROS 1 bag"),
     ],
 )
-def test_what_is_taken_for_a_bag_is_named(tmp_path: Path, content: bytes, line: str) -> None:
+def test_files_of_other_formats_are_named(tmp_path: Path, content: bytes, line: str) -> None:
     path = tmp_path / "x.bag"
     path.write_bytes(content)
     with pytest.raises(BagError) as caught:

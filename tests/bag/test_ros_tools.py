@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""ROS's own tools read our bags. Runs where Debian's python3-rosbag is installed, which is all it needs."""
+"""ROS's own tools read our bags. Runs where Debian's python3-rosbag is installed, its only requirement."""
 
 import json
 import shutil
@@ -91,7 +91,7 @@ with rosbag.Bag(sys.argv[1], "a") as bag:
 
 
 def test_ros_may_append_messages(bag: Path, tmp_path: Path) -> None:
-    # ROS writes the file's header anew, which must not be longer than the one that is there.
+    # ROS rewrites the file header, which must not be longer than ours.
     copy = shutil.copy(bag, tmp_path / "copy.bag")
     run(PYTHON, "-c", APPEND, str(copy))
     before = [reading.stamp_ns for reading in read_bag(bag)]

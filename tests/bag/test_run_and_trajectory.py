@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a run is found to be, its true poses from either topic, and pixels back to classes."""
+"""Opening runs, true poses from either topic, and decoding of images."""
 
 import shutil
 from pathlib import Path
@@ -44,13 +44,13 @@ def test_a_folder_and_its_bag_are_the_same_run(small_run: Path) -> None:
     assert run.counts["/os1_cloud_node/points"] == 12
 
 
-def test_a_bag_does_not_take_its_neighbours_experiment(small_run: Path, tmp_path: Path) -> None:
+def test_the_experiment_of_another_bag_in_the_folder_is_ignored(small_run: Path, tmp_path: Path) -> None:
     shutil.copy(small_run / "experiment.yaml", tmp_path)
     shutil.copy(small_run / "park_1.bag", tmp_path / "other.bag")
     assert open_run(tmp_path).experiment is None
 
 
-def test_what_is_no_run_is_one_line(small_run: Path, tmp_path: Path) -> None:
+def test_errors_of_opening_runs_are_one_line(small_run: Path, tmp_path: Path) -> None:
     with pytest.raises(BagError, match=r"nowhere does not exist; a run must be the folder of a run, or a bag"):
         open_run(tmp_path / "nowhere")
     with pytest.raises(BagError, match="has no bag; a run must be a folder with one bag"):
@@ -68,7 +68,7 @@ def test_what_is_no_run_is_one_line(small_run: Path, tmp_path: Path) -> None:
         open_run(small_run).require("/imu/data", "/lidar")
 
 
-def test_model_states_in_place_equal_the_message(small_run: Path) -> None:
+def test_model_states_read_in_place_equal_the_message(small_run: Path) -> None:
     reader = ModelStatesReader()
     with open_bag(small_run / "park_1.bag") as bag:
         decode = decoder(bag)
@@ -88,7 +88,7 @@ def test_model_states_in_place_equal_the_message(small_run: Path) -> None:
             ModelStatesReader().poses(broken)
 
 
-def test_both_topics_tell_the_same_way(small_run: Path, tmp_path: Path) -> None:
+def test_both_topics_give_the_same_trajectory(small_run: Path, tmp_path: Path) -> None:
     from_odometry = read_trajectory(open_run(small_run))
     bag = copy_of(small_run / "park_1.bag", tmp_path / "states.bag", {"/ground_truth/odom"})
     from_states = read_trajectory(open_run(bag))
@@ -103,7 +103,7 @@ def test_both_topics_tell_the_same_way(small_run: Path, tmp_path: Path) -> None:
         read_trajectory(open_run(neither))
 
 
-def test_between_two_poses_the_way_is_straight_and_the_turn_even() -> None:
+def test_poses_are_interpolated_linearly_and_spherically() -> None:
     turn = [frames.pose((0, 0, 0), (0, 0, yaw)) for yaw in (0.0, 90.0)]
     way = Trajectory(
         np.array([1000, 2000]),
@@ -119,7 +119,7 @@ def test_between_two_poses_the_way_is_straight_and_the_turn_even() -> None:
         way.world_from_base(3001)
 
 
-def test_colours_become_their_classes_and_no_others() -> None:
+def test_colours_are_decoded_to_their_classes() -> None:
     label = np.arange(1, 16, dtype=np.uint8).reshape(3, 5)
     assert np.array_equal(read.labels(PALETTE[label]), label)
     for c in CLASSES:
@@ -133,7 +133,7 @@ def test_colours_become_their_classes_and_no_others() -> None:
                 read.labels(wrong)
 
 
-def test_images_of_other_orders_and_strides_are_read(small_run: Path) -> None:
+def test_images_with_other_channel_orders_and_strides_are_read(small_run: Path) -> None:
     topic = "/stereo/camera/left/tag/img_raw"
     message = next(read.read_bag(small_run / "park_1.bag", [topic])).message
     rgb = read.image(message)
@@ -151,7 +151,7 @@ def test_images_of_other_orders_and_strides_are_read(small_run: Path) -> None:
             read.image(type(message)(**values))
 
 
-def test_depth_and_instances_are_what_the_camera_saw(small_run: Path) -> None:
+def test_depth_and_instance_images_are_decoded(small_run: Path) -> None:
     bag = small_run / "park_1.bag"
     names = ("depth", "instances", "tag/img_raw")
     depth, instance, tag = (next(read.read_bag(bag, [f"/stereo/camera/left/{n}"])).message for n in names)
@@ -168,7 +168,7 @@ def test_depth_and_instances_are_what_the_camera_saw(small_run: Path) -> None:
         read.instances(depth)
 
 
-def test_a_quaternion_of_zeros_is_one_line(small_run: Path) -> None:
+def test_a_zero_quaternion_is_an_error(small_run: Path) -> None:
     message = next(read.read_bag(small_run / "park_1.bag", ["/ground_truth/odom"])).message
     pose = message.pose.pose
     assert read.pose_matrix(pose).shape == (4, 4)

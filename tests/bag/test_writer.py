@@ -45,8 +45,8 @@ def test_messages_may_be_written_before_and_after_a_joined_bag(tmp_path: Path) -
     assert values == list(range(1, 30))
 
 
-def test_records_follow_each_other_without_a_gap(tmp_path: Path) -> None:
-    # whoever reads a bag from front to back, without its index, needs this
+def test_records_are_contiguous(tmp_path: Path) -> None:
+    # required for reading a bag from front to back, without its index
     with BagWriter(tmp_path / "c.bag", TOPICS) as bag:
         bag.append(write(tmp_path / "a.bag", range(1, 300)))
         bag.append(write(tmp_path / "b.bag", range(300, 700)))
@@ -62,7 +62,7 @@ def test_records_follow_each_other_without_a_gap(tmp_path: Path) -> None:
     assert kinds == [3, 5, 4, 4, 5, 4, 4, *[7] * len(TOPICS), 6, 6]  # file, 2 x (chunk, indices), topics, chunk infos
 
 
-def test_a_crashed_recording_is_no_bag(tmp_path: Path) -> None:
+def test_an_aborted_recording_leaves_no_bag(tmp_path: Path) -> None:
     def crash() -> None:
         with BagWriter(tmp_path / "c.bag", TOPICS) as bag:
             bag.write(TOPIC, 1, wheel_speed(1.0))

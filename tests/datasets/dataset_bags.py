@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Copies of a bag that lack something or bear other stamps, written by rosbags; and a strict comparison of frames."""
+"""Copies of a bag without some messages or with other stamps, written by rosbags; and a strict comparison of frames."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -22,7 +22,7 @@ def rewrite(
     Args:
         run: its folder.
         path: the new bag.
-        keep: tells whether the k-th message of a topic is copied.
+        keep: whether the k-th message of a topic is copied.
         delay: time [ns] by which the bag's stamp of the k-th message of the bag falls behind.
     """
     counts: Counter[str] = Counter()

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A run as a data set: each frame is what another reader finds in the bag, however it is asked for."""
+"""A run as a data set: each frame holds what rosbags reads from the bag."""
 
 import io
 from collections import defaultdict
@@ -49,7 +49,7 @@ def matrix(xyz: Any, q: Any) -> NDArray[np.float64]:
 
 
 def mounts(truth: Truth) -> dict[str, NDArray[np.float64]]:
-    """base_from_child of all fixed frames; a parent stands before its children."""
+    """base_from_child of all fixed frames; parents come before children."""
     known = {"base_link": np.eye(4)}
     [message] = truth["/tf_static"].values()
     for each in message.transforms:
@@ -84,7 +84,9 @@ def cloud_fields(message: Any) -> NDArray[Any]:
 
 
 @pytest.mark.parametrize("camera", ["left", "right"])
-def test_every_item_of_every_frame_is_what_another_reader_finds(small_run: Path, truth: Truth, camera: Any) -> None:
+def test_every_item_of_every_frame_equals_the_bag_as_rosbags_reads_it(
+    small_run: Path, truth: Truth, camera: Any
+) -> None:
     base_from = mounts(truth)
     label_of = {rgb: int(label) for label, _, rgb in CLASSES if rgb is not None}
     dataset = RunDataset(small_run, ALL, camera=camera)
@@ -121,7 +123,7 @@ def test_every_item_of_every_frame_is_what_another_reader_finds(small_run: Path,
             assert sample[key] == pytest.approx(expected, abs=1e-12), key
 
 
-def test_types_and_shapes_are_those_that_are_written_down(small_run: Path) -> None:
+def test_types_and_shapes_are_the_documented_ones(small_run: Path) -> None:
     sample = RunDataset(small_run, ALL)[0]
     assert sample.keys() == get_type_hints(Sample).keys()
     wide, points = (184, 320), len(sample["cloud"])
@@ -174,10 +176,10 @@ def test_the_cloud_falls_on_pixels_of_the_same_class_and_object(small_run: Path,
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Which messages make a frame
+# Association of messages to frames
 
 
-def test_one_sensor_alone_gives_all_of_its_frames(small_run: Path) -> None:
+def test_a_single_sensor_gives_all_its_frames(small_run: Path) -> None:
     assert RunDataset(small_run).stamps_ns.tolist() == [40_000_000 * k for k in range(1, 31)]
     assert RunDataset(small_run, ["labels"]).stamps_ns.tolist() == [100_000_000 * k for k in range(1, 13)]
     assert RunDataset(small_run, ["pose"]).items == ("pose",)
@@ -185,7 +187,7 @@ def test_one_sensor_alone_gives_all_of_its_frames(small_run: Path) -> None:
 
 
 @pytest.mark.parametrize(("anchor", "tolerance_s"), [("camera", 0.02), ("lidar", 0.019), ("lidar", 0.02)])
-def test_within_a_tolerance_the_nearest_reading_counts_with_its_own_pose(
+def test_within_the_tolerance_the_nearest_reading_is_used_with_its_own_pose(
     small_run: Path, truth: Truth, anchor: Any, tolerance_s: float
 ) -> None:
     own, other = ("camera", "lidar") if anchor == "camera" else ("lidar", "camera")
@@ -209,7 +211,7 @@ def test_within_a_tolerance_the_nearest_reading_counts_with_its_own_pose(
 
 
 def test_a_pose_between_two_messages_lies_between_them(small_run: Path, tmp_path: Path, truth: Truth) -> None:
-    """Without every second pose, those left out are found again between their neighbours."""
+    """Every second pose is removed; interpolation between the others must find it."""
     bag = rewrite(small_run, tmp_path / "half.bag", keep=lambda topic, k: topic != ODOMETRY or k % 2 == 0)
     dataset = RunDataset(bag, ["pose"])  # poses at 0.02, 0.06, ... and images at 0.04, 0.08, ...
     assert len(dataset) == 29  # nothing after the last pose

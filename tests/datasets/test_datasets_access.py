@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A run as a data set, asked for in every way, and asked for what it cannot give."""
+"""Access to a run as a data set in any order and process, foreign clouds, and errors."""
 
 import pickle
 import re
@@ -102,12 +102,12 @@ def test_labels_of_another_ontology(small_run: Path) -> None:
     assert np.array_equal(given[4]["mask"], theirs[0]["mask"])
 
 
-def test_a_transform_has_the_last_word(small_run: Path) -> None:
+def test_a_transform_is_applied_to_each_sample(small_run: Path) -> None:
     dataset = RunDataset(small_run, transform=lambda sample: sample["mask"][:2, :2])
     assert np.array_equal(dataset[3], RunDataset(small_run)[3]["mask"][:2, :2])
 
 
-def test_nothing_but_collate_needs_torch(small_run: Path) -> None:
+def test_only_collate_needs_torch(small_run: Path) -> None:
     code = f"""
 import sys
 
@@ -129,7 +129,7 @@ except Exception as error:
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Clouds from elsewhere, and what cannot be
+# Foreign clouds, and errors
 
 
 def cloud(**columns: Any) -> SimpleNamespace:
@@ -181,7 +181,7 @@ WRONG: list[tuple[str, Callable[[Path, Path], object]]] = [
 
 
 @pytest.mark.parametrize(("line", "make"), WRONG)
-def test_wrong_arguments_give_one_clear_line(
+def test_wrong_arguments_give_one_line(
     small_run: Path, tmp_path: Path, line: str, make: Callable[[Path, Path], object]
 ) -> None:
     with pytest.raises(FieldtruthError, match=line) as caught:

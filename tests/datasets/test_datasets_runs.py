@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Folders of runs, their parts for training and testing, and PyTorch's own loader on top."""
+"""Folders of runs, splits for training and testing, and PyTorch's loader."""
 
 import pickle
 import re
@@ -21,7 +21,7 @@ RAGGED = ("cloud", "labels", "instances", "rays")
 
 
 def lay(run: Path, folder: Path, names: Sequence[str], worlds: Mapping[str, int] | None = None) -> Path:
-    """Lay a run into a folder under several names, and by name the seeds of the worlds that they shall come from."""
+    """Copy a run into a folder under several names, with the seed of its world by name."""
     for name in names:
         (folder / name).mkdir(parents=True)
         stem = Path(name).name
@@ -59,7 +59,7 @@ def test_a_folder_is_its_runs_one_after_the_other(small_run: Path, tmp_path: Pat
     assert runs.classes[15] == "sky"
 
 
-def test_copies_and_what_is_unfinished_are_no_runs_and_links_are(small_run: Path, tmp_path: Path) -> None:
+def test_copies_and_unfinished_runs_are_skipped_and_links_followed(small_run: Path, tmp_path: Path) -> None:
     data = lay(small_run, tmp_path / "data", ["park_1", ".slices/x"])
     bag = data / "park_1/park_1.bag"
     (data / "park_1/park_1_annotated.bag").hardlink_to(bag)
@@ -73,7 +73,7 @@ def test_copies_and_what_is_unfinished_are_no_runs_and_links_are(small_run: Path
     assert open_runs(data / "park_1").names == ("park_1",)
 
 
-def test_a_folder_without_a_run_or_with_two_of_a_name_says_so(small_run: Path, tmp_path: Path) -> None:
+def test_a_folder_without_runs_or_with_equal_names_is_an_error(small_run: Path, tmp_path: Path) -> None:
     with pytest.raises(FieldtruthError, match="has no runs"):
         open_runs(tmp_path)
     with pytest.raises(FieldtruthError, match="is not a folder"):
@@ -109,7 +109,7 @@ def test_shares_are_of_whole_runs(ten: Runs, shares: dict[str, Any], counts: lis
     assert [runs.names for runs in again.values()] == [runs.names for runs in parts.values()]
 
 
-def test_what_goes_where_is_drawn(ten: Runs) -> None:
+def test_shares_are_assigned_at_random(ten: Runs) -> None:
     drawn = {split(ten, rng=np.random.default_rng(k), train=0.5, test=0.5)["train"].names for k in range(5)}
     assert len(drawn) == 5
 
@@ -131,7 +131,7 @@ def test_both_cameras_of_a_run_stay_together(small_run: Path, tmp_path: Path) ->
     assert split(both, train=["a"], test=["b"])["test"].names == ("b", "b")
 
 
-def test_runs_through_one_world_stay_together_if_asked(small_run: Path, tmp_path: Path) -> None:
+def test_runs_in_one_world_stay_together_by_world(small_run: Path, tmp_path: Path) -> None:
     seeds = {"a": 0, "b": 1, "c": 0, "d": 1, "e": 2}
     runs = open_runs(lay(small_run, tmp_path, list(seeds), seeds), ["pose"])
     for k in range(5):
@@ -162,7 +162,7 @@ def test_runs_through_one_world_stay_together_if_asked(small_run: Path, tmp_path
         ("unknown unit of a split", {"train": 1.0, "by": "frame"}),
     ],
 )
-def test_wrong_parts_give_one_clear_line(ten: Runs, line: str, arguments: dict[str, Any]) -> None:
+def test_wrong_parts_give_one_line(ten: Runs, line: str, arguments: dict[str, Any]) -> None:
     with pytest.raises(FieldtruthError, match=re.escape(line)) as caught:
         split(ten, **({"rng": np.random.default_rng(0)} | arguments))
     assert "\n" not in str(caught.value)
@@ -199,7 +199,7 @@ def same(batch: Mapping[str, Any], frames: Sequence[Mapping[str, Any]]) -> None:
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_batch_is_stacked_and_clouds_stay_as_long_as_they_are(small_run: Path) -> None:
+def test_a_batch_is_stacked_and_clouds_are_not_padded(small_run: Path) -> None:
     torch = pytest.importorskip("torch")
     frames = list(RunDataset(small_run, (*ITEMS, *GEOMETRY)))[:3]
     batch = collate(frames)

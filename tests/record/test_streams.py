@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A whole recording with sensors that cost nothing: what is in the bag, when, and how it agrees with the drive."""
+"""A whole recording with fake sensors: topics, stamps, and agreement with the drive."""
 
 from collections import defaultdict
 from pathlib import Path
@@ -99,7 +99,7 @@ def test_the_table_states_the_same_rates() -> None:
     assert {t.name: t.rate_hz(Rig()) for t in table if t.rate_hz} == {t: rate for t, (_, rate) in SPEC.items()}
 
 
-def test_extras_have_topics_when_they_are_asked_for() -> None:
+def test_extras_have_topics_if_enabled() -> None:
     plain = {t.name for t in topics.topics_of(Rig())}
     rig = Rig(cameras=CameraConfig(depth=True, instances=True))
     assert {t.name for t in topics.topics_of(rig)} - plain == {
@@ -130,8 +130,8 @@ def test_stamps_are_those_of_the_rate_and_headers_agree(readings: dict[str, list
                 assert reading.message.header.seq == k
 
 
-def test_messages_lie_in_the_file_in_time_order_and_ties_in_the_tables(bag: Path) -> None:
-    # heapq.merge in the reader sorts by time; the places in the file tell the order in which they were written
+def test_messages_are_stored_in_time_order_and_ties_in_table_order(bag: Path) -> None:
+    # the reader sorts by time; positions in the file give the order of writing
     with Reader(bag) as reader:
         order = {topic.name: k for k, topic in enumerate(TOPICS)}
         entries = [
@@ -248,7 +248,7 @@ def test_a_spinning_lidar_gets_the_pose_of_each_column() -> None:
     np.testing.assert_allclose(seen[0], truth[399:499:5], atol=1e-15)  # 0.4 s and every 5 ms of its 0.1 s
 
 
-def test_slices_hold_what_lies_after_their_start_up_to_their_end(tmp_path: Path) -> None:
+def test_slices_hold_stamps_after_their_start_up_to_their_end(tmp_path: Path) -> None:
     slices = make_slices(tmp_path, EXPERIMENT)
     slices.make(1)
     assert slices.count == 3
@@ -258,7 +258,7 @@ def test_slices_hold_what_lies_after_their_start_up_to_their_end(tmp_path: Path)
         assert (stamps[0], stamps[-1]) == (k * 10**9 + 10**6, min((k + 1) * 10**9, 2_500_000_000))
 
 
-def test_reading_what_is_no_bag(tmp_path: Path, bag: Path) -> None:
+def test_errors_of_reading_bags(tmp_path: Path, bag: Path) -> None:
     with pytest.raises(BagError, match=r"none\.bag"):
         list(read_bag(tmp_path / "none.bag"))
     (tmp_path / "text.bag").write_text("no bag at all")
