@@ -112,7 +112,7 @@ def test_unusable_topics_are_listed_with_reasons(small_run: Path, tmp_path: Path
 
     page = Page(write_report(changed(small_run / "park_1.bag", tmp_path / "odd.bag", change)))
     notes = page.words(".//section[@id='path']/div[@class='lack']")
-    assert f"{TAGS[0]}: image is 'rgb9'" in notes
+    assert f"{TAGS[0]}: encoding of an image must be one of rgb8, bgr8, 8UC3, got 'rgb9'" in notes
     assert "/navsat/fix: contains sensor_msgs/msg/Imu, not sensor_msgs/msg/NavSatFix" in notes
     assert f"{30 * 320 * 184:,}" in page.words(".//table[@class='shares']/tfoot")  # the right camera only
 
