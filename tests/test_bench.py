@@ -165,6 +165,7 @@ def test_copies_of_trees_surround_the_world(world: World) -> None:
         assert above[0] == pytest.approx(above[1], abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("_small_park")
 def test_ratio_of_image_times_is_finite(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, world: World) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
