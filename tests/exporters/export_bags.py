@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Bags as others might hand them in: with topics missing, or with messages changed, made of a real one."""
+"""Variants of a bag: without some topics, with changed messages, or longer."""
 
 import struct
 import tracemalloc
@@ -17,7 +17,7 @@ Message = tuple[str, int, Any]
 
 
 def bag_of(path: Path, messages: Iterable[Message]) -> Path:
-    """Write a bag of messages, in their order."""
+    """Write a bag of messages in the given order."""
     path.parent.mkdir(parents=True, exist_ok=True)
     connections: dict[str, Any] = {}
     with Writer(path) as writer:
@@ -35,7 +35,7 @@ def without(bag: Path, path: Path, *topics: str) -> Path:
 
 
 def copied(bag: Path, path: Path, change: Callable[[str, int, bytes], bytes | None]) -> Path:
-    """Copy a bag; ``change`` gives the new bytes of a message, or None where there shall be none."""
+    """Copy a bag; ``change`` gives the new bytes of a message, or None to drop it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     connections: dict[str, Any] = {}
     target = Writer(path)
@@ -54,7 +54,7 @@ def copied(bag: Path, path: Path, change: Callable[[str, int, bytes], bytes | No
 
 
 def longer(bag: Path, path: Path, times: int, topics: Collection[str], once: Collection[str]) -> Path:
-    """Repeat what a bag has on some topics, whose messages have headers, one time after the other; keep others once."""
+    """Repeat the messages of some topics, which must have headers, with later stamps; copy other topics once."""
     path.parent.mkdir(parents=True, exist_ok=True)
     made: dict[str, Any] = {}
     with Reader(bag) as reader, Writer(path) as writer:
@@ -72,7 +72,7 @@ def longer(bag: Path, path: Path, times: int, topics: Collection[str], once: Col
 
 
 def peak_memory(work: Callable[[], object]) -> int:
-    """Most bytes that Python and NumPy held at once for some work."""
+    """Peak of the bytes that Python and NumPy allocate for some work."""
     tracemalloc.start()
     try:
         work()

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of ROS 1 and ROS 2, compared; and the types of both, from rosbags alone."""
+"""Compare messages of ROS 1 and ROS 2, with the types of rosbags."""
 
 import dataclasses
 from typing import Any
@@ -19,7 +19,7 @@ HUMBLE.register(get_types_from_msg(MODEL_STATES, STATES))
 
 
 def assert_same(old: Any, new: Any, where: str) -> None:
-    """All fields of a ROS 1 message are those of a ROS 2 message: names in lower case, no ``seq`` in headers."""
+    """Assert that all fields are equal; ROS 2 has names in lower case and no ``seq`` in headers."""
     if dataclasses.is_dataclass(old):
         names = [f.name for f in dataclasses.fields(old) if f.default is dataclasses.MISSING]  # others are constants
         if type(old).__name__.endswith("Header"):

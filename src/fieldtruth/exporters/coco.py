@@ -91,7 +91,7 @@ def _sides_of(run: Run) -> list[str]:
     """Cameras that took photographs.
 
     Raises:
-        BagError: there are none, or one of them has no tag or instance images; the text states how to make those.
+        BagError: no camera did, or one lacks tag or instance images; the text states how to make those.
     """
     sides = [side for side in table.SIDES if table.photograph(side) in run.counts]
     run.require(*map(table.photograph, sides or table.SIDES), *map(table.tag, sides or table.SIDES))

@@ -95,7 +95,7 @@ def _check(run: Run, known: Sequence[str]) -> None:
     sensors = [topic for topic in known if topic not in (table.MODEL_STATES, table.ODOMETRY)]
     if run.counts.keys().isdisjoint(sensors):
         has = ", ".join(sorted(run.counts))
-        raise BagError(f"{run.bag} has no messages of sensors; expected {', '.join(sensors)}; it has: {has}")
+        raise BagError(f"{run.bag} has no messages of sensors; expected {', '.join(sensors)}; available: {has}")
     for topic in known:
         if topic in run.counts and run.msgtypes[topic] != _TYPES[topic]:
             raise BagError(f"{topic} of {run.bag} must be {_TYPES[topic]}, got {run.msgtypes[topic]}")

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The Zip of a bag, as `unzip`, `sha256sum` and Python's zipfile see it."""
+"""ZIP archives read by `unzip`, `sha256sum` and zipfile."""
 
 import hashlib
 import shutil
 import struct
 import subprocess
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from io import BytesIO
 from pathlib import Path
 from zipfile import ZipFile
@@ -26,13 +26,13 @@ BESIDE = ("experiment.yaml", "DATASET.md", "SHA256SUMS")
 
 
 @pytest.fixture(scope="module")
-def packed(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return export(small_run, "zip", out=tmp_path_factory.mktemp("zip") / "run.zip", workers=2)
+def packed(exported: Callable[[str], Path]) -> Path:
+    return exported("zip")
 
 
 @pytest.fixture
 def alone(small_run: Path, tmp_path: Path) -> Path:
-    """The bag without what else is in its folder, under another name."""
+    """Copy of the bag in an empty folder, under another name."""
     bag = tmp_path / "elsewhere" / "drive.bag"
     bag.parent.mkdir()
     shutil.copy(small_run / "park_1.bag", bag)
@@ -48,7 +48,7 @@ def read_so_far() -> int:
     return int(Path("/proc/self/io").read_text().split()[1])
 
 
-def test_unzip_and_sha256sum_accept_it(small_run: Path, packed: Path, tmp_path: Path) -> None:
+def test_unzip_and_sha256sum_accept_the_archive(small_run: Path, packed: Path, tmp_path: Path) -> None:
     if shutil.which("unzip") is None:
         pytest.skip("unzip is not installed")
     subprocess.run(["unzip", "-q", packed, "-d", tmp_path], check=True)
@@ -62,7 +62,7 @@ def test_unzip_and_sha256sum_accept_it(small_run: Path, packed: Path, tmp_path: 
     assert (tmp_path / "park_1.sha256").read_text() == f"{digest(small_run / 'park_1.bag')}  park_1.bag\n"
 
 
-def test_checksums_of_the_zip_find_one_flipped_byte(packed: Path) -> None:
+def test_crc_detects_a_flipped_byte(packed: Path) -> None:
     with ZipFile(packed) as archive:
         assert archive.testzip() is None
     data = bytearray(packed.read_bytes())
@@ -121,7 +121,7 @@ def test_the_bag_is_read_once(small_run: Path, tmp_path: Path) -> None:
     assert size < read_so_far() - before < 1.02 * size
 
 
-def test_memory_does_not_grow_with_the_bag(tmp_path: Path) -> None:
+def test_memory_does_not_grow_with_duration(tmp_path: Path) -> None:
     blocks = 192
 
     def made() -> Iterator[bytes]:
@@ -136,9 +136,9 @@ def test_memory_does_not_grow_with_the_bag(tmp_path: Path) -> None:
         assert whole.testzip() is None
 
 
-def test_a_bag_from_elsewhere_stands_alone(small_run: Path, alone: Path) -> None:
+def test_foreign_bag_is_packed_without_unrelated_files(small_run: Path, alone: Path) -> None:
     (alone.parent / "README.md").write_text("About the drive.\n")
-    shutil.copy(small_run / "experiment.yaml", alone.parent)  # that of park_1, which says nothing about this bag
+    shutil.copy(small_run / "experiment.yaml", alone.parent)  # of park_1, so not of this bag
     (alone.parent / "other.bag").write_bytes(b"")
     with ZipFile(export(alone, "zip")) as archive:
         assert archive.namelist() == ["drive.bag", "drive.sha256"]
@@ -148,7 +148,7 @@ def test_a_bag_from_elsewhere_stands_alone(small_run: Path, alone: Path) -> None
         assert archive.read("README.md") == b"About the drive.\n"
 
 
-def test_a_bag_that_changed_since_it_was_made_is_not_packed(alone: Path) -> None:
+def test_bag_that_differs_from_its_checksum_is_refused(alone: Path) -> None:
     (alone.parent / "SHA256SUMS").write_text(f"{digest(alone)}  drive.bag\n")
     export(alone, "zip", out=alone.parent / "whole.zip")
     data = bytearray(alone.read_bytes())
@@ -159,14 +159,14 @@ def test_a_bag_that_changed_since_it_was_made_is_not_packed(alone: Path) -> None
     assert not list(alone.parent.glob("*drive.zip*"))
 
 
-def test_a_bag_that_is_cut_off_is_one_line(alone: Path) -> None:
+def test_truncated_bag_is_refused(alone: Path) -> None:
     alone.write_bytes(alone.read_bytes()[:1_000_000])
     with pytest.raises(BagError, match=r"cannot read .*drive\.bag"):
         export(alone, "zip")
     assert [path.name for path in alone.parent.iterdir()] == ["drive.bag"]
 
 
-def test_what_is_there_is_not_touched(alone: Path) -> None:
+def test_existing_archive_is_kept(alone: Path) -> None:
     there = alone.with_suffix(".zip")
     there.write_text("mine")
     with pytest.raises(OutputError, match=" exists; remove it"):

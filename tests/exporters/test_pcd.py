@@ -3,6 +3,7 @@
 """PCD files as pypcd4 and Open3D read them, against the bytes of the bag's clouds."""
 
 import filecmp
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -32,26 +33,21 @@ IN_BAG = np.dtype(
 )
 COLOURS = {1: 0x00FF00, 2: 0xFF00FF, 3: 0xFFFF00, 4: 0x0000FF, 5: 0xFF0000, 6: 0x617F38, 7: 0x4C3930, 8: 0xCC6114}
 COLOURS |= {9: 0x660066, 10: 0x000000, 11: 0xFFFFFF, 12: 0x3D3B70, 13: 0xFF9999}
-"""Of the paper's Table 3."""
+"""Colours of the paper's Table 3."""
 RELLIS = {1: (3, 0x006600), 2: (4, 0x00FF00), 3: (4, 0x00FF00), 4: (19, 0xFF99CC), 6: (3, 0x006600), 7: (1, 0x6C4014)}
-"""Id and colour there of what a park is made of, from that data set's own table."""
+"""Id and colour in RELLIS-3D of the classes of a park, from the data set's own table."""
 
 
 def messages(bag: Path, topic: str) -> dict[int, Any]:
-    """Messages by the stamp [ns] in the bag."""
+    """Messages by stamp in the bag [ns]."""
     with Reader(bag) as reader:
         connections = [c for c in reader.connections if c.topic == topic]
         return {ns: STORE.deserialize_ros1(raw, c.msgtype) for c, ns, raw in reader.messages(connections)}
 
 
 @pytest.fixture(scope="module")
-def bag(small_run: Path) -> Path:
-    return small_run / "park_1.bag"
-
-
-@pytest.fixture(scope="module")
-def made(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return export(small_run, "pcd", out=tmp_path_factory.mktemp("pcd") / "clouds", workers=2)
+def made(exported: Callable[[str], Path]) -> Path:
+    return exported("pcd")
 
 
 @pytest.fixture(scope="module")
@@ -59,12 +55,12 @@ def clouds(bag: Path) -> dict[int, NDArray[np.void]]:
     return {stamp: cloud.data.view(IN_BAG) for stamp, cloud in messages(bag, POINTS).items()}
 
 
-def test_a_file_per_cloud_named_by_its_stamp(made: Path) -> None:
+def test_files_are_named_by_stamp(made: Path) -> None:
     names = {f"{k * 100_000_000}.pcd" for k in range(1, 13)}
     assert {path.name for path in made.iterdir()} == names | {"README.md"}
 
 
-def test_pypcd4_reads_the_bits_of_the_bag(made: Path, clouds: dict[int, NDArray[np.void]]) -> None:
+def test_pypcd4_reads_clouds_bit_for_bit(made: Path, clouds: dict[int, NDArray[np.void]]) -> None:
     for stamp, cloud in clouds.items():
         file = PointCloud.from_path(made / f"{stamp}.pcd")
         assert file.metadata.points == file.metadata.width == len(cloud) > 20_000
@@ -79,7 +75,7 @@ def test_pypcd4_reads_the_bits_of_the_bag(made: Path, clouds: dict[int, NDArray[
         np.testing.assert_array_equal(PointCloud.decode_rgb(file.pc_data["rgb"])[:, 0], colours >> 16)
 
 
-def test_types_are_those_that_pcl_expects(made: Path) -> None:
+def test_field_types_match_pcl(made: Path) -> None:
     data = PointCloud.from_path(made / "100000000.pcd").metadata
     kinds = dict(zip(data.fields, zip(data.type, data.size, data.count, strict=True), strict=True))
     assert {name: kinds[name] for name in ("x", "y", "z", "rgb", "intensity")} == dict.fromkeys(
@@ -89,7 +85,7 @@ def test_types_are_those_that_pcl_expects(made: Path) -> None:
     assert kinds["ring"] == ("U", 2, 1)
 
 
-def test_viewpoint_is_the_lidars_pose_in_the_world(made: Path, bag: Path) -> None:
+def test_viewpoint_is_the_true_lidar_pose(made: Path, bag: Path) -> None:
     truth = messages(bag, ODOMETRY)
     for k in range(1, 13):
         pose = truth[k * 100_000_000].pose.pose
@@ -115,7 +111,7 @@ def test_open3d_reads_points_colours_and_labels(made: Path, clouds: dict[int, ND
     np.testing.assert_array_equal(red << 16 | green << 8 | blue, np.vectorize(COLOURS.get)(cloud["label"]))
 
 
-def test_labels_and_colours_of_another_ontology(
+def test_label_map_changes_labels_and_colours(
     small_run: Path, clouds: dict[int, NDArray[np.void]], tmp_path: Path
 ) -> None:
     made = export(small_run, "pcd", out=tmp_path / "rellis", label_map="rellis", workers=1)
@@ -131,7 +127,7 @@ def test_labels_and_colours_of_another_ontology(
     assert "| 4 | tree | 0 255 0 |" in (made / "README.md").read_text()
 
 
-def test_same_bytes_for_any_number_of_workers(small_run: Path, made: Path, tmp_path: Path) -> None:
+def test_bytes_do_not_depend_on_workers(small_run: Path, made: Path, tmp_path: Path) -> None:
     again = export(small_run, "pcd", out=tmp_path / "again", workers=1)
     names = sorted(path.name for path in made.iterdir())
     assert sorted(path.name for path in again.iterdir()) == names
@@ -144,7 +140,7 @@ def test_memory_does_not_grow_with_duration(bag: Path, tmp_path: Path) -> None:
         long = longer(bag, tmp_path / f"{times}.bag", times, (POINTS, ODOMETRY), ("/tf_static",))
         peaks.append(peak_memory(lambda bag=long: export(bag, "pcd", workers=2)))  # type: ignore[misc]
         assert len(list((tmp_path / f"{times}_pcd").glob("*.pcd"))) == 12 * times
-    assert peaks[1] < 1.5 * peaks[0]  # were it all in memory, it would be four times as much
+    assert peaks[1] < 1.5 * peaks[0]  # four times as much if all were in memory
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -152,7 +148,7 @@ def test_memory_does_not_grow_with_duration(bag: Path, tmp_path: Path) -> None:
 
 
 def bare_cloud(stamp_ns: int, intensity: list[float]) -> PointCloud2:
-    """A cloud as the paper has it: x, y, z and the class as intensity; its second point did not come back."""
+    """A cloud as in the paper: x, y, z and the class as intensity; its second point is not a return."""
     rows = np.zeros(len(intensity), [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("pad", "<u4"), ("intensity", "<f4")])
     rows["x"], rows["intensity"] = np.arange(len(rows)), intensity
     rows["y"][1] = np.nan
@@ -162,7 +158,7 @@ def bare_cloud(stamp_ns: int, intensity: list[float]) -> PointCloud2:
 
 
 def with_clouds(bag: Path, path: Path, make: Any) -> Path:
-    """Copy of a bag with other clouds."""
+    """Copy of a bag with replaced clouds."""
 
     def change(topic: str, stamp_ns: int, data: bytes) -> bytes:
         if topic != POINTS:
@@ -172,7 +168,7 @@ def with_clouds(bag: Path, path: Path, make: Any) -> Path:
     return copied(bag, path, change)
 
 
-def test_a_cloud_of_the_paper_has_its_class_as_intensity(bag: Path, tmp_path: Path) -> None:
+def test_class_is_read_from_intensity(bag: Path, tmp_path: Path) -> None:
     paper = with_clouds(bag, tmp_path / "paper.bag", lambda stamp: bare_cloud(stamp, [1.0, 2.0, 3.0, 13.0]))
     file = PointCloud.from_path(export(paper, "pcd") / "500000000.pcd")
     assert file.fields == ("x", "y", "z", "rgb", "label", "intensity")
@@ -181,7 +177,7 @@ def test_a_cloud_of_the_paper_has_its_class_as_intensity(bag: Path, tmp_path: Pa
     assert file.pc_data["rgb"].view("<u4").tolist() == [0x00FF00, 0xFFFF00, 0xFF9999]
 
 
-def test_an_empty_cloud_is_an_empty_file(bag: Path, tmp_path: Path) -> None:
+def test_empty_cloud_becomes_an_empty_file(bag: Path, tmp_path: Path) -> None:
     def nothing(stamp_ns: int) -> PointCloud2:
         fields = bare_cloud(stamp_ns, [1.0, 1.0]).fields
         return PointCloud2(ros.header(0, stamp_ns, "os1_lidar"), 1, 0, fields, False, 20, 0, np.zeros(0, "u1"), True)
@@ -191,7 +187,7 @@ def test_an_empty_cloud_is_an_empty_file(bag: Path, tmp_path: Path) -> None:
     assert file.metadata.points == file.metadata.width == 0
 
 
-def test_what_is_missing_or_wrong_is_one_line(bag: Path, tmp_path: Path) -> None:
+def test_errors_are_one_line(bag: Path, tmp_path: Path) -> None:
     cases = {
         "no_clouds": (
             without(bag, tmp_path / "no_clouds.bag", POINTS),
@@ -222,7 +218,7 @@ def test_what_is_missing_or_wrong_is_one_line(bag: Path, tmp_path: Path) -> None
         assert not list(tmp_path.glob(f"*{name}_pcd*"))
 
 
-def test_two_runs_or_an_unknown_ontology_are_refused(small_run: Path, tmp_path: Path) -> None:
+def test_two_runs_and_unknown_label_maps_are_refused(small_run: Path, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="takes one run, got 2"):
         export([small_run, small_run], "pcd", out=tmp_path / "a")
     with pytest.raises(UnknownNameError, match="unknown label map 'relis'; did you mean 'rellis'"):

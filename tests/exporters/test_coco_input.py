@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a COCO export does with bags that lack something, are damaged, or are long."""
+"""COCO export of bags that are incomplete, damaged or long."""
 
 import contextlib
 import io
@@ -21,23 +21,16 @@ TAGS = "/stereo/camera/left/tag/img_raw"
 PHOTOS = "/stereo/camera/left/real/compressed"
 
 
-@pytest.fixture(scope="module")
-def short(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Bag of the first six pictures of either camera."""
-    path = tmp_path_factory.mktemp("short") / "a.bag"
-    return copied(small_run / "park_1.bag", path, lambda t, s, d: d if s <= 240_000_000 else None)
-
-
 def coco(path: Path) -> COCO:
     with contextlib.redirect_stdout(io.StringIO()):
         return COCO(str(path))
 
 
-def test_memory_does_not_grow_with_the_drive(short: Path, tmp_path: Path) -> None:
+def test_memory_does_not_grow_with_duration(short: Path, tmp_path: Path) -> None:
     pictures = [f"/stereo/camera/left/{kind}" for kind in ("real/compressed", "tag/img_raw", "instances")]
     once = ["/gazebo/model_states", "/tf_static", "/stereo/camera/left/camera_info"]
     long = longer(short, tmp_path / "long.bag", 15, [*pictures, "/ground_truth/odom"], once)
-    assert peak_memory(lambda: export(long, "coco", workers=1)) < 16e6  # it is 6 to 10; 90 pictures are 32
+    assert peak_memory(lambda: export(long, "coco", workers=1)) < 16e6  # it is 6 to 10; 90 images take 32
     assert len(coco(tmp_path / "long_coco" / "instances.json").imgs) == 90
 
 
@@ -50,19 +43,19 @@ def failure(bag: Path) -> str:
     return text
 
 
-def test_a_run_without_objects_is_told_how_to_get_them(short: Path, tmp_path: Path) -> None:
+def test_missing_instances_are_reported_with_a_command(short: Path, tmp_path: Path) -> None:
     text = failure(without(short, tmp_path / "a.bag", INSTANCES))
     assert "has no /stereo/camera/left/instances" in text
     assert "`fieldtruth generate NAME --extras instances`" in text
 
 
-def test_a_camera_alone_is_enough(short: Path, tmp_path: Path) -> None:
+def test_one_camera_is_exported(short: Path, tmp_path: Path) -> None:
     right = [f"/stereo/camera/right/{kind}" for kind in ("real/compressed", "tag/img_raw", "instances", "camera_info")]
     alone = without(short, tmp_path / "left.bag", *right)
     made = coco(export(alone, "coco", workers=1) / "instances.json")
     assert {image["camera"] for image in made.imgs.values()} == {"left"}
     assert len(made.imgs) == 6
-    assert made.dataset["licenses"] == []  # the bag of somebody else
+    assert made.dataset["licenses"] == []  # the licence of a foreign bag is unknown
 
 
 @pytest.mark.parametrize(
@@ -75,7 +68,7 @@ def test_a_camera_alone_is_enough(short: Path, tmp_path: Path) -> None:
         (["/stereo/camera/right/camera_info"], "has no /stereo/camera/right/camera_info"),
     ],
 )
-def test_what_is_missing_is_named(topics: list[str], words: str, short: Path, tmp_path: Path) -> None:
+def test_missing_topics_are_named(topics: list[str], words: str, short: Path, tmp_path: Path) -> None:
     assert words in failure(without(short, tmp_path / "a.bag", *topics))
 
 
@@ -83,7 +76,7 @@ def stamped(data: bytes, stamp_ns: int) -> bytes:
     return data[:4] + struct.pack("<LL", *divmod(stamp_ns, 10**9)) + data[12:]
 
 
-def test_frames_that_lack_a_part_are_left_out(short: Path, tmp_path: Path) -> None:
+def test_incomplete_frames_are_skipped(short: Path, tmp_path: Path) -> None:
     def change(topic: str, stamp: int, data: bytes) -> bytes | None:
         gone = {PHOTOS: 40_000_000, TAGS: 160_000_000, INSTANCES: 240_000_000}
         return None if gone.get(topic) == stamp else data
@@ -105,5 +98,5 @@ def test_frames_that_lack_a_part_are_left_out(short: Path, tmp_path: Path) -> No
         (lambda t, s, d: d[:-1] + b"\x01" if t == TAGS else d, "which no class has"),
     ],
 )  # fmt: skip
-def test_damage_is_one_line(change: Any, words: str, short: Path, tmp_path: Path) -> None:
+def test_damage_is_reported_in_one_line(change: Any, words: str, short: Path, tmp_path: Path) -> None:
     assert words in failure(copied(short, tmp_path / "a.bag", change))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Clouds find their photographs also where messages come late, as in bags that others recorded."""
+"""Clouds are paired with photographs even if messages are late, as in recorded bags."""
 
 from types import SimpleNamespace
 
@@ -11,7 +11,7 @@ from fieldtruth.bag.pairing import WINDOW_NS, _Item, _Pairing
 
 
 def pairs(items: list[tuple[int, str | None, int]], *, exact: bool) -> list[tuple[int, int, int]]:
-    """Stamps of cloud, left and right of each frame, for messages given as time of arrival, side and stamp."""
+    """Stamps of cloud, left and right image of each frame; messages are arrival time, side and stamp."""
     pairing, frames = _Pairing(exact=exact), []
     for bag_ns, side, stamp in sorted(items, key=lambda item: item[0]):
         frames += list(pairing.add(side, _Item(bag_ns, stamp, SimpleNamespace(stamp=stamp))))
@@ -22,7 +22,7 @@ def pairs(items: list[tuple[int, str | None, int]], *, exact: bool) -> list[tupl
 
 
 def arrivals(seconds: int, latest_ns: int, seed: int = 0) -> list[tuple[int, str | None, int]]:
-    """Clouds at 10 Hz and photographs at 25 Hz, up to so much late; those of a topic keep their order."""
+    """Clouds at 10 Hz and photographs at 25 Hz with random delays; messages of a topic keep their order."""
     rng, items = np.random.default_rng(seed), []
     for side, period in ((None, 10**8), ("left", 4 * 10**7), ("right", 4 * 10**7)):
         stamps = np.arange(period, seconds * 10**9, period)
@@ -32,7 +32,7 @@ def arrivals(seconds: int, latest_ns: int, seed: int = 0) -> list[tuple[int, str
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_messages_of_one_instant_find_each_other_however_late_they_are(seed: int) -> None:
+def test_late_messages_are_paired_by_stamp(seed: int) -> None:
     found = pairs(arrivals(20, WINDOW_NS, seed), exact=True)
     assert found == [(t, t, t) for t in range(2 * 10**8, 20 * 10**9, 2 * 10**8)]
     nearest = pairs(arrivals(20, WINDOW_NS, seed), exact=False)
@@ -40,7 +40,7 @@ def test_messages_of_one_instant_find_each_other_however_late_they_are(seed: int
     assert {cloud - left for cloud, left, _ in nearest} == {0, 2 * 10**7}
 
 
-def test_a_camera_that_stops_holds_nothing_up() -> None:
+def test_camera_that_stops_does_not_block_pairing() -> None:
     items = arrivals(20, 0)
     stopped = [item for item in items if item[1] != "right" or item[2] <= 5 * 10**9]
     assert pairs(stopped, exact=True) == [(t, t, t) for t in range(2 * 10**8, 5 * 10**9 + 1, 2 * 10**8)]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the human-readable form and the bag hold, each read by readers that we did not write."""
+"""Read exported files and the bag with independent readers."""
 
 import struct
 from functools import cache
@@ -27,7 +27,7 @@ def camera(side: str, name: str) -> str:
 
 @cache
 def messages(bag: Path, topic: str, every: int = 1) -> list[tuple[int, Any]]:
-    """Stamp in the bag [ns] and message of one in so many; copy what you want to change."""
+    """Stamp in the bag [ns] and message, of every ``every``-th message; copy before changing one."""
     with AnyReader([bag]) as reader:
         chosen = [connection for connection in reader.connections if connection.topic == topic]
         raw = list(reader.messages(connections=chosen))[::every]
@@ -39,7 +39,7 @@ def header_ns(message: Any) -> int:
 
 
 def cloud_columns(message: Any) -> NDArray[np.float32]:
-    """x, y, z, intensity of a cloud, point by point at the offsets that it tells."""
+    """x, y, z, intensity of a cloud, point by point at the offsets of its fields."""
     offsets = [field.offset for name in ("x", "y", "z", "intensity") for field in message.fields if field.name == name]
     data, step = message.data.tobytes(), message.point_step
     rows = [[struct.unpack_from("<f", data, k * step + at)[0] for at in offsets] for k in range(message.width)]
@@ -47,18 +47,18 @@ def cloud_columns(message: Any) -> NDArray[np.float32]:
 
 
 def table(path: Path) -> tuple[list[int], NDArray[np.float64]]:
-    """Stamps of a text file, as whole numbers, and the columns behind them."""
+    """Stamps of a text file as integers, and the other columns."""
     rows = np.loadtxt(path, dtype=str, ndmin=2)
     return [int(stamp) for stamp in rows[:, 0]], rows[:, 1:].astype(np.float64)
 
 
 def names(folder: Path, ending: str) -> list[int]:
-    """Stamps that name the files of a folder."""
+    """Stamps in the file names of a folder."""
     paths = list(folder.iterdir())
     assert {path.suffix for path in paths} == {ending}
     return sorted(int(path.stem) for path in paths)
 
 
-def picture(path: Path) -> NDArray[Any]:
+def read_image(path: Path) -> NDArray[Any]:
     with Image.open(path) as image:
         return np.asarray(image)

@@ -1,17 +1,17 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""pycocotools and Pillow read the files back; every mask must be exactly the pixels of the bag's class and object."""
+"""COCO files read by pycocotools and Pillow: masks are exactly the pixels of a class and an object in the bag."""
 
 import contextlib
 import io
 import json
 from collections import defaultdict
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from export_bags import copied
 from numpy.typing import NDArray
 from PIL import Image
 from pycocotools import mask as masks
@@ -33,7 +33,7 @@ PHOTOS = "/stereo/camera/left/real/compressed"
 
 
 class Truth(NamedTuple):
-    """A picture as the bag has it, read without this package's reader."""
+    """An image in the bag, read by rosbags."""
 
     label: NDArray[np.uint8]
     instance: NDArray[np.uint16]
@@ -93,25 +93,13 @@ def truth(kinds: dict[str, Any]) -> Truth:
 
 
 @pytest.fixture(scope="module")
-def bag_path(small_run: Path) -> Path:
-    (path,) = small_run.glob("*.bag")
-    return path
+def bag(small_run: Path) -> Bag:
+    return read(small_run / "park_1.bag")
 
 
 @pytest.fixture(scope="module")
-def short(bag_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Bag of the first six pictures of either camera."""
-    return copied(bag_path, tmp_path_factory.mktemp("short") / "a.bag", lambda t, s, d: d if s <= 240_000_000 else None)
-
-
-@pytest.fixture(scope="module")
-def bag(bag_path: Path) -> Bag:
-    return read(bag_path)
-
-
-@pytest.fixture(scope="module")
-def made(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return export(small_run, "coco", out=tmp_path_factory.mktemp("coco") / "run", workers=2)
+def made(exported: Callable[[str], Path]) -> Path:
+    return exported("coco")
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +117,7 @@ def numbered(name: str) -> bool:
 
 
 def expected(label: NDArray[np.uint8], instance: NDArray[np.uint16], names: list[str]) -> dict[tuple[int, int], Any]:
-    """Masks by category and object, which is 0 for stuff and for crowds."""
+    """Masks by category and object id, which is 0 for stuff and crowds."""
     result: dict[tuple[int, int], Any] = {}
     pairs, owner = np.unique(label.astype(np.int64) << 16 | instance, return_inverse=True)
     for i, pair in enumerate(pairs):
@@ -140,13 +128,13 @@ def expected(label: NDArray[np.uint8], instance: NDArray[np.uint16], names: list
 
 
 def image_of(numbers: Path) -> NDArray[np.int64]:
-    """Segments' numbers in a panoptic image, as COCO's own tools read them."""
+    """Segment ids of a panoptic image, decoded as in COCO's own tools."""
     rgb = np.asarray(Image.open(numbers), np.int64)
     assert rgb.shape[2] == 3
     return rgb[..., 0] + 256 * rgb[..., 1] + 256**2 * rgb[..., 2]
 
 
-def test_each_mask_is_the_pixels_of_a_class_and_an_object(made: Path, bag: Bag) -> None:
+def test_masks_are_the_pixels_of_one_class_and_object(made: Path, bag: Bag) -> None:
     data = coco(made / "instances.json")
     assert {image["file_name"] for image in data.imgs.values()} == {f"{name}.jpg" for name in bag.pictures}
     crowds = 0
@@ -171,7 +159,7 @@ def test_each_mask_is_the_pixels_of_a_class_and_an_object(made: Path, bag: Bag) 
     assert {row["id"]: row["name"] for row in data.dataset["objects"]} == dict(enumerate(bag.names))
 
 
-def test_each_pixel_belongs_to_one_segment(made: Path, panoptic: Any, bag: Bag) -> None:
+def test_every_pixel_is_in_one_segment(made: Path, panoptic: Any, bag: Bag) -> None:
     images = {image["id"]: image for image in panoptic["images"]}
     assert [a["image_id"] for a in panoptic["annotations"]] == [*images]
     for annotation in panoptic["annotations"]:
@@ -193,7 +181,7 @@ def test_each_pixel_belongs_to_one_segment(made: Path, panoptic: Any, bag: Bag) 
         assert (seen == 1).all()
 
 
-def test_categories_tell_things_from_stuff(panoptic: Any) -> None:
+def test_categories_are_countable_or_stuff(panoptic: Any) -> None:
     rows = {row["id"]: row for row in panoptic["categories"]}
     assert {number: row["name"] for number, row in rows.items()} == THINGS | STUFF
     assert {number for number, row in rows.items() if row["isthing"]} == THINGS.keys()
@@ -204,7 +192,7 @@ def test_categories_tell_things_from_stuff(panoptic: Any) -> None:
     assert (panoptic["info"]["run"], panoptic["info"]["environment"]) == ("park_1", "park")
 
 
-def test_a_number_means_the_same_object_in_all_pictures(panoptic: Any) -> None:
+def test_segment_ids_are_the_same_in_all_images(panoptic: Any) -> None:
     meanings = defaultdict(set)
     for annotation in panoptic["annotations"]:
         for segment in annotation["segments_info"]:
@@ -213,7 +201,7 @@ def test_a_number_means_the_same_object_in_all_pictures(panoptic: Any) -> None:
     assert len(meanings) > 60
 
 
-def test_photographs_are_the_bags_own_bytes(made: Path, bag: Bag) -> None:
+def test_photographs_have_the_bytes_of_the_bag(made: Path, bag: Bag) -> None:
     files = {str(p.relative_to(made / "images").with_suffix("")): p for p in (made / "images").glob("*/*.jpg")}
     assert files.keys() == bag.pictures.keys()
     assert all(path.read_bytes() == bag.pictures[name].jpeg for name, path in files.items())
@@ -222,7 +210,7 @@ def test_photographs_are_the_bags_own_bytes(made: Path, bag: Bag) -> None:
     assert sorted(p.name for p in made.iterdir()) == ["images", "instances.json", "panoptic", "panoptic.json"]
 
 
-def test_pose_and_calibration_are_the_bags(panoptic: Any, bag: Bag) -> None:
+def test_poses_and_calibration_match_the_bag(panoptic: Any, bag: Bag) -> None:
     for image in panoptic["images"]:
         frame = f"{image['camera']}_camera_optical"
         assert (image["frame_id"], image["file_name"]) == (frame, f"{image['camera']}/{image['stamp_ns']}.jpg")
@@ -236,8 +224,8 @@ def test_pose_and_calibration_are_the_bags(panoptic: Any, bag: Bag) -> None:
         assert image["distortion"] == [0.0] * 5
 
 
-def test_objects_are_seen_where_they_stand(made: Path, bag: Bag) -> None:
-    """The foot of a lamp post, projected by the picture's own pose and matrix, lies below the mask's middle."""
+def test_object_positions_project_into_their_masks(made: Path, bag: Bag) -> None:
+    """The foot of a lamp post, projected with the image's pose and camera matrix, is below the mask's middle."""
     data = coco(made / "instances.json")
     checked = 0
     for annotation in data.loadAnns(data.getAnnIds(catIds=[Label.LAMP_POST], iscrowd=False)):
@@ -247,14 +235,14 @@ def test_objects_are_seen_where_they_stand(made: Path, bag: Bag) -> None:
         u, v, w = np.array(image["camera_matrix"]) @ foot
         x, y, width, height = annotation["bbox"]
         if x == 0 or x + width == image["width"] or annotation["area"] < 40:
-            continue  # partly out of the picture, or too small
+            continue  # partly outside the image, or too small
         assert x - 1.5 <= u / w <= x + width + 0.5, annotation
         assert v / w >= y + height / 2
         checked += 1
     assert checked > 60
 
 
-def test_the_same_bytes_with_any_number_of_workers(small_run: Path, made: Path, tmp_path: Path) -> None:
+def test_bytes_do_not_depend_on_workers(small_run: Path, made: Path, tmp_path: Path) -> None:
     alone = export(small_run, "coco", out=tmp_path / "alone", workers=1)
     files = sorted(p.relative_to(made) for p in made.rglob("*") if p.is_file())
     assert files == sorted(p.relative_to(alone) for p in alone.rglob("*") if p.is_file())
@@ -262,10 +250,10 @@ def test_the_same_bytes_with_any_number_of_workers(small_run: Path, made: Path, 
 
 
 @pytest.mark.parametrize("name", ["rellis", "goose9", "ganav6"])
-def test_labels_of_another_ontology(name: str, short: Path, bag: Bag, tmp_path: Path) -> None:
-    """RELLIS: trunk and crown of a tree are one segment. GOOSE: vegetation holds high grass, too, so it is stuff.
+def test_label_map_relabels(name: str, short: Path, bag: Bag, tmp_path: Path) -> None:
+    """RELLIS: trunk and crown of a tree are one segment. GOOSE: vegetation includes high grass, so it is stuff.
 
-    GANav: the sky is in the class of what has none.
+    GANav: the sky is in its void class.
     """
     made = export(short, "coco", out=tmp_path / "there", label_map=name, workers=2)
     there = LABEL_MAPS[name]

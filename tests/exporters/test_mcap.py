@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Two libraries that we did not write read the file back; every message must be the bag's, field by field."""
+"""MCAP files read by rosbags and mcap: every message equals that of the bag, field by field."""
 
 import shutil
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -29,14 +29,8 @@ Row = tuple[str, int, str, bytes]
 
 
 @pytest.fixture(scope="module")
-def exported(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return export(small_run, "mcap", out=tmp_path_factory.mktemp("mcap") / "run.mcap", workers=2)
-
-
-@pytest.fixture(scope="module")
-def bag(small_run: Path) -> Path:
-    (path,) = small_run.glob("*.bag")
-    return path
+def made(exported: Callable[[str], Path]) -> Path:
+    return exported("mcap")
 
 
 @pytest.fixture(scope="module")
@@ -45,8 +39,8 @@ def ros1(bag: Path) -> list[Row]:
 
 
 @pytest.fixture(scope="module")
-def ros2(exported: Path) -> list[Row]:
-    return list(rows(exported))
+def ros2(made: Path) -> list[Row]:
+    return list(rows(made))
 
 
 def rows(path: Path) -> Iterator[Row]:
@@ -57,33 +51,33 @@ def rows(path: Path) -> Iterator[Row]:
 
 
 def by_topic(messages: Iterable[Row]) -> dict[str, list[Row]]:
-    """Messages of each topic in order; AnyReader gives those with the same stamp in the order of their topics."""
+    """Messages of each topic in order; AnyReader sorts messages with equal stamps by topic."""
     result: dict[str, list[Row]] = {}
     for row in messages:
         result.setdefault(row[0], []).append(row)
     return result
 
 
-def test_all_messages_are_the_bags_by_rosbags(ros1: list[Row], ros2: list[Row]) -> None:
+def test_all_messages_match_the_bag_by_rosbags(ros1: list[Row], ros2: list[Row]) -> None:
     old, new = by_topic(ros1), by_topic(ros2)
     assert old.keys() == new.keys()
     for topic, messages in old.items():
         assert len(messages) == len(new[topic]), topic
         for (_, stamp, msgtype, data), (_, stamp2, msgtype2, cdr) in zip(messages, new[topic], strict=True):
             assert (stamp, msgtype) == (stamp2, msgtype2), topic
-            if msgtype == STATES:  # 143 objects, 1000 times a second: the bytes, taken back to ROS 1
+            if msgtype == STATES:  # 143 objects at 1000 Hz: compare the bytes, converted back to ROS 1
                 assert HUMBLE.cdr_to_ros1(cdr, STATES) == data, f"{topic} at {stamp}"
             else:
                 values = HUMBLE.deserialize_cdr(cdr, msgtype)
                 assert_same(NOETIC.deserialize_ros1(data, msgtype), values, f"{topic} at {stamp}")
 
 
-def test_messages_are_the_bags_by_mcap(exported: Path, ros1: list[Row]) -> None:
-    """The other library takes its time: of each topic the first, the one in the middle and the last."""
+def test_messages_match_the_bag_by_mcap(made: Path, ros1: list[Row]) -> None:
+    """This library is slow: only the first, the middle and the last message of each topic."""
     old = by_topic(ros1)
     seen: Counter[str] = Counter()
     checked: Counter[str] = Counter()
-    with exported.open("rb") as stream:
+    with made.open("rb") as stream:
         factory = DecoderFactory()
         for schema, channel, message in SeekingReader(stream).iter_messages():
             topic, k = channel.topic, seen[channel.topic]
@@ -102,8 +96,8 @@ def test_messages_are_the_bags_by_mcap(exported: Path, ros1: list[Row]) -> None:
     assert sorted(checked.values())[1] >= 2  # /navsat/fix
 
 
-def test_it_is_a_ros_2_file_with_an_index(exported: Path, ros1: list[Row]) -> None:
-    with exported.open("rb") as stream:
+def test_file_has_ros_2_profile_and_index(made: Path, ros1: list[Row]) -> None:
+    with made.open("rb") as stream:
         reader = SeekingReader(stream, validate_crcs=True)
         header, summary = reader.get_header(), reader.get_summary()
     assert header.profile == "ros2"
@@ -123,20 +117,20 @@ def test_it_is_a_ros_2_file_with_an_index(exported: Path, ros1: list[Row]) -> No
     assert all(a.message_end_time <= b.message_start_time for a, b in pairwise(summary.chunk_indexes))
 
 
-def test_every_record_and_checksum_stands(exported: Path) -> None:
-    with exported.open("rb") as stream:
+def test_records_and_checksums_are_valid(made: Path) -> None:
+    with made.open("rb") as stream:
         kinds = Counter(type(record).__name__ for record in StreamReader(stream, validate_crcs=True).records)
     assert kinds["Message"] == 2943
     assert kinds["Footer"] == kinds["DataEnd"] == kinds["Statistics"] == kinds["Metadata"] == 1
-    whole = exported.read_bytes()
-    start, _, crc = struct.unpack("<QQI", whole[-28:-8])  # the footer; behind it stands the magic
+    whole = made.read_bytes()
+    start, _, crc = struct.unpack("<QQI", whole[-28:-8])  # the footer, followed by the magic
     assert crc == zlib.crc32(whole[start:-12])
 
 
-def test_each_message_lies_where_its_index_says(exported: Path, ros1: list[Row]) -> None:
-    """The libraries above do not look at these indices; Foxglove does."""
+def test_message_indexes_point_to_messages(made: Path, ros1: list[Row]) -> None:
+    """Foxglove reads these indexes, the libraries above do not."""
     found, chunk = 0, b""
-    with exported.open("rb") as stream:
+    with made.open("rb") as stream:
         for record in StreamReader(stream, emit_chunks=True).records:
             if isinstance(record, Chunk):
                 chunk = decompressed(record)
@@ -153,9 +147,9 @@ def decompressed(chunk: Chunk) -> bytes:
     return data
 
 
-def test_an_instant_is_found_by_the_index(exported: Path, ros1: list[Row]) -> None:
+def test_index_finds_messages_by_time(made: Path, ros1: list[Row]) -> None:
     topics, start, end = ["/imu/data", "/stereo/camera/left/depth", "/gazebo/model_states"], 300_000_000, 800_000_001
-    with exported.open("rb") as stream:
+    with made.open("rb") as stream:
         messages = SeekingReader(stream).iter_messages(topics, starting_at=start, ending_before=end)
         found = [(channel.topic, message.log_time) for _, channel, message in messages]
     wanted = [(topic, stamp) for topic, stamp, *_ in ros1 if topic in topics and start <= stamp < end]
@@ -163,8 +157,8 @@ def test_an_instant_is_found_by_the_index(exported: Path, ros1: list[Row]) -> No
     assert [stamp for _, stamp in found] == sorted(stamp for _, stamp in wanted)
 
 
-def test_a_late_subscriber_gets_the_fixed_frames(exported: Path) -> None:
-    with AnyReader([exported]) as reader:
+def test_latched_topics_are_transient_local(made: Path) -> None:
+    with AnyReader([made]) as reader:
         durability = {}
         for connection in reader.connections:
             assert isinstance(connection.ext, ConnectionExtRosbag2)
@@ -175,17 +169,17 @@ def test_a_late_subscriber_gets_the_fixed_frames(exported: Path) -> None:
     assert set(durability.values()) == {QosDurability.VOLATILE}
 
 
-def test_what_rosbag2_finds_in_it_describes_it(exported: Path, ros1: list[Row], tmp_path: Path) -> None:
-    with exported.open("rb") as stream:
+def test_rosbag2_metadata_describes_the_file(made: Path, ros1: list[Row], tmp_path: Path) -> None:
+    with made.open("rb") as stream:
         (record,) = SeekingReader(stream).iter_metadata()
     assert record.name == "rosbag2"
     known = yaml.safe_load(record.metadata["serialized_metadata"])
     profiles = [yaml.safe_load(t["topic_metadata"]["offered_qos_profiles"]) for t in known["topics_with_message_count"]]
-    for (profile,) in profiles:  # numbers: Humble cannot read the words of later releases
+    for (profile,) in profiles:  # Humble reads only numbers, not the names of later releases
         assert {type(profile[key]) for key in ("history", "reliability", "durability", "liveliness")} == {int}
     folder = tmp_path / "run"
     folder.mkdir()
-    shutil.copy(exported, folder / known["relative_file_paths"][0])
+    shutil.copy(made, folder / known["relative_file_paths"][0])
     (folder / "metadata.yaml").write_text(yaml.safe_dump({"rosbag2_bagfile_information": known}))
     with AnyReader([folder]) as reader:
         assert reader.message_count == len(ros1)
@@ -194,7 +188,7 @@ def test_what_rosbag2_finds_in_it_describes_it(exported: Path, ros1: list[Row], 
         assert sum(1 for _ in reader.messages()) == len(ros1)
 
 
-def test_frames_of_sensors_hang_together(ros2: list[Row]) -> None:
+def test_frames_of_sensors_are_connected(ros2: list[Row]) -> None:
     parents: dict[str, str] = {}
     used = set()
     for topic, _, msgtype, cdr in ros2:
@@ -212,15 +206,15 @@ def test_frames_of_sensors_hang_together(ros2: list[Row]) -> None:
     assert len(used) >= 5
 
 
-def test_the_same_bytes_with_any_number_of_workers(small_run: Path, exported: Path, tmp_path: Path) -> None:
+def test_bytes_do_not_depend_on_workers(small_run: Path, made: Path, tmp_path: Path) -> None:
     alone = export(small_run, "mcap", out=tmp_path / "alone.mcap", workers=1)
-    assert alone.read_bytes() == exported.read_bytes()
+    assert alone.read_bytes() == made.read_bytes()
 
 
-def test_memory_does_not_grow_with_the_drive(
+def test_memory_does_not_grow_with_duration(
     small_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ros1: list[Row]
 ) -> None:
-    """With chunks of 128 kB; the reader holds one of the bag's, of 4 MB and more."""
+    """With MCAP chunks of 128 kB; the reader holds a chunk of the bag, 4 MB or more."""
     monkeypatch.setattr("fieldtruth.exporters.mcap._CHUNK_SIZE", 2**17)
     peak = peak_memory(lambda: export(small_run, "mcap", out=tmp_path / "run.mcap", workers=1))
     whole = sum(len(data) for *_, data in ros1)

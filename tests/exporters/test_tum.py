@@ -47,7 +47,7 @@ def test_evo_reads_the_odometry_in_the_bag(in_bag: PoseTrajectory3D) -> None:
     assert in_bag.timestamps == pytest.approx(np.arange(1, 61) / 50.0, abs=1e-9)
 
 
-def test_evo_finds_no_error_between_file_and_bag(text_file: Path, in_bag: PoseTrajectory3D) -> None:
+def test_evo_finds_no_difference_between_file_and_bag(text_file: Path, in_bag: PoseTrajectory3D) -> None:
     from_file = file_interface.read_tum_trajectory_file(text_file)
     assert from_file.check()[0]
     assert from_file.timestamps == pytest.approx(in_bag.timestamps, abs=1e-12)
@@ -63,14 +63,14 @@ def test_evo_finds_no_error_between_file_and_bag(text_file: Path, in_bag: PoseTr
     assert turn.get_statistic(metrics.StatisticsType.max) < 1e-5
 
 
-def test_every_digit_of_a_stamp_and_of_a_number_is_kept(tmp_path: Path) -> None:
-    stamps = [1_700_000_000_123_456_789, 1_700_000_001_000_000_001]  # a double tells such stamps to 256 ns
+def test_all_digits_of_stamps_and_numbers_are_kept(tmp_path: Path) -> None:
+    stamps = [1_700_000_000_123_456_789, 1_700_000_001_000_000_001]  # a double resolves such stamps to 256 ns
     third = 1.0 / 3.0
     poses = [
         odometry(stamps[0], (third, -2e-17, 1e5 + third), (0.1, 0.2, 0.3, np.sqrt(0.86))),
         odometry(stamps[1], (1.0, 2.0, 3.0), (0.0, 0.0, 1.0, 0.0)),
     ]
-    late = 10**9 + 7  # the bag's stamp is not the pose's
+    late = 10**9 + 7  # the stamp in the bag differs from the header's
     bag = bag_of(tmp_path / "run.bag", [("/ground_truth/odom", late + k, pose) for k, pose in enumerate(poses)])
     lines = export(bag, "tum").read_text().splitlines()
     rows = [line.split(" ") for line in lines if not line.startswith("#")]
@@ -79,7 +79,7 @@ def test_every_digit_of_a_stamp_and_of_a_number_is_kept(tmp_path: Path) -> None:
     assert rows[1][1:] == ["1.0", "2.0", "3.0", "0.0", "0.0", "1.0", "0.0"]
 
 
-def test_a_bag_without_odometry_tells_its_poses_by_the_model_states(small_run: Path, tmp_path: Path) -> None:
+def test_poses_are_read_from_model_states_without_odometry(small_run: Path, tmp_path: Path) -> None:
     bag = without(small_run / "park_1.bag", tmp_path / "bare.bag", "/ground_truth/odom")
     every_step = file_interface.read_tum_trajectory_file(export(bag, "tum"))
     assert every_step.num_poses == 1200
@@ -88,12 +88,12 @@ def test_a_bag_without_odometry_tells_its_poses_by_the_model_states(small_run: P
     np.testing.assert_array_equal(every_step.positions_xyz[19::20], odom.positions_xyz)
 
 
-def test_the_same_text_for_any_number_of_workers(small_run: Path, text_file: Path, tmp_path: Path) -> None:
+def test_bytes_do_not_depend_on_workers(small_run: Path, text_file: Path, tmp_path: Path) -> None:
     again = export(small_run, "tum", out=tmp_path / "again.tum", workers=1)
     assert again.read_bytes() == text_file.read_bytes()
 
 
-def test_a_bag_without_poses_is_one_line(small_run: Path, tmp_path: Path) -> None:
+def test_bag_without_poses_is_refused_in_one_line(small_run: Path, tmp_path: Path) -> None:
     bag = without(small_run / "park_1.bag", tmp_path / "bare.bag", "/ground_truth/odom", "/gazebo/model_states")
     with pytest.raises(BagError, match=r"bare\.bag has no /ground_truth/odom; available: /clock"):
         export(bag, "tum")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The workbook of class shares as openpyxl reads it, against counts that NumPy makes of the bag's own bytes."""
+"""The workbook of class shares read by openpyxl, against counts of the messages in the bag."""
 
 import zipfile
 from pathlib import Path
@@ -24,7 +24,7 @@ COLUMNS = ("pixels, left camera", "pixels, right camera", "pixels, both cameras"
 SHEETS = ["class shares", "figure 21", "explanation"]
 
 Table = dict[str, dict[int, tuple[int, float]]]
-"""Count and share by class id by heading."""
+"""Count and share, by heading and class id."""
 
 
 def table_of(sheet: Any) -> Table:
@@ -39,7 +39,7 @@ def table_of(sheet: Any) -> Table:
 
 
 def counts_of(bag: Path) -> dict[str, dict[int, int]]:
-    """Counts by class id, of colours and intensities as they lie in the messages."""
+    """Counts by class id of the colours and intensities in the messages."""
     found: dict[str, dict[int, int]] = {heading: {} for heading in COLUMNS}
 
     def add(heading: str, values: Any, numbers: Any) -> None:
@@ -84,7 +84,7 @@ def test_counts_are_exact_and_shares_are_counts_over_their_sum(book: Any, small_
     assert sum(expected["pixels, left camera"].values()) == 30 * 320 * 184
 
 
-def test_the_last_row_is_the_sum(book: Any) -> None:
+def test_last_row_is_the_total(book: Any) -> None:
     sheet = book["class shares"]
     assert sheet.cell(sheet.max_row, 2).value == "all"
     for column, rows in zip(range(4, sheet.max_column, 2), table_of(sheet).values(), strict=True):
@@ -92,14 +92,14 @@ def test_the_last_row_is_the_sum(book: Any) -> None:
         assert sheet.cell(sheet.max_row, column + 1).value == pytest.approx(1.0, abs=1e-12)
 
 
-def test_each_class_has_its_name_and_its_colour(book: Any) -> None:
+def test_classes_have_names_and_colours(book: Any) -> None:
     sheet = book["class shares"]
     for row, expected in enumerate(CLASSES[1:], start=3):
         assert sheet.cell(row, 2).value == expected.name
         assert sheet.cell(row, 3).fill.start_color.rgb == "FF{:02X}{:02X}{:02X}".format(*(expected.rgb or ()))
 
 
-def test_the_figure_has_the_classes_that_occur_pixels_blue_and_points_red(book: Any) -> None:
+def test_chart_shows_classes_that_occur(book: Any) -> None:
     sheet = book["figure 21"]
     table = table_of(book["class shares"])
     rows = list(sheet.iter_rows(min_row=2, max_col=3, values_only=True))
@@ -123,7 +123,7 @@ def test_the_figure_has_the_classes_that_occur_pixels_blue_and_points_red(book: 
     assert (blue, red) == ("2F6FDE", "DC3F36")
 
 
-def test_a_sheet_explains(book: Any) -> None:
+def test_explanation_states_run_and_counts(book: Any) -> None:
     assert book.sheetnames == SHEETS
     text = " ".join(row[0] for row in book["explanation"].iter_rows(values_only=True))
     assert "park_1" in text
@@ -131,7 +131,7 @@ def test_a_sheet_explains(book: Any) -> None:
     assert f"points: {sum(count for count, _ in points):,}" in text
 
 
-def test_a_run_without_cameras_has_points_alone(small_run: Path, tmp_path: Path) -> None:
+def test_run_without_cameras_has_only_points(small_run: Path, tmp_path: Path) -> None:
     bag = without(small_run / "park_1.bag", tmp_path / "b.bag", *TAGS.values())
     found = load_workbook(export(bag, "files") / "data_proportion.xlsx")
     assert tuple(table_of(found["class shares"])) == ("points",)
@@ -140,11 +140,11 @@ def test_a_run_without_cameras_has_points_alone(small_run: Path, tmp_path: Path)
 
 
 def counts_like(**numbers: dict[int, int]) -> dict[str, Any]:
-    """Counts (16,) from those that are not 0."""
+    """Counts (16,) from the nonzero ones."""
     return {key: np.array([rows.get(k, 0) for k in range(16)], np.int64) for key, rows in numbers.items()}
 
 
-def test_another_ontology_has_its_own_sheet_where_its_classes_join_ours(tmp_path: Path) -> None:
+def test_label_map_adds_a_sheet(tmp_path: Path) -> None:
     ids = np.full(16, 7, np.uint8)
     ids[[2, 3]], ids[0] = 40, 0
     classes = {0: ("void", (0, 0, 0)), 7: ("rest", (1, 2, 3)), 9: ("never", (9, 9, 9)), 40: ("tree", (250, 0, 16))}
@@ -162,7 +162,7 @@ def test_another_ontology_has_its_own_sheet_where_its_classes_join_ours(tmp_path
     assert sheet.cell(5, 3).fill.start_color.rgb == "FFFA0010"
 
 
-def test_counts_stay_exact_when_they_are_large(tmp_path: Path) -> None:
+def test_large_counts_are_exact(tmp_path: Path) -> None:
     counts = counts_like(left={1: 9_007_199_254_740_991}, right={1: 1, 15: 14_254_617_600}, points={1: 1})
     write_sheet(tmp_path / "s.xlsx", "run", counts)
     found = table_of(load_workbook(tmp_path / "s.xlsx")["class shares"])
@@ -170,13 +170,13 @@ def test_counts_stay_exact_when_they_are_large(tmp_path: Path) -> None:
     assert found["pixels, right camera"][15][0] == 14_254_617_600
 
 
-def test_points_of_no_class_are_told_apart(tmp_path: Path) -> None:
+def test_void_points_have_a_row(tmp_path: Path) -> None:
     write_sheet(tmp_path / "s.xlsx", "run", counts_like(points={0: 3, 1: 1}))
     found = table_of(load_workbook(tmp_path / "s.xlsx")["class shares"])["points"]
     assert (found[0], found[1]) == ((3, 0.75), (1, 0.25))
 
 
-def test_same_counts_same_bytes_at_any_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bytes_do_not_depend_on_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     counts = counts_like(left={1: 5, 2: 10}, points={3: 4})
     write_sheet(tmp_path / "a.xlsx", "run", counts)
     monkeypatch.setenv("TZ", "Asia/Tokyo")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What all forms share: names, refusals, nothing half done stays behind; each form through the command line."""
+"""Properties of all formats: names, errors, no partial output; each format through the command line."""
 
 import hashlib
 import os
@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from export_bags import without
 
 from fieldtruth import cli
-from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.reader import BagError, open_bag
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.exporters import FORMATS, Options, export
 from fieldtruth.ontology.label_map import LABEL_MAPS
@@ -27,15 +28,15 @@ def digest(path: Path) -> dict[str, str]:
 
 
 @pytest.fixture(scope="module")
-def blind_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of half a second without cameras."""
-    out = tmp_path_factory.mktemp("blind")
-    assert cli.main(["generate", "park_1", "--seconds", "0.5", "--no-cameras", "--out", str(out)]) == 0
-    return out / "park_1"
+def blind_bag(bag: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Bag without the topics of cameras."""
+    with open_bag(bag) as stored:
+        cameras = [topic for topic in stored.counts if topic.startswith("/stereo/")]
+    return without(bag, tmp_path_factory.mktemp("blind") / "park_1.bag", *cameras)
 
 
 @pytest.mark.parametrize("form", FORMATS)
-def test_each_form_is_made_beside_the_bag_and_is_the_same_with_any_number_of_workers(
+def test_default_output_and_bytes_for_any_workers(
     form: str, small_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bag = shutil.copy(small_run / "park_1.bag", tmp_path)
@@ -56,23 +57,23 @@ def test_each_form_is_made_beside_the_bag_and_is_the_same_with_any_number_of_wor
 
 @pytest.mark.parametrize("form", [name for name, form in FORMATS.items() if form.relabels])
 @pytest.mark.parametrize("label_map", ["rellis", "ganav6"])
-def test_forms_with_labels_take_other_labels(form: str, label_map: str, small_run: Path, tmp_path: Path) -> None:
+def test_formats_with_labels_take_a_label_map(form: str, label_map: str, small_run: Path, tmp_path: Path) -> None:
     ours = export(small_run, form, out=tmp_path / "ours")
     theirs = export(small_run, form, out=tmp_path / "theirs", label_map=label_map)
     assert digest(ours) != digest(theirs)
 
 
 @pytest.mark.parametrize("form", FORMATS)
-def test_a_run_without_cameras_is_exported_or_refused_in_one_line(
-    form: str, blind_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_run_without_cameras_is_exported_or_refused_in_one_line(
+    form: str, blind_bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    code = cli.main(["export", str(blind_run), "--to", form, "--out", str(tmp_path / "out")])
+    code = cli.main(["export", str(blind_bag), "--to", form, "--out", str(tmp_path / "out")])
     error = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
     assert (code, len(error)) == ((2, 1) if form in ("kitti", "coco") else (0, 0)), error
     assert [path.name for path in tmp_path.iterdir()] == ([] if code else ["out"])
 
 
-def test_what_cannot_be_is_one_line_and_writes_nothing(
+def test_wrong_arguments_are_one_line_and_write_nothing(
     small_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run, none, out = str(small_run), str(tmp_path / "no"), ["--out", str(tmp_path / "out")]
@@ -97,14 +98,14 @@ def test_what_cannot_be_is_one_line_and_writes_nothing(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_bag_that_ends_in_the_middle_of_the_work_leaves_nothing(small_run: Path, tmp_path: Path) -> None:
-    """Its index is whole, one byte of a chunk in the middle is not: the error comes when half is written."""
+def test_damage_in_the_middle_of_a_bag_leaves_no_output(small_run: Path, tmp_path: Path) -> None:
+    """The index is intact, but a byte in the middle is not: the error occurs when half is written."""
     data = bytearray((small_run / "park_1.bag").read_bytes())
     data[len(data) // 2] ^= 1
     bag = tmp_path / "flipped.bag"
     bag.write_bytes(data)
     for name, form in FORMATS.items():
-        if name == "zip":  # packs any bytes: the sum inside is of what is there
+        if name == "zip":  # packs any bytes
             continue
         try:
             export(bag, name)
@@ -114,7 +115,7 @@ def test_a_bag_that_ends_in_the_middle_of_the_work_leaves_nothing(small_run: Pat
     assert not [path for path in tmp_path.iterdir() if path.name.endswith(".part")]
 
 
-def test_what_a_killed_export_left_is_cleared(small_run: Path, tmp_path: Path) -> None:
+def test_leftovers_of_a_killed_export_are_removed(small_run: Path, tmp_path: Path) -> None:
     stale = tmp_path / ".t.tum.part"
     stale.mkdir()
     (stale / "x").write_text("old")
@@ -122,7 +123,7 @@ def test_what_a_killed_export_left_is_cleared(small_run: Path, tmp_path: Path) -
     assert [path.name for path in tmp_path.iterdir()] == ["t.tum"]
 
 
-def test_a_failure_takes_its_own_half_away_and_nothing_else(
+def test_failed_export_removes_only_its_own_files(
     small_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def breaks(runs: Any, target: Path, options: Options) -> None:
@@ -137,21 +138,21 @@ def test_a_failure_takes_its_own_half_away_and_nothing_else(
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is forbidden to root")
-def test_a_folder_that_may_not_be_written_is_named(small_run: Path, tmp_path: Path) -> None:
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_read_only_folder_is_reported(small_run: Path, tmp_path: Path) -> None:
     tmp_path.chmod(stat.S_IRUSR | stat.S_IXUSR)
     with pytest.raises(OutputError, match="permission denied"):
         export(small_run, "tum", out=tmp_path / "t.tum")
 
 
-def test_a_link_is_not_followed_out(small_run: Path, tmp_path: Path) -> None:
+def test_existing_link_is_refused(small_run: Path, tmp_path: Path) -> None:
     (tmp_path / "out.tum").symlink_to(tmp_path / "elsewhere")
     with pytest.raises(OutputError, match=" exists; remove it"):
         export(small_run, "tum", out=tmp_path / "out.tum")
     assert not (tmp_path / "elsewhere").exists()
 
 
-def test_the_table_names_modules_and_the_help_names_the_forms(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_lists_formats_and_label_maps(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         cli.main(["export", "--help"])
     text = " ".join(capsys.readouterr().out.split())
@@ -163,7 +164,7 @@ def test_the_table_names_modules_and_the_help_names_the_forms(capsys: pytest.Cap
         export(Path("x"), "bag")
 
 
-def test_importing_the_table_loads_no_form() -> None:
+def test_importing_the_table_loads_no_format() -> None:
     code = "import sys, fieldtruth.exporters; print([m for m in sys.modules if m.startswith('fieldtruth.exporters.')])"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert shown == "[]\n"

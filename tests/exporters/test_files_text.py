@@ -1,15 +1,16 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The human-readable form: clouds, lines of text, calibration and README, against the bag itself."""
+"""Format ``files``: clouds, lines of text, calibration and README against the bag."""
 
 import io
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 from export_bags import without
-from files_read_back import (
+from files_reader import (
     IMU,
     MODELS,
     ODOMETRY,
@@ -28,20 +29,15 @@ from fieldtruth.exporters.files_text import points_csv
 
 
 @pytest.fixture(scope="module")
-def bag(small_run: Path) -> Path:
-    return small_run / "park_1.bag"
-
-
-@pytest.fixture(scope="module")
-def made(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return export(small_run, "files", out=tmp_path_factory.mktemp("files") / "park_1", workers=2)
+def made(exported: Callable[[str], Path]) -> Path:
+    return exported("files")
 
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Clouds
 
 
-def test_clouds_come_back_to_the_last_bit(made: Path, bag: Path) -> None:
+def test_clouds_round_trip_bit_for_bit(made: Path, bag: Path) -> None:
     for _, message in messages(bag, POINTS)[::5]:
         path = made / "lidar" / f"{header_ns(message)}.csv"
         back = np.loadtxt(path, delimiter=",", dtype=np.float32)
@@ -52,7 +48,7 @@ def test_clouds_come_back_to_the_last_bit(made: Path, bag: Path) -> None:
         assert {line.rsplit(",", 1)[1] for line in lines} <= {str(k) for k in range(1, 14)}
 
 
-def test_a_float_of_every_size_is_read_back() -> None:
+def test_floats_of_every_magnitude_round_trip() -> None:
     rng = np.random.default_rng(0)
     bits = rng.integers(0, 2**32, (5000, 4), dtype=np.uint32)
     special = np.array([[0x80000000, 1, 0x007FFFFF, 0x00800000], [0x7F7FFFFF, 0xFF7FFFFF, 0x3F800000, 0]], np.uint32)
@@ -65,7 +61,7 @@ def test_a_float_of_every_size_is_read_back() -> None:
     assert np.array(exact, np.float32).tobytes() == values.tobytes()
 
 
-def test_lines_of_a_cloud() -> None:
+def test_csv_of_known_points() -> None:
     points = np.array([[1.5, -0.25, 3.0, 7.0], [0.1, 100.0, -2.0, 10.0], [0.0, 1e-9, 1e20, 2.5]], np.float32)
     assert points_csv(points) == b"1.5,-0.25,3.0,7\n0.1,100.0,-2.0,10\n0.0,1e-9,1e+20,2.5\n"
     assert points_csv(points[:0]) == b""
@@ -76,7 +72,7 @@ def test_lines_of_a_cloud() -> None:
 # Lines
 
 
-def test_imu(made: Path, bag: Path) -> None:
+def test_imu_lines_match_the_bag(made: Path, bag: Path) -> None:
     stamps, values = table(made / "imu_data.txt")
     expected = [
         (q.x, q.y, q.z, q.w, w.x, w.y, w.z, a.x, a.y, a.z)
@@ -87,7 +83,7 @@ def test_imu(made: Path, bag: Path) -> None:
     assert values.tolist() == [list(row) for row in expected]
 
 
-def test_gnss(made: Path, bag: Path) -> None:
+def test_gnss_lines_match_the_bag(made: Path, bag: Path) -> None:
     stamps, values = table(made / "GNSS_data.txt")
     fixes = [m for _, m in messages(bag, "/navsat/fix")]
     assert stamps == [header_ns(m) for m in fixes]
@@ -95,7 +91,7 @@ def test_gnss(made: Path, bag: Path) -> None:
     assert values[0] == pytest.approx([49.9, 8.9, 0.75], abs=0.01)
 
 
-def test_each_wheel_has_its_own_file(made: Path, bag: Path) -> None:
+def test_wheel_speeds_match_the_bag(made: Path, bag: Path) -> None:
     speeds = {}
     for wheel in WHEELS:
         stamps, values = table(made / "tacho_data" / f"{wheel}.txt")
@@ -107,7 +103,7 @@ def test_each_wheel_has_its_own_file(made: Path, bag: Path) -> None:
     assert len(set(speeds.values())) == 4
 
 
-def test_poses_are_those_of_the_robot_at_1000_hz(made: Path, bag: Path) -> None:
+def test_poses_match_model_states(made: Path, bag: Path) -> None:
     stamps, values = table(made / "pose_ground_truth.txt")
     assert stamps == list(range(1_000_000, 1_200_000_001, 1_000_000))
     sent = messages(bag, MODELS, 40)
@@ -119,7 +115,7 @@ def test_poses_are_those_of_the_robot_at_1000_hz(made: Path, bag: Path) -> None:
     assert values[::40].tolist() == np.hstack([expected, turns]).tolist()
 
 
-def test_without_model_states_poses_are_those_of_the_odometry(bag: Path, tmp_path: Path) -> None:
+def test_poses_match_odometry_without_model_states(bag: Path, tmp_path: Path) -> None:
     images = [camera(side, name) for side in SIDES for name in ("real/compressed", "tag/img_raw", "depth")]
     found = export(without(bag, tmp_path / "bag" / "b.bag", MODELS, *images), "files", out=tmp_path / "found")
     stamps, values = table(found / "pose_ground_truth.txt")
@@ -135,7 +131,7 @@ def test_without_model_states_poses_are_those_of_the_odometry(bag: Path, tmp_pat
 # Calibration and README
 
 
-def test_calibration(made: Path, bag: Path) -> None:
+def test_calibration_yaml_matches_the_bag(made: Path, bag: Path) -> None:
     found = yaml.safe_load((made / "calibration.yaml").read_text())
     for side in SIDES:
         info, stated = messages(bag, camera(side, "camera_info"))[0][1], found["cameras"][side]
@@ -155,7 +151,7 @@ def test_calibration(made: Path, bag: Path) -> None:
     assert len(poses) == 12
 
 
-def test_the_readme_names_every_file_and_the_columns_are_as_many_as_it_says(made: Path) -> None:
+def test_readme_lists_all_files_and_columns(made: Path) -> None:
     text = (made / "README.txt").read_text()
     for name in {path.name for path in made.iterdir()} - {"README.txt"}:
         assert name in text
@@ -167,7 +163,7 @@ def test_the_readme_names_every_file_and_the_columns_are_as_many_as_it_says(made
     assert max(map(len, text.splitlines())) <= 120
 
 
-def test_what_the_bag_lacks_is_left_out_and_told(bag: Path, tmp_path: Path) -> None:
+def test_readme_lists_missing_topics(bag: Path, tmp_path: Path) -> None:
     of_cameras = ("real/compressed", "tag/img_raw", "depth", "instances", "camera_info")
     images = [camera(side, name) for side in SIDES for name in of_cameras]
     lean = without(bag, tmp_path / "b.bag", "/tf_static", "/navsat/fix", MODELS, ODOMETRY, *images)

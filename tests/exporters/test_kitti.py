@@ -32,17 +32,12 @@ ODOMETRY = "/ground_truth/odom"
 PHOTOS = {side: f"/stereo/camera/{side}/real/compressed" for side in ("left", "right")}
 INFOS = tuple(f"/stereo/camera/{side}/camera_info" for side in ("left", "right"))
 STAMPS = [k * 200_000_000 for k in range(1, 7)]
-"""Every instant of 10 and of 25 Hz in 1.2 s."""
+"""Stamps [ns] common to 10 Hz and 25 Hz within 1.2 s."""
 WIDTH, HEIGHT = 320, 184
 BASE_FROM_CAM0 = np.array([[0, 0, 1, 0.15], [-1, 0, 0, 0.06], [0, -1, 0, 0.72], [0, 0, 0, 1.0]])
 """The paper's Table 2, and REP-103: x right, y down, z forward."""
 IN_BAG = np.dtype([(name, "<f4") for name in ("x", "y", "z", "intensity")]
                   + [(name, "<u2") for name in ("ring", "column", "label", "instance")])  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def bag(small_run: Path) -> Path:
-    return small_run / "park_1.bag"
 
 
 @pytest.fixture(scope="module")
@@ -59,14 +54,14 @@ def sequence(made: Path) -> Any:
 
 
 def messages(bag: Path, topic: str) -> dict[int, Any]:
-    """Messages by the stamp [ns] in the bag."""
+    """Messages by stamp in the bag [ns]."""
     with Reader(bag) as reader:
         connections = [c for c in reader.connections if c.topic == topic]
         return {ns: STORE.deserialize_ros1(raw, c.msgtype) for c, ns, raw in reader.messages(connections)}
 
 
 def world_from_cam0(bag: Path, stamps_ns: list[int]) -> F8:
-    """True poses (n, 4, 4) of the left camera at stamps that the odometry has."""
+    """True poses (n, 4, 4) of the left camera at stamps of the odometry."""
     truth, poses = messages(bag, ODOMETRY), []
     for stamp in stamps_ns:
         p, q = truth[stamp].pose.pose.position, truth[stamp].pose.pose.orientation
@@ -87,18 +82,18 @@ def cloud_xyz(bag: Path, stamp_ns: int) -> NDArray[np.float32]:
 # What other readers find
 
 
-def test_pykitti_reads_every_frame_of_one_instant(sequence: Any, bag: Path) -> None:
+def test_pykitti_reads_clouds_with_common_stamps(sequence: Any, bag: Path) -> None:
     assert len(sequence) == len(sequence.velo_files) == len(sequence.cam2_files) == len(sequence.cam3_files) == 6
     assert [round(time.total_seconds() * 1e9) for time in sequence.timestamps] == [t - STAMPS[0] for t in STAMPS]
     for number, stamp in enumerate(STAMPS):
         assert Path(sequence.velo_files[number]).name == f"{number:06d}.bin"
         scan = sequence.get_velo(number)
         assert np.ascontiguousarray(scan[:, :3]).tobytes() == cloud_xyz(bag, stamp).tobytes()
-        assert not scan[:, 3].any()  # the class is no reflectance
+        assert not scan[:, 3].any()  # the class must not be the reflectance
 
 
 @pytest.mark.parametrize(("camera", "side"), [("cam2", "left"), ("cam3", "right")])
-def test_images_are_the_photographs_of_the_clouds_instant(sequence: Any, bag: Path, camera: str, side: str) -> None:
+def test_images_have_the_stamps_of_the_clouds(sequence: Any, bag: Path, camera: str, side: str) -> None:
     photographs = messages(bag, PHOTOS[side])
     for seen, stamp in zip(getattr(sequence, camera), STAMPS, strict=True):
         there = np.asarray(Image.open(BytesIO(photographs[stamp].data.tobytes())))
@@ -106,7 +101,7 @@ def test_images_are_the_photographs_of_the_clouds_instant(sequence: Any, bag: Pa
         np.testing.assert_array_equal(np.asarray(seen), there)
 
 
-def test_poses_are_those_of_the_left_camera(sequence: Any, made: Path, bag: Path) -> None:
+def test_poses_are_of_the_left_camera(sequence: Any, made: Path, bag: Path) -> None:
     world = world_from_cam0(bag, STAMPS)
     first = np.linalg.inv(world[0]) @ world
     np.testing.assert_allclose(np.array(sequence.poses), first, atol=1e-9)
@@ -118,7 +113,7 @@ def test_poses_are_those_of_the_left_camera(sequence: Any, made: Path, bag: Path
     assert error.get_statistic(metrics.StatisticsType.max) < 1e-8
 
 
-def test_calibration_is_the_robots(sequence: Any) -> None:
+def test_calibration_matches_closed_form(sequence: Any) -> None:
     calib = sequence.calib
     fx = WIDTH / 2 / np.tan(np.radians(69.0 / 2))
     fy = HEIGHT / 2 / np.tan(np.radians(42.0 / 2))
@@ -135,7 +130,7 @@ def test_calibration_is_the_robots(sequence: Any) -> None:
 
 
 @pytest.mark.parametrize(("camera", "side"), [(2, "left"), (3, "right")])
-def test_points_fall_upon_pixels_of_their_class(sequence: Any, bag: Path, camera: int, side: str) -> None:
+def test_points_project_onto_pixels_of_their_class(sequence: Any, bag: Path, camera: int, side: str) -> None:
     tags = messages(bag, f"/stereo/camera/{side}/tag/img_raw")
     depths = messages(bag, f"/stereo/camera/{side}/depth")
     clouds = messages(bag, POINTS)
@@ -152,9 +147,9 @@ def test_points_fall_upon_pixels_of_their_class(sequence: Any, bag: Path, camera
         u, v = np.rint(projected[:, :2] / np.where(z == 0.0, 1.0, z)[:, None]).astype(np.int64).T
         shown = (z > 0.5) & (u >= 0) & (u < WIDTH) & (v >= 0) & (v < HEIGHT)
         u, v, z, label = u[shown], v[shown], z[shown], label[shown]
-        # What the LiDAR sees past the camera's foreground is not in the picture.
-        same_place = inside[v, u] & (np.abs(depth[v, u] - z) < 0.02 * z)
-        agree.append((PALETTE[label] == colours[v, u]).all(axis=1)[same_place])
+        # Points behind the camera's foreground are not in the image.
+        same_surface = inside[v, u] & (np.abs(depth[v, u] - z) < 0.02 * z)
+        agree.append((PALETTE[label] == colours[v, u]).all(axis=1)[same_surface])
         compared += int(shown.sum())
     assert sum(map(len, agree)) > 0.3 * compared > 1000
     assert np.concatenate(agree).mean() > 0.995
@@ -165,7 +160,7 @@ def _pinhole(sequence: Any, camera: int) -> F8:
     return matrix
 
 
-def test_several_runs_are_several_sequences(made: Path) -> None:
+def test_several_runs_become_sequences(made: Path) -> None:
     files = sorted(
         str(path.relative_to(made / "sequences" / "00")) for path in (made / "sequences" / "00").rglob("*.*")
     )
@@ -178,7 +173,7 @@ def test_several_runs_are_several_sequences(made: Path) -> None:
     assert "| 01 | twin | 6 | 200000000 | 0 ms |" in readme
 
 
-def test_same_bytes_for_any_number_of_workers(small_run: Path, made: Path, tmp_path: Path) -> None:
+def test_bytes_do_not_depend_on_workers(small_run: Path, made: Path, tmp_path: Path) -> None:
     again = export(small_run, "kitti", out=tmp_path / "again", workers=1)
     names = [str(path.relative_to(again)) for path in again.rglob("*.*") if path.name != "README.md"]
     assert len(names) == 1 + 2 + 3 * 6
@@ -192,19 +187,19 @@ def test_memory_does_not_grow_with_duration(bag: Path, tmp_path: Path) -> None:
         long = longer(bag, tmp_path / f"{times}.bag", times, topics, ("/tf_static", *INFOS))
         peaks.append(peak_memory(lambda run=long: export(run, "kitti", workers=2)))  # type: ignore[misc]
         assert len(list((tmp_path / f"{times}_kitti").rglob("*.bin"))) > 5 * times
-    assert peaks[1] < 1.5 * peaks[0]  # were it all in memory, it would be thrice as much
+    assert peaks[1] < 1.5 * peaks[0]  # three times as much if all were in memory
 
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Bags from elsewhere
 
 
-def test_without_a_common_instant_the_nearest_photographs_are_taken(bag: Path, tmp_path: Path) -> None:
+def test_nearest_photographs_are_used_without_common_stamps(bag: Path, tmp_path: Path) -> None:
     def change(topic: str, stamp_ns: int, data: bytes) -> bytes | None:
         return None if topic == POINTS and stamp_ns in STAMPS else data
 
     made = export(copied(bag, tmp_path / "odd.bag", change), "kitti")
-    images = [stamp - 120_000_000 for stamp in STAMPS]  # 20 ms before a cloud and as much after it: the earlier
+    images = [stamp - 120_000_000 for stamp in STAMPS]  # 20 ms before a cloud; others are 20 ms after it
     photographs = messages(bag, PHOTOS["right"])
     for number, stamp in enumerate(images):
         seen = Image.open(made / "sequences" / "00" / "image_3" / f"{number:06d}.png")
@@ -218,7 +213,7 @@ def test_without_a_common_instant_the_nearest_photographs_are_taken(bag: Path, t
     assert "| 00 | odd | 6 | 80000000 | 20 ms |" in (made / "README.md").read_text()
 
 
-def test_clouds_need_no_labels(bag: Path, tmp_path: Path) -> None:
+def test_clouds_without_labels_are_exported(bag: Path, tmp_path: Path) -> None:
     def change(topic: str, stamp_ns: int, data: bytes) -> bytes:
         if topic != POINTS:
             return data
@@ -245,13 +240,13 @@ def test_clouds_need_no_labels(bag: Path, tmp_path: Path) -> None:
     ("topics", "words"),
     [
         ([POINTS], f"has no {POINTS}; available: /clock"),
-        ([PHOTOS["right"]], f"has no {PHOTOS['right']}; it has"),
-        (["/tf_static"], "has no /tf_static; it has"),
-        ([INFOS[0]], f"has no {INFOS[0]}; it has"),
-        ([ODOMETRY, "/gazebo/model_states"], f"has no {ODOMETRY}; it has"),
+        ([PHOTOS["right"]], f"has no {PHOTOS['right']}; available: "),
+        (["/tf_static"], "has no /tf_static; available: "),
+        ([INFOS[0]], f"has no {INFOS[0]}; available: "),
+        ([ODOMETRY, "/gazebo/model_states"], f"has no {ODOMETRY}; available: "),
     ],
 )
-def test_what_is_missing_is_one_line(bag: Path, tmp_path: Path, topics: list[str], words: str) -> None:
+def test_missing_topics_are_reported_in_one_line(bag: Path, tmp_path: Path, topics: list[str], words: str) -> None:
     less = without(bag, tmp_path / "less.bag", *topics)
     with pytest.raises(BagError, match=words) as caught:
         export(less, "kitti")
@@ -259,7 +254,7 @@ def test_what_is_missing_is_one_line(bag: Path, tmp_path: Path, topics: list[str
     assert [path.name for path in tmp_path.iterdir()] == ["less.bag"]
 
 
-def test_photographs_of_another_day_are_one_line(bag: Path, tmp_path: Path) -> None:
+def test_photographs_far_from_clouds_are_refused(bag: Path, tmp_path: Path) -> None:
     def change(topic: str, stamp_ns: int, data: bytes) -> bytes:
         return data[:4] + (1000).to_bytes(4, "little") + data[8:] if topic in PHOTOS.values() else data
 

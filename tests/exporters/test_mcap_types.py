@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Messages that take a way of their own to ROS 2, or that only a bag from elsewhere holds, and damaged ones."""
+"""Conversion to ROS 2 of model states, of types in foreign bags, and of damaged messages."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -27,11 +27,6 @@ from fieldtruth.exporters import export
 from fieldtruth.exporters.mcap import Ros2Types
 
 
-@pytest.fixture(scope="module")
-def bag(small_run: Path) -> Path:
-    return small_run / "park_1.bag"
-
-
 def states(names: list[str], start: float) -> Any:
     def pose(i: int) -> Any:
         x = start + 13 * i
@@ -45,8 +40,8 @@ def states(names: list[str], start: float) -> Any:
     return NOETIC.types[STATES](names, [pose(i) for i in count], [twist(i) for i in count])
 
 
-def test_objects_may_come_and_go(bag: Path) -> None:
-    """ModelStates take a way of their own; what is right is what rosbags makes of the message itself."""
+def test_model_states_match_rosbags_when_objects_change(bag: Path) -> None:
+    """The fast conversion of ModelStates gives the bytes of rosbags' serialisation."""
     with open_bag(bag) as stored:
         convert = Ros2Types(stored).converter()
     for names in (["a"], ["a"], ["bc", "d"], ["bc", "e"], ["ä", "0123456", "01234567"], [], ["bc", "e"], ["ebc"]):
@@ -79,25 +74,25 @@ def foreign_bag(path: Path, rows: Iterable[tuple[str, int, str, bytes]], definit
     return path
 
 
-def test_types_that_only_the_bag_knows(tmp_path: Path) -> None:
+def test_types_missing_in_ros_2_are_copied(tmp_path: Path) -> None:
     store = get_typestore(Stores.ROS1_NOETIC)
-    store.register(get_types_from_msg(CUSTOM, "my_msgs/msg/Thing"))
+    store.register(get_types_from_msg(CUSTOM, "my_msgs/msg/Custom"))
     header = Header(77, Time(3, 4), "somewhere")
     span = store.types["builtin_interfaces/msg/Duration"](5, 6)
     points = [Point(1.0, 2.0, 3.0), Point(4.0, 5.0, 6.0)]
-    message: Any = store.types["my_msgs/msg/Thing"](
+    message: Any = store.types["my_msgs/msg/Custom"](
         header, Time(1, 2), span, 9, ["one", "", "three"], points, 0.5  # type: ignore[arg-type]
     )  # fmt: skip
-    data = bytes(store.serialize_ros1(message, "my_msgs/msg/Thing"))
-    path = foreign_bag(tmp_path / "a.bag", [("/thing", 7, "my_msgs/msg/Thing", data)], {"my_msgs/msg/Thing": CUSTOM})
+    data = bytes(store.serialize_ros1(message, "my_msgs/msg/Custom"))
+    path = foreign_bag(tmp_path / "a.bag", [("/custom", 7, "my_msgs/msg/Custom", data)], {"my_msgs/msg/Custom": CUSTOM})
     with AnyReader([export(path, "mcap", workers=1)]) as reader:
         ((connection, stamp, cdr),) = reader.messages()
         assert stamp == 7
-        assert_same(message, reader.deserialize(cdr, connection.msgtype), "/thing")
+        assert_same(message, reader.deserialize(cdr, connection.msgtype), "/custom")
 
 
-def test_types_that_ros_2_has_changed_keep_their_values(tmp_path: Path) -> None:
-    """visualization_msgs/Marker got fields for textures in ROS 2, amid the others."""
+def test_types_changed_in_ros_2_keep_their_values(tmp_path: Path) -> None:
+    """visualization_msgs/Marker has additional fields for textures in ROS 2, among the others."""
     rgba = NOETIC.types["std_msgs/msg/ColorRGBA"]
     duration = NOETIC.types["builtin_interfaces/msg/Duration"]
     pose = Pose(Point(1.0, 2.0, 3.0), Quaternion(0.0, 0.0, 0.0, 1.0))
@@ -122,7 +117,7 @@ def test_types_that_ros_2_has_changed_keep_their_values(tmp_path: Path) -> None:
         assert_same(message, decode(record.data), "/m")
 
 
-def test_damage_is_one_line(small_run: Path, bag: Path, tmp_path: Path) -> None:
+def test_damage_is_reported_in_one_line(small_run: Path, bag: Path, tmp_path: Path) -> None:
     short = foreign_bag(tmp_path / "short.bag", [("/imu/data", 7, "sensor_msgs/msg/Imu", bytes(20))], {})
     with pytest.raises(BagError, match=r"the message of /imu/data at 7 ns is damaged$"):
         export(short, "mcap", workers=1)
@@ -134,5 +129,5 @@ def test_damage_is_one_line(small_run: Path, bag: Path, tmp_path: Path) -> None:
     with pytest.raises(BagError, match=r"cannot read .*cut\.bag"):
         export(cut, "mcap", workers=1)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["cut.bag", "long.bag", "short.bag"]
-    with pytest.raises(InvalidMagic), bag.open("rb") as stream:  # the readers above can tell what is no MCAP
+    with pytest.raises(InvalidMagic), bag.open("rb") as stream:  # the reader detects files that are not MCAP
         SeekingReader(stream).get_summary()

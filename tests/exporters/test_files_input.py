@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The human-readable form of bags with less in them, with other things in them, and with damage."""
+"""Format ``files``: bags that are incomplete, unusual or damaged."""
 
 import struct
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from export_bags import bag_of, copied, longer, peak_memory
-from files_read_back import (
+from files_reader import (
     IMU,
     MODELS,
     ODOMETRY,
@@ -29,12 +29,7 @@ from fieldtruth.core.errors import OutputError
 from fieldtruth.exporters import export
 
 
-@pytest.fixture(scope="module")
-def bag(small_run: Path) -> Path:
-    return small_run / "park_1.bag"
-
-
-def test_a_stamp_of_0_gives_way_to_the_bags_and_equal_stamps_are_refused(bag: Path, tmp_path: Path) -> None:
+def test_header_stamp_0_is_replaced_and_equal_stamps_are_refused(bag: Path, tmp_path: Path) -> None:
     topic = camera("left", "tag/img_raw")
 
     def stamped(path: Path, stamp_ns: int) -> Path:
@@ -48,7 +43,7 @@ def test_a_stamp_of_0_gives_way_to_the_bags_and_equal_stamps_are_refused(bag: Pa
     assert not (tmp_path / "none").exists()
 
 
-def test_points_without_a_place_are_no_returns(tmp_path: Path, bag: Path) -> None:
+def test_points_that_are_not_finite_are_dropped(tmp_path: Path, bag: Path) -> None:
     message = deepcopy(messages(bag, POINTS)[0][1])
     data = message.data.copy().reshape(message.width, message.point_step)
     data[[0, 7], 4:8] = np.frombuffer(np.array([np.nan, -np.inf], "<f4").tobytes(), np.uint8).reshape(2, 4)
@@ -58,7 +53,7 @@ def test_points_without_a_place_are_no_returns(tmp_path: Path, bag: Path) -> Non
     assert back.tobytes() == np.delete(cloud_columns(message), [0, 7], axis=0).tobytes()
 
 
-def test_a_cloud_without_points_is_an_empty_file(tmp_path: Path, bag: Path) -> None:
+def test_empty_cloud_becomes_an_empty_file(tmp_path: Path, bag: Path) -> None:
     message = deepcopy(messages(bag, POINTS)[0][1])
     message.width, message.row_step, message.data = 0, 0, message.data[:0]
     found = export(bag_of(tmp_path / "b.bag", [(POINTS, 5, message)]), "files")
@@ -98,7 +93,7 @@ def bad_class(data: bytes) -> bytes:
         (IMU, cut_short, "the message of /imu/data at 20000000 ns is damaged"),
     ],
 )
-def test_damage_is_one_line_that_names_the_place(
+def test_damage_is_reported_with_topic_and_stamp(
     bag: Path, tmp_path: Path, topic: str, change: Callable[[bytes], bytes], words: str
 ) -> None:
     def hand_on(name: str, _: int, data: bytes) -> bytes | None:
@@ -109,24 +104,24 @@ def test_damage_is_one_line_that_names_the_place(
     assert [path.name for path in tmp_path.iterdir()] == ["wrong.bag"]
 
 
-def test_a_bag_without_a_sensor_is_refused(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bag_without_sensor_topics_is_refused(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     lean = copied(bag, tmp_path / "b.bag", lambda topic, _, data: data if topic in ("/clock", ODOMETRY) else None)
     assert main(["export", str(lean), "--to", "files", "--out", str(tmp_path / "none")]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert "has no messages of sensors" in error
-    assert "it has: /clock, /ground_truth/odom" in error
+    assert "available: /clock, /ground_truth/odom" in error
     assert not (tmp_path / "none").exists()
 
 
-def test_a_topic_of_another_type_is_refused(tmp_path: Path) -> None:
+def test_topic_of_another_type_is_refused(tmp_path: Path) -> None:
     number = ros.STORE.types["std_msgs/msg/Float32"](1.0)
     wrong = bag_of(tmp_path / "b.bag", [(IMU, 5, number)])
     with pytest.raises(BagError, match=r"/imu/data of .* must be sensor_msgs/msg/Imu, got std_msgs/msg/Float32"):
         export(wrong, "files")
 
 
-def test_what_is_there_already_stays(small_run: Path, tmp_path: Path) -> None:
+def test_existing_output_is_kept(small_run: Path, tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "notes.txt").write_text("keep")
     with pytest.raises(OutputError, match=" exists; remove it"):
@@ -134,7 +129,7 @@ def test_what_is_there_already_stays(small_run: Path, tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.rglob("*")] == ["mine", "notes.txt"]
 
 
-def test_memory_does_not_grow_with_the_bag(bag: Path, tmp_path: Path) -> None:
+def test_memory_does_not_grow_with_duration(bag: Path, tmp_path: Path) -> None:
     topics = (camera("left", "tag/img_raw"), IMU)
     bags = [longer(bag, tmp_path / f"{times}.bag", times, topics, ()) for times in (1, 4)]
     peaks = [peak_memory(lambda path=path: export(path, "files", workers=1)) for path in bags]  # type: ignore[misc]
