@@ -125,3 +125,37 @@ def tab(browser: Any, page: "Page") -> Iterator["Tab"]:
     opened = Tab(browser, page.path)
     yield opened
     opened.close()
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# For the tests of exporters
+
+
+@pytest.fixture(scope="session")
+def bag(small_run: Path) -> Path:
+    """Bag of the small run."""
+    return small_run / "park_1.bag"
+
+
+@pytest.fixture(scope="session")
+def short(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Bag with the first six images of each camera."""
+    from export_bags import copied
+
+    path = tmp_path_factory.mktemp("short") / "a.bag"
+    return copied(small_run / "park_1.bag", path, lambda topic, stamp, data: data if stamp <= 240_000_000 else None)
+
+
+@pytest.fixture(scope="session")
+def exported(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Export of the small run in a format, made once with two workers."""
+    from fieldtruth.exporters import FORMATS, export
+
+    folder, made = tmp_path_factory.mktemp("exported"), dict[str, Path]()
+
+    def export_once(to: str) -> Path:
+        if to not in made:
+            made[to] = export(small_run, to, out=folder / f"park_1{FORMATS[to].suffix}", workers=2)
+        return made[to]
+
+    return export_once
