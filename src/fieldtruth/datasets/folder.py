@@ -97,7 +97,10 @@ def open_runs(folder: Path | str, items: Sequence[str] = DEFAULT_ITEMS, **option
     for (name, bag), (following, other) in pairwise(bags):
         if name == following:
             raise BagError(f"{bag} and {other} have the same name {name!r}; rename one")
-    return Runs([RunDataset(bag, items, name=name, **options) for name, bag in bags])
+    runs = [RunDataset(bag, items, **options) for _, bag in bags]
+    for run, (name, _) in zip(runs, bags, strict=True):
+        run.name = name
+    return Runs(runs)
 
 
 def _bags(root: Path) -> Iterator[tuple[str, Path]]:

@@ -47,7 +47,6 @@ class RunDataset:
         tolerance_s: largest difference [s] between the stamps of camera and LiDAR in a frame.
         label_map: ontology of mask and labels, as for ``fieldtruth export``; None keeps our own classes.
         transform: applied to each sample; ``ds[i]`` returns its result.
-        name: name of the run; by default that of the bag.
 
     Raises:
         BagError: no bag, a damaged one, one that lacks a requested item, or one without a frame.
@@ -65,7 +64,6 @@ class RunDataset:
         tolerance_s: float = 0.0,
         label_map: str | LabelMap | None = None,
         transform: Transform | None = None,
-        name: str | None = None,
     ) -> None:
         self.items = _checked_items(items)
         self.transform = transform
@@ -76,7 +74,8 @@ class RunDataset:
         self._sensors = [sensor for sensor in _SENSORS if sensor in needed or sensor == self.anchor]
         self._topics = {item: ITEMS[item].topic(camera) for item in self.items if item in ITEMS}
         self.run = open_run(Path(path))
-        self.name = self.run.name if name is None else name
+        self.name = self.run.name
+        """Name of the run in samples; ``open_runs`` sets it to the run's path in the folder."""
         opened = _open(self.run, self._topics_by_sensor(camera), self.items, camera)
         self._storage, self._poses, self._fixed = opened.storage, opened.poses, opened.fixed
         chosen = associate(opened.streams, self.anchor, round(tolerance_s * 1e9), opened.covered)
