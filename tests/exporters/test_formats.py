@@ -35,41 +35,41 @@ def blind_bag(bag: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return without(bag, tmp_path_factory.mktemp("blind") / "park_1.bag", *cameras)
 
 
-@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("to", FORMATS)
 def test_default_output_and_bytes_for_any_workers(
-    form: str, small_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    to: str, small_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bag = shutil.copy(small_run / "park_1.bag", tmp_path)
     before = digest(Path(bag))
-    assert cli.main(["export", str(bag), "--to", form, "--workers", "1"]) == 0
-    made = tmp_path / f"park_1{FORMATS[form].suffix}"
+    assert cli.main(["export", str(bag), "--to", to, "--workers", "1"]) == 0
+    made = tmp_path / f"park_1{FORMATS[to].suffix}"
     assert capsys.readouterr().out.startswith(f"{made}: ")
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted([made.name, "park_1.bag"])
-    other = export(Path(bag), form, out=tmp_path / "other" / made.name, workers=2)
+    other = export(Path(bag), to, out=tmp_path / "other" / made.name, workers=2)
     assert digest(other) == digest(made)
     assert digest(Path(bag)) == before
 
-    again = cli.main(["export", str(bag), "--to", form])
+    again = cli.main(["export", str(bag), "--to", to])
     assert again == 2
     assert capsys.readouterr().err.splitlines()[-1] == (f"error: {made} exists; remove it, or choose another --out")
     assert digest(other) == digest(made)
 
 
-@pytest.mark.parametrize("form", [name for name, form in FORMATS.items() if form.relabels])
+@pytest.mark.parametrize("to", [name for name, row in FORMATS.items() if row.relabels])
 @pytest.mark.parametrize("label_map", ["rellis", "ganav6"])
-def test_formats_with_labels_take_a_label_map(form: str, label_map: str, small_run: Path, tmp_path: Path) -> None:
-    ours = export(small_run, form, out=tmp_path / "ours")
-    theirs = export(small_run, form, out=tmp_path / "theirs", label_map=label_map)
+def test_formats_with_labels_take_a_label_map(to: str, label_map: str, small_run: Path, tmp_path: Path) -> None:
+    ours = export(small_run, to, out=tmp_path / "ours")
+    theirs = export(small_run, to, out=tmp_path / "theirs", label_map=label_map)
     assert digest(ours) != digest(theirs)
 
 
-@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("to", FORMATS)
 def test_run_without_cameras_is_exported_or_refused_in_one_line(
-    form: str, blind_bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    to: str, blind_bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    code = cli.main(["export", str(blind_bag), "--to", form, "--out", str(tmp_path / "out")])
+    code = cli.main(["export", str(blind_bag), "--to", to, "--out", str(tmp_path / "out")])
     error = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
-    assert (code, len(error)) == ((2, 1) if form in ("kitti", "coco") else (0, 0)), error
+    assert (code, len(error)) == ((2, 1) if to in ("kitti", "coco") else (0, 0)), error
     assert [path.name for path in tmp_path.iterdir()] == ([] if code else ["out"])
 
 
@@ -104,14 +104,14 @@ def test_damage_in_the_middle_of_a_bag_leaves_no_output(small_run: Path, tmp_pat
     data[len(data) // 2] ^= 1
     bag = tmp_path / "flipped.bag"
     bag.write_bytes(data)
-    for name, form in FORMATS.items():
+    for name, row in FORMATS.items():
         if name == "zip":  # packs any bytes
             continue
         try:
             export(bag, name)
         except BagError as error:
             assert "\n" not in str(error)  # noqa: PT017
-            assert not (tmp_path / f"flipped{form.suffix}").exists()
+            assert not (tmp_path / f"flipped{row.suffix}").exists()
     assert not [path for path in tmp_path.iterdir() if path.name.endswith(".part")]
 
 

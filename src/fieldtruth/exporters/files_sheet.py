@@ -190,8 +190,8 @@ def _add_sheet(book: Any, title: str) -> Any:
     return sheet
 
 
-def _number(book: Any, form: str) -> Any:
-    return book.add_format({"num_format": form})
+def _number(book: Any, number_format: str) -> Any:
+    return book.add_format({"num_format": number_format})
 
 
 def _hex(rgb: tuple[int, int, int] | None) -> str:
