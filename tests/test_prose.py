@@ -21,7 +21,7 @@ DOCUMENTS = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *TEMPLATES]
 PROSE = {
     r"\bthings?\b": "object, or the noun itself",
     r"(?<!in )(?<!take )(?<!takes )(?<!decimal )\bplaces?\b": "environment, world, pose, position or file",
-    r"\bsites?\b(?!-packages)": "world builder, or the noun itself",
+    r"(?<!documentation )\bsites?\b(?![-_])": "world builder, or the noun itself",
     r"\bway-points?\b": "waypoint",
     r"(?<!by the )(?<!one )(?<!rule )\bways?\b": "path, route, direction, or how",
     r"\b(?:tells?|told|telling)\b": "states, reports, shows",
