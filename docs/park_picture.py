@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Make the README's picture: what the robot sees in the park as photograph, tag image and labelled cloud.
+"""Make the README's image: what the robot sees in the park as photograph, tag image and labelled cloud.
 
-Run: python examples/park_picture.py [docs/park.jpg]
+Run: python docs/park_picture.py [docs/park.jpg]
 """
 
 import sys
@@ -19,7 +19,7 @@ CELL = 0.04  # [m] of ground that one pixel of the cloud's plan shows
 
 def plan(scan: "ft.Scan", height: int, width: int) -> NDArray[np.uint8]:
     """Points of a scan from above in their classes' flat colours, north-east up, (height, width, 3)."""
-    picture = np.full((height, width, 3), 60, np.uint8)
+    image = np.full((height, width, 3), 60, np.uint8)
     order = np.argsort(scan.xyz[:, 2])  # what is higher hides what is lower
     rows = np.rint(height / 2 - scan.xyz[order, 0] / CELL).astype(int)
     columns = np.rint(width / 2 - scan.xyz[order, 1] / CELL).astype(int)
@@ -27,12 +27,12 @@ def plan(scan: "ft.Scan", height: int, width: int) -> NDArray[np.uint8]:
     for down in (0, 1):
         for right in (0, 1):
             inside = (rows + down >= 0) & (rows + down < height) & (columns + right >= 0) & (columns + right < width)
-            picture[rows[inside] + down, columns[inside] + right] = colours[inside]
-    return picture
+            image[rows[inside] + down, columns[inside] + right] = colours[inside]
+    return image
 
 
 def main(path: Path) -> None:
-    """Shoot, scan, put side by side, write."""
+    """Render, scan, join side by side, write."""
     world = ft.load_world("park", seed=0)
     scene = ft.Scene(world)
     x, y = -12.0, -1.5

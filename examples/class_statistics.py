@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which classes a LiDAR sees at which range, as a plot: python class_statistics.py RUN PICTURE."""
+"""Which classes a LiDAR sees at which range, as a plot: python class_statistics.py RUN IMAGE."""
 
 import sys
 from itertools import pairwise
@@ -13,7 +13,7 @@ import fieldtruth as ft
 BINS = np.array([0.0, 5.0, 10.0, 20.0, 40.0, 80.0, 120.0])  # [m]
 
 
-def main(run: str, picture: str) -> None:
+def main(run: str, image: str) -> None:
     """Count points by class and range over a whole run, and draw the shares as stacked bars."""
     counts = np.zeros((len(ft.CLASSES), len(BINS) - 1))
     for sample in ft.RunDataset(run, items=("cloud", "labels")):
@@ -32,8 +32,8 @@ def main(run: str, picture: str) -> None:
             bottom += shares[row.label]
     axes.set(xlabel="range [m]", ylabel="share of points [%]")
     figure.legend(loc="outside right upper", fontsize="small")
-    figure.savefig(picture, dpi=120)
-    print(f"{counts.sum():.0f} points, {np.count_nonzero(counts.any(axis=1))} classes: {picture}")
+    figure.savefig(image, dpi=120)
+    print(f"{counts.sum():.0f} points, {np.count_nonzero(counts.any(axis=1))} classes: {image}")
 
 
 if __name__ == "__main__":

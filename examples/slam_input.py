@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""LiDAR odometry on a run, held against ground truth: python slam_input.py RUN (needs: pip install kiss-icp evo)."""
+"""LiDAR odometry on a run, compared with ground truth: python slam_input.py RUN (needs: pip install kiss-icp evo)."""
 
 import sys
 

@@ -1,20 +1,19 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A batch of labelled frames in PyTorch, and its loss; give it the folder of a run."""
+"""A batch of labelled frames in PyTorch, and its loss: python train_loader.py RUN."""
 
 import sys
-from pathlib import Path
 
 import torch
 from torch.utils.data import DataLoader
 
-from fieldtruth.datasets import RunDataset, collate
+import fieldtruth as ft
 
 
-def main() -> None:
-    """Show a batch, and how little a network of one layer knows of it."""
-    dataset = RunDataset(Path(sys.argv[1]), items=("image", "mask", "cloud", "labels", "pose", "calibration"))
-    loader = DataLoader(dataset, batch_size=4, shuffle=True, num_workers=2, collate_fn=collate)
+def main(run: str) -> None:
+    """Print the shapes of a batch and the loss of an untrained network of one layer."""
+    dataset = ft.RunDataset(run, items=("image", "mask", "cloud", "labels", "pose", "calibration"))
+    loader = DataLoader(dataset, batch_size=4, shuffle=True, num_workers=2, collate_fn=ft.collate)
     print(f"{len(dataset)} frames")
 
     batch = next(iter(loader))
@@ -30,4 +29,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(*sys.argv[1:])

@@ -38,13 +38,13 @@ class Sample(TypedDict, total=False):
     depth: NDArray[np.float32]
     """(h, w) [m] along the optical axis; infinite for the sky."""
     instance_mask: NDArray[np.int32]
-    """(h, w) object ids; 0 for the sky."""
+    """(h, w) instance ids; 0 for the sky."""
     cloud: NDArray[np.float32]
     """(n, 3) x, y, z [m] of the returns in the LiDAR's frame; n varies."""
     labels: Counts
     """(n,) class ids."""
     instances: NDArray[np.int32]
-    """(n,) object ids."""
+    """(n,) instance ids."""
     rays: Counts
     """(n, 3) ring, column, and time [ns] after ``lidar_stamp_ns``: 0 where the cloud has no field ``t``."""
     world_from_base: Array

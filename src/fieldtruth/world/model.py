@@ -213,4 +213,4 @@ class World:
     backdrop: Mesh | None = None
     """Land outside the world's edge down to the horizon, class ground, visible to cameras and LiDAR."""
     object_names: tuple[str, ...] = field(default=())
-    """Name of each object id; 0 is the robot, 1 the ground."""
+    """Name of each instance id; 0 is the robot, 1 the ground."""
