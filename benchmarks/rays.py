@@ -8,7 +8,7 @@ import numpy as np
 
 import fieldtruth as ft
 from fieldtruth.bench.bare import MODES, BareTracer
-from fieldtruth.bench.sensors import pixel_directions, poses_along
+from fieldtruth.bench.sensors import pixel_directions, poses_on_route
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL
 from fieldtruth.sense.lidar import ray_directions
@@ -20,7 +20,7 @@ def main() -> None:
     experiment = ft.load_experiment("park_1")
     world = ft.load_world(experiment.environment, experiment.seed)
     scene, rig = ft.Scene(world), experiment.rig
-    poses = poses_along(experiment.route, world, rig, VIEWS)
+    poses = poses_on_route(experiment.route, world, rig, VIEWS)
     from_camera = [pose @ rig.cameras.left.base_from_sensor @ CAMERA_FROM_OPTICAL for pose in poses]
     from_lidar = [pose @ rig.lidar.mount.base_from_sensor for pose in poses]
     pixels, beams = pixel_directions(rig.cameras), ray_directions(rig.lidar).astype(np.float32)

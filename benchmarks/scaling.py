@@ -17,7 +17,7 @@ from time import perf_counter
 import numpy as np
 
 from fieldtruth.bench import Settings, settings_of
-from fieldtruth.bench.sensors import poses_along
+from fieldtruth.bench.sensors import poses_on_route
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL
@@ -71,7 +71,7 @@ def image_time_ratio(first: tuple[World, Settings], second: tuple[World, Setting
 def _views(world: World, settings: Settings) -> tuple[Camera, list[Array]]:
     experiment = settings.experiment
     config = experiment.rig.cameras
-    poses = poses_along(experiment.route, world, experiment.rig, settings.views)
+    poses = poses_on_route(experiment.route, world, experiment.rig, settings.views)
     base_from_optical = config.left.base_from_sensor @ CAMERA_FROM_OPTICAL
     camera = Camera(config, bake(Scene(world), experiment.light), reuse=True)
     camera.render(poses[0] @ base_from_optical)  # kernels are compiled before the clock runs

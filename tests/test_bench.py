@@ -13,7 +13,7 @@ from scaling import image_time_ratio, is_tree, with_trees_around
 
 from fieldtruth.bench import UNITS, Settings, measure, settings_of, table
 from fieldtruth.bench.bare import MODES, BareTracer, Mode, best_mode
-from fieldtruth.bench.sensors import pixel_directions, poses_along
+from fieldtruth.bench.sensors import pixel_directions, poses_on_route
 from fieldtruth.core import frames
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.experiment.config import Experiment
@@ -33,9 +33,17 @@ EXPERIMENT = Experiment(
     name="small", environment="park", rig=RIG, route=route_from_metres((-6.0, 0.0), [(2.0, 0.0), (2.0, 8.0)])
 )
 PARK = ParkConfig(
-    size=(24.0, 24.0), trails=(((-14, -6), (14, -6)),), large_trees=1, small_trees=1, bushes=2, benches=1, lamp_posts=1,
-    tables=1, trash_bins=1, individuals=1,
-)  # fmt: skip
+    size=(24.0, 24.0),
+    trails=(((-14, -6), (14, -6)),),
+    large_trees=1,
+    small_trees=1,
+    bushes=2,
+    benches=1,
+    lamp_posts=1,
+    tables=1,
+    trash_bins=1,
+    individuals=1,
+)
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +91,7 @@ def test_best_mode_and_size_of_tiles() -> None:
 
 def test_bare_rays_equal_those_of_camera_and_lidar(world: World) -> None:
     scene = Scene(world)
-    pose = poses_along(EXPERIMENT.route, world, RIG, 3)[1]
+    pose = poses_on_route(EXPERIMENT.route, world, RIG, 3)[1]
     camera, world_from_optical = RIG.cameras, pose @ RIG.cameras.left.base_from_sensor @ OPTICAL
     directions = pixel_directions(camera)
     bare = BareTracer(scene.rays.handle, directions, camera.far, Mode(8, 2, True))
@@ -104,7 +112,7 @@ def test_bare_rays_equal_those_of_camera_and_lidar(world: World) -> None:
 
 
 def test_poses_are_evenly_spaced_on_the_route_and_face_along_it(world: World) -> None:
-    poses = np.stack(poses_along(EXPERIMENT.route, world, RIG, 4))
+    poses = np.stack(poses_on_route(EXPERIMENT.route, world, RIG, 4))
     np.testing.assert_allclose(metres_from_route(EXPERIMENT.route), [(-6, 0), (2, 0), (2, 8)], atol=1e-3)
     np.testing.assert_allclose(poses[:, :2, 3], [(-4, 0), (0, 0), (2, 2), (2, 6)], atol=0.05)
     yaw = np.degrees(frames.yaw_from_rotation(poses[:, :3, :3]))

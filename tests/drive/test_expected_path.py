@@ -6,7 +6,7 @@ import numpy as np
 from drive_worlds import make_experiment, make_world
 
 from fieldtruth.core import frames
-from fieldtruth.drive.expected_path import expected_path, experiments_in, poses_along, standing_pose
+from fieldtruth.drive.expected_path import expected_path, experiments_in, pose_on_ground, poses_along
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.rig import Rig
 
@@ -18,7 +18,7 @@ def test_straight_route_ends_at_the_arrival_distance() -> None:
     np.testing.assert_allclose(path[0], (-8, 0, 0), atol=1e-3)
     np.testing.assert_allclose(path[:, 1:], 0.0, atol=2e-3)
     assert (np.diff(path[:, 0]) >= 0).all()
-    # Arrival: a fix, every 0.15 m, of the antenna 0.1 m ahead lies within 2 m of x = 8.
+    # Arrival: a fix, every 0.15 m, of the antenna 0.1 m ahead is within 2 m of x = 8.
     assert 5.9 <= path[-1, 0] <= 6.1
 
 
@@ -36,8 +36,8 @@ def test_poses_are_evenly_spaced_and_a_short_path_has_one() -> None:
     assert len(poses_along(path[:3], 2.0)) == 1
 
 
-def test_standing_pose_is_the_nominal_height_above_the_ground() -> None:
-    pose = standing_pose(
+def test_pose_on_ground_is_the_nominal_height_above_the_ground() -> None:
+    pose = pose_on_ground(
         make_world(lambda x, y: 3.0 + 0.0 * (x + y)).terrain.field, np.array([4.0, -2.0, np.pi / 2]), Rig()
     )
     np.testing.assert_allclose(pose, frames.pose((4.0, -2.0, 3.13228), (0, 0, 90)), atol=1e-9)

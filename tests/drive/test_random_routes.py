@@ -13,7 +13,7 @@ import fieldtruth
 from fieldtruth import pipeline
 from fieldtruth.core.errors import DriveError, RouteError
 from fieldtruth.drive import plan
-from fieldtruth.drive.kinematics import KinematicSimulator, path_length
+from fieldtruth.drive.kinematics import KinematicSimulator
 from fieldtruth.drive.plan import plan_route
 from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.config import ControlConfig, Experiment, RouteConfig
@@ -32,6 +32,11 @@ def path_of(route: RouteConfig, experiment: Experiment, world: World | None = No
     legs, endless = KinematicSimulator(experiment, field).drive_route(metres_from_route(route))
     assert endless is None
     return np.concatenate(legs)
+
+
+def path_length(path: F8) -> float:
+    """Length [m] in plan view."""
+    return float(np.linalg.norm(np.diff(path[:, :2], axis=0), axis=1).sum())
 
 
 def forest(count: int = 60, free: Sequence[tuple[float, float]] = ()) -> World:
@@ -116,7 +121,7 @@ def test_error_states_the_longest_route_that_was_found() -> None:
     assert 18.0 < float(text.split()[-2]) < 37.0
 
 
-def test_world_without_free_ground_is_refused() -> None:
+def test_world_without_free_ground_is_rejected() -> None:
     with pytest.raises(RouteError, match="the longest that was found is 0 m"):
         plan_route(
             make_world(obstacles=[obstacle("rock", "box", (50.0, 50.0, 1.0), 0.0, 0.0)]), random_experiment(20.0, 0)

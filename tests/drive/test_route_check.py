@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A route that cannot be driven is refused before the run, with the waypoint, its position and the obstacle."""
+"""A route that cannot be driven is rejected before the run, with the waypoint, its position and the obstacle."""
 
 import re
 
@@ -21,7 +21,7 @@ from fieldtruth.world.model import World
 POST = obstacle("post_7", "cylinder", (0.3, 2.0), 6.0, 0.0)
 
 
-def refusal(world: World, *waypoints: tuple[float, float], **changes: object) -> str:
+def rejection(world: World, *waypoints: tuple[float, float], **changes: object) -> str:
     with pytest.raises(RouteError) as caught:
         plan_route(world, make_experiment(waypoints, **changes))  # type: ignore[arg-type]
     assert "\n" not in str(caught.value)
@@ -40,44 +40,44 @@ def test_route_in_metres_is_returned_in_degrees() -> None:
     np.testing.assert_allclose(metres_from_route(planned), [(0, 0), (6, 1), (12, 3)], atol=1e-4)
 
 
-def test_waypoint_in_an_obstacle_is_refused() -> None:
-    text = refusal(make_world(obstacles=[POST]), (4.0, 4.0), (6.0, 0.1), (10.0, 0.0))
-    assert text == "waypoint 2 of 3 at x 6.0 m, y 0.1 m lies in post_7; move it to free ground"
-    text = refusal(make_world(obstacles=[POST]), (12.0, 0.0), start=(6.1, 0.0))
-    assert text == "the start at x 6.1 m, y 0.0 m lies in post_7; move it to free ground"
+def test_waypoint_in_an_obstacle_is_rejected() -> None:
+    text = rejection(make_world(obstacles=[POST]), (4.0, 4.0), (6.0, 0.1), (10.0, 0.0))
+    assert text == "waypoint 2 of 3 at x 6.0 m, y 0.1 m is in post_7; move it to free ground"
+    text = rejection(make_world(obstacles=[POST]), (12.0, 0.0), start=(6.1, 0.0))
+    assert text == "the start at x 6.1 m, y 0.0 m is in post_7; move it to free ground"
 
 
-def test_waypoint_outside_the_world_or_near_its_edge_is_refused(flat_world: World) -> None:
+def test_waypoint_outside_the_world_or_near_its_edge_is_rejected(flat_world: World) -> None:
     for x in (19.0, 24.0):
-        text = refusal(flat_world, (10.0, 0.0), (x, 0.0))
+        text = rejection(flat_world, (10.0, 0.0), (x, 0.0))
         assert text == (
-            f"waypoint 2 of 2 at x {x:.1f} m, y 0.0 m lies outside the world or less than 1.5 m from its edge"
+            f"waypoint 2 of 2 at x {x:.1f} m, y 0.0 m is outside the world or less than 1.5 m from its edge"
         )
 
 
 def test_waypoints_must_be_1_to_25_m_apart(flat_world: World) -> None:
-    text = refusal(flat_world, (5.0, 0.0), (5.5, 0.0))
+    text = rejection(flat_world, (5.0, 0.0), (5.5, 0.0))
     assert text == "waypoint 2 of 2 at x 5.5 m, y 0.0 m must be between 1 and 25 m from the previous one, got 0.50 m"
-    text = refusal(flat_world, (12.0, 0.0), start=(-14.0, 0.0))
+    text = rejection(flat_world, (12.0, 0.0), start=(-14.0, 0.0))
     assert text == "waypoint 1 of 1 at x 12.0 m, y 0.0 m must be between 1 and 25 m from the start, got 26.00 m"
     plan_route(flat_world, make_experiment([(5.0, 0.0), (-18.0, 0.0), (-17.0, 0.0)]))
 
 
-def test_leg_too_close_to_an_obstacle_is_refused_with_the_distance() -> None:
+def test_leg_too_close_to_an_obstacle_is_rejected_with_the_distance() -> None:
     world = make_world(obstacles=[POST])
-    text = refusal(world, (-4.0, 0.4), (12.0, 0.4), start=(-10.0, 0.4))
+    text = rejection(world, (-4.0, 0.4), (12.0, 0.4), start=(-10.0, 0.4))
     assert text == (
         "the leg from waypoint 1 to 2 passes post_7 at a distance of 0.10 m, at x 6.0 m, y 0.4 m; "
         "the robot needs 0.40 m"
     )
     plan_route(world, make_experiment([(-4.0, 0.75), (12.0, 0.75)], start=(-10.0, 0.75)))
-    text = refusal(world, (12.0, 0.0))
+    text = rejection(world, (12.0, 0.0))
     assert text.startswith("the leg from the start to waypoint 1 passes post_7 at a distance of 0.00 m")
 
 
-def test_corner_cut_through_an_obstacle_is_refused() -> None:
+def test_corner_cut_through_an_obstacle_is_rejected() -> None:
     bin_inside = obstacle("bin_1", "cylinder", (0.2, 1.0), 8.8, 0.7)
-    text = refusal(make_world(obstacles=[bin_inside]), (10.0, 0.0), (10.0, 8.0))
+    text = rejection(make_world(obstacles=[bin_inside]), (10.0, 0.0), (10.0, 8.0))
     assert re.match(
         r"on the leg from waypoint 1 to 2 the robot cuts the corner and comes within 0\.\d\d m of bin_1, at x 8\.\d",
         text,
@@ -87,20 +87,20 @@ def test_corner_cut_through_an_obstacle_is_refused() -> None:
         drive(make_world(obstacles=[bin_inside]), route)
 
 
-def test_legs_through_water_and_over_steep_ground_are_refused() -> None:
+def test_legs_through_water_and_over_steep_ground_are_rejected() -> None:
     def trough(x: F8, y: F8) -> F8:
         return 0.02 * np.minimum(np.abs(x - 5.0), 5.0) + 0.0 * y
 
-    text = refusal(make_world(trough, water_level=0.01), (10.0, 0.0))
-    assert text.startswith("the leg from the start to waypoint 1 lies in the water, at x 2.")
-    assert "lies in the water" in refusal(make_world(trough, water_level=0.01), (5.0, 0.0))
-    text = refusal(make_world(tilted(25.0, 0.0)), (10.0, 0.0))
-    assert text == "the start at x 0.0 m, y 0.0 m lies on a slope of more than 20 deg"
+    text = rejection(make_world(trough, water_level=0.01), (10.0, 0.0))
+    assert text.startswith("the leg from the start to waypoint 1 is in the water, at x 2.")
+    assert "is in the water" in rejection(make_world(trough, water_level=0.01), (5.0, 0.0))
+    text = rejection(make_world(tilted(25.0, 0.0)), (10.0, 0.0))
+    assert text == "the start at x 0.0 m, y 0.0 m is on a slope of more than 20 deg"
 
 
-def test_waypoint_that_the_robot_would_circle_is_refused() -> None:
+def test_waypoint_that_the_robot_would_circle_is_rejected() -> None:
     control = ControlConfig(speed=1.0, max_turn_rate=0.6, arrival_distance=0.5)
-    text = refusal(make_world(), (3.0, 0.0), (3.0, 2.0), control=control)
+    text = rejection(make_world(), (3.0, 0.0), (3.0, 2.0), control=control)
     assert text.startswith("the robot cannot reach waypoint 2 of 2 at x 3.0 m, y 2.0 m, it circles it; ")
 
 

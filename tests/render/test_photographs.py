@@ -24,10 +24,12 @@ def cluttered() -> Scene:
     """Hilly ground, boxes in all orientations, a roof of leaves."""
     rng = np.random.default_rng(5)
     objects: list[Placed] = [
-        (box(f"box_{k}", rng.uniform(0.1, 0.8, 3).tolist(), ["stone", "bark", "wood"][k % 3]),
-         frames.pose((rng.uniform(3, 12), rng.uniform(-5, 5), rng.uniform(0, 2)), rng.uniform(0, 90, 3).tolist()))
+        (
+            box(f"box_{k}", rng.uniform(0.1, 0.8, 3).tolist(), ["stone", "bark", "wood"][k % 3]),
+            frames.pose((rng.uniform(3, 12), rng.uniform(-5, 5), rng.uniform(0, 2)), rng.uniform(0, 90, 3).tolist()),
+        )
         for k in range(25)
-    ]  # fmt: skip
+    ]
     objects.append((quad("roof", [(4, -3, 3), (9, -3, 3.5), (9, 3, 3.5), (4, 3, 3)], "leaf"), at(0, 0, 0)))
     return Scene(make_world(objects, height=lambda x, y: 0.1 * np.sin(x) * np.cos(y), side=30.0))
 

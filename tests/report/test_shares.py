@@ -7,7 +7,7 @@ import pytest
 from report_worlds import EXPERIMENT, RIG, plain, small_park
 
 from fieldtruth.core.classes import CLASSES, Label
-from fieldtruth.drive.expected_path import standing_pose
+from fieldtruth.drive.expected_path import pose_on_ground
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.report import shares as shares_module
 from fieldtruth.report.shares import ClassShares, class_shares, count_classes, shares_of, shares_table
@@ -16,7 +16,7 @@ from fieldtruth.sense.scene import Scene
 
 def test_shares_on_a_plain_match_closed_form() -> None:
     world = plain()
-    poses = [standing_pose(world.terrain.field, np.array([x, 3.0, 0.4]), RIG) for x in (0.0, 10.0, 20.0)]
+    poses = [pose_on_ground(world.terrain.field, np.array([x, 3.0, 0.4]), RIG) for x in (0.0, 10.0, 20.0)]
     shares = count_classes(Scene(world), RIG, poses, workers=2)
     assert shares.pixels.shape == shares.points.shape == (3, len(CLASSES))
     assert (shares.pixels[:, Label.GROUND] == 64 * 24).all()

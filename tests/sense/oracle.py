@@ -35,9 +35,12 @@ def expected_hits(tracer: ReferenceTracer, origins: Array, directions: Array) ->
     """First hit of rays (n, 3) with directions of unit length."""
     count = len(origins)
     result = Expected(
-        np.zeros(count), np.full(count, int(Label.SKY), np.uint8), np.zeros(count, np.int64), np.ones(count),
+        np.zeros(count),
+        np.full(count, int(Label.SKY), np.uint8),
+        np.zeros(count, np.int64),
+        np.ones(count),
         np.zeros(count, np.bool_),
-    )  # fmt: skip
+    )
     _trace(tracer, origins, directions, np.arange(count), NEARBY, result)
     open_rays = np.flatnonzero((result.range_m == 0.0) | (result.range_m > NEARBY - 1.0))
     _trace(tracer, origins, directions, open_rays, HORIZON, result)

@@ -78,9 +78,13 @@ def at(x: float, y: float, z: float) -> F8:
 
 
 def make_world(
-    objects: Sequence[Placed] = (), *, height: float | Callable[[F8, F8], F8] = 0.0, side: float = 40.0,
-    spacing: float = 0.5, trail: Raster | None = None,
-) -> World:  # fmt: skip
+    objects: Sequence[Placed] = (),
+    *,
+    height: float | Callable[[F8, F8], F8] = 0.0,
+    side: float = 40.0,
+    spacing: float = 0.5,
+    trail: Raster | None = None,
+) -> World:
     """A square of ground about the origin, with objects, and with a trail if a raster of its distances is given."""
     count = round(side / spacing) + 1
     x, y = np.meshgrid(*2 * [-side / 2 + spacing * np.arange(count)], indexing="ij")

@@ -62,10 +62,12 @@ def test_thin_bar_fills_the_row_whose_centre_it_covers(row: int) -> None:
 
 def test_surfaces_outside_the_image_or_between_pixel_centres_are_not_seen() -> None:
     seen = label(
-        patch("left", (-9, -0.6), (-9, 729), 5.0), patch("right", (1279.6, 1290), (-9, 729), 5.0),
-        patch("up", (-9, 1290), (-9, -0.6), 5.0), patch("down", (-9, 1290), (719.6, 729), 5.0),
+        patch("left", (-9, -0.6), (-9, 729), 5.0),
+        patch("right", (1279.6, 1290), (-9, 729), 5.0),
+        patch("up", (-9, 1290), (-9, -0.6), 5.0),
+        patch("down", (-9, 1290), (719.6, 729), 5.0),
         patch("between", (500.1, 500.9), (-9, 729), 5.0),
-    )  # fmt: skip
+    )
     assert set(seen.label.ravel()) == {Label.SKY}
     assert np.all(seen.instance == 0)
     assert np.all(seen.depth == 0)
@@ -128,8 +130,10 @@ def test_depth_of_a_plane_normal_to_the_axis_is_constant() -> None:
     seen = label(patch("wall", (-9, 1289), (-9, 729), 7.5))
     assert np.abs(seen.depth - 7.5).max() < 1e-5
     assert (seen.label.dtype, seen.instance.dtype, seen.depth.dtype) == (
-        np.dtype(np.uint8), np.dtype(np.uint16), np.dtype(np.float32),
-    )  # fmt: skip
+        np.dtype(np.uint8),
+        np.dtype(np.uint16),
+        np.dtype(np.float32),
+    )
 
 
 def test_depth_of_the_ground_matches_closed_form() -> None:

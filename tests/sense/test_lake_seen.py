@@ -84,8 +84,8 @@ def test_every_class_is_seen_from_the_route(lake: Scene) -> None:
         for at in np.linspace(0.02, 0.98, 10):
             base = robot_pose(lake, line, at)
             hit |= set(lidar.scan(base @ rig.lidar.mount.base_from_sensor).label.tolist())
-            picture = camera.label(base @ frames.pose(rig.cameras.left.xyz) @ OPTICAL)
-            seen |= set(picture.label[::3, ::3].ravel().tolist())
+            images = camera.label(base @ frames.pose(rig.cameras.left.xyz) @ OPTICAL)
+            seen |= set(images.label[::3, ::3].ravel().tolist())
     solid = {Label.GROUND, Label.TRUNK, Label.TREETOP, Label.BUSH, Label.HIGH_GRASS, Label.POST, Label.CABLE}
     assert hit == solid
     assert seen == solid | {Label.WATER, Label.SKY}
@@ -96,17 +96,17 @@ def test_lidar_gets_no_return_where_the_camera_sees_water(lake: Scene) -> None:
     rig = Rig()
     eye = base @ frames.pose(rig.cameras.left.xyz) @ OPTICAL
     camera = LabelCamera(rig.cameras, lake)
-    picture = camera.label(eye)
-    assert (picture.label == Label.WATER).mean() > 0.1
-    rows, columns = (n[::97] for n in np.nonzero(picture.label == Label.WATER))
-    hole = camera.pinhole
-    rays = np.column_stack([(columns - hole.cx) / hole.fx, (rows - hole.cy) / hole.fy, np.ones(len(rows))])
+    images = camera.label(eye)
+    assert (images.label == Label.WATER).mean() > 0.1
+    rows, columns = (n[::97] for n in np.nonzero(images.label == Label.WATER))
+    lens = camera.pinhole
+    rays = np.column_stack([(columns - lens.cx) / lens.fx, (rows - lens.cy) / lens.fy, np.ones(len(rows))])
     directions = rays @ eye[:3, :3].T
     back = trace_rays(lake, np.tile(eye[:3, 3], (len(rays), 1)), directions, max_range=2000.0)
     assert not back.range_m.any()
     # The depth image is that of the plane.
     assert lake.world.water_level is not None
     depth = (lake.world.water_level - eye[2, 3]) / directions[:, 2]
-    assert picture.depth[rows, columns] == pytest.approx(depth, rel=1e-4)
+    assert images.depth[rows, columns] == pytest.approx(depth, rel=1e-4)
     lake_id = next(i.object_id for i in lake.world.instances if i.kind == "water")
-    assert set(picture.instance[rows, columns]) == {lake_id}
+    assert set(images.instance[rows, columns]) == {lake_id}

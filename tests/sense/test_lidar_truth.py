@@ -127,13 +127,13 @@ def test_ranges_inside_a_box_match_closed_form() -> None:
 
 def test_ranges_of_a_rotated_and_scaled_instance_match_closed_form() -> None:
     """A room scaled by 4 and rotated about all axes, with rays transformed to its frame by hand."""
-    half, place, scale = np.array([1.5, 1.0, 0.7]), np.array([20.0, -7.0, 3.0]), 4.0
+    half, position, scale = np.array([1.5, 1.0, 0.7]), np.array([20.0, -7.0, 3.0]), 4.0
     turned = rotation(20, -35, 70)
     pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = scale * turned, place
+    pose[:3, :3], pose[:3, 3] = scale * turned, position
     config, origin = LidarConfig(columns=128, rings=32), np.array([21.0, -8.0, 3.5])
     scan = Lidar(config, floating((box("room", half.tolist()), pose))).scan(at(*origin))
-    expected = to_box((origin - place) @ turned, ray_directions(config) @ turned, scale * half)
+    expected = to_box((origin - position) @ turned, ray_directions(config) @ turned, scale * half)
     assert grid(scan, config) == pytest.approx(expected, abs=TOLERANCE)
     assert set(scan.instance) == {2}
 

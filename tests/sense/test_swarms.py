@@ -24,9 +24,14 @@ def swarming() -> World:
     poses[:, 0, 3] = 5.0
     poses[:, :3, :3] *= 1.2
     swarm = Swarm(
-        name="mixed", kind="mixed", object_id=3, meshes=("stone", "trunk"), mesh=np.arange(10, dtype=np.int32) % 2,
-        world_from_object=poses, tint=np.ones((10, 3), np.float32),
-    )  # fmt: skip
+        name="mixed",
+        kind="mixed",
+        object_id=3,
+        meshes=("stone", "trunk"),
+        mesh=np.arange(10, dtype=np.int32) % 2,
+        world_from_object=poses,
+        tint=np.ones((10, 3), np.float32),
+    )
     meshes = {**world.meshes, "stone": stone, "trunk": trunk}
     return replace(world, meshes=meshes, swarms=(swarm,), object_names=("husky", "ground", "wall", "mixed"))
 

@@ -28,12 +28,12 @@ def robot_rays(scene: Scene, count: int, rng: np.random.Generator) -> tuple[F8, 
     corners = np.concatenate(
         [metres_from_route(load_experiment(n).route) for n in (f"{scene.world.name}_1", f"{scene.world.name}_2")]
     )
-    spots = corners[rng.integers(len(corners), size=count)] + rng.uniform(-0.5, 0.5, (count, 2))
-    z = scene.world.terrain.field.height_at(*spots.T) + rng.uniform(0.3, 1.2, count)
+    positions = corners[rng.integers(len(corners), size=count)] + rng.uniform(-0.5, 0.5, (count, 2))
+    z = scene.world.terrain.field.height_at(*positions.T) + rng.uniform(0.3, 1.2, count)
     azimuth, elevation = rng.uniform(0, 2 * np.pi, count), np.radians(rng.uniform(-25, 35, count))
     flat = np.cos(elevation)
     directions = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)], axis=-1)
-    return np.column_stack([spots, z]), directions
+    return np.column_stack([positions, z]), directions
 
 
 def test_oracle_on_a_box() -> None:

@@ -70,7 +70,7 @@ def test_height_beyond_matches_the_mesh(backdrop: Mesh) -> None:
     assert found == pytest.approx(middle[near, 2], abs=0.06)
 
 
-def test_swarm_beyond_the_edge_stands_on_the_backdrop_within_its_bounds(backdrop: Mesh) -> None:
+def test_swarm_beyond_the_edge_is_on_the_backdrop_within_its_bounds(backdrop: Mesh) -> None:
     rock = make_rock(ROCK_TYPES["scree"], name="r", size=0.5, rng=np.random.default_rng(0), triangles=80, solid=False)
 
     def north(xy: F8) -> F8:

@@ -42,7 +42,7 @@ def test_commands_fail_with_one_line_and_exit_code_2(
 ) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(dump_experiment(park.model_copy(update=change)))
-    assert parse_experiment(path.read_text()).name == "park_1"  # a valid file: only the world refuses it
+    assert parse_experiment(path.read_text()).name == "park_1"  # a valid file, but not for this environment
     assert main([command, str(path), *(["--out", str(tmp_path / "data")] if command == "generate" else [])]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
     assert not (tmp_path / "data").exists()

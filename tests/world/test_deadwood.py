@@ -123,9 +123,11 @@ def test_boxes_cover_the_log_and_circles_cover_the_boxes(roots: bool, seed: int)
         assert box.shape == "box"
         assert box.yaw_deg == 0
         offset = np.abs(above - box.position)
-        inside |= (offset[:, 0] <= box.size[0] / 2 + 0.03) & (offset[:, 1] <= box.size[1] / 2 + 0.03) & (
-            above[:, 2] <= box.position[2] + box.size[2] + 0.03
-        )  # fmt: skip
+        inside |= (
+            (offset[:, 0] <= box.size[0] / 2 + 0.03)
+            & (offset[:, 1] <= box.size[1] / 2 + 0.03)
+            & (above[:, 2] <= box.position[2] + box.size[2] + 0.03)
+        )
     assert inside.mean() > 0.75  # except splinters, stubs and root tips
     low = np.abs(mesh.vertices[:, 0]) < 2.8
     assert inside[low[mesh.vertices[:, 2] > 0]].mean() > 0.75

@@ -70,9 +70,12 @@ def test_counts_species_and_ages(world: World) -> None:
         assert 0.8 * low < min(heights) < max(heights) < 1.25 * high
     others = Counter(i.kind for i in world.instances if i.kind not in TREES)
     assert others == {
-        "snag": CONFIG.snags, "fallen_trunk": CONFIG.fallen_trunks, "stump": CONFIG.stumps, "bush": CONFIG.bushes,
+        "snag": CONFIG.snags,
+        "fallen_trunk": CONFIG.fallen_trunks,
+        "stump": CONFIG.stumps,
+        "bush": CONFIG.bushes,
         "rock": CONFIG.rocks,
-    }  # fmt: skip
+    }
     assert len(world.object_names) <= 500
 
 
@@ -143,9 +146,7 @@ def test_objects_touch_the_ground(world: World) -> None:
 
 def test_classes(world: World) -> None:
     labels = {m.label for m in world.materials.values()}
-    assert labels == {
-        Label.GROUND, Label.TRUNK, Label.TREETOP, Label.BUSH, Label.ROCK, Label.HIGH_GRASS, Label.TRAIL
-    }  # fmt: skip
+    assert labels == {Label.GROUND, Label.TRUNK, Label.TREETOP, Label.BUSH, Label.ROCK, Label.HIGH_GRASS, Label.TRAIL}
     for instance in world.instances:
         own = {world.materials[n].label for n in world.meshes[instance.mesh].materials}
         if instance.kind in TREES:

@@ -90,7 +90,7 @@ def test_bumps_on_the_routes_are_a_few_centimetres(world: World) -> None:
     assert bumps.max() > 0.1
 
 
-def test_the_mountain_rises_across_the_world_and_beyond(world: World) -> None:
+def test_mountain_rises_across_the_world_and_beyond(world: World) -> None:
     heights = world.terrain.field.heights.astype(float)
     assert heights[:, -1].mean() - heights[:, 0].mean() > 7.0
     assert world.backdrop is not None
@@ -178,8 +178,22 @@ def test_same_seed_same_bytes_and_other_seed_another_world() -> None:
 
 
 def test_flank_without_corridors_is_steep_everywhere() -> None:
-    config = HillsideConfig(individuals=1, crags=2, boulders=2, blocks=2, slabs=1, stones=0, pebbles=0, grass=0,
-                            junipers=1, gorse=1, cushions=1, pines=1, oaks=1, snags=1)  # fmt: skip
+    config = HillsideConfig(
+        individuals=1,
+        crags=2,
+        boulders=2,
+        blocks=2,
+        slabs=1,
+        stones=0,
+        pebbles=0,
+        grass=0,
+        junipers=1,
+        gorse=1,
+        cushions=1,
+        pines=1,
+        oaks=1,
+        snags=1,
+    )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(assembly, "make_textures", lambda *_: {})
         world = build_hillside(3, [], config)

@@ -88,7 +88,7 @@ def shore_y(world: World) -> F8:
     return np.asarray(field.y0 + field.spacing * (wet.shape[1] - 1 - np.argmax(wet[:, ::-1], axis=1)))
 
 
-def test_the_shore_is_irregular(world: World) -> None:
+def test_shore_is_irregular(world: World) -> None:
     y = shore_y(world)
     assert np.ptp(y) > 3.0
     assert y.std() > 0.7
@@ -169,13 +169,13 @@ def test_no_collider_near_routes(world: World) -> None:
 def test_footprints_are_disjoint(world: World) -> None:
     standing = [i for i in world.instances if i.kind.endswith(("tree", "bush", "pole"))]
     xy = np.array([i.world_from_object[:2, 3] for i in standing])
-    room = [
+    radius = [
         0.8
         if i.kind == "power_pole"
         else world.meshes[i.mesh].footprint * np.cbrt(np.linalg.det(i.world_from_object[:3, :3]))
         for i in standing
     ]
-    apart = np.linalg.norm(xy[:, None] - xy, axis=-1) - np.add.outer(room, room)
+    apart = np.linalg.norm(xy[:, None] - xy, axis=-1) - np.add.outer(radius, radius)
     np.fill_diagonal(apart, np.inf)
     assert apart.min() > -1e-6
 
@@ -233,7 +233,7 @@ def test_same_seed_same_lake_other_seed_another() -> None:
     assert not np.array_equal(other.terrain.field.heights, first.terrain.field.heights)
 
 
-def test_grass_density_moves_no_object_and_bad_layouts_are_errors() -> None:
+def test_grass_density_moves_no_object_and_invalid_layouts_are_errors() -> None:
     """The grass density does not move trees; layouts that are not allowed raise errors."""
     few, many = lake_variant(2, grass=0.1), lake_variant(2)
     for a, b in zip(few.instances, many.instances, strict=True):

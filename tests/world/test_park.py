@@ -104,7 +104,7 @@ def test_soles_finds_each_foot(park: World) -> None:
 
 
 def test_origins_are_at_most_20_cm_below_the_ground(world: World) -> None:
-    """An object's origin, its own ground level, lies at most 20 cm under the real ground, and never above it."""
+    """An object's origin, its own ground level, is at most 20 cm below the real ground, and never above it."""
     for instance in world.instances:
         x, y, z = instance.world_from_object[:3, 3]
         assert -1e-6 < float(world.terrain.field.height_at(x, y)) - z < 0.20, instance.name
@@ -147,7 +147,7 @@ def test_trails_are_free_of_furniture_and_trunks(world: World) -> None:
             assert terrain.trail_distance.at(low[:, 0], low[:, 1]).min() > 0.0, instance.name
 
 
-def test_there_are_two_trails_with_a_border(world: World) -> None:
+def test_world_has_two_trails_with_a_border(world: World) -> None:
     distance = world.terrain.trail_distance
     x = np.linspace(-50, 50, 401)
     y = np.linspace(-25, 25, 201)
@@ -168,7 +168,7 @@ def test_there_are_two_trails_with_a_border(world: World) -> None:
 
 def test_no_collider_near_routes(world: World) -> None:
     """No collider comes within 0.6 m of a corridor's centre line."""
-    for name, corners_of_line in enumerate(CORRIDORS):
+    for number, corners_of_line in enumerate(CORRIDORS):
         line = np.array(corners_of_line)
         for instance in world.instances:
             pose, size = instance.world_from_object, scale(instance)
@@ -183,7 +183,7 @@ def test_no_collider_near_routes(world: World) -> None:
                     grid = grid @ [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
                     points = np.column_stack([grid + collider.position[:2], np.zeros(len(grid)), np.ones(len(grid))])
                     gap = distance_to_line((points @ pose.T)[:, :2], line).min()
-                assert gap > FREE, (name, instance.name)
+                assert gap > FREE, (number, instance.name)
 
 
 def test_object_ids_are_rows_of_object_names(world: World) -> None:
@@ -234,7 +234,7 @@ def test_large_tree_has_20_000_triangles_of_two_classes(world: World) -> None:
 
 
 def test_species_and_individuals_of_the_real_park(park: World) -> None:
-    """At least two species with four individuals each stand in the park, as shared meshes."""
+    """At least two species with four individuals each are in the park, as shared meshes."""
     used = {i.mesh for i in park.instances if i.kind == "large_tree"}
     per_species = Counter(species for name in used for species in TREES if f"_{species}_" in name)
     assert sum(count >= 4 for count in per_species.values()) >= 2
@@ -245,9 +245,12 @@ def test_species_and_individuals_of_the_real_park(park: World) -> None:
 
 def test_classes_of_furniture_and_bushes(park: World) -> None:
     expected = {
-        "bench": Label.BENCH, "lamp_post": Label.LAMP_POST, "table": Label.TABLE, "trash_bin": Label.TRASH_BIN,
+        "bench": Label.BENCH,
+        "lamp_post": Label.LAMP_POST,
+        "table": Label.TABLE,
+        "trash_bin": Label.TRASH_BIN,
         "bush": Label.BUSH,
-    }  # fmt: skip
+    }
     for instance in park.instances:
         if instance.kind in expected:
             labels = {park.materials[name].label for name in park.meshes[instance.mesh].materials}
@@ -260,8 +263,11 @@ def test_backdrop_is_watertight_at_the_terrain_and_has_land_woods_and_trails(par
     assert whole is not None
     labels = {name: park.materials[name].label for name in whole.materials}
     assert labels == {
-        "meadow": Label.GROUND, "canopy": Label.TREETOP, "gravel": Label.TRAIL, "setts": Label.TRAIL,
-    }  # fmt: skip
+        "meadow": Label.GROUND,
+        "canopy": Label.TREETOP,
+        "gravel": Label.TRAIL,
+        "setts": Label.TRAIL,
+    }
     assert whole.materials[0] == "meadow"
     mesh = joined_land(whole)
     x, y, z = mesh.vertices.astype(float).T

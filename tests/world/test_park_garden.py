@@ -16,8 +16,15 @@ from fieldtruth.world.environments.park.corridors import CORRIDORS
 from fieldtruth.world.model import Swarm, World
 
 F8 = NDArray[np.float64]
-BEYOND = ("avenues_near", "avenues_beyond", "woods_beyond", "trees_near", "trees_beyond", "bushes_beyond",
-          "high_grass_beyond")  # fmt: skip
+BEYOND = (
+    "avenues_near",
+    "avenues_beyond",
+    "woods_beyond",
+    "trees_near",
+    "trees_beyond",
+    "bushes_beyond",
+    "high_grass_beyond",
+)
 
 
 @pytest.fixture(scope="module", params=[0, 1, 2], ids=lambda seed: f"seed_{seed}")
@@ -161,7 +168,7 @@ def test_far_swarms_are_outside_the_world_and_on_the_backdrop(world: World) -> N
 
 
 def test_trails_continue_beyond_the_edge_without_a_step(world: World) -> None:
-    """At the edge the ribbons lie where the trails leave the world; no tree stands on them."""
+    """At the edge the ribbons are where the trails leave the world; no tree is on them."""
     land = world.backdrop
     assert land is not None
     rows = [land.materials.index(name) for name in ("gravel", "setts")]
@@ -184,5 +191,7 @@ def test_densities_of_0_remove_herbs_and_far_plants() -> None:
     assert [s.name for s in bare.swarms] == ["bed_edges"]
     same = park_variant(1)
     assert [i.name for i in bare.instances] == [i.name for i in same.instances]
-    assert all(np.array_equal(a.world_from_object, b.world_from_object)
-               for a, b in zip(bare.instances, same.instances, strict=True))  # fmt: skip
+    assert all(
+        np.array_equal(a.world_from_object, b.world_from_object)
+        for a, b in zip(bare.instances, same.instances, strict=True)
+    )

@@ -50,7 +50,7 @@ def positions(instances: list[Instance]) -> F8:
     return np.array([i.world_from_object[:2, 3] for i in instances])
 
 
-def test_object_stands_on_the_lowest_ground_of_its_footprint() -> None:
+def test_object_is_on_the_lowest_ground_of_its_footprint() -> None:
     """On a slope of 10 %, lower by 0.1 times the footprint's radius, at most 0.9 m: crowns are wider than stems."""
     builder = lawn(slope=0.1)
     narrow = builder.add_upright("a", mesh("a", 0.5), (3.0, -5.0), yaw=0.0)
@@ -143,22 +143,22 @@ def test_same_generator_same_positions() -> None:
     assert not np.allclose(first, other)
 
 
-def test_full_world_reports_how_many_found_room() -> None:
+def test_full_world_reports_how_many_objects_fit() -> None:
     tents = ObjectGroup(kind="tent", meshes=[mesh()], count=900)
-    with pytest.raises(CrowdedWorldError, match=r"only \d+ of 900 tent find room in the world"):
+    with pytest.raises(CrowdedWorldError, match=r"only \d+ of 900 objects of kind tent fit in the world"):
         lawn().scatter(tents, np.random.default_rng(0), anywhere)
     lamps = ObjectGroup(kind="lamp", meshes=[mesh()], count=99, spacing=3.0)
-    with pytest.raises(CrowdedWorldError, match=r"only \d+ of 99 lamp find room along the trails"):
+    with pytest.raises(CrowdedWorldError, match=r"only \d+ of 99 objects of kind lamp fit along the trails"):
         lawn().along_trails(lamps, np.random.default_rng(0), offset=0.6)
 
 
-def test_nothing_allowed_is_reported_too() -> None:
+def test_no_allowed_position_is_reported() -> None:
     tent = ObjectGroup(kind="tent", meshes=[mesh()], count=1)
-    with pytest.raises(CrowdedWorldError, match="only 0 of 1 tent"):
+    with pytest.raises(CrowdedWorldError, match="only 0 of 1 objects of kind tent"):
         lawn().scatter(tent, np.random.default_rng(0), lambda xy: xy[:, 0] > 99)
 
 
-def test_objects_along_a_trail_stand_at_their_offset_and_face_it() -> None:
+def test_objects_along_a_trail_keep_their_offset_and_face_it() -> None:
     lamps = ObjectGroup(kind="lamp", meshes=[mesh()], count=10, spacing=4.0)
     placed = lawn().along_trails(lamps, np.random.default_rng(3), offset=0.6)
     xy = positions(placed)

@@ -45,7 +45,7 @@ def test_wire_passes_through_both_ends_with_its_sag(name: str, sag: float) -> No
 
 
 @pytest.mark.parametrize("name", ENDS)
-def test_the_curve_is_a_catenary(name: str) -> None:
+def test_curve_is_a_catenary(name: str) -> None:
     """A catenary is the curve whose a z'' is sqrt(1 + z'^2): the weight between two points follows the arc's length."""
     wire = hang(*ENDS[name], sag=0.8)
     x, h = np.linspace(1.0, wire.span - 1.0, 9), 1e-3
@@ -93,7 +93,7 @@ def off_curve(wire: Catenary, points: F8) -> F8:
 
 @pytest.mark.parametrize("name", ENDS)
 @pytest.mark.parametrize("radius", [CONDUCTOR_RADIUS, BUNDLE_RADIUS])
-def test_the_mesh_follows_the_catenary(name: str, radius: float) -> None:
+def test_mesh_follows_the_catenary(name: str, radius: float) -> None:
     wire = hang(*ENDS[name], sag=0.8)
     mesh, pose = make_cable("cable", wire, radius=radius)
     corners = mesh.vertices.astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]
@@ -104,7 +104,7 @@ def test_the_mesh_follows_the_catenary(name: str, radius: float) -> None:
     assert 2 < len(rings) < 60
     assert off_curve(wire, rings).max() < 1e-4
     assert rings[[0, -1]] == pytest.approx(np.stack([wire.start, wire.end]), abs=1e-4)
-    # Between two rings the tube's straight axis leaves the curve by no more than was said.
+    # Between two rings the tube's straight axis leaves the curve by no more than CHORD_ERROR.
     assert off_curve(wire, (rings[1:] + rings[:-1]) / 2).max() < 1.05 * CHORD_ERROR + 1e-4 < 0.01
 
 
@@ -131,7 +131,7 @@ def test_poles_have_class_post_and_reach_into_the_ground(variant: int) -> None:
 
 @pytest.mark.parametrize("variant", [0, 1])
 def test_wires_end_at_insulators(variant: int) -> None:
-    """The axis of each wire lies on the pole's own surface: within 2 cm of a vertex of its insulator."""
+    """The axis of each wire ends on the pole's surface: within 3 cm of a vertex of its insulator."""
     mesh, held = make_power_pole(variant), wire_points(variant)
     assert held.shape == (4, 3)
     nearest = np.linalg.norm(mesh.vertices[:, None] - held, axis=-1).min(axis=0)
@@ -139,7 +139,7 @@ def test_wires_end_at_insulators(variant: int) -> None:
     assert np.ptp(held[:2, 1]) > 1.5
 
 
-def test_unknown_variant_is_refused() -> None:
+def test_unknown_variant_is_rejected() -> None:
     with pytest.raises(ValueError, match="power pole variant must be between 0 and 1, got 2"):
         make_power_pole(2)
 

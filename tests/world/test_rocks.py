@@ -135,7 +135,7 @@ def test_scattered_rocks_keep_their_distance_and_follow_the_density() -> None:
     assert positions[:, 0].min() > 0
     apart = np.linalg.norm(positions[:, None] - positions, axis=-1) + 9 * np.eye(20)
     assert apart.min() > 2 * 0.85 * mesh.footprint
-    with pytest.raises(CrowdedWorldError, match="of 2000 rock find room"):
+    with pytest.raises(CrowdedWorldError, match="of 2000 objects of kind rock fit"):
         scatter_rocks(builder, group(2000), np.random.default_rng(1), north)
 
 

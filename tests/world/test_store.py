@@ -124,7 +124,7 @@ def test_read_only_cache_is_ignored(builds: list[tuple[str, int]], tmp_path: Pat
     assert builds == [("park", 0)]
 
 
-def test_an_unknown_environment_lists_the_known_ones(tmp_path: Path) -> None:
+def test_unknown_environment_lists_the_known_ones(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match=r"unknown environment 'bark'; did you mean 'park'"):
         load_world("bark", 0, cache_folder=tmp_path)
     assert list(tmp_path.iterdir()) == []

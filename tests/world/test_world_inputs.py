@@ -18,7 +18,7 @@ from fieldtruth.world.trails import Line
 
 
 @pytest.mark.parametrize("name", experiment_names())
-def test_route_of_each_builtin_experiment_lies_in_a_corridor(name: str) -> None:
+def test_route_of_each_builtin_experiment_is_in_a_corridor(name: str) -> None:
     experiment = load_experiment(name)
     route = Line.through([(float(x), float(y)) for x, y in metres_from_route(experiment.route)], smooth=False)
     corridors = reserved_corridors(experiment.environment)
@@ -27,7 +27,7 @@ def test_route_of_each_builtin_experiment_lies_in_a_corridor(name: str) -> None:
 
 
 @pytest.mark.parametrize("environment", ENVIRONMENTS)
-def test_corridors_lie_in_the_world(environment: str) -> None:
+def test_corridors_are_in_the_world(environment: str) -> None:
     corridors = reserved_corridors(environment)
     size = layout_model(environment)().model_dump()["size"]
     assert corridors

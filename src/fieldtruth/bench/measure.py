@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from fieldtruth.bench.recording import SECONDS, pairs_per_second
-from fieldtruth.bench.sensors import measure_cameras, measure_lidar, poses_along
+from fieldtruth.bench.sensors import measure_cameras, measure_lidar, poses_on_route
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
@@ -71,7 +71,7 @@ def measure(settings: Settings, progress: Progress | None = None) -> dict[str, f
         world = world_of(experiment)
     with progress.stage("bake the light"):
         baked = bake(Scene(world), experiment.light)
-    poses = poses_along(experiment.route, world, rig, settings.views)
+    poses = poses_on_route(experiment.route, world, rig, settings.views)
     with progress.stage("LiDAR"):
         found |= measure_lidar(baked.scene, rig, poses, settings.repeats)
     with progress.stage("cameras"):

@@ -45,7 +45,7 @@ def poses_along(path: Array, spacing: float) -> Array:
     return path[np.minimum(np.searchsorted(arc, at), len(path) - 1)]
 
 
-def standing_pose(field: Heightfield, pose: Array, rig: Rig) -> Array:
-    """Return world_from_base (4, 4) of a robot that stands on the ground at x, y [m] with a heading [rad]."""
+def pose_on_ground(field: Heightfield, pose: Array, rig: Rig) -> Array:
+    """Return world_from_base (4, 4) of a robot at rest on the ground at x, y [m] with a heading [rad]."""
     x, y, heading = pose
     return frames.pose_from_quaternion_wxyz(*resting_pose(field, np.array([x, y]), float(heading), rig))

@@ -103,8 +103,3 @@ class KinematicSimulator:
         i = min(max(round((x - self._field.x0) / self._field.spacing), 0), nx - 1)
         j = min(max(round((y - self._field.y0) / self._field.spacing), 0), ny - 1)
         return float(self._slopes[0][i, j]), float(self._slopes[1][i, j])
-
-
-def path_length(poses: Array) -> float:
-    """Length [m] in plan view of a path through poses (n, 2 or 3)."""
-    return float(np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1).sum())

@@ -22,9 +22,9 @@ from fieldtruth.drive.traversability import CELL, ROBOT_RADIUS, Traversability
 PATH_GAP: Final = 0.2  # [m] from the robot's outline to an obstacle, at least
 SPACINGS: Final = (16.0, 13.0, 10.5, 8.5, 7.0)  # [m] of path between waypoints
 CLOSE_SPACINGS: Final = (5.6, 4.5, 3.6, 2.8, 2.3)  # [m], where obstacles require it
-TURN_GAP: Final = 0.3  # [m] more in turns, where the robot skids more on one side than on the other on uneven ground:
-SHARP_TURN: Final = 1.2  # [rad]; by up to 0.4 m in turns of this and more,
-AFTER_TURN: Final = 1.5  # [m] and this far behind them
+TURN_GAP: Final = 0.3  # [m] added in turns, where skidding on uneven ground displaces the robot by up to 0.4 m
+SHARP_TURN: Final = 1.2  # [rad] of turning from which the whole TURN_GAP is added
+AFTER_TURN: Final = 1.5  # [m] of path after a turn for which TURN_GAP is kept
 MIN_SPACING: Final = 6.25  # [m] of path; eight tenths of it in a straight line
 MAX_SPACING: Final = 20.0  # [m]
 ATTEMPTS: Final = 10
@@ -157,7 +157,7 @@ class RandomRoutePlanner:
         if not 0.8 * min_spacing <= np.linalg.norm(line[-1] - line[0]) <= MAX_SPACING:
             return None
         clearance = ground.clearance_at(line).min()
-        # The map answers most cases: its clearance is that of the robot's corners, the line needs less.
+        # The map decides most cases quickly; its clearance holds for the robot's corners, a line needs less.
         if (
             clearance < (0.0 if clear else LINE_GAP - ROBOT_RADIUS - CELL)
             or ground.terrain_clearance_at(line).min() < 0

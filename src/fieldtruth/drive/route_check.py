@@ -95,10 +95,10 @@ def _leg(row: int) -> str:
 def _check_waypoint(ground: Traversability, corners: Array, row: int) -> None:
     for outline in _near(ground, corners[row : row + 1], 0.0):
         if distance_to(outline, corners[row : row + 1])[0] <= 0:
-            raise RouteError(f"{_waypoint(corners, row)} lies in {outline.name}; move it to free ground")
+            raise RouteError(f"{_waypoint(corners, row)} is in {outline.name}; move it to free ground")
     blockage = Blockage(ground.blockage_at(corners[row])[0])
     if blockage in _TERRAIN:
-        raise RouteError(f"{_waypoint(corners, row)} lies {BLOCKAGE_TEXTS[blockage]}")
+        raise RouteError(f"{_waypoint(corners, row)} is {BLOCKAGE_TEXTS[blockage]}")
     if row:
         spacing = float(np.linalg.norm(corners[row] - corners[row - 1]))
         if not SPACING[0] - _ROUNDING <= spacing <= SPACING[1] + _ROUNDING:
@@ -130,7 +130,7 @@ def _check_path(ground: Traversability, row: int, poses: Array) -> None:
     _check_terrain(ground, row, poses[:, :2])
     rough = np.flatnonzero(bump_height_on_path(ground.field, poses) > CHASSIS_CLEARANCE)
     if len(rough):
-        raise RouteError(f"{_leg(row)} lies {BLOCKAGE_TEXTS[Blockage.ROUGH]}, at {_xy(poses[rough[0]])}")
+        raise RouteError(f"{_leg(row)} is {BLOCKAGE_TEXTS[Blockage.ROUGH]}, at {_xy(poses[rough[0]])}")
 
 
 def _check_terrain(ground: Traversability, row: int, points: Array) -> None:
@@ -138,7 +138,7 @@ def _check_terrain(ground: Traversability, row: int, points: Array) -> None:
     blocked = np.flatnonzero(np.isin(blockage, _TERRAIN))
     if len(blocked):
         text = BLOCKAGE_TEXTS[Blockage(blockage[blocked[0]])]
-        raise RouteError(f"{_leg(row)} lies {text}, at {_xy(points[blocked[0]])}")
+        raise RouteError(f"{_leg(row)} is {text}, at {_xy(points[blocked[0]])}")
 
 
 def _near(ground: Traversability, points: Array, distance: float) -> list[Outline]:

@@ -22,6 +22,7 @@ from fieldtruth.sense.scene import Scene
 OPEN_SHARE: Final = 0.72
 """Mean light on the ground of a park over that of a meadow; there the exposure is 1."""
 ADAPTATION: Final = 0.8
+"""Exponent with which the exposure follows the mean light; 1 would make all worlds equally bright."""
 
 
 @dataclass(frozen=True, kw_only=True)

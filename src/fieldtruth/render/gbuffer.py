@@ -28,12 +28,12 @@ from fieldtruth.render.tables import (
     TEX_V,
     THIRD,
     Shading,
-)  # fmt: skip
+)
 from fieldtruth.sense.hits import TERRAIN, read_grid
 from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.ray_batch import RayBatch
 
-RED, GREEN, BLUE, NX, NY, NZ, SKY, SUN, THROUGH, GLOSS, MIRROR = range(11)
+RED, GREEN, BLUE, NX, NY, NZ, SKY, SUN, TRANSLUCENCY, GLOSS, MIRROR = range(11)
 """Columns: linear albedo, unit normal, share of open sky, share of the sun, translucency, gloss, mirror."""
 FIELDS: Final = 11
 TRACE_SUN: Final = -1.0
@@ -45,7 +45,7 @@ _Barycentric = tuple[np.float32, np.float32, np.float32]
 _PER_AIR, _PER_LAYER = np.float32(1.0 / AIR_TEXEL), np.float32(1.0 / AIR_LAYER)
 _SHADOWS_END = np.float32(90.0)
 """Distance [m] beyond which the backdrop's trees are drawn without shadows."""
-_AIR_GAIN, _AIR_LEAST = np.float32(1.35), np.float32(0.06)
+_AIR_GAIN, _AIR_MIN = np.float32(1.35), np.float32(0.06)
 """Corrections of air_sky: an object occludes its own air, which the gain makes up for, and interreflection between
 leaves and soil reaches everywhere."""
 
@@ -122,7 +122,7 @@ def terrain_gbuffer(shading: Shading, batch: RayBatch, count: int, pixel: float,
         sx, sy = _bilinear(ground, i, j, 3, weights), _bilinear(ground, i, j, 4, weights)
         scale = one / np.sqrt(one + sx * sx + sy * sy)
         out[k, NX], out[k, NY], out[k, NZ] = -sx * scale, -sy * scale, scale
-        out[k, SKY], out[k, SUN] = _AIR_LEAST + (1.0 - _AIR_LEAST) * read_grid(open_sky, x, y), read_grid(sunlit, x, y)
+        out[k, SKY], out[k, SUN] = _AIR_MIN + (1.0 - _AIR_MIN) * read_grid(open_sky, x, y), read_grid(sunlit, x, y)
         grazing = (directions[0, k] * sx + directions[1, k] * sy - directions[2, k]) * scale
         footprint = distance[k] * pixel / np.sqrt(max(grazing, np.float32(0.05)))
         trail = read_grid(edge, x, y)
@@ -135,7 +135,7 @@ def terrain_gbuffer(shading: Shading, batch: RayBatch, count: int, pixel: float,
         texture, per_metre = textures[row], 1.0 / repeats[row]
         level = _level(sizes[texture, 0], footprint, repeats[row], _dither(image[0, k], image[1, k]))
         red, green, blue = sample(atlas, texture, x * per_metre, y * per_metre, level)
-        out[k, THROUGH], out[k, GLOSS], out[k, MIRROR] = 0.0, glosses[row], 0.0
+        out[k, TRANSLUCENCY], out[k, GLOSS], out[k, MIRROR] = 0.0, glosses[row], 0.0
         if trail < 0.0:
             out[k, RED], out[k, GREEN], out[k, BLUE] = red * tints[row, 0], green * tints[row, 1], blue * tints[row, 2]
         else:
@@ -193,8 +193,8 @@ def mesh_gbuffer(shading: Shading, batch: RayBatch, count: int, pixel: float, ou
             scale = -scale
         out[k, NX], out[k, NY], out[k, NZ] = wx * scale, wy * scale, wz * scale
         around = read_air(air, points[0, k] - ax0, points[1, k] - ay0, points[2, k] - bases[top])
-        out[k, SKY] = min(_mixed(vertices, corners, weights, OPEN_SKY), _AIR_GAIN * around + _AIR_LEAST)
-        out[k, THROUGH], out[k, GLOSS], out[k, MIRROR] = through, glosses[row], mirrors[row]
+        out[k, SKY] = min(_mixed(vertices, corners, weights, OPEN_SKY), _AIR_GAIN * around + _AIR_MIN)
+        out[k, TRANSLUCENCY], out[k, GLOSS], out[k, MIRROR] = through, glosses[row], mirrors[row]
         texture = textures[row]
         u, v = _mixed(vertices, corners, weights, TEX_U), _mixed(vertices, corners, weights, TEX_V)
         level = _level(sizes[texture, 0], distance[k] * pixel, repeats[face], _dither(image[0, k], image[1, k]))

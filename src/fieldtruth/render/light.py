@@ -75,7 +75,7 @@ def _ground_grid(scene: Scene, pool: ThreadPoolExecutor, spacing: float, directi
     y = np.arange(-width / 2, width / 2 + spacing / 2, spacing)
     up = np.array([0.0, 0.0, 1.0], np.float32)
 
-    def some_rows(rows: Array) -> Float32Array:
+    def trace_rows(rows: Array) -> Float32Array:
         px, py = np.meshgrid(rows, y, indexing="ij")
         points = np.stack([px, py, field.height_at(px, py) + 0.005], axis=-1).astype(np.float32)
         seen = np.empty(px.shape, np.float32)
@@ -87,7 +87,7 @@ def _ground_grid(scene: Scene, pool: ThreadPoolExecutor, spacing: float, directi
         return seen
 
     starts = range(0, len(x), _ROWS_AT_ONCE)
-    seen = np.concatenate(list(pool.map(some_rows, [x[start : start + _ROWS_AT_ONCE] for start in starts])))
+    seen = np.concatenate(list(pool.map(trace_rows, [x[start : start + _ROWS_AT_ONCE] for start in starts])))
     for axis in (0, 1):
         seen = convolve1d(seen, _BLUR, axis=axis, mode="nearest")
     return Grid(seen, float(x[0]), float(y[0]), 1.0 / spacing)
@@ -162,13 +162,13 @@ def _leaf_sun(scene: Scene, pool: ThreadPoolExecutor, sun: Array) -> tuple[NDArr
     result = np.zeros(end, np.uint8)
     centres = {n: (m := scene.world.meshes[n]).vertices[m.faces[rows]].mean(axis=1) for n, rows in faces_of.items()}
 
-    def some(job: list[_Leaves]) -> None:
+    def trace_leaves(job: list[_Leaves]) -> None:
         world = np.concatenate([centres[x.mesh.name] @ x.pose[:3, :3].T + x.pose[:3, 3] for x in job])
         points = (world + _LEAF_OFFSET * sun).astype(np.float32)
         seen = visibility(scene.rays.handle, points, None, sun[None], 0.0)
         result[np.concatenate([x.start + x.faces for x in job])] = seen > 0.5
 
-    list(pool.map(some, _jobs(leaves)))
+    list(pool.map(trace_leaves, _jobs(leaves)))
     return result, np.array(top_leaf, np.int64)
 
 

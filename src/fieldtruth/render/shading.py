@@ -16,11 +16,11 @@ from fieldtruth.render.gbuffer import (
     RED,
     SKY,
     SUN,
-    THROUGH,
     TRACE_SUN,
+    TRANSLUCENCY,
     mesh_gbuffer,
     terrain_gbuffer,
-)  # fmt: skip
+)
 from fieldtruth.render.sky import sky_radiance
 from fieldtruth.render.tables import LightTable, Shading
 from fieldtruth.render.visibility import SHADOW_RANGE
@@ -31,7 +31,7 @@ from fieldtruth.render.water import (
     new_secondary_batch,
     trace_secondary,
     water_rays,
-)  # fmt: skip
+)
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import TERRAIN
 from fieldtruth.sense.kernel import inlined, kernel
@@ -95,9 +95,14 @@ def shade_batch(shading: Shading, buffers: ShadingBuffers, count: int, pixel: fl
 
 @kernel
 def _shade(
-    shading: Shading, buffers: ShadingBuffers, batch: RayBatch, count: int, pixel: float, gbuffer: Float32Array,
+    shading: Shading,
+    buffers: ShadingBuffers,
+    batch: RayBatch,
+    count: int,
+    pixel: float,
+    gbuffer: Float32Array,
     colour: Float32Array,
-) -> None:  # fmt: skip
+) -> None:
     terrain_gbuffer(shading, batch, count, pixel, gbuffer)
     mesh_gbuffer(shading, batch, count, pixel, gbuffer)
     _trace_sun(shading.scene, buffers.shadow, buffers.shadow_rows, shading.light.sun, batch, count, gbuffer)
@@ -161,7 +166,7 @@ def _illuminate(
         nx, ny, nz, sun = gbuffer[k, NX], gbuffer[k, NY], gbuffer[k, NZ], gbuffer[k, SUN]
         facing = nx * sx + ny * sy + nz * sz
         front = max(facing, zero) * sun * _PER_PI
-        behind = max(-facing, zero) * sun * gbuffer[k, THROUGH] * _PER_PI
+        behind = max(-facing, zero) * sun * gbuffer[k, TRANSLUCENCY] * _PER_PI
         up = half + half * nz
         sky = gbuffer[k, SKY] * up
         below = (np.float32(0.35) + np.float32(0.65) * gbuffer[k, SKY]) * (one - up)

@@ -71,10 +71,7 @@ def _luminance(z: Array, cos_gamma: Array) -> Array:
     return np.asarray(towards_horizon * (1.0 + c * np.exp(d * gamma) + e * cos_gamma**2))
 
 
-def _clouds(
-    x: Array, y: Array, z: Array, sun: Array,
-    rng: np.random.Generator,
-) -> tuple[Array, Array]:  # fmt: skip
+def _clouds(x: Array, y: Array, z: Array, sun: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     """Opacity and brightness [0, 1] of fair-weather clouds: noise on a plane overhead, lit from the sun's side."""
     field = np.zeros((1024, 1024))
     for octave in range(7):

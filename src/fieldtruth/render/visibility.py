@@ -59,9 +59,14 @@ def _weight(n: Float32Array, dx: float, dy: float, dz: float) -> float:
 
 @kernel
 def _visibility(
-    scene: np.uint64, packet: Packet, points: Float32Array, normals: Float32Array, directions: Array, near: float,
+    scene: np.uint64,
+    packet: Packet,
+    points: Float32Array,
+    normals: Float32Array,
+    directions: Array,
+    near: float,
     result: Float32Array,
-) -> None:  # fmt: skip
+) -> None:
     """Trace packets of neighbouring points in one direction at a time, which keeps the rays parallel."""
     free, total = np.zeros(_LANES, np.float32), np.zeros(_LANES, np.float32)
     for first in range(0, len(points), _LANES):

@@ -17,7 +17,7 @@ import numpy as np
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.progress import Progress, Silent
-from fieldtruth.drive.expected_path import expected_path, poses_along, standing_pose
+from fieldtruth.drive.expected_path import expected_path, pose_on_ground, poses_along
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, Rig
 from fieldtruth.sense.label_camera import LabelCamera
@@ -67,7 +67,7 @@ def class_shares(
         scene = Scene(world_of(experiment))
     field, rig = scene.world.terrain.field, experiment.rig
     poses = [
-        standing_pose(field, station, rig) for station in poses_along(expected_path(experiment, scene.world), spacing)
+        pose_on_ground(field, station, rig) for station in poses_along(expected_path(experiment, scene.world), spacing)
     ]
     return count_classes(scene, rig, poses, workers=workers)
 

@@ -121,9 +121,8 @@ def trace(scene: np.uint64, packet: Packet, view: View, batch: RayBatch, count: 
 @kernel
 def label_pixels(hits: HitTable, batch: RayBatch, count: int, out: LabelBuffers) -> None:
     """Write class, instance id and depth [m] of a batch of pixel centres into the images."""
-    image, tops, primitive, point, distance, cosine = (
-        batch.image, batch.top, batch.primitive, batch.point, batch.distance, batch.cosine,
-    )  # fmt: skip
+    image, tops, primitive, point = batch.image, batch.top, batch.primitive, batch.point
+    distance, cosine = batch.distance, batch.cosine
     label, instance, depth = out
     for k in range(count):
         u, v, top = int(image[0, k]), int(image[1, k]), tops[k]

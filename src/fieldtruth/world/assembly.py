@@ -39,9 +39,7 @@ def assemble(
     for _, own in beyond:
         meshes |= {mesh.name: mesh for mesh in own}
     if len(builder.instances) > MOST_OBJECTS:
-        raise CrowdedWorldError(
-            f"the layout has {len(builder.instances)} named objects; the maximum is {MOST_OBJECTS}, ask for fewer"
-        )
+        raise CrowdedWorldError(f"the layout has {len(builder.instances)} named objects; the maximum is {MOST_OBJECTS}")
     first = GROUND_ID + 1 + len(builder.instances)
     swarms = [replace(s, object_id=first + k) for k, s in enumerate([*builder.swarms, *(s for s, _ in beyond)])]
     used = {n for mesh in (*meshes.values(), backdrop) for n in mesh.materials}

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The backdrop: rings of ground around the terrain, down to the horizon, and the swarms on it.
 
-Height and outward slope are continuous at the world's edge; within a dozen metres they blend into the far land of the
-environment. Class ground, no colliders; the robot never gets there.
+Height and outward slope are continuous at the world's edge; within a dozen metres they blend into the land of the
+environment beyond. Class ground, no colliders; the robot never gets there.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,7 +20,7 @@ from fieldtruth.world.poses import tilted, upright_poses
 from fieldtruth.world.swarms import Density, FarSwarm, SwarmSpec, jittered_grid, make_swarm, random_scales
 
 Land = Callable[[Array, Array], Array]
-"""Height [m] of the far land at world x, y [m], arrays of one shape."""
+"""Height [m] of the land beyond the edge at world x, y [m], arrays of one shape."""
 
 Cover = Callable[[Array, Array, Array], Index]
 """Index of the material of triangles (n,) at x, y [m] with a slope [rad]."""
@@ -37,7 +37,7 @@ FAR_RINGS: Final = tuple(100.0 * 9.5 ** (k / 56) for k in range(1, 57))
 COARSER: Final = 4
 
 HEIGHT_FADES: Final = 14.0
-"""Distance [m] within which the edge's smoothed height blends into the far land."""
+"""Distance [m] within which the edge's smoothed height blends into the land beyond."""
 DETAIL_FADES: Final = 1.6
 """The same for the detail that smoothing removed; further out it would form ribs that all point outwards."""
 SLOPE_FADES: Final = 2.5

@@ -26,7 +26,7 @@ _LIBRARIES: Final = ("numpy", "scipy", "numba")
 
 
 def build_world(environment: str, seed: int = 0, layout: Mapping[str, Any] | None = None) -> World:
-    """Build an environment. Same name, seed and layout, same world.
+    """Build an environment. The same name, seed and layout give the same world.
 
     ``layout`` changes its configuration, for example ``{"old_trees": 60}``; docs/environments.md lists the keys. The
     corridors of the environment stay free of obstacles in every layout.
@@ -34,7 +34,7 @@ def build_world(environment: str, seed: int = 0, layout: Mapping[str, Any] | Non
     Raises:
         UnknownNameError: unknown environment.
         ConfigurationError: a key or value that the layout does not allow.
-        CrowdedWorldError: the layout asks for more objects than find room.
+        CrowdedWorldError: the layout has more objects than fit into the world.
     """
     check_layout(environment, layout)
     config = layout_model(environment).model_validate(dict(layout or {}))

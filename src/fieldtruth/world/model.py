@@ -15,9 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 
-ROBOT_ID: Final = 0
-"""Object id of the robot, which its own sensors do not see: 0 in an image means that no object was hit."""
 GROUND_ID: Final = 1
+"""Object id of the ground. Id 0 is the robot, which its own sensors do not see: 0 in an image is a miss."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,9 +58,9 @@ class Mesh:
     """Triangles in the object's frame: origin on the ground below the middle, z up, x forward (furniture faces +x).
 
     ``vertices`` (v, 3) float32 [m]; ``normals`` (v, 3) float32 of unit length; ``uv`` (v, 2) float32 in repeats of the
-    texture; ``faces`` (f, 3) int32; ``material`` (f,) int32, a row of ``materials``. Meshes of objects that
-    stand in the soil reach below z = 0, so that they do not float on a slope. ``footprint`` [m] is the radius about the
-    origin that is kept free of other objects.
+    texture; ``faces`` (f, 3) int32; ``material`` (f,) int32, a row of ``materials``. Meshes reach below z = 0 into
+    the soil, so that objects do not float on a slope. ``footprint`` [m] is the radius about the origin that is kept
+    free of other objects.
     """
 
     name: str

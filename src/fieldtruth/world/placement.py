@@ -24,7 +24,7 @@ Attempt = Callable[[Array, int, bool], Instance | None]
 
 
 class CrowdedWorldError(FieldtruthError):
-    """The rules leave no space for the objects of a layout; the text states how many found space."""
+    """The objects of a layout do not fit into the world; the message states how many do."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -52,7 +52,7 @@ class ObjectGroup:
         """
         if len(placed) < self.count:
             raise CrowdedWorldError(
-                f"only {len(placed)} of {self.count} {self.kind} find room {where}; ask for fewer in the layout"
+                f"only {len(placed)} of {self.count} objects of kind {self.kind} fit {where}; reduce the layout's count"
             )
         return list(placed)
 
@@ -121,7 +121,7 @@ class WorldBuilder:
         return np.asarray(rng.uniform(-0.5, 0.5, (count, 2)) * self.size)
 
     def is_free(self, xy: Sequence[float] | Array, radius: float) -> bool:
-        """Whether a circle around xy [m] lies in the world, outside all corridors, and overlaps no object."""
+        """Whether a circle around xy [m] is in the world, outside all corridors, and overlaps no object."""
         x, y = xy
         length, width = self.size
         if abs(x) + radius > length / 2 - 0.5 or abs(y) + radius > width / 2 - 0.5:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Swarms: the one way in which they are described, spread over an area and assembled."""
+"""Swarms: their specification, positions spread over an area, and assembly."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -11,7 +11,7 @@ import numpy as np
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.progress import Progress
-from fieldtruth.drive.expected_path import expected_path, experiments_in, poses_along, standing_pose
+from fieldtruth.drive.expected_path import expected_path, experiments_in, pose_on_ground, poses_along
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, Rig
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.render.bake import bake
@@ -92,7 +92,7 @@ def collect_content(
         if paths
         else free_viewpoints(world, FREE_VIEWPOINTS, np.random.default_rng([world.seed, 3]))
     )
-    poses = [standing_pose(world.terrain.field, viewpoint, rig) for viewpoint in viewpoints]
+    poses = [pose_on_ground(world.terrain.field, viewpoint, rig) for viewpoint in viewpoints]
     with progress.stage("count classes"):
         shares = count_classes(scene, rig, poses, workers=workers)
     with progress.stage("render images"):

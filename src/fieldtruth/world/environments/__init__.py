@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The environments by name. This table imports nothing heavy, so that listing them is quick.
+"""The environments by name. This table imports nothing heavy, so that listing them is fast.
 
 An environment is a package of modules with fixed names: ``config`` (its layout, a pydantic model ``Config``),
 ``corridors`` (``CORRIDORS``, the lines that stay free of obstacles) and ``build`` (the function ``build``).

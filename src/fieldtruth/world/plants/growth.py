@@ -220,7 +220,7 @@ def extend(base: Array, direction: Array, length: Array, order: Order, rng: np.r
     axis = np.empty((n, k + 1, 3))
     axis[:, 0] = base
     steady = rng.normal(0, order.bend / k, (n, 3))
-    steps = order.wander / np.sqrt(k) * rng.normal(0, 1, (n, k, 3)).clip(-1.5, 1.5)  # no elbows
+    steps = order.wander / np.sqrt(k) * rng.normal(0, 1, (n, k, 3)).clip(-1.5, 1.5)  # no sharp bends
     heading = direction
     for i in range(k):
         axis[:, i + 1] = axis[:, i] + heading * (length / k)[:, None]

@@ -73,8 +73,8 @@ class Order:
 class Leaf:
     """The form of a leaf: a folded blade of two or, ``rounded``, four triangles, or a spray of needles.
 
-    A spray is a small twig with its needles and side shoots, its prongs spread like the toes of a bird: single needles
-    would be a million triangles.
+    A spray is a small twig with its needles and side shoots as a fan of triangles: single needles would be a million
+    triangles.
     """
 
     number: int  # on the whole plant before pruning

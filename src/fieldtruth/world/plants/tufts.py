@@ -25,8 +25,8 @@ ROOT_SLOPE = 0.6
 """Slope of the ground up to which the rim of a tuft still reaches into it."""
 SIMPLE_BELOW = 0.6
 """Detail below which every blade is a kite."""
-LIE = 0.006
-"""Height [m] of a blade that lies on the soil."""
+MIN_HEIGHT = 0.006
+"""Least height [m] of blades above the soil."""
 
 
 def grow_tuft(
@@ -52,7 +52,7 @@ def grow_tuft(
     parts: list[tuple[Surface, str]] = []
     for blades, path in zip(kinds, paths, strict=True):
         fitted = path[:, :1] + (height / top) * (path - path[:, :1])
-        fitted[..., 2] = np.maximum(fitted[..., 2], LIE)
+        fitted[..., 2] = np.maximum(fitted[..., 2], MIN_HEIGHT)
         parts.append((_surface(blades, fitted, scale, rng), blades.material))
         parts.extend((_organ(organ, fitted, scale, rng), organ.material) for organ in blades.organs)
     names = list(dict.fromkeys(material for _, material in parts))

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from scipy import fft
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.world.model import Heightfield
 
 
 def slope_limit(distance: Array, *, within: float, beyond: float, near: float, far: float) -> Array:
@@ -54,13 +53,8 @@ def limit_slope(heights: Array, spacing: float, limit: ArrayLike, *, rounds: int
     return h
 
 
-def node_slope(field: Heightfield) -> Array:
-    """Slope [rise over run] at each node (nx, ny): the steepest of the cell sides that meet there."""
-    h = field.heights.astype(np.float64)
-    return _steepness(np.diff(h, axis=0) / field.spacing, np.diff(h, axis=1) / field.spacing)
-
-
 def _steepness(along: Array, across: Array) -> Array:
+    """Slope [rise over run] at each node (nx, ny), from the steepest cell sides along x and along y at the node."""
     a, b = np.abs(along), np.abs(across)
     a = np.maximum(np.pad(a, ((1, 0), (0, 0))), np.pad(a, ((0, 1), (0, 0))))
     b = np.maximum(np.pad(b, ((0, 0), (1, 0))), np.pad(b, ((0, 0), (0, 1))))

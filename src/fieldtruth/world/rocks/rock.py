@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rock types, and a rock of one type as a mesh that lies in the soil, with its collider and footprint."""
+"""Rock types, and a rock of one type as a mesh partly below the soil, with its collider and footprint."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -131,7 +131,7 @@ def scree(rng: Rng) -> Image:
 
 
 def _shards(rng: Rng, count: int, radius: tuple[float, float], *, power: float) -> Samples:
-    """Splinters with straight sides, sizes as in `strewn_stones`; large ones lie on top."""
+    """Splinters with straight sides, sizes as in `strewn_stones`; large ones are on top."""
     low, high = radius[0] ** -power, radius[1] ** -power
     size = (low + rng.random(count) * (high - low)) ** (-1 / power)
     turn = (np.arange(6) / 6 * 2 * np.pi + rng.uniform(-0.5, 0.5, (count, 6))).astype(np.float32)

@@ -27,10 +27,12 @@ from fieldtruth.world.trails import Line
 
 
 def build(seed: int, corridors: Sequence[Line], config: Config | None = None) -> World:
-    """Build a hillside; ``corridors`` are moderately steep and stay free of obstacles. Same arguments, same world.
+    """Build a hillside; ``corridors`` are moderately steep and free of obstacles.
+
+    The same arguments give the same world.
 
     Raises:
-        CrowdedWorldError: the layout asks for more objects than find room.
+        CrowdedWorldError: the layout has more objects than fit into the world.
     """
     config = config if config is not None else Config()
     seeds = np.random.SeedSequence(seed).spawn(8)

@@ -76,7 +76,7 @@ def smooth_corridors(heights: Array, distance: Array, config: Config) -> Array:
 
 
 def _region(rng: np.random.Generator) -> RectBivariateSpline:
-    """Far land as a spline: a curved ridge and valley along x, with eroded spurs outside the world."""
+    """Land of the region as a spline: a curved ridge and valley along x, with eroded spurs outside the world."""
     c = np.arange(-REGION, REGION + 1, 10.0)
     gx, gy = np.meshgrid(c, c, indexing="ij")
     away = np.hypot(np.maximum(np.abs(gx) - 50, 0), np.maximum(np.abs(gy) - 25, 0))

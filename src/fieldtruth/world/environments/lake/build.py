@@ -27,10 +27,10 @@ WATER_TILE: Final = 30.0  # [m] of water that its texture covers
 
 
 def build(seed: int, corridors: Sequence[Line], config: Config | None = None) -> World:
-    """Build a lake's shore; ``corridors`` stay dry and free of obstacles. Same arguments, same world.
+    """Build a lake's shore; ``corridors`` stay dry and free of obstacles. The same arguments give the same world.
 
     Raises:
-        CrowdedWorldError: the layout asks for more objects than find room.
+        CrowdedWorldError: the layout has more objects than fit into the world.
     """
     config = config if config is not None else Config()
     seeds = np.random.SeedSequence(seed).spawn(9)

@@ -88,7 +88,7 @@ def plant_bushes(builder: WorldBuilder, shore: Shore, config: Config, rng: np.ra
         builder.scatter(group, rng, allowed, tries=TRIES)
 
 
-class _Sowing(NamedTuple):
+class _GrassArea(NamedTuple):
     """Grass of one kind: shares by species, clumps (or single tufts if the radius is 0), and where they grow."""
 
     species: Mapping[str, float]
@@ -101,25 +101,25 @@ class _Sowing(NamedTuple):
 def plant_grass(builder: WorldBuilder, shore: Shore, config: Config, rng: np.random.Generator) -> None:
     """Scatter reeds and cattails in the shallow water, sedges along it, long grass and herbs in the meadow."""
     few = config.individuals
-    for row, sowing in enumerate(_sowings(builder, shore, config, rng)):
-        name = f"{next(iter(sowing.species))}_{row + 1}"
-        if sowing.radius > 0:
-            meshes = make_clumps(sowing.species, name, sowing.radius, sowing.tufts_per_m2, few + 1, rng)
+    for row, area in enumerate(_grass_areas(builder, shore, config, rng)):
+        name = f"{next(iter(area.species))}_{row + 1}"
+        if area.radius > 0:
+            meshes = make_clumps(area.species, name, area.radius, area.tufts_per_m2, few + 1, rng)
         else:
-            meshes = _make_tufts(next(iter(sowing.species)), name, 2 * few, rng)
+            meshes = _make_tufts(next(iter(area.species)), name, 2 * few, rng)
         spec = SwarmSpec(
             name=f"high_grass_{name}",
             kind="high_grass",
             meshes=meshes,
-            per_m2=sowing.per_m2 * config.grass,
+            per_m2=area.per_m2 * config.grass,
             scales=(0.75, 1.2),
             tilt=1.0,
-            clear=0.3 + 0.7 * sowing.radius,
+            clear=0.3 + 0.7 * area.radius,
         )
-        builder.scatter_swarm(spec, rng, sowing.density)
+        builder.scatter_swarm(spec, rng, area.density)
 
 
-def _sowings(builder: WorldBuilder, shore: Shore, config: Config, rng: np.random.Generator) -> list[_Sowing]:
+def _grass_areas(builder: WorldBuilder, shore: Shore, config: Config, rng: np.random.Generator) -> list[_GrassArea]:
     beds, swathe, thin = (noise_map(builder.size, wavelength, rng) for wavelength in (16.0, 9.0, 5.0))
 
     def depth(xy: Array) -> Array:
@@ -141,25 +141,25 @@ def _sowings(builder: WorldBuilder, shore: Shore, config: Config, rng: np.random
         return _within(inland(xy), 0.45, 2.4) * np.clip(0.55 + 0.7 * thin(xy), 0, 1)
 
     return [
-        _Sowing({"reed": 1.0}, 0.5, 13.0, 1.6, reed),
-        _Sowing({"cattail": 1.0}, 0.35, 9.0, 1.2, cattail),
-        _Sowing({"sedge": 1.0}, 0.35, 7.0, 1.6, sedge),
-        _Sowing(
+        _GrassArea({"reed": 1.0}, 0.5, 13.0, 1.6, reed),
+        _GrassArea({"cattail": 1.0}, 0.35, 9.0, 1.2, cattail),
+        _GrassArea({"sedge": 1.0}, 0.35, 7.0, 1.6, sedge),
+        _GrassArea(
             {"meadow": 0.9, "dock": 0.1},
             0.9,
             9.0,
             0.55,
             lambda xy: turf(xy, 0.5, 0.3 + 0.7 * swathe(xy) + 0.25 * thin(xy)),
         ),
-        _Sowing(
+        _GrassArea(
             {"dry": 0.7, "meadow": 0.3},
             0.8,
             6.0,
             0.35,
             lambda xy: turf(xy, 2.0, -0.15 - 0.7 * swathe(xy) + 0.4 * thin(xy)),
         ),
-        _Sowing({"nettle": 1.0}, 0.7, 9.0, 0.45, lambda xy: turf(xy, 2.0, 1.3 * beds(xy) - 1.2)),
-        _Sowing({"meadow": 1.0}, 0.0, 1.0, 0.7, lambda xy: turf(xy, 0.5, 0.6 - 0.3 * swathe(xy))),
+        _GrassArea({"nettle": 1.0}, 0.7, 9.0, 0.45, lambda xy: turf(xy, 2.0, 1.3 * beds(xy) - 1.2)),
+        _GrassArea({"meadow": 1.0}, 0.0, 1.0, 0.7, lambda xy: turf(xy, 0.5, 0.6 - 0.3 * swathe(xy))),
     ]
 
 

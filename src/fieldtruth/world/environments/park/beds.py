@@ -119,7 +119,7 @@ def lay_beds(builder: WorldBuilder, count: int, rng: np.random.Generator) -> lis
             beds.append(bed)
             remaining -= _plant(builder, bed, meshes, rng)
     if remaining:
-        raise CrowdedWorldError(f"{remaining} of {count} bushes find no room in a bed; ask for fewer in the layout")
+        raise CrowdedWorldError(f"{remaining} of {count} bushes do not fit into a bed; reduce the layout's count")
     return beds
 
 
@@ -136,7 +136,7 @@ def _random_bed(species: str, centre: Array, meshes: Sequence[Mesh], rng: np.ran
 
 
 def _is_free(builder: WorldBuilder, bed: Bed, beds: Sequence[Bed]) -> bool:
-    """Whether the bed lies in the world, outside trails, corridors and other beds, and contains no object."""
+    """Whether the bed is in the world, outside trails, corridors and other beds, and contains no object."""
     rim = bed.outline(0.3)
     inside = (np.abs(rim) < np.array(builder.size) / 2 - 0.6).all()
     apart = all(np.hypot(*np.subtract(bed.centre, b.centre)) > bed.radius + b.radius + 0.8 for b in beds)
@@ -150,7 +150,7 @@ def _is_free(builder: WorldBuilder, bed: Bed, beds: Sequence[Bed]) -> bool:
 
 
 def _plant(builder: WorldBuilder, bed: Bed, meshes: Sequence[Mesh], rng: np.random.Generator) -> int:
-    """Plant bushes in the bed, the largest first and farthest from the rim; return how many found room.
+    """Plant bushes in the bed, the largest first and farthest from the rim; return how many fitted.
 
     Draws for each of up to 80 tries per bush a scale and a position, and for a placed bush yaw and tint.
     """

@@ -20,10 +20,10 @@ from fieldtruth.world.trails import Line, Trail
 
 
 def build(seed: int, corridors: Sequence[Line], config: Config | None = None) -> World:
-    """Build a park; ``corridors`` stay free of obstacles. Same arguments, same world.
+    """Build a park; ``corridors`` stay free of obstacles. The same arguments give the same world.
 
     Raises:
-        CrowdedWorldError: the layout asks for more objects than find room.
+        CrowdedWorldError: the layout has more objects than fit into the world.
     """
     config = config if config is not None else Config()
     seeds = np.random.SeedSequence(seed).spawn(9)
