@@ -124,7 +124,7 @@ def test_topic_of_another_type_is_refused(tmp_path: Path) -> None:
 def test_existing_output_is_kept(small_run: Path, tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "notes.txt").write_text("keep")
-    with pytest.raises(OutputError, match=" exists; remove it"):
+    with pytest.raises(OutputError, match=" already exists; remove it"):
         export(small_run, "files", out=tmp_path / "mine")
     assert [path.name for path in tmp_path.rglob("*")] == ["mine", "notes.txt"]
 

@@ -51,7 +51,9 @@ def test_default_output_and_bytes_for_any_workers(
 
     again = cli.main(["export", str(bag), "--to", to])
     assert again == 2
-    assert capsys.readouterr().err.splitlines()[-1] == (f"error: {made} exists; remove it, or choose another --out")
+    assert (
+        capsys.readouterr().err.splitlines()[-1] == f"error: {made} already exists; remove it, or choose another --out"
+    )
     assert digest(other) == digest(made)
 
 
@@ -147,7 +149,7 @@ def test_read_only_folder_is_reported(small_run: Path, tmp_path: Path) -> None:
 
 def test_existing_link_is_refused(small_run: Path, tmp_path: Path) -> None:
     (tmp_path / "out.tum").symlink_to(tmp_path / "elsewhere")
-    with pytest.raises(OutputError, match=" exists; remove it"):
+    with pytest.raises(OutputError, match=" already exists; remove it"):
         export(small_run, "tum", out=tmp_path / "out.tum")
     assert not (tmp_path / "elsewhere").exists()
 

@@ -169,6 +169,6 @@ def test_truncated_bag_is_refused(alone: Path) -> None:
 def test_existing_archive_is_kept(alone: Path) -> None:
     there = alone.with_suffix(".zip")
     there.write_text("mine")
-    with pytest.raises(OutputError, match=" exists; remove it"):
+    with pytest.raises(OutputError, match=" already exists; remove it"):
         export(alone, "zip")
     assert there.read_text() == "mine"

@@ -40,8 +40,6 @@ class Frame(NamedTuple):
     """Stamp [ns] of the left photograph (cam0)."""
     apart_ns: int
     """Largest difference [ns] between the three stamps."""
-    bag_ns: int
-    """Stamp in the bag [ns] of the cloud."""
 
 
 def stereo_frames(bag: BagReader) -> Iterator[Frame]:
@@ -102,7 +100,7 @@ class _Pairing:
         apart = max(stamps) - min(stamps)
         if apart <= (0 if self._exact else WINDOW_NS) and left.stamp_ns != self._last_ns:
             self._last_ns = left.stamp_ns
-            yield Frame(cloud.message, left.message, right.message, left.stamp_ns, apart, cloud.bag_ns)
+            yield Frame(cloud.message, left.message, right.message, left.stamp_ns, apart)
 
 
 def _nearest(images: deque[_Item], stamp_ns: int) -> _Item:

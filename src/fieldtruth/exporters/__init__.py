@@ -84,7 +84,7 @@ def export(
     Raises:
         UnknownNameError: an unknown format or ontology.
         BagError: a bag cannot be read, or lacks what the format needs.
-        OutputError: the output exists or cannot be written, or the format does not support what is asked.
+        OutputError: the output already exists or cannot be written, or the format does not support what is asked.
     """
     if to not in FORMATS:
         raise UnknownNameError("format", to, FORMATS)
@@ -98,7 +98,7 @@ def export(
     part = target.with_name(f".{target.name}.part")
     with output_errors(target):
         if os.path.lexists(target):
-            raise OutputError(f"{target} exists; remove it, or choose another --out")
+            raise OutputError(f"{target} already exists; remove it, or choose another --out")
         target.parent.mkdir(parents=True, exist_ok=True)
         remove(part)
     write = import_module(f"fieldtruth.exporters.{FORMATS[to].module}").write

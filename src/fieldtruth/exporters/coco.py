@@ -25,6 +25,7 @@ from fieldtruth.bag.trajectory import Trajectory, read_trajectory
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
+from fieldtruth.core.progress import timed
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.coco_json import Picture, coco_files
 from fieldtruth.exporters.coco_segments import Numbering, categories_of, segments_of
@@ -77,12 +78,10 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         names = _object_names(bag)
         numbering = Numbering(categories, options.label_map, names)
         source = _Source(_cameras(run, sides), read_trajectory(run), numbering, decoder(bag))
-        done_ns = run.start_ns
         with coco_files(run, target, options.label_map, categories, names) as files:
-            for picture in in_order(_frames_of(bag, sides), partial(_write_frame, target, source), options.workers):
+            pictures = in_order(_frames_of(bag, sides), partial(_write_frame, target, source), options.workers)
+            for picture in timed(pictures, advance, run.start_ns):
                 files.add(picture)
-                advance((picture.stamp_ns - done_ns) / 1e9)
-                done_ns = picture.stamp_ns
     if not files.image_count:
         raise BagError(f"{run.bag}: no photograph has a tag image and an instance image with the same stamp")
 

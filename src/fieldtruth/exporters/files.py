@@ -25,6 +25,7 @@ from fieldtruth.core.arrays import Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
+from fieldtruth.core.progress import timed
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.files_layout import CALIBRATION, LIDAR, LIDAR_LABEL, OBJECTS, README, SHEET, folders, readme
 from fieldtruth.exporters.files_sheet import write_sheet
@@ -36,7 +37,7 @@ from fieldtruth.exporters.files_text import (
     points_csv,
     text_files,
 )
-from fieldtruth.exporters.sequences import Clock, returns
+from fieldtruth.exporters.sequences import returns
 from fieldtruth.ontology.label_map import LabelMap
 
 _MAX_DEPTH: Final = 65535.0  # [mm]
@@ -81,9 +82,8 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     ):
         write_line = _line_writers(stack, bag, target, [text for text in all_texts if text.topic in topics])
         work = partial(_save, run, decoder(bag), _encoders(run, options.label_map), target, suffixes)
-        for found in in_order(
-            _images_and_clouds(run, bag.messages(topics), write_line, advance), work, options.workers
-        ):
+        messages = timed(bag.messages(topics), advance, run.start_ns)
+        for found in in_order(_images_and_clouds(messages, write_line), work, options.workers):
             for key, more in found.items():
                 counts[key] = counts.get(key, 0) + more
     per_run = _write_per_run(run, target, counts, options.label_map)
@@ -121,18 +121,13 @@ def _line_writers(
 
 
 def _images_and_clouds(
-    run: Run,
-    messages: Iterator[RawMessage],
-    write_line: Mapping[str, Callable[[RawMessage], object]],
-    advance: Callable[[float], None],
+    messages: Iterator[RawMessage], write_line: Mapping[str, Callable[[RawMessage], object]]
 ) -> Iterator[RawMessage]:
     """Messages of images and clouds; the others are written as lines of text."""
-    clock = Clock(run.start_ns)
     for raw in messages:
         if raw.topic in write_line:
             write_line[raw.topic](raw)
         else:
-            advance(clock.seconds_until(raw))
             yield raw
 
 

@@ -5,7 +5,7 @@
 A frame is a cloud, both photographs with the same stamp, and the pose at that stamp (see ``bag.pairing``).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -19,6 +19,7 @@ from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
+from fieldtruth.core.progress import timed
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.sequences import (
     CLOUDS,
@@ -98,15 +99,8 @@ def _write_frames(run: Run, folder: Path, options: Options) -> _Written:
         return frame.stamp_ns, frame.apart_ns
 
     with open_bag(run.bag) as bag, options.progress.stage(f"{run.name}: frames", run.duration_s) as advance:
-
-        def numbered() -> Iterator[tuple[int, Frame]]:
-            done_ns = run.start_ns
-            for number, frame in enumerate(stereo_frames(bag)):
-                advance((frame.bag_ns - done_ns) / 1e9)
-                done_ns = frame.bag_ns
-                yield number, frame
-
-        saved = list(in_order(numbered(), save, options.workers))
+        frames = enumerate(timed(stereo_frames(bag), advance, run.start_ns))
+        saved = list(in_order(frames, save, options.workers))
     if not saved:
         raise BagError(f"{run.bag} has no cloud with photographs of both cameras within {WINDOW_NS / 1e9} s")
     return _Written([stamp for stamp, _ in saved], max(apart for _, apart in saved))

@@ -29,8 +29,8 @@ import fieldtruth
 from fieldtruth.bag.model_states import ModelStatesReader
 from fieldtruth.bag.reader import BagError, BagReader, RawMessage, open_bag
 from fieldtruth.bag.run import Run
+from fieldtruth.core.progress import timed
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.sequences import Clock
 
 _CHUNK_SIZE: Final = 4 * 2**20
 """Bytes of messages per chunk, which is what a viewer decompresses to show one instant."""
@@ -70,12 +70,11 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         channels = {(channel.topic, channel.msgtype): channel for channel in _channels(bag, types)}
         ids = _register(writer, channels.values(), types)
         counts = dict.fromkeys(channels, 0)
-        convert, clock = types.converter(), Clock(run.start_ns)
-        for raw in bag.messages():
+        convert = types.converter()
+        for raw in timed(bag.messages(), advance, run.start_ns):
             key = raw.topic, raw.msgtype
             writer.add_message(ids[key], raw.stamp_ns, convert(raw), raw.stamp_ns)  # type: ignore[arg-type]
             counts[key] += 1
-            advance(clock.seconds_until(raw))
         rows = [(channel, counts[key]) for key, channel in channels.items()]
         writer.add_metadata("rosbag2", {"serialized_metadata": _rosbag2_metadata(run, rows)})
         writer.finish()  # type: ignore[no-untyped-call]

@@ -19,8 +19,9 @@ from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.core.parallel import in_order
+from fieldtruth.core.progress import timed
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.sequences import Clock, Returns, returns
+from fieldtruth.exporters.sequences import Returns, returns
 from fieldtruth.ontology.label_map import LabelMap
 
 _TYPES: Final = {"f": "F", "u": "U", "i": "I"}
@@ -64,16 +65,15 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         (target / f"{stamp}.pcd").write_bytes(_header(rows, world_from_lidar) + rows.tobytes())
 
     with open_bag(run.bag) as bag, options.progress.stage("write the clouds", run.duration_s) as advance:
-        decode, clock, seen = decoder(bag), Clock(run.start_ns), set[int]()
+        decode, seen = decoder(bag), set[int]()
 
         def clouds() -> Iterator[Any]:
-            for raw in bag.messages([table.POINTS]):
+            for raw in timed(bag.messages([table.POINTS]), advance, run.start_ns):
                 cloud = decode(raw)
                 stamp = stamp_ns(cloud.header)
                 if stamp in seen:
                     raise BagError(f"{run.bag} has two clouds with the stamp {stamp} ns")
                 seen.add(stamp)
-                advance(clock.seconds_until(raw))
                 yield cloud
 
         for _ in in_order(clouds(), save, options.workers):

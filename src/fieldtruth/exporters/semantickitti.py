@@ -24,11 +24,11 @@ from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES, NO_RETURN, PALETTE, Label
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
+from fieldtruth.core.progress import timed
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.sequences import (
     CLOUDS,
     IMAGES,
-    Clock,
     Geometry,
     calib_text,
     has_cameras,
@@ -113,13 +113,12 @@ def _write_clouds(run: Run, folder: Path, options: Options) -> tuple[list[int], 
         return np.bincount(mapped, minlength=256)
 
     with open_bag(run.bag) as bag, options.progress.stage(f"{run.name}: clouds", run.duration_s) as advance:
-        decode, clock = decoder(bag), Clock(run.start_ns)
+        decode = decoder(bag)
 
         def clouds() -> Iterator[tuple[int, Any]]:
-            for number, raw in enumerate(bag.messages([table.POINTS])):
+            for number, raw in enumerate(timed(bag.messages([table.POINTS]), advance, run.start_ns)):
                 cloud = decode(raw)
                 stamps_ns.append(stamp_ns(cloud.header))
-                advance(clock.seconds_until(raw))
                 yield number, cloud
 
         for count in in_order(clouds(), save, options.workers):
@@ -157,12 +156,11 @@ def _write_images(run: Run, stamps_ns: Sequence[int], folder: Path, options: Opt
     if not present:
         return 0
     with open_bag(run.bag) as bag, options.progress.stage(f"{run.name}: images", run.duration_s) as advance:
-        decode, clock = decoder(bag), Clock(run.start_ns)
+        decode = decoder(bag)
 
         def jobs() -> Iterator[tuple[Path, Any]]:
-            for raw in bag.messages(present):
+            for raw in timed(bag.messages(present), advance, run.start_ns):
                 message = decode(raw)
-                advance(clock.seconds_until(raw))
                 number = number_at.get(stamp_ns(message.header))
                 if number is not None:
                     yield folders[raw.topic] / f"{number:06d}.png", message

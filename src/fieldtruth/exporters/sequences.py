@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.calibration import base_from_lidar, read_calibration, read_static_frames
 from fieldtruth.bag.decode import points, stamp_ns
-from fieldtruth.bag.reader import BagError, RawMessage
+from fieldtruth.bag.reader import BagError
 from fieldtruth.bag.run import Run
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
@@ -145,15 +145,3 @@ def xyz_and_zero(rows: NDArray[np.void]) -> NDArray[np.float32]:
 
 def _where(cloud: Any, run: Run) -> str:
     return f"the cloud at {stamp_ns(cloud.header)} ns in {run.bag}"
-
-
-class Clock:
-    """Measures the simulated time between messages of a stream, for progress."""
-
-    def __init__(self, start_ns: int) -> None:
-        self._now_ns = start_ns
-
-    def seconds_until(self, raw: RawMessage) -> float:
-        """Simulated seconds from the message of the previous call to this one."""
-        passed, self._now_ns = raw.stamp_ns - self._now_ns, raw.stamp_ns
-        return passed / 1e9

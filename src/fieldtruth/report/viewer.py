@@ -24,7 +24,7 @@ from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.files import atomic_output, output_errors
-from fieldtruth.core.progress import Progress, Silent
+from fieldtruth.core.progress import Progress, Silent, timed
 
 RATE: Final = 5.0  # [Hz]
 TIMELINE: Final = "time"
@@ -51,7 +51,7 @@ def view(path: Path | str, *, save: Path | str | None = None, progress: Progress
     if save is not None and save.suffix != ".rrd":
         raise OutputError(f"cannot write {save}: its name must end in .rrd")
     if save is not None and os.path.lexists(save):
-        raise OutputError(f"{save} already exists; remove it or choose another name")
+        raise OutputError(f"{save} already exists; remove it, or choose another --save")
     if save is None and sys.platform == "linux" and not os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY"}:
         raise OutputError("there is no display for the viewer; use --save FILE.rrd to write a recording")
     rr = _rerun()
@@ -91,15 +91,12 @@ class _Log:
         path = read_trajectory(run).position
         self.recording.log("world/path", rr.LineStrips3D([path[:: max(1, len(path) // 5000)]], radii=0.02), static=True)
         senders = {topic: sender for topic, sender in self._senders().items() if topic in run.counts}
-        reported = run.start_ns
         with progress.stage("log the run", run.duration_s) as advance, open_bag(run.bag) as bag:
             decode = decoder(bag)
-            for raw in bag.messages(list(senders)):
+            for raw in timed(bag.messages(list(senders)), advance, run.start_ns):
                 if not self._is_skipped(raw):
                     self._set_time(raw.stamp_ns)
                     senders[raw.topic](raw.topic, decode(raw))
-                advance((raw.stamp_ns - reported) / 1e9)
-                reported = raw.stamp_ns
 
     def _senders(self) -> dict[str, Any]:
         cameras = {

@@ -12,7 +12,7 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import BagError, BagReader, RawMessage, open_bag
 from fieldtruth.bag.run import find_bag
 from fieldtruth.core.parallel import cpu_count, in_order
-from fieldtruth.core.progress import Progress, Silent
+from fieldtruth.core.progress import Advance, Progress, Silent, timed
 from fieldtruth.validation import files, streams
 from fieldtruth.validation.check import Check, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, at
@@ -39,7 +39,6 @@ SPECS: Final[tuple[Spec, ...]] = (
 """All checks, in the order of the output."""
 
 _DECODED_BY_HAND: Final = (table.CLOCK, table.MODEL_STATES)
-_REPORT_NS: Final = 10**8
 
 
 def validate(
@@ -105,9 +104,7 @@ def _checkers(context: Context, full: bool, samples: int) -> list[Checker]:
     return checkers
 
 
-def _read(
-    context: Context, stored: BagReader, workers: int, advance: Callable[[float], None], checkers: list[Checker]
-) -> list[Check]:
+def _read(context: Context, stored: BagReader, workers: int, advance: Advance, checkers: list[Checker]) -> list[Check]:
     """Read the bag once, and return all checks of its content."""
     store, file, messages = stored.types(), BagFile(stored.path, stored.connections), context.tally(MESSAGES)
     by_topic: dict[str, list[Checker]] = {}
@@ -116,8 +113,7 @@ def _read(
             by_topic.setdefault(topic, []).append(checker)
 
     def jobs() -> Iterator[Callable[[], Sequence[Tally]]]:
-        reported_ns = context.run.start_ns
-        for raw in file.messages():
+        for raw in timed(file.messages(), advance, context.run.start_ns):
             try:
                 message = None if raw.topic in _DECODED_BY_HAND else _decoded(store, raw)
                 for checker in by_topic.get(raw.topic, ()):
@@ -125,9 +121,6 @@ def _read(
                 messages[DECODABLE].see(True, "")
             except BagError as error:
                 messages[DECODABLE].see(False, f"{at(raw)}: {error}")
-            if raw.stamp_ns - reported_ns >= _REPORT_NS:
-                advance((raw.stamp_ns - reported_ns) / 1e9)
-                reported_ns = raw.stamp_ns
             while context.jobs:
                 yield context.jobs.popleft()
         context.motion.finish()

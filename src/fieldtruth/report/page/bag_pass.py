@@ -19,7 +19,7 @@ from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core.arrays import Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.parallel import in_order
-from fieldtruth.core.progress import Progress
+from fieldtruth.core.progress import Progress, timed
 from fieldtruth.experiment.rig import WHEELS
 from fieldtruth.report.page.class_counts import count_pixels, count_points
 from fieldtruth.report.page.series import Collector, Fixes, Inertial, Lines, Motion, Wheel
@@ -28,7 +28,6 @@ TAGS: Final = tuple(map(table.tag, table.SIDES))
 UNEXPECTED: Final = (BagError, AttributeError, KeyError, TypeError, ValueError, IndexError)
 """Exceptions from a message that differs from what its topic promises."""
 _MSGTYPE: Final = {topic.name: topic.msgtype for topic in table.TOPICS}
-_PROGRESS_INTERVAL: Final = 100_000_000  # [ns]
 _OTHER_CLOCK: Final = 10_000_000_000  # [ns]
 
 
@@ -86,15 +85,11 @@ def summarize_bag(run: Run, workers: int, progress: Progress) -> BagSummary:
 
         def large_messages() -> Iterator[RawMessage]:
             """Collect small messages at once and yield the others, for the threads."""
-            reported = run.start_ns
-            for raw in bag.messages(wanted):
+            for raw in timed(bag.messages(wanted), advance, run.start_ns):
                 if raw.topic in counters:
                     yield raw
                 elif raw.topic not in summary.unreadable:
                     _collect(collectors[raw.topic], raw, decode, summary.unreadable)
-                if raw.stamp_ns - reported >= _PROGRESS_INTERVAL:
-                    advance((raw.stamp_ns - reported) / 1e9)
-                    reported = raw.stamp_ns
 
         def count(raw: RawMessage) -> tuple[str, Counts | str]:
             try:
