@@ -132,10 +132,10 @@ def test_only_the_changed_streams_fail(streams: dict[str, str]) -> None:
 
 def test_poses_and_twist_of_odometry_and_tf_are_found(streams: dict[str, str]) -> None:
     poses, transforms, twists = streams["poses"].split("; ")
-    assert "the pose of odometry is the one of model states: 2 of 26" in poses
+    assert "the pose of odometry is that of model states: 2 of 26" in poses
     assert f"{table.ODOMETRY} at 20000000 ns: 0.001" in poses
-    assert "the pose of /tf is the one of model states: 2 of 26" in transforms
-    assert "the twist of odometry is the one of model states in base_link: 1 of 26" in twists
+    assert "the pose of /tf is that of model states: 2 of 26" in transforms
+    assert "the twist of odometry is that of model states in base_link: 1 of 26" in twists
     assert "260000000 ns: 0.001" in twists
 
 

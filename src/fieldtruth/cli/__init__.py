@@ -55,12 +55,12 @@ def _parse(arguments: Sequence[str]) -> tuple[Command, argparse.Namespace]:
         raise UnknownNameError("command", arguments[0], commands)
     options, unknown = parser.parse_known_args(arguments)
     if unknown:
-        _refuse(unknown[0], commands.get(arguments[0], parser))
+        _reject(unknown[0], commands.get(arguments[0], parser))
     run: Command = options.run
     return run, options
 
 
-def _refuse(argument: str, parser: argparse.ArgumentParser) -> NoReturn:
+def _reject(argument: str, parser: argparse.ArgumentParser) -> NoReturn:
     if argument.startswith("-"):
         known = [o for action in parser._actions for o in action.option_strings if o.startswith("--")]
         raise UnknownNameError("option", argument.partition("=")[0], known)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shared by the sub-commands: a parser that raises instead of printing, and types of values."""
+"""Shared by the sub-commands: a parser that raises instead of printing, and converters of values."""
 
 import argparse
 from collections.abc import Callable
@@ -18,7 +18,7 @@ class Parser(argparse.ArgumentParser):
     """Raises UsageError instead of printing its usage and ending the process."""
 
     def error(self, message: str) -> NoReturn:
-        """Raise it."""
+        """Raise UsageError."""
         raise UsageError(message.removeprefix("argument ").replace(": must be ", " must be ", 1))
 
 
@@ -40,7 +40,7 @@ def add_workers(parser: Parser, output: str) -> None:
 
 
 def number(text: str) -> float:
-    """A number."""
+    """Parse a number."""
     try:
         return float(text)
     except ValueError:
@@ -48,12 +48,12 @@ def number(text: str) -> float:
 
 
 def seed(text: str) -> int:
-    """A seed."""
+    """Parse a seed."""
     return _integer(text, range(2**63), f"between 0 and {2**63 - 1}")
 
 
 def count(text: str) -> int:
-    """An integer of at least 1."""
+    """Parse an integer of at least 1."""
     return _integer(text, range(1, 2**63), "of at least 1")
 
 
@@ -68,5 +68,5 @@ def _integer(text: str, allowed: range, condition: str) -> int:
 
 
 def words(text: str) -> list[str]:
-    """Words separated by commas."""
+    """Split words separated by commas."""
     return [word.strip() for word in text.split(",")]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shared helpers that know nothing of worlds, robots or bags: arrays, classes, errors, frames, files, cache."""
+"""Helpers that do not depend on worlds, robots or bags: arrays, classes, errors, frames, files, cache."""
 
 import lazy_loader
 

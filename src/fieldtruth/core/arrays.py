@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Array types with a name of their own; shapes are stated where a function takes or returns one."""
+"""Names of array types; docstrings of functions state the shapes."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -22,7 +22,7 @@ class ConfigurationError(FieldtruthError):
 
 
 class OutputError(FieldtruthError):
-    """The output folder cannot be used: occupied, not writable, or full."""
+    """The output already exists, is in use, or cannot be written."""
 
 
 class RouteError(FieldtruthError):
@@ -30,7 +30,7 @@ class RouteError(FieldtruthError):
 
 
 class DriveError(FieldtruthError):
-    """The robot got stuck, tipped over, touched an obstacle, entered water or left the world; says when and where."""
+    """The robot got stuck, tipped over, touched an obstacle, entered water or left the world, when and where."""
 
 
 class EngineError(FieldtruthError):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Output files: written whole or not at all, locked against a second process, with clear errors."""
+"""Output files: written atomically, locked against a second process, with clear errors."""
 
 import errno
 import os
@@ -38,7 +38,7 @@ def output_errors(path: Path) -> Iterator[None]:
     except OSError as error:
         reason = _REASONS.get(error.errno or 0)
         if reason is None and error.filename is not None and error.strerror:
-            reason = error.strerror.lower()  # about a file, in the system's own words
+            reason = error.strerror.lower()
         if reason is None:
             raise
         hint = "; free some space and run the same command again: it resumes" if "space" in reason else ""
@@ -62,13 +62,13 @@ def atomic_output(path: Path) -> Iterator[Path]:
 
 
 def write_atomically(path: Path, data: bytes | str) -> None:
-    """Write a file whole (text as UTF-8), or leave it as it was."""
+    """Write a file (text as UTF-8) atomically."""
     with atomic_output(path) as part:
         part.write_bytes(data.encode() if isinstance(data, str) else data)
 
 
 def remove(path: Path) -> None:
-    """Remove a file, a link or a folder with all it holds; do nothing if it does not exist."""
+    """Remove a file, a link or a folder with its content; do nothing if it does not exist."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     else:
@@ -77,10 +77,10 @@ def remove(path: Path) -> None:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold a folder against other processes; the operating system releases it when the process ends.
+    """Lock a folder against other processes; the operating system releases it when the process ends.
 
     Raises:
-        OutputError: another process holds it.
+        OutputError: another process has locked it.
     """
     from filelock import FileLock, Timeout  # late: the command line imports this module for its errors
 

@@ -29,7 +29,7 @@ S = TypeVar("S", bound=Stamped)
 
 
 class Progress(Protocol):
-    """Receiver of progress; any object with this method will do."""
+    """Receiver of progress: any object with this method."""
 
     def stage(self, name: str, total: float | None = None, done: float = 0.0) -> AbstractContextManager[Advance]:
         """Enter a stage, which ends with the context. The context's value is called, from any thread, with work done.

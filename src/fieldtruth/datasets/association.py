@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Match messages by their stamps, which are read from a bag's index."""
+"""Match messages by their stamps, which are read from the bag's index."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import reduce

@@ -73,7 +73,7 @@ def readme(
     per_run: Sequence[tuple[str, str]],
     label_map: LabelMap | None,
 ) -> str:
-    """Text of the README: which files there are, and which are missing.
+    """Text of the README: existing and missing files.
 
     Args:
         run: the run.

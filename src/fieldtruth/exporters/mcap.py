@@ -208,7 +208,7 @@ class Ros2Types:
                     return self._same_fields_to_cdr(raw)
                 types = self._ros1, self._ros2, raw.msgtype, raw.msgtype
                 return migrate_bytes(*types, defaults, raw.data, src_is2=False, dst_is2=True)
-            except Exception as error:  # rosbags' generated code raises what the bytes make it raise
+            except Exception as error:  # rosbags' generated code raises arbitrary errors for damaged bytes
                 message = f"the message of {raw.topic} at {raw.stamp_ns} ns is damaged"
                 raise BagError(f"cannot read {self._path}: {message}") from error
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks, the rules they consist of, and their output as text and JSON.
 
-A rule is a sentence that holds for every item of a stream: a message, a point, a pixel. In a run of this package every
+A rule is a condition on every item of a stream: a message, a point, a pixel. In a run of this package every
 rule applies. In a bag from elsewhere it is unknown which rules apply: one that nine of ten items meet is applied to the
 others, one that fewer items meet is not checked.
 """
@@ -52,7 +52,7 @@ def as_json(checks: Sequence[Check]) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Rule:
-    """What must hold for every item. ``tolerance`` is the largest allowed residual in ``unit``; None: true or false.
+    """A condition on every item. ``tolerance`` is the largest allowed residual in ``unit``; None for a yes-or-no rule.
 
     A check does not pass by ``minor`` rules alone. A ``learned`` rule needs a majority even in a run of this package.
     """
@@ -122,7 +122,7 @@ class Count:
 
     @property
     def passed(self) -> bool | None:
-        """False: broken. None: nothing was seen, or the rule does not apply to this bag."""
+        """False if the rule is broken; None if no item was seen or the rule does not apply to this bag."""
         if self.wrong == 0:
             return True if self.seen else None
         return False if self.strict or self.wrong <= (1.0 - MAJORITY) * self.seen else None
@@ -134,7 +134,7 @@ class Count:
 
     @property
     def text(self) -> str:
-        """The mismatch in words."""
+        """Description of the mismatch."""
         if self.seen == 1:
             return f"{self.rule.text}: not met: {self.first}"
         return f"{self.rule.text}: {self.wrong:,} of {self.seen:,} mismatch, first {self.first}"
@@ -163,7 +163,7 @@ class Tally:
         return self._counts[rule]
 
     def part(self) -> "Tally":
-        """Return an empty tally of the same check for a thread to fill."""
+        """Return an empty tally of the same check, for another thread."""
         part = Tally(self.spec, self._strict)
         part._whole = self
         return part

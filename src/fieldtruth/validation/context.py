@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the checks share while they read the bag once."""
+"""State that the checks share during the pass over the bag."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -24,7 +24,7 @@ STEP_NS: Final = 1_000_000
 
 
 class RebuiltWorld(NamedTuple):
-    """The world of a run, built again, and its ray scene; baked if photographs are rendered."""
+    """The rebuilt world of a run and its ray scene; baked if photographs are rendered."""
 
     world: World
     scene: Scene
@@ -33,28 +33,28 @@ class RebuiltWorld(NamedTuple):
 
 @dataclass
 class Context:
-    """The run, and what has been read of it so far."""
+    """The run and the data read from it so far."""
 
     run: Run
     rebuilt: RebuiltWorld | None = None
     no_world: str = ""
-    """Why the world was not built again."""
+    """Why the world was not rebuilt."""
     motion: MotionWindow = field(default_factory=MotionWindow)
     parents: dict[str, tuple[str, Array]] = field(default_factory=dict)
     """Fixed frames of /tf_static: parent and parent_from_child (4, 4) by child."""
     names: tuple[str, ...] = ()
     """Objects of /gazebo/model_states; the row is the object's id."""
     jobs: deque[Callable[[], Sequence[Tally]]] = field(default_factory=deque)
-    """Work for threads, in order: each returns parts of tallies that it has filled."""
+    """Work for threads, in order; each job returns the partial tallies that it has filled."""
 
     @property
     def experiment(self) -> Experiment | None:
-        """What made the run; None for a bag from elsewhere."""
+        """Experiment of the run; None for a bag from elsewhere."""
         return self.run.experiment
 
     @property
     def rig(self) -> Rig:
-        """The robot that made the run; the default one if that is not known."""
+        """Rig of the run; the default rig if it has no experiment."""
         return Rig() if self.experiment is None else self.experiment.rig
 
     @property
@@ -74,10 +74,10 @@ class Checker:
     tallies: Sequence[Tally] = ()
 
     def see(self, raw: RawMessage, message: Any) -> None:
-        """Take a message, decoded but for /clock and /gazebo/model_states, which are too many (None)."""
+        """Process a message; it is None for /clock and /gazebo/model_states, whose rate is too high for decoding."""
 
     def finish(self) -> None:
-        """Take the end of the bag."""
+        """Finish the checks after the last message."""
 
 
 def at(raw: RawMessage) -> str:

@@ -82,7 +82,7 @@ def open_checked(bag: Path) -> tuple[Run, Check]:
 
 
 def was_bag(path: Path) -> bool:
-    """Whether an unreadable file is a damaged bag: it begins like one, or the files beside it say so."""
+    """Whether an unreadable file is a damaged bag: it has the magic number, or files beside it belong to a bag."""
     try:
         with path.open("rb") as source:
             begins = source.read(len(MAGIC)) == MAGIC
@@ -139,7 +139,7 @@ class BagFile:
         self.tally[READABLE].see(not padding.strip(b" "), "the padding of the header is not blank")
         index_at = header.get_uint64("index_pos")
         if not first <= index_at <= self._size:
-            raise ReaderError(f"the header says that the index is at byte {index_at} of {self._size}")
+            raise ReaderError(f"the header has the index at byte {index_at} of {self._size}")
         source.seek(index_at)
         while source.tell() < self._size:
             record, data = _record(source)

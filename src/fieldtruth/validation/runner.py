@@ -19,7 +19,7 @@ from fieldtruth.validation.context import Checker, Context, at
 from fieldtruth.validation.files import BagFile
 from fieldtruth.validation.motion import calibration, poses, sensors
 from fieldtruth.validation.retrace import agreement, clouds, images, reference, world
-from fieldtruth.validation.retrace.moments import Sampler
+from fieldtruth.validation.retrace.camera_frames import Sampler
 
 SAMPLES: Final = 20
 """Number of stamps of a run at which costly checks are made."""
@@ -56,7 +56,7 @@ def validate(
         path: folder of a run, or a bag.
         workers: number of threads; None uses all cores. The result does not depend on it.
         progress: receives the progress.
-        quick: do not build the world again, so that nothing is retraced.
+        quick: do not rebuild the world, so that nothing is retraced.
         full: retrace every image, not a sample, and render photographs again.
         samples: approximate number of sampled stamps.
 
@@ -85,20 +85,20 @@ def validate(
 def _checkers(context: Context, full: bool, samples: int) -> list[Checker]:
     """All checks of messages."""
     run, objects = context.run, world.ObjectClasses(context)
-    pairs, scans, moments = (Sampler(run.start_ns, run.end_ns, samples) for _ in range(3))
-    # The true motion comes first, as others ask for it.
+    pair_sampler, scan_sampler, image_sampler = (Sampler(run.start_ns, run.end_ns, samples) for _ in range(3))
+    # The true motion comes first: other checkers compare with it.
     checkers: list[Checker] = [
         streams.Stamps(context), streams.Headers(context), calibration.Calibration(context),
         poses.ModelStates(context), poses.Poses(context), poses.Drive(context), world.WorldObjects(context),
         sensors.Imu(context), sensors.Gnss(context), sensors.Wheels(context),
         clouds.Clouds(context, objects), images.Images(context, objects), objects,
-        agreement.Agreement(context, pairs),
+        agreement.Agreement(context, pair_sampler),
     ]  # fmt: skip
     if context.rebuilt is not None:
         rays = reference.RayReference(context, context.rebuilt.world)
         checkers += [
-            clouds.RetracedClouds(context, context.rebuilt, rays, scans),
-            images.RetracedImages(context, context.rebuilt, rays, moments, full=full),
+            clouds.RetracedClouds(context, context.rebuilt, rays, scan_sampler),
+            images.RetracedImages(context, context.rebuilt, rays, image_sampler, full=full),
             rays,
         ]
     return checkers
@@ -143,5 +143,5 @@ def _read(context: Context, stored: BagReader, workers: int, advance: Advance, c
 def _decoded(store: Typestore, raw: RawMessage) -> Any:
     try:
         return store.deserialize_ros1(raw.data, raw.msgtype)
-    except Exception as error:  # the generated code raises any error that the bytes lead to
+    except Exception as error:  # the generated code raises arbitrary errors for damaged bytes
         raise BagError(str(error) or type(error).__name__) from error

@@ -137,7 +137,7 @@ class Stamps(Checker):
         ]
 
     def see(self, raw: RawMessage, message: Any) -> None:
-        """Take a message."""
+        """Process a message."""
         name, stamp = raw.topic, raw.stamp_ns
         self._seen[name] = self._seen.get(name, 0) + 1
         if name in self._last:
@@ -156,7 +156,7 @@ class Stamps(Checker):
             self._clock[OWN_STAMP].see(right, f"{at(raw)}: {published} ns in {len(raw.data)} bytes")
 
     def finish(self) -> None:
-        """Take the end of the bag."""
+        """Finish the checks after the last message."""
         ends = [self._last[name] for name in (table.CLOCK, table.MODEL_STATES) if name in self._last]
         end = min(ends) if ends else max(self._last.values(), default=0)
         for name, clock in self._clocks.items():
@@ -216,7 +216,7 @@ class Headers(Checker):
         self._known: set[str] = set()
 
     def see(self, raw: RawMessage, message: Any) -> None:
-        """Take a message."""
+        """Process a message."""
         transforms = getattr(message, "transforms", ())
         self._known |= {name for each in transforms for name in (each.header.frame_id, each.child_frame_id)}
         parts = transforms if raw.topic == table.TF else [message] * hasattr(message, "header")
@@ -231,7 +231,7 @@ class Headers(Checker):
                 self._see_frame(raw, part.child_frame_id, BASE)
 
     def finish(self) -> None:
-        """Take the end of the bag."""
+        """Finish the checks after the last message."""
         if self._known:
             for name, where in self._named.items():
                 self._frames[KNOWN_FRAME].see(name in self._known, f"{where}: {name!r}")

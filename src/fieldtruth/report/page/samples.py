@@ -61,18 +61,18 @@ def read_pairs(run: Run) -> tuple[list[Pair], dict[str, str]]:
     if not wanted:
         return pairs, unreadable
     with open_bag(run.bag) as bag:
-        decode, places = decoder(bag), bag.index(wanted)
+        decode, index = decoder(bag), bag.index(wanted)
 
         def nearest(topic: str, stamp: int) -> Any:
-            if topic not in places:
+            if topic not in index:
                 return None
-            stamps_ns, chunk, offset = places[topic]
+            stamps_ns, chunk, offset = index[topic]
             row = int(np.abs(stamps_ns - stamp).argmin())
             if abs(int(stamps_ns[row]) - stamp) > _SIMULTANEOUS:
                 return None
             return decode(bag.message(bag.chunk(int(chunk[row])), int(offset[row])))
 
-        stamps = places[wanted[0]].stamps_ns
+        stamps = index[wanted[0]].stamps_ns
         count = min(PAIRS, len(stamps))
         for k in range(count):
             pair = Pair(int(stamps[(2 * k + 1) * len(stamps) // (2 * count)]))

@@ -53,11 +53,11 @@ def accumulate_scans(run: Run, trajectory: Trajectory | None) -> ScanCloud | Non
     if table.POINTS not in usable_topics(run)[0]:
         return None
     with open_bag(run.bag) as bag:
-        places, decode = bag.index([table.POINTS])[table.POINTS], decoder(bag)
-        voxels, last = _Voxels(), len(places.stamps_ns) - 1
+        index, decode = bag.index([table.POINTS])[table.POINTS], decoder(bag)
+        voxels, last = _Voxels(), len(index.stamps_ns) - 1
 
         def scan(row: int) -> tuple[Any, int]:
-            raw = bag.message(bag.chunk(int(places.chunk[row])), int(places.offset[row]))
+            raw = bag.message(bag.chunk(int(index.chunk[row])), int(index.offset[row]))
             cloud = decode(raw)
             return cloud, stamp_of(cloud, raw)
 
@@ -111,13 +111,13 @@ class _Voxels:
 
     def __init__(self) -> None:
         self._xyz, self._label = [np.zeros((0, 3))], [np.zeros(0, np.uint8)]
-        self._voxel, self._held = _FINEST, 0
+        self._voxel, self._count = _FINEST, 0
 
     def add(self, xyz: Array, label: NDArray[np.uint8]) -> None:
         self._xyz.append(xyz)
         self._label.append(label)
-        self._held += len(xyz)
-        if self._held > _BUFFER:
+        self._count += len(xyz)
+        if self._count > _BUFFER:
             self._reduce(_BUFFER // 2)
 
     def cloud(self, scans: int, frame: str, note: str) -> ScanCloud:
@@ -133,4 +133,4 @@ class _Voxels:
             if len(xyz) <= most:
                 break
             self._voxel *= _COARSENING
-        self._xyz, self._label, self._held = [xyz], [label], len(xyz)
+        self._xyz, self._label, self._count = [xyz], [label], len(xyz)

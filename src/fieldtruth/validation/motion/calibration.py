@@ -41,7 +41,7 @@ class Calibration(Checker):
         self._published = 0
 
     def see(self, raw: RawMessage, message: Any) -> None:
-        """Take a message."""
+        """Process a message."""
         if raw.topic == table.TF_STATIC:
             self._published += 1
             for each in message.transforms:
@@ -57,7 +57,7 @@ class Calibration(Checker):
         self._tally[CONSTANT].see(body == self._first[side][0], at(raw))
 
     def finish(self) -> None:
-        """Take the end of the bag."""
+        """Finish the checks after the last message."""
         if self._context.experiment is not None and table.TF_STATIC in self.topics:
             self._tally[ONCE].see(self._published == 1, f"{self._published} messages of {table.TF_STATIC}")
         if parents := self._context.parents:

@@ -38,16 +38,16 @@ MOVES: Final = Rule("the robot moves by velocity times time step", 1e-9, "m")
 TURNS: Final = Rule("the robot turns by turn rate times time step", 1e-9, "rad")
 MOTION: Final[Spec] = Spec("motion", (UNIT, JUMPS, MOVES, TURNS), "messages", _NO_STATES)
 
-ODOMETRY_POSE: Final = Rule("the pose of odometry is the one of model states", 0.0, "m or of a quaternion")
-TF_POSE: Final = Rule("the pose of /tf is the one of model states", 0.0, "m or of a quaternion")
-TWIST: Final = Rule("the twist of odometry is the one of model states in base_link", 1e-9, "m/s or rad/s")
+ODOMETRY_POSE: Final = Rule("the pose of odometry is that of model states", 0.0, "m or of a quaternion")
+TF_POSE: Final = Rule("the pose of /tf is that of model states", 0.0, "m or of a quaternion")
+TWIST: Final = Rule("the twist of odometry is that of model states in base_link", 1e-9, "m/s or rad/s")
 EXACT: Final = Rule("covariances of odometry are zero", minor=True)
 _NO_PAIR: Final = "only one of /gazebo/model_states, /ground_truth/odom and /tf"
 POSES: Final[Spec] = Spec("poses", (ODOMETRY_POSE, TF_POSE, TWIST, EXACT), "poses", _NO_PAIR)
 
 # The robot settles for two seconds before the recording, in which it may creep.
 START: Final = Rule("the drive begins at the start of the route", 0.3, "m")
-END: Final = Rule("the drive lasts as long as the experiment says, or until the robot stands at the last waypoint")
+END: Final = Rule("the drive lasts as long as the experiment says, or until the robot stops at the last waypoint")
 DRIVE: Final[Spec] = Spec("drive", (START, END), skipped="no experiment, or no true motion")
 _STOPPING: Final = 0.5  # [m] from the fix that reaches the last waypoint to standstill, at most
 _STANDING: Final = 0.05  # [m/s]
@@ -74,7 +74,7 @@ class ModelStates(Checker):
         self._length = 0.0
 
     def see(self, raw: RawMessage, message: Any) -> None:
-        """Take a message."""
+        """Process a message."""
         poses, twists, names = self._reader.poses(raw.data), self._reader.twists(raw.data), self._reader.names
         if not self._context.names:
             self._context.names = names
@@ -97,7 +97,7 @@ class ModelStates(Checker):
             self._check_motion()
 
     def finish(self) -> None:
-        """Take the end of the bag."""
+        """Finish the checks after the last message."""
         self._check_motion()
         self._motion.note = f"{self._length:.2f} m driven"
 
@@ -152,7 +152,7 @@ class Poses(Checker):
         self.topics = [name for name in (table.ODOMETRY, table.TF) if name in context.run.counts]
 
     def see(self, raw: RawMessage, message: Any) -> None:
-        """Take a message."""
+        """Process a message."""
         if raw.topic == table.TF:
             for each in message.transforms:
                 pose = _row(each.transform.translation, each.transform.rotation)
@@ -194,13 +194,13 @@ class Drive(Checker):
         self._last_ns = 0
 
     def see(self, raw: RawMessage, message: Any) -> None:
-        """Take a message, after the motion window did."""
+        """Process a message, after the motion window has."""
         if self._first is None and self._context.motion.started:
             self._first = self._context.motion.state(raw.stamp_ns).position.copy()
         self._last_ns = raw.stamp_ns
 
     def finish(self) -> None:
-        """Take the end of the bag."""
+        """Finish the checks after the last message."""
         experiment, goal = self._context.experiment, None
         if experiment is None or self._first is None:
             return

@@ -4,7 +4,7 @@
 
 IMU and GNSS readings have no noise and follow from the true motion by formulas, so that the residual is rounding: 1e-13
 m/s^2 (last digit of a velocity, over a millisecond) and 1e-9 m (last digit of a latitude of 49.9 deg). Wheels slip: up
-to 0.12 m/s and 0.18 rad/s were seen on rough ground over drives of 268 and 515 s, and twice as much is tolerated.
+to 0.12 m/s and 0.18 rad/s were measured on rough ground over drives of 268 and 515 s, and twice as much is tolerated.
 """
 
 from typing import Any, Final
@@ -36,7 +36,7 @@ ROLLED: Final = Rule("wheels roll the length of the path, if that is over 2 m", 
 _NO_WHEELS: Final = "no tachometers of all four wheels, or no true motion"
 WHEELS: Final[Spec] = Spec("wheels", (SLIP, SKID, ROLLED), "readings of four wheels", _NO_WHEELS)
 _ROLLED_FROM: Final = 2.0
-"""Length [m] of a path from which on it is compared; before, starting and turning have too large a share."""
+"""Shortest path [m] that is compared; in shorter ones, starting and turning have too large a share."""
 
 
 class Imu(Checker):
@@ -50,12 +50,12 @@ class Imu(Checker):
         self._base_from_imu = context.rig.imu.mount.base_from_sensor
 
     def see(self, raw: RawMessage, message: Any) -> None:
-        """Take a message."""
+        """Process a message."""
         covariances = np.concatenate([
             message.orientation_covariance, message.angular_velocity_covariance, message.linear_acceleration_covariance
         ])  # fmt: skip
         self._tally[IMU_EXACT].see(not covariances.any(), at(raw))
-        # The first step has none before it: its reading is the one of the second step.
+        # The first step has no predecessor: its reading is that of the second step.
         ready = raw.stamp_ns + STEP_NS if raw.stamp_ns <= STEP_NS else raw.stamp_ns
         self._motion.when_known(ready, lambda: self._compare(raw, message))
 
@@ -98,7 +98,7 @@ class Gnss(Checker):
         self._antenna = np.array([context.rig.gnss.mount.xyz])
 
     def see(self, raw: RawMessage, message: Any) -> None:
-        """Take a message."""
+        """Process a message."""
         status, covariance = message.status, message.position_covariance
         found = (status.status, status.service, message.position_covariance_type, bool(covariance.any()))
         self._tally[FIX].see(found == (0, 1, 0, False), f"{at(raw)}: status, service and covariance {found}")
@@ -113,7 +113,7 @@ class Gnss(Checker):
 
 
 class Wheels(Checker):
-    """Tachometers against the true motion, loosely, as wheels slip and skid."""
+    """Tachometers against the true motion, with wide tolerances, as wheels slip and skid."""
 
     def __init__(self, context: Context) -> None:
         self.topics = [name for name in table.WHEEL_SPEEDS if name in context.run.counts]
@@ -124,7 +124,7 @@ class Wheels(Checker):
         self._last: int | None = None
 
     def see(self, raw: RawMessage, message: Any) -> None:
-        """Take a message."""
+        """Process a message."""
         met = self._speeds.setdefault(raw.stamp_ns, {})
         met[raw.topic] = float(message.data)
         if len(met) == len(table.WHEEL_SPEEDS):
@@ -135,7 +135,7 @@ class Wheels(Checker):
             self._speeds.pop(next(iter(self._speeds)))
 
     def finish(self) -> None:
-        """Take the end of the bag."""
+        """Finish the checks after the last message."""
         self._tally.note = f"{self._rolled:.2f} m rolled, {self._driven:.2f} m driven"
         if self._driven > _ROLLED_FROM:
             self._tally[ROLLED].measure(self._rolled / self._driven - 1.0, self._tally.note)

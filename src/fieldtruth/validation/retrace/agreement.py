@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""LiDAR against cameras: points that fall on even parts of an image have the pixels' class, instance and depth.
+"""LiDAR against cameras: points that fall on flat parts of an image have the pixels' class, instance and depth.
 
-Clouds are projected by /tf_static and CameraInfo alone, as any user would do it. A part is even where 5 x 5 pixels are
-of one class and instance, and of one plane: the inverse depth of a plane is affine in the image, so that it is known
-between the pixels. LiDAR and camera have other viewpoints, and blades or twigs narrower than a pixel may hide what the
-pixels show; so shares of points are checked, not single points.
+Clouds are projected by /tf_static and CameraInfo alone. A part is flat where 5 x 5 pixels are of one class and
+instance, and of one plane: the inverse depth of a plane is affine in the image, so that it is known between the pixels.
+LiDAR and camera have different viewpoints, and blades or twigs narrower than a pixel may hide what the pixels show; so
+shares of points are checked, not single points.
 """
 
 from collections import OrderedDict
@@ -22,7 +22,7 @@ from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Context
-from fieldtruth.validation.retrace.moments import Moment, MomentChecker, Sampler
+from fieldtruth.validation.retrace.camera_frames import CameraFrame, CameraFrameChecker, Sampler
 
 # Shares in 360 views of four environments were up to 0.006, 0.075 and 0.048.
 SAME_OBJECT: Final = Rule("points at the depth of their pixel have its class and instance id", 0.02, "of the points")
@@ -34,13 +34,13 @@ LIDAR_AND_CAMERAS: Final[Spec] = Spec("lidar and cameras", (SAME_OBJECT, SAME_DE
 BEND: Final = 0.003
 """Share of inverse depth by which 5 x 5 pixels may differ from a plane."""
 FEW: Final = 200
-"""Points below which the shares of a moment are not compared."""
+"""Points below which the shares of a frame are not compared."""
 _NEAR: Final = 0.3  # [m] in front of the camera
 _KEPT: Final = 4  # clouds
 _AROUND: Final = np.arange(-2, 3)
 
 
-class Agreement(MomentChecker):
+class Agreement(CameraFrameChecker):
     """Clouds against images on a sample of stamps."""
 
     def __init__(self, context: Context, sampler: Sampler) -> None:
@@ -51,17 +51,17 @@ class Agreement(MomentChecker):
         self.tallies = [self._tally]
 
     def see(self, raw: RawMessage, message: Any) -> None:
-        """Take a message."""
+        """Process a message."""
         if raw.topic == table.POINTS:
             self._clouds[raw.stamp_ns] = message
             if len(self._clouds) > _KEPT:
                 self._clouds.popitem(last=False)
         super().see(raw, message)
 
-    def take(self, moment: Moment) -> None:
-        """Take a moment."""
-        cloud, lens = self._clouds.get(moment.stamp_ns), self.infos.get(moment.side)
-        if cloud is None or lens is None or "tag" not in moment.parts or not self._sampler.takes(moment.stamp_ns):
+    def check_frame(self, frame: CameraFrame) -> None:
+        """Check a frame."""
+        cloud, lens = self._clouds.get(frame.stamp_ns), self.infos.get(frame.side)
+        if cloud is None or lens is None or "tag" not in frame.parts or not self._sampler.takes(frame.stamp_ns):
             return
         if self.context.rig.lidar.spinning:
             self._tally.skipped = "the LiDAR spins while the robot moves; its points are checked by retracing"
@@ -73,33 +73,33 @@ class Agreement(MomentChecker):
             return
         optical_from_lidar, k = frames.inverse(base_from_optical) @ base_from_lidar, np.reshape(lens.K, (3, 3))
         part = self._tally.part()
-        self.context.jobs.append(lambda: [_compare(part, moment, cloud, k, optical_from_lidar)])
+        self.context.jobs.append(lambda: [_compare(part, frame, cloud, k, optical_from_lidar)])
 
 
-def _compare(tally: Tally, moment: Moment, cloud: Any, k: Array, optical_from_lidar: Array) -> Tally:
+def _compare(tally: Tally, frame: CameraFrame, cloud: Any, k: Array, optical_from_lidar: Array) -> Tally:
     try:
         points = read.points(cloud)
-        label = read.labels(read.image(moment.parts["tag"]))
-        depth = read.depth(moment.parts["depth"]) if "depth" in moment.parts else None
-        instance = read.instances(moment.parts["instances"]) if "instances" in moment.parts else None
+        label = read.labels(read.image(frame.parts["tag"]))
+        depth = read.depth(frame.parts["depth"]) if "depth" in frame.parts else None
+        instance = read.instances(frame.parts["instances"]) if "instances" in frame.parts else None
         u, v, z, rows = _projected(points, k, optical_from_lidar, label.shape)
         row, column = np.rint(v).astype(int), np.rint(u).astype(int)
         around = row[:, None, None] + _AROUND[:, None], column[:, None, None] + _AROUND
-        even, same = _equal(label[around]), label[row, column] == points["label"][rows]
+        flat, same = _equal(label[around]), label[row, column] == points["label"][rows]
         if instance is not None:
-            even &= _equal(instance[around])
+            flat &= _equal(instance[around])
             same &= instance[row, column] == points["instance"][rows]
-        at_depth = even
+        at_depth = flat
         if depth is not None:
             metres, plane = _depth_between(depth[around], v - row, u - column)
-            even = even & plane
-            at_depth = even & (np.abs(metres - z) <= 0.01 + BEND * z)
+            flat = flat & plane
+            at_depth = flat & (np.abs(metres - z) <= 0.01 + BEND * z)
     except (FieldtruthError, ValueError, KeyError, IndexError):
         return tally  # errors of the parts are reported by their own checks
-    count, near = int(even.sum()), int(at_depth.sum())
+    count, near = int(flat.sum()), int(at_depth.sum())
     if count < FEW:
         return tally
-    where = f"{moment.at('tag')}, {count:,} points"
+    where = f"{frame.at('tag')}, {count:,} points"
     if depth is not None:
         tally[SAME_DEPTH].measure(1.0 - near / count, where)
     if near >= FEW:
@@ -134,5 +134,5 @@ def _depth_between(around: NDArray[np.float32], dv: Array, du: Array) -> tuple[A
     middle = inverse[:, 2, 2]
     slope_v, slope_u = (inverse[:, 3, 2] - inverse[:, 1, 2]) / 2, (inverse[:, 2, 3] - inverse[:, 2, 1]) / 2
     plane = middle[:, None, None] + slope_v[:, None, None] * _AROUND[:, None] + slope_u[:, None, None] * _AROUND
-    even = (np.abs(inverse - plane) < BEND * middle[:, None, None]).all(axis=(1, 2)) & (middle > 0)
-    return 1.0 / np.maximum(middle + slope_v * dv + slope_u * du, 1e-9), even
+    flat = (np.abs(inverse - plane) < BEND * middle[:, None, None]).all(axis=(1, 2)) & (middle > 0)
+    return 1.0 / np.maximum(middle + slope_v * dv + slope_u * du, 1e-9), flat

@@ -19,7 +19,7 @@ from fieldtruth.experiment.rig import LidarConfig
 from fieldtruth.sense.lidar import Lidar, ray_directions
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, RebuiltWorld, at
-from fieldtruth.validation.retrace.moments import Sampler
+from fieldtruth.validation.retrace.camera_frames import Sampler
 from fieldtruth.validation.retrace.reference import RayReading, RayReference, close
 from fieldtruth.validation.retrace.world import N_CLASSES, ClassComparison, ObjectClasses
 
@@ -66,7 +66,7 @@ class Clouds(Checker):
         self.tallies = [self._labels, self._rays]
 
     def see(self, raw: RawMessage, message: Any) -> None:
-        """Take a message."""
+        """Process a message."""
         config, where, classes = self._context.rig.lidar, at(raw), self._objects.comparison()
         labels, rays = self._labels.part(), self._rays.part()
 
@@ -157,7 +157,7 @@ class RetracedClouds(Checker):
         self._times_ns = [int(t) for t in _column_times(context.rig.lidar)] if context.rig.lidar.spinning else [0]
 
     def see(self, raw: RawMessage, message: Any) -> None:
-        """Take a message."""
+        """Process a message."""
         self._context.motion.when_known(raw.stamp_ns + self._times_ns[-1], lambda: self._submit(raw, message))
 
     def _submit(self, raw: RawMessage, message: Any) -> None:

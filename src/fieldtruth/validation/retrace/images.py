@@ -21,7 +21,7 @@ from fieldtruth.sense.label_camera import LabelCamera, LabelImages
 from fieldtruth.sense.pinhole import pinhole
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Context, RebuiltWorld
-from fieldtruth.validation.retrace.moments import TOPIC_OF, Moment, MomentChecker, Sampler
+from fieldtruth.validation.retrace.camera_frames import TOPIC_OF, CameraFrame, CameraFrameChecker, Sampler
 from fieldtruth.validation.retrace.reference import NOTHING, UNKNOWN, RayReading, RayReference, close
 from fieldtruth.validation.retrace.world import ClassComparison, ObjectClasses
 
@@ -56,7 +56,7 @@ _DECODERS: Final[dict[str, Callable[[Any], NDArray[Any]]]] = {
 }
 
 
-class Images(MomentChecker):
+class Images(CameraFrameChecker):
     """Form, colours and depth of every image of both cameras."""
 
     def __init__(self, context: Context, objects: ObjectClasses) -> None:
@@ -64,31 +64,31 @@ class Images(MomentChecker):
         self._objects = objects
         self.tallies = [context.tally(spec) for spec in (IMAGES, TAG_COLOURS, DEPTH)]
 
-    def take(self, moment: Moment) -> None:
-        """Take a moment."""
+    def check_frame(self, frame: CameraFrame) -> None:
+        """Check a frame."""
         tallies, classes = [tally.part() for tally in self.tallies], self._objects.comparison()
-        info, far = self.infos.get(moment.side), self.context.rig.cameras.far
+        info, far = self.infos.get(frame.side), self.context.rig.cameras.far
         size = None if info is None else (info.width, info.height)
 
         def work() -> list[Tally]:
-            _check_moment(moment, size, far, tallies, classes)
+            _check_frame(frame, size, far, tallies, classes)
             return [*tallies, classes.tally]
 
         self.context.jobs.append(work)
 
 
-def _check_moment(
-    moment: Moment, size: tuple[int, int] | None, far: float, tallies: list[Tally], classes: ClassComparison
+def _check_frame(
+    frame: CameraFrame, size: tuple[int, int] | None, far: float, tallies: list[Tally], classes: ClassComparison
 ) -> None:
     images, colours, depths = tallies
-    parts = {part: _decoded(moment, part, size, images) for part in moment.parts}
+    parts = {part: _decoded(frame, part, size, images) for part in frame.parts}
     rgb, depth, instance = (parts.get(part) for part in ("tag", "depth", "instances"))
     if rgb is None:
         return
     width, flat = rgb.shape[1], rgb.reshape(-1, 3)
 
     def pixel(part: str, k: int) -> str:
-        return f"{moment.at(part)}, row {k // width}, column {k % width}"
+        return f"{frame.at(part)}, row {k // width}, column {k % width}"
 
     label = _labels(rgb).reshape(-1)
     known = label != Label.VOID
@@ -102,9 +102,9 @@ def _check_moment(
         classes.see(instance.reshape(-1), label, lambda k: pixel("instances", k))
 
 
-def _decoded(moment: Moment, part: str, size: tuple[int, int] | None, tally: Tally) -> NDArray[Any] | None:
+def _decoded(frame: CameraFrame, part: str, size: tuple[int, int] | None, tally: Tally) -> NDArray[Any] | None:
     """Pixels of a part, or None if they cannot be read."""
-    message, where = moment.parts[part], moment.at(part)
+    message, where = frame.parts[part], frame.at(part)
     try:
         image: NDArray[Any] = _DECODERS[part](message)
     except (BagError, ValueError) as error:
@@ -133,7 +133,7 @@ def _labels(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 class _Pixels(NamedTuple):
-    """Decoded parts of a moment."""
+    """Decoded parts of a frame."""
 
     label: NDArray[np.uint8]
     instance: NDArray[np.uint16] | None
@@ -141,7 +141,7 @@ class _Pixels(NamedTuple):
     photograph: NDArray[np.uint8] | None
 
 
-class RetracedImages(MomentChecker):
+class RetracedImages(CameraFrameChecker):
     """Images, rendered again in the rebuilt world and compared pixel by pixel: a sample, or all."""
 
     def __init__(
@@ -155,23 +155,23 @@ class RetracedImages(MomentChecker):
             self.tallies[1].skipped = "photographs are rendered again with --full"
         self._cameras = threading.local()
 
-    def take(self, moment: Moment) -> None:
-        """Take a moment."""
-        if "tag" in moment.parts:
-            self.context.motion.when_known(moment.stamp_ns, lambda: self._submit(moment))
+    def check_frame(self, frame: CameraFrame) -> None:
+        """Check a frame."""
+        if "tag" in frame.parts:
+            self.context.motion.when_known(frame.stamp_ns, lambda: self._submit(frame))
 
-    def _submit(self, moment: Moment) -> None:
-        sampled = self._sampler.takes(moment.stamp_ns)
+    def _submit(self, frame: CameraFrame) -> None:
+        sampled = self._sampler.takes(frame.stamp_ns)
         if not (sampled or self._full):
             return
-        cameras, state = self.context.rig.cameras, self.context.motion.state(moment.stamp_ns)
-        mount = cameras.left if moment.side == "left" else cameras.right
+        cameras, state = self.context.rig.cameras, self.context.motion.state(frame.stamp_ns)
+        mount = cameras.left if frame.side == "left" else cameras.right
         pose = state.world_from_base @ (mount.base_from_sensor @ CAMERA_FROM_OPTICAL)
-        self.context.jobs.append(lambda: self._compare(moment, pose, moment.stamp_ns if sampled else None))
+        self.context.jobs.append(lambda: self._compare(frame, pose, frame.stamp_ns if sampled else None))
 
-    def _compare(self, moment: Moment, pose: Array, seed: int | None) -> list[Tally]:
+    def _compare(self, frame: CameraFrame, pose: Array, seed: int | None) -> list[Tally]:
         config, lens = self.context.rig.cameras, pinhole(self.context.rig.cameras)
-        bag = _pixels(moment, (config.height, config.width))
+        bag = _pixels(frame, (config.height, config.width))
         if bag is None:
             return []
         own, difference = self._render(pose, bag.photograph)
@@ -182,17 +182,17 @@ class RetracedImages(MomentChecker):
             length = float(np.linalg.norm(ray))
             range_m = float("nan") if bag.depth is None else float(bag.depth[v, u]) * length
             return RayReading(
-                f"{moment.at('tag')}, row {v}, column {u}", pose[:3, 3], pose[:3, :3] @ ray / length,
+                f"{frame.at('tag')}, row {v}, column {u}", pose[:3, 3], pose[:3, :3] @ ray / length,
                 NOTHING if bag.label[v, u] == Label.SKY else range_m, int(bag.label[v, u]),
                 UNKNOWN if bag.instance is None else int(bag.instance[v, u]), 0.0, config.far, lidar=False,
             )  # fmt: skip
 
         same, equal = _same(bag, own)
         retraced, photographs = (tally.part() for tally in self.tallies)
-        retraced[EQUAL_IMAGES].see(equal, moment.at("tag"))
+        retraced[EQUAL_IMAGES].see(equal, frame.at("tag"))
         if difference is not None:
             for rule in PHOTOGRAPHS.rules:
-                photographs[rule].measure(difference, moment.at("photograph"))
+                photographs[rule].measure(difference, frame.at("photograph"))
         differing = np.flatnonzero(~same)
         sample = self._reference.compare(retraced[SAME_PIXELS], differing, same.size, reading, seed)
         return [retraced, photographs, sample]
@@ -210,9 +210,9 @@ class RetracedImages(MomentChecker):
         return images, _difference(photograph, images.photo, config.jpeg_quality)
 
 
-def _pixels(moment: Moment, shape: tuple[int, int]) -> _Pixels | None:
-    """Decode a moment; None if a part has an error, which its own check reports."""
-    parts = moment.parts
+def _pixels(frame: CameraFrame, shape: tuple[int, int]) -> _Pixels | None:
+    """Decode a frame; None if a part is invalid, which its own check reports."""
+    parts = frame.parts
     try:
         with np.errstate(invalid="ignore"):
             found = _Pixels(

@@ -24,7 +24,7 @@ from fieldtruth.validation.context import Checker, Context
 from fieldtruth.validation.retrace.tracer import TERRAIN, Hits, ReferenceTracer, resolution
 from fieldtruth.world.model import World
 
-SAME_RAYS: Final = Rule("rays traced in double precision hit what the bag says (sample)")
+SAME_RAYS: Final = Rule("rays traced in double precision hit what the bag contains (sample)")
 _NO_SAMPLE: Final = "no clouds and no tag images, or no true motion"
 INDEPENDENT_RAYS: Final[Spec] = Spec("independent rays", (SAME_RAYS,), "rays traced in double precision", _NO_SAMPLE)
 
@@ -76,7 +76,7 @@ class _Candidate(NamedTuple):
         return f"{names} of object {self.instance} at {self.range_m:.4f} m"
 
     def agrees(self, reading: RayReading) -> bool:
-        """Whether a reading may be the one of this surface."""
+        """Whether a reading may be of this surface."""
         returning = {label for label in self.labels if not (reading.lidar and label in NO_RETURN)}
         if reading.range_m == NOTHING:
             seen = reading.near + self.tolerance < self.range_m < reading.far - self.tolerance
@@ -87,7 +87,7 @@ class _Candidate(NamedTuple):
 
 
 def mismatches(world: World, tracer: ReferenceTracer, readings: list[RayReading]) -> list[str | None]:
-    """For each reading None if it is right, else what the ray hits."""
+    """Return for each reading None if it is right, else a description of what the ray hits."""
     if not readings:
         return []
     origins, directions = np.array([r.origin for r in readings]), np.array([r.direction for r in readings])
@@ -150,10 +150,10 @@ class RayReference(Checker):
         """Count the rays of a cloud or an image, and check a sample of them with the second tracer.
 
         Args:
-            count: where all rays are counted; those where engine and bag differ are right if the second tracer says so.
+            count: where all rays are counted; differing ones are right if the second tracer agrees with the bag.
             differing: rays where engine and bag differ.
             rays: number of rays.
-            reading: returns what the bag says about a ray.
+            reading: returns the bag's reading of a ray.
             seed: of the sample; None for no sample.
 
         Returns:

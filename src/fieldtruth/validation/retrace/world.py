@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The world of a run, built again, and which classes its objects can have."""
+"""The rebuilt world of a run, and which classes its objects can have."""
 
 import re
 from collections.abc import Callable
@@ -58,9 +58,9 @@ _BY_WORD: Final = {word: labels for labels, words in _WORDS.items() for word in 
 
 
 def rebuild(run: Run, *, quick: bool, full: bool, progress: Progress) -> tuple[RebuiltWorld | None, str]:
-    """Build the world of a run again, and bake it if photographs are rendered; or return None and the reason."""
+    """Rebuild the world of a run, and bake it if photographs are rendered; or return None and the reason."""
     if run.experiment is None:
-        return None, f"no {EXPERIMENT} beside the bag says what made it"
+        return None, f"no {EXPERIMENT} beside the bag"
     if quick:
         return None, "the world is not built with --quick"
     path = run.folder / EXPERIMENT
@@ -89,7 +89,7 @@ class WorldObjects(Checker):
         self.tallies = [self._tally]
 
     def see(self, raw: RawMessage, message: Any) -> None:
-        """Take a message."""
+        """Process a message."""
         if self._context.rebuilt is None or self._tally[NAMES].seen:
             return
         expected, found = ModelStatesReader(), ModelStatesReader()
@@ -170,7 +170,7 @@ def allowed_by_world(world: World) -> Mask:
 
 
 def allowed_by_name(names: tuple[str, ...]) -> Mask:
-    """(objects, classes) whether an object can have a class, by the last known word of its name; all if none is."""
+    """(objects, classes) whether an object can have a class, by the last known word of its name; else all."""
     allowed = np.ones((len(names), N_CLASSES), np.bool_)
     for row, name in enumerate(names):
         known = [_BY_WORD[word] for word in re.split(r"[_\W\d]+", name.lower()) if word in _BY_WORD]

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a camera published at one stamp, and the choice of stamps for costly checks."""
+"""Images of a camera with the same stamp, and the choice of stamps for costly checks."""
 
 from collections import OrderedDict
 from collections.abc import Callable, Collection
@@ -17,13 +17,13 @@ TOPIC_OF: Final[dict[str, Callable[[str], str]]] = {
     "depth": table.depth,
     "instances": table.instances,
 }
-"""Topic of each part of a moment, by side."""
+"""Topic of each part of a frame, by side."""
 WAITING: Final = 6
-"""Moments of which parts are awaited; each has some megabytes."""
+"""Frames of which parts are awaited; each has some megabytes."""
 
 
 @dataclass
-class Moment:
+class CameraFrame:
     """One camera at one stamp: messages by part (``tag``, ``depth``, ``instances``, ``photograph``)."""
 
     side: str
@@ -35,8 +35,8 @@ class Moment:
         return f"{TOPIC_OF[part](self.side)} at {self.stamp_ns} ns"
 
 
-class MomentChecker(Checker):
-    """Collects parts and takes each moment when it is complete, or when its other parts are no longer awaited.
+class CameraFrameChecker(Checker):
+    """Collects parts and checks each frame when it is complete, or when its other parts are no longer awaited.
 
     ``infos`` holds the first CameraInfo of each camera.
     """
@@ -48,35 +48,35 @@ class MomentChecker(Checker):
         self._parts = {topic: pair for topic, pair in pairs.items() if topic in context.run.counts}
         self._sides = {table.camera_info(side): side for side in table.SIDES}
         self.topics = [*self._parts, *self._sides]
-        self._open: OrderedDict[tuple[str, int], Moment] = OrderedDict()
+        self._open: OrderedDict[tuple[str, int], CameraFrame] = OrderedDict()
 
-    def take(self, moment: Moment) -> None:
-        """Take a moment."""
+    def check_frame(self, frame: CameraFrame) -> None:
+        """Check a frame."""
         raise NotImplementedError
 
     def see(self, raw: RawMessage, message: Any) -> None:
-        """Take a message."""
+        """Process a message."""
         if raw.topic in self._sides:
             self.infos.setdefault(self._sides[raw.topic], message)
         if raw.topic not in self._parts:
             return
         part, side = self._parts[raw.topic]
         key = (side, raw.stamp_ns)
-        moment = self._open.setdefault(key, Moment(side, raw.stamp_ns))
-        moment.parts[part] = message
-        if len(moment.parts) == sum(other == side for _, other in self._parts.values()):
-            self.take(self._open.pop(key))
+        frame = self._open.setdefault(key, CameraFrame(side, raw.stamp_ns))
+        frame.parts[part] = message
+        if len(frame.parts) == sum(other == side for _, other in self._parts.values()):
+            self.check_frame(self._open.pop(key))
         elif len(self._open) > WAITING:
-            self.take(self._open.popitem(last=False)[1])
+            self.check_frame(self._open.popitem(last=False)[1])
 
     def finish(self) -> None:
-        """Take the end of the bag."""
+        """Finish the checks after the last message."""
         while self._open:
-            self.take(self._open.popitem(last=False)[1])
+            self.check_frame(self._open.popitem(last=False)[1])
 
 
 class Sampler:
-    """Chooses about ``count`` of the stamps that are offered in time order, evenly over a run's time [ns]."""
+    """Chooses about ``count`` of the stamps, evenly over a run's time [ns]; calls must be in time order."""
 
     def __init__(self, start_ns: int, end_ns: int, count: int) -> None:
         self._period = max(1, (end_ns - start_ns) // max(1, count))
@@ -84,7 +84,7 @@ class Sampler:
         self._chosen: set[int] = set()
 
     def takes(self, stamp_ns: int) -> bool:
-        """Return whether a stamp is chosen; the answer stays the same when it is offered again."""
+        """Return whether a stamp is chosen; repeated calls with a stamp give the same result."""
         if stamp_ns not in self._chosen and stamp_ns >= self._due:
             self._chosen.add(stamp_ns)
             self._due += self._period * ((stamp_ns - self._due) // self._period + 1)
