@@ -14,8 +14,8 @@ from fieldtruth.bag.reader import open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.writer import BagWriter
 from fieldtruth.core.files import output_errors
-from fieldtruth.core.progress import Advance
-from fieldtruth.record.slices import PROGRESS_NS, Slices
+from fieldtruth.core.progress import Advance, timed
+from fieldtruth.record.slices import Slices
 
 
 class _Entry(NamedTuple):
@@ -61,9 +61,6 @@ def merge_bags(
                     for raw in part.messages():
                         yield _Entry(recorded_at(raw.stamp_ns), raw.topic, raw.data)
 
-        reported_ns = run.start_ns
-        for entry in merge(original(), added(), key=lambda entry: entry.stamp_ns):
+        entries = merge(original(), added(), key=lambda entry: entry.stamp_ns)
+        for entry in timed(entries, advance, run.start_ns):
             bag.write(entry.topic, entry.stamp_ns, entry.data)
-            if entry.stamp_ns - reported_ns >= PROGRESS_NS:
-                advance((entry.stamp_ns - reported_ns) / 1e9)
-                reported_ns = entry.stamp_ns

@@ -26,9 +26,8 @@ from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import UnknownNameError, nearest_first
-from fieldtruth.core.progress import Advance
+from fieldtruth.core.progress import Advance, timed
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.record.slices import PROGRESS_NS
 
 LARGEST_STEP_NS: Final = 200_000_000
 """Largest time [ns] between two poses; over a longer gap interpolation is not accurate to a pixel."""
@@ -91,13 +90,9 @@ def read_poses(run: Run, rig: Rig, robot: str, advance: Advance) -> Poses:
     log = _Log(source, rig)
     with open_bag(run.bag) as bag:
         reader = _Odometry(bag) if source == table.ODOMETRY else _ModelStates(robot)
-        reported_ns = run.start_ns
-        for raw in bag.messages():
+        for raw in timed(bag.messages(), advance, run.start_ns):
             if raw.topic == source and (pose := reader.pose(raw)) is not None:
                 log.add(pose, raw.stamp_ns)
-            if raw.stamp_ns - reported_ns >= PROGRESS_NS:
-                advance((raw.stamp_ns - reported_ns) / 1e9)
-                reported_ns = raw.stamp_ns
     log.finish()
     if not log.stamps:
         reader.explain_absence()

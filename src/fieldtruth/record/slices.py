@@ -24,7 +24,7 @@ from fieldtruth.record.streams import Sensors, Stream
 
 SLICE_NS: Final = 10**9
 """Simulated time [ns] in a slice."""
-PROGRESS_NS: Final = 10**8
+_PROGRESS_NS: Final = 10**8
 """Simulated time [ns] between two reports of progress."""
 
 _MODULES: Final = ("fieldtruth.record.slices", "fieldtruth.record.sensors")
@@ -136,7 +136,7 @@ class Slices:
                 messages = stream.messages(reading, self._worker.sensors)
                 for topic, data in zip(stream.topics, messages, strict=True):
                     bag.write(topic, stamp_ns, data)
-                if stamp_ns - reported_ns >= PROGRESS_NS:
+                if stamp_ns - reported_ns >= _PROGRESS_NS:
                     advance((stamp_ns - reported_ns) / 1e9)
                     reported_ns = stamp_ns
         advance(self.seconds(k) - (reported_ns - self._begin_ns(k)) / 1e9)
