@@ -74,7 +74,7 @@ class Checker:
     tallies: Sequence[Tally] = ()
 
     def see(self, raw: RawMessage, message: Any) -> None:
-        """Process a message; it is None for /clock and /gazebo/model_states, whose rate is too high for decoding."""
+        """Process a message, decoded except on /clock and /gazebo/model_states (None), whose rate is too high."""
 
     def finish(self) -> None:
         """Finish the checks after the last message."""
