@@ -31,6 +31,7 @@ PROSE = {
     r"\b(?:is|are) none\b|\bis no (?:number|file|bag|folder|name|text)\b": "'is not a ...'",
     r"\bas it stands\b|\bhow it stands\b": "as is",
     r"\bfelt\b": "measured",
+    r"\bobject ids?\b": "instance id",
     r"\bwitness(?:es)?\b|\bpardon(?:ed|s)?\b|\brefut(?:e|es|ed)\b": "reference, tolerated, mismatch",
     r"\bdarkroom\b|\bstudio\b": "tonemapping, shading",
 }

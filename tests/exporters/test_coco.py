@@ -117,7 +117,7 @@ def numbered(name: str) -> bool:
 
 
 def expected(label: NDArray[np.uint8], instance: NDArray[np.uint16], names: list[str]) -> dict[tuple[int, int], Any]:
-    """Masks by category and object id, which is 0 for stuff and crowds."""
+    """Masks by category and ``object_id``, which is 0 for stuff and crowds."""
     result: dict[tuple[int, int], Any] = {}
     pairs, owner = np.unique(label.astype(np.int64) << 16 | instance, return_inverse=True)
     for i, pair in enumerate(pairs):

@@ -116,7 +116,7 @@ def depth(message: Any) -> NDArray[np.float32]:
 
 
 def instances(message: Any) -> NDArray[np.uint16]:
-    """Return the object ids (h, w) of a sensor_msgs/Image, 16UC1; 0 for no object."""
+    """Return the instance ids (h, w) of a sensor_msgs/Image, 16UC1; 0 for no object."""
     if message.encoding not in ("16UC1", "mono16"):
         raise BagError(f"encoding of an instance image must be 16UC1, got {message.encoding!r}")
     ids: NDArray[np.uint16] = _pixels(message, np.dtype("<u2"))

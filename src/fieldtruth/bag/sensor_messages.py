@@ -113,7 +113,7 @@ def depth(seq: int, stamp_ns: int, side: Side, metres: NDArray[np.float32]) -> b
 
 
 def instances(seq: int, stamp_ns: int, side: Side, instance: NDArray[np.uint16]) -> bytes:
-    """Serialise sensor_msgs/Image, 16UC1: object ids (h, w) as in the cloud's ``instance``; 0 for sky."""
+    """Serialise sensor_msgs/Image, 16UC1: instance ids (h, w) as in the cloud's ``instance``; 0 for sky."""
     return _image(seq, stamp_ns, side, "16UC1", instance.astype("<u2", copy=False))
 
 

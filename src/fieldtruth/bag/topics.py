@@ -71,7 +71,7 @@ def depth(side: str) -> str:
 
 
 def instances(side: str) -> str:
-    """Topic of a camera's object ids, 16UC1: rows of /gazebo/model_states, as the cloud's ``instance``."""
+    """Topic of a camera's instance ids, 16UC1: rows of /gazebo/model_states, as the cloud's ``instance``."""
     return f"/stereo/camera/{side}/instances"
 
 

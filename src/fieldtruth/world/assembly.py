@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""From a filled builder and its terrain to a world: object ids, and the materials and textures that are used."""
+"""From a filled builder and its terrain to a world: instance ids, and the materials and textures that are used."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -30,7 +30,7 @@ def assemble(
 ) -> World:
     """Make a world of a builder's objects and swarms, and of the swarms ``beyond`` its edge.
 
-    Object ids of swarms follow those of the named objects, so that each id is a row of /gazebo/model_states.
+    Instance ids of swarms follow those of the named objects, so that each id is a row of /gazebo/model_states.
 
     Raises:
         CrowdedWorldError: more than ``MOST_OBJECTS`` named objects.

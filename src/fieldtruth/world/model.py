@@ -16,7 +16,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 
 GROUND_ID: Final = 1
-"""Object id of the ground. Id 0 is the robot, which its own sensors do not see: 0 in an image is a miss."""
+"""Instance id of the ground. Id 0 is the robot, which its own sensors do not see: 0 in an image is a miss."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,7 +106,7 @@ class Instance:
 
 @dataclass(frozen=True, kw_only=True)
 class Swarm:
-    """Many objects of a kind under one object id and without colliders: tufts of grass, pebbles, distant trees."""
+    """Many objects of a kind under one instance id and without colliders: tufts of grass, pebbles, distant trees."""
 
     name: str
     kind: str

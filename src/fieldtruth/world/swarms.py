@@ -66,7 +66,7 @@ def random_scales(rng: np.random.Generator, scales: tuple[float, float], count: 
 def make_swarm(
     name: str, kind: str, meshes: Sequence[Mesh], poses: Array, rng: np.random.Generator | None, *, tint: float = 0.1
 ) -> Swarm:
-    """Assemble a swarm at poses (n, 4, 4); ``assemble`` sets its object id when all objects are known.
+    """Assemble a swarm at poses (n, 4, 4); ``assemble`` sets its instance id when all objects are known.
 
     Draws the mesh of each pose, then the tints. Without a generator meshes are used in turn, untinted.
     """
