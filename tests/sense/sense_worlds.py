@@ -2,18 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """Worlds so small that every range and every pixel in them is known in closed form."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.rig import LidarConfig
 from fieldtruth.sense.lidar import Lidar
 from fieldtruth.sense.scene import Scene
+from fieldtruth.world import assembly
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import Heightfield, Instance, Material, Mesh, Raster, Terrain, World
 
@@ -154,6 +157,14 @@ def trace_rays(scene: Scene, origins: F8, directions: F8, *, max_range: float = 
         out.label[first + scan.column] = scan.label
         out.instance[first + scan.column] = scan.instance
     return out
+
+
+@contextmanager
+def without_textures() -> Iterator[None]:
+    """Build worlds quickly, without textures, which change neither layout nor labels."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(assembly, "make_textures", lambda *_: {})
+        yield
 
 
 def park_scene(folder: Path) -> Scene:

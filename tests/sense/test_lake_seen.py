@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from sense_worlds import make_world, trace_rays
+from sense_worlds import make_world, trace_rays, without_textures
 
 from fieldtruth.core import frames
 from fieldtruth.core.classes import Label
@@ -18,7 +18,6 @@ from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.lidar import Lidar
 from fieldtruth.sense.scene import Scene
-from fieldtruth.world import assembly
 from fieldtruth.world.environments.lake.build import build as build_lake
 from fieldtruth.world.environments.lake.config import Config as LakeConfig
 from fieldtruth.world.furniture import hang, make_cable, make_power_pole
@@ -57,8 +56,7 @@ def test_rays_at_a_cable_and_a_pole() -> None:
 @pytest.fixture(scope="module")
 def lake() -> Scene:
     """The lake in full, with one variant of each plant and without textures, which labels do not need."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(assembly, "make_textures", lambda *_: {})
+    with without_textures():
         return Scene(build_lake(0, lines(), LakeConfig(individuals=1, grass=0.5)))
 
 

@@ -4,9 +4,8 @@
 
 from functools import cache
 
-import pytest
+from sense_worlds import without_textures
 
-from fieldtruth.world import assembly
 from fieldtruth.world.build import reserved_corridors
 from fieldtruth.world.environments.lake.build import build as build_lake
 from fieldtruth.world.environments.lake.config import Config as LakeConfig
@@ -16,8 +15,7 @@ from fieldtruth.world.model import World
 @cache
 def lake_variant(seed: int, **changes: float) -> World:
     """A quick lake; textures do not change its layout."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(assembly, "make_textures", lambda *_: {})
+    with without_textures():
         return build_lake(
             seed, reserved_corridors("lake"), LakeConfig.model_validate({"individuals": 1, "grass": 0.5, **changes})
         )

@@ -1,17 +1,28 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Checks that hold for every mesh."""
+"""Checks that hold for every mesh, and the vertices and scale of an object."""
 
 import numpy as np
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.world.model import Mesh
+from fieldtruth.world.model import Instance, Mesh, World
 
 
 def face_normals(mesh: Mesh) -> Array:
     """Normals (f, 3) of the triangles, twice their area [m^2] long."""
     a, b, c = mesh.vertices[mesh.faces].astype(np.float64).transpose(1, 0, 2)
     return np.asarray(np.cross(b - a, c - a))
+
+
+def world_vertices(world: World, instance: Instance) -> Array:
+    """Vertices (v, 3) of an object in the world [m]."""
+    pose = instance.world_from_object
+    return np.asarray(world.meshes[instance.mesh].vertices @ pose[:3, :3].T + pose[:3, 3])
+
+
+def scale_of(instance: Instance) -> float:
+    """Uniform scale of an object."""
+    return float(np.cbrt(np.linalg.det(instance.world_from_object[:3, :3])))
 
 
 def assert_valid(mesh: Mesh, *, least_area: float) -> None:

@@ -8,9 +8,8 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import pytest
+from sense_worlds import without_textures
 
-from fieldtruth.world import assembly
 from fieldtruth.world.build import load_world, reserved_corridors
 from fieldtruth.world.environments.park.build import build as build_park
 from fieldtruth.world.environments.park.config import Config as ParkConfig
@@ -27,8 +26,7 @@ def real_park(folder: Path) -> World:
 def park_variant(seed: int, **changes: int) -> World:
     """A park with one individual of each kind of tree and without textures, which do not change its layout."""
     config = ParkConfig.model_validate({"individuals": 1, **changes})
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(assembly, "make_textures", lambda *_: {})
+    with without_textures():
         return build_park(seed, reserved_corridors("park"), config)
 
 

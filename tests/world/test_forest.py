@@ -7,12 +7,13 @@ from functools import cache
 
 import numpy as np
 import pytest
+from mesh_checks import scale_of
 from numpy.typing import NDArray
 from park_worlds import digest
 from pydantic import ValidationError
+from sense_worlds import without_textures
 
 from fieldtruth.core.classes import Label
-from fieldtruth.world import assembly
 from fieldtruth.world.build import reserved_corridors
 from fieldtruth.world.environments.forest.build import build as build_forest
 from fieldtruth.world.environments.forest.config import Config as ForestConfig
@@ -34,8 +35,7 @@ def routes() -> list[Line]:
 @cache
 def forest(seed: int, **changes: float) -> World:
     """A forest with one individual of each species and age and without textures, which do not change its layout."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(assembly, "make_textures", lambda *_: {})
+    with without_textures():
         return build_forest(seed, routes(), ForestConfig.model_validate({"individuals": 1, **changes}))
 
 
@@ -46,10 +46,6 @@ def world(request: pytest.FixtureRequest) -> World:
 
 def trees(world: World) -> list[Instance]:
     return [i for i in world.instances if i.kind in TREES]
-
-
-def scale_of(instance: Instance) -> float:
-    return float(np.cbrt(np.linalg.det(instance.world_from_object[:3, :3])))
 
 
 def positions(objects: list[Instance]) -> F8:

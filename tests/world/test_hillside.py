@@ -7,17 +7,18 @@ from functools import cache
 
 import numpy as np
 import pytest
+from mesh_checks import world_vertices
 from numpy.typing import NDArray
 from park_worlds import digest
 from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
+from sense_worlds import without_textures
 
 from fieldtruth.core.classes import Label
-from fieldtruth.world import assembly
 from fieldtruth.world.build import reserved_corridors
 from fieldtruth.world.environments.hillside.build import build as build_hillside
 from fieldtruth.world.environments.hillside.config import Config as HillsideConfig
-from fieldtruth.world.model import Instance, World
+from fieldtruth.world.model import World
 from fieldtruth.world.rocks.laying import rim_vertices
 from fieldtruth.world.trails import Line
 
@@ -34,20 +35,13 @@ def routes() -> list[Line]:
 @cache
 def hillside(seed: int) -> World:
     """The hillside with one individual of each kind and without textures, which do not change its layout."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(assembly, "make_textures", lambda *_: {})
+    with without_textures():
         return build_hillside(seed, routes(), HillsideConfig(individuals=1))
 
 
 @pytest.fixture(scope="module", params=[0, 1, 2], ids=lambda seed: f"seed_{seed}")
 def world(request: pytest.FixtureRequest) -> World:
     return hillside(request.param)
-
-
-def corners(world: World, instance: Instance) -> F8:
-    """Vertices (v, 3) of an object in the world [m]."""
-    pose = instance.world_from_object
-    return np.asarray(world.meshes[instance.mesh].vertices @ pose[:3, :3].T + pose[:3, 3])
 
 
 def slopes(world: World) -> tuple[F8, F8]:
@@ -106,7 +100,7 @@ def test_rims_of_rocks_are_in_the_ground(world: World) -> None:
             pose = instance.world_from_object
             rim = rim_vertices(world.meshes[instance.mesh]) @ pose[:3, :3].T + pose[:3, 3]
             assert np.all(rim[:, 2] < world.terrain.field.height_at(rim[:, 0], rim[:, 1])), instance.name
-            whole = corners(world, instance)
+            whole = world_vertices(world, instance)
             above = whole[:, 2] - world.terrain.field.height_at(whole[:, 0], whole[:, 1])
             assert above.max() > 0.04, instance.name
 
@@ -115,7 +109,7 @@ def test_stems_reach_into_the_ground(world: World) -> None:
     """Stems reach 5 to 90 cm into the ground; leaves may overhang a slope."""
     for instance in world.instances:
         if instance.kind in TREES | BUSHES:
-            whole = corners(world, instance)
+            whole = world_vertices(world, instance)
             x, y, z = instance.world_from_object[:3, 3]
             near = whole[np.hypot(whole[:, 0] - x, whole[:, 1] - y) < 0.5]
             depth = world.terrain.field.height_at(near[:, 0], near[:, 1]) - near[:, 2]
@@ -194,8 +188,7 @@ def test_flank_without_corridors_is_steep_everywhere() -> None:
         oaks=1,
         snags=1,
     )
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(assembly, "make_textures", lambda *_: {})
+    with without_textures():
         world = build_hillside(3, [], config)
     assert len(world.instances) == 13
     slope, away = slopes(world)

@@ -7,13 +7,14 @@ from collections import Counter
 import numpy as np
 import pytest
 from lake_worlds import lake_variant
+from mesh_checks import world_vertices
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from fieldtruth.core.classes import Label
 from fieldtruth.world.build import reserved_corridors
 from fieldtruth.world.environments.lake.config import Config as LakeConfig
-from fieldtruth.world.model import Instance, World
+from fieldtruth.world.model import World
 from fieldtruth.world.placement import CrowdedWorldError
 from fieldtruth.world.trails import Line
 
@@ -42,11 +43,6 @@ def level(world: World) -> float:
 
 def above_water(world: World, xy: F8) -> F8:
     return world.terrain.field.height_at(xy[:, 0], xy[:, 1]) - level(world)
-
-
-def corners(world: World, instance: Instance) -> F8:
-    pose = instance.world_from_object
-    return np.asarray(world.meshes[instance.mesh].vertices @ pose[:3, :3].T + pose[:3, 3])
 
 
 def test_counts_and_budget(world: World) -> None:
@@ -99,7 +95,7 @@ def test_shore_is_irregular(world: World) -> None:
 def test_water_is_one_flat_sheet_up_to_the_far_shore(world: World) -> None:
     (lake,) = (i for i in world.instances if i.kind == "water")
     assert lake.name == "lake_1"
-    mesh, sheet = world.meshes[lake.mesh], corners(world, lake)
+    mesh, sheet = world.meshes[lake.mesh], world_vertices(world, lake)
     assert np.ptp(sheet[:, 2]) == 0.0
     assert sheet[0, 2] == pytest.approx(level(world))
     assert {world.materials[n].label for n in mesh.materials} == {Label.WATER}
@@ -122,7 +118,7 @@ def test_objects_touch_the_ground(world: World) -> None:
     for instance in world.instances:
         if instance.kind in ("water", "cable"):
             continue
-        vertices = corners(world, instance)
+        vertices = world_vertices(world, instance)
         sole = vertices[vertices[:, 2] < vertices[:, 2].min() + 0.005]
         assert (sole[:, 2] - field.height_at(sole[:, 0], sole[:, 1])).max() < 0.001, instance.name
     for swarm in world.swarms:
@@ -181,7 +177,7 @@ def test_footprints_are_disjoint(world: World) -> None:
 
 
 def test_wires_are_high_and_not_above_trunks(world: World) -> None:
-    cables = [corners(world, i) for i in world.instances if i.kind == "cable"]
+    cables = [world_vertices(world, i) for i in world.instances if i.kind == "cable"]
     trunks = np.array([i.world_from_object[:2, 3] for i in world.instances if i.kind.endswith("tree")])
     for wire in cables:
         inside = wire[(np.abs(wire[:, 0]) < 50) & (np.abs(wire[:, 1]) < 25)]

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from mesh_checks import scale_of, world_vertices
 from numpy.typing import NDArray
 from park_worlds import digest, park_variant, real_park
 from scipy.sparse.csgraph import connected_components
@@ -35,18 +36,8 @@ def world(request: pytest.FixtureRequest, park: World) -> World:
     return park if request.param == 0 else park_variant(request.param)
 
 
-def corners(world: World, instance: Instance) -> F8:
-    """Vertices (v, 3) of an object in the world [m]."""
-    pose = instance.world_from_object
-    return np.asarray(world.meshes[instance.mesh].vertices @ pose[:3, :3].T + pose[:3, 3])
-
-
 def position(instance: Instance) -> F8:
     return instance.world_from_object[:2, 3]
-
-
-def scale(instance: Instance) -> float:
-    return float(np.cbrt(np.linalg.det(instance.world_from_object[:3, :3])))
 
 
 def distance_to_line(xy: F8, line: F8) -> F8:
@@ -78,7 +69,7 @@ def test_objects_touch_the_ground(world: World) -> None:
     """The whole sole of each foot of an object is in the ground, or at most 1 mm above it."""
     floating = {}
     for instance in world.instances:
-        vertices = corners(world, instance)
+        vertices = world_vertices(world, instance)
         above = vertices[:, 2] - world.terrain.field.height_at(vertices[:, 0], vertices[:, 1])
         gap = max(float(above[sole].max()) for sole in soles(vertices))
         if gap > 0.001:
@@ -97,10 +88,10 @@ def soles(vertices: F8) -> list[NDArray[np.int64]]:
 
 def test_soles_finds_each_foot(park: World) -> None:
     """Checks the helper: a bench has several feet, a tree one."""
-    count = {i.kind: len(soles(corners(park, i))) for i in park.instances}
+    count = {i.kind: len(soles(world_vertices(park, i))) for i in park.instances}
     assert count["large_tree"] == count["small_tree"] == 1
-    assert max(len(soles(corners(park, i))) for i in park.instances if i.kind == "bench") >= 2
-    assert max(len(soles(corners(park, i))) for i in park.instances if i.kind == "table") >= 4
+    assert max(len(soles(world_vertices(park, i))) for i in park.instances if i.kind == "bench") >= 2
+    assert max(len(soles(world_vertices(park, i))) for i in park.instances if i.kind == "table") >= 4
 
 
 def test_origins_are_at_most_20_cm_below_the_ground(world: World) -> None:
@@ -113,7 +104,7 @@ def test_origins_are_at_most_20_cm_below_the_ground(world: World) -> None:
 def test_footprints_are_disjoint(world: World) -> None:
     """Circles of the meshes' footprints are disjoint."""
     xy = np.array([position(i) for i in world.instances])
-    radius = np.array([world.meshes[i.mesh].footprint * scale(i) for i in world.instances])
+    radius = np.array([world.meshes[i.mesh].footprint * scale_of(i) for i in world.instances])
     apart = np.linalg.norm(xy[:, None] - xy, axis=-1) - radius[:, None] - radius
     np.fill_diagonal(apart, np.inf)
     assert apart.min() > -1e-6, [world.instances[k].name for k in np.unravel_index(apart.argmin(), apart.shape)]
@@ -121,7 +112,7 @@ def test_footprints_are_disjoint(world: World) -> None:
 
 def test_solid_parts_are_3_cm_apart(world: World) -> None:
     """Furniture and trunks below 1.5 m, sampled by their vertices: 3 cm or more between any two objects."""
-    solid = [(i, corners(world, i)) for i in world.instances if i.kind != "bush"]
+    solid = [(i, world_vertices(world, i)) for i in world.instances if i.kind != "bush"]
     low = [v[v[:, 2] < i.world_from_object[2, 3] + 1.5] for i, v in solid]
     boxes = np.array([[v[:, :2].min(axis=0), v[:, :2].max(axis=0)] for v in low])
     for a in range(len(low)):
@@ -139,7 +130,7 @@ def test_objects_are_inside_the_world(world: World) -> None:
 def test_trails_are_free_of_furniture_and_trunks(world: World) -> None:
     terrain = world.terrain
     for instance in world.instances:
-        vertices = corners(world, instance)
+        vertices = world_vertices(world, instance)
         low = vertices[vertices[:, 2] < instance.world_from_object[2, 3] + 1.0]
         if instance.kind in ("large_tree", "small_tree"):
             assert float(terrain.trail_distance.at(*position(instance))) > 1.5, instance.name
@@ -171,7 +162,7 @@ def test_no_collider_near_routes(world: World) -> None:
     for number, corners_of_line in enumerate(CORRIDORS):
         line = np.array(corners_of_line)
         for instance in world.instances:
-            pose, size = instance.world_from_object, scale(instance)
+            pose, size = instance.world_from_object, scale_of(instance)
             for collider in world.meshes[instance.mesh].colliders:
                 if collider.shape == "cylinder":
                     middle = np.array([[*collider.position, 1.0]]) @ pose.T
@@ -200,7 +191,7 @@ def test_object_ids_are_rows_of_object_names(world: World) -> None:
 def test_poses_are_upright_turns_with_one_scale(world: World) -> None:
     yaws = []
     for instance in world.instances:
-        linear = instance.world_from_object[:3, :3] / scale(instance)
+        linear = instance.world_from_object[:3, :3] / scale_of(instance)
         assert linear @ linear.T == pytest.approx(np.eye(3), abs=1e-12)
         assert linear[2, 2] == pytest.approx(1.0)
         assert instance.world_from_object[3].tolist() == [0, 0, 0, 1]
@@ -226,7 +217,7 @@ def test_large_tree_has_20_000_triangles_of_two_classes(world: World) -> None:
             trunk = mesh.vertices[mesh.faces[labels == Label.TRUNK]].reshape(-1, 3)
             assert trunk[:, 2].min() <= 0.0
     heights = {
-        kind: [np.ptp(corners(world, i)[:, 2]) for i in world.instances if i.kind == kind]
+        kind: [np.ptp(world_vertices(world, i)[:, 2]) for i in world.instances if i.kind == kind]
         for kind in ("large_tree", "small_tree")
     }
     assert min(heights["large_tree"]) > 7.0

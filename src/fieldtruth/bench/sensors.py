@@ -89,9 +89,9 @@ def _against_bare(
     repeats: int,
 ) -> list[float]:
     """Total time [s] of bare Embree in its best mode and of each sensor; the best try of each pose counts."""
-    some = poses[:: -(-len(poses) // _TRIAL_POSES)]
+    trial_poses = poses[:: -(-len(poses) // _TRIAL_POSES)]
     handle = scene.rays.handle
-    tracer = BareTracer(handle, directions, far, best_mode(handle, directions, far, some))
+    tracer = BareTracer(handle, directions, far, best_mode(handle, directions, far, trial_poses))
     total = np.zeros(1 + len(sensors))
     for sensor in sensors:
         sensor(poses[0])  # compiled before the clock runs

@@ -56,8 +56,8 @@ class WaypointFollower:
 
 def turn_rate(heading_error: float, control: ControlConfig) -> float:
     """Turn rate [rad/s], proportional to the heading error [rad] up to the limit."""
-    wanted = control.heading_gain * math.remainder(heading_error, math.tau)
-    return min(max(wanted, -control.max_turn_rate), control.max_turn_rate)
+    rate = control.heading_gain * math.remainder(heading_error, math.tau)
+    return min(max(rate, -control.max_turn_rate), control.max_turn_rate)
 
 
 def horizontal_from_geodetic(geodetic: ArrayLike) -> Array:

@@ -87,8 +87,8 @@ def distance_to(outline: Outline, points: Array) -> Array:
     outwards = np.stack([edges[:, 1], -edges[:, 0]], axis=-1) / lengths[:, None]
     depth = (to_point * outwards).sum(-1).max(axis=1)  # signed distance to the farthest edge line
     along = np.clip((to_point * edges).sum(-1) / lengths**2, 0.0, 1.0)
-    away = np.linalg.norm(to_point - along[..., None] * edges, axis=-1).min(axis=1)
-    return np.asarray(np.where(depth > 0, away, depth))
+    outside = np.linalg.norm(to_point - along[..., None] * edges, axis=-1).min(axis=1)
+    return np.asarray(np.where(depth > 0, outside, depth))
 
 
 def gap_to(outline: Outline, poses: Array) -> Array:

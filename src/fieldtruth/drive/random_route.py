@@ -19,7 +19,7 @@ from fieldtruth.drive.route_check import LINE_GAP, line_conflict, line_points, p
 from fieldtruth.drive.route_grid import PATH_CLEARANCE, RouteGrid
 from fieldtruth.drive.traversability import CELL, ROBOT_RADIUS, Traversability
 
-PATH_GAP: Final = 0.2  # [m] from the robot's outline to an obstacle, at least
+PLANNED_GAP: Final = 0.2  # [m] from the robot's outline to an obstacle; more than route_check requires
 SPACINGS: Final = (16.0, 13.0, 10.5, 8.5, 7.0)  # [m] of path between waypoints
 CLOSE_SPACINGS: Final = (5.6, 4.5, 3.6, 2.8, 2.3)  # [m], where obstacles require it
 TURN_GAP: Final = 0.3  # [m] added in turns, where skidding on uneven ground displaces the robot by up to 0.4 m
@@ -203,16 +203,16 @@ class RandomRoutePlanner:
 def _is_free(ground: Traversability, poses: Array, clear: bool) -> bool:
     """Whether the robot keeps its gap to obstacles, also in turns, where it may leave the simulated path."""
     turn = np.cumsum(np.abs(np.diff(poses[:, 2], prepend=poses[0, 2])))
-    wider = TURN_GAP * min(1.0, float(turn[-1]) / SHARP_TURN)
-    apart = float(np.linalg.norm(poses[1, :2] - poses[0, :2])) if len(poses) > 1 else 1.0
-    bend = poses[: int(np.searchsorted(turn, 0.95 * turn[-1])) + 1 + int(AFTER_TURN / apart)]
-    for part, margin in ((bend, wider), (poses, 0.0)):
+    turn_margin = TURN_GAP * min(1.0, float(turn[-1]) / SHARP_TURN)
+    spacing = float(np.linalg.norm(poses[1, :2] - poses[0, :2])) if len(poses) > 1 else 1.0
+    turning = poses[: int(np.searchsorted(turn, 0.95 * turn[-1])) + 1 + int(AFTER_TURN / spacing)]
+    for part, margin in ((turning, turn_margin), (poses, 0.0)):
         clearance = ground.clearance_at(part[:, :2]).min()
-        if clearance >= (PATH_CLEARANCE if clear else PATH_GAP) + margin:
+        if clearance >= (PATH_CLEARANCE if clear else PLANNED_GAP) + margin:
             continue
         on_terrain = ground.terrain_clearance_at(part[:, :2]).min()
-        if clear or clearance < OUTLINE[1] / 2 + PATH_GAP + margin - ROBOT_RADIUS - CELL:
+        if clear or clearance < OUTLINE[1] / 2 + PLANNED_GAP + margin - ROBOT_RADIUS - CELL:
             return False
-        if on_terrain < PATH_GAP / 2 + margin / 2 or path_conflict(ground, part, PATH_GAP + margin) is not None:
+        if on_terrain < PLANNED_GAP / 2 + margin / 2 or path_conflict(ground, part, PLANNED_GAP + margin) is not None:
             return False
     return True

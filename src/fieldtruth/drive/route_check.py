@@ -58,8 +58,8 @@ def line_points(first: Array, last: Array) -> Array:
 
 def thinned(poses: Array) -> Array:
     """Poses of a simulated leg at most 6 cm apart, including its last."""
-    apart = max(1, int(0.06 / max(1e-6, float(np.linalg.norm(poses[-1, :2] - poses[-2, :2]))))) if len(poses) > 1 else 1
-    return poses[::-apart][::-1]
+    step = float(np.linalg.norm(poses[-1, :2] - poses[-2, :2])) if len(poses) > 1 else 1.0
+    return poses[:: -max(1, int(0.06 / max(1e-6, step)))][::-1]
 
 
 def check_route(ground: Traversability, simulator: KinematicSimulator, corners: Array) -> None:
@@ -145,5 +145,5 @@ def _near(ground: Traversability, points: Array, distance: float) -> list[Outlin
     """Outlines whose circle comes within ``distance`` [m] of the bounding box of points (n, 2)."""
     x, y, radius = ground.circles.T
     low, high = points.min(axis=0), points.max(axis=0)
-    away = np.hypot(x - np.clip(x, low[0], high[0]), y - np.clip(y, low[1], high[1]))
-    return [ground.outlines[number] for number in np.flatnonzero(away <= radius + distance)]
+    gap = np.hypot(x - np.clip(x, low[0], high[0]), y - np.clip(y, low[1], high[1]))
+    return [ground.outlines[number] for number in np.flatnonzero(gap <= radius + distance)]

@@ -52,14 +52,14 @@ class RouteGrid:
 
     def random_path(self, state: KinematicState, driven: Array, rng: np.random.Generator) -> Array:
         """Path (n, 2) [m] from ``state`` to a random node, preferably far from the ``driven`` points (m, 2)."""
-        here = np.array([state.x, state.y])
-        away = self._distance_from(driven)
-        source = self._nearest(here)
-        cost, before = self._dijkstra(source, self._cost(state, away, rng))
-        far = np.flatnonzero((np.linalg.norm(self.nodes - here, axis=1) > MIN_DISTANCE) & np.isfinite(cost))
+        position = np.array([state.x, state.y])
+        to_driven = self._distance_from(driven)
+        source = self._nearest(position)
+        cost, before = self._dijkstra(source, self._cost(state, to_driven, rng))
+        far = np.flatnonzero((np.linalg.norm(self.nodes - position, axis=1) > MIN_DISTANCE) & np.isfinite(cost))
         far = far if len(far) else np.array([int(np.where(np.isfinite(cost), cost, -1).argmax())])
         candidates = rng.choice(far, 40)
-        weight = np.minimum(away[candidates], NEW_GROUND) * (self.clearance[candidates] > PATH_CLEARANCE) + 0.01
+        weight = np.minimum(to_driven[candidates], NEW_GROUND) * (self.clearance[candidates] > PATH_CLEARANCE) + 0.01
         node = int(candidates[(weight * rng.uniform(0.3, 1.0, len(candidates))).argmax()])
         path = [node]
         while node != source:
@@ -76,7 +76,7 @@ class RouteGrid:
         fresh[tuple(np.clip(cells, 0, np.subtract(fresh.shape, 1)).T)] = False
         return np.asarray(distance_transform_edt(fresh)[self._free] * NODE)
 
-    def _cost(self, state: KinematicState, away: Array, rng: np.random.Generator) -> Array:
+    def _cost(self, state: KinematicState, to_driven: Array, rng: np.random.Generator) -> Array:
         """Cost per metre at each node: random, and high near obstacles, on driven ground and behind the robot."""
         noise = gaussian_filter(rng.standard_normal(self._free.shape), 3.0 / NODE)[self._free]
         offset = self.nodes - (state.x, state.y)
@@ -86,7 +86,7 @@ class RouteGrid:
             1.0
             + 1.5 * (noise - noise.min()) / max(float(np.ptp(noise)), 1e-9)
             + 10.0 * np.exp(-self.clearance / 0.3)
-            + 2.0 * np.exp(-((away / 1.5) ** 2))
+            + 2.0 * np.exp(-((to_driven / 1.5) ** 2))
             + 4.0 * ((distance < 3.0) & (ahead < -0.2))
         )
 
