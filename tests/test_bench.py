@@ -32,17 +32,9 @@ RIG = Rig(cameras=CameraConfig(width=64, height=48), lidar=LidarConfig(columns=6
 EXPERIMENT = Experiment(
     name="small", environment="park", rig=RIG, route=route_from_metres((-6.0, 0.0), [(2.0, 0.0), (2.0, 8.0)])
 )
-PARK = ParkConfig(
-    size=(24.0, 24.0),
-    trails=(((-14, -6), (14, -6)),),
-    large_trees=1,
-    small_trees=1,
-    bushes=2,
-    benches=1,
-    lamp_posts=1,
-    tables=1,
-    trash_bins=1,
-    individuals=1,
+ONE_OF_EACH = ("large_trees", "small_trees", "benches", "lamp_posts", "tables", "trash_bins", "individuals")
+PARK = ParkConfig.model_validate(
+    {"size": (24.0, 24.0), "trails": (((-14, -6), (14, -6)),), "bushes": 2, **dict.fromkeys(ONE_OF_EACH, 1)}
 )
 
 

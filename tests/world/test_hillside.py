@@ -172,22 +172,9 @@ def test_same_seed_same_bytes_and_other_seed_another_world() -> None:
 
 
 def test_flank_without_corridors_is_steep_everywhere() -> None:
-    config = HillsideConfig(
-        individuals=1,
-        crags=2,
-        boulders=2,
-        blocks=2,
-        slabs=1,
-        stones=0,
-        pebbles=0,
-        grass=0,
-        junipers=1,
-        gorse=1,
-        cushions=1,
-        pines=1,
-        oaks=1,
-        snags=1,
-    )
+    rocks = {"crags": 2, "boulders": 2, "blocks": 2, "slabs": 1, "stones": 0, "pebbles": 0}
+    plants = {"grass": 0, "junipers": 1, "gorse": 1, "cushions": 1, "pines": 1, "oaks": 1, "snags": 1}
+    config = HillsideConfig.model_validate({"individuals": 1, **rocks, **plants})
     with without_textures():
         world = build_hillside(3, [], config)
     assert len(world.instances) == 13

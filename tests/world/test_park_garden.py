@@ -16,15 +16,8 @@ from fieldtruth.world.environments.park.corridors import CORRIDORS
 from fieldtruth.world.model import Swarm, World
 
 F8 = NDArray[np.float64]
-BEYOND = (
-    "avenues_near",
-    "avenues_beyond",
-    "woods_beyond",
-    "trees_near",
-    "trees_beyond",
-    "bushes_beyond",
-    "high_grass_beyond",
-)
+TREES_BEYOND = ("avenues_near", "avenues_beyond", "woods_beyond", "trees_near", "trees_beyond")
+BEYOND = (*TREES_BEYOND, "bushes_beyond", "high_grass_beyond")
 
 
 @pytest.fixture(scope="module", params=[0, 1, 2], ids=lambda seed: f"seed_{seed}")
