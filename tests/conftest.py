@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What many tests read and none may change, made once."""
+"""Shared fixtures: made once, and not changed by tests."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -39,7 +39,7 @@ def small_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def flat_world() -> World:
-    """Nothing but level ground."""
+    """Level ground without objects."""
     from drive_worlds import make_world
 
     return make_world()
@@ -79,7 +79,7 @@ def park(small_run: Path) -> RebuiltWorld:
 
 @pytest.fixture
 def validate_in_park(park: RebuiltWorld, monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Check]]:
-    """``validate`` with the world at hand."""
+    """``validate`` with the world already built."""
 
     def rebuild(*args: Any, quick: bool, **kwargs: Any) -> tuple[RebuiltWorld | None, str]:
         return (None, "quick") if quick else (park, "")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the documents say is so: tables against the code, snippets against the examples, links against the files."""
+"""Documents are correct: tables against the code, snippets against the examples, links against the files."""
 
 import itertools
 import re
@@ -59,7 +59,7 @@ def configuration_keys(model: type[BaseModel], prefix: tuple[str, ...] = ()) -> 
 
 
 def default_of(key: tuple[str, ...]) -> object:
-    """Value of an experiment that says nothing but what is required."""
+    """Value in an experiment with only the required keys."""
     value: object = parse_experiment(
         "{name: a, environment: park, route: {start: [49.9, 8.9], waypoints: [[49.9001, 8.9]]}}"
     ).model_dump(mode="json")

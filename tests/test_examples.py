@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Every example runs, and what it prints is sane; the two that record with cameras at full size are marked slow."""
+"""Every example runs, and prints plausible results; the two that record with cameras at full size are marked slow."""
 
 import json
 import re
@@ -45,7 +45,7 @@ def bare_bag(small_run: Path, tmp_path: Path) -> Path:
     return bag
 
 
-def test_there_are_ten_examples_each_of_at_most_sixty_lines_and_run_here() -> None:
+def test_ten_examples_have_at_most_60_lines_and_a_test_each() -> None:
     tests = Path(__file__).read_text(encoding="utf-8")
     assert len(SCRIPTS) == 10
     for script in SCRIPTS:

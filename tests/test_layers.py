@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Imports point one way: the layers of pyproject.toml hold, and no two modules import each other, however indirectly.
+"""Imports follow the layers of pyproject.toml, and there are no import cycles.
 
 Late imports inside functions and imports for type checkers count as well.
 """

@@ -30,7 +30,7 @@ def test_every_public_name_resolves(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", USER_VERBS)
-def test_what_a_user_does_is_public_and_no_package_shadows_it(name: str) -> None:
+def test_public_functions_are_not_shadowed_by_packages(name: str) -> None:
     assert name in fieldtruth.__all__
     assert callable(getattr(fieldtruth, name))
     assert not (Path(fieldtruth.__file__).parent / name).exists()

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Automatically annotated data sets of a ground robot in natural environments.
 
-Everything public is here, flat: ``import fieldtruth as ft`` and nothing else. The names stand in ``__init__.pyi``; each
-is imported when it is first used, so that ``import fieldtruth`` takes milliseconds.
+All public names are here, flat: ``import fieldtruth as ft`` is enough. They are listed in ``__init__.pyi``; each is
+imported when it is first used, so that ``import fieldtruth`` takes milliseconds.
 """
 
 from typing import Any

@@ -43,7 +43,7 @@ def generate(
         out: folder of data sets; nothing outside ``out/NAME`` is written.
         workers: threads that make slices; None for one per core that the process may use.
         overwrite: replace an earlier run in the folder, finished or not.
-        progress: receives the stages and how far they are.
+        progress: receives the progress.
 
     Returns:
         Path of the bag.
@@ -51,7 +51,7 @@ def generate(
     Raises:
         UnknownNameError: unknown environment.
         ConfigurationError: a layout that the environment does not allow.
-        OutputError: the folder is occupied, in use, unwritable or full.
+        OutputError: the folder holds another run, is in use, or cannot be written.
         RouteError: the route meets an obstacle, or no free route of the requested length is found.
         DriveError: the robot cannot drive this route.
         EngineError: the installed Embree is not the version for which the kernels were written.

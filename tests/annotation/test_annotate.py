@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Annotating a run without its images and clouds gives them back: every photograph, label and point, bit by bit."""
+"""Annotating a run without its images and clouds reproduces them: every photograph, label and point, bit by bit."""
 
 import json
 import shutil
@@ -96,7 +96,7 @@ def seen(messages: list[Message]) -> list[tuple[int, str, bytes]]:
     return [(stamp, kind.topic, data) for stamp, kind, data in messages if sensed(kind.topic)]
 
 
-def test_a_run_gets_back_every_image_and_cloud_to_the_bit(annotated: Path, original: list[Message]) -> None:
+def test_annotation_reproduces_every_image_and_cloud_bit_for_bit(annotated: Path, original: list[Message]) -> None:
     expected = seen(original)
     assert len(expected) == 8 * 10 + 3
     assert seen(stored(annotated)) == expected

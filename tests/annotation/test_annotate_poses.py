@@ -104,7 +104,7 @@ def test_messages_before_the_clock_starts_or_the_robot_is_spawned_are_skipped(tm
     assert_on_the_path(poses, [80_000_000, 120_000_000])
 
 
-def test_of_poses_with_the_same_stamp_the_first_is_used(tmp_path: Path) -> None:
+def test_first_of_several_poses_with_one_stamp_is_used(tmp_path: Path) -> None:
     # a clock that ticks every 7 ms, a simulation that publishes every millisecond
     bunches = [states(k // 7 * 7_000_000, {"husky": true_pose(k * 0.001)}) for k in range(7, 300)]
     assert_on_the_path(poses_of(tmp_path, bunches), [40_000_000, 100_000_000, 200_000_000, 280_000_000], 1e-6)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""PNG is judged by two decoders that share no code, Pillow and pypng (strict), and by its own rules."""
+"""PNG files read by two independent decoders, Pillow and pypng (strict), and the layout of their chunks."""
 
 import struct
 import zlib
@@ -43,7 +43,7 @@ def noise(shape: tuple[int, ...], dtype: type[np.unsignedinteger[Any]]) -> NDArr
 
 @pytest.mark.parametrize("decode", [with_pillow, with_pypng])
 @pytest.mark.parametrize("size", [(1, 1), (1, 9), (9, 1), (2, 2), (37, 53), (184, 320)])
-def test_every_pixel_comes_back(decode: Any, size: tuple[int, int]) -> None:
+def test_every_pixel_round_trips(decode: Any, size: tuple[int, int]) -> None:
     colours, grey, wide = noise((*size, 3), np.uint8), noise(size, np.uint8), noise(size, np.uint16)
     for image in (colours, grey, wide, np.zeros_like(colours), np.full_like(wide, 65535), PALETTE[grey % 16]):
         back = decode(encode_png(image))
@@ -52,7 +52,7 @@ def test_every_pixel_comes_back(decode: Any, size: tuple[int, int]) -> None:
         assert np.array_equal(back, image)
 
 
-def test_a_row_and_a_column_of_known_pixels() -> None:
+def test_known_row_and_column_round_trip() -> None:
     row = np.array([[[255, 0, 0], [0, 255, 0], [0, 0, 255], [1, 2, 3]]], np.uint8)
     deep = np.array([[0, 1], [256, 65535]], np.uint16)
     with Image.open(BytesIO(encode_png(row))) as image:
@@ -76,23 +76,23 @@ def test_palette_images_decode_to_the_palettes_colours(decode: Any, colours: int
 
 
 @pytest.mark.parametrize("cut", [np.s_[::-1, ::2], np.s_[3:9, 5:6], np.s_[..., ::-1]])
-def test_views_are_images_too(cut: Any) -> None:
+def test_non_contiguous_views_round_trip(cut: Any) -> None:
     image = noise((20, 30, 3), np.uint8)[cut]
     assert np.array_equal(with_pillow(encode_png(image)), image)
 
 
-def test_either_byte_order() -> None:
+def test_either_byte_order_round_trips() -> None:
     image = noise((5, 7), np.uint16)
     assert encode_png(image.astype(">u2")) == encode_png(image)
 
 
 @settings(max_examples=50, deadline=None)
 @given(hnp.arrays(np.uint16, hnp.array_shapes(min_dims=2, max_dims=2, max_side=6), elements=st.integers(0, 65535)))
-def test_any_small_depth_image(image: NDArray[np.uint16]) -> None:
+def test_any_small_depth_image_round_trips(image: NDArray[np.uint16]) -> None:
     assert np.array_equal(with_pypng(encode_png(image)), image)
 
 
-def test_chunks_are_as_the_standard_wants_them() -> None:
+def test_chunks_have_the_layout_of_the_standard() -> None:
     data, at, chunks = encode_png(noise((7, 5, 3), np.uint8)), 8, []
     assert data[:8] == bytes([137, 80, 78, 71, 13, 10, 26, 10])
     while at < len(data):
@@ -111,7 +111,7 @@ def test_chunks_are_as_the_standard_wants_them() -> None:
     assert chunks[2][1] == b""
 
 
-def test_flat_colours_are_small() -> None:
+def test_flat_colours_compress_well() -> None:
     stripes = PALETTE[np.arange(720)[:, None] // 60 % 16 * np.ones(1280, int)]
     assert len(encode_png(stripes)) < stripes.nbytes / 100
 
@@ -122,7 +122,7 @@ def test_threads_make_the_same_bytes() -> None:
         assert list(pool.map(encode_png, images)) == [encode_png(image) for image in images]
 
 
-def test_no_pixel_is_no_image() -> None:
+def test_image_without_pixels_is_an_error() -> None:
     with pytest.raises(OutputError, match="0 x 4 pixels"):
         encode_png(np.zeros((4, 0, 3), np.uint8))
 

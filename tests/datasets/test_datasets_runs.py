@@ -216,7 +216,7 @@ def test_a_batch_is_stacked_and_clouds_are_not_padded(small_run: Path) -> None:
 
 
 @pytest.mark.parametrize("start", ["fork", "spawn"])
-def test_two_loader_workers_give_what_plain_access_gives(small_run: Path, tmp_path: Path, start: str) -> None:
+def test_two_loader_workers_match_direct_access(small_run: Path, tmp_path: Path, start: str) -> None:
     torch = pytest.importorskip("torch")
     from torch.utils.data import DataLoader
 

@@ -99,7 +99,7 @@ def test_any_valid_experiment_survives_dump_and_load(experiment: Experiment) -> 
 
 @settings(deadline=None, max_examples=150)
 @given(st.text(max_size=60) | st.text("[]{}:,-&*!|>'\"%@?#\n ab10.e~\t", max_size=40))
-def test_any_text_that_is_no_experiment_is_refused_in_one_line(text: str) -> None:
+def test_any_invalid_text_is_refused_in_one_line(text: str) -> None:
     with pytest.raises(FieldtruthError) as refusal:
         parse_experiment(text, "x.yaml")
     assert str(refusal.value).startswith("x.yaml: ")

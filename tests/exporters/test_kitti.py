@@ -191,7 +191,7 @@ def test_memory_does_not_grow_with_duration(bag: Path, tmp_path: Path) -> None:
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Bags from elsewhere
+# Foreign bags
 
 
 def test_nearest_photographs_are_used_without_common_stamps(bag: Path, tmp_path: Path) -> None:

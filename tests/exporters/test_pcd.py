@@ -144,7 +144,7 @@ def test_memory_does_not_grow_with_duration(bag: Path, tmp_path: Path) -> None:
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Bags from elsewhere
+# Foreign bags
 
 
 def bare_cloud(stamp_ns: int, intensity: list[float]) -> PointCloud2:

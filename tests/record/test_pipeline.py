@@ -162,7 +162,7 @@ def test_files_of_the_user_are_never_touched(tmp_path: Path) -> None:
     assert (tmp_path / "tiny" / "mine" / "notes.txt").read_text() == "keep"
 
 
-def test_a_file_in_the_path_of_the_folder(tmp_path: Path) -> None:
+def test_file_in_the_output_path_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "data").write_text("")
     with pytest.raises(OutputError, match=r"cannot write .*tiny: a (part of the path is a file|file exists)"):
         generate(make_experiment(0.5), tmp_path / "data", workers=1)
@@ -176,7 +176,7 @@ def refuse(*_: object, **__: object) -> None:
 
 
 @pytest.mark.parametrize("method", ["mkdir", "write_bytes"])
-def test_an_unwritable_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str) -> None:
+def test_unwritable_folder_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str) -> None:
     monkeypatch.setattr(Path, method, refuse)  # root may write anywhere
     with pytest.raises(OutputError, match=r"cannot write .*tiny: permission denied$"):
         generate(make_experiment(0.5), tmp_path, workers=1)

@@ -150,7 +150,7 @@ def vanish(data: bytearray) -> None:
 def test_points_that_only_the_world_contradicts_are_found_by_retracing(
     lean_run: Path, tmp_path: Path, validate_in_park: Validate
 ) -> None:
-    """One ray in each of the five clouds, of which no other check knows."""
+    """One ray in each of the five clouds, that no other check detects."""
     edits = [swapped(Label.TREETOP, Label.TRUNK), swapped(Label.GROUND, Label.TRAIL), nearer, another_tree, vanish]
     folder = rewritten(lean_run, tmp_path, edited({(table.POINTS, k): edit for k, edit in enumerate(edits)}))
     assert failures(validate(folder, quick=True)) == {}

@@ -142,7 +142,7 @@ def test_pixels_that_only_the_world_contradicts_are_found_by_full_retracing(
 ) -> None:
     """A leaf labelled wood, ground labelled trail, depth 1 cm too long, a leaf of another tree.
 
-    And a photograph of another stamp. No other check knows of any of them.
+    And a photograph of another stamp. No other check detects them.
     """
     photo = first_message(lean_run, table.photograph("right")).data
 

@@ -24,7 +24,7 @@ NAMES = [
     "rays", "images", "tag colours", "depth", "object classes", "lidar and cameras", "world", "retraced clouds",
     "retraced images", "photographs", "independent rays",
 ]  # fmt: skip
-"""Programs may ask for these: they do not change."""
+"""Names for programs: they are stable."""
 
 Validate = Callable[..., list[Check]]
 

@@ -170,7 +170,7 @@ def test_changed_camera_matrix_is_found(streams: dict[str, str]) -> None:
     assert f"CameraInfo does not change: 1 of 26 mismatch, first {RIGHT_INFO} at 360000000 ns" in text
 
 
-def test_the_edits_change_what_they_say() -> None:
+def test_edits_change_the_intended_values() -> None:
     data = bytearray(np.array([0.0, 0.0, 0.0, 1.0, 5.0]).tobytes())
     turned(0, MILLI)(data)
     add(-8, MILLI)(data)

@@ -70,7 +70,7 @@ def annotate(
         robot: the model in /gazebo/model_states that carries the sensors; its pose there is that of base_link.
         out: the new bag; by default beside the other, with a name that ends in ``_annotated``.
         workers: threads; None for one per core that the process may use.
-        progress: receives the stages and how far they are.
+        progress: receives the progress.
 
     Returns:
         Path of the new bag, ``out``.
@@ -80,7 +80,7 @@ def annotate(
         ConfigurationError: a layout that is not allowed, or a rig without a sensor to add.
         BagError: the bag cannot be read, has no poses or a gap in them, already has the topics to add, or was recorded
             with other sensors or in another world.
-        OutputError: the output exists, is in use, or cannot be written.
+        OutputError: the output already exists, is in use, or cannot be written.
     """
     config = WorldConfig(world) if isinstance(world, str) else world
     check_layout(config.environment, config.layout)
@@ -127,7 +127,7 @@ def _work_folder(target: Path) -> Iterator[RunFolder]:
     """Open and lock a hidden folder for slices beside the new bag; it is kept when the work is interrupted.
 
     Raises:
-        OutputError: the bag exists, another process is making it, or it cannot be written.
+        OutputError: the bag already exists, is in use, or cannot be written.
     """
     path = target.with_name(f".{target.name}.parts")
     with output_errors(target):

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Check that a bag fits the rig and the world; if it did not, the labels would be wrong and no error would show it."""
+"""Check that a bag fits the rig and the world; otherwise the labels would be wrong without an error."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager

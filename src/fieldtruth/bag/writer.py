@@ -40,7 +40,7 @@ class BagWriter:
 
     def __init__(self, path: Path, topics: Sequence[Topic]) -> None:
         if path.exists():
-            raise OutputError(f"{path} already exists and is not overwritten")
+            raise OutputError(f"{path} already exists; remove it, or choose another path")
         self.path = path
         self._part = path.with_name(path.name + ".part")
         self._part.unlink(missing_ok=True)

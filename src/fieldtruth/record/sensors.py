@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The sensors of a rig in a world, as each worker thread needs its own."""
+"""The sensors of a rig in a world, one set per worker thread."""
 
 from collections.abc import Callable
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Time slices, the unit of work: small bags that depend on nothing but world, track, rig and slice number.
+"""Time slices, the unit of work: small bags that depend only on world, track, rig and slice number.
 
 Slice k holds the stamps in (k S, (k + 1) S] after the start. It gets its name only when it is complete, so every slice
 in the folder is finished, however the run was interrupted. Threads make the missing slices; joined in time order they
@@ -32,7 +32,7 @@ _LIBRARIES: Final = ("numpy", "scipy", "numba", "embreex", "simplejpeg", "lz4", 
 
 
 def slices_key(*inputs: object) -> str:
-    """Key of the slices made from ``inputs`` by the present code of sensors, rendering and bags; see ``cache_key``."""
+    """Key of the slices made from ``inputs`` by the current code of sensors, rendering and bags; see ``cache_key``."""
     return cache_key(_MODULES, *inputs, libraries=_LIBRARIES)
 
 

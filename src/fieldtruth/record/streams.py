@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Streams of messages from world, track and rig: each has its stamps and can make any of its readings.
 
-A reading depends on nothing but its number, so parts of a recording can be made in any order and by any thread.
+A reading depends only on its number, so parts of a recording can be made in any order and by any thread.
 """
 
 from collections.abc import Callable, Iterable
