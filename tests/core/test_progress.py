@@ -3,10 +3,11 @@
 import io
 import re
 import threading
+from types import SimpleNamespace
 
 from rich.console import Console
 
-from fieldtruth.core.progress import show_progress
+from fieldtruth.core.progress import show_progress, timed
 
 
 def test_lines_for_a_log_file() -> None:
@@ -40,3 +41,10 @@ def test_bars_on_a_terminal_from_several_threads() -> None:
     assert "drive" in text
     assert "of 8.0 s simulated" in text
     assert text.count("✓") >= 2
+
+
+def test_time_between_items_is_reported_a_few_times_per_second() -> None:
+    items = [SimpleNamespace(stamp_ns=10**9 + k * 50_000_000) for k in range(21)]
+    reported: list[float] = []
+    assert list(timed(items, reported.append, 10**9)) == items
+    assert reported == [0.2] * 5
