@@ -46,3 +46,19 @@ def test_the_import_alone_loads_nothing_heavy() -> None:
     code = f"import sys, fieldtruth; print({heavy!r} & set(sys.modules))"
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ended.stdout.strip() == "set()"
+
+
+def test_the_import_and_light_commands_need_no_module_that_only_linux_has() -> None:
+    code = """
+import os, sys
+for name in ("fcntl", "resource", "termios", "pwd", "grp", "syslog"):
+    sys.modules[name] = None
+del os.sched_getaffinity
+from fieldtruth.cli import main
+main(["list"])
+main(["generate", "--help"])
+"""
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stderr
+    assert "park_1" in ended.stdout
+    assert "--seconds" in ended.stdout
