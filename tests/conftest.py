@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import pytest
+from filelock import FileLock
 
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.run import open_run
@@ -27,14 +28,20 @@ _LEAN_NS: Final = 520_000_000
 
 
 @pytest.fixture(scope="session")
-def small_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def small_run(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
     """Folder of 1.2 s of park_1 with depth and instances, images of 320 x 184. Copy what you want to change."""
     from fieldtruth.pipeline import generate
 
     values = load_experiment("park_1").model_dump()
     values["seconds"] = 1.2
     values["rig"]["cameras"] |= {"width": 320, "height": 184, "depth": True, "instances": True}
-    return generate(Experiment.model_validate(values), tmp_path_factory.mktemp("small_run")).parent
+    base = tmp_path_factory.getbasetemp()
+    shared = (base.parent if worker_id != "master" else base) / "small_run"  # the first of the workers makes it
+    shared.mkdir(exist_ok=True)
+    with FileLock(shared / "lock"):
+        if not (shared / "park_1" / "park_1.bag").exists():
+            generate(Experiment.model_validate(values), shared)
+    return shared / "park_1"
 
 
 @pytest.fixture(scope="session")

@@ -38,7 +38,7 @@ TABLE_4 = {
     "forest_1": Row(80.52, 269), "forest_2": Row(73.38, 245), "hillside_1": Row(153.10, 514),
     "hillside_2": Row(159.34, 511),
 }  # fmt: skip
-DEFAULT = ("park_1", "hillside_1")
+DEFAULT = ("park_1", "forest_2")
 
 
 @cache

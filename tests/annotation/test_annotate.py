@@ -126,6 +126,7 @@ def test_the_input_is_only_read_and_no_other_files_remain(stripped: Path, camera
     assert sorted(path.name for path in tmp_path.iterdir()) == ["x.bag", "x_annotated.bag"]
 
 
+@pytest.mark.slow
 def test_same_bytes_for_any_number_of_workers_and_after_an_interruption(
     annotated: Path, stripped: Path, rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -165,7 +166,9 @@ class Counting:
 
 
 @pytest.mark.parametrize("source", [ODOMETRY, STATES])
-@pytest.mark.parametrize("packed", [Writer.CompressionFormat.BZ2, Writer.CompressionFormat.LZ4])
+@pytest.mark.parametrize(
+    "packed", [Writer.CompressionFormat.BZ2, pytest.param(Writer.CompressionFormat.LZ4, marks=pytest.mark.slow)]
+)
 def test_either_source_of_poses_and_any_compression_is_read(
     source: str, packed: Writer.CompressionFormat, original: list[Message], rig: Rig, tmp_path: Path
 ) -> None:
@@ -182,6 +185,7 @@ def test_a_scan_that_ends_after_the_last_pose_is_left_out(original: list[Message
     assert [stamp for stamp, *_ in seen(stored(bag))] == [100_000_000]  # the scan at 0.2 s would end at 0.3 s
 
 
+@pytest.mark.slow
 def test_stamps_of_a_wall_clock(original: list[Message], cameras: Rig, tmp_path: Path) -> None:
     # 3 ms off the grid of the cameras: images are at multiples of 40 ms, and there is a pose every millisecond
     shift = WALL + 3_000_000

@@ -48,9 +48,8 @@ def true_trajectory(bag: Path) -> PoseTrajectory3D:
     return trajectory
 
 
-@pytest.mark.parametrize(
-    "environment", ["park", *(pytest.param(name, marks=pytest.mark.slow) for name in ("lake", "forest", "hillside"))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("environment", BOUNDS)
 def test_kiss_icp_finds_the_true_trajectory(environment: str, tmp_path: Path) -> None:
     bag = generate(with_overrides(load_experiment(f"{environment}_1"), seconds=SECONDS, cameras=False), tmp_path)
     estimate = estimated_trajectory(bag, tmp_path / "kiss_icp")

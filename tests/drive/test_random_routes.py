@@ -128,7 +128,8 @@ def test_world_without_free_ground_is_rejected() -> None:
         )
 
 
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
 def test_random_route_in_the_park_is_driven_to_its_end(seed: int) -> None:
     world = fieldtruth.load_world("park", 0)
     experiment = load_experiment("park_1").model_copy(update={"route": random_route(40.0, seed)})

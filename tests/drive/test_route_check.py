@@ -115,7 +115,12 @@ def test_drive_into_water_is_an_error() -> None:
         drive(make_world(tilted(-2.0, 0.0), water_level=-0.12), make_experiment([(10.0, 0.0)]))
 
 
-@pytest.mark.parametrize("name", experiment_names())
+DEFAULT = ("park_1", "forest_2")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=() if n in DEFAULT else pytest.mark.slow) for n in experiment_names()]
+)
 def test_built_in_routes_pass_the_check(name: str) -> None:
     experiment: Experiment = load_experiment(name)
     world = fieldtruth.load_world(experiment.environment, experiment.seed)

@@ -134,6 +134,7 @@ def test_bytes_do_not_depend_on_workers(small_run: Path, made: Path, tmp_path: P
     assert filecmp.cmpfiles(made, again, names, shallow=False) == (names, [], [])
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_duration(bag: Path, tmp_path: Path) -> None:
     peaks = []
     for times in (3, 12):

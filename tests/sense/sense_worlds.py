@@ -4,8 +4,6 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -167,12 +165,6 @@ def without_textures() -> Iterator[None]:
         yield
 
 
-def park_scene(folder: Path) -> Scene:
-    """The park of seed 0, built once per session in its ``folder``."""
-    return built_scene(folder, "park")
-
-
-@cache
-def built_scene(folder: Path, environment: str) -> Scene:
-    """An environment of seed 0, built once per session."""
-    return Scene(load_world(environment, 0, cache_folder=folder / "worlds"))
+def built_scene(environment: str) -> Scene:
+    """An environment of seed 0, from the cache that all tests share."""
+    return Scene(load_world(environment, 0))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
-from sense_worlds import F8, park_scene, trace_rays
+from sense_worlds import F8, built_scene, trace_rays
 
 from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE, Label
@@ -42,8 +42,8 @@ def optical(side: str) -> F8:
 
 
 @pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
-    return park_scene(tmp_path_factory.getbasetemp())
+def scene() -> Scene:
+    return built_scene("park")
 
 
 @pytest.fixture(scope="module")

@@ -50,8 +50,8 @@ def test_oracle_on_a_box() -> None:
 
 
 @pytest.fixture(scope="module", params=RAYS)
-def scene(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Scene:
-    return built_scene(tmp_path_factory.getbasetemp(), request.param)
+def scene(request: pytest.FixtureRequest) -> Scene:
+    return built_scene(request.param)
 
 
 @pytest.fixture(scope="module")

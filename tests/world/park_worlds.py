@@ -5,7 +5,6 @@
 import hashlib
 from dataclasses import fields, is_dataclass
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 from sense_worlds import without_textures
@@ -17,9 +16,9 @@ from fieldtruth.world.model import World
 
 
 @cache
-def real_park(folder: Path) -> World:
-    """The park of seed 0; ``folder`` is the session's own."""
-    return load_world("park", 0, cache_folder=folder / "worlds")
+def real_park() -> World:
+    """The park of seed 0, from the cache that all tests share."""
+    return load_world("park", 0)
 
 
 @cache

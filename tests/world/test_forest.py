@@ -39,7 +39,10 @@ def forest(seed: int, **changes: float) -> World:
         return build_forest(seed, routes(), ForestConfig.model_validate({"individuals": 1, **changes}))
 
 
-@pytest.fixture(scope="module", params=[0, 1, 2], ids=lambda seed: f"seed_{seed}")
+SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))]
+
+
+@pytest.fixture(scope="module", params=SEEDS, ids=lambda seed: f"seed_{seed}")
 def world(request: pytest.FixtureRequest) -> World:
     return forest(request.param)
 
@@ -151,6 +154,7 @@ def test_classes(world: World) -> None:
             assert own == {Label.TRUNK}
 
 
+@pytest.mark.slow
 def test_same_seed_same_forest_other_seed_another() -> None:
     first = forest(1)
     forest.cache_clear()

@@ -39,7 +39,10 @@ def hillside(seed: int) -> World:
         return build_hillside(seed, routes(), HillsideConfig(individuals=1))
 
 
-@pytest.fixture(scope="module", params=[0, 1, 2], ids=lambda seed: f"seed_{seed}")
+SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))]
+
+
+@pytest.fixture(scope="module", params=SEEDS, ids=lambda seed: f"seed_{seed}")
 def world(request: pytest.FixtureRequest) -> World:
     return hillside(request.param)
 
@@ -166,6 +169,7 @@ def test_classes_and_no_trail(world: World) -> None:
     assert np.all(cover.mean(axis=(0, 1)) > 0.02)  # turf, soil, scree and rock
 
 
+@pytest.mark.slow
 def test_same_seed_same_bytes_and_other_seed_another_world() -> None:
     assert digest(hillside.__wrapped__(1)) == digest(hillside(1))
     assert not np.array_equal(hillside(1).terrain.field.heights, hillside(2).terrain.field.heights)

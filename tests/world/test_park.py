@@ -25,12 +25,15 @@ COUNTS = {"large_tree": 23, "small_tree": 15, "bush": 34, **FURNITURE}
 FREE = 0.6  # [m] on either side of a route; the Husky is 0.67 m wide
 
 
+SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 5))]
+
+
 @pytest.fixture(scope="module")
-def park(tmp_path_factory: pytest.TempPathFactory) -> World:
-    return real_park(tmp_path_factory.getbasetemp())
+def park() -> World:
+    return real_park()
 
 
-@pytest.fixture(scope="module", params=[0, 1, 2, 5], ids=lambda seed: f"seed_{seed}")
+@pytest.fixture(scope="module", params=SEEDS, ids=lambda seed: f"seed_{seed}")
 def world(request: pytest.FixtureRequest, park: World) -> World:
     """The real park of seed 0 and quick ones of other seeds; in 5 the spacing of the lamp posts eases."""
     return park if request.param == 0 else park_variant(request.param)
@@ -288,6 +291,7 @@ def test_same_seed_same_bytes(park: World) -> None:
     assert digest(build_world("park", 0)) == digest(park)
 
 
+@pytest.mark.slow
 def test_same_seed_same_world_and_other_seed_another(park: World) -> None:
     first = park_variant(1)
     assert digest(park_variant.__wrapped__(1)) == digest(first)

@@ -20,9 +20,12 @@ TREES_BEYOND = ("avenues_near", "avenues_beyond", "woods_beyond", "trees_near", 
 BEYOND = (*TREES_BEYOND, "bushes_beyond", "high_grass_beyond")
 
 
-@pytest.fixture(scope="module", params=[0, 1, 2], ids=lambda seed: f"seed_{seed}")
-def world(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> World:
-    return real_park(tmp_path_factory.getbasetemp()) if request.param == 0 else park_variant(request.param)
+SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))]
+
+
+@pytest.fixture(scope="module", params=SEEDS, ids=lambda seed: f"seed_{seed}")
+def world(request: pytest.FixtureRequest) -> World:
+    return real_park() if request.param == 0 else park_variant(request.param)
 
 
 def swarm(world: World, name: str) -> Swarm:
@@ -132,8 +135,8 @@ def test_long_grass_grows_at_trunks_and_posts(world: World) -> None:
     assert np.mean(nearest(tufts, feet)[0] < 1.0) > 0.7
 
 
-def test_nearest_trees_are_different_individuals(tmp_path_factory: pytest.TempPathFactory) -> None:
-    world = real_park(tmp_path_factory.getbasetemp())
+def test_nearest_trees_are_different_individuals() -> None:
+    world = real_park()
     for kind in ("large_tree", "small_tree"):
         trees = [i for i in world.instances if i.kind == kind]
         xy = np.array([i.world_from_object[:2, 3] for i in trees])
@@ -179,6 +182,7 @@ def test_trails_continue_beyond_the_edge_without_a_step(world: World) -> None:
     assert nearest(ribbon[:, :2], trees)[0].min() > 0.8
 
 
+@pytest.mark.slow
 def test_densities_of_0_remove_herbs_and_far_plants() -> None:
     bare = park_variant(1, herbs=0, beyond=0)
     assert [s.name for s in bare.swarms] == ["bed_edges"]

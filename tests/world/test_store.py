@@ -17,8 +17,8 @@ from fieldtruth.world.store import read_world, save_world
 
 
 @pytest.fixture(scope="module")
-def park(tmp_path_factory: pytest.TempPathFactory) -> World:
-    return real_park(tmp_path_factory.getbasetemp())
+def park() -> World:
+    return real_park()
 
 
 @pytest.fixture
