@@ -16,6 +16,7 @@ from fieldtruth.bag.checksums import CHECKSUMS, read_checksums, sha256_of
 from fieldtruth.bag.decode import count_messages, read_bag, static_transforms
 from fieldtruth.bag.reader import BagError
 from fieldtruth.core.classes import CLASSES, Label
+from fieldtruth.world.build import load_world
 
 
 def rows_of(card: str, heading: str) -> list[list[str]]:
@@ -50,6 +51,12 @@ def test_card_length_matches_the_drive(card: str, small_run: Path) -> None:
     assert found is not None
     assert float(found[1]) == pytest.approx(chord, abs=0.02)
     assert float(found[2]) == 1.2
+
+
+def test_card_counts_named_objects_without_robot_ground_and_swarms(card: str) -> None:
+    found = re.search(r"(\d+)\s+named objects", card)
+    assert found is not None
+    assert int(found[1]) == len(load_world("park").instances) == 125
 
 
 def test_card_frames_match_tf_static(card: str, small_run: Path) -> None:

@@ -37,7 +37,7 @@ def data_card(experiment: Experiment, world: World, track: Track, counts: Mappin
         duration_s=f"{track.duration_s:.3f}",
         environment=experiment.environment,
         size="{:g} x {:g}".format(*world.size),
-        objects=len(world.object_names),
+        objects=len(world.instances),
         version=fieldtruth.__version__,
         seed=experiment.seed,
         topics="\n".join(_topics(rig, counts)),
