@@ -110,6 +110,7 @@ def test_robot_tilts_with_the_ground(name: str) -> None:
     assert max(off) < 6.0
 
 
+@pytest.mark.slow
 def test_robot_tilts_on_the_hillside_and_not_in_the_park() -> None:
     tilt = {}
     for name in ("park_1", "hillside_1"):

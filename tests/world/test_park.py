@@ -303,6 +303,7 @@ def test_same_seed_same_world_and_other_seed_another(park: World) -> None:
     assert trees[0].shape != trees[1].shape or not np.array_equal(trees[0], trees[1])
 
 
+@pytest.mark.slow
 def test_number_of_bushes_does_not_move_other_objects() -> None:
     many, few = park_variant(1), park_variant(1, bushes=10)
     for name in {i.name for i in many.instances if i.kind != "bush"}:
