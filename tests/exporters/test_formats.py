@@ -117,6 +117,16 @@ def test_damage_in_the_middle_of_a_bag_leaves_no_output(small_run: Path, tmp_pat
     assert not [path for path in tmp_path.iterdir() if path.name.endswith(".part")]
 
 
+def test_missing_library_is_one_line_and_writes_nothing(
+    small_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "mcap", None)
+    monkeypatch.delitem(sys.modules, "fieldtruth.exporters.mcap", raising=False)
+    with pytest.raises(OutputError, match=r"the mcap library is not installed; run: pip install 'fieldtruth\[mcap\]'"):
+        export(small_run, "mcap", out=tmp_path / "folder" / "x.mcap")
+    assert not any(tmp_path.iterdir())
+
+
 def test_leftovers_of_a_killed_export_are_removed(small_run: Path, tmp_path: Path) -> None:
     stale = tmp_path / ".t.tum.part"
     stale.mkdir()

@@ -7,7 +7,7 @@ complete; existing files are never overwritten.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -96,12 +96,12 @@ def export(
     runs = _runs_for(to, [path] if isinstance(path, Path | str) else path)
     target = runs[0].folder / (runs[0].name + FORMATS[to].suffix) if out is None else Path(out)
     part = target.with_name(f".{target.name}.part")
+    write = _writer(to)
     with output_errors(target):
         if os.path.lexists(target):
             raise OutputError(f"{target} already exists; remove it, or choose another --out")
         target.parent.mkdir(parents=True, exist_ok=True)
         remove(part)
-    write = import_module(f"fieldtruth.exporters.{FORMATS[to].module}").write
     try:
         with output_errors(target):
             write(runs, part, options)
@@ -109,6 +109,17 @@ def export(
     finally:
         remove(part)
     return target
+
+
+def _writer(to: str) -> Callable[[Sequence[Run], Path, Options], None]:
+    try:
+        write: Callable[[Sequence[Run], Path, Options], None]
+        write = import_module(f"fieldtruth.exporters.{FORMATS[to].module}").write
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != to:
+            raise
+        raise OutputError(f"the {to} library is not installed; run: pip install 'fieldtruth[{to}]'") from error
+    return write
 
 
 def _label_map_for(to: str, name: str) -> LabelMap:
