@@ -155,7 +155,11 @@ def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     assert "Lidar" in (tmp_path / "api/index.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("page", TUTORIALS, ids=lambda path: path.name)
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(p, marks=pytest.mark.slow if p.name == "first-run.md" else ()) for p in TUTORIALS],
+    ids=lambda path: path.name,
+)
 def test_tutorials_can_be_followed(
     page: Path, small_run: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

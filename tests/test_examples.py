@@ -127,6 +127,7 @@ def test_annotate_bag_adds_clouds_and_images(bare_bag: Path, tmp_path: Path, run
     assert any(line.endswith("/stereo/camera/left/tag/img_raw") for line in lines)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.ipynb")), ids=lambda path: path.name)
 def test_notebooks_run(path: Path, small_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MPLBACKEND", "agg")

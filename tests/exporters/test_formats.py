@@ -120,7 +120,7 @@ def test_damage_in_the_middle_of_a_bag_leaves_no_output(small_run: Path, tmp_pat
 def test_missing_library_is_one_line_and_writes_nothing(
     small_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(sys.modules, "mcap", None)
+    monkeypatch.setitem(sys.modules, "mcap.writer", None)
     monkeypatch.delitem(sys.modules, "fieldtruth.exporters.mcap", raising=False)
     with pytest.raises(OutputError, match=r"the mcap library is not installed; run: pip install 'fieldtruth\[mcap\]'"):
         export(small_run, "mcap", out=tmp_path / "folder" / "x.mcap")

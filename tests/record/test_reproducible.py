@@ -18,6 +18,8 @@ from fieldtruth.pipeline import generate
 
 RUN = "import sys; from fieldtruth.cli import main; sys.exit(main(sys.argv[1:]))"
 
+pytestmark = pytest.mark.slow  # real worlds; tests/record/test_pipeline.py shows the same with quick ones
+
 
 def small(seed: int = 0) -> Experiment:
     """Three seconds of park_1 through small sensors."""
@@ -58,13 +60,11 @@ def test_a_killed_run_resumes_and_ends_with_the_same_bytes(once: str, tmp_path: 
     assert digest(generate(load_experiment(str(source)), out, workers=2)) == once
 
 
-@pytest.mark.slow
 def test_the_written_experiment_gives_the_same_bag(once: str, tmp_path: Path) -> None:
     bag = generate(small(), tmp_path / "first", workers=2)
     again = load_experiment(str(bag.parent / "experiment.yaml"))
     assert digest(generate(again, tmp_path / "second", workers=2)) == once
 
 
-@pytest.mark.slow
 def test_another_seed_is_another_world(once: str, tmp_path: Path) -> None:
     assert digest(generate(small(seed=1), tmp_path, workers=2)) != once

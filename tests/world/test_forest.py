@@ -162,6 +162,7 @@ def test_same_seed_same_forest_other_seed_another() -> None:
     assert digest(forest(2)) != digest(first)
 
 
+@pytest.mark.slow
 def test_layout_changes_only_its_keys() -> None:
     sparse = forest(0, old_trees=10, fallen_trunks=0)
     birches = ForestConfig.model_validate({"species": {"birch": 1.0}})

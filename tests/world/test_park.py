@@ -287,6 +287,7 @@ def joined_land(backdrop: Mesh) -> Mesh:
     return replace(backdrop, vertices=backdrop.vertices[used], faces=rows.reshape(-1, 3).astype(np.int32))
 
 
+@pytest.mark.slow
 def test_same_seed_same_bytes(park: World) -> None:
     assert digest(build_world("park", 0)) == digest(park)
 
