@@ -72,10 +72,12 @@ class Mesh:
     materials: tuple[str, ...]
     colliders: tuple[Collider, ...] = ()
     footprint: float = 0.5
+    species: tuple[str, ...] = ()
+    """Names of the species, or of the rock type, that it was made from; empty for furniture."""
 
 
 def merge_meshes(name: str, parts: Sequence[Mesh], *, footprint: float) -> Mesh:
-    """Merge meshes of one frame; equal material names are shared, colliders keep their order."""
+    """Merge meshes of one frame; equal materials and species are named once, colliders keep their order."""
     names = tuple(dict.fromkeys(n for part in parts for n in part.materials))
     offsets = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
     rows = [np.array([names.index(n) for n in part.materials], np.int32)[part.material] for part in parts]
@@ -89,6 +91,7 @@ def merge_meshes(name: str, parts: Sequence[Mesh], *, footprint: float) -> Mesh:
         materials=names,
         colliders=tuple(c for part in parts for c in part.colliders),
         footprint=footprint,
+        species=tuple(dict.fromkeys(s for part in parts for s in part.species)),
     )
 
 

@@ -106,6 +106,7 @@ def _mesh_text(mesh: Mesh) -> dict[str, Any]:
         "name": mesh.name,
         "materials": mesh.materials,
         "footprint": mesh.footprint,
+        "species": mesh.species,
         "colliders": [asdict(c) for c in mesh.colliders],
     }
 
@@ -118,6 +119,7 @@ def _mesh(text: dict[str, Any], row: int, arrays: Any) -> Mesh:
         name=text["name"],
         materials=tuple(text["materials"]),
         footprint=text["footprint"],
+        species=tuple(text["species"]),
         colliders=colliders,
         **{name: arrays[f"mesh_{row}_{name}"] for name in _MESH_ARRAYS},
     )

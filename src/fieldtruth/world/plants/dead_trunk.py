@@ -188,9 +188,10 @@ def root_plate(trunk: Stems, extent: float, wood: str, rng: np.random.Generator,
     return [soil, Part(tubes(roots, max(4, round(6 * detail**0.3))), wood)]
 
 
-def joined(name: str, parts: Sequence[Part], colliders: tuple[Collider, ...], footprint: float) -> Mesh:
+def joined(name: str, parts: Sequence[Part], colliders: tuple[Collider, ...], footprint: float, species: str) -> Mesh:
     """One mesh of all parts."""
     each = [np.broadcast_to(np.asarray(p.material), len(p.surface[3])) for p in parts]
     names, rows = np.unique(np.concatenate(each), return_inverse=True)
     surfaces = [part.surface for part in parts]
-    return merged(name, surfaces, rows, [str(n) for n in names], colliders=colliders, footprint=footprint)
+    materials = [str(n) for n in names]
+    return merged(name, surfaces, rows, materials, colliders=colliders, footprint=footprint, species=(species,))

@@ -47,7 +47,7 @@ def grow_snag(species: Species, *, name: str, height: float, rng: np.random.Gene
     _, _, radius = stem.at(np.zeros(1, np.intp), np.array([min(1.3 + ROOT_DEPTH, 0.7 * height) / stem.length[0]]))
     breast = 1.1 * float(radius[0])
     collider = Collider(shape="cylinder", size=(breast, min(2.0, 0.9 * height)))
-    return joined(name, parts, (collider,), breast + 0.3)
+    return joined(name, parts, (collider,), breast + 0.3, species.name)
 
 
 def grow_log(
@@ -96,7 +96,7 @@ def grow_log(
         parts.append(Part(tubes(up, _sides(6, detail)), "bark_dead").moved(move))
     if roots:
         parts += [part.moved(move) for part in root_plate(stem, plate, species.wood, rng, detail)]
-    return joined(name, parts, _boxes(stem, lift, plate), 0.5 * length + max(radius, plate))
+    return joined(name, parts, _boxes(stem, lift, plate), 0.5 * length + max(radius, plate), species.name)
 
 
 def grow_stump(species: Species, *, name: str, radius: float, rng: np.random.Generator, detail: float = 1.0) -> Mesh:
@@ -118,9 +118,8 @@ def grow_stump(species: Species, *, name: str, radius: float, rng: np.random.Gen
         flare=0.6,
         top_jag=radius * float(rng.uniform(0.1, 1.0)),
     )
-    return joined(
-        name, trunk_parts(body, rng), (Collider(shape="cylinder", size=(1.15 * radius, height)),), 1.15 * radius + 0.15
-    )
+    collider = Collider(shape="cylinder", size=(1.15 * radius, height))
+    return joined(name, trunk_parts(body, rng), (collider,), 1.15 * radius + 0.15, species.name)
 
 
 def clearance_circles(log: Mesh) -> tuple[tuple[float, float, float], ...]:

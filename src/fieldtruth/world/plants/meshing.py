@@ -26,6 +26,7 @@ def merged(
     *,
     footprint: float,
     colliders: tuple[Collider, ...] = (),
+    species: tuple[str, ...] = (),
 ) -> Mesh:
     """One mesh of several surfaces; ``rows`` (f,) are the rows of ``materials`` of all faces, surface by surface."""
     offsets = np.cumsum([0, *(len(s[0]) for s in surfaces[:-1])])
@@ -40,6 +41,7 @@ def merged(
         materials=tuple(materials),
         colliders=colliders,
         footprint=footprint,
+        species=species,
     )
 
 

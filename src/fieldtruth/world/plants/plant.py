@@ -131,7 +131,9 @@ def _mesh(
     footprint: float,
 ) -> Mesh:
     materials = [species.wood, species.foliage, *([] if species.upper_wood is None else [species.upper_wood])]
-    return merged(name, [s for s, _ in surfaces], rows, materials, colliders=(collider,), footprint=footprint)
+    faces = [surface for surface, _ in surfaces]
+    own = (species.name,)
+    return merged(name, faces, rows, materials, colliders=(collider,), footprint=footprint, species=own)
 
 
 def _material_rows(

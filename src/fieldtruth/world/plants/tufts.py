@@ -57,7 +57,7 @@ def grow_tuft(
         parts.extend((_organ(organ, fitted, scale, rng), organ.material) for organ in blades.organs)
     names = list(dict.fromkeys(material for _, material in parts))
     rows = np.concatenate([np.full(len(surface[3]), names.index(material)) for surface, material in parts])
-    return merged(name, [surface for surface, _ in parts], rows, names, footprint=radius)
+    return merged(name, [surface for surface, _ in parts], rows, names, footprint=radius, species=(species.name,))
 
 
 def _detailed(blades: Blades, detail: float) -> Blades:

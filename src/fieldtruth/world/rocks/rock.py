@@ -82,6 +82,7 @@ def make_rock(
         materials=(rock_type.material,),
         colliders=(_collider(visible, -depth / 2),) if solid else (),
         footprint=float(np.hypot(visible[:, 0], visible[:, 1]).max()),
+        species=(rock_type.name,),
     )
 
 
