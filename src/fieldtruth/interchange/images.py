@@ -1,0 +1,33 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Images of materials for tools that have no colour factor, and their encoding."""
+
+from typing import Final
+
+import numpy as np
+import simplejpeg
+from numpy.typing import NDArray
+
+from fieldtruth.core.png import encode_png
+from fieldtruth.render.atlas import linear_from_srgb, srgb_from_linear
+from fieldtruth.world.model import World
+
+JPEG_QUALITY: Final = 90
+"""Textures of 512 x 512 texels: 60 to 130 kB, a quarter of their PNG."""
+
+
+def material_image(world: World, material: str) -> NDArray[np.uint8]:
+    """Image (n, n, 3) sRGB of a material: its texture times its tint in linear light, at most white."""
+    found = world.materials[material]
+    shades = linear_from_srgb(np.arange(256) / 255.0)
+    table = np.rint(srgb_from_linear(shades[:, None] * np.array(found.tint)) * 255.0).astype(np.uint8)
+    texture = world.textures[found.texture]
+    return np.stack([table[texture[..., k], k] for k in range(3)], axis=-1)
+
+
+def encode_image(image: NDArray[np.uint8], *, jpeg: bool = True) -> bytes:
+    """Encode an image (h, w, 3) sRGB as JPEG, or as PNG."""
+    if not jpeg:
+        return encode_png(image)
+    data: bytes = simplejpeg.encode_jpeg(np.ascontiguousarray(image), quality=JPEG_QUALITY, colorsubsampling="420")
+    return data
