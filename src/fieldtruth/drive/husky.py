@@ -65,11 +65,15 @@ class Command(NamedTuple):
 STOP: Final = Command(0.0, 0.0)
 
 
+def skid_compensation(wheels: WheelConfig) -> float:
+    """Factor by which the wheels' speeds must differ more than those of a robot that turns without skidding."""
+    return 1.0 + (wheels.half_wheelbase / wheels.half_track) ** 2
+
+
 def wheel_speeds(commands: ArrayLike, wheels: WheelConfig) -> Array:
     """Wheel speeds (..., 4) [rad/s], in the order of ``WHEELS``, for commands (..., 2) of speed and turn rate."""
     speed, turn_rate = np.moveaxis(np.asarray(commands, np.float64), -1, 0)
-    skid_compensation = 1.0 + (wheels.half_wheelbase / wheels.half_track) ** 2
-    side = turn_rate * wheels.half_track * skid_compensation
+    side = turn_rate * wheels.half_track * skid_compensation(wheels)
     left, right = (speed - side) / wheels.radius, (speed + side) / wheels.radius
     return np.stack([left, right, left, right], axis=-1)
 
@@ -99,21 +103,48 @@ def add_husky(spec: Any, rig: Rig) -> None:
         _add_wheel(spec, base, name, geom, mounts[f"{name}_wheel"].xyz, rig.wheels)
 
 
-def _add_outline(base: Any, rig: Rig) -> None:
+class Box(NamedTuple):
+    """An axis-aligned box in base_link: edge lengths (3,) [m] and centre (3,) [m]."""
+
+    size: Array
+    centre: Array
+
+
+def body_boxes(rig: Rig) -> dict[str, Box]:
+    """Boxes of the robot's body by name.
+
+    ``chassis`` lies between the wheels, ``outline`` covers wheels and chassis, and ``mast`` encloses the sensors above
+    the chassis, so that the robot does not pass under a table; a rig without sensors there has no mast.
+    """
     ground_clearance = -rig.base_footprint.xyz[2]
     length, width, top = OUTLINE[0], OUTLINE[1], OUTLINE[2] - ground_clearance
-    box = mujoco.mjtGeom.mjGEOM_BOX
-    half, centre = [length / 2, CHASSIS_WIDTH / 2, top / 2], [0.0, 0.0, top / 2]
-    base.add_geom(name="chassis", type=box, size=half, pos=centre, contype=CHASSIS_BIT, conaffinity=0)
-    half = [length / 2, width / 2, top / 2]
-    base.add_geom(name="outline", type=box, size=half, pos=centre, contype=OUTLINE_BIT, conaffinity=0)
-    # The sensor mast above the chassis, so that the robot does not pass under a table.
+    centre = np.array([0.0, 0.0, top / 2])
+    boxes = {
+        "chassis": Box(np.array([length, CHASSIS_WIDTH, top]), centre),
+        "outline": Box(np.array([length, width, top]), centre),
+    }
     mounts = np.array([m.xyz for m in rig.mounts().values() if m.xyz[2] > top])
     if len(mounts):
         low, high = mounts.min(axis=0) - 0.05, mounts.max(axis=0) + np.array([0.05, 0.05, 0.0])
         low[2] = top
+        boxes["mast"] = Box(high - low, (high + low) / 2)
+    return boxes
+
+
+def wheel_width(wheels: WheelConfig) -> float:
+    """Width [m] of a tread: the outline ends at the wheels' outer faces."""
+    return 2 * max(OUTLINE[1] / 2 - wheels.half_track, 0.02)
+
+
+def _add_outline(base: Any, rig: Rig) -> None:
+    for name, box in body_boxes(rig).items():
         base.add_geom(
-            name="mast", type=box, size=(high - low) / 2, pos=(high + low) / 2, contype=OUTLINE_BIT, conaffinity=0
+            name=name,
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=box.size / 2,
+            pos=box.centre,
+            contype=CHASSIS_BIT if name == "chassis" else OUTLINE_BIT,
+            conaffinity=0,
         )
 
 
@@ -123,8 +154,7 @@ def _add_wheel(spec: Any, base: Any, name: str, geom: str, xyz: Sequence[float],
     body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0], armature=ROTOR_INERTIA)
     # A tread is round across: an ellipsoid touches in one point that moves smoothly over the terrain's edges, where a
     # cylinder's rim would catch.
-    half_width = max(OUTLINE[1] / 2 - wheels.half_track, 0.02)
-    size = [wheels.radius, half_width, wheels.radius]
+    size = [wheels.radius, wheel_width(wheels) / 2, wheels.radius]
     body.add_geom(name=geom, type=mujoco.mjtGeom.mjGEOM_ELLIPSOID, size=size, contype=OUTLINE_BIT, conaffinity=0)
     servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     # The commanded angle is the integral of the commanded speed, so the mean speed is exact at any load.

@@ -1,0 +1,52 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Text files of the package from templates, which hold no number of their own."""
+
+import math
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from fieldtruth.core.files import write_atomically
+
+
+def render(package: str, template: str, **values: Any) -> str:
+    """Return the text of a template of ``package``, a sub-package of fieldtruth.gazebo; XML is escaped.
+
+    Templates have the filters ``number`` for one number and ``numbers`` for a list of them, both without loss.
+    """
+    environment = Environment(
+        loader=PackageLoader(f"fieldtruth.gazebo.{package}", "templates"),
+        autoescape=lambda name: name is not None and _is_xml(name),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters |= {"number": number, "numbers": numbers, "radians": math.radians}
+    text = environment.get_template(template).render(**values)
+    return re.sub(r"\n\s*\n", "\n", text) if _is_xml(template) else text
+
+
+def write(path: Path, text: str) -> None:
+    """Write a text file, its folder included."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(path, text)
+
+
+def number(value: float) -> str:
+    """Shortest decimal text of a number that reads back as the same number; 0 for -0."""
+    text = repr(float(value) + 0.0)
+    return text.removesuffix(".0")
+
+
+def numbers(values: Iterable[float]) -> str:
+    """Return numbers with a space between them, as SDF and URDF write vectors."""
+    return " ".join(number(value) for value in values)
+
+
+def _is_xml(template: str) -> bool:
+    return template.endswith((".xml.jinja", ".urdf.jinja", ".sdf.jinja", ".launch.jinja"))

@@ -1,0 +1,250 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The robot for Gazebo and ROS, read back with parsers that we did not write, has our frames, masses and rays."""
+
+import shutil
+import subprocess
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+import trimesh
+import xacro
+import yourdfpy
+
+from fieldtruth.bag.robot_messages import rig_transforms
+from fieldtruth.core import frames
+from fieldtruth.core.arrays import Array
+from fieldtruth.drive import husky
+from fieldtruth.experiment.rig import (
+    CAMERA_FROM_OPTICAL,
+    WHEELS,
+    CameraConfig,
+    ImuConfig,
+    LidarConfig,
+    Mount,
+    Rig,
+)
+from fieldtruth.gazebo.robot import Flavour, parts, write_robot
+from fieldtruth.sense.lidar import ray_directions
+from fieldtruth.sense.pinhole import pinhole
+
+FLAVOURS = get_args(Flavour)
+OTHER_RIG = Rig(
+    imu=ImuConfig(mount=Mount(xyz=(0.1, 0.02, 0.3), rpy_deg=(12.0, -35.0, 140.0))),
+    lidar=LidarConfig(columns=33, rings=5, vertical_fov_deg=30.0, mount=Mount(xyz=(0.0, 0.1, 0.9), rpy_deg=(3, 4, 5))),
+    cameras=CameraConfig(
+        left=Mount(xyz=(0.2, 0.1, 0.7), rpy_deg=(0.0, 100.0, 0.0)),
+        right=Mount(xyz=(0.2, -0.1, 0.7), rpy_deg=(0.0, 100.0, 0.0)),
+    ),
+)
+RIGS = pytest.mark.parametrize("rig", [Rig(), OTHER_RIG], ids=["default", "other"])
+
+
+@pytest.fixture(scope="module")
+def classic(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("classic")
+    write_robot(folder, Rig(), "classic")
+    return folder
+
+
+def sdf(rig: Rig, flavour: Flavour, folder: Path) -> ET.Element:
+    write_robot(folder, rig, flavour)
+    return ET.parse(folder / "models/husky/model.sdf").getroot()
+
+
+def values(element: ET.Element, path: str) -> list[float]:
+    return [float(word) for word in (element.findtext(path) or "").split()]
+
+
+def pose(element: ET.Element) -> Array:
+    xyzrpy = values(element, "pose")
+    return frames.pose(xyzrpy[:3], np.degrees(xyzrpy[3:]).tolist())
+
+
+@RIGS
+def test_urdf_has_the_frames_of_tf_static(rig: Rig, tmp_path: Path) -> None:
+    write_robot(tmp_path, rig, "classic")
+    urdf = yourdfpy.URDF.load(str(tmp_path / "urdf/husky.urdf"), load_meshes=False)
+    expected = rig_transforms(rig)
+    assert {(j.parent, j.child) for j in urdf.robot.joints} == set(expected)
+    for (parent, child), parent_from_child in expected.items():
+        np.testing.assert_allclose(urdf.get_transform(child, parent), parent_from_child, rtol=0, atol=1e-9)
+    base_from_optical = rig.cameras.left.base_from_sensor @ CAMERA_FROM_OPTICAL
+    np.testing.assert_allclose(urdf.get_transform("left_camera_optical"), base_from_optical, rtol=0, atol=1e-9)
+
+
+@RIGS
+@pytest.mark.parametrize("flavour", FLAVOURS)
+def test_sdf_has_the_frames_of_tf_static(rig: Rig, flavour: Flavour, tmp_path: Path) -> None:
+    model = sdf(rig, flavour, tmp_path)[0]
+    found = {(e.get("attached_to"), e.get("name")): pose(e) for e in model.findall("frame")}
+    found |= {("base_link", e.get("name")): pose(e) for e in model.findall("link")[1:]}
+    expected = rig_transforms(rig)
+    assert set(found) == set(expected)
+    for key in expected:
+        np.testing.assert_allclose(found[key], expected[key], rtol=0, atol=1e-9)
+
+
+@RIGS
+@pytest.mark.parametrize("flavour", FLAVOURS)
+def test_sensors_are_at_their_frames(rig: Rig, flavour: Flavour, tmp_path: Path) -> None:
+    model = sdf(rig, flavour, tmp_path)[0]
+    poses = {str(s.get("name")): pose(s) for s in model.iter("sensor")}
+    for name, sensor in (("os1_lidar", rig.lidar), ("imu", rig.imu), ("gnss", rig.gnss)):
+        np.testing.assert_allclose(poses[name], sensor.mount.base_from_sensor, rtol=0, atol=1e-9)
+    # Gazebo's cameras look along x with z up; optical frames look along z with y down.
+    body_from_optical = frames.pose((0, 0, 0), (-90.0, 0.0, -90.0))
+    for side, mount in (("left", rig.cameras.left), ("right", rig.cameras.right)):
+        base_from_optical = mount.base_from_sensor @ CAMERA_FROM_OPTICAL
+        np.testing.assert_allclose(poses[f"{side}_camera"] @ body_from_optical, base_from_optical, rtol=0, atol=1e-9)
+
+
+@RIGS
+@pytest.mark.parametrize("flavour", FLAVOURS)
+def test_rays_are_ours(rig: Rig, flavour: Flavour, tmp_path: Path) -> None:
+    model = sdf(rig, flavour, tmp_path)[0]
+    scan = next(model.iter("scan"))
+    (columns,), (rings,) = values(scan, "horizontal/samples"), values(scan, "vertical/samples")
+    assert (columns, rings) == (rig.lidar.columns, rig.lidar.rings)
+    (left,), (right,) = values(scan, "horizontal/min_angle"), values(scan, "horizontal/max_angle")
+    (low,), (high,) = values(scan, "vertical/min_angle"), values(scan, "vertical/max_angle")
+    azimuth, elevation = np.linspace(left, right, int(columns)), np.linspace(low, high, int(rings))
+    directions = np.empty((int(columns), int(rings), 3))
+    directions[..., 0] = np.cos(azimuth)[:, None] * np.cos(elevation)
+    directions[..., 1] = np.sin(azimuth)[:, None] * np.cos(elevation)
+    directions[..., 2] = np.sin(elevation)
+    n = rig.lidar.columns
+    ours = ray_directions(rig.lidar)[(n // 2 - np.arange(n)) % n][:, ::-1]
+    np.testing.assert_allclose(directions, ours, rtol=0, atol=1e-12)
+
+
+@RIGS
+@pytest.mark.parametrize("flavour", FLAVOURS)
+def test_lens_is_our_pinhole(rig: Rig, flavour: Flavour, tmp_path: Path) -> None:
+    """Gazebo's principal point counts from the image's border, so the centre of pixel 0 is at 0.5."""
+    camera = next(sdf(rig, flavour, tmp_path).iter("camera"))
+    fx, fy, cx, cy = (values(camera, f"lens/intrinsics/{name}")[0] for name in ("fx", "fy", "cx", "cy"))
+    ours = pinhole(rig.cameras)
+    np.testing.assert_allclose((fx, fy, cx - 0.5, cy - 0.5), ours, rtol=1e-12)
+    half_width = np.tan(values(camera, "horizontal_fov")[0] / 2)
+    assert fx * half_width == pytest.approx(rig.cameras.width / 2, rel=1e-12)
+
+
+@pytest.mark.parametrize("flavour", FLAVOURS)
+def test_masses_are_the_physics(flavour: Flavour, tmp_path: Path) -> None:
+    links = sdf(Rig(), flavour, tmp_path)[0].findall("link")
+    masses = [values(link, "inertial/mass")[0] for link in links]
+    assert sum(masses) == pytest.approx(husky.MASS, abs=1e-9)
+    assert masses[1:] == [husky.WHEEL_MASS] * 4
+
+
+def test_urdf_weighs_what_the_sdf_weighs(classic: Path) -> None:
+    robot = ET.parse(classic / "urdf/husky.urdf").getroot()
+    assert sum(float(e.attrib["value"]) for e in robot.iter("mass")) == pytest.approx(husky.MASS, abs=1e-9)
+
+
+def test_a_turn_is_commanded_as_in_the_physics(classic: Path) -> None:
+    """Both drives of Gazebo divide a turn by half the track they know; ours makes up for the skidding."""
+    turn_rate, wheels = 0.3, Rig().wheels
+    left, right, *_ = husky.wheel_speeds((0.0, turn_rate), wheels) * wheels.radius
+    plugin = ET.parse(classic / "urdf/husky.urdf").getroot().find("gazebo/plugin[@name='drive']")
+    assert plugin is not None
+    assert turn_rate * values(plugin, "wheelSeparation")[0] == pytest.approx(right - left, rel=1e-12)
+    model = ET.parse(classic / "models/husky/model.sdf").getroot()[0]
+    anchors = {str(joint.get("name")): frames.pose(values(joint, "pose")[:3])[1, 3] for joint in model.findall("joint")}
+    track = {name: wheels.half_track * (1 if "left" in name else -1) + anchor for name, anchor in anchors.items()}
+    for end in ("front", "rear"):
+        distance = track[f"{end}_left_wheel_joint"] - track[f"{end}_right_wheel_joint"]
+        assert turn_rate * distance == pytest.approx(right - left, rel=1e-12)
+
+
+def test_the_robot_does_not_see_itself() -> None:
+    rig = Rig()
+    lidar = frames.inverse(rig.lidar.mount.base_from_sensor)
+    camera, intrinsics = rig.cameras, pinhole(rig.cameras)
+    shapes = [(shape, (0.0, 0.0, 0.0)) for shape in parts.body_shapes(rig)]
+    shapes += [(parts.wheel_shape(rig), rig.mounts()[f"{name}_wheel"].xyz) for name in WHEELS]
+    for shape, xyz in shapes:
+        points = _surface(shape) + xyz
+        x, y, z = frames.transform(lidar, points).T
+        elevation, distance = np.degrees(np.arctan2(z, np.hypot(x, y))), np.linalg.norm((x, y, z), axis=0)
+        below = np.abs(elevation) > rig.lidar.vertical_fov_deg / 2
+        # Gazebo's rays begin at the least range; what is drawn nearer is behind the clipping plane.
+        assert (below | (distance < rig.lidar.min_range)).all(), shape.name
+        assert not shape.solid or below.all(), shape.name
+        for mount in (camera.left, camera.right):
+            u, v, depth = frames.transform(frames.inverse(mount.base_from_sensor @ CAMERA_FROM_OPTICAL), points).T
+            ahead = depth > 1e-9
+            inside = (np.abs(u) * intrinsics.fx < depth * camera.width / 2) & (
+                np.abs(v) * intrinsics.fy < depth * camera.height / 2
+            )
+            assert not (shape.drawn and (ahead & inside).any()), shape.name
+
+
+def _surface(shape: parts.Shape) -> Array:
+    mesh = trimesh.creation.box(shape.size) if shape.is_box else trimesh.creation.cylinder(shape.size[0], shape.size[1])
+    mesh.apply_transform(frames.pose(shape.xyz, (np.degrees(shape.roll), 0.0, 0.0)))
+    points, _ = trimesh.sample.sample_surface(mesh, 20_000, seed=1)
+    return np.concatenate([points, mesh.vertices])
+
+
+def test_xacro_expands_to_the_urdf(classic: Path) -> None:
+    expanded = ET.fromstring(_xacro(classic))
+    assert _canonical(expanded) == _canonical(ET.parse(classic / "urdf/husky.urdf").getroot())
+
+
+def test_arguments_of_xacro_switch_sensors(classic: Path) -> None:
+    bare = _xacro(classic, lidar="false", cameras="false")
+    assert "libgazebo_ros_velodyne_laser.so" not in bare
+    assert "libgazebo_ros_camera.so" not in bare
+    plain = ET.fromstring(_xacro(classic, plain="true"))
+    assert [e.text for e in plain.iter("imageTopicName")] == ["tag/img_raw"] * 2
+    photographs = ET.fromstring(_xacro(classic))
+    assert [e.text for e in photographs.iter("imageTopicName")] == ["real"] * 2
+
+
+def test_check_urdf_finds_nothing(classic: Path) -> None:
+    result = subprocess.run([_tool("check_urdf"), classic / "urdf/husky.urdf"], capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    assert "Successfully Parsed XML" in result.stdout
+    assert result.stderr == ""
+
+
+@RIGS
+@pytest.mark.parametrize("flavour", FLAVOURS)
+def test_libsdformat_finds_nothing(rig: Rig, flavour: Flavour, tmp_path: Path) -> None:
+    write_robot(tmp_path, rig, flavour)
+    command = [_tool("ign"), "sdf", "-k", str(tmp_path / "models/husky/model.sdf")]
+    result = subprocess.run(command, capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout == "Valid.\n"
+    assert "Warning" not in result.stderr
+    assert "Error:" not in result.stderr
+
+
+def test_a_rig_without_lidar_and_cameras(tmp_path: Path) -> None:
+    rig = Rig(lidar=LidarConfig(enabled=False), cameras=CameraConfig(enabled=False))
+    assert {s.get("type") for s in sdf(rig, "classic", tmp_path).iter("sensor")} == {"imu", "gps"}
+    text = _xacro(tmp_path)
+    assert "velodyne" not in text
+    assert "libgazebo_ros_camera" not in text
+
+
+def _tool(name: str) -> str:
+    packages = {"check_urdf": "liburdfdom-tools", "ign": "libsdformat-dev and ignition-tools"}
+    path = shutil.which(name)
+    if path is None:
+        pytest.skip(f"needs {name}; Debian: apt-get install {packages[name]}")
+    return path
+
+
+def _xacro(folder: Path, **arguments: str) -> str:
+    return str(xacro.process_file(folder / "urdf/husky.urdf.xacro", mappings=arguments).toxml())
+
+
+def _canonical(element: ET.Element) -> object:
+    attributes = tuple(sorted(element.attrib.items()))
+    return element.tag, attributes, (element.text or "").strip(), tuple(_canonical(child) for child in element)
