@@ -32,7 +32,7 @@ def ring_trail(spacing: float, corner: float = -SIDE / 2) -> Raster:
 
 
 def pose(x: float, y: float, z: float, *, yaw_deg: float = 0.0, tilt_deg: float = 0.0, scale: float = 1.0) -> F8:
-    matrix = frames.pose((x, y, z), (0.0, np.deg2rad(tilt_deg), np.deg2rad(yaw_deg)))
+    matrix = frames.pose((x, y, z), (0.0, tilt_deg, yaw_deg))
     matrix[:3, :3] *= scale
     return matrix
 
