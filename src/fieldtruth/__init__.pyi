@@ -58,6 +58,7 @@ from .experiment.route import random_route as random_route
 from .experiment.route import route_from_metres as route_from_metres
 from .experiment.route import route_yaml as route_yaml
 from .exporters import export as export
+from .gazebo import write_gazebo as write_gazebo
 from .pipeline import generate as generate
 from .render.bake import BakedScene as BakedScene
 from .render.bake import bake as bake

@@ -1,0 +1,142 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A world as bodies of Gazebo: the ground, the objects and the swarms, each a set of placed meshes of one material."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.classes import NO_RETURN, Label
+from fieldtruth.interchange.ground import ground_tiles
+from fieldtruth.interchange.surfaces import Surface, mesh_surfaces
+from fieldtruth.interchange.swarms import beyond_edge, merged_swarms
+from fieldtruth.world.model import GROUND_ID, Collider, Mesh, Swarm, World
+
+SOFT: Final = frozenset({Label.TREETOP, Label.BUSH, Label.HIGH_GRASS, Label.CABLE})
+"""Classes that a robot passes through; LiDAR rays hit them."""
+LIDAR_RANGE: Final = 120.0
+"""Distance [m] from the world's edge beyond which nothing returns a ray."""
+
+AddMesh = Callable[[str, str, Surface], None]
+"""Stores a surface in a folder of a model, under a name; both are as in ``Part``."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """A mesh file, named ``mesh`` in the folder of ``model``, placed in a body.
+
+    ``pose`` is (x, y, z) [m] and (roll, pitch, yaw) [rad] in the body; ``name`` is distinct there.
+    """
+
+    name: str
+    model: str
+    mesh: str
+    material: str
+    label: Label
+    pose: tuple[float, ...] = (0.0,) * 6
+    scale: float = 1.0
+    solid: bool = True
+    """Whether wheels and chassis touch it."""
+    returns: bool = True
+    """Whether it returns the pulse of a LiDAR."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Body:
+    """What becomes a static model: its name in /gazebo/model_states, pose in the world, parts.
+
+    ``colliders`` are the primitive shapes of its physics, to be scaled by ``scale``.
+    """
+
+    name: str
+    parts: tuple[Part, ...]
+    pose: tuple[float, ...] = (0.0,) * 6
+    colliders: tuple[Collider, ...] = ()
+    scale: float = 1.0
+
+
+def world_bodies(world: World, add: AddMesh, *, beyond: bool) -> Iterator[Body]:
+    """Yield the bodies of a world, with ``beyond`` also those beyond its edge."""
+    files: dict[str, tuple[Part, ...]] = {}
+
+    def parts_of(mesh: Mesh) -> tuple[Part, ...]:
+        if mesh.name not in files:
+            surfaces = mesh_surfaces(mesh, world.materials)
+            files[mesh.name] = tuple(_part(add, mesh.name, surface) for surface in surfaces)
+        return files[mesh.name]
+
+    yield _ground(world, add)
+    for instance in world.instances:
+        mesh, (pose, scale) = world.meshes[instance.mesh], pose_and_scale(instance.world_from_object)
+        parts = tuple(replace(part, scale=scale) for part in parts_of(mesh))
+        yield Body(name=instance.name, parts=parts, pose=pose, colliders=mesh.colliders, scale=scale)
+    yield from _swarms(world, add)
+    if beyond:
+        if world.backdrop is not None:
+            yield Body(name=f"{world.name}_backdrop", parts=parts_of(world.backdrop))
+        for swarm in world.swarms:
+            if (members := np.flatnonzero(beyond_edge(world, swarm))).size:
+                meshes = {row: parts_of(world.meshes[swarm.meshes[row]]) for row in set(swarm.mesh[members].tolist())}
+                yield _members(world, swarm, members.tolist(), meshes)
+
+
+def pose_and_scale(matrix: Array) -> tuple[tuple[float, ...], float]:
+    """Position [m] and fixed-axis angles [rad] of a pose (4, 4) with a uniform scale, and the scale."""
+    scale = float(np.cbrt(np.linalg.det(matrix[:3, :3])))
+    angles = Rotation.from_matrix(matrix[:3, :3] / scale).as_euler("xyz")
+    return tuple(np.round([*matrix[:3, 3], *angles], 9).tolist()), round(scale, 9)
+
+
+def _part(add: AddMesh, model: str, surface: Surface, *, mesh: str = "", solid: bool = True) -> Part:
+    """Store a surface under the name ``mesh``, by default that of its material."""
+    name = mesh or surface.material
+    add(model, name, surface)
+    return Part(
+        name=name,
+        model=model,
+        mesh=name,
+        material=surface.material,
+        label=surface.label,
+        solid=solid and surface.label not in SOFT,
+        returns=surface.label not in NO_RETURN,
+    )
+
+
+def _ground(world: World, add: AddMesh) -> Body:
+    """The terrain. The material of a tile's surfaces has the name of the tile: they share an image."""
+    name = world.object_names[GROUND_ID]
+    parts = []
+    for tile in ground_tiles(world):
+        for surface in tile.surfaces:
+            parts.append(replace(_part(add, name, surface), material=tile.name))
+    return Body(name=name, parts=tuple(parts))
+
+
+def _swarms(world: World, add: AddMesh) -> Iterator[Body]:
+    """One body for each swarm inside the world, with a part per tile and material."""
+    parts: dict[str, list[Part]] = {}
+    for tile in merged_swarms(world, beyond=False):
+        for surface in tile.surfaces:
+            part = _part(add, tile.swarm.name, surface, mesh=f"{tile.name}_{surface.material}", solid=False)
+            parts.setdefault(tile.swarm.name, []).append(part)
+    for name, found in parts.items():
+        yield Body(name=name, parts=tuple(found))
+
+
+def _members(world: World, swarm: Swarm, members: list[int], meshes: dict[int, tuple[Part, ...]]) -> Body:
+    """Body of the members of a swarm beyond the edge, which share mesh files because they are many."""
+    parts = []
+    for member in members:
+        pose, scale = pose_and_scale(swarm.world_from_object[member])
+        outside = np.maximum(np.abs(pose[:2]) - np.array(world.size) / 2, 0.0)
+        near = bool(np.hypot(*outside) < LIDAR_RANGE)
+        for part in meshes[int(swarm.mesh[member])]:
+            returns = part.returns and near
+            name = f"{part.name}_{member}"
+            parts.append(replace(part, name=name, pose=pose, scale=scale, solid=False, returns=returns))
+    name = swarm.name if len(members) == len(swarm.mesh) else f"{swarm.name}_beyond"
+    return Body(name=name, parts=tuple(parts))
