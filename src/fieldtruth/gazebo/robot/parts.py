@@ -103,6 +103,11 @@ def chassis_inertia(mass: float) -> Array:
     return np.array(husky.CHASSIS_INERTIA) * (mass / husky.CHASSIS_INERTIA_MASS)
 
 
+def wheel_inertia() -> Array:
+    """Principal moments (3,) [kg m^2] of a wheel; the motor's rotor turns with it about the axle."""
+    return np.add(husky.WHEEL_INERTIA, (0.0, husky.ROTOR_INERTIA, 0.0))
+
+
 def body_shapes(rig: Rig) -> tuple[Shape, ...]:
     """Shapes of base_link: chassis and mast are solid, the housings of the sensors are only drawn."""
     boxes = husky.body_boxes(rig)
