@@ -61,8 +61,7 @@ class Track:
     motion: Motion
     imu: ImuReadings
     gnss: GnssReadings
-    tachometers: TachometerReadings | None
-    """None without wheels, as along a track file."""
+    tachometers: TachometerReadings
 
     @property
     def duration_s(self) -> float:

@@ -43,7 +43,6 @@ class Mount(Frozen):
 class TachometerConfig(Frozen):
     """Tachometers of the four wheels."""
 
-    enabled: Boolean = True
     rate_hz: Rate = 10.0
 
 

@@ -1,0 +1,128 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Drives in Gazebo 11 with ROS 1, recorded to a bag by ``rosbag record``.
+
+The robot is the exported URDF, as a launch file would spawn it; its plugins of gazebo_ros, which the chroot's
+distribution lacks, are replaced by ``ros_plugin/``, which reads their parameters.
+"""
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from gazebo_run import CHROOT, GazeboError, in_chroot, missing_chroot
+from scipy.spatial.transform import Rotation
+
+from fieldtruth.core.arrays import Array
+
+GAZEBO_CLOUDS = "/gazebo/points"
+"""Topic of Gazebo's own clouds in the bag, so that ``annotate`` can add ours."""
+
+
+def add_robot(world: Path, urdf: Path, out: Path, position: Array, quaternion_wxyz: Array) -> Path:
+    """Write a copy of a world file, beside it, with the robot at a pose; without cameras, which need a display."""
+    command = in_chroot("gz", "sdf", "-p", str(urdf), folders=[urdf.parent])
+    text = subprocess.run(command, check=True, capture_output=True, text=True, env=_environment()).stdout
+    model = ET.fromstring(text).find("model")
+    tree = ET.parse(world)
+    element = tree.getroot().find("world")
+    assert model is not None
+    assert element is not None
+    for link in model.iter("link"):
+        for sensor in link.findall("sensor"):
+            if sensor.get("type") == "camera":
+                link.remove(sensor)
+    angles = Rotation.from_quat(quaternion_wxyz, scalar_first=True).as_euler("xyz")
+    pose = ET.Element("pose")
+    pose.text = " ".join(repr(float(value)) for value in (*position, *angles))
+    model.insert(0, pose)
+    element.append(model)
+    tree.write(out)
+    return out
+
+
+def missing_ros() -> str:
+    """Why no drive can run here, in one line; empty if it can."""
+    if why := missing_chroot():
+        return why
+    if not (CHROOT / "opt/ros_plugin/build/libgazebo_to_ros.so").exists():
+        return f"no ROS 1 in {CHROOT}: run tests/gazebo/make_chroot.sh again"
+    return ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RosDrive:
+    """A drive's bag, its simulated time [s], and its path [m] at 10 Hz."""
+
+    bag: Path
+    seconds: float
+    metres: float
+
+
+def drive_with_ros(
+    world: Path,
+    folder: Path,
+    node: Sequence[str],
+    *,
+    metres: float,
+    seconds: float,
+    limit_s: float,
+    clouds: str = "",
+    folders: Sequence[Path] = (),
+) -> RosDrive:
+    """Drive the robot of a world file, steered by the command ``node``, for ``metres``, at most ``seconds`` simulated.
+
+    ``folder``, for the results, must be new. ``clouds`` is first:last:period [s], the stamps of clouds. ``folders`` are
+    others that the node needs.
+    """
+    folder.mkdir(parents=True)
+    package = world.parent.parent
+    settings = {
+        "RESULTS": str(folder),
+        "REMAP": f"/os1_cloud_node/points:={GAZEBO_CLOUDS}",
+        "DRIVE_METRES": str(metres),
+        "DRIVE_SECONDS": str(seconds),
+        "CLOUDS": clouds,
+        "ROS_MASTER_URI": f"http://127.0.0.1:{_free_port()}",
+        "GAZEBO_MASTER_URI": f"http://127.0.0.1:{_free_port()}",
+        "GAZEBO_IP": "127.0.0.1",
+        "GAZEBO_MODEL_DATABASE_URI": "",  # never asks the network
+        "GAZEBO_MODEL_PATH": str(package / "models"),
+        "GAZEBO_RESOURCE_PATH": "/usr/share/gazebo-11",
+        "GAZEBO_PLUGIN_PATH": "/usr/lib/x86_64-linux-gnu/gazebo-11/plugins",
+    }
+    script = Path(__file__).with_name("drive_with_ros.sh")
+    variables = [f"{name}={value}" for name, value in settings.items()]
+    command = in_chroot(
+        *("env", *variables, "bash", str(script), str(world), *node), folders=[package, folder, script.parent, *folders]
+    )
+    process = subprocess.Popen(command, env=_environment(), start_new_session=True)
+    try:
+        process.wait(limit_s)
+    except subprocess.TimeoutExpired:
+        raise GazeboError(f"the drive has not ended in {limit_s} s; the outputs are in {folder}") from None
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)  # the namespace's processes end with it
+            process.wait()
+    log = (folder / "gazebo.log").read_text(errors="replace")
+    if (found := re.search(r"drive ends: ([\d.]+) s, path ([\d.]+) m", log)) is None:
+        raise GazeboError(f"Gazebo has crashed; the outputs are in {folder}")
+    return RosDrive(bag=folder / "drive.bag", seconds=float(found[1]), metres=float(found[2]))
+
+
+def _free_port() -> int:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port: int = free.getsockname()[1]
+    return port
+
+
+def _environment() -> dict[str, str]:
+    return {**os.environ, "GZ_CHROOT": str(CHROOT)}
