@@ -60,9 +60,9 @@ def configuration_keys(model: type[BaseModel], prefix: tuple[str, ...] = ()) -> 
 
 def default_of(key: tuple[str, ...]) -> object:
     """Value in an experiment with only the required keys."""
-    value: object = parse_experiment(
-        "{name: a, environment: park, route: {start: [49.9, 8.9], waypoints: [[49.9001, 8.9]]}}"
-    ).model_dump(mode="json")
+    route, track = "route: {start: [49.9, 8.9], waypoints: [[49.9001, 8.9]]}", "drive: {track: a.csv}"
+    text = f"{{name: a, environment: park, {track if key[0] == 'drive' else route}}}"
+    value: object = parse_experiment(text).model_dump(mode="json")
     for step in key:
         assert isinstance(value, dict)
         value = value[step]
@@ -185,6 +185,14 @@ def test_the_page_on_extending_can_be_followed(monkeypatch: pytest.MonkeyPatch, 
     world = names["world"]
     assert isinstance(world, World)
     assert sum(name.startswith("hazel") for name in world.object_names) == 5
+
+
+def test_the_page_on_tracks_can_be_followed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    follow(ROOT / "docs/tracks.md")
+    assert main(["generate", "helix.yaml", "--seconds", "0.1", "--no-cameras"]) == 0
+    stored = (tmp_path / "data/helix/track.csv").read_text("utf-8")
+    assert stored.startswith("t,x,y,z,qx,qy,qz,qw\n0.000000000,9.0,0.0,12.0,")
 
 
 def follow(page: Path) -> dict[str, object]:

@@ -45,9 +45,9 @@ def bare_bag(small_run: Path, tmp_path: Path) -> Path:
     return bag
 
 
-def test_ten_examples_have_at_most_60_lines_and_a_test_each() -> None:
+def test_eleven_examples_have_at_most_60_lines_and_a_test_each() -> None:
     tests = Path(__file__).read_text(encoding="utf-8")
-    assert len(SCRIPTS) == 10
+    assert len(SCRIPTS) == 11
     for script in SCRIPTS:
         assert len(script.read_text(encoding="utf-8").splitlines()) <= 60
         assert f'"{script.name}"' in tests
@@ -77,6 +77,19 @@ def test_own_route_is_driven(tmp_path: Path, run_example: RunExample) -> None:
     lines = run_example("own_route.py", tmp_path, 0.5)
     assert lines[0] == "route:"
     assert lines[-1] == f"0.5 s in {tmp_path / 'my_route' / 'my_route.bag'}"
+
+
+def test_fly_track_looks_down_from_the_helix(tmp_path: Path, run_example: RunExample) -> None:
+    [line] = run_example("fly_track.py", tmp_path, 0.5)
+    figures = re.fullmatch(r"([\d.]+) s in .*; at the end ([\d.]+) m high, (\d+) points in the scan", line)
+    assert figures is not None
+    duration, height, points = map(float, figures.groups())
+    assert (duration, height) == (0.5, 14.2)
+    assert points > 5000
+    tag = imread(tmp_path / "helix.png")[50:350, 700:]
+    assert np.ptp(tag[..., :3].reshape(-1, 3), axis=0).min() > 0.3
+    sky = np.abs(tag[..., :3] - 127 / 255).max(axis=-1) < 0.01
+    assert sky.mean() < 0.05
 
 
 @pytest.mark.slow

@@ -24,6 +24,7 @@ from .core.errors import EngineError as EngineError
 from .core.errors import FieldtruthError as FieldtruthError
 from .core.errors import OutputError as OutputError
 from .core.errors import RouteError as RouteError
+from .core.errors import TrackError as TrackError
 from .core.errors import UnknownNameError as UnknownNameError
 from .core.progress import Progress as Progress
 from .core.progress import show_progress as show_progress
@@ -36,6 +37,7 @@ from .drive.plan import plan_route as plan_route
 from .drive.track import Track as Track
 from .experiment.catalogue import list_experiments as list_experiments
 from .experiment.config import ControlConfig as ControlConfig
+from .experiment.config import DriveConfig as DriveConfig
 from .experiment.config import Experiment as Experiment
 from .experiment.config import LightConfig as LightConfig
 from .experiment.config import MetresRouteConfig as MetresRouteConfig

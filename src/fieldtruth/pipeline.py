@@ -9,6 +9,7 @@ from pathlib import Path
 
 from fieldtruth.bag.decode import count_messages
 from fieldtruth.bag.topics import topics_of
+from fieldtruth.bag.track_file import read_track_file
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive.plan import plan_route
@@ -17,6 +18,7 @@ from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment
 from fieldtruth.record.folder import RunFolder, run_folder
+from fieldtruth.record.following import follow_track, with_stored_track
 from fieldtruth.record.sensors import sensor_factory
 from fieldtruth.record.slices import Slices, slices_key
 from fieldtruth.record.streams import streams_of
@@ -54,20 +56,29 @@ def generate(
         OutputError: the folder holds another run, is in use, or cannot be written.
         RouteError: the route meets an obstacle, or no free route of the requested length is found.
         DriveError: the robot cannot drive this route.
+        TrackError, BagError: a track file that cannot be read, or leads out of the world or into something solid.
         EngineError: the installed Embree is not the version for which the kernels were written.
     """
     check_experiment(experiment)
+    given = None if experiment.drive is None else read_track_file(experiment.drive)
+    if given is not None:
+        experiment = with_stored_track(experiment, given)
+    text = None if given is None else given.csv()
     workers = cpu_count() if workers is None else workers
     progress = Silent() if progress is None else progress
-    with run_folder(experiment, Path(out), overwrite=overwrite) as run:
+    with run_folder(experiment, Path(out), overwrite=overwrite, track=text) as run:
         with progress.stage("build the world"):
             world = world_of(experiment)
         with progress.stage("drive"):
-            route = plan_route(world, experiment)
-            track = drive(world, experiment.model_copy(update={"route": route}))
-        run.begin(experiment, overwrite=overwrite)
+            track = _driven(experiment, world) if given is None else follow_track(experiment, world, given)
+        run.begin(experiment, overwrite=overwrite, track=text)
         _record(experiment, world, track, run, workers, progress)
     return run.bag
+
+
+def _driven(experiment: Experiment, world: World) -> Track:
+    route = plan_route(world, experiment)
+    return drive(world, experiment.model_copy(update={"route": route}))
 
 
 def _record(

@@ -16,6 +16,7 @@ from fieldtruth.world.model import World
 
 
 def arrays(track: Track) -> dict[str, bytes]:
+    assert track.tachometers is not None
     parts: tuple[Motion | ImuReadings | GnssReadings | TachometerReadings, ...] = (
         track.motion,
         track.imu,
@@ -67,6 +68,7 @@ def test_each_sensor_reads_at_its_rate_up_to_and_including_the_end(flat_world: W
     assert len(track.motion.stamps_ns) == 3000
     assert len(track.imu.stamps_ns) == 150
     assert len(track.gnss.stamps_ns) == 6
+    assert track.tachometers is not None
     assert len(track.tachometers.stamps_ns) == 30
     ends = {int(s.stamps_ns[-1]) for s in (track.motion, track.imu, track.gnss, track.tachometers)}
     assert ends == {3_000_000_000}

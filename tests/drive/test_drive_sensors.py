@@ -125,6 +125,7 @@ def test_accelerometer_integrates_to_the_velocity() -> None:
 
 def test_wheel_speeds_integrate_to_the_driven_length() -> None:
     track = drive(make_world(tilted(4.0, 0.0)), make_experiment([(9.0, 0.0)]))
+    assert track.tachometers is not None
     seconds = np.diff(track.tachometers.stamps_ns, prepend=0) / 1e9
     by_wheels = (track.tachometers.wheel_speed * seconds[:, None]).sum(axis=0) * 0.1651
     np.testing.assert_allclose(by_wheels, track.length_m, rtol=0.01)

@@ -141,6 +141,19 @@ def test_masses_are_the_physics(flavour: Flavour, tmp_path: Path) -> None:
     assert masses[1:] == [husky.WHEEL_MASS] * 4
 
 
+@pytest.mark.parametrize("flavour", FLAVOURS)
+def test_inertia_of_roll_and_yaw_is_the_physics(flavour: Flavour, tmp_path: Path) -> None:
+    """The moments across the axles that the rotors add to the wheels are taken from the chassis."""
+    links = sdf(Rig(), flavour, tmp_path)[0].findall("link")
+    scale = (husky.MASS - 4 * husky.WHEEL_MASS) / husky.CHASSIS_INERTIA_MASS
+    for axis, name in ((0, "ixx"), (2, "izz")):
+        moments = [values(link, f"inertial/inertia/{name}")[0] for link in links]
+        expected = husky.CHASSIS_INERTIA[axis] * scale + 4 * husky.WHEEL_INERTIA[axis]
+        assert sum(moments) == pytest.approx(expected, rel=1e-12)
+    axle = values(links[1], "inertial/inertia/iyy")[0]
+    assert axle == pytest.approx(husky.WHEEL_INERTIA[1] + husky.ROTOR_INERTIA)
+
+
 def test_urdf_weighs_what_the_sdf_weighs(classic: Path) -> None:
     robot = ET.parse(classic / "urdf/husky.urdf").getroot()
     assert sum(float(e.attrib["value"]) for e in robot.iter("mass")) == pytest.approx(husky.MASS, abs=1e-9)

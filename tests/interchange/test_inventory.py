@@ -17,6 +17,7 @@ from sense_worlds import box, make_mesh, make_world
 from fieldtruth.core.arrays import Array
 from fieldtruth.interchange import inventory
 from fieldtruth.interchange.inventory import COLUMNS, named_objects
+from fieldtruth.world.build import load_world
 from fieldtruth.world.model import Mesh, Swarm, World, merge_meshes
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_clump, grow_stump, grow_tree
 from fieldtruth.world.poses import upright_pose
@@ -252,3 +253,26 @@ def test_world_without_objects_gives_empty_layers(tmp_path: Path) -> None:
         assert (tmp_path / "out" / f"{layer}.csv").read_text() == ",".join(COLUMNS) + "\n"
         assert pyogrio.read_info(tmp_path / "out" / "inventory.gpkg", layer=layer)["features"] == 0
     assert list(named_objects(make_world())) == []
+
+
+@pytest.mark.slow
+def test_forest_is_like_a_real_one() -> None:
+    """Figures of temperate mixed forests.
+
+    - Leaf area index: 5.1 to 6.7 in evergreen ones (Asner, Scurlock and Hicke 2003), about 5.5 in deciduous ones
+      (Koerner 2013); ours has clearings along two trails.
+    - Stems of at least 7 cm: hundreds per hectare.
+    - Height over diameter: 80 is the limit of stability (Wonn and O'Hara 2001); trunks as thick as ours are those of
+      trees that had space. Saplings are slimmer.
+    """
+    world = load_world("forest")
+    trees = [row for row in rows_of(world) if row["crown_base_m"] is not None and "trunk" in row["classes"]]
+    assert len(trees) == 352
+    hectares = world.size[0] * world.size[1] / 1e4
+    assert 4.0 < sum(row["leaf_area_m2"] for row in trees) / (1e4 * hectares) < 7.5
+    stems = [row for row in trees if (row["trunk_diameter_m"] or 0) >= 0.07]
+    assert 400 < len(stems) / hectares < 700
+    assert 30 < sum(np.pi / 4 * row["trunk_diameter_m"] ** 2 for row in stems) / hectares < 60
+    assert all(25 < row["height_m"] / row["trunk_diameter_m"] < 80 for row in trees if row["height_m"] > 8)
+    assert all(50 < row["height_m"] / row["trunk_diameter_m"] < 150 for row in trees if row["height_m"] < 6)
+    assert all(row["crown_base_m"] < 0.75 * row["height_m"] for row in trees)

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """USD stages, read back with Pixar's library: every object, its pose, class, material and number of triangles."""
 
+import errno
+import resource
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
@@ -11,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from interchange_worlds import small_world
+from sense_worlds import box, make_world
 
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
@@ -251,6 +254,29 @@ def test_same_world_gives_the_same_bytes(world: World, tmp_path: Path) -> None:
     assert len(paths) > 2
     for path in paths:
         assert path.read_bytes() == (tmp_path / "second" / path.relative_to(tmp_path / "first")).read_bytes(), path.name
+
+
+def test_names_that_usd_does_not_allow_are_changed(tmp_path: Path) -> None:
+    seat = box("garden-seat", (1, 1, 1), "wood")
+    world = make_world([(seat, np.eye(4))], side=4.0)
+    (instance,) = world.instances
+    usd.write(replace(world, instances=(replace(instance, name="garden-seat_1"),)), tmp_path / "out")
+    stage = Usd.Stage.Open(str(tmp_path / "out" / "world.usdc"))
+    (mesh,) = meshes_below(stage.GetPrimAtPath("/World/Objects/garden_seat_1"))
+    assert triangles(mesh) == 12
+
+
+def test_full_disk_is_an_error_of_the_system(world: World, tmp_path: Path) -> None:
+    """As a limit of the file's size, above that of the images."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, limits[1]))
+        with pytest.raises(OSError, match="File too large") as error:
+            usd.write(world, tmp_path / "out")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert error.value.errno == errno.EFBIG
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.slow

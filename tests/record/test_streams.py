@@ -198,6 +198,7 @@ def test_a_scan_and_an_image_are_taken_from_the_pose_at_their_stamp(readings: di
 
 
 def test_readings_of_the_drive_are_in_the_bag(readings: dict[str, list[Reading]]) -> None:
+    assert TRACK.tachometers is not None
     for name, column in (("front_left", 0), ("front_right", 1), ("rear_left", 2), ("rear_right", 3)):
         speeds = [r.message.data for r in readings[f"/gazebo_client/{name}_speed"]]
         assert speeds == TRACK.tachometers.wheel_speed[:, column].tolist()

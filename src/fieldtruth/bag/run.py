@@ -14,6 +14,8 @@ EXPERIMENT: str = "experiment.yaml"
 """The experiment beside a bag."""
 CARD: str = "DATASET.md"
 """The data card beside a bag."""
+TRACK: str = "track.csv"
+"""The poses of the track file beside a bag, if its experiment has one."""
 
 
 class Run(NamedTuple):

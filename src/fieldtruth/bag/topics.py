@@ -31,7 +31,7 @@ class Topic(NamedTuple):
     name: str
     msgtype: str
     rate_hz: Callable[[Rig], float] | None
-    sensor: Literal["robot", "lidar", "cameras", "depth", "instances"] = "robot"
+    sensor: Literal["robot", "wheels", "lidar", "cameras", "depth", "instances"] = "robot"
 
     @property
     def latched(self) -> bool:
@@ -43,6 +43,7 @@ class Topic(NamedTuple):
         cameras = rig.cameras
         return {
             "robot": True,
+            "wheels": rig.tachometers.enabled,
             "lidar": rig.lidar.enabled,
             "cameras": cameras.enabled,
             "depth": cameras.enabled and cameras.depth,
@@ -97,7 +98,7 @@ TOPICS: Final[tuple[Topic, ...]] = (
     Topic(TF, "tf2_msgs/msg/TFMessage", lambda rig: POSE_RATE),
     Topic(IMU, "sensor_msgs/msg/Imu", lambda rig: rig.imu.rate_hz),
     Topic(NAVSAT, "sensor_msgs/msg/NavSatFix", lambda rig: rig.gnss.rate_hz),
-    *(Topic(name, "std_msgs/msg/Float32", lambda rig: rig.tachometers.rate_hz) for name in WHEEL_SPEEDS),
+    *(Topic(name, "std_msgs/msg/Float32", lambda rig: rig.tachometers.rate_hz, "wheels") for name in WHEEL_SPEEDS),
     Topic(POINTS, "sensor_msgs/msg/PointCloud2", lambda rig: rig.lidar.rate_hz, "lidar"),
     *_camera_topics("left"),
     *_camera_topics("right"),

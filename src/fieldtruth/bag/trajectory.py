@@ -64,31 +64,31 @@ class Trajectory:
         return frames.pose_from_quaternion_wxyz(position, mixed / np.linalg.norm(mixed))
 
 
-def read_trajectory(run: Run) -> Trajectory:
-    """Read the true poses from /ground_truth/odom or, if it is missing, from the robot in /gazebo/model_states.
+def read_trajectory(run: Run, topic: str = table.ODOMETRY) -> Trajectory:
+    """Read the true poses from odometry or, if that is missing, from the robot in /gazebo/model_states.
 
     Stamps are those of the headers; ModelStates has no header, so the bag's stamps are used.
 
     Raises:
         BagError: the bag has neither, or is damaged.
     """
-    if table.ODOMETRY in run.counts:
-        stamps, rows = _from_odometry(run)
+    if topic in run.counts and topic != table.MODEL_STATES:
+        stamps, rows = _from_odometry(run, topic)
     elif table.MODEL_STATES in run.counts:
         stamps, rows = _from_model_states(run)
     else:
-        run.require(table.ODOMETRY)
+        run.require(topic)
     poses = np.array(rows, np.float64).reshape(-1, 7)
     order = np.argsort(stamps, kind="stable")
     poses, stamps_ns = poses[order], np.array(stamps, np.int64)[order]
     return Trajectory(stamps_ns, poses[:, :3], poses[:, [6, 3, 4, 5]])
 
 
-def _from_odometry(run: Run) -> Rows:
+def _from_odometry(run: Run, topic: str) -> Rows:
     stamps, rows = array("q"), array("d")
     with open_bag(run.bag) as bag:
         decode = decoder(bag)
-        for raw in bag.messages([table.ODOMETRY]):
+        for raw in bag.messages([topic]):
             message = decode(raw)
             p, q = message.pose.pose.position, message.pose.pose.orientation
             stamps.append(message.header.stamp.sec * 10**9 + message.header.stamp.nanosec)
@@ -104,3 +104,8 @@ def _from_model_states(run: Run) -> Rows:
             stamps.append(raw.stamp_ns)
             rows.frombytes(reader.poses(raw.data)[reader.row(raw.data, ROBOT)].tobytes())
     return stamps, rows
+
+
+def seconds(ns: int) -> str:
+    """Format a time [ns] as seconds with nine decimals."""
+    return f"{'-' * (ns < 0)}{abs(ns) // 10**9}.{abs(ns) % 10**9:09d}"

@@ -25,7 +25,7 @@ _TRIAL_POSES = 4
 _LIDAR_TRIES = 4  # per try of a camera: scans are short, so that a single interruption matters
 
 
-def poses_on_route(route: Route, world: World, rig: Rig, count: int) -> list[Array]:
+def poses_on_route(route: Route | None, world: World, rig: Rig, count: int) -> list[Array]:
     """Poses world_from_base (4, 4) of the robot at rest, evenly spaced on the route and facing along it."""
     corners = metres_from_route(route)
     legs = np.diff(corners, axis=0)

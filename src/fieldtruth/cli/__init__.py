@@ -9,13 +9,15 @@ modules are imported at the top, so that ``--help``, ``list`` and errors are imm
 import argparse
 import shlex
 import sys
-from collections.abc import Sequence
-from typing import Final, NoReturn
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Final, NoReturn, TextIO
 
 import fieldtruth
 from fieldtruth.cli import generation, processing
 from fieldtruth.cli.arguments import Command, Parser, UsageError
-from fieldtruth.core.errors import FieldtruthError, UnknownNameError
+from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning, UnknownNameError
 
 INTERRUPTED: Final = 130
 USER_ERROR: Final = 2
@@ -27,11 +29,36 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
         command, options = _parse(arguments)
-        return command(options) or 0
+        with _warnings_in_one_line():
+            return command(options) or 0
     except FieldtruthError as error:
         return _fail(str(error), USER_ERROR)
     except KeyboardInterrupt:
         return _fail(f"interrupted{_resume_hint(arguments)}", INTERRUPTED)
+
+
+@contextmanager
+def _warnings_in_one_line() -> Iterator[None]:
+    """Print our warnings as ``warning: ...`` without the position in the source; others as usual."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", FieldtruthWarning)
+        usual = warnings.showwarning
+
+        def show(
+            message: Warning | str,
+            category: type[Warning],
+            filename: str,
+            lineno: int,
+            file: TextIO | None = None,
+            line: str | None = None,
+        ) -> None:
+            if issubclass(category, FieldtruthWarning):
+                print("warning:", " ".join(str(message).split()), file=sys.stderr)
+            else:
+                usual(message, category, filename, lineno, file, line)
+
+        warnings.showwarning = show
+        yield
 
 
 def _fail(message: str, code: int) -> int:

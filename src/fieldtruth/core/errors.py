@@ -10,6 +10,10 @@ class FieldtruthError(Exception):
     """Base of all errors that a user can correct; the text states what is wrong, where, and what is allowed."""
 
 
+class FieldtruthWarning(UserWarning):
+    """Something that a user should know and that stops nothing; the command line prints it as one line."""
+
+
 class UnknownNameError(FieldtruthError):
     """A name that does not exist; the text suggests the closest one and lists all."""
 
@@ -31,6 +35,10 @@ class RouteError(FieldtruthError):
 
 class DriveError(FieldtruthError):
     """The robot got stuck, tipped over, touched an obstacle, entered water or left the world, when and where."""
+
+
+class TrackError(FieldtruthError):
+    """A track file that cannot be read or followed; the text names the file, the line or time, and the condition."""
 
 
 class EngineError(FieldtruthError):

@@ -141,9 +141,10 @@ def _track(states: Array, rig: Rig) -> Track:
         linear_velocity=states[:, _VELOCITY],
         angular_velocity=turn_rate,
     )
+    wheels = rig.tachometers
     return Track(
         motion=motion,
         imu=sensors.read_imu(motion, rig.imu),
         gnss=sensors.read_gnss(motion, rig.gnss),
-        tachometers=sensors.read_tachometers(motion, states[:, _WHEELS], rig.tachometers),
+        tachometers=sensors.read_tachometers(motion, states[:, _WHEELS], wheels) if wheels.enabled else None,
     )

@@ -61,7 +61,8 @@ class Track:
     motion: Motion
     imu: ImuReadings
     gnss: GnssReadings
-    tachometers: TachometerReadings
+    tachometers: TachometerReadings | None
+    """None without wheels, as along a track file."""
 
     @property
     def duration_s(self) -> float:

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Configuration of an experiment: environment, route, rig, light and seed, as frozen data."""
+"""Configuration of an experiment: environment, route or track file, rig, light and seed, as frozen data."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Self
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag, model_validator
 
-from fieldtruth.experiment.rig import Frozen, Integer, Number, Positive, Rig
+from fieldtruth.experiment.rig import Boolean, Frozen, Integer, Mount, Number, Positive, Rig
 
 Latitude = Annotated[Number, Field(ge=-90, le=90)]
 Longitude = Annotated[Number, Field(ge=-180, le=180)]
@@ -89,6 +89,32 @@ def _form(route: object) -> str | None:
 Route = RouteConfig | MetresRouteConfig | RandomRouteConfig
 """The three forms; ``fieldtruth.plan_route`` turns any of them into a ``RouteConfig``."""
 
+_Route = Annotated[
+    Annotated[RouteConfig, Tag("degrees")]
+    | Annotated[MetresRouteConfig, Tag("metres")]
+    | Annotated[RandomRouteConfig, Tag("random")],
+    Discriminator(_form),
+    Field(description=ROUTE_FORMS),
+]
+
+
+class DriveConfig(Frozen):
+    """A track file that replaces route and physics: ``drive: {track: flight.csv}``. See docs/tracks.md."""
+
+    track: Annotated[
+        str, Field(min_length=1, description="the path of a TUM or CSV file, a bag or the folder of a run")
+    ]
+    topic: Annotated[str, Field(description="a topic of type nav_msgs/Odometry")] | None = None
+    """Of a bag. None: /ground_truth/odom, or where that is missing the robot in /gazebo/model_states."""
+    pose_of: Annotated[str, Field(description="a frame of the rig")] | None = None
+    """The frame whose poses the file has. None: base_link, or what the odometry of a bag says."""
+    start_s: Number | None = None
+    """Stamp in the file [s] that becomes time 0. None: the first."""
+    world_from_track: Mount | None = None
+    """Pose of the file's reference frame in the world; None if it is the world frame."""
+    allow_inside: Boolean = False
+    """Whether the robot and its sensors may be below the ground, under water or in an obstacle."""
+
 
 class Experiment(Frozen):
     """One drive through one environment: the complete input of a data set. Same experiment, same bytes."""
@@ -102,13 +128,17 @@ class Experiment(Frozen):
     """Changes to the environment's layout, for example ``{old_trees: 60}``; see docs/environments.md."""
     seconds: Annotated[Number, Field(ge=0.001, le=86_400)] | None = None
     """End after this simulated time [s]; None drives to the last waypoint."""
-    route: Annotated[
-        Annotated[RouteConfig, Tag("degrees")]
-        | Annotated[MetresRouteConfig, Tag("metres")]
-        | Annotated[RandomRouteConfig, Tag("random")],
-        Discriminator(_form),
-        Field(description=ROUTE_FORMS),
-    ]
+    route: _Route | None = None
+    drive: DriveConfig | None = None
+    """A track file in place of a route."""
     control: ControlConfig = ControlConfig()
     rig: Rig = Rig()
     light: LightConfig = LightConfig()
+
+    @model_validator(mode="after")
+    def _one_motion(self) -> Self:
+        if self.route is None and self.drive is None:
+            raise ValueError(f"route is required: {ROUTE_FORMS}; or drive: {{track: FILE}}")
+        if self.route is not None and self.drive is not None:
+            raise ValueError("route and drive exclude each other: a track file replaces the route")
+        return self

@@ -34,7 +34,8 @@ def load_experiment(name_or_path: str | Path) -> Experiment:
     """Load a built-in experiment by its name, or any other by the path of its YAML file.
 
     A string with a slash or ending in .yaml or .yml is a path; any other is a name first, then a file in the current
-    folder. Environment and layout are checked by the world (``fieldtruth.check_experiment``), not here.
+    folder. Environment and layout are checked by the world (``fieldtruth.check_experiment``), not here. The path of a
+    track file may be relative to the YAML file.
 
     Raises:
         UnknownNameError: neither a built-in experiment nor a file.
@@ -42,7 +43,7 @@ def load_experiment(name_or_path: str | Path) -> Experiment:
     """
     text = str(name_or_path)
     if text not in experiment_names() and (_looks_like_path(name_or_path) or Path(text).is_file()):
-        return parse_experiment(_read(Path(name_or_path)), text)
+        return _beside(parse_experiment(_read(Path(name_or_path)), text), Path(name_or_path).parent)
     return parse_experiment(experiment_text(text), f"experiment {text}")
 
 
@@ -96,6 +97,14 @@ def with_overrides(
                 raise UnknownNameError("extra", name, EXTRAS)
         values["rig"]["cameras"] |= {name: name in extras for name in EXTRAS}
     return _validated(values, "")
+
+
+def _beside(experiment: Experiment, folder: Path) -> Experiment:
+    """Return the experiment with its track file, which may be relative to the folder of the YAML file."""
+    if experiment.drive is None:
+        return experiment
+    found = experiment.drive.model_copy(update={"track": str(folder / experiment.drive.track)})
+    return experiment.model_copy(update={"drive": found})
 
 
 def _looks_like_path(name: str | Path) -> bool:

@@ -43,6 +43,7 @@ class Mount(Frozen):
 class TachometerConfig(Frozen):
     """Tachometers of the four wheels."""
 
+    enabled: Boolean = True
     rate_hz: Rate = 10.0
 
 

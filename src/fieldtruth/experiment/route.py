@@ -35,8 +35,14 @@ def random_route(length_m: float, seed: int) -> RandomRouteConfig:
     return RandomRouteConfig(random=RandomConfig(length_m=length_m, seed=seed))
 
 
-def geodetic_route(route: Route) -> RouteConfig:
-    """Return the route with its points in degrees; a random route raises ``RouteError``, it must be planned first."""
+def geodetic_route(route: Route | None) -> RouteConfig:
+    """Return the route with its points in degrees.
+
+    Raises:
+        RouteError: no route, as in an experiment with a track file; or a random one, which must be planned first.
+    """
+    if route is None:
+        raise RouteError("the experiment has no route: it follows a track file")
     if isinstance(route, RandomRouteConfig):
         raise RouteError(
             "a random route has no waypoints before it is planned; call fieldtruth.plan_route(world, experiment)"
@@ -46,11 +52,11 @@ def geodetic_route(route: Route) -> RouteConfig:
     return route
 
 
-def metres_from_route(route: Route) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+def metres_from_route(route: Route | None) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
     """Start and n waypoints (1 + n, 2) of a route as x, y [m] in the world frame.
 
     Raises:
-        RouteError: a random route; it must be planned first.
+        RouteError: as for ``geodetic_route``.
     """
     if isinstance(route, MetresRouteConfig):
         return np.array([route.metres.start, *route.metres.waypoints], np.float64)

@@ -17,11 +17,11 @@ from fieldtruth.bag.calibration import base_from_lidar, read_calibration, read_s
 from fieldtruth.bag.decode import points, stamp_ns
 from fieldtruth.bag.reader import BagError
 from fieldtruth.bag.run import Run
+from fieldtruth.bag.trajectory import seconds
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.experiment.rig import OPTICAL
-from fieldtruth.exporters.tum import seconds
 
 CLOUDS: Final = "velodyne"
 IMAGES: Final = {"left": "image_2", "right": "image_3"}

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.trajectory import read_trajectory
+from fieldtruth.bag.trajectory import read_trajectory, seconds
 from fieldtruth.exporters import Options
 
 
@@ -24,8 +24,3 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         for stamp_ns, (x, y, z), (qw, qx, qy, qz) in rows:
             values = " ".join(repr(float(value)) for value in (x, y, z, qx, qy, qz, qw))
             file.write(f"{seconds(int(stamp_ns))} {values}\n")
-
-
-def seconds(ns: int) -> str:
-    """Format a time [ns] as seconds with nine decimals."""
-    return f"{'-' * (ns < 0)}{abs(ns) // 10**9}.{abs(ns) % 10**9:09d}"

@@ -59,7 +59,7 @@ class PointLayer(NamedTuple):
 
 def write_points(path: Path, layers: Sequence[PointLayer]) -> None:
     """Write a GeoPackage with these layers; their rows keep their order."""
-    with closing(sqlite3.connect(path)) as database:
+    with closing(sqlite3.connect(":memory:")) as database:
         database.execute(f"PRAGMA application_id = {_APPLICATION_ID}")
         database.execute(f"PRAGMA user_version = {_VERSION}")
         database.executescript(_TABLES)
@@ -67,6 +67,7 @@ def write_points(path: Path, layers: Sequence[PointLayer]) -> None:
         for layer in layers:
             _write_layer(database, layer)
         database.commit()
+        path.write_bytes(database.serialize())
 
 
 def _write_layer(database: sqlite3.Connection, layer: PointLayer) -> None:

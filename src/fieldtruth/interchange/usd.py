@@ -17,11 +17,14 @@ backdrop have ``fieldtruth:instanceId``; objects and swarms also have ``semantic
 multiply with a texture.
 """
 
+import errno
+import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
 import numpy as np
-from pxr import Gf, Kind, Sdf, Usd, UsdGeom
+from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom
 
 from fieldtruth.core.classes import Label
 from fieldtruth.core.geodesy import ORIGIN_HEIGHT, ORIGIN_LATITUDE, ORIGIN_LONGITUDE
@@ -38,6 +41,7 @@ from fieldtruth.interchange.usd_prims import (
     add_mesh,
     add_number,
     add_tint,
+    child,
 )
 from fieldtruth.render.materials import material_table
 from fieldtruth.world.model import GROUND_ID, Material, Mesh, World
@@ -57,16 +61,27 @@ def write(world: World, folder: Path, *, beyond: bool = False) -> None:
     (folder / TEXTURES).mkdir(parents=True)
     stage = Usd.Stage.CreateNew(str(folder / STAGE))
     _describe(stage, world)
-    _add_materials(stage, world, folder)
-    _add_prototypes(stage, world, beyond=beyond)
+    meshes = _used_meshes(world, beyond=beyond)
+    land = [world.backdrop] if beyond and world.backdrop is not None else []
+    _add_materials(stage, world, folder, {name: None for mesh in (*meshes, *land) for name in mesh.materials})
+    _add_prototypes(stage, world, meshes)
     _add_objects(stage, world)
     _add_swarms(stage, world, beyond=beyond)
     _add_ground(stage, world, folder)
-    if beyond and world.backdrop is not None:
+    for mesh in land:
         _add_group(stage, _BACKDROP)
-        _add_surfaces(stage, _BACKDROP, world.backdrop, world)
+        _add_surfaces(stage, _BACKDROP, mesh, world)
         add_number(stage.GetPrimAtPath(_BACKDROP), INSTANCE_ID, GROUND_ID)
-    stage.GetRootLayer().Save()
+    _save(stage)
+
+
+def _save(stage: Usd.Stage) -> None:
+    """Save the stage; raises OSError, because the library's own error is pages long."""
+    try:
+        stage.GetRootLayer().Save()
+    except Tf.ErrorException as error:
+        code = next((code for code in errno.errorcode if os.strerror(code) in str(error)), errno.EIO)
+        raise OSError(code, os.strerror(code), stage.GetRootLayer().realPath) from error
 
 
 def _describe(stage: Usd.Stage, world: World) -> None:
@@ -91,41 +106,45 @@ def _add_group(stage: Usd.Stage, path: Sdf.Path) -> None:
     Usd.ModelAPI(UsdGeom.Xform.Define(stage, path)).SetKind(Kind.Tokens.group)
 
 
-def _add_materials(stage: Usd.Stage, world: World, folder: Path) -> None:
-    UsdGeom.Scope.Define(stage, _MATERIALS)
-    for name, texture in world.textures.items():
-        (folder / TEXTURES / f"{name}.jpg").write_bytes(encode_image(texture))
-    for name, material in world.materials.items():
-        add_material(stage, _MATERIALS.AppendChild(name), material, f"./{TEXTURES}/{material.texture}.jpg")
-
-
-def _add_prototypes(stage: Usd.Stage, world: World, *, beyond: bool) -> None:
-    """Add the meshes that are used; those that only occur outside the edge only if ``beyond``."""
-    stage.CreateClassPrim(_PROTOTYPES)
+def _used_meshes(world: World, *, beyond: bool) -> list[Mesh]:
+    """Meshes of the objects and swarms; those of swarms that are wholly outside the edge only if ``beyond``."""
     used = {instance.mesh for instance in world.instances}
     for swarm in world.swarms:
         if beyond or not beyond_edge(world, swarm).all():
             used |= {*swarm.meshes}
-    for name, mesh in world.meshes.items():
-        if name in used:
-            path = _PROTOTYPES.AppendChild(name)
-            UsdGeom.Xform.Define(stage, path)
-            _add_surfaces(stage, path, mesh, world)
-            if mesh.species:
-                add_labels(stage.GetPrimAtPath(path), "species", *mesh.species)
+    return [mesh for name, mesh in world.meshes.items() if name in used]
+
+
+def _add_materials(stage: Usd.Stage, world: World, folder: Path, names: Iterable[str]) -> None:
+    UsdGeom.Scope.Define(stage, _MATERIALS)
+    materials = [world.materials[name] for name in names]
+    for texture in {material.texture: None for material in materials}:
+        (folder / TEXTURES / f"{texture}.jpg").write_bytes(encode_image(world.textures[texture]))
+    for material in materials:
+        add_material(stage, child(_MATERIALS, material.name), material, f"./{TEXTURES}/{material.texture}.jpg")
+
+
+def _add_prototypes(stage: Usd.Stage, world: World, meshes: Iterable[Mesh]) -> None:
+    stage.CreateClassPrim(_PROTOTYPES)
+    for mesh in meshes:
+        path = child(_PROTOTYPES, mesh.name)
+        UsdGeom.Xform.Define(stage, path)
+        _add_surfaces(stage, path, mesh, world)
+        if mesh.species:
+            add_labels(stage.GetPrimAtPath(path), "species", *mesh.species)
 
 
 def _add_surfaces(stage: Usd.Stage, path: Sdf.Path, mesh: Mesh, world: World) -> None:
     for surface in mesh_surfaces(mesh, world.materials):
-        add_mesh(stage, path.AppendChild(surface.material), surface, _MATERIALS.AppendChild(surface.material))
+        add_mesh(stage, child(path, surface.material), surface, child(_MATERIALS, surface.material))
 
 
 def _add_objects(stage: Usd.Stage, world: World) -> None:
     _add_group(stage, _OBJECTS)
     for instance in world.instances:
-        xform = UsdGeom.Xform.Define(stage, _OBJECTS.AppendChild(instance.name))
+        xform = UsdGeom.Xform.Define(stage, child(_OBJECTS, instance.name))
         prim = xform.GetPrim()
-        prim.GetReferences().AddInternalReference(_PROTOTYPES.AppendChild(instance.mesh))
+        prim.GetReferences().AddInternalReference(child(_PROTOTYPES, instance.mesh))
         prim.SetInstanceable(True)
         Usd.ModelAPI(prim).SetKind(Kind.Tokens.component)
         # USD multiplies rows with matrices from the right.
@@ -142,8 +161,8 @@ def _add_swarms(stage: Usd.Stage, world: World, *, beyond: bool) -> None:
         far = swarm.name if outside.all() else f"{swarm.name}_beyond"
         for name, members in ((swarm.name, ~outside), (far, outside & beyond)):
             if members.any():
-                prototypes = [_PROTOTYPES.AppendChild(mesh) for mesh in swarm.meshes]
-                path = _SWARMS.AppendChild(name)
+                prototypes = [child(_PROTOTYPES, mesh) for mesh in swarm.meshes]
+                path = child(_SWARMS, name)
                 prim = add_instancer(stage, path, prototypes, swarm, np.flatnonzero(members)).GetPrim()
                 Usd.ModelAPI(prim).SetKind(Kind.Tokens.component)
                 add_number(prim, INSTANCE_ID, swarm.object_id)
@@ -157,10 +176,10 @@ def _add_ground(stage: Usd.Stage, world: World, folder: Path) -> None:
     for tile in ground_tiles(world):
         image = f"{TEXTURES}/{tile.name}.jpg"
         (folder / image).write_bytes(encode_image(ground_image(world, tile, GROUND_PIXELS, table)))
-        material = _MATERIALS.AppendChild(tile.name)
+        material = child(_MATERIALS, tile.name)
         mixed = Material(name=tile.name, label=Label.GROUND, texture=tile.name)
         add_material(stage, material, mixed, f"./{image}", tiled=False)
-        path = _GROUND.AppendChild(tile.name)
+        path = child(_GROUND, tile.name)
         UsdGeom.Xform.Define(stage, path)
         for surface in tile.surfaces:
-            add_mesh(stage, path.AppendChild(surface.label.name.lower()), surface, material)
+            add_mesh(stage, child(path, surface.label.name.lower()), surface, material)

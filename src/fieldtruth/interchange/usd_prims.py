@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics, UsdShade, Vt
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdSemantics, UsdShade, Vt
 
 from fieldtruth.core.arrays import Float32Array, Index
 from fieldtruth.core.classes import CLASSES
@@ -18,6 +18,11 @@ INSTANCE_ID: Final = "fieldtruth:instanceId"
 CLASS_ID: Final = "fieldtruth:classId"
 MATT: Final = 0.9
 """Roughness of a surface without gloss."""
+
+
+def child(path: Sdf.Path, name: str) -> Sdf.Path:
+    """Path of a prim below another; characters that USD does not allow in names become underscores."""
+    return path.AppendChild(Tf.MakeValidIdentifier(name))
 
 
 def add_mesh(stage: Usd.Stage, path: Sdf.Path, surface: Surface, material: Sdf.Path) -> None:

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The folder of a run: what may be written there, and how an interrupted run is resumed.
 
-OUT/NAME/experiment.yaml is written as soon as the robot has reached its goal; OUT/NAME/.slices holds the finished time
-slices; OUT/NAME/NAME.bag appears last, after the data card and the checksums. No other file is touched. A run that
+OUT/NAME/experiment.yaml is written as soon as the robot has reached its goal, and track.csv beside it if the robot
+followed a track file; OUT/NAME/.slices holds the finished time slices; OUT/NAME/NAME.bag appears last, after the data
+card and the checksums. No other file is touched. A run that
 fails before it senses anything (its route leads through a tree) leaves the folder as it was.
 """
 
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from fieldtruth.bag.checksums import CHECKSUMS, checksum_lines, sha256_of
-from fieldtruth.bag.run import CARD, EXPERIMENT
+from fieldtruth.bag.run import CARD, EXPERIMENT, TRACK
 from fieldtruth.core.errors import FieldtruthError, OutputError
 from fieldtruth.core.files import locked, output_errors, write_atomically
 from fieldtruth.experiment.config import Experiment
@@ -29,13 +30,18 @@ class RunFolder(NamedTuple):
     path: Path
     bag: Path
 
-    def begin(self, experiment: Experiment, *, overwrite: bool) -> None:
-        """Write experiment.yaml and remove the outputs of an earlier run; with ``overwrite`` also its slices."""
+    def begin(self, experiment: Experiment, *, overwrite: bool, track: str | None = None) -> None:
+        """Write experiment.yaml and remove the outputs of an earlier run; with ``overwrite`` also its slices.
+
+        ``track`` is the text of track.csv, in an experiment with a track file.
+        """
         with output_errors(self.path):
             if overwrite:
                 self.clean()
             for path in (self.bag, self.path / CARD, self.path / CHECKSUMS):
                 path.unlink(missing_ok=True)
+            if track is not None:
+                write_atomically(self.path / TRACK, track)
             write_atomically(self.path / EXPERIMENT, dump_experiment(experiment))
 
     def slices(self, key: str) -> Path:
@@ -52,7 +58,8 @@ class RunFolder(NamedTuple):
         """Write data card and checksums, move the finished bag to its name, and remove the slices."""
         with output_errors(self.path):
             write_atomically(self.path / CARD, card)
-            sums = f"{sha256_of(bag)}  {self.bag.name}\n" + checksum_lines(self.path, [EXPERIMENT, CARD])
+            stored = [TRACK] * (self.path / TRACK).exists()
+            sums = f"{sha256_of(bag)}  {self.bag.name}\n" + checksum_lines(self.path, [EXPERIMENT, *stored, CARD])
             write_atomically(self.path / CHECKSUMS, sums)
             bag.replace(self.bag)
         self.clean()
@@ -63,8 +70,10 @@ class RunFolder(NamedTuple):
 
 
 @contextmanager
-def run_folder(experiment: Experiment, out: Path, *, overwrite: bool = False) -> Iterator[RunFolder]:
-    """Open OUT/NAME for a run and lock it against other processes.
+def run_folder(
+    experiment: Experiment, out: Path, *, overwrite: bool = False, track: str | None = None
+) -> Iterator[RunFolder]:
+    """Open OUT/NAME for a run and lock it against other processes; ``track`` is the text of its track.csv.
 
     Raises:
         OutputError: the folder holds a finished bag or another experiment and ``overwrite`` is off, is in use, lies
@@ -77,7 +86,7 @@ def run_folder(experiment: Experiment, out: Path, *, overwrite: bool = False) ->
         run = RunFolder(path, path / f"{experiment.name}.bag")
         with locked(path):
             if not overwrite:
-                _refuse_occupied(run, experiment)
+                _refuse_occupied(run, experiment, track)
             yield run
 
 
@@ -102,8 +111,11 @@ def new_folder(path: Path, output: Path | None = None) -> Iterator[None]:
         raise
 
 
-def _refuse_occupied(run: RunFolder, experiment: Experiment) -> None:
+def _refuse_occupied(run: RunFolder, experiment: Experiment, track: str | None) -> None:
     differences = _differences(run.path / EXPERIMENT, experiment)
+    stored = run.path / TRACK
+    if not differences and track is not None and stored.exists() and stored.read_bytes() != track.encode():
+        differences = f"different: {TRACK}"
     if differences:
         raise OutputError(
             f"{run.path} holds another experiment ({differences}); choose another --out, or replace it with --overwrite"

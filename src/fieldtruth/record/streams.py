@@ -103,13 +103,15 @@ def _truth(world: World, track: Track, rig: Rig) -> list[Stream]:
 
 def _measured(track: Track) -> list[Stream]:
     imu, gnss, wheels = track.imu, track.gnss, track.tachometers
-    return [
+    streams = [
         Stream((topics.IMU,), imu.stamps_ns, lambda k, _: [robot_messages.imu(k, imu)]),
         Stream((topics.NAVSAT,), gnss.stamps_ns, lambda k, _: [robot_messages.navsat(k, gnss)]),
-        Stream(
-            topics.WHEEL_SPEEDS, wheels.stamps_ns, lambda k, _: map(robot_messages.wheel_speed, wheels.wheel_speed[k])
-        ),
     ]
+    if wheels is None:
+        return streams
+    speeds = wheels.wheel_speed
+    spun = Stream(topics.WHEEL_SPEEDS, wheels.stamps_ns, lambda k, _: map(robot_messages.wheel_speed, speeds[k]))
+    return [*streams, spun]
 
 
 def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt) -> Stream:

@@ -5,11 +5,13 @@
 from collections.abc import Mapping
 from importlib import resources
 from string import Template
+from typing import Final
 
 import numpy as np
 
 import fieldtruth
 from fieldtruth.bag.robot_messages import rig_transforms
+from fieldtruth.bag.run import TRACK
 from fieldtruth.bag.topics import topics_of
 from fieldtruth.core import frames
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
@@ -17,6 +19,11 @@ from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.model import World
+
+_FOLLOWED: Final = (
+    "The sensors of the rig follow the poses of a track file, without physics and wheels; `base_link` and the model "
+    "`husky` are what follows it, for"
+)
 
 
 def data_card(experiment: Experiment, world: World, track: Track, counts: Mapping[str, int]) -> str:
@@ -33,6 +40,8 @@ def data_card(experiment: Experiment, world: World, track: Track, counts: Mappin
     return Template(text).substitute(
         name=experiment.name,
         description=f"{experiment.description}\n" if experiment.description else "",
+        motion="A simulated Clearpath Husky drives" if experiment.drive is None else _FOLLOWED,
+        track="" if experiment.drive is None else f", with the poses in `{TRACK}`",
         length_m=f"{np.linalg.norm(np.diff(track.motion.position, axis=0), axis=1).sum():.2f}",
         duration_s=f"{track.duration_s:.3f}",
         environment=experiment.environment,

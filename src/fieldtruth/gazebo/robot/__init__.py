@@ -26,7 +26,9 @@ def write_robot(folder: Path, rig: Rig, flavour: Flavour) -> None:
 
     - ``models/husky/model.sdf`` and ``model.config``: the model for Gazebo without ROS (classic), or for the newer
       Gazebo (gz). Gazebo 11 drives it by messages of type ``gazebo.msgs.Pose`` on ``~/husky/vel_cmd``: x is the speed
-      [m/s], the yaw of the orientation the turn rate [rad/s], positive to the left.
+      [m/s], the yaw of the orientation the turn rate [rad/s], positive to the left. There the attitude of the IMU is
+      relative to that at the start, and the wheels' radius is half the edge of their bounding box, by which the robot
+      is up to 4 % slower when it starts at a few degrees from an axis of the world; with ROS neither is so.
     - ``urdf/husky.urdf.xacro`` and ``urdf/husky.urdf``, which is the same with the default arguments: the description
       for ROS, with the plugins of gazebo_ros. The newer Gazebo uses its frames only.
     """
@@ -63,6 +65,7 @@ def _values(rig: Rig) -> dict[str, Any]:
         "black": parts.BLACK,
         "track": track,
         "anchor": track / 2 - rig.wheels.half_track,
+        "wheel_inertia": parts.wheel_inertia(),
         "angles": parts.scan_angles(rig.lidar),
         "pinhole": pinhole(rig.cameras),
         "lidar_pose": parts.mount_pose(rig.lidar.mount),

@@ -98,9 +98,20 @@ def scan_angles(config: LidarConfig) -> Scan:
     return Scan(first, first + (config.columns - 1) * step, -half, half)
 
 
+def wheel_inertia() -> Array:
+    """Principal moments (3,) [kg m^2] of a wheel; the motor's rotor turns with it about the axle.
+
+    SDF allows no moment above the sum of the others, so those across the axle are larger than the wheel's.
+    """
+    axle = husky.WHEEL_INERTIA[1] + husky.ROTOR_INERTIA
+    across = max(husky.WHEEL_INERTIA[0], axle / 2)
+    return np.array([across, axle, across])
+
+
 def chassis_inertia(mass: float) -> Array:
-    """Principal moments (3,) [kg m^2] of a chassis of this mass [kg]."""
-    return np.array(husky.CHASSIS_INERTIA) * (mass / husky.CHASSIS_INERTIA_MASS)
+    """Principal moments (3,) [kg m^2] of a chassis of this mass [kg], without what ``wheel_inertia`` adds across axles."""
+    inertia = np.array(husky.CHASSIS_INERTIA) * (mass / husky.CHASSIS_INERTIA_MASS)
+    return inertia - 4 * (wheel_inertia() - husky.WHEEL_INERTIA) * (1.0, 0.0, 1.0)
 
 
 def body_shapes(rig: Rig) -> tuple[Shape, ...]:

@@ -11,7 +11,7 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.calibration import first_message, read_static_frames
 from fieldtruth.bag.checksums import read_checksums, sha256_of
 from fieldtruth.bag.reader import BagError
-from fieldtruth.bag.run import EXPERIMENT, Run
+from fieldtruth.bag.run import EXPERIMENT, TRACK, Run
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.progress import Progress
@@ -100,9 +100,12 @@ def about(run: Run, summary: BagSummary) -> dict[str, str]:
             "Environment": experiment.environment + (f" ({shortened(layout)})" if layout else ""),
             "Seed": str(experiment.seed),
             "Made by": f"fieldtruth {shortened(str(_version(run)))}",
-            "Commanded speed": f"{experiment.control.speed:g} m/s",
             "Sun": f"azimuth {light.sun_azimuth_deg:g}°, elevation {light.sun_elevation_deg:g}°",
         }
+        if experiment.drive is None:
+            found["Commanded speed"] = f"{experiment.control.speed:g} m/s"
+        else:
+            found["Motion"] = f"along the poses of a track file, {TRACK}"
         if experiment.seconds is not None:
             found["Time limit"] = f"{experiment.seconds:g} s"
     found["Stamps"] = f"{run.start_ns / 1e9:.3f} s to {run.end_ns / 1e9:.3f} s"

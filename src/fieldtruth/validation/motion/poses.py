@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""True poses: /gazebo/model_states, the odometry and /tf that repeat them, and the drive as a whole.
+"""True poses: /gazebo/model_states, and the odometry and /tf that repeat them.
 
 The physics steps velocity first and then the pose with the new velocity (semi-implicit Euler), so from one message to
 the next the robot moves by ``v dt`` and turns by ``w dt`` exactly. The residual is rounding, 1e-14 m; the tolerance of
@@ -19,9 +19,6 @@ from fieldtruth.bag.model_states import ROBOT, ModelStatesReader
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import STEP_NS, Checker, Context, at
 from fieldtruth.validation.window import is_attitude
@@ -44,13 +41,6 @@ TWIST: Final = Rule("the twist of odometry is that of model states in base_link"
 EXACT: Final = Rule("covariances of odometry are zero", minor=True)
 _NO_PAIR: Final = "only one of /gazebo/model_states, /ground_truth/odom and /tf"
 POSES: Final[Spec] = Spec("poses", (ODOMETRY_POSE, TF_POSE, TWIST, EXACT), "poses", _NO_PAIR)
-
-# The robot settles for two seconds before the recording, in which it may creep.
-START: Final = Rule("the drive begins at the start of the route", 0.3, "m")
-END: Final = Rule("the drive lasts as long as the experiment says, or until the robot stops at the last waypoint")
-DRIVE: Final[Spec] = Spec("drive", (START, END), skipped="no experiment, or no true motion")
-_STOPPING: Final = 0.5  # [m] from the fix that reaches the last waypoint to standstill, at most
-_STANDING: Final = 0.05  # [m/s]
 
 _JUMP_NS: Final = 100_000_000
 """Longest time [ns] between messages over which jumps are checked."""
@@ -179,50 +169,3 @@ class Poses(Checker):
 
 def _row(position: Any, q: Any) -> Array:
     return np.array([position.x, position.y, position.z, q.w, q.x, q.y, q.z])
-
-
-class Drive(Checker):
-    """Beginning and end of the drive, against the experiment."""
-
-    topics = (table.MODEL_STATES,)
-
-    def __init__(self, context: Context) -> None:
-        self._context = context
-        self._tally = context.tally(DRIVE)
-        self.tallies = [self._tally]
-        self._first: Array | None = None
-        self._last_ns = 0
-
-    def see(self, raw: RawMessage, message: Any) -> None:
-        """Process a message, after the motion window has."""
-        if self._first is None and self._context.motion.started:
-            self._first = self._context.motion.state(raw.stamp_ns).position.copy()
-        self._last_ns = raw.stamp_ns
-
-    def finish(self) -> None:
-        """Finish the checks after the last message."""
-        experiment, goal = self._context.experiment, None
-        if experiment is None or self._first is None:
-            return
-        try:
-            corners = metres_from_route(experiment.route)
-        except FieldtruthError:
-            pass  # a random route has no waypoints before it is planned
-        else:
-            away, goal = float(np.linalg.norm(self._first[:2] - corners[0])), corners[-1]
-            self._tally[START].measure(away, f"the first pose is {away:.2f} m from the start")
-        self._check_end(experiment, goal)
-
-    def _check_end(self, experiment: Experiment, goal: Any) -> None:
-        seconds, asked, end = self._last_ns / 1e9, experiment.seconds, self._tally[END]
-        due = None if asked is None else max(1, round(asked * 1e9 / STEP_NS)) * STEP_NS
-        if due is not None and self._last_ns >= due:
-            end.see(self._last_ns == due, f"{seconds:g} s instead of {asked:g} s")
-            self._tally.note = f"{seconds:g} s as in the experiment"
-        elif goal is not None:
-            state = self._context.motion.state(self._last_ns)
-            antenna = frames.transform(state.world_from_base, np.array([experiment.rig.gnss.mount.xyz]))[0]
-            away, speed = float(np.linalg.norm(antenna[:2] - goal)), float(np.linalg.norm(state.linear_velocity))
-            self._tally.note = f"{seconds:g} s, then {away:.2f} m from the last waypoint at {speed:.2f} m/s"
-            arrived = away < experiment.control.arrival_distance + _STOPPING and speed < _STANDING
-            end.see(arrived, f"it ends after {self._tally.note}")

@@ -1,0 +1,84 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Motion along given poses instead of a simulated drive, with the readings of IMU and GNSS receiver.
+
+Positions follow a cubic spline through the poses, orientations SciPy's rotation spline: velocity, turn rate and their
+derivatives are continuous. The rate of the physics samples both; velocity and turn rate are those of the step that ends
+at the stamp, as in the physics (``drive.sensors``). So their sums over all steps are the path and the attitude, and the
+IMU of a track that was recorded from the physics reads what it read there. A noisy file makes a noisy IMU.
+"""
+
+from typing import Final
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation, RotationSpline
+
+from fieldtruth.core.arrays import Array, Counts
+from fieldtruth.core.errors import TrackError
+from fieldtruth.core.frames import wxyz_from_xyzw, xyzw_from_wxyz
+from fieldtruth.drive import sensors
+from fieldtruth.drive.physics import STEP_NS, STEP_S
+from fieldtruth.drive.track import Motion, Track
+from fieldtruth.experiment.rig import Rig
+
+_BLOCK: Final = 100_000
+"""Rows that the rotation spline computes at once; it takes half a kilobyte for each."""
+
+
+def motion_along(
+    stamps_ns: Counts, position: Array, quaternion_wxyz: Array, start_ns: int, seconds: float | None = None
+) -> Motion:
+    """Return the motion of base_link along poses in the world.
+
+    Args:
+        stamps_ns: rising, (n,), n >= 2.
+        position: (n, 3) [m].
+        quaternion_wxyz: unit quaternions (n, 4).
+        start_ns: the stamp that becomes time 0; poses before it only shape the splines.
+        seconds: end after this time [s]; None for the last pose.
+
+    Raises:
+        TrackError: there are no poses at the start.
+    """
+    first_ns, last_ns = int(stamps_ns[0]), int(stamps_ns[-1])
+    count = (last_ns - start_ns) // STEP_NS
+    if count < 1 or start_ns + STEP_NS < first_ns:
+        raise TrackError(
+            f"the poses of the track are from {first_ns / 1e9:.3f} s to {last_ns / 1e9:.3f} s; drive.start_s must be "
+            f"between, got {start_ns / 1e9:.3f} s"
+        )
+    if seconds is not None:
+        count = min(count, max(1, round(seconds / STEP_S)))
+    times = np.asarray((stamps_ns - start_ns) / 1e9, np.float64)
+    steps = np.arange(count + 1, dtype=np.float64) * STEP_S
+    places = CubicSpline(times, position)(steps)
+    attitudes = _attitudes(times, quaternion_wxyz, steps)
+    # At the stamps of the poses exactly these: the splines round in the last bit.
+    rows, rest = np.divmod(stamps_ns - start_ns, STEP_NS)
+    own = (rest == 0) & (rows >= 0) & (rows <= count)
+    places[rows[own]], attitudes[rows[own]] = position[own], quaternion_wxyz[own]
+    turned = np.einsum("ni,ni->n", attitudes[1:], attitudes[:-1]) < 0
+    attitudes[1:] *= np.cumprod(np.where(turned, -1.0, 1.0))[:, None]  # q and -q are the same rotation
+    turns = Rotation.from_quat(xyzw_from_wxyz(attitudes))
+    return Motion(
+        stamps_ns=np.arange(1, count + 1, dtype=np.int64) * STEP_NS,
+        position=places[1:],
+        quaternion_wxyz=attitudes[1:],
+        linear_velocity=np.diff(places, axis=0) / STEP_S,
+        angular_velocity=(turns[1:] * turns[:-1].inv()).as_rotvec() / STEP_S,
+    )
+
+
+def readings_along(motion: Motion, rig: Rig) -> Track:
+    """Return the motion with the readings of IMU and GNSS receiver; what moves along given poses may have no wheels."""
+    return Track(
+        motion=motion, imu=sensors.read_imu(motion, rig.imu), gnss=sensors.read_gnss(motion, rig.gnss), tachometers=None
+    )
+
+
+def _attitudes(times: Array, quaternion_wxyz: Array, steps: Array) -> Array:
+    """Quaternions wxyz (m, 4) at ``steps`` [s] of a spline through those at ``times`` (n,) [s]."""
+    spline = RotationSpline(times, Rotation.from_quat(xyzw_from_wxyz(quaternion_wxyz)))
+    blocks = np.split(steps, np.arange(_BLOCK, len(steps), _BLOCK))
+    return wxyz_from_xyzw(np.concatenate([spline(block).as_quat() for block in blocks]))

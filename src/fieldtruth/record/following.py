@@ -1,0 +1,45 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""An experiment with a track file: its motion in a world, and the form in which it is stored beside the bag."""
+
+import warnings
+
+from fieldtruth.bag.run import TRACK
+from fieldtruth.bag.track_file import TrackFile
+from fieldtruth.core.errors import FieldtruthWarning
+from fieldtruth.drive.given_motion import motion_along, readings_along
+from fieldtruth.drive.inside import check_motion
+from fieldtruth.drive.track import Track
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.world.model import World
+
+
+def with_stored_track(experiment: Experiment, file: TrackFile) -> Experiment:
+    """Return the experiment as it is written beside the bag, where track.csv holds the poses of the track file.
+
+    What moves along a track file may have no wheels, so there are no tachometers.
+    """
+    assert experiment.drive is not None
+    drive = experiment.drive.model_copy(update={"track": TRACK, "topic": None, "pose_of": file.frame})
+    tachometers = experiment.rig.tachometers.model_copy(update={"enabled": False})
+    rig = experiment.rig.model_copy(update={"tachometers": tachometers})
+    return experiment.model_copy(update={"drive": drive, "rig": rig})
+
+
+def follow_track(experiment: Experiment, world: World, file: TrackFile) -> Track:
+    """Return the motion of the rig along the poses of a track file, and the readings of IMU and GNSS receiver.
+
+    Warns of each long time without a pose.
+
+    Raises:
+        TrackError: the track leads out of the world or into something solid, or has no poses after ``start_s``.
+        UnknownNameError: ``pose_of`` is not a frame of the rig.
+    """
+    config, rig = experiment.drive, experiment.rig
+    assert config is not None
+    poses, start_ns = file.in_world(config, rig), file.start_ns(config)
+    motion = motion_along(poses.stamps_ns, poses.position, poses.quaternion_wxyz, start_ns, experiment.seconds)
+    check_motion(world, motion, rig, file.name, start_ns, allow_inside=config.allow_inside)
+    for gap in file.gaps():
+        warnings.warn(gap, FieldtruthWarning, stacklevel=2)
+    return readings_along(motion, rig)

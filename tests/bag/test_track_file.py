@@ -1,0 +1,164 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Track files: every form gives the same poses, and a wrong line is named."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from fieldtruth.bag.track_file import TrackFile, read_track_file
+from fieldtruth.core import frames
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.errors import FieldtruthError, TrackError, UnknownNameError
+from fieldtruth.experiment.config import DriveConfig
+from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, Mount, Rig
+
+RPY = np.array([[10.0, -20.0, 30.0], [11.0, -21.0, 40.0], [12.0, -22.0, 50.0]])
+XYZW = Rotation.from_euler("xyz", RPY, degrees=True).as_quat()
+TIMES = ("1700000000.123456789", "1700000000.223456789", "1700000000.323456790")
+NS = (1700000000123456789, 1700000000223456789, 1700000000323456790)
+XYZ = np.array([[1.0, 2.0, 3.0], [1.5, 2.5, 3.0], [2.0, 3.5, 3.25]])
+
+
+def joined(separator: str, *columns: object) -> str:
+    return separator.join(f"{value!r}" if isinstance(value, float) else str(value) for value in columns)
+
+
+def lines(separator: str, values: Array) -> list[str]:
+    return [joined(separator, t, *xyz.tolist(), *row.tolist()) for t, xyz, row in zip(TIMES, XYZ, values, strict=True)]
+
+
+TUM = "\n".join(["# t[s] x[m], y, z qx qy qz qw", "", *lines(" ", XYZW)])
+CSV = "\n".join(["t,x,y,z,qx,qy,qz,qw", *lines(",", XYZW)])
+FORMS = {
+    "a.tum": TUM,
+    "a.txt": TUM.replace(" ", "\t"),
+    "a.csv": CSV,
+    "b.csv": "\n".join(["\ufeff# Stamp, X, Y, Z, roll_deg, pitch_deg, yaw_deg", *lines(", ", RPY)]),
+    "c.csv": "\n".join(["t,x,y,z,roll,pitch,yaw,", *(f"{line},spare" for line in lines(",", np.radians(RPY)))]),
+}
+FORMS["d.csv"] = "\n".join(
+    [
+        "note,stamp_ns,x,y,z,qx,qy,qz,qw",
+        *("a," + line.replace(t, str(ns)) for t, ns, line in zip(TIMES, NS, lines(",", XYZW), strict=True)),
+    ]
+)
+
+
+def read(folder: Path, name: str, text: str | bytes, **config: object) -> TrackFile:
+    path = folder / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return read_track_file(DriveConfig.model_validate({"track": str(path), **config}))
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_every_form_is_read_to_the_nanosecond(name: str, tmp_path: Path) -> None:
+    file = read(tmp_path, name, FORMS[name])
+    assert (file.name, file.frame, file.stamps) == (name, "base_link", list(NS))
+    np.testing.assert_array_equal(file.poses.position, XYZ)
+    np.testing.assert_allclose(frames.xyzw_from_wxyz(file.poses.quaternion_wxyz), XYZW, atol=1e-15)
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_the_copy_of_a_file_reads_as_the_file_itself(name: str, tmp_path: Path) -> None:
+    file = read(tmp_path, name, FORMS[name])
+    again = read(tmp_path, "track.csv", file.csv())
+    assert again.csv() == file.csv()
+    for one, other in zip(vars(again.poses).values(), vars(file.poses).values(), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_poses_of_a_sensor_in_another_reference_frame_become_those_of_base_link(tmp_path: Path) -> None:
+    rig, world_from_base = Rig(), frames.pose_from_quaternion_wxyz(XYZ, frames.wxyz_from_xyzw(XYZW))
+    place = Mount(xyz=(3.0, -2.0, 1.0), rpy_deg=(0.0, 0.0, 90.0))
+    base_from_optical = rig.cameras.left.base_from_sensor @ CAMERA_FROM_OPTICAL
+    seen = frames.inverse(place.base_from_sensor) @ world_from_base @ base_from_optical
+    quaternions = frames.xyzw_from_wxyz(frames.quaternion_wxyz_from_rotation(seen[:, :3, :3]))
+    rows = zip(TIMES, seen[:, :3, 3].tolist(), quaternions.tolist(), strict=True)
+    text = "\n".join(joined(" ", t, *xyz, *xyzw) for t, xyz, xyzw in rows)
+    config = {"pose_of": "left_camera_optical", "world_from_track": place.model_dump()}
+    poses = read(tmp_path, "slam.txt", text, **config).in_world(
+        DriveConfig.model_validate({"track": "slam.txt", **config}), rig
+    )
+    np.testing.assert_allclose(poses.position, XYZ, atol=1e-14)
+    np.testing.assert_allclose(
+        frames.rotation_from_quaternion_wxyz(poses.quaternion_wxyz), world_from_base[:, :3, :3], atol=1e-14
+    )
+
+
+def test_an_unknown_frame_lists_those_of_the_rig(tmp_path: Path) -> None:
+    with pytest.raises(UnknownNameError, match="unknown frame 'os1_lidr'; did you mean 'os1_lidar'"):
+        read(tmp_path, "a.csv", CSV, pose_of="os1_lidr").in_world(DriveConfig(track="a.csv"), Rig())
+
+
+def test_rounded_quaternions_are_normalised(tmp_path: Path) -> None:
+    rounded = "\n".join(f"{t} 0 0 0 0.707 0 0 0.707" for t in TIMES)
+    poses = read(tmp_path, "a.txt", rounded).in_world(DriveConfig(track="a.txt"), Rig())
+    np.testing.assert_allclose(poses.quaternion_wxyz, np.sqrt(0.5) * np.array([[1, 1, 0, 0]] * 3), atol=1e-15)
+
+
+POSE = "0 0 0 0 0 0 1"
+HEADER = "t,x,y,z,qx,qy,qz,qw\n"
+UNIT = "the quaternion must have the length 1, got"
+ERRORS: dict[str, tuple[str, str | bytes, str]] = {
+    "nothing": ("a.txt", "", "a.txt must have at least 2 poses, got 0"),
+    "one pose": ("a.txt", f"1 {POSE}", "a.txt must have at least 2 poses, got 1"),
+    "short line": ("a.txt", f"1 {POSE}\n2 0 0 0 1",
+                   "a.txt: line 2 must be 8 numbers, t x y z qx qy qz qw, got '2 0 0 0 1'"),
+    "word": ("a.txt", f"1 {POSE}\n2 a 0 0 0 0 0 1", "a.txt: line 2: 'a' is not a number"),
+    "stamp": ("a.txt", f"now {POSE}", "a.txt: line 1: 'now' is not a stamp"),
+    "nan stamp": ("a.txt", f"nan {POSE}", "a.txt: line 1: 'nan' is not a stamp"),
+    "large stamp": ("a.txt", f"1e30 {POSE}", "a.txt: line 1: the stamp '1e30' is too large"),
+    "nan": ("a.txt", f"1 {POSE}\n2 0 nan 0 0 0 0 1", "a.txt: line 2: y must be finite, got nan"),
+    "infinite": ("a.txt", f"1 {POSE}\n\n2 0 0 0 0 0 0 inf", "a.txt: line 3: qw must be finite, got inf"),
+    "twice": ("a.txt", f"1 {POSE}\n1 {POSE}", "a.txt: line 2: stamps must rise, got 1.000000000 s after 1.000000000 s"),
+    "back": ("a.csv", f"{HEADER}2,0,0,0,0,0,0,1\n1,0,0,0,0,0,0,1",
+             "a.csv: line 3: stamps must rise, got 1.000000000 s after 2.000000000 s"),
+    "length": ("a.txt", f"1 {POSE}\n2 0 0 0 0 0 0 0.5", f"a.txt: line 2: {UNIT} 0.5"),
+    "zero": ("a.txt", f"1 0 0 0 0 0 0 0\n2 {POSE}", f"a.txt: line 1: {UNIT} 0"),
+    "header": ("a.csv", "t,x,y\n1,2,3",
+               "a.csv: the header must name t (or stamp, stamp_ns), x, y, z and qx, qy, qz, qw (or roll, pitch, yaw, "
+               "or roll_deg, pitch_deg, yaw_deg), got 't, x, y'"),
+    "columns": ("a.csv", f"{HEADER}1,2", "a.csv: line 2 has 2 columns, the header 8"),
+    "bytes": ("a.csv", b"t,\xff\xfe", "a.csv is neither text nor a ROS 1 bag; a track file is TUM, CSV or a bag"),
+    "damaged bag": ("a.bag", b"#ROSBAG V2.0\n", "cannot read a.bag: "),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", ERRORS)
+def test_a_wrong_file_is_one_clear_line(case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    name, text, expected = ERRORS[case]
+    with pytest.raises(FieldtruthError) as error:
+        read(Path(), name, text)
+    message = str(error.value)
+    assert message.startswith(expected) if case == "damaged bag" else message == expected
+    assert "\n" not in message
+
+
+def test_a_missing_file_is_named() -> None:
+    with pytest.raises(TrackError, match=r"cannot read the track file no/such.tum: No such file or directory"):
+        read_track_file(DriveConfig(track="no/such.tum"))
+
+
+def test_a_topic_is_for_bags(tmp_path: Path) -> None:
+    with pytest.raises(TrackError, match=r"drive\.topic is allowed for a bag only"):
+        read(tmp_path, "a.csv", CSV, topic="/odom")
+
+
+def test_long_times_without_a_pose_are_described(tmp_path: Path) -> None:
+    file = read(tmp_path, "a.txt", "\n".join(f"{t} {POSE}" for t in (1, 1.5, 4.5, 5, 6)))
+    first, second = file.gaps()
+    assert first == "a.txt: no pose for 3.0 s after 1.500 s; the path between is a smooth curve"
+    assert "1.0 s after 5.000 s" in second
+
+
+def test_the_odometry_and_the_states_of_a_run_are_tracks(small_run: Path) -> None:
+    odometry = read_track_file(DriveConfig(track=str(small_run)))
+    assert (odometry.name, odometry.frame, len(odometry.stamps)) == ("park_1.bag", "base_link", 60)
+    named = read_track_file(DriveConfig(track=str(small_run / "park_1.bag"), topic="/ground_truth/odom"))
+    assert named.csv() == odometry.csv()
+    with pytest.raises(UnknownNameError, match=r"park_1\.bag: '/odom'; .*Available: /ground_truth/odom"):
+        read_track_file(DriveConfig(track=str(small_run), topic="/odom"))
