@@ -53,6 +53,16 @@ def flat_world() -> World:
 
 
 @pytest.fixture(scope="session")
+def small_ground_images() -> Iterator[None]:
+    """Scenes for other tools with small images of the ground, because each of the full size takes a second."""
+    from fieldtruth.interchange import ground_image
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ground_image, "GROUND_PIXELS", 128)
+        yield
+
+
+@pytest.fixture(scope="session")
 def winding_track() -> Track:
     """A drive with turns to both sides over rolling ground."""
     from drive_worlds import hills, make_experiment, make_world

@@ -61,6 +61,7 @@ from .experiment.route import route_from_metres as route_from_metres
 from .experiment.route import route_yaml as route_yaml
 from .exporters import export as export
 from .gazebo import write_gazebo as write_gazebo
+from .interchange import write_scene as write_scene
 from .pipeline import generate as generate
 from .render.bake import BakedScene as BakedScene
 from .render.bake import bake as bake

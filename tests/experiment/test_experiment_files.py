@@ -262,9 +262,9 @@ def test_unreadable_file_is_reported(tmp_path: Path) -> None:
         file.truncate(1 << 30)
     cases: list[tuple[Any, str]] = [
         (tmp_path / "none.yaml", r"cannot read .*none\.yaml: No such file or directory"),
-        (f"{tmp_path}/", "is a folder; give the experiment's YAML file in it"),
+        (f"{tmp_path}/", "is a folder; give a YAML file in it"),
         (binary, r"cannot read .*bag\.yaml: byte 13 is not UTF-8"),
-        (huge, "too large for an experiment: more than 4 MiB"),
+        (huge, "too large for a configuration: more than 4 MiB"),
         ("a\0/b", "cannot read 'a.x00/b'"),
     ]
     for path, message in cases:

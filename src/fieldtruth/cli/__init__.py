@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from typing import Final, NoReturn, TextIO
 
 import fieldtruth
-from fieldtruth.cli import generation, processing
+from fieldtruth.cli import generation, processing, worlds
 from fieldtruth.cli.arguments import Command, Parser, UsageError
 from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning, UnknownNameError
 
@@ -115,6 +115,7 @@ def _build_parser() -> tuple[Parser, dict[str, Parser]]:
 
     generation.add_commands(command)
     processing.add_commands(command)
+    worlds.add_commands(command)
     return parser, dict(subparsers.choices)
 
 

@@ -54,6 +54,17 @@ def parse_experiment(text: str, source: str = "") -> Experiment:
     return _validated(data, source)
 
 
+def load_layout(path: Path) -> dict[str, Any]:
+    """Read a YAML file with changes to an environment's layout, for example ``old_trees: 60``.
+
+    The world checks keys and values (``world.build.check_layout``), not this.
+
+    Raises:
+        ConfigurationError: unreadable or invalid file.
+    """
+    return parse_mapping(_read(path), str(path))
+
+
 def dump_experiment(experiment: Experiment) -> str:
     """Return the effective configuration as YAML: every value, in a fixed order, with the version that wrote it.
 
@@ -114,9 +125,9 @@ def _looks_like_path(name: str | Path) -> bool:
 def _read(path: Path) -> str:
     try:
         if path.is_dir():
-            raise ConfigurationError(f"{path} is a folder; give the experiment's YAML file in it")
+            raise ConfigurationError(f"{path} is a folder; give a YAML file in it")
         if path.stat().st_size > MAX_FILE_SIZE:
-            raise ConfigurationError(f"{path} is too large for an experiment: more than {MAX_FILE_SIZE >> 20} MiB")
+            raise ConfigurationError(f"{path} is too large for a configuration: more than {MAX_FILE_SIZE >> 20} MiB")
         return path.read_text(encoding="utf-8")
     except OSError as error:
         raise ConfigurationError(f"cannot read {path}: {error.strerror}") from error

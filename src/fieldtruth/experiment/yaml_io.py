@@ -58,9 +58,7 @@ def parse_mapping(text: str, source: str) -> dict[str, Any]:
     except ValueError as error:  # a date or a number that does not exist
         raise ConfigurationError(f"{source}: invalid YAML: {error}") from error
     if not isinstance(data, dict):
-        raise ConfigurationError(
-            f"{source}: must be a mapping (name: ..., environment: ..., route: ...), got {data!r:.60}"
-        )
+        raise ConfigurationError(f"{source}: must be a mapping of keys to values (key: value), got {data!r:.60}")
     return data
 
 

@@ -1,3 +1,108 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The world in the formats of other tools: meshes of one class each, glTF, USD, OBJ, inventory."""
+"""The world in the formats of other tools: the table of forms, and what all of them share.
+
+Each form is a module with one function ``write(world, target, *, beyond)``. It writes a new file or folder ``target``,
+which is a temporary name: the output gets its own when it is complete.
+"""
+
+import os
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from fieldtruth.core.errors import OutputError, UnknownNameError
+from fieldtruth.core.files import atomic_output, output_errors, remove
+from fieldtruth.core.memory import check_memory
+from fieldtruth.world.model import World
+
+_BASE: Final = 300_000_000
+"""Memory [byte] for the textures and images of the ground, whatever the form."""
+
+
+class Form(NamedTuple):
+    """A row of the table."""
+
+    module: str
+    """Module of this package with the function ``write``."""
+    suffix: str
+    """Added to the world's name and seed for the default output path."""
+    description: str
+    holds: str = ""
+    """A file that its folder always has, which marks it as replaceable; empty for a form of one file."""
+    extra: str = ""
+    """Extra of the package that it needs; empty: none."""
+
+
+FORMS: Final[dict[str, Form]] = {
+    "gltf": Form("gltf", ".glb", "glTF 2.0, swarms as EXT_mesh_gpu_instancing"),
+    "gltf-plain": Form("gltf_plain", ".glb", "glTF 2.0 without extensions, a node per member of a swarm"),
+    "obj": Form("obj", "_obj", "Wavefront OBJ with materials, textures and a table of classes", holds="objects.json"),
+    "inventory": Form("inventory", "_inventory", "CSV and GeoPackage of every object", holds="inventory.csv"),
+}
+
+
+def write_scene(
+    world: World, out: Path | str | None = None, *, form: str, beyond: bool = True, overwrite: bool = False
+) -> Path:
+    """Write a world for other tools.
+
+    Args:
+        world: see ``load_world``.
+        out: path of the file or folder, by default in the current folder and named after the world and its seed.
+        form: a key of ``FORMS``.
+        beyond: whether to include the land beyond the world's edge and the members of swarms there.
+        overwrite: replace an existing output.
+
+    Returns:
+        Path of the output.
+
+    Raises:
+        UnknownNameError: an unknown form.
+        OutputError: the output already exists or cannot be written, a library is missing, or the memory is too small.
+    """
+    target = check_scene_output(f"{world.name}_{world.seed}", out, form=form, overwrite=overwrite)
+    write = _writer(form)
+    with output_errors(target):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_output(target) as part:
+            write(world, part, beyond=beyond)
+            if overwrite:
+                remove(target)
+    return target
+
+
+def check_scene_output(stem: str, out: Path | str | None = None, *, form: str, overwrite: bool = False) -> Path:
+    """Return the path of the output, before any work; raises as ``write_scene``."""
+    if form not in FORMS:
+        raise UnknownNameError("form", form, FORMS)
+    target = Path(stem + FORMS[form].suffix) if out is None else Path(out)
+    with output_errors(target):
+        if os.path.lexists(target) and not overwrite:
+            raise OutputError(f"{target} already exists; choose another --out, or use --overwrite to replace it")
+        if target.is_dir() and not (FORMS[form].holds and (target / FORMS[form].holds).is_file()):
+            raise OutputError(f"{target} is a folder that does not hold form {form!r}; choose another --out")
+    return target
+
+
+def check_scene_memory(world: World, form: str, needed: int) -> None:
+    """Check the memory before a form is written; ``needed`` [byte] is added to what every form takes for its images.
+
+    Raises:
+        OutputError: both figures.
+    """
+    check_memory(needed + _BASE, f"form {form!r} of {world.name}", "free some memory, or use --no-beyond")
+
+
+def _writer(form: str) -> Callable[..., None]:
+    row = FORMS[form]
+    try:
+        write: Callable[..., None] = import_module(f"{__name__}.{row.module}").write
+    except ModuleNotFoundError as error:
+        if not row.extra or (error.name or "").startswith("fieldtruth"):
+            raise
+        raise OutputError(
+            f"form {form!r} needs a library that is not installed; run: pip install 'fieldtruth[{row.extra}]'"
+        ) from error
+    return write

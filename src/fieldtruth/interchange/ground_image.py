@@ -2,20 +2,37 @@
 # SPDX-License-Identifier: Apache-2.0
 """Images of the ground: its materials mixed as in photographs, in one image per tile."""
 
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array
+from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.interchange.ground import GroundTile
+from fieldtruth.interchange.images import encode_image
 from fieldtruth.render.atlas import LEVELS, srgb_from_linear
 from fieldtruth.render.materials import material_table
 from fieldtruth.render.tables import MaterialTable
 from fieldtruth.world.model import Raster, World
 
-_ROWS: Final = 256
+GROUND_PIXELS: Final = 2048
+"""Side of a tile's image in scenes: 12 mm a pixel on tiles of 25 m."""
+_ROWS: Final = 128
 """Rows of an image that are made at once, which bounds the memory."""
+_CODES: Final = np.rint(srgb_from_linear(np.arange(65536) / 65535.0) * 255.0).astype(np.uint8)
+"""The byte of sRGB for linear values in steps of 1 / 65535."""
+
+
+def ground_images(world: World, tiles: Sequence[GroundTile]) -> Iterator[bytes]:
+    """JPEG of each tile with ``GROUND_PIXELS`` on a side, made in threads."""
+    table = material_table(world)
+
+    def jpeg(tile: GroundTile) -> bytes:
+        return encode_image(ground_image(world, tile, GROUND_PIXELS / tile.size, table))
+
+    return in_order(tiles, jpeg, cpu_count())
 
 
 def ground_image(
@@ -35,48 +52,47 @@ def ground_image(
     for start in range(0, count, _ROWS):
         rows = slice(start, start + _ROWS)
         linear = _albedo(world, table, x, y[rows], pixels_per_metre)
-        image[rows] = np.rint(srgb_from_linear(linear) * 255.0)
+        image[rows] = _CODES[np.rint(linear.clip(0, 1) * (len(_CODES) - 1)).astype(np.uint16)]
     return image
 
 
-def _albedo(world: World, table: MaterialTable, x: Array, y: Array, pixels_per_metre: float) -> Array:
+def _albedo(world: World, table: MaterialTable, x: Array, y: Array, pixels_per_metre: float) -> Float32Array:
     """Linear albedo (h, w, 3) of the ground at world x (w,) and y (h,) [m]."""
-    x, y = np.meshgrid(x, y)
-    trail = world.terrain.trail_distance.at(x, y)
     (x0, y0), grain = table.corner, table.ground_material
     i, j = (
         np.clip(np.rint((value - low) * table.per_metre_material).astype(int), 0, size - 1)
         for value, low, size in zip((x, y), (x0, y0), grain.shape, strict=True)
     )
-    row = np.where(trail < 0, np.where(trail > -table.border_width, table.border, table.trail), grain[i, j])
-    mixed = Raster(values=table.ground[..., :3], spacing=1 / table.per_metre_rgb, x0=x0, y0=y0).at(x, y)
-    linear = np.empty((*x.shape, 3))
+    x, y = np.meshgrid(x, y)
+    trail = world.terrain.trail_distance.at(x, y)
+    border = np.where(trail > -table.border_width, table.border, table.trail)
+    row = np.where(trail < 0, border, grain[np.ix_(i, j)].T)
+    mixed = Raster(values=table.ground[..., :3], spacing=1 / table.per_metre_rgb, x0=x0, y0=y0)
+    linear = np.empty((*x.shape, 3), np.float32)
     code = 2 * row + (trail < 0)
     for found in np.unique(code).tolist():
         (material, on_trail), here = divmod(found, 2), code == found
         texture, repeat = int(table.texture[material]), float(table.repeat[material])
         texels = _sampled(table, texture, x[here] / repeat, y[here] / repeat, repeat * pixels_per_metre)
-        linear[here] = texels * (
-            table.tint[material] if on_trail else mixed[here] / np.maximum(table.atlas.mean[texture], 1e-6)
-        )
+        if on_trail:
+            linear[here] = texels * table.tint[material]
+        else:
+            linear[here] = texels * (mixed.at(x[here], y[here]) / np.maximum(table.atlas.mean[texture], 1e-6))
     return linear
 
 
-def _sampled(table: MaterialTable, texture: int, u: Array, v: Array, pixels_per_repeat: float) -> Array:
+def _sampled(table: MaterialTable, texture: int, u: Array, v: Array, pixels_per_repeat: float) -> Float32Array:
     """Linear colours (n, 3) of a texture at u, v (n,) in repeats, from the mip level of one to two texels a pixel."""
     atlas, level = table.atlas, 0
     while level < LEVELS - 1 and atlas.size[texture, level] >= 2 * pixels_per_repeat:
         level += 1
     size, start = int(atlas.size[texture, level]), int(atlas.start[texture, level])
-    image = atlas.texels[start : start + size * size].reshape(size, size)
+    packed = atlas.texels[start : start + size * size, None] >> np.array([0, 8, 16], np.uint32) & 255
+    texels = atlas.linear[packed]
     x, y = u * size - 0.5, -v * size - 0.5  # as ``render.atlas.sample``
-    i, j = np.floor(x).astype(int), np.floor(y).astype(int)
-    fx, fy = (x - i)[:, None], (y - j)[:, None]
-
-    def texel(column: NDArray[np.int64], line: NDArray[np.int64]) -> Array:
-        packed = image[line % size, column % size][:, None] >> np.array([0, 8, 16]) & 255
-        return np.asarray(atlas.linear[packed], np.float64)
-
-    upper = texel(i, j) * (1 - fx) + texel(i + 1, j) * fx
-    lower = texel(i, j + 1) * (1 - fx) + texel(i + 1, j + 1) * fx
-    return np.asarray(upper * (1 - fy) + lower * fy)
+    i, j = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
+    fx, fy = (x - i).astype(np.float32)[:, None], (y - j).astype(np.float32)[:, None]
+    left, right, upper, lower = i % size, (i + 1) % size, j % size * size, (j + 1) % size * size
+    above = texels[upper + left] * (1 - fx) + texels[upper + right] * fx
+    below = texels[lower + left] * (1 - fx) + texels[lower + right] * fx
+    return np.asarray(above * (1 - fy) + below * fy)

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Images of materials for tools that have no colour factor, and their encoding."""
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -19,9 +20,13 @@ JPEG_QUALITY: Final = 90
 def material_image(world: World, material: str) -> NDArray[np.uint8]:
     """Image (n, n, 3) sRGB of a material: its texture times its tint in linear light, at most white."""
     found = world.materials[material]
-    shades = linear_from_srgb(np.arange(256) / 255.0)
-    table = np.rint(srgb_from_linear(shades[:, None] * np.array(found.tint)) * 255.0).astype(np.uint8)
-    texture = world.textures[found.texture]
+    return tinted(world.textures[found.texture], found.tint)
+
+
+def tinted(texture: NDArray[np.uint8], tint: Sequence[float]) -> NDArray[np.uint8]:
+    """Multiply an image (n, n, 3) sRGB by a linear tint (3,); the result is at most white."""
+    linear = linear_from_srgb(np.arange(256) / 255.0)[:, None] * np.array(tint)
+    table = np.rint(srgb_from_linear(linear) * 255.0).astype(np.uint8)
     return np.stack([table[texture[..., k], k] for k in range(3)], axis=-1)
 
 

@@ -17,8 +17,8 @@ BEYOND_TILE: Final = 8
 
 
 @dataclass(frozen=True, kw_only=True)
-class MergedTile:
-    """Members of one swarm on one tile, in world coordinates: a surface per material."""
+class SwarmTile:
+    """Members of one swarm on one tile."""
 
     name: str
     swarm: Swarm
@@ -26,6 +26,17 @@ class MergedTile:
     """Rows of the swarm's arrays."""
     beyond: bool
     """Whether the members are beyond the world's edge."""
+
+    def face_count(self, world: World) -> int:
+        """Number of the members' triangles."""
+        faces = np.array([len(world.meshes[name].faces) for name in self.swarm.meshes])
+        return int(faces[self.swarm.mesh[self.members]].sum())
+
+
+@dataclass(frozen=True, kw_only=True)
+class MergedTile(SwarmTile):
+    """Members of one swarm on one tile as a surface per material, in world coordinates."""
+
     surfaces: tuple[Surface, ...]
 
 
@@ -37,6 +48,15 @@ def beyond_edge(world: World, swarm: Swarm) -> NDArray[np.bool_]:
 def merged_swarms(world: World, size_m: float = 25.0, *, beyond: bool) -> Iterator[MergedTile]:
     """Merge the members of each swarm tile by tile; with ``beyond`` also those beyond the world's edge.
 
+    Tiles are those of ``tiles_of_swarms``; one tile is in memory at a time.
+    """
+    for tile in tiles_of_swarms(world, size_m, beyond=beyond):
+        yield MergedTile(**vars(tile), surfaces=_merged(world, tile.swarm, tile.members))
+
+
+def tiles_of_swarms(world: World, size_m: float = 25.0, *, beyond: bool) -> Iterator[SwarmTile]:
+    """Group the members of each swarm by tile; with ``beyond`` also those beyond the world's edge.
+
     A member belongs to the tile that its origin is on. Tiles start in the world's corner and have a side of ``size_m``
     [m]; beyond the edge they are ``BEYOND_TILE`` times as large.
     """
@@ -47,13 +67,12 @@ def merged_swarms(world: World, size_m: float = 25.0, *, beyond: bool) -> Iterat
             yield from _tiles(world, swarm, np.flatnonzero(outside), size_m * BEYOND_TILE, beyond=True)
 
 
-def _tiles(world: World, swarm: Swarm, members: NDArray[np.intp], side: float, *, beyond: bool) -> Iterator[MergedTile]:
+def _tiles(world: World, swarm: Swarm, members: NDArray[np.intp], side: float, *, beyond: bool) -> Iterator[SwarmTile]:
     tile = np.floor((swarm.world_from_object[members, :2, 3] + np.array(world.size) / 2) / side).astype(int)
     for i, j in np.unique(tile, axis=0).tolist():
         rows = members[(tile == (i, j)).all(axis=1)]
         name = f"{swarm.name}_beyond_{i}_{j}" if beyond else f"{swarm.name}_{i}_{j}"
-        surfaces = _merged(world, swarm, rows)
-        yield MergedTile(name=name, swarm=swarm, members=rows, beyond=beyond, surfaces=surfaces)
+        yield SwarmTile(name=name, swarm=swarm, members=rows, beyond=beyond)
 
 
 def _merged(world: World, swarm: Swarm, members: NDArray[np.intp]) -> tuple[Surface, ...]:

@@ -1,0 +1,145 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Bad input to scenes: one line, and neither a half-written nor a lost file."""
+
+import errno
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from interchange_worlds import small_world
+
+from fieldtruth import cli
+from fieldtruth.core import memory
+from fieldtruth.core.errors import OutputError, UnknownNameError
+from fieldtruth.interchange import FORMS, write_scene
+from fieldtruth.world import build
+from fieldtruth.world.model import World
+
+pytestmark = pytest.mark.usefixtures("small_ground_images")
+
+
+@pytest.fixture(autouse=True)
+def _empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return small_world()
+
+
+def test_an_unknown_form_is_named(world: World) -> None:
+    with pytest.raises(UnknownNameError, match=r"unknown form 'gltff'; did you mean 'gltf'\? Available: gltf, "):
+        write_scene(world, form="gltff")
+
+
+def test_the_default_name_is_the_worlds(world: World) -> None:
+    assert write_scene(replace(world, name="tiny", seed=7), form="inventory") == Path("tiny_7_inventory")
+    assert Path("tiny_7_inventory/inventory.csv").is_file()
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_an_existing_output_is_kept(world: World, form: str) -> None:
+    Path("there").write_text("precious")
+    with pytest.raises(OutputError, match=r"^there already exists; choose another --out, or use --overwrite"):
+        write_scene(world, "there", form=form)
+    assert Path("there").read_text() == "precious"
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_folder_of_something_else_is_never_replaced(world: World, form: str) -> None:
+    Path("home").mkdir()
+    Path("home/thesis.tex").write_text("precious")
+    with pytest.raises(OutputError, match=f"^home is a folder that does not hold form '{form}'; choose another --out"):
+        write_scene(world, "home", form=form, overwrite=True)
+    assert Path("home/thesis.tex").read_text() == "precious"
+
+
+def test_overwrite_replaces_an_older_output(world: World) -> None:
+    write_scene(world, "out", form="inventory")
+    Path("out/old.txt").write_text("")
+    write_scene(world, "out", form="inventory", overwrite=True)
+    assert not Path("out/old.txt").exists()
+    assert [p.name for p in Path().iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize(("form", "last_step"), [("gltf", "glb.Glb.save"), ("obj", "obj._write_materials")])
+def test_a_full_disk_leaves_nothing(world: World, monkeypatch: pytest.MonkeyPatch, form: str, last_step: str) -> None:
+    def fill(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(f"fieldtruth.interchange.{last_step}", fill)
+    with pytest.raises(OutputError, match=r"^cannot write new: no space left"):
+        write_scene(world, "new", form=form)
+    assert list(Path().iterdir()) == []
+
+
+def test_a_scene_larger_than_the_memory_is_refused(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(memory, "available_memory", lambda: 50_000_000)
+    expected = r"^form 'gltf' of tiny needs about 0\.\d GB of memory, but 0\.1 GB are available; .*--no-beyond"
+    with pytest.raises(OutputError, match=expected):
+        write_scene(world, "new.glb", form="gltf")
+    assert list(Path().iterdir()) == []
+
+
+def test_available_memory_is_that_of_the_system_or_the_container(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    files = {"_SYSTEM": "MemTotal: 9 kB\nMemAvailable:    2000 kB\n", "_LIMIT": "900000\n", "_USED": "100000\n"}
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+        monkeypatch.setattr(memory, name, tmp_path / name)
+    assert memory.available_memory() == 800_000
+    (tmp_path / "_LIMIT").write_text("max\n")
+    assert memory.available_memory() == 2_048_000
+    (tmp_path / "_SYSTEM").unlink()
+    assert memory.available_memory() is None
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The command
+
+ERRORS = [
+    (["park"], "the following arguments are required: --to"),
+    (["prak", "--to", "gltf"], "unknown environment 'prak'; did you mean 'park'? Available: forest, hillside, lake, "),
+    (["park", "--to", "gtlf"], "unknown form 'gtlf'; did you mean 'gltf'? Available: gltf, "),
+    (["park", "--to", "obj", "--out", "taken"], "taken already exists; choose another --out, or use --overwrite"),
+    (["park", "--to", "obj", "--layout", "none.yaml"], "cannot read none.yaml: No such file or directory"),
+    (["park", "--to", "obj", "--layout", "list.yaml"], "list.yaml: must be a mapping of keys to values (key: value)"),
+    (
+        ["park", "--to", "obj", "--layout", "bad.yaml"],
+        "bad.yaml: layout: unknown key 'large_tres'; did you mean 'lar",
+    ),
+]
+
+
+@pytest.mark.parametrize(("arguments", "message"), ERRORS)
+def test_an_error_is_one_line(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    files = {"taken": "", "list.yaml": "[1]", "bad.yaml": "large_tres: 3"}
+    for name, text in files.items():
+        Path(name).write_text(text)
+    assert cli.main(["scene", *arguments]) == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert output.err.startswith(f"error: {message}")
+    assert output.err.count("\n") == 1
+    assert {p.name for p in Path().iterdir()} == set(files)
+
+
+def test_the_command_writes_the_world_that_it_names(
+    world: World, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    calls = SimpleNamespace(world=())
+
+    def load_world(*arguments: object) -> World:
+        calls.world = arguments
+        return world
+
+    monkeypatch.setattr(build, "load_world", load_world)
+    Path("few.yaml").write_text("large_trees: 3")
+    assert cli.main(["scene", "park", "--to", "inventory", "--seed", "4", "--layout", "few.yaml", "--no-beyond"]) == 0
+    assert calls.world == ("park", 4, {"large_trees": 3})
+    assert len(Path("park_4_inventory/swarm_members.csv").read_text().splitlines()) == 31  # 30 of 40 are inside
+    assert capsys.readouterr().out.startswith("park_4_inventory: 3 files, ")
