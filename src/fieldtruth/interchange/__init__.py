@@ -38,6 +38,9 @@ class Form(NamedTuple):
 FORMS: Final[dict[str, Form]] = {
     "gltf": Form("gltf", ".glb", "glTF 2.0, swarms as EXT_mesh_gpu_instancing"),
     "gltf-plain": Form("gltf_plain", ".glb", "glTF 2.0 without extensions, a node per member of a swarm"),
+    "usd": Form(
+        "usd", "_usd", "USD with point instancers, classes as semantic labels", holds="world.usdc", extra="usd"
+    ),
     "obj": Form("obj", "_obj", "Wavefront OBJ with materials, textures and a table of classes", holds="objects.json"),
     "inventory": Form("inventory", "_inventory", "CSV and GeoPackage of every object", holds="inventory.csv"),
 }
