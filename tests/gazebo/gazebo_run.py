@@ -10,8 +10,8 @@
 ``run_gazebo`` returns when each sensor has ``readings`` readings, or ``seconds`` of simulated time have passed, or the
 caller's ``stop(folder)`` was seen by the recorder plugin; it raises GazeboError when ``limit_s`` of wall time have
 passed or Gazebo has crashed. To work beside a running Gazebo (publish commands, stop when a goal is reached) use
-``with running_gazebo(...) as process`` and, at the end, ``wait`` and ``results``; ``in_chroot`` makes the command line of
-any other program in there. All share this machine's network: Gazebo's address is ``master_uri(folder)``.
+``with running_gazebo(...) as process`` and, at the end, ``wait`` and ``results``; ``in_chroot`` makes the command line
+of any other program in there. All share this machine's network: Gazebo's address is ``master_uri(folder)``.
 
 GZ_CHROOT is the chroot, GZ_WORK a folder for exported worlds and results; both are below the user's cache by default.
 """

@@ -3,6 +3,9 @@
 // System plugin of Gazebo 11: appends every reading of every sensor, and the poses of models that can move, to files in
 // the folder RECORD_FOLDER, in double precision, without the transport's queues.
 //
+// Ray and GNSS sensors are updated from here, at the exact multiples of their period: Gazebo's own thread makes a scan when
+// it finds the time, while the world moves on.
+//
 // A file is named model__link__sensor.KIND. A record is: stamp [ns of simulated time, int64], rows and columns [int32], data.
 //   ray    float64 (rows, columns) ranges [m], infinite without a hit; then float64 (rows, columns) laser_retro
 //   image  uint8 (rows, columns, 3) RGB
@@ -64,6 +67,12 @@ struct Stream {
   }
 };
 
+/// A sensor that is updated from here.
+struct Driven {
+  sensors::SensorPtr sensor;
+  common::Time period, due;
+};
+
 class Recorder : public SystemPlugin {
  public:
   void Load(int, char **) override {
@@ -86,6 +95,7 @@ class Recorder : public SystemPlugin {
   event::ConnectionPtr update;
   std::vector<event::ConnectionPtr> connections;
   std::map<std::string, std::shared_ptr<Stream>> readings, poses;
+  std::vector<Driven> driven;
   std::string toured;
   std::vector<ignition::math::Pose3d> tour;
   size_t stop = 0;
@@ -111,6 +121,11 @@ class Recorder : public SystemPlugin {
       if (!tour.empty()) Move(*world);
     }
     Connect(world->Name());
+    for (auto &one : driven)
+      if (world->SimTime() >= one.due) {
+        one.sensor->Update(true);
+        one.due += one.period;
+      }
     for (auto &model : world->Models())
       if (!model->IsStatic()) RecordPose(world->SimTime(), *model);
     if (ending) return;
@@ -191,7 +206,10 @@ class Recorder : public SystemPlugin {
         continue;
       }
       auto stream = readings[name] = Open(name, kind);
-      sensor->SetActive(true);  // without a subscriber most sensors sleep
+      const bool own = (kind == "ray" || kind == "gps") && sensor->UpdateRate() > 0;
+      sensor->SetActive(!own);  // without a subscriber most sensors sleep
+      const common::Time period(own ? 1.0 / sensor->UpdateRate() : 0.0);
+      if (own) driven.push_back({sensor, period, physics::get_world()->SimTime() + period});  // Gazebo makes the first
       connections.push_back(sensor->ConnectUpdated([stream, record] { record(*stream); }));
     }
   }
