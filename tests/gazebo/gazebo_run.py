@@ -184,12 +184,12 @@ def running_gazebo(
 ) -> Iterator[subprocess.Popen[bytes]]:
     """A Gazebo that runs beside the caller's code and is killed, with all it has started, at the end.
 
-    Models are looked up in the world file's folder and in its ``models``. ``folder``, for the results, must be new or
-    hold tour.txt only. ``folders`` are others that Gazebo must see; ``environment`` is added to its environment.
+    Models are looked up in ``models`` beside the folder ``worlds`` of an exported world. ``folder``, for the results,
+    must be new or hold tour.txt only. ``folders`` are others that Gazebo must see; ``environment`` is added to its own.
     """
     world, folder = world.absolute(), folder.absolute()
     (folder / "home").mkdir(parents=True)
-    package = world.parent
+    package = world.parent.parent if world.parent.name == "worlds" else world.parent
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         uri = f"http://127.0.0.1:{free.getsockname()[1]}"
