@@ -24,8 +24,8 @@ NEARBY: Final = 5e-5
 SUBPIXELS: Final = 3
 """Rays along each side of every pixel that look for silhouettes in it."""
 FINE: Final = 32
-"""Rays along each side of the pixels about one that differs, where the others have met no silhouette: the tip of a blade
-or a twig between leaves may be thinner."""
+"""Rays along each side of the pixels about one that differs, where the others have met no silhouette: the tip of a
+blade or a twig between leaves may be thinner."""
 
 MOST: Final = 1000
 """Pixels of an image that are looked at so closely."""
