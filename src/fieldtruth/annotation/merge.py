@@ -47,7 +47,11 @@ def merge_bags(
         advance: called with the time [s] just written.
     """
     once = [topic for topic in table.TOPICS if topic.name in latched]
-    with output_errors(target), open_bag(run.bag) as source, BagWriter(target, [*once, *slices.topics]) as bag:
+    with (
+        output_errors(target),
+        open_bag(run.bag, own_names=True) as source,
+        BagWriter(target, [*once, *slices.topics]) as bag,
+    ):
         connections = {connection.id: bag.carry(connection) for connection in source.connections}
 
         def original() -> Iterator[_Entry]:

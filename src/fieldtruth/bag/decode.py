@@ -32,11 +32,15 @@ _NUMPY: Final = dict(enumerate(["i1", "u1", "<i2", "<u2", "<i4", "<u4", "<f4", "
 def read_bag(path: Path | str, topics: Sequence[str] = ()) -> Iterator[Reading]:
     """Read the messages of some topics, or of all, in time order; one chunk of the bag is in memory at a time.
 
+    Topics of the paper's data set can be given with the names in the bag or with ours.
+
     Raises:
         BagError: no such file, or not a bag.
         UnknownNameError: the bag has no such topic.
     """
-    with open_bag(path) as bag:
+    with open_bag(path, own_names=True) as bag:
+        named = all(topic in bag.counts for topic in topics)
+    with open_bag(path, own_names=named) as bag:
         decode = decoder(bag)
         for raw in bag.messages(topics):
             yield Reading(raw.stamp_ns, raw.topic, decode(raw))
@@ -48,7 +52,7 @@ def count_messages(path: Path | str) -> dict[str, int]:
     Raises:
         BagError: no such file, or not a bag.
     """
-    with open_bag(path) as bag:
+    with open_bag(path, own_names=True) as bag:
         return dict(bag.counts)
 
 
@@ -153,6 +157,11 @@ def _colour_codes(tag_image: NDArray[np.uint8]) -> NDArray[np.uint32]:
 def stamp_ns(header: Any) -> int:
     """Return the stamp [ns] of a std_msgs/Header."""
     return int(header.stamp.sec) * 10**9 + int(header.stamp.nanosec)
+
+
+def reading_stamp(bag_ns: int, header: Any) -> int:
+    """Return the stamp [ns] of a std_msgs/Header, or that in the bag if it is 0, which is ROS's value for "not set"."""
+    return stamp_ns(header) or bag_ns
 
 
 def _pixels(message: Any, dtype: np.dtype[Any], channels: int = 1) -> NDArray[Any]:

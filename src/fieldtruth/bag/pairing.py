@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.decode import stamp_ns
+from fieldtruth.bag.decode import reading_stamp
 from fieldtruth.bag.reader import BagReader, decoder
 
 WINDOW_NS: Final = 500_000_000
@@ -52,7 +52,7 @@ def stereo_frames(bag: BagReader) -> Iterator[Frame]:
     pairing, decode = _Pairing(exact=_has_exact_pairs(bag)), decoder(bag)
     for raw in bag.messages([table.POINTS, *sides]):
         message = decode(raw)
-        item = _Item(raw.stamp_ns, stamp_ns(message.header), message)
+        item = _Item(raw.stamp_ns, reading_stamp(raw.stamp_ns, message.header), message)
         yield from pairing.add(sides.get(raw.topic), item)
     yield from pairing.rest()
 
@@ -62,7 +62,7 @@ def _has_exact_pairs(bag: BagReader) -> bool:
     stamps: dict[str, set[int]] = {topic: set() for topic in (table.POINTS, *map(table.photograph, table.SIDES))}
     decode = decoder(bag)
     for raw in bag.messages(list(stamps)):
-        stamps[raw.topic].add(stamp_ns(decode(raw).header))
+        stamps[raw.topic].add(reading_stamp(raw.stamp_ns, decode(raw).header))
         if len(stamps[table.POINTS]) > _FIRST_CLOUDS:
             break
     return len(set.intersection(*stamps.values())) >= _EXACT_SHARE * len(stamps[table.POINTS])

@@ -7,7 +7,7 @@ images in memory at once, and takes longer to read than a trajectory.
 """
 
 import struct
-from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -21,6 +21,7 @@ from rosbags.typesys.store import Typestore
 
 from fieldtruth.bag.errors import BagError as BagError
 from fieldtruth.bag.errors import read_errors
+from fieldtruth.bag.topics import standard_name
 from fieldtruth.core.arrays import Counts
 from fieldtruth.core.errors import UnknownNameError
 
@@ -52,13 +53,14 @@ _TIME: Final = b"time="
 class BagReader:
     """An open bag, from ``open_bag``; one thread at a time may read it."""
 
-    def __init__(self, path: Path, reader: "_LeanReader") -> None:
+    def __init__(self, path: Path, reader: "_LeanReader", *, own_names: bool) -> None:
         self.path = path
         self._reader = reader
-        self._by_id = {connection.id: connection for connection in reader.connections}
-        self.counts: Mapping[str, int] = {topic: info.msgcount for topic, info in reader.topics.items()}
+        name = {topic: topic if own_names else _name(topic, reader.topics) for topic in reader.topics}
+        self._by_id = {c.id: c._replace(topic=name[c.topic]) for c in reader.connections}
+        self.counts: Mapping[str, int] = {name[topic]: info.msgcount for topic, info in reader.topics.items()}
         """Messages by topic."""
-        self.msgtypes: Mapping[str, str] = {c.topic: c.msgtype for c in reader.connections}
+        self.msgtypes: Mapping[str, str] = {c.topic: c.msgtype for c in self._by_id.values()}
         """Message type by topic."""
         self.start_ns: int = reader.start_time
         self.end_ns: int = reader.end_time - 1
@@ -149,9 +151,19 @@ class BagReader:
                         yield number, (seconds * 10**9 + nanoseconds, info.pos, offset)
 
 
+def _name(topic: str, topics: Collection[str]) -> str:
+    """Return the standard name of a topic, unless the bag has another topic of that name."""
+    name = standard_name(topic)
+    return name if name not in topics else topic
+
+
 @contextmanager
-def open_bag(path: Path | str) -> Iterator[BagReader]:
+def open_bag(path: Path | str, *, own_names: bool = False) -> Iterator[BagReader]:
     """Open a bag for reading.
+
+    Args:
+        path: the file.
+        own_names: keep the names of the topics of the paper's data set; otherwise they are ours (``standard_name``).
 
     Raises:
         BagError: no such file, not a bag, a truncated one, or one with a damaged index.
@@ -162,7 +174,7 @@ def open_bag(path: Path | str) -> Iterator[BagReader]:
         reader.open()
     try:
         with read_errors(path):
-            bag = BagReader(path, reader)
+            bag = BagReader(path, reader, own_names=own_names)
         yield bag
     finally:
         reader.close()

@@ -105,6 +105,21 @@ TOPICS: Final[tuple[Topic, ...]] = (
 )
 
 
+_PUBLISHED: Final = {
+    "/os0_cloud_node/points": POINTS,
+    **{f"/gazebo_client/back_{side}_speed": f"/gazebo_client/rear_{side}_speed" for side in SIDES},
+    **{f"/stereo/camera/{side}/tag/image_raw": tag(side) for side in SIDES},
+}
+"""Topics of the paper's data set whose names differ from the paper's Table 5."""
+
+
+def standard_name(topic: str) -> str:
+    """Return our name of a topic of the paper's data set, some of which lack the leading slash; others unchanged."""
+    absolute = f"/{topic.lstrip('/')}"
+    name = _PUBLISHED.get(absolute, absolute)
+    return name if any(row.name == name for row in TOPICS) else topic
+
+
 def topics_of(rig: Rig) -> tuple[Topic, ...]:
     """Rows that this rig publishes, in the table's order."""
     return tuple(topic for topic in TOPICS if topic.exists(rig))

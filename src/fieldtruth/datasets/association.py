@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fieldtruth.bag.decode import stamp_ns
+from fieldtruth.bag.decode import reading_stamp
 from fieldtruth.bag.reader import BagError, BagReader, MessageIndex
 from fieldtruth.core.arrays import Counts, Mask
 from fieldtruth.datasets.items import Sensor
@@ -107,5 +107,5 @@ def _header_stamps(storage: Storage, topic: str, index: MessageIndex, rows: Coun
         message = storage.message(topic, int(index.chunk[row]), int(index.offset[row]))
         if not hasattr(message, "header"):
             break
-        stamps[k] = stamp_ns(message.header)
+        stamps[k] = reading_stamp(int(stamps[k]), message.header)
     return stamps

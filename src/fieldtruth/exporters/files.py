@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.decode import depth, image, instances, labels, stamp_ns
+from fieldtruth.bag.decode import depth, image, instances, labels, reading_stamp, stamp_ns
 from fieldtruth.bag.model_states import ModelStatesReader
 from fieldtruth.bag.reader import BagError, BagReader, RawMessage, decoder, open_bag
 from fieldtruth.bag.run import Run
@@ -32,7 +32,6 @@ from fieldtruth.exporters.files_sheet import write_sheet
 from fieldtruth.exporters.files_text import (
     TextFile,
     calibration_yaml,
-    header_or_bag_stamp,
     line,
     points_csv,
     text_files,
@@ -144,7 +143,7 @@ def _save(
     raw: RawMessage,
 ) -> Mapping[str, Counts]:
     message = decode(raw)
-    stamp = header_or_bag_stamp(raw, message.header)
+    stamp = reading_stamp(raw.stamp_ns, message.header)
     encoded = encoders[raw.topic](message)
     for folder, data in encoded.files.items():
         try:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.calibration import BASE, first_message, read_static_frames
-from fieldtruth.bag.decode import stamp_ns
+from fieldtruth.bag.decode import reading_stamp
 from fieldtruth.bag.model_states import ModelStatesReader
 from fieldtruth.bag.reader import BagError, Decoder, RawMessage
 from fieldtruth.bag.run import Run
@@ -56,11 +56,6 @@ def line(stamp: int, numbers: Numbers) -> str:
     return " ".join(map(str, (stamp, *numbers))) + "\n"
 
 
-def header_or_bag_stamp(raw: RawMessage, header: Any) -> int:
-    """Stamp [ns] in a message's header, or in the bag if the header's is 0, which is ROS's value for "not set"."""
-    return stamp_ns(header) or raw.stamp_ns
-
-
 def text_files(run: Run) -> Iterator[TextFile]:
     """Text files of all topics that a run may have; of the two sources of true poses only the better one."""
     yield _IMU
@@ -74,7 +69,7 @@ def _imu(decode: Decoder) -> Row:
         message = decode(raw)
         vectors = message.angular_velocity, message.linear_acceleration
         numbers = tuple(value for v in vectors for value in (v.x, v.y, v.z))
-        return header_or_bag_stamp(raw, message.header), (*_xyzw(message.orientation), *numbers)
+        return reading_stamp(raw.stamp_ns, message.header), (*_xyzw(message.orientation), *numbers)
 
     return row
 
@@ -82,7 +77,7 @@ def _imu(decode: Decoder) -> Row:
 def _gnss(decode: Decoder) -> Row:
     def row(raw: RawMessage) -> tuple[int, Numbers]:
         message = decode(raw)
-        return header_or_bag_stamp(raw, message.header), (message.latitude, message.longitude, message.altitude)
+        return reading_stamp(raw.stamp_ns, message.header), (message.latitude, message.longitude, message.altitude)
 
     return row
 
@@ -101,7 +96,7 @@ def _odometry(decode: Decoder) -> Row:
         message = decode(raw)
         position = message.pose.pose.position
         numbers = (position.x, position.y, position.z, *_xyzw(message.pose.pose.orientation))
-        return header_or_bag_stamp(raw, message.header), numbers
+        return reading_stamp(raw.stamp_ns, message.header), numbers
 
     return row
 

@@ -66,7 +66,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         BagError: a bag has no clouds, photographs, calibration or true poses, or is damaged.
     """
     for run in runs:
-        run.require(table.POINTS, *map(table.photograph, table.SIDES))
+        run.require(table.POINTS, *map(table.photograph, table.SIDES), *map(table.camera_info, table.SIDES))
     geometries = [read_geometry(run) for run in runs]
     (target / "poses").mkdir(parents=True)
     lines = []

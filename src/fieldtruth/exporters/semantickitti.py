@@ -16,7 +16,7 @@ import yaml
 from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.decode import image, stamp_ns
+from fieldtruth.bag.decode import image, reading_stamp, stamp_ns
 from fieldtruth.bag.reader import BagError, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import read_trajectory
@@ -161,7 +161,7 @@ def _write_images(run: Run, stamps_ns: Sequence[int], folder: Path, options: Opt
         def jobs() -> Iterator[tuple[Path, Any]]:
             for raw in timed(bag.messages(present), advance, run.start_ns):
                 message = decode(raw)
-                number = number_at.get(stamp_ns(message.header))
+                number = number_at.get(reading_stamp(raw.stamp_ns, message.header))
                 if number is not None:
                     yield folders[raw.topic] / f"{number:06d}.png", message
 
