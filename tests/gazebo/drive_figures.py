@@ -82,6 +82,7 @@ class Drive:
 def drive_of_track(track: Track) -> Drive:
     """Our own drive."""
     motion = track.motion
+    assert track.tachometers is not None
     return Drive(
         position=motion.position,
         quaternion_wxyz=motion.quaternion_wxyz,

@@ -15,7 +15,7 @@ for _ in $(seq 100); do (: >"/dev/tcp/127.0.0.1/${ROS_MASTER_URI##*:}") 2>/dev/n
 
 gzserver --verbose -s /opt/ros_plugin/build/libgazebo_to_ros.so "$world" "$REMAP" >gazebo.log 2>&1 &
 server=$!
-wait_for() { until grep -q "$1" gazebo.log; do kill -0 $server 2>/dev/null || exit 1; sleep 0.1; done; }
+wait_for() { until grep -qs "$1" gazebo.log; do kill -0 $server 2>/dev/null || exit 1; sleep 0.1; done; }
 wait_for "waiting for the recorder"
 /usr/lib/rosbag/record --all --exclude "/rosout.*" --lz4 --buffsize=0 --output-name drive.bag >record.log 2>&1 &
 recorder=$!
