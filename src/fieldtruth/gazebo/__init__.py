@@ -45,13 +45,16 @@ def write_gazebo(
     """
     target = check_output(out, flavour=flavour, overwrite=overwrite)
     from fieldtruth.gazebo.robot import write_robot
+    from fieldtruth.gazebo.ros import write_ros_package
     from fieldtruth.gazebo.worlds.classic import write_classic
 
+    sensors = Rig() if rig is None else rig
     with output_errors(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         with atomic_output(target) as part:
             write_classic(part, world, beyond=beyond)
-            write_robot(part, Rig() if rig is None else rig, "classic")
+            write_robot(part, sensors, "classic")
+            write_ros_package(part, world, sensors, "classic")
             if overwrite:
                 remove(target)
     return target

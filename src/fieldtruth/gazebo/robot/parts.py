@@ -109,7 +109,7 @@ def wheel_inertia() -> Array:
 
 
 def chassis_inertia(mass: float) -> Array:
-    """Principal moments (3,) [kg m^2] of a chassis of this mass [kg], without what ``wheel_inertia`` adds across axles."""
+    """Principal moments (3,) [kg m^2] of a chassis of this mass [kg], less what ``wheel_inertia`` adds."""
     inertia = np.array(husky.CHASSIS_INERTIA) * (mass / husky.CHASSIS_INERTIA_MASS)
     return inertia - 4 * (wheel_inertia() - husky.WHEEL_INERTIA) * (1.0, 0.0, 1.0)
 

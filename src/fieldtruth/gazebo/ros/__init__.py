@@ -1,0 +1,183 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A package of ROS around a world and the robot: launch files, waypoints, the nodes that drive and record, RViz."""
+
+from collections.abc import Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import yaml
+from scipy.spatial.transform import Rotation
+
+import fieldtruth
+from fieldtruth.bag import topics
+from fieldtruth.bag.sensor_messages import Side, camera_matrix, optical_frame, projection_matrix
+from fieldtruth.core import geodesy
+from fieldtruth.core.frames import xyzw_from_wxyz
+from fieldtruth.drive.physics import resting_pose
+from fieldtruth.experiment.catalogue import experiment_names
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.rig import WHEELS, Rig
+from fieldtruth.experiment.route import geodetic_route, metres_from_route
+from fieldtruth.gazebo.robot import ARGUMENTS, Flavour
+from fieldtruth.gazebo.ros.bridge import bridge_table, image_topics
+from fieldtruth.gazebo.templates import render, write
+from fieldtruth.world.model import World
+
+_DEPENDENCIES: Final = {
+    1: (
+        "compressed_image_transport",
+        "gazebo_plugins",
+        "gazebo_ros",
+        "geometry_msgs",
+        "hector_gazebo_plugins",
+        "robot_state_publisher",
+        "rosbag",
+        "rospy",
+        "sensor_msgs",
+        "std_msgs",
+        "velodyne_gazebo_plugins",
+        "xacro",
+    ),
+    2: (
+        "geometry_msgs",
+        "rclpy",
+        "robot_state_publisher",
+        "ros2bag",
+        "ros_gz_bridge",
+        "ros_gz_image",
+        "ros_gz_sim",
+        "rosbag2_storage_mcap",
+        "sensor_msgs",
+        "std_msgs",
+    ),
+}
+_CONFIG: Final = (
+    "start: pose of base_link in the world [m, rad]; waypoints: latitude, longitude [deg]; the rest in SI units"
+)
+_DEFAULTS: Final = {name: str(value).lower() for name, value in ARGUMENTS.items()} | {
+    "gui": "true",
+    "rviz": "false",
+    "record": "",
+}
+
+
+def builtin_experiments(environment: str) -> tuple[Experiment, ...]:
+    """Return the built-in experiments in an environment, in the order of their names."""
+    experiments = (load_experiment(name) for name in experiment_names())
+    return tuple(experiment for experiment in experiments if experiment.environment == environment)
+
+
+def write_ros_package(
+    folder: Path, world: World, rig: Rig, flavour: Flavour, experiments: Sequence[Experiment] | None = None
+) -> None:
+    """Write all of a package of ROS but its worlds and models into ``folder``, the root of a package of one flavour.
+
+    The package is one of ROS 1 (classic) or ROS 2 (gz). It expects the world in ``worlds/{name}.world`` (classic) or
+    ``.sdf`` (gz), its plain twin in ``{name}_plain``, and what ``write_robot`` writes.
+
+    Args:
+        folder: the package; existing files of the same names are replaced.
+        world: gives the name and the height of the ground at the starts.
+        rig: the sensors, as in ``write_robot``.
+        flavour: for which Gazebo.
+        experiments: those whose start and waypoints are written, with routes that are not random; None takes the
+            built-in ones of the environment. Without any there is nothing to start, and nothing is written.
+    """
+    chosen = builtin_experiments(world.name) if experiments is None else tuple(experiments)
+    if not chosen:
+        return
+    configs = {experiment.name: _config(experiment, world, rig) for experiment in chosen}
+    ros = 1 if flavour == "classic" else 2
+    values = {
+        "environment": world.name,
+        "version": fieldtruth.__version__,
+        "dependencies": _DEPENDENCIES[ros],
+        "experiments": list(configs),
+        "start": next(iter(configs.values()))["start"],
+        "world": world.name,
+        "seed": world.seed,
+        "plain_world": f"{world.name}_plain",
+        "rig": rig,
+        "ros": ros,
+        "topics": topics,
+        "names": [topic.name for topic in topics.topics_of(rig)],
+        "wheels": dict(zip(WHEELS, topics.WHEEL_SPEEDS, strict=True)),
+        "images": image_topics(rig),
+    }
+    for path, template in {
+        "package.xml": f"package_ros{ros}.xml.jinja",
+        "CMakeLists.txt": f"CMakeLists_ros{ros}.txt.jinja",
+        "README.md": f"README_ros{ros}.md.jinja",
+        "scripts/waypoints.py": f"waypoints_ros{ros}.py.jinja",
+        "scripts/relay.py": f"relay_ros{ros}.py.jinja",
+        "scripts/record.sh": "record.sh.jinja",
+        "launch/world.launch" if ros == 1 else "launch/world.launch.py": (
+            "world.launch.jinja" if ros == 1 else "world.launch.py.jinja"
+        ),
+    }.items():
+        write(folder / path, render("ros", template, **values))
+    for script in ("waypoints.py", "relay.py", "record.sh"):
+        (folder / "scripts" / script).chmod(0o755)
+    for name, config in configs.items():
+        write(folder / "config" / f"{name}.yaml", _yaml(config, _CONFIG))
+        if ros == 1:
+            text = render("ros", "experiment.launch.jinja", name=name, arguments=_DEFAULTS, **values | config)
+            write(folder / "launch" / f"{name}.launch", text)
+    write(folder / "config" / "cameras.yaml", _yaml(_cameras(rig), "Calibration of the cameras, as in CameraInfo."))
+    if ros == 2:
+        text = yaml.safe_dump(bridge_table(rig), sort_keys=False)
+        write(folder / "config" / "bridge.yaml", "# Table of ros_gz_bridge.\n" + text)
+    write(folder / "rviz" / "fieldtruth.rviz", _rviz(ros))
+
+
+def _config(experiment: Experiment, world: World, rig: Rig) -> dict[str, Any]:
+    """Return what the waypoint node and the launch files read; start is base_link's pose in the world [m], [rad]."""
+    route, control = geodetic_route(experiment.route), experiment.control
+    start, ahead = metres_from_route(route)[:2]
+    yaw = float(np.arctan2(ahead[1] - start[1], ahead[0] - start[0]))
+    position, quaternion = resting_pose(world.terrain.field, start, yaw, rig)
+    roll, pitch, yaw = Rotation.from_quat(xyzw_from_wxyz(quaternion)).as_euler("xyz").tolist()
+    pose = (*position.tolist(), roll, pitch, yaw)
+    names = ("x", "y", "z", "roll", "pitch", "yaw")
+    base_from_imu = Rotation.from_matrix(rig.imu.mount.base_from_sensor[:3, :3]).as_quat(canonical=True)
+    return {
+        "experiment": experiment.name,
+        "start": {name: round(value, 6) for name, value in zip(names, pose, strict=True)},
+        **control.model_dump(),
+        "origin": [geodesy.ORIGIN_LATITUDE, geodesy.ORIGIN_LONGITUDE],
+        "base_from_imu": np.round(base_from_imu, 15).tolist(),
+        "waypoints": [list(waypoint) for waypoint in route.waypoints],
+    }
+
+
+def _cameras(rig: Rig) -> dict[str, Any]:
+    config, sides = rig.cameras, ("left", "right") if rig.cameras.enabled else ()
+    return {topics.camera_info(side): _calibration(config, side) for side in sides}  # type: ignore[arg-type]
+
+
+def _calibration(config: Any, side: Side) -> dict[str, Any]:
+    return {
+        "frame_id": optical_frame(side),
+        "width": config.width,
+        "height": config.height,
+        "K": camera_matrix(config).ravel().tolist(),
+        "R": np.eye(3).ravel().tolist(),
+        "P": projection_matrix(config, side).ravel().tolist(),
+    }
+
+
+def _rviz(ros: int) -> str:
+    text = (files("fieldtruth.gazebo.ros") / "templates" / "fieldtruth.rviz").read_text(encoding="utf-8")
+    if ros == 1:
+        return text
+    for panel in ("Displays", "Time", "Selection", "Views", "Tool Properties"):
+        text = text.replace(f"Class: rviz/{panel}\n", f"Class: rviz_common/{panel}\n")
+    return text.replace("Class: rviz/", "Class: rviz_default_plugins/")
+
+
+def _yaml(values: dict[str, Any], comment: str) -> str:
+    return f"# {comment}\n" + yaml.safe_dump(values, sort_keys=False, default_flow_style=None, width=120)
