@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A flipped byte anywhere in a run's files is found: by the checksums, and in the bag by its structure alone."""
 
+import hashlib
 import re
 import shutil
 from pathlib import Path
@@ -45,25 +46,30 @@ def offsets(data: bytes, part: str, rng: np.random.Generator) -> list[int]:
     return [int(k) for k in (*rng.integers(*bounds[part], 5), bounds[part][1] - 1)]
 
 
-def structure_passes(path: Path, good: Path) -> bool | None:
-    """Result of reading a bag front to back with the topics of the intact one."""
+def read_through(path: Path, good: Path) -> tuple[bool | None, str]:
+    """Result of reading a bag front to back with the topics of the intact one, and a digest of its messages."""
+    digest = hashlib.sha256()
     with open_bag(good) as stored:
         bag = BagFile(path, stored.connections)
-    for _ in bag.messages():
-        pass
-    return bag.result().passed
+    for raw in bag.messages():
+        digest.update(f"{raw.stamp_ns}{raw.topic}".encode() + raw.data)
+    return bag.result().passed, digest.hexdigest()
 
 
 @pytest.mark.parametrize("part", PARTS)
 def test_flipped_bit_is_found_by_the_structure_alone(lean_run: Path, tmp_path: Path, part: str) -> None:
     rng = np.random.default_rng(PARTS.index(part))
     data, target = bytearray(bag_in(lean_run).read_bytes()), tmp_path / "flipped.bag"
+    intact = read_through(bag_in(lean_run), bag_in(lean_run))
     for at in offsets(bytes(data), part, rng):
         bit = 1 << int(rng.integers(8))
         data[at] ^= bit
         target.write_bytes(data)
         data[at] ^= bit
-        assert structure_passes(target, bag_in(lean_run)) is False, f"bit {bit} of byte {at}"
+        passed, content = read_through(target, bag_in(lean_run))
+        # LZ4 refers back to equal bytes: a changed reference may find equal ones elsewhere, and nothing has changed.
+        same = part == "packed" and (passed, content) == intact
+        assert passed is False or same, f"bit {bit} of byte {at}"
 
 
 def test_structure_of_an_intact_bag_passes(lean_run: Path) -> None:
