@@ -1,0 +1,147 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Blender sees the same pixels in our glTF scenes as our label camera: a judge of geometry, ids and intrinsics.
+
+Needs a Python with bpy, which asks for another version of NumPy: CONTRIBUTING says how to make one. Set
+``BLENDER_PYTHON`` to its path.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.classes import Label
+from fieldtruth.drive.simulate import drive
+from fieldtruth.drive.state import state_at
+from fieldtruth.experiment.files import load_experiment, with_overrides
+from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig
+from fieldtruth.interchange import write_scene
+from fieldtruth.sense.label_camera import LabelCamera, LabelImages
+from fieldtruth.sense.scene import Scene
+from fieldtruth.world.build import load_world
+
+SCRIPT: Final = Path(__file__).with_name("blender_render.py")
+LARGEST_SHARE: Final = 2e-4
+"""Share of pixels that may differ, all at silhouettes. Measured: 2e-5 to 1e-4."""
+
+
+class Case(NamedTuple):
+    experiment: str
+    seconds: float
+    form: str
+    width: int
+    height: int
+
+
+CASES: Final = (
+    Case("park_1", 55.0, "gltf", 1280, 720),
+    Case("park_1", 55.0, "gltf-plain", 640, 360),
+    Case("lake_1", 40.0, "gltf", 640, 360),
+    Case("forest_1", 40.0, "gltf", 640, 360),
+    Case("hillside_1", 40.0, "gltf", 640, 360),
+)
+
+Ids = NDArray[np.int64]
+
+
+class Views(NamedTuple):
+    """The same view, rendered here and by Blender; Blender's are instance id, class id (0: sky) and depth [m]."""
+
+    ours: LabelImages
+    instance: Ids
+    label: Ids
+    depth: NDArray[np.float32]
+
+
+def blender_python() -> str:
+    """Path of a Python that imports bpy; skips the test if there is none."""
+    python = os.environ.get("BLENDER_PYTHON", sys.executable)
+    found = subprocess.run([python, "-c", "import bpy"], capture_output=True, text=True, check=False)
+    if found.returncode:
+        reason = (found.stderr.strip().splitlines() or [f"exit code {found.returncode}"])[-1]
+        pytest.skip(f"{python} cannot import bpy ({reason}); set BLENDER_PYTHON")
+    return python
+
+
+def views(case: Case, folder: Path) -> Views:
+    """Render the left camera's view some seconds after the start of an experiment, here and in Blender."""
+    python = blender_python()
+    experiment = with_overrides(load_experiment(case.experiment), seconds=case.seconds)
+    world = load_world(experiment.environment, seed=experiment.seed)
+    config = CameraConfig(width=case.width, height=case.height)
+    state = state_at(drive(world, experiment).motion, round(case.seconds * 1e9))
+    pose = state.world_from_base @ config.left.base_from_sensor @ CAMERA_FROM_OPTICAL
+    camera = LabelCamera(config, Scene(world))
+    job = {
+        "scene": str(write_scene(world, folder / "scene.glb", form=case.form)),
+        "ids": str(folder / "ids.npy"),
+        "world_from_optical": pose.tolist(),
+        "fx": camera.pinhole.fx,
+        "fy": camera.pinhole.fy,
+        "width": case.width,
+        "height": case.height,
+        "far": config.far,
+    }
+    (folder / "job.json").write_text(json.dumps(job))
+    done = subprocess.run([python, SCRIPT, folder / "job.json"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-2000:]
+    ids = np.load(folder / "ids.npy")
+    assert np.array_equal(ids[..., :2], np.rint(ids[..., :2])), "a pixel mixes ids: more than its centre was sampled"
+    return Views(camera.label(pose), ids[..., 0].astype(np.int64), ids[..., 1].astype(np.int64), ids[..., 2])
+
+
+@pytest.fixture(scope="module", params=CASES, ids=lambda case: f"{case.experiment}-{case.form}")
+def both(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Views:
+    case: Case = request.param
+    return views(case, tmp_path_factory.mktemp("blender"))
+
+
+def distance_to_edge(ids: Ids) -> Array:
+    """Distance [pixel] of each pixel to the nearest one that has a neighbour with another id."""
+    edge = np.zeros(ids.shape, bool)
+    across, down = ids[:, 1:] != ids[:, :-1], ids[1:] != ids[:-1]
+    edge[:, 1:] |= across
+    edge[:, :-1] |= across
+    edge[1:] |= down
+    edge[:-1] |= down
+    return np.asarray(distance_transform_edt(~edge))
+
+
+def assert_same_except_at_silhouettes(ours: Ids, theirs: Ids) -> None:
+    wrong = ours != theirs
+    print(f"{wrong.sum()} of {wrong.size} pixels differ ({wrong.mean():.2g})")
+    assert wrong.mean() < LARGEST_SHARE
+    assert not (distance_to_edge(ours)[wrong] > 2).any()
+    # One pixel to the side is far more than the tolerance: the comparison would show it.
+    for axis in (0, 1):
+        assert (ours != np.roll(theirs, 1, axis)).mean() > 50 * LARGEST_SHARE
+
+
+@pytest.mark.slow
+def test_blender_sees_the_same_instances(both: Views) -> None:
+    assert len(np.unique(both.instance)) > 30
+    assert_same_except_at_silhouettes(both.ours.instance.astype(np.int64), both.instance)
+
+
+@pytest.mark.slow
+def test_blender_sees_the_same_classes(both: Views) -> None:
+    assert len(np.unique(both.label)) > 5
+    ours = np.where(both.ours.label == Label.SKY, 0, both.ours.label).astype(np.int64)
+    assert_same_except_at_silhouettes(ours, both.label)
+
+
+@pytest.mark.slow
+def test_blender_sees_the_same_depth(both: Views) -> None:
+    same = (both.instance == both.ours.instance) & (both.instance > 0)
+    error = np.abs(both.depth - both.ours.depth)[same] / both.ours.depth[same]
+    assert np.median(error) < 1e-6
+    assert (error > 1e-3).mean() < 0.002, "one leaf or the next at silhouettes inside a tree"
