@@ -242,13 +242,13 @@ def test_swarm_members_share_an_id_and_have_their_own_measures(mixed: World) -> 
 
 def test_same_world_gives_the_same_bytes(mixed: World, tmp_path: Path) -> None:
     for name in ("first", "second"):
-        inventory.write(mixed, tmp_path / name)
+        inventory.write(mixed, tmp_path / name, beyond=True)
     for path in (tmp_path / "first").iterdir():
         assert path.read_bytes() == (tmp_path / "second" / path.name).read_bytes()
 
 
 def test_world_without_objects_gives_empty_layers(tmp_path: Path) -> None:
-    inventory.write(make_world(), tmp_path / "out")
+    inventory.write(make_world(), tmp_path / "out", beyond=True)
     for layer in ("inventory", "swarm_members"):
         assert (tmp_path / "out" / f"{layer}.csv").read_text() == ",".join(COLUMNS) + "\n"
         assert pyogrio.read_info(tmp_path / "out" / "inventory.gpkg", layer=layer)["features"] == 0

@@ -29,6 +29,8 @@ from pxr import Gf, Usd, UsdGeom, UsdSemantics, UsdShade
 
 from fieldtruth.interchange import usd
 
+pytestmark = pytest.mark.usefixtures("small_ground_images")
+
 
 def turned_world() -> World:
     """The small world; members of its swarm are turned about all axes, and their second mesh has a species."""
@@ -249,7 +251,7 @@ def test_stage_can_be_referenced_by_another(stage: Usd.Stage) -> None:
 
 def test_same_world_gives_the_same_bytes(world: World, tmp_path: Path) -> None:
     for name in ("first", "second"):
-        usd.write(world, tmp_path / name)
+        usd.write(world, tmp_path / name, beyond=True)
     paths = [path for path in (tmp_path / "first").rglob("*") if path.is_file()]
     assert len(paths) > 2
     for path in paths:
@@ -260,7 +262,7 @@ def test_names_that_usd_does_not_allow_are_changed(tmp_path: Path) -> None:
     seat = box("garden-seat", (1, 1, 1), "wood")
     world = make_world([(seat, np.eye(4))], side=4.0)
     (instance,) = world.instances
-    usd.write(replace(world, instances=(replace(instance, name="garden-seat_1"),)), tmp_path / "out")
+    usd.write(replace(world, instances=(replace(instance, name="garden-seat_1"),)), tmp_path / "out", beyond=True)
     stage = Usd.Stage.Open(str(tmp_path / "out" / "world.usdc"))
     (mesh,) = meshes_below(stage.GetPrimAtPath("/World/Objects/garden_seat_1"))
     assert triangles(mesh) == 12
@@ -272,7 +274,7 @@ def test_full_disk_is_an_error_of_the_system(world: World, tmp_path: Path) -> No
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, limits[1]))
         with pytest.raises(OSError, match="File too large") as error:
-            usd.write(world, tmp_path / "out")
+            usd.write(world, tmp_path / "out", beyond=True)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert error.value.errno == errno.EFBIG

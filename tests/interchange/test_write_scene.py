@@ -3,6 +3,7 @@
 """Bad input to scenes: one line, and neither a half-written nor a lost file."""
 
 import errno
+import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -81,6 +82,15 @@ def test_a_scene_larger_than_the_memory_is_refused(world: World, monkeypatch: py
     expected = r"^form 'gltf' of tiny needs about 0\.\d GB of memory, but 0\.1 GB are available; .*--no-beyond"
     with pytest.raises(OutputError, match=expected):
         write_scene(world, "new.glb", form="gltf")
+    assert list(Path().iterdir()) == []
+
+
+def test_a_form_names_the_extra_of_a_missing_library(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in [name for name in sys.modules if name.startswith("fieldtruth.interchange.usd")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "pxr", None)
+    with pytest.raises(OutputError, match=r"^form 'usd' needs .*; run: pip install 'fieldtruth\[usd\]'$"):
+        write_scene(world, "new", form="usd")
     assert list(Path().iterdir()) == []
 
 

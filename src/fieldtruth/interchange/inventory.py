@@ -61,7 +61,7 @@ class Item(NamedTuple):
     """Whether it is outside the world's edge."""
 
 
-def write(world: World, folder: Path, *, beyond: bool = False) -> None:
+def write(world: World, folder: Path, *, beyond: bool) -> None:
     """Write ``inventory.csv``, ``swarm_members.csv`` and ``inventory.gpkg`` with both tables into a new folder.
 
     ``beyond`` includes the members of swarms outside the world's edge.

@@ -28,8 +28,9 @@ from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom
 
 from fieldtruth.core.classes import Label
 from fieldtruth.core.geodesy import ORIGIN_HEIGHT, ORIGIN_LATITUDE, ORIGIN_LONGITUDE
+from fieldtruth.interchange import check_scene_memory
 from fieldtruth.interchange.ground import ground_tiles
-from fieldtruth.interchange.ground_image import ground_image
+from fieldtruth.interchange.ground_image import ground_images
 from fieldtruth.interchange.images import encode_image
 from fieldtruth.interchange.surfaces import mesh_surfaces
 from fieldtruth.interchange.swarms import beyond_edge
@@ -43,26 +44,27 @@ from fieldtruth.interchange.usd_prims import (
     add_tint,
     child,
 )
-from fieldtruth.render.materials import material_table
 from fieldtruth.world.model import GROUND_ID, Material, Mesh, World
 
 STAGE: Final = "world.usdc"
 TEXTURES: Final = "textures"
-GROUND_PIXELS: Final = 40.0
-"""Pixels per metre of the ground's images."""
+_VERTEX_BYTES, _FACE_BYTES, _MEMBER_BYTES = 64, 32, 300
+"""Memory while a stage is saved: for a vertex and a face of a mesh that is shared, and for a member of a swarm."""
 _ROOT: Final = Sdf.Path("/World")
 _MATERIALS, _PROTOTYPES, _OBJECTS, _SWARMS, _GROUND, _BACKDROP = (
     _ROOT.AppendChild(name) for name in ("Materials", "Prototypes", "Objects", "Swarms", "Ground", "Backdrop")
 )
 
 
-def write(world: World, folder: Path, *, beyond: bool = False) -> None:
+def write(world: World, folder: Path, *, beyond: bool) -> None:
     """Write the stage and its textures into a new folder; ``beyond`` includes what is outside the world's edge."""
+    meshes = _used_meshes(world, beyond=beyond)
+    land = [world.backdrop] if beyond and world.backdrop is not None else []
+    shared = sum(_VERTEX_BYTES * len(mesh.vertices) + _FACE_BYTES * len(mesh.faces) for mesh in (*meshes, *land))
+    check_scene_memory(world, "usd", shared + _MEMBER_BYTES * sum(len(swarm.mesh) for swarm in world.swarms))
     (folder / TEXTURES).mkdir(parents=True)
     stage = Usd.Stage.CreateNew(str(folder / STAGE))
     _describe(stage, world)
-    meshes = _used_meshes(world, beyond=beyond)
-    land = [world.backdrop] if beyond and world.backdrop is not None else []
     _add_materials(stage, world, folder, {name: None for mesh in (*meshes, *land) for name in mesh.materials})
     _add_prototypes(stage, world, meshes)
     _add_objects(stage, world)
@@ -172,10 +174,10 @@ def _add_swarms(stage: Usd.Stage, world: World, *, beyond: bool) -> None:
 def _add_ground(stage: Usd.Stage, world: World, folder: Path) -> None:
     _add_group(stage, _GROUND)
     add_number(stage.GetPrimAtPath(_GROUND), INSTANCE_ID, GROUND_ID)
-    table = material_table(world)
-    for tile in ground_tiles(world):
+    tiles = list(ground_tiles(world))
+    for tile, jpeg in zip(tiles, ground_images(world, tiles), strict=True):
         image = f"{TEXTURES}/{tile.name}.jpg"
-        (folder / image).write_bytes(encode_image(ground_image(world, tile, GROUND_PIXELS, table)))
+        (folder / image).write_bytes(jpeg)
         material = child(_MATERIALS, tile.name)
         mixed = Material(name=tile.name, label=Label.GROUND, texture=tile.name)
         add_material(stage, material, mixed, f"./{image}", tiled=False)
