@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rosbags.rosbag2 import Writer
+from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.bag.track_file import TrackFile, read_track_file
@@ -14,6 +16,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthError, TrackError, UnknownNameError
 from fieldtruth.experiment.config import DriveConfig
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, Mount, Rig
+from fieldtruth.exporters import export
 
 RPY = np.array([[10.0, -20.0, 30.0], [11.0, -21.0, 40.0], [12.0, -22.0, 50.0]])
 XYZW = Rotation.from_euler("xyz", RPY, degrees=True).as_quat()
@@ -122,7 +125,9 @@ ERRORS: dict[str, tuple[str, str | bytes, str]] = {
                "a.csv: the header must name t (or stamp, stamp_ns), x, y, z and qx, qy, qz, qw (or roll, pitch, yaw, "
                "or roll_deg, pitch_deg, yaw_deg), got 't, x, y'"),
     "columns": ("a.csv", f"{HEADER}1,2", "a.csv: line 2 has 2 columns, the header 8"),
-    "bytes": ("a.csv", b"t,\xff\xfe", "a.csv is neither text nor a ROS 1 bag; a track file is TUM, CSV or a bag"),
+    "bytes": ("a.csv", b"t,\xff\xfe", "a.csv is neither text nor a bag; a track file is TUM, CSV, or a bag"),
+    "damaged MCAP": ("a.mcap", b"\x89MCAP0\r\n", "cannot read a.mcap: "),
+    "damaged database": ("a.db3", b"SQLite", "cannot read a.db3: "),
     "damaged bag": ("a.bag", b"#ROSBAG V2.0\n", "cannot read a.bag: "),
 }  # fmt: skip
 
@@ -134,7 +139,7 @@ def test_a_wrong_file_is_one_clear_line(case: str, tmp_path: Path, monkeypatch: 
     with pytest.raises(FieldtruthError) as error:
         read(Path(), name, text)
     message = str(error.value)
-    assert message.startswith(expected) if case == "damaged bag" else message == expected
+    assert message.startswith(expected) if case.startswith("damaged") else message == expected
     assert "\n" not in message
 
 
@@ -162,3 +167,37 @@ def test_the_odometry_and_the_states_of_a_run_are_tracks(small_run: Path) -> Non
     assert named.csv() == odometry.csv()
     with pytest.raises(UnknownNameError, match=r"park_1\.bag: '/odom'; .*Available: /ground_truth/odom"):
         read_track_file(DriveConfig(track=str(small_run), topic="/odom"))
+
+
+def test_an_mcap_file_gives_the_same_track_as_its_bag(small_run: Path, tmp_path: Path) -> None:
+    pytest.importorskip("mcap")
+    path = export(small_run, "mcap", out=tmp_path / "park_1.mcap")
+    file = read_track_file(DriveConfig(track=str(path)))
+    assert (file.name, file.frame) == ("park_1.mcap", "base_link")
+    assert file.csv() == read_track_file(DriveConfig(track=str(small_run))).csv()
+    with pytest.raises(UnknownNameError, match=r"park_1\.mcap: '/odom'; .*Available: /ground_truth/odom"):
+        read_track_file(DriveConfig(track=str(path), topic="/odom"))
+
+
+def test_a_database_of_ros_2_gives_its_odometry(tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    types = store.types
+    pose, twist = types["geometry_msgs/msg/PoseWithCovariance"], types["geometry_msgs/msg/TwistWithCovariance"]
+    zero = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
+    still = twist(types["geometry_msgs/msg/Twist"](zero, zero), np.zeros(36))
+    with Writer(tmp_path / "drone", version=8) as writer:
+        odometry = writer.add_connection("/mavros/odom", "nav_msgs/msg/Odometry", typestore=store)
+        for ns, xyz, xyzw in zip(NS, XYZ.tolist(), XYZW.tolist(), strict=True):
+            header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](*divmod(ns, 10**9)), "map")
+            place = types["geometry_msgs/msg/Pose"](
+                types["geometry_msgs/msg/Point"](*xyz), types["geometry_msgs/msg/Quaternion"](*xyzw)
+            )
+            message = types["nav_msgs/msg/Odometry"](header, "os1_lidar", pose(place, np.zeros(36)), still)
+            writer.write(odometry, ns, store.serialize_cdr(message, "nav_msgs/msg/Odometry"))
+    for path in (tmp_path / "drone", tmp_path / "drone/drone.db3"):
+        file = read_track_file(DriveConfig(track=str(path), topic="/mavros/odom"))
+        assert (file.frame, file.stamps) == ("os1_lidar", list(NS))
+        np.testing.assert_array_equal(file.poses.position, XYZ)
+        np.testing.assert_array_equal(frames.xyzw_from_wxyz(file.poses.quaternion_wxyz), XYZW)
+    with pytest.raises(TrackError, match=r"neither /ground_truth/odom nor.*; set drive\.topic to one of /mavros/odom"):
+        read_track_file(DriveConfig(track=str(tmp_path / "drone")))

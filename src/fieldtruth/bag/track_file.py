@@ -7,7 +7,7 @@ TUM: lines ``t x y z qx qy qz qw``. CSV (``.csv``): a header names the columns, 
 
 import csv
 from array import array
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -18,7 +18,8 @@ from scipy.spatial.transform import Rotation
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.calibration import StaticFrames, first_message
 from fieldtruth.bag.robot_messages import BASE, rig_transforms
-from fieldtruth.bag.run import Run, open_run
+from fieldtruth.bag.ros2_odometry import ODOMETRY, is_ros2_bag, odometry_topics, read_ros2_odometry
+from fieldtruth.bag.run import open_run
 from fieldtruth.bag.trajectory import Trajectory, read_trajectory, seconds
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array, Counts
@@ -97,10 +98,12 @@ def read_track_file(config: DriveConfig) -> TrackFile:
         UnknownNameError: a bag has no such topic.
     """
     path = Path(config.track)
+    if is_ros2_bag(path):
+        return _from_ros2_bag(path, config)
     if path.is_dir() or _begins(path) == _BAG:
         return _from_bag(path, config)
     if config.topic is not None:
-        raise TrackError(f"{path}: drive.topic is allowed for a bag only, and this is not a ROS 1 bag")
+        raise TrackError(f"{path}: drive.topic is allowed for a bag only, and this is not one")
     try:
         with path.open(encoding="utf-8-sig", newline="") as source:
             rows = _csv_rows(path, source) if path.suffix.lower() == ".csv" else _tum_rows(path, source)
@@ -110,7 +113,7 @@ def read_track_file(config: DriveConfig) -> TrackFile:
                 stamps.append(stamp)
                 values.extend(row)
     except UnicodeDecodeError as error:
-        raise TrackError(f"{path} is neither text nor a ROS 1 bag; a track file is TUM, CSV or a bag") from error
+        raise TrackError(f"{path} is neither text nor a bag; a track file is TUM, CSV, or a bag") from error
     except csv.Error as error:
         raise TrackError(f"{path}: {error}") from error
     table_ = np.array(values, np.float64).reshape(-1, 7)
@@ -125,29 +128,35 @@ def _begins(path: Path) -> bytes:
         raise TrackError(f"cannot read the track file {path}: {error.strerror}") from error
 
 
+def _from_ros2_bag(path: Path, config: DriveConfig) -> TrackFile:
+    topic = _topic(path, odometry_topics(path), config.topic)
+    trajectory, frame = read_ros2_odometry(path, topic)
+    return _from_topic(path.name, trajectory, config.pose_of or frame or BASE, topic)
+
+
 def _from_bag(path: Path, config: DriveConfig) -> TrackFile:
     run = open_run(path)
-    topic = _topic(run, config.topic)
-    trajectory = read_trajectory(run, topic)
-    frame = config.pose_of
-    if frame is None:
-        named = first_message(run, topic).child_frame_id.strip("/") if topic != table.MODEL_STATES else ""
-        frame = named or BASE
-    values = np.concatenate([trajectory.position, frames.xyzw_from_wxyz(trajectory.quaternion_wxyz)], axis=1)
-    return _checked(run.bag.name, frame, trajectory.stamps_ns, values, lambda k: f"pose {k + 1} of {topic}")
+    odometry = sorted(name for name, msgtype in run.msgtypes.items() if msgtype == ODOMETRY)
+    if config.topic is None and table.ODOMETRY not in odometry and table.MODEL_STATES in run.counts:
+        return _from_topic(run.bag.name, read_trajectory(run), config.pose_of or BASE, table.MODEL_STATES)
+    topic = _topic(run.bag, odometry, config.topic)
+    frame = config.pose_of or first_message(run, topic).child_frame_id.strip("/") or BASE
+    return _from_topic(run.bag.name, read_trajectory(run, topic), frame, topic)
 
 
-def _topic(run: Run, asked: str | None) -> str:
-    odometry = [name for name, msgtype in run.msgtypes.items() if msgtype == "nav_msgs/msg/Odometry"]
-    if asked is not None:
-        if asked not in odometry:
-            raise UnknownNameError(f"topic of type nav_msgs/Odometry in {run.bag}:", asked, sorted(odometry))
-        return asked
-    found = next((name for name in (table.ODOMETRY, table.MODEL_STATES) if name in run.counts), None)
-    if found is None:
-        others = f"; set drive.topic to one of {', '.join(sorted(odometry))}" if odometry else ""
-        raise TrackError(f"{run.bag} has neither {table.ODOMETRY} nor {table.MODEL_STATES}{others}")
-    return found
+def _topic(bag: Path, odometry: Sequence[str], asked: str | None) -> str:
+    """Return the topic to read: the one that is asked for, or /ground_truth/odom."""
+    if asked is not None and asked not in odometry:
+        raise UnknownNameError(f"topic of type nav_msgs/Odometry in {bag}:", asked, odometry)
+    if asked is None and table.ODOMETRY not in odometry:
+        others = f"; set drive.topic to one of {', '.join(odometry)}" if odometry else ""
+        raise TrackError(f"{bag} has neither {table.ODOMETRY} nor, as a bag of ROS 1, {table.MODEL_STATES}{others}")
+    return asked or table.ODOMETRY
+
+
+def _from_topic(name: str, poses: Trajectory, frame: str, topic: str) -> TrackFile:
+    values = np.concatenate([poses.position, frames.xyzw_from_wxyz(poses.quaternion_wxyz)], axis=1)
+    return _checked(name, frame, poses.stamps_ns, values, lambda k: f"pose {k + 1} of {topic}")
 
 
 def _tum_rows(path: Path, source: Iterable[str]) -> Iterator[tuple[int, int, list[float]]]:
