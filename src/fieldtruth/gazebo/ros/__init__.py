@@ -105,7 +105,7 @@ def write_ros_package(
         "ros": ros,
         "topics": topics,
         "names": [topic.name for topic in topics.topics_of(rig)],
-        "wheels": dict(zip(WHEELS, topics.WHEEL_SPEEDS, strict=True)),
+        "wheels": dict(zip(WHEELS, topics.WHEEL_SPEEDS, strict=True)) if rig.tachometers.enabled else {},
         "images": image_topics(rig),
     }
     for path, template in {
