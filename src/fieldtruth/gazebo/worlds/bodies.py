@@ -21,9 +21,6 @@ SOFT: Final = frozenset({Label.TREETOP, Label.BUSH, Label.HIGH_GRASS, Label.CABL
 LIDAR_RANGE: Final = 120.0
 """Distance [m] from the world's edge beyond which nothing returns a ray."""
 
-AddMesh = Callable[[str, str, Surface], None]
-"""Stores a surface in a folder of a model, under a name; both are as in ``Part``."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
@@ -43,6 +40,10 @@ class Part:
     """Whether wheels and chassis touch it."""
     returns: bool = True
     """Whether it returns the pulse of a LiDAR."""
+
+
+AddMesh = Callable[[Part, Surface], None]
+"""Stores the mesh file of a part, which is at the origin of its model."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,19 +92,22 @@ def pose_and_scale(matrix: Array) -> tuple[tuple[float, ...], float]:
     return tuple(np.round([*matrix[:3, 3], *angles], 9).tolist()), round(scale, 9)
 
 
-def _part(add: AddMesh, model: str, surface: Surface, *, mesh: str = "", solid: bool = True) -> Part:
-    """Store a surface under the name ``mesh``, by default that of its material."""
+def _part(
+    add: AddMesh, model: str, surface: Surface, *, mesh: str = "", material: str = "", solid: bool = True
+) -> Part:
+    """Store a surface; ``mesh`` and ``material`` are by default the name of the surface's material."""
     name = mesh or surface.material
-    add(model, name, surface)
-    return Part(
+    part = Part(
         name=name,
         model=model,
         mesh=name,
-        material=surface.material,
+        material=material or surface.material,
         label=surface.label,
         solid=solid and surface.label not in SOFT,
         returns=surface.label not in NO_RETURN,
     )
+    add(part, surface)
+    return part
 
 
 def _ground(world: World, add: AddMesh) -> Body:
@@ -112,7 +116,7 @@ def _ground(world: World, add: AddMesh) -> Body:
     parts = []
     for tile in ground_tiles(world):
         for surface in tile.surfaces:
-            parts.append(replace(_part(add, name, surface), material=tile.name))
+            parts.append(_part(add, name, surface, mesh=surface.material, material=tile.name))
     return Body(name=name, parts=tuple(parts))
 
 

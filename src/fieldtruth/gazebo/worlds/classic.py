@@ -12,8 +12,8 @@ from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.drive.physics import GRAVITY
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.gazebo.templates import render, write
-from fieldtruth.gazebo.worlds.bodies import Body, world_bodies
-from fieldtruth.gazebo.worlds.mesh_files import write_obj
+from fieldtruth.gazebo.worlds.bodies import Body, Part, world_bodies
+from fieldtruth.gazebo.worlds.mesh_files import COARSE, FINE, write_obj
 from fieldtruth.gazebo.worlds.textures import write_textures
 from fieldtruth.interchange.surfaces import Surface
 from fieldtruth.render.sky import sun_direction
@@ -29,10 +29,10 @@ def write_classic(folder: Path, world: World, *, beyond: bool) -> None:
     models, materials = folder / "models", f"{world.name}_materials"
     textures = write_textures(models / materials / "materials" / "textures", world, f"{world.name}_")
 
-    def add(model: str, mesh: str, surface: Surface) -> None:
-        texture = textures.get(surface.material, next(iter(textures.values())))
-        relative = f"../../{materials}/materials/textures/{texture}"
-        write_obj(models / model / "meshes" / f"{mesh}.obj", surface, relative)
+    def add(part: Part, surface: Surface) -> None:
+        path = models / part.model / "meshes" / f"{part.mesh}.obj"
+        texture = f"../../{materials}/materials/textures/{textures[part.material]}"
+        write_obj(path, surface, texture, FINE if part.solid else COARSE)
 
     bodies = list(world_bodies(world, add, beyond=beyond))
     flat = {c.label.name.lower(): np.array(c.rgb) / 255 for c in CLASSES if c.rgb is not None}

@@ -14,19 +14,22 @@ from numpy.typing import NDArray
 
 from fieldtruth.interchange.surfaces import Surface
 
-_DECIMALS: Final = (5, 3, 2)
-"""Of positions [m], texture coordinates and normals: 10 um keep ranges at grazing incidence."""
+FINE: Final = (5, 3, 2)
+"""Decimals of positions [m], texture coordinates and normals: 10 um keep ranges at grazing incidence."""
+COARSE: Final = (4, 3, 1)
+"""For swarms and leaves, whose files are most of a package: normals turn by up to 4 deg."""
+Decimals = tuple[int, int, int]
 
 
-def obj_text(surface: Surface, library: str) -> str:
+def obj_text(surface: Surface, library: str, decimals: Decimals = FINE) -> str:
     """Text of an OBJ file of a surface, whose material is in the file ``library`` beside it."""
     lines = [f"mtllib {library}\n"]
     rows = []
-    for key, values, decimals in zip(
-        ("v", "vt", "vn"), (surface.vertices, surface.uv, surface.normals), _DECIMALS, strict=True
+    for key, values, places in zip(
+        ("v", "vt", "vn"), (surface.vertices, surface.uv, surface.normals), decimals, strict=True
     ):
-        distinct, row = _distinct(values, decimals)
-        line = f"{key}{f' %.{decimals}f' * values.shape[1]}\n"
+        distinct, row = _distinct(values, places)
+        line = f"{key}{f' %.{places}f' * values.shape[1]}\n"
         lines.append(line * len(distinct) % tuple(distinct.ravel().tolist()))
         rows.append(row + 1)
     lines.append(f"usemtl {surface.material}\n")
@@ -40,11 +43,11 @@ def mtl_text(material: str, texture: str) -> str:
     return f"newmtl {material}\nKa 1 1 1\nKd 1 1 1\nKs 0 0 0\nillum 1\nmap_Kd {texture}\n"
 
 
-def write_obj(path: Path, surface: Surface, texture: str) -> None:
+def write_obj(path: Path, surface: Surface, texture: str, decimals: Decimals) -> None:
     """Write ``path`` and its material library beside it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     library = path.with_suffix(".mtl")
-    path.write_text(obj_text(surface, library.name))
+    path.write_text(obj_text(surface, library.name, decimals))
     library.write_text(mtl_text(surface.material, texture))
 
 
