@@ -1,12 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sub-commands for worlds in other tools: scene."""
+"""Sub-commands for worlds in other tools: scene, gazebo."""
 
 import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from fieldtruth.cli.arguments import AddCommand, Parser, seed
+from fieldtruth.core.errors import UnknownNameError
 
 if TYPE_CHECKING:
     from fieldtruth.world.model import World
@@ -15,6 +16,12 @@ _SCENE_EXAMPLES: Final = """\
 examples:
   fieldtruth scene park --to gltf                        park_0.glb, for Blender, three.js and others
   fieldtruth scene lake --to obj --no-beyond --out lake  only what is inside the world's edge
+"""
+
+_GAZEBO_EXAMPLES: Final = """\
+examples:
+  fieldtruth gazebo park --flavour classic --out park     a package for Gazebo 11 and ROS 1; its README has commands
+  fieldtruth gazebo lake --flavour both --no-beyond --out lake      lake/classic and lake/gz, without the land around
 """
 
 
@@ -54,6 +61,30 @@ def _scene(options: argparse.Namespace) -> None:
     print(f"{out}: {len(files)} file{'s' * (len(files) != 1)}, {sum(p.stat().st_size for p in files) / 1e6:.1f} MB")
 
 
+def _gazebo(options: argparse.Namespace) -> None:
+    from fieldtruth.world.environments import ENVIRONMENTS
+
+    if options.environment not in ENVIRONMENTS:
+        raise UnknownNameError("environment", options.environment, ENVIRONMENTS)
+    from fieldtruth.core.progress import show_progress
+    from fieldtruth.gazebo import check_gazebo_output, write_gazebo
+
+    check_gazebo_output(options.out, flavour=options.flavour, overwrite=options.overwrite)
+    with show_progress() as progress:
+        with progress.stage("world"):
+            world = selected_world(options)
+        with progress.stage("write the package"):
+            out = write_gazebo(
+                world,
+                options.out,
+                flavour=options.flavour,
+                beyond=not options.no_beyond,
+                overwrite=options.overwrite,
+            )
+    files = [path for path in out.rglob("*") if path.is_file()]
+    print(f"{out}: {len(files)} files, {sum(path.stat().st_size for path in files) / 1e6:.1f} MB")
+
+
 # ---------------------------------------------------------------------------------------------------------------------
 # Arguments
 
@@ -66,3 +97,15 @@ def add_commands(command: AddCommand) -> None:
     scene.add_argument("--out", metavar="PATH", type=Path, help="file or folder (ENV_SEED and the form's ending)")
     scene.add_argument("--no-beyond", action="store_true", help="without the land beyond the world's edge")
     scene.add_argument("--overwrite", action="store_true", help="replace an existing output")
+
+    gazebo = command("gazebo", _gazebo, "Write an environment and the robot for Gazebo and ROS.", _GAZEBO_EXAMPLES)
+    add_world_arguments(gazebo)
+    gazebo.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder of the package")
+    gazebo.add_argument(
+        "--flavour",
+        metavar="NAME",
+        required=True,
+        help="classic (Gazebo 11, ROS 1), gz (the newer Gazebo, ROS 2) or both",
+    )
+    gazebo.add_argument("--no-beyond", action="store_true", help="without the land beyond the world's edge")
+    gazebo.add_argument("--overwrite", action="store_true", help="replace an existing package")

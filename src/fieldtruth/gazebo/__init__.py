@@ -4,34 +4,37 @@
 
 import os
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.core.files import atomic_output, output_errors, remove
-from fieldtruth.experiment.rig import Rig
-from fieldtruth.world.model import World
 
-FLAVOURS: Final = {"classic": "Gazebo 11 and ROS 1"}
-"""What a package can be written for."""
-MARK: Final = "worlds"
-"""Folder that every package has, which marks it as replaceable."""
+if TYPE_CHECKING:
+    from fieldtruth.experiment.rig import Rig
+    from fieldtruth.gazebo.robot import Flavour
+    from fieldtruth.world.model import World
+
+FLAVOURS: Final[dict[str, tuple["Flavour", ...]]] = {"classic": ("classic",), "gz": ("gz",), "both": ("classic", "gz")}
+"""What is written: a package, or a folder of packages named after their flavours."""
+_MARKS: Final = ("worlds", "classic/worlds")
+"""Folders of which every output has one, which marks it as replaceable."""
 
 
 def write_gazebo(
-    world: World,
+    world: "World",
     out: Path | str,
     *,
     flavour: str = "classic",
-    rig: Rig | None = None,
+    rig: "Rig | None" = None,
     beyond: bool = True,
     overwrite: bool = False,
 ) -> Path:
-    """Write a world and the robot as a package for Gazebo.
+    """Write a world and the robot as a package for Gazebo 11 and ROS 1 (classic), or the newer Gazebo and ROS 2 (gz).
 
     Args:
         world: see ``load_world``.
         out: folder of the package.
-        flavour: a key of ``FLAVOURS``.
+        flavour: classic, gz, or both: a folder with a package of each, ``classic`` and ``gz``.
         rig: sensors of the robot; None takes the defaults.
         beyond: whether to include the land beyond the world's edge.
         overwrite: replace an existing package.
@@ -43,24 +46,27 @@ def write_gazebo(
         UnknownNameError: an unknown flavour.
         OutputError: the folder already exists or cannot be written.
     """
-    target = check_output(out, flavour=flavour, overwrite=overwrite)
+    target = check_gazebo_output(out, flavour=flavour, overwrite=overwrite)
+    from fieldtruth.experiment.rig import Rig  # late, here and below: the command line checks its arguments first
     from fieldtruth.gazebo.robot import write_robot
     from fieldtruth.gazebo.ros import write_ros_package
-    from fieldtruth.gazebo.worlds.classic import write_classic
+    from fieldtruth.gazebo.worlds import write_world
 
-    sensors = Rig() if rig is None else rig
+    chosen, sensors = FLAVOURS[flavour], Rig() if rig is None else rig
     with output_errors(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         with atomic_output(target) as part:
-            write_classic(part, world, beyond=beyond)
-            write_robot(part, sensors, "classic")
-            write_ros_package(part, world, sensors, "classic")
+            for name in chosen:
+                package = part if len(chosen) == 1 else part / name
+                write_world(package, world, name, beyond=beyond)
+                write_robot(package, sensors, name)
+                write_ros_package(package, world, sensors, name)
             if overwrite:
                 remove(target)
     return target
 
 
-def check_output(out: Path | str, *, flavour: str, overwrite: bool = False) -> Path:
+def check_gazebo_output(out: Path | str, *, flavour: str, overwrite: bool = False) -> Path:
     """Return the folder of the package, before any work; raises as ``write_gazebo``."""
     if flavour not in FLAVOURS:
         raise UnknownNameError("flavour", flavour, FLAVOURS)
@@ -68,6 +74,6 @@ def check_output(out: Path | str, *, flavour: str, overwrite: bool = False) -> P
     with output_errors(target):
         if os.path.lexists(target) and not overwrite:
             raise OutputError(f"{target} already exists; choose another --out, or use --overwrite to replace it")
-        if os.path.lexists(target) and not (target / MARK).is_dir():
+        if os.path.lexists(target) and not any((target / mark).is_dir() for mark in _MARKS):
             raise OutputError(f"{target} does not hold a package for Gazebo; choose another --out")
     return target

@@ -2,27 +2,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """Image files of a world's materials and of the tiles of its ground."""
 
+from collections.abc import Set
 from pathlib import Path
-from typing import Final
 
 from fieldtruth.interchange.ground import ground_tiles
-from fieldtruth.interchange.ground_image import ground_image
+from fieldtruth.interchange.ground_image import ground_images
 from fieldtruth.interchange.images import encode_image, material_image
-from fieldtruth.render.materials import material_table
 from fieldtruth.world.model import World
 
-GROUND_PIXELS_PER_METRE: Final = 80.0
+
+def texture_file(world: World, material: str) -> str:
+    """Name of the image of a material, or of a tile of the ground.
+
+    It starts with the world's name, because Gazebo 11 finds textures by name in all folders of models.
+    """
+    return f"{world.name}_{material}.jpg"
 
 
-def write_textures(folder: Path, world: World, prefix: str) -> dict[str, str]:
-    """Write an image per material and per tile of the ground; return the files' names, which start with ``prefix``."""
-    folder.mkdir(parents=True)
-    images = {name: material_image(world, name) for name in world.materials}
-    table = material_table(world)
-    names = {}
-    for tile in ground_tiles(world):
-        images[tile.name] = ground_image(world, tile, GROUND_PIXELS_PER_METRE, table)
-    for name, image in images.items():
-        names[name] = f"{prefix}{name}.jpg"
-        (folder / names[name]).write_bytes(encode_image(image))
-    return names
+def write_textures(folder: Path, world: World, materials: Set[str]) -> None:
+    """Write the images of these materials; those that are not the world's are tiles of its ground."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in sorted(materials & world.materials.keys()):
+        (folder / texture_file(world, name)).write_bytes(encode_image(material_image(world, name)))
+    tiles = [tile for tile in ground_tiles(world) if tile.name in materials]
+    for tile, jpeg in zip(tiles, ground_images(world, tiles), strict=True):
+        (folder / texture_file(world, tile.name)).write_bytes(jpeg)
