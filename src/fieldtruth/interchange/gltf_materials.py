@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.interchange.glb import Glb
-from fieldtruth.interchange.images import encode_image, tinted
-from fieldtruth.world.model import Material, World
+from fieldtruth.interchange.images import encode_image, roughness, tinted
+from fieldtruth.world.model import World
 
 STEPS: Final = tuple(2.0 ** (k / 4) for k in range(-2, 3))
 """Steps of brightness, 19 % apart: a rounded tint is at most 9 % off within their range."""
@@ -60,7 +60,7 @@ class Materials:
                 material.label,
                 self._texture(material.texture, gain),
                 [float(np.clip(tint * STEPS[step] / gain, 0, 1)) for tint in material.tint],
-                roughness=_roughness(material),
+                roughness=roughness(material),
             )
         return self._rows[name, step]
 
@@ -91,7 +91,3 @@ class Materials:
         # Double-sided, as for the ray tracer: leaves and blades are single layers.
         material = {"name": name, "pbrMetallicRoughness": surface, "doubleSided": True, "extras": extras}
         return self._glb.add("materials", material)
-
-
-def _roughness(material: Material) -> float:
-    return 0.05 if material.mirror > 0 else 1.0 - 0.7 * material.gloss

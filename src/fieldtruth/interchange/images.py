@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Images of materials for tools that have no colour factor, and their encoding."""
+"""Looks of materials in other tools: images for tools that have no colour factor, their encoding, roughness."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.png import encode_png
 from fieldtruth.render.atlas import linear_from_srgb, srgb_from_linear
-from fieldtruth.world.model import World
+from fieldtruth.world.model import Material, World
 
 JPEG_QUALITY: Final = 90
 """Textures of 512 x 512 texels: 60 to 130 kB, a quarter of their PNG."""
@@ -36,3 +36,8 @@ def encode_image(image: NDArray[np.uint8], *, jpeg: bool = True) -> bytes:
         return encode_png(image)
     data: bytes = simplejpeg.encode_jpeg(np.ascontiguousarray(image), quality=JPEG_QUALITY, colorsubsampling="420")
     return data
+
+
+def roughness(material: Material) -> float:
+    """Roughness of a material, 0 (mirror) to 1 (matt), as glTF and USD define it."""
+    return 0.05 if material.mirror > 0 else 1.0 - 0.7 * material.gloss

@@ -11,13 +11,12 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdSemantics, UsdShade, Vt
 from fieldtruth.core.arrays import Float32Array, Index
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.frames import quaternion_wxyz_from_rotation
+from fieldtruth.interchange.images import roughness
 from fieldtruth.interchange.surfaces import Surface
 from fieldtruth.world.model import Material, Swarm
 
 INSTANCE_ID: Final = "fieldtruth:instanceId"
 CLASS_ID: Final = "fieldtruth:classId"
-MATT: Final = 0.9
-"""Roughness of a surface without gloss."""
 
 
 def child(path: Sdf.Path, name: str) -> Sdf.Path:
@@ -86,7 +85,7 @@ def add_material(stage: Usd.Stage, path: Sdf.Path, material: Material, image: st
         stage,
         path.AppendChild("surface"),
         "UsdPreviewSurface",
-        roughness=("Float", 0.05 if material.mirror else MATT - 0.6 * material.gloss),
+        roughness=("Float", roughness(material)),
         ior=("Float", 1.33 if material.mirror else 1.5),
     )
     colour = texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
