@@ -121,6 +121,8 @@ ERRORS: dict[str, tuple[str, str | bytes, str]] = {
              "a.csv: line 3: stamps must rise, got 1.000000000 s after 2.000000000 s"),
     "length": ("a.txt", f"1 {POSE}\n2 0 0 0 0 0 0 0.5", f"a.txt: line 2: {UNIT} 0.5"),
     "zero": ("a.txt", f"1 0 0 0 0 0 0 0\n2 {POSE}", f"a.txt: line 1: {UNIT} 0"),
+    "jump": ("a.txt", f"1 {POSE}\n1.1 {POSE}\n1.2 11 0 0 0 0 0 1",
+             "a.txt: line 3: the path jumps by 11.0 m in 0.1 s; at most 100 m/s are allowed"),
     "header": ("a.csv", "t,x,y\n1,2,3",
                "a.csv: the header must name t (or stamp, stamp_ns), x, y, z and qx, qy, qz, qw (or roll, pitch, yaw, "
                "or roll_deg, pitch_deg, yaw_deg), got 't, x, y'"),

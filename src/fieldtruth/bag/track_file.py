@@ -29,6 +29,8 @@ from fieldtruth.experiment.rig import Rig
 
 LARGEST_STEP_NS: Final = 500_000_000
 """A longer time [ns] between two poses is reported."""
+MAX_SPEED: Final = 100.0
+"""Highest speed [m/s] between two poses; above it are other units, a reset of the simulation, or a teleport."""
 _UNIT: Final = 0.01
 """Largest deviation of a quaternion's length from 1; below it the file is rounded, above it something else."""
 _VALUES: Final = ("x", "y", "z", "qx", "qy", "qz", "qw")
@@ -233,6 +235,13 @@ def _checked(name: str, frame: str, stamps: Counts, values: Array, where: Callab
     if not unit.all():
         row = int(np.argmin(unit))
         raise TrackError(f"{name}: {where(row)}: the quaternion must have the length 1, got {lengths[row]:.4g}")
+    lengths, spans = np.linalg.norm(np.diff(values[:, :3], axis=0), axis=1), np.diff(stamps) / 1e9
+    if (lengths > MAX_SPEED * spans).any():
+        row = int(np.argmax(lengths / spans))
+        raise TrackError(
+            f"{name}: {where(row + 1)}: the path jumps by {lengths[row]:.1f} m in {spans[row]:.4g} s; at most "
+            f"{MAX_SPEED:g} m/s are allowed"
+        )
     return TrackFile(name, Trajectory(stamps, values[:, :3], frames.wxyz_from_xyzw(values[:, 3:])), frame)
 
 

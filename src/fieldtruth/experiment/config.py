@@ -108,7 +108,7 @@ class DriveConfig(Frozen):
     """Of a bag. None: /ground_truth/odom, or where that is missing the robot in /gazebo/model_states."""
     pose_of: Annotated[str, Field(description="a frame of the rig")] | None = None
     """The frame whose poses the file has. None: base_link, or what the odometry of a bag says."""
-    start_s: Number | None = None
+    start_s: Annotated[Number, Field(ge=-10_000_000_000, le=10_000_000_000)] | None = None
     """Stamp in the file [s] that becomes time 0. None: the first."""
     world_from_track: Mount | None = None
     """Pose of the file's reference frame in the world; None if it is the world frame."""
