@@ -7,16 +7,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from gltf_readers import F8, InstancedFile, Part, read_plain
-from interchange_worlds import small_world
+from interchange_worlds import pose, small_world
 from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial import cKDTree
 
 from fieldtruth.core.classes import Label
+from fieldtruth.experiment.rig import CameraConfig
 from fieldtruth.interchange import write_scene
 from fieldtruth.interchange.gltf_materials import nearest_step
 from fieldtruth.interchange.ground import ground_tiles
+from fieldtruth.sense.label_camera import LabelCamera
+from fieldtruth.sense.scene import Scene
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World
 
@@ -112,6 +116,11 @@ def test_the_extension_holds_every_member_with_pose_and_tint(world: World, insta
     assert instanced.gltf.extensionsRequired == ["EXT_mesh_gpu_instancing"]
 
 
+def test_the_same_world_gives_the_same_bytes(world: World, tmp_path: Path) -> None:
+    one, two = (write_scene(world, tmp_path / name, form="gltf").read_bytes() for name in ("one.glb", "two.glb"))
+    assert one == two
+
+
 def test_names_ids_and_classes(world: World, instanced: InstancedFile) -> None:
     assert instanced.roots == ["terrain_0_0", "backdrop", "tree_1", "tree_2", "bench_1", "pond", "tufts"]
     ids = {name: instanced.nodes[name].extras["instance_id"] for name in instanced.roots}
@@ -163,10 +172,30 @@ def test_the_land_beyond_the_edge_is_optional(world: World, tmp_path: Path) -> N
     assert len(list(inside.members("tufts"))) == 30
 
 
+def test_rays_hit_the_classes_that_our_camera_labels(world: World, plain: list[Part], instanced: InstancedFile) -> None:
+    """trimesh's rays through the file, and our label image, from above the edge of the ring."""
+    ids = {m.name: m.extras["class_id"] for m in instanced.gltf.materials}
+    config = CameraConfig(width=160, height=96, horizontal_fov_deg=90.0, vertical_fov_deg=62.0)
+    camera = LabelCamera(config, Scene(world))
+    world_from_optical = pose(-9.0, -2.0, 4.0, yaw_deg=15.0, tilt_deg=25.0) @ np.array(
+        [[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]], np.float64
+    )
+    u, v = np.meshgrid(np.arange(config.width), np.arange(config.height))
+    lens = camera.pinhole
+    rays = np.stack([(u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy, np.ones(u.shape)], axis=-1).reshape(-1, 3)
+    corners = np.concatenate([part.corners for part in plain])
+    mesh = trimesh.Trimesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3), process=False)
+    origins = np.repeat(world_from_optical[None, :3, 3], len(rays), axis=0)
+    hit = mesh.ray.intersects_first(origins, rays @ world_from_optical[:3, :3].T)
+    classes = np.concatenate([np.full(len(part.corners), ids[part.material]) for part in plain])
+    found = np.where(hit < 0, Label.SKY, classes[hit]).reshape(u.shape)
+    ours = camera.label(world_from_optical).label
+    assert {Label.GROUND, Label.TRAIL, Label.TRUNK, Label.BENCH, Label.HIGH_GRASS, Label.SKY} <= set(ours.ravel())
+    assert (found != ours).mean() < 1e-3
+
+
 def test_texture_coordinates_point_down(world: World, tmp_path: Path) -> None:
     """trimesh turns v up again, so that it reads ours."""
-    import trimesh
-
     scene = trimesh.load_scene(write_scene(world, tmp_path / "small.glb", form="gltf-plain"), process=False)
     mesh = scene.geometry["pond"]
     expected = world.meshes["pond"].uv
