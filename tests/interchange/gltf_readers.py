@@ -23,6 +23,7 @@ class Part(NamedTuple):
     node: str
     world_from_object: F8  # (4, 4)
     corners: F8  # (f, 3, 3) in the world
+    normals: F8  # (f, 3, 3) at the corners, as stored
     material: str
 
 
@@ -35,7 +36,8 @@ def read_plain(path: Path) -> list[Part]:
         mesh = scene.geometry[name]
         corners = np.asarray(mesh.vertices, np.float64)[mesh.faces] @ pose[:3, :3].T + pose[:3, 3]
         world_from_object = Z_UP @ pose @ Z_UP.T
-        parts.append(Part(str(node), world_from_object, corners @ Z_UP[:3, :3].T, mesh.visual.material.name))
+        normals = mesh.vertex_normals[mesh.faces] @ (Z_UP[:3, :3] @ pose[:3, :3]).T
+        parts.append(Part(str(node), world_from_object, corners @ Z_UP[:3, :3].T, normals, mesh.visual.material.name))
     return parts
 
 

@@ -93,7 +93,8 @@ def _square(half: float) -> list[list[float]]:
 
 def _tufts(meshes: Sequence[Mesh]) -> Swarm:
     rng = np.random.default_rng(3)
-    xy = np.concatenate([rng.uniform(-9.5, 9.5, (30, 2)), rng.uniform(11.0, 15.0, (10, 2))])
+    far = rng.uniform(11.0, 15.0, (10, 2)) * np.where(np.arange(10) < 5, 1, -1)[:, None]
+    xy = np.concatenate([rng.uniform(-9.5, 9.5, (30, 2)), far])
     poses = np.array([pose(x, y, 0.0, yaw_deg=90 * (k % 4), scale=0.8 + 0.01 * k) for k, (x, y) in enumerate(xy)])
     tint = rng.uniform(0.7, 1.4, (40, 3)).astype(np.float32)
     rows = (np.arange(40) % 3 == 0).astype(np.int32)

@@ -72,6 +72,15 @@ def test_every_object_has_its_pose_and_its_triangles(world: World, plain: list[P
         )
 
 
+def test_normals_point_out_of_the_triangles(plain: list[Part]) -> None:
+    """The meshes are flat-shaded: at each corner the stored normal is that of the triangle."""
+    for part in parts_of(plain, "tree_2") + parts_of(plain, "bench_1"):
+        across = np.cross(part.corners[:, 1] - part.corners[:, 0], part.corners[:, 2] - part.corners[:, 0])
+        cosine = np.einsum("fk,fck->fc", across, part.normals) / np.linalg.norm(across, axis=1)[:, None]
+        scale = np.cbrt(np.linalg.det(part.world_from_object[:3, :3]))
+        np.testing.assert_allclose(cosine, scale, atol=1e-5)
+
+
 def test_every_member_of_a_swarm_is_a_node(world: World, plain: list[Part]) -> None:
     (swarm,) = world.swarms
     members = [part for part in plain if part.node.startswith("tufts.")]
