@@ -82,7 +82,7 @@ def views(case: Case, folder: Path) -> Views:
     pose = state.world_from_base @ config.left.base_from_sensor @ CAMERA_FROM_OPTICAL
     camera = LabelCamera(config, Scene(world))
     job = {
-        "scene": str(write_scene(world, folder / "scene.glb", form=case.form)),
+        "scene": str(write_scene(world, folder / "scene.glb", to=case.form)),
         "ids": str(folder / "ids.npy"),
         "world_from_optical": pose.tolist(),
         "fx": camera.pinhole.fx,

@@ -35,13 +35,13 @@ def world() -> World:
 @pytest.fixture(scope="module")
 def plain(world: World, tmp_path_factory: pytest.TempPathFactory) -> list[Part]:
     path = tmp_path_factory.mktemp("plain") / "small.glb"
-    assert write_scene(world, path, form="gltf-plain") == path
+    assert write_scene(world, path, to="gltf-plain") == path
     return read_plain(path)
 
 
 @pytest.fixture(scope="module")
 def instanced(world: World, tmp_path_factory: pytest.TempPathFactory) -> InstancedFile:
-    return InstancedFile(write_scene(world, tmp_path_factory.mktemp("instanced") / "small.glb", form="gltf"))
+    return InstancedFile(write_scene(world, tmp_path_factory.mktemp("instanced") / "small.glb", to="gltf"))
 
 
 def parts_of(parts: list[Part], name: str) -> list[Part]:
@@ -126,7 +126,7 @@ def test_the_extension_holds_every_member_with_pose_and_tint(world: World, insta
 
 
 def test_the_same_world_gives_the_same_bytes(world: World, tmp_path: Path) -> None:
-    one, two = (write_scene(world, tmp_path / name, form="gltf").read_bytes() for name in ("one.glb", "two.glb"))
+    one, two = (write_scene(world, tmp_path / name, to="gltf").read_bytes() for name in ("one.glb", "two.glb"))
     assert one == two
 
 
@@ -176,7 +176,7 @@ def test_tints_are_rounded_to_the_nearest_step() -> None:
 
 
 def test_the_land_beyond_the_edge_is_optional(world: World, tmp_path: Path) -> None:
-    inside = InstancedFile(write_scene(world, tmp_path / "inside.glb", form="gltf", beyond=False))
+    inside = InstancedFile(write_scene(world, tmp_path / "inside.glb", to="gltf", beyond=False))
     assert "backdrop" not in inside.roots
     assert len(list(inside.members("tufts"))) == 30
 
@@ -205,7 +205,7 @@ def test_rays_hit_the_classes_that_our_camera_labels(world: World, plain: list[P
 
 def test_texture_coordinates_point_down(world: World, tmp_path: Path) -> None:
     """trimesh turns v up again, so that it reads ours."""
-    scene = trimesh.load_scene(write_scene(world, tmp_path / "small.glb", form="gltf-plain"), process=False)
+    scene = trimesh.load_scene(write_scene(world, tmp_path / "small.glb", to="gltf-plain"), process=False)
     mesh = scene.geometry["pond"]
     expected = world.meshes["pond"].uv
     np.testing.assert_allclose(mesh.visual.uv, expected, atol=1e-6)
@@ -215,7 +215,7 @@ def test_texture_coordinates_point_down(world: World, tmp_path: Path) -> None:
 @pytest.mark.parametrize("environment", ["park", "forest", "lake", "hillside"])
 def test_the_real_worlds_are_read_back(environment: str, tmp_path: Path) -> None:
     world = load_world(environment)
-    found = InstancedFile(write_scene(world, tmp_path / "instanced.glb", form="gltf"))
+    found = InstancedFile(write_scene(world, tmp_path / "instanced.glb", to="gltf"))
     for instance in world.instances:
         node = found.nodes[instance.name]
         assert node.extras["instance_id"] == instance.object_id
@@ -227,7 +227,7 @@ def test_the_real_worlds_are_read_back(environment: str, tmp_path: Path) -> None
         rows = nearest(poses, swarm.world_from_object)
         assert len(np.unique(rows)) == len(rows)
         assert np.abs(poses - swarm.world_from_object[rows]).max() < 2e-5  # float32 at 400 m
-    parts = read_plain(write_scene(world, tmp_path / "plain.glb", form="gltf-plain"))
+    parts = read_plain(write_scene(world, tmp_path / "plain.glb", to="gltf-plain"))
     assert world.backdrop is not None
     faces = {name: len(mesh.faces) for name, mesh in world.meshes.items()}
     count = sum(len(s.faces) for tile in ground_tiles(world) for s in tile.surfaces) + len(world.backdrop.faces)

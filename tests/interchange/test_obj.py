@@ -30,7 +30,7 @@ def world() -> World:
 
 @pytest.fixture(scope="module")
 def folder(world: World, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_scene(world, tmp_path_factory.mktemp("obj") / "small", form="obj")
+    return write_scene(world, tmp_path_factory.mktemp("obj") / "small", to="obj")
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +74,7 @@ def test_every_triangle_stands_where_it_stands_in_the_world(world: World, parts:
 
 
 def test_without_the_land_beyond_the_edge(world: World, tmp_path: Path) -> None:
-    table = json.loads((write_scene(world, tmp_path / "out", form="obj", beyond=False) / "objects.json").read_text())
+    table = json.loads((write_scene(world, tmp_path / "out", to="obj", beyond=False) / "objects.json").read_text())
     assert not [name for name in table["objects"] if "beyond" in name or name == "backdrop"]
     assert any(name.startswith("tufts") for name in table["objects"])
 

@@ -14,7 +14,7 @@ from interchange_worlds import small_world
 from fieldtruth import cli
 from fieldtruth.core import memory
 from fieldtruth.core.errors import OutputError, UnknownNameError
-from fieldtruth.interchange import FORMS, write_scene
+from fieldtruth.interchange import FORMATS, write_scene
 from fieldtruth.world import build
 from fieldtruth.world.model import World
 
@@ -32,56 +32,56 @@ def world() -> World:
 
 
 def test_an_unknown_form_is_named(world: World) -> None:
-    with pytest.raises(UnknownNameError, match=r"unknown form 'gltff'; did you mean 'gltf'\? Available: gltf, "):
-        write_scene(world, form="gltff")
+    with pytest.raises(UnknownNameError, match=r"unknown format 'gltff'; did you mean 'gltf'\? Available: gltf, "):
+        write_scene(world, to="gltff")
 
 
 def test_the_default_name_is_the_worlds(world: World) -> None:
-    assert write_scene(replace(world, name="tiny", seed=7), form="inventory") == Path("tiny_7_inventory")
+    assert write_scene(replace(world, name="tiny", seed=7), to="inventory") == Path("tiny_7_inventory")
     assert Path("tiny_7_inventory/inventory.csv").is_file()
 
 
-@pytest.mark.parametrize("form", FORMS)
-def test_an_existing_output_is_kept(world: World, form: str) -> None:
+@pytest.mark.parametrize("to", FORMATS)
+def test_an_existing_output_is_kept(world: World, to: str) -> None:
     Path("there").write_text("precious")
     with pytest.raises(OutputError, match=r"^there already exists; choose another --out, or use --overwrite"):
-        write_scene(world, "there", form=form)
+        write_scene(world, "there", to=to)
     assert Path("there").read_text() == "precious"
 
 
-@pytest.mark.parametrize("form", FORMS)
-def test_a_folder_of_something_else_is_never_replaced(world: World, form: str) -> None:
+@pytest.mark.parametrize("to", FORMATS)
+def test_a_folder_of_something_else_is_never_replaced(world: World, to: str) -> None:
     Path("home").mkdir()
     Path("home/thesis.tex").write_text("precious")
-    with pytest.raises(OutputError, match=f"^home is a folder that does not hold form '{form}'; choose another --out"):
-        write_scene(world, "home", form=form, overwrite=True)
+    with pytest.raises(OutputError, match=f"^home is a folder that does not hold format '{to}'; choose another --out"):
+        write_scene(world, "home", to=to, overwrite=True)
     assert Path("home/thesis.tex").read_text() == "precious"
 
 
 def test_overwrite_replaces_an_older_output(world: World) -> None:
-    write_scene(world, "out", form="inventory")
+    write_scene(world, "out", to="inventory")
     Path("out/old.txt").write_text("")
-    write_scene(world, "out", form="inventory", overwrite=True)
+    write_scene(world, "out", to="inventory", overwrite=True)
     assert not Path("out/old.txt").exists()
     assert [p.name for p in Path().iterdir()] == ["out"]
 
 
-@pytest.mark.parametrize(("form", "last_step"), [("gltf", "glb.Glb.save"), ("obj", "obj._write_materials")])
-def test_a_full_disk_leaves_nothing(world: World, monkeypatch: pytest.MonkeyPatch, form: str, last_step: str) -> None:
+@pytest.mark.parametrize(("to", "last_step"), [("gltf", "glb.Glb.save"), ("obj", "obj._write_materials")])
+def test_a_full_disk_leaves_nothing(world: World, monkeypatch: pytest.MonkeyPatch, to: str, last_step: str) -> None:
     def fill(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(f"fieldtruth.interchange.{last_step}", fill)
     with pytest.raises(OutputError, match=r"^cannot write new: no space left"):
-        write_scene(world, "new", form=form)
+        write_scene(world, "new", to=to)
     assert list(Path().iterdir()) == []
 
 
 def test_a_scene_larger_than_the_memory_is_refused(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(memory, "available_memory", lambda: 50_000_000)
-    expected = r"^form 'gltf' of tiny needs about 0\.\d GB of memory, but 0\.1 GB are available; .*--no-beyond"
+    expected = r"^format 'gltf' of tiny needs about 0\.\d GB of memory, but 0\.1 GB are available; .*--no-beyond"
     with pytest.raises(OutputError, match=expected):
-        write_scene(world, "new.glb", form="gltf")
+        write_scene(world, "new.glb", to="gltf")
     assert list(Path().iterdir()) == []
 
 
@@ -89,8 +89,8 @@ def test_a_form_names_the_extra_of_a_missing_library(world: World, monkeypatch: 
     for name in [name for name in sys.modules if name.startswith("fieldtruth.interchange.usd")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "pxr", None)
-    with pytest.raises(OutputError, match=r"^form 'usd' needs .*; run: pip install 'fieldtruth\[usd\]'$"):
-        write_scene(world, "new", form="usd")
+    with pytest.raises(OutputError, match=r"^format 'usd' needs .*; run: pip install 'fieldtruth\[usd\]'$"):
+        write_scene(world, "new", to="usd")
     assert list(Path().iterdir()) == []
 
 
@@ -114,7 +114,7 @@ def test_available_memory_is_that_of_the_system_or_the_container(
 ERRORS = [
     (["park"], "the following arguments are required: --to"),
     (["prak", "--to", "gltf"], "unknown environment 'prak'; did you mean 'park'? Available: forest, hillside, lake, "),
-    (["park", "--to", "gtlf"], "unknown form 'gtlf'; did you mean 'gltf'? Available: gltf, "),
+    (["park", "--to", "gtlf"], "unknown format 'gtlf'; did you mean 'gltf'? Available: gltf, "),
     (["park", "--to", "obj", "--out", "taken"], "taken already exists; choose another --out, or use --overwrite"),
     (["park", "--to", "obj", "--layout", "none.yaml"], "cannot read none.yaml: No such file or directory"),
     (["park", "--to", "obj", "--layout", "list.yaml"], "list.yaml: must be a mapping of keys to values (key: value)"),

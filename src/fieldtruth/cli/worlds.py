@@ -48,7 +48,7 @@ def _scene(options: argparse.Namespace) -> None:
     from fieldtruth.interchange import check_scene_output, write_scene
 
     out = check_scene_output(
-        f"{options.environment}_{options.seed}", options.out, form=options.to, overwrite=options.overwrite
+        f"{options.environment}_{options.seed}", options.out, to=options.to, overwrite=options.overwrite
     )
     from fieldtruth.core.progress import show_progress
 
@@ -56,7 +56,7 @@ def _scene(options: argparse.Namespace) -> None:
         with progress.stage("world"):
             world = selected_world(options)
         with progress.stage("write the scene"):
-            write_scene(world, out, form=options.to, beyond=not options.no_beyond, overwrite=options.overwrite)
+            write_scene(world, out, to=options.to, beyond=not options.no_beyond, overwrite=options.overwrite)
     files = [path for path in out.rglob("*") if path.is_file()] if out.is_dir() else [out]
     print(f"{out}: {len(files)} file{'s' * (len(files) != 1)}, {sum(p.stat().st_size for p in files) / 1e6:.1f} MB")
 
@@ -93,8 +93,8 @@ def add_commands(command: AddCommand) -> None:
     """Add the sub-commands."""
     scene = command("scene", _scene, "Write an environment for other tools.", _SCENE_EXAMPLES)
     add_world_arguments(scene)
-    scene.add_argument("--to", metavar="FORM", required=True, help="gltf, gltf-plain, obj, usd or inventory")
-    scene.add_argument("--out", metavar="PATH", type=Path, help="file or folder (ENV_SEED and the form's ending)")
+    scene.add_argument("--to", metavar="FORMAT", required=True, help="gltf, gltf-plain, obj, usd or inventory")
+    scene.add_argument("--out", metavar="PATH", type=Path, help="file or folder (ENV_SEED and the format's ending)")
     scene.add_argument("--no-beyond", action="store_true", help="without the land beyond the world's edge")
     scene.add_argument("--overwrite", action="store_true", help="replace an existing output")
 

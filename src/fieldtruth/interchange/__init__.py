@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The world in the formats of other tools: the table of forms, and what all of them share.
+"""The world in the formats of other tools: the table of formats, and what all of them share.
 
-Each form is a module with one function ``write(world, target, *, beyond)``. It writes a new file or folder ``target``,
-which is a temporary name: the output gets its own when it is complete.
+Each format is a module with one function ``write(world, target, *, beyond)``. It writes a new file or folder under the
+temporary name ``target``; the output gets its own name when it is complete.
 """
 
 import os
@@ -18,10 +18,10 @@ from fieldtruth.core.memory import check_memory
 from fieldtruth.world.model import World
 
 _BASE: Final = 300_000_000
-"""Memory [byte] for the textures and images of the ground, whatever the form."""
+"""Memory [byte] for the textures and images of the ground, whatever the format."""
 
 
-class Form(NamedTuple):
+class Format(NamedTuple):
     """A row of the table."""
 
     module: str
@@ -30,31 +30,31 @@ class Form(NamedTuple):
     """Added to the world's name and seed for the default output path."""
     description: str
     holds: str = ""
-    """A file that its folder always has, which marks it as replaceable; empty for a form of one file."""
+    """A file that its folder always has, which marks it as replaceable; empty for a format of one file."""
     extra: str = ""
     """Extra of the package that it needs; empty: none."""
 
 
-FORMS: Final[dict[str, Form]] = {
-    "gltf": Form("gltf", ".glb", "glTF 2.0, swarms as EXT_mesh_gpu_instancing"),
-    "gltf-plain": Form("gltf_plain", ".glb", "glTF 2.0 without extensions, a node per member of a swarm"),
-    "usd": Form(
+FORMATS: Final[dict[str, Format]] = {
+    "gltf": Format("gltf", ".glb", "glTF 2.0, swarms as EXT_mesh_gpu_instancing"),
+    "gltf-plain": Format("gltf_plain", ".glb", "glTF 2.0 without extensions, a node per member of a swarm"),
+    "usd": Format(
         "usd", "_usd", "USD with point instancers, classes as semantic labels", holds="world.usdc", extra="usd"
     ),
-    "obj": Form("obj", "_obj", "Wavefront OBJ with materials, textures and a table of classes", holds="objects.json"),
-    "inventory": Form("inventory", "_inventory", "CSV and GeoPackage of every object", holds="inventory.csv"),
+    "obj": Format("obj", "_obj", "Wavefront OBJ with materials, textures and a table of classes", holds="objects.json"),
+    "inventory": Format("inventory", "_inventory", "CSV and GeoPackage of every object", holds="inventory.csv"),
 }
 
 
 def write_scene(
-    world: World, out: Path | str | None = None, *, form: str, beyond: bool = True, overwrite: bool = False
+    world: World, out: Path | str | None = None, *, to: str, beyond: bool = True, overwrite: bool = False
 ) -> Path:
     """Write a world for other tools.
 
     Args:
         world: see ``load_world``.
         out: path of the file or folder, by default in the current folder and named after the world and its seed.
-        form: a key of ``FORMS``.
+        to: the format, a key of ``FORMATS``.
         beyond: whether to include the land beyond the world's edge and the members of swarms there.
         overwrite: replace an existing output.
 
@@ -62,11 +62,11 @@ def write_scene(
         Path of the output.
 
     Raises:
-        UnknownNameError: an unknown form.
+        UnknownNameError: an unknown format.
         OutputError: the output already exists or cannot be written, a library is missing, or the memory is too small.
     """
-    target = check_scene_output(f"{world.name}_{world.seed}", out, form=form, overwrite=overwrite)
-    write = _writer(form)
+    target = check_scene_output(f"{world.name}_{world.seed}", out, to=to, overwrite=overwrite)
+    write = _writer(to)
     with output_errors(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         with atomic_output(target) as part:
@@ -76,36 +76,36 @@ def write_scene(
     return target
 
 
-def check_scene_output(stem: str, out: Path | str | None = None, *, form: str, overwrite: bool = False) -> Path:
+def check_scene_output(stem: str, out: Path | str | None = None, *, to: str, overwrite: bool = False) -> Path:
     """Return the path of the output, before any work; raises as ``write_scene``."""
-    if form not in FORMS:
-        raise UnknownNameError("form", form, FORMS)
-    target = Path(stem + FORMS[form].suffix) if out is None else Path(out)
+    if to not in FORMATS:
+        raise UnknownNameError("format", to, FORMATS)
+    target = Path(stem + FORMATS[to].suffix) if out is None else Path(out)
     with output_errors(target):
         if os.path.lexists(target) and not overwrite:
             raise OutputError(f"{target} already exists; choose another --out, or use --overwrite to replace it")
-        if target.is_dir() and not (FORMS[form].holds and (target / FORMS[form].holds).is_file()):
-            raise OutputError(f"{target} is a folder that does not hold form {form!r}; choose another --out")
+        if target.is_dir() and not (FORMATS[to].holds and (target / FORMATS[to].holds).is_file()):
+            raise OutputError(f"{target} is a folder that does not hold format {to!r}; choose another --out")
     return target
 
 
-def check_scene_memory(world: World, form: str, needed: int) -> None:
-    """Check the memory before a form is written; ``needed`` [byte] is added to what every form takes for its images.
+def check_scene_memory(world: World, to: str, needed: int) -> None:
+    """Check the memory before a format is written: ``needed`` [byte] and what every format takes for its images.
 
     Raises:
         OutputError: both figures.
     """
-    check_memory(needed + _BASE, f"form {form!r} of {world.name}", "free some memory, or use --no-beyond")
+    check_memory(needed + _BASE, f"format {to!r} of {world.name}", "free some memory, or use --no-beyond")
 
 
-def _writer(form: str) -> Callable[..., None]:
-    row = FORMS[form]
+def _writer(to: str) -> Callable[..., None]:
+    row = FORMATS[to]
     try:
         write: Callable[..., None] = import_module(f"{__name__}.{row.module}").write
     except ModuleNotFoundError as error:
         if not row.extra or (error.name or "").startswith("fieldtruth"):
             raise
         raise OutputError(
-            f"form {form!r} needs a library that is not installed; run: pip install 'fieldtruth[{row.extra}]'"
+            f"format {to!r} needs a library that is not installed; run: pip install 'fieldtruth[{row.extra}]'"
         ) from error
     return write

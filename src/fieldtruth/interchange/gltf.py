@@ -7,7 +7,7 @@ poses are both converted, so a node's mesh is upright in its own frame. Blender'
 there, coordinates are ours.
 
 Nodes are named after objects, and share meshes. The ``extras`` of a node have instance id, kind and classes, those of a
-material its class. A swarm is a node whose children are its meshes with ``EXT_mesh_gpu_instancing``, or (form
+material its class. A swarm is a node whose children are its meshes with ``EXT_mesh_gpu_instancing``, or (format
 gltf-plain) one node per member. The extension has poses of float32, nodes have float64.
 """
 
