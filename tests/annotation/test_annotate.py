@@ -32,6 +32,7 @@ from fieldtruth.annotation import annotate
 from fieldtruth.bag import decode as read
 from fieldtruth.bag.decode import image, read_bag, static_transforms
 from fieldtruth.bag.run import open_run
+from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import CameraConfig, Rig
 from fieldtruth.render.camera import Camera
@@ -215,6 +216,20 @@ def test_wall_time_in_the_bag_and_simulated_time_in_headers(
     bag = annotate(write(tmp_path / "x.bag", there), "park", rig=cameras)
     images = [row for row in seen(start) if row[1] != "/os1_cloud_node/points"]
     assert seen(stored(bag)) == [(stamp + WALL + 2_000_000, topic, data) for stamp, topic, data in images]
+
+
+def test_images_that_the_bag_has_already_are_kept_with_a_prefix(
+    original: list[Message], cameras: Rig, tmp_path: Path
+) -> None:
+    start = [m for m in original if m.stamp <= 50_000_000 and (m.kind.topic == ODOMETRY or "/stereo" in m.kind.topic)]
+    bag = write(tmp_path / "x.bag", start)
+    with pytest.warns(FieldtruthWarning, match=rf"own messages of .*{LEFT_TAG}.* have the prefix /recorded"):
+        made = stored(annotate(bag, "park", rig=cameras))
+    own = seen(start)
+    assert len(own) == 10
+    assert seen(made) == own
+    kept = [(stamp, kind.topic, data) for stamp, kind, data in made if kind.topic.startswith("/recorded")]
+    assert kept == [(stamp, f"/recorded{topic}", data) for stamp, topic, data in own]
 
 
 def test_missing_frames_of_the_added_sensors_are_added(original: list[Message], cameras: Rig, tmp_path: Path) -> None:

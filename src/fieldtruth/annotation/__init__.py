@@ -7,6 +7,7 @@ only read: its messages are copied unchanged, merged with the new ones, into a n
 """
 
 import os
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -14,15 +15,14 @@ from pathlib import Path
 from typing import Any
 
 from fieldtruth.annotation.check import check_frames, check_objects, check_poses
-from fieldtruth.annotation.merge import merge_bags
+from fieldtruth.annotation.merge import RECORDED, merge_bags
 from fieldtruth.annotation.poses import Poses, read_poses
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.model_states import ROBOT
-from fieldtruth.bag.reader import BagError
 from fieldtruth.bag.robot_messages import tf_static
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.errors import ConfigurationError, OutputError
+from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning, OutputError
 from fieldtruth.core.files import locked, output_errors
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
@@ -61,6 +61,8 @@ def annotate(
 ) -> Path:
     """Write a new bag: all messages of another one, and what the rig's cameras and LiDAR sense at its true poses.
 
+    Images and clouds that the bag has already are kept, too: their topics get the prefix /recorded.
+
     The bytes do not depend on the number of workers. If interrupted, the same call resumes.
 
     Args:
@@ -78,8 +80,8 @@ def annotate(
     Raises:
         UnknownNameError: unknown environment, or the bag has no such robot.
         ConfigurationError: a layout that is not allowed, or a rig without a sensor to add.
-        BagError: the bag cannot be read, has no poses or a gap in them, already has the topics to add, or was recorded
-            with other sensors or in another world.
+        BagError: the bag cannot be read, has no poses or a gap in them, or was recorded with other sensors or in
+            another world.
         OutputError: the output already exists, is in use, or cannot be written.
     """
     config = WorldConfig(world) if isinstance(world, str) else world
@@ -146,10 +148,8 @@ def _added_topics(run: Run, rig: Rig) -> list[table.Topic]:
     if not added:
         raise ConfigurationError("nothing to add: the rig has neither cameras nor a LiDAR that is enabled")
     if present := [topic.name for topic in added if topic.name in run.counts]:
-        raise BagError(
-            f"{run.bag} already has {', '.join(present)}; remove them first "
-            f"(rosbag filter old.bag new.bag \"topic not in ('{present[0]}', ...)\")"
-        )
+        renamed = f"the bag's own messages of {', '.join(present)} have the prefix {RECORDED} in the new bag"
+        warnings.warn(renamed, FieldtruthWarning, stacklevel=3)
     return added
 
 

@@ -5,7 +5,7 @@
 from collections.abc import Callable, Iterator, Mapping
 from heapq import merge
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from rosbags.interfaces import Connection
 
@@ -16,6 +16,9 @@ from fieldtruth.bag.writer import BagWriter
 from fieldtruth.core.files import output_errors
 from fieldtruth.core.progress import Advance, timed
 from fieldtruth.record.slices import Slices
+
+RECORDED: Final = "/recorded"
+"""Prefix of the bag's own topics where new ones have their names."""
 
 
 class _Entry(NamedTuple):
@@ -39,7 +42,7 @@ def merge_bags(
     One chunk of each is in memory at a time.
 
     Args:
-        run: the other bag, all of whose messages and topics are copied.
+        run: the other bag, all of whose messages are copied; topics that are new, too, get the prefix ``RECORDED``.
         slices: the new messages; all slices are finished.
         target: the new bag; it appears when it is complete.
         latched: stamp in the bag [ns] and bytes, by topic, of messages that are published once.
@@ -52,7 +55,9 @@ def merge_bags(
         open_bag(run.bag, own_names=True) as source,
         BagWriter(target, [*once, *slices.topics]) as bag,
     ):
-        connections = {connection.id: bag.carry(connection) for connection in source.connections}
+        new = {topic.name for topic in slices.topics}
+        kept = [c._replace(topic=RECORDED + c.topic) if c.topic in new else c for c in source.connections]
+        connections = {connection.id: bag.carry(connection) for connection in kept}
 
         def original() -> Iterator[_Entry]:
             for raw in source.messages():
