@@ -24,7 +24,7 @@
 namespace
 {
 // Physics steps of 1 ms.
-constexpr int IMU = 20, WHEELS = 100, FIX = 500;
+constexpr int IMU = 20, MEASURE = 100, FIX = 500;
 
 std::string Setting(const char *name, const char *otherwise)
 {
@@ -125,9 +125,9 @@ private:
     if (step % odometrySteps == 0) PublishOdometry(stamp);
     if (step % IMU == 0) sensors->PublishImu();
     if (step % FIX == 0) sensors->PublishFix(stamp);
-    if (step % WHEELS == 0) drive->PublishSpeeds();
+    drive->PublishJoints(step, stamp);
     if (CloudIsDue(step)) sensors->PublishCloud(stamp);
-    if (step % WHEELS == 0) Measure(stamp.toSec());
+    if (step % MEASURE == 0) Measure(stamp.toSec());
   }
 
   void PublishClock()

@@ -2,32 +2,44 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "skid_steer.hh"
 
-#include <std_msgs/Float32.h>
+#include <sensor_msgs/JointState.h>
+
+#include <cmath>
+#include <sstream>
 
 #include "description.hh"
 
 namespace
 {
 const std::array<const char *, 4> JOINTS = {"leftFrontJoint", "rightFrontJoint", "leftRearJoint", "rightRearJoint"};
-const std::array<const char *, 4> NAMES = {"front_left", "front_right", "rear_left", "rear_right"};
+
+gazebo::physics::JointPtr JointOf(gazebo::physics::ModelPtr model, const std::string &name)
+{
+  const auto joint = model->GetJoint(name);
+  if (!joint) throw std::runtime_error("model " + model->GetName() + " has no joint " + name);
+  return joint;
+}
 }  // namespace
 
 SkidSteer::SkidSteer(gazebo::physics::ModelPtr model, ros::NodeHandle &node)
 {
-  const auto sdf = PluginOf(model->GetSDF(), "skid_steer_drive");
+  auto sdf = PluginOf(model->GetSDF(), "skid_steer_drive");
   separation = Read<double>(sdf, "wheelSeparation");
   radius = Read<double>(sdf, "wheelDiameter") / 2.0;
   period = 1.0 / Read<double>(sdf, "updateRate");
   for (size_t k = 0; k < wheels.size(); ++k)
   {
-    const auto name = Read<std::string>(sdf, JOINTS[k]);
-    wheels[k] = model->GetJoint(name);
-    if (!wheels[k]) throw std::runtime_error("model " + model->GetName() + " has no joint " + name);
+    wheels[k] = JointOf(model, Read<std::string>(sdf, JOINTS[k]));
     wheels[k]->SetParam("fmax", 0, Read<double>(sdf, "torque"));
-    speeds[k] = node.advertise<std_msgs::Float32>(std::string("/gazebo_client/") + NAMES[k] + "_speed", 10);
   }
   const auto topic = Read<std::string>(sdf, "commandTopic");
   commands = node.subscribe(topic, 1, &SkidSteer::OnCommand, this, ros::TransportHints().tcpNoDelay());
+
+  sdf = PluginOf(model->GetSDF(), "joint_state_publisher");
+  jointSteps = std::lround(1000.0 / Read<double>(sdf, "updateRate"));
+  std::stringstream names(Read<std::string>(sdf, "jointName"));
+  for (std::string name; std::getline(names >> std::ws, name, ',');) joints.push_back(JointOf(model, name));
+  jointTopic = node.advertise<sensor_msgs::JointState>("/joint_states", 100);
 }
 
 void SkidSteer::OnCommand(const geometry_msgs::Twist::ConstPtr &command)
@@ -49,12 +61,16 @@ void SkidSteer::Drive(double seconds)
   }
 }
 
-void SkidSteer::PublishSpeeds()
+void SkidSteer::PublishJoints(uint64_t step, const ros::Time &stamp)
 {
-  for (size_t k = 0; k < wheels.size(); ++k)
+  if (step % jointSteps != 0) return;
+  sensor_msgs::JointState message;
+  message.header.stamp = stamp;
+  for (const auto &joint : joints)
   {
-    std_msgs::Float32 message;
-    message.data = static_cast<float>(wheels[k]->GetVelocity(0));
-    speeds[k].publish(message);
+    message.name.push_back(joint->GetName());
+    message.position.push_back(joint->Position(0));
+    message.velocity.push_back(joint->GetVelocity(0));
   }
+  jointTopic.publish(message);
 }

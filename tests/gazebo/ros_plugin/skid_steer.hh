@@ -7,23 +7,27 @@
 #include <array>
 #include <gazebo/physics/physics.hh>
 #include <mutex>
+#include <vector>
 
-// Skid-steer drive with the parameters and the law of gazebo_ros's plugin, read from the model's own description, and
-// the four tachometers. Wheels are in the order front left, front right, rear left, rear right.
+// Skid-steer drive with the parameters and the law of gazebo_ros's plugin, and its joint states, both read from the
+// model's description. Wheels are in the order front left, front right, rear left, rear right.
 class SkidSteer
 {
 public:
   SkidSteer(gazebo::physics::ModelPtr model, ros::NodeHandle &node);
   // Give the wheels the speeds of the latest command; `seconds` of simulated time, called in every step.
   void Drive(double seconds);
-  void PublishSpeeds();
+  // Publish the joint states if they are due after `step` steps of 1 ms.
+  void PublishJoints(uint64_t step, const ros::Time &stamp);
   bool HasCommander() const { return commands.getNumPublishers() > 0; }
 
 private:
   void OnCommand(const geometry_msgs::Twist::ConstPtr &command);
 
   std::array<gazebo::physics::JointPtr, 4> wheels;
-  std::array<ros::Publisher, 4> speeds;
+  std::vector<gazebo::physics::JointPtr> joints;
+  ros::Publisher jointTopic;
+  uint64_t jointSteps = 1;
   ros::Subscriber commands;
   std::mutex mutex;
   double forward = 0.0, turn = 0.0;  // [m/s], [rad/s], guarded by the mutex
