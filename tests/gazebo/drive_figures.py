@@ -11,15 +11,17 @@ import numpy as np
 from rosbags.rosbag1 import Reader
 from scipy.signal import welch
 
-from fieldtruth.bag.topics import ODOMETRY, WHEEL_SPEEDS
+from fieldtruth.bag.decode import stamp_ns
+from fieldtruth.bag.topics import ODOMETRY
 from fieldtruth.bag.types import STORE
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.frames import rotation_from_quaternion_wxyz
+from fieldtruth.core.frames import pose_from_quaternion_wxyz, rotation_from_quaternion_wxyz
 from fieldtruth.drive.track import Track
-from fieldtruth.experiment.rig import WheelConfig
+from fieldtruth.experiment.rig import WHEELS, WheelConfig
 
+JOINTS = "/joint_states"
 STEPS = 100
-"""Physics steps of 1 ms between two readings of the tachometers."""
+"""Physics steps of 1 ms between two readings of the tachometers, or joint states."""
 WINDOW = 20
 """Steps over which an acceleration is the mean: the IMU's period. Single steps are full of the solver's noise."""
 
@@ -56,6 +58,10 @@ class Drive:
     def metres(self) -> float:
         """Driven length [m] at 10 Hz."""
         return float(np.linalg.norm(np.diff(self.position[::STEPS], axis=0), axis=1).sum())
+
+    def world_from_base(self, row: int) -> Array:
+        """Pose (4, 4) of base_link."""
+        return pose_from_quaternion_wxyz(self.position[row], self.quaternion_wxyz[row])
 
     @property
     def roll_pitch(self) -> Array:
@@ -95,17 +101,20 @@ def drive_of_track(track: Track) -> Drive:
 def drive_of_bag(bag: Path) -> Drive:
     """A drive from a bag with the odometry of every step; as gazebo_ros has it, the twist is in the world frame."""
     poses: list[tuple[float, ...]] = []
-    speeds: dict[str, list[float]] = {topic: [] for topic in WHEEL_SPEEDS}
+    speeds: list[list[float]] = []
     with Reader(bag) as reader:
-        wanted = [c for c in reader.connections if c.topic in (ODOMETRY, *WHEEL_SPEEDS)]
+        wanted = [c for c in reader.connections if c.topic in (ODOMETRY, JOINTS)]
         for connection, _, data in reader.messages(wanted):
             message: Any = STORE.deserialize_ros1(data, connection.msgtype)
-            if connection.topic in speeds:
-                speeds[connection.topic].append(message.data)
+            milliseconds = stamp_ns(message.header) // 10**6
+            if connection.topic == JOINTS:
+                assert milliseconds == STEPS * (len(speeds) + 1), "joint states are missing"
+                by_name = dict(zip(message.name, message.velocity.tolist(), strict=True))
+                speeds.append([by_name[f"{wheel}_wheel_joint"] for wheel in WHEELS])
                 continue
-            stamp, pose, twist = message.header.stamp, message.pose.pose, message.twist.twist
+            assert milliseconds == len(poses) + 1, "odometry is missing"
+            pose, twist = message.pose.pose, message.twist.twist
             p, q, v, w = pose.position, pose.orientation, twist.linear, twist.angular
-            assert stamp.sec * 1000 + stamp.nanosec // 10**6 == len(poses) + 1, "a step is missing"
             poses.append((p.x, p.y, p.z, q.w, q.x, q.y, q.z, v.x, v.y, v.z, w.x, w.y, w.z))
     position, quaternion, velocity, angular = np.split(np.array(poses), [3, 7, 10], axis=1)
     return Drive(
@@ -113,7 +122,7 @@ def drive_of_bag(bag: Path) -> Drive:
         quaternion_wxyz=quaternion,
         velocity=velocity,
         angular_velocity=angular,
-        wheel_speed=np.array(list(speeds.values())).T,
+        wheel_speed=np.array(speeds),
     )
 
 

@@ -12,21 +12,22 @@ import signal
 import socket
 import subprocess
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import yaml
 from gazebo_run import CHROOT, GazeboError, in_chroot, missing_chroot
-from scipy.spatial.transform import Rotation
-
-from fieldtruth.core.arrays import Array
 
 GAZEBO_CLOUDS = "/gazebo/points"
 """Topic of Gazebo's own clouds in the bag, so that ``annotate`` can add ours."""
 
 
-def add_robot(world: Path, urdf: Path, out: Path, position: Array, quaternion_wxyz: Array) -> Path:
-    """Write a copy of a world file, beside it, with the robot at a pose; without cameras, which need a display."""
+def add_robot(world: Path, out: Path, config: Path) -> Path:
+    """Write a copy of a package's world file, beside it, with the robot where a launch file with ``config`` spawns it.
+
+    It has no cameras, which need a display.
+    """
+    urdf = world.parent.parent / "urdf" / "husky.urdf"
     command = in_chroot("gz", "sdf", "-p", str(urdf), folders=[urdf.parent])
     text = subprocess.run(command, check=True, capture_output=True, text=True, env=_environment()).stdout
     model = ET.fromstring(text).find("model")
@@ -38,9 +39,9 @@ def add_robot(world: Path, urdf: Path, out: Path, position: Array, quaternion_wx
         for sensor in link.findall("sensor"):
             if sensor.get("type") == "camera":
                 link.remove(sensor)
-    angles = Rotation.from_quat(quaternion_wxyz, scalar_first=True).as_euler("xyz")
+    start = yaml.safe_load(config.read_text())["start"]
     pose = ET.Element("pose")
-    pose.text = " ".join(repr(float(value)) for value in (*position, *angles))
+    pose.text = " ".join(repr(start[name]) for name in ("x", "y", "z", "roll", "pitch", "yaw"))
     model.insert(0, pose)
     element.append(model)
     tree.write(out)
@@ -68,18 +69,17 @@ class RosDrive:
 def drive_with_ros(
     world: Path,
     folder: Path,
-    node: Sequence[str],
+    config: Path,
     *,
     metres: float,
     seconds: float,
     limit_s: float,
     clouds: str = "",
-    folders: Sequence[Path] = (),
 ) -> RosDrive:
-    """Drive the robot of a world file, steered by the command ``node``, for ``metres``, at most ``seconds`` simulated.
+    """Drive the robot of a world file along the waypoints of ``config``, a file of the package's own folder config.
 
-    ``folder``, for the results, must be new. ``clouds`` is first:last:period [s], the stamps of clouds. ``folders`` are
-    others that the node needs.
+    The drive ends after ``metres``, or ``seconds`` of simulated time. ``folder``, for the results, must be new;
+    ``clouds`` is first:last:period [s], the stamps of clouds.
     """
     folder.mkdir(parents=True)
     package = world.parent.parent
@@ -100,7 +100,7 @@ def drive_with_ros(
     script = Path(__file__).with_name("drive_with_ros.sh")
     variables = [f"{name}={value}" for name, value in settings.items()]
     command = in_chroot(
-        *("env", *variables, "bash", str(script), str(world), *node), folders=[package, folder, script.parent, *folders]
+        *("env", *variables, "bash", str(script), str(world), str(config)), folders=[package, folder, script.parent]
     )
     process = subprocess.Popen(command, env=_environment(), start_new_session=True)
     try:
