@@ -25,25 +25,25 @@ GAZEBO_CLOUDS = "/gazebo/points"
 def add_robot(world: Path, out: Path, config: Path) -> Path:
     """Write a copy of a package's world file, beside it, with the robot where a launch file with ``config`` spawns it.
 
-    It has no cameras, which need a display.
+    Gazebo itself makes SDF of the URDF, as for a launch file. The robot has no cameras, which need a display.
     """
-    urdf = world.parent.parent / "urdf" / "husky.urdf"
-    command = in_chroot("gz", "sdf", "-p", str(urdf), folders=[urdf.parent])
-    text = subprocess.run(command, check=True, capture_output=True, text=True, env=_environment()).stdout
-    model = ET.fromstring(text).find("model")
+    package = world.parent.parent
+    robot = ET.parse(package / "urdf" / "husky.urdf")
+    for extension in robot.getroot().findall("gazebo"):
+        for sensor in extension.findall("sensor[@type='camera']"):
+            extension.remove(sensor)
+    model = package / "models" / "husky_ros"
+    model.mkdir(exist_ok=True)
+    robot.write(model / "husky.urdf")
+    (model / "model.config").write_text("<model><name>husky</name><sdf version='1.7'>husky.urdf</sdf></model>")
     tree = ET.parse(world)
     element = tree.getroot().find("world")
-    assert model is not None
     assert element is not None
-    for link in model.iter("link"):
-        for sensor in link.findall("sensor"):
-            if sensor.get("type") == "camera":
-                link.remove(sensor)
+    include = ET.SubElement(element, "include")
     start = yaml.safe_load(config.read_text())["start"]
-    pose = ET.Element("pose")
-    pose.text = " ".join(repr(start[name]) for name in ("x", "y", "z", "roll", "pitch", "yaw"))
-    model.insert(0, pose)
-    element.append(model)
+    pose = " ".join(repr(start[name]) for name in ("x", "y", "z", "roll", "pitch", "yaw"))
+    for name, value in (("uri", "model://husky_ros"), ("name", "husky"), ("pose", pose)):
+        ET.SubElement(include, name).text = value
     tree.write(out)
     return out
 

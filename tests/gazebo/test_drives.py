@@ -110,13 +110,13 @@ def test_annotated_clouds_are_gazebos_own_except_at_edges(driven: Driven, tmp_pa
         differ.append(compared.differ)
         grazing.append(compared.grazing)
         met = np.isfinite(scan.range_m) & ~compared.differ
-        error.append(np.abs(scan.range_m - ours[stamp].range_m)[met])
+        error.append(np.abs(scan.range_m[met] - ours[stamp].range_m[met]))
     share, unexplained = np.mean(differ), int(np.sum(np.array(differ) & ~np.array(grazing)))
     tags = sum(1 for side in ("left", "right") for _ in read_bag(bag, [tag(side)]))
     print(
         f"\n{driven.world.name}: {len(ours)} clouds and {tags} tag images added; {share:.3%} of the beams at {CLOUDS} s"
-        f" differ from Gazebo's, {unexplained} of them without grazing an edge; the others by {np.median(error[0]):.1e} m,"
-        f" at most {max(each.max() for each in error):.1e} m",
+        f" differ from Gazebo's, {unexplained} of them without grazing an edge; the others by {np.median(error[0]):.1e}"
+        f" m, at most {max(each.max() for each in error):.1e} m",
         end="",
     )
     assert tags == 2 * len(ours) == 2 * int(driven.gazebo.seconds)

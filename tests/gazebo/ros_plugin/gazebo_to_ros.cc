@@ -14,6 +14,8 @@
 #include <cstdio>
 #include <cstdlib>
 #include <gazebo/gazebo.hh>
+#include <gazebo/ode/collision.h>
+#include <gazebo/physics/ode/ODECollision.hh>
 #include <memory>
 
 #include "description.hh"
@@ -97,6 +99,8 @@ private:
     odometryTopic = node->advertise<nav_msgs::Odometry>(Read<std::string>(pose, "topicName"), 100);
     drive.reset(new SkidSteer(robot, *node));
     sensors.reset(new Sensors(robot, *node));
+    FindSoft();
+    SetSoft(false);
     metres = std::stod(Setting("DRIVE_METRES", "1e9"));
     seconds = std::stod(Setting("DRIVE_SECONDS", "1e9"));
     const auto clouds = Setting("CLOUDS", "");
@@ -126,7 +130,12 @@ private:
     if (step % IMU == 0) sensors->PublishImu();
     if (step % FIX == 0) sensors->PublishFix(stamp);
     drive->PublishJoints(step, stamp);
-    if (CloudIsDue(step)) sensors->PublishCloud(stamp);
+    if (CloudIsDue(step))
+    {
+      SetSoft(true);
+      sensors->PublishCloud(stamp);
+      SetSoft(false);
+    }
     if (step % MEASURE == 0) Measure(stamp.toSec());
   }
 
@@ -135,6 +144,22 @@ private:
     rosgraph_msgs::Clock clock;
     clock.clock = ros::Time(world->SimTime().sec, world->SimTime().nsec);
     clockTopic.publish(clock);
+  }
+
+  // Grass, leaves and distant land, which only rays can hit, by the thousand: the physics asks each of them in every
+  // step. Between two clouds they are out of its way.
+  void FindSoft()
+  {
+    for (const auto &model : world->Models())
+      for (const auto &link : model->GetLinks())
+        for (const auto &each : link->GetCollisions())
+          if (const auto found = boost::dynamic_pointer_cast<gazebo::physics::ODECollision>(each))
+            if (each->GetSurface()->collideBitmask == 0 && found->GetCollisionId()) soft.push_back(found);
+  }
+
+  void SetSoft(bool present)
+  {
+    for (const auto &each : soft) present ? dGeomEnable(each->GetCollisionId()) : dGeomDisable(each->GetCollisionId());
   }
 
   bool CloudIsDue(uint64_t step) const
@@ -189,6 +214,7 @@ private:
   std::unique_ptr<ros::AsyncSpinner> spinner;
   std::unique_ptr<SkidSteer> drive;
   std::unique_ptr<Sensors> sensors;
+  std::vector<gazebo::physics::ODECollisionPtr> soft;
   ros::Publisher clockTopic, statesTopic, odometryTopic;
   ignition::math::Vector3d before;
   double path = 0.0, metres = 0.0, seconds = 0.0, firstCloud = 0.0, lastCloud = 0.0, cloudPeriod = 0.0;
