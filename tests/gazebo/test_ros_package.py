@@ -5,6 +5,7 @@
 import math
 import subprocess
 import sys
+import textwrap
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
@@ -20,7 +21,7 @@ from fieldtruth.bag import topics
 from fieldtruth.bag.sensor_messages import camera_matrix, projection_matrix
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.drive.controller import WaypointFollower
-from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.files import load_experiment, parse_experiment
 from fieldtruth.experiment.rig import ImuConfig, Mount, Rig
 from fieldtruth.experiment.route import geodetic_route, metres_from_route
 from fieldtruth.gazebo.robot import write_robot
@@ -267,3 +268,13 @@ def test_the_read_me_names_what_exists(ros: int, tmp_path: Path) -> None:
     names = ("park_1.launch", "park_2.launch") if ros == 1 else ("experiment:=park_1", "experiment:=park_2")
     assert all(name in text for name in names)
     assert "{{" not in text
+
+
+def test_the_recording_of_ros_2_is_a_track_file(tmp_path: Path) -> None:
+    package(tmp_path, 2)
+    text = (tmp_path / "README.md").read_text()
+    start, end = text.index("    name: again"), text.index("    fieldtruth generate")
+    experiment = parse_experiment(textwrap.dedent(text[start:end]))
+    assert experiment.environment == "park"
+    assert experiment.drive is not None
+    assert experiment.drive.track == "/tmp/park_1"
