@@ -26,11 +26,11 @@ def obj_text(surface: Surface, library: str, decimals: Decimals = FINE) -> str:
     """Text of an OBJ file of a surface, whose material is in the file ``library`` beside it."""
     lines = [f"mtllib {library}\n"]
     rows = []
-    for key, values, places in zip(
+    for key, values, digits in zip(
         ("v", "vt", "vn"), (surface.vertices, surface.uv, surface.normals), decimals, strict=True
     ):
-        distinct, row = _distinct(values, places)
-        line = f"{key}{f' %.{places}f' * values.shape[1]}\n"
+        distinct, row = _distinct(values, digits)
+        line = f"{key}{f' %.{digits}f' * values.shape[1]}\n"
         lines.append(line * len(distinct) % tuple(distinct.ravel().tolist()))
         rows.append(row + 1)
     lines.append(f"usemtl {surface.material}\n")
