@@ -93,6 +93,13 @@ ERRORS = [
     (["generate", "park_1", "--workers", "0"], "--workers must be an integer of at least 1, got '0'"),
     (["generate", "park_1", "--extras", "depht"], "unknown extra 'depht'; did you mean 'depth'? Available: depth, "),
     (["generate", "run.yaml"], "cannot read run.yaml: No such file or directory"),
+    (
+        ["gazebo", "prak", "--flavour", "gz", "--out", "x"],
+        "unknown environment 'prak'; did you mean 'park'? Available: ",
+    ),
+    (["gazebo", "park", "--flavour", "ros2", "--out", "x"], "unknown flavour 'ros2'; Available: classic, gz, both"),
+    (["gazebo", "park", "--flavour", "gz"], "the following arguments are required: --out"),
+    (["gazebo", "park", "--flavour", "gz", "--out", "x", "--layout", "l.yaml"], "cannot read l.yaml: No such file "),
     (["generate", "two\nlines"], "unknown experiment 'two\\nlines'; Available: "),
 ]
 

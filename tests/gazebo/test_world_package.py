@@ -1,0 +1,272 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""World packages for Gazebo: read back, they have our triangles, names and classes; libsdformat finds nothing wrong."""
+
+import errno
+import re
+import shutil
+import subprocess
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from interchange_worlds import small_world
+from scipy.spatial import KDTree
+from sdf_reader import F8, Shape, matrix, resolve, shapes
+
+from fieldtruth.core.classes import PALETTE, Label
+from fieldtruth.core.errors import OutputError, UnknownNameError
+from fieldtruth.core.geodesy import geodetic_from_world
+from fieldtruth.gazebo import worlds, write_gazebo
+from fieldtruth.gazebo.worlds import write_world
+from fieldtruth.interchange import ground_image
+from fieldtruth.interchange.ground import ground_tiles
+from fieldtruth.world.build import load_world
+from fieldtruth.world.model import Collider, World
+
+FILES = {"classic": ("small.world", "small_plain.world"), "gz": ("small.sdf", "small_plain.sdf")}
+POST = Collider(shape="cylinder", size=(0.1, 0.8), position=(0.02, 0.0, -0.1))
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    made: World = small_world()
+    meshes = dict(made.meshes) | {"tree": replace(made.meshes["tree"], colliders=(POST,))}
+    return replace(made, name="small", meshes=meshes)
+
+
+@pytest.fixture(scope="module")
+def packages(world: World, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("package with a space")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ground_image, "GROUND_PIXELS", 64)
+        for flavour in FILES:
+            write_world(folder / flavour, world, flavour, beyond=True)  # type: ignore[arg-type]
+    return {flavour: folder / flavour for flavour in FILES}
+
+
+def by_class(world: World) -> dict[int, F8]:
+    """Triangles of a world per class, by its own poses."""
+    found: dict[int, list[F8]] = {}
+
+    def add(mesh: str, pose: F8) -> None:
+        data = world.backdrop if world.backdrop is not None and mesh == "backdrop" else world.meshes[mesh]
+        corners = data.vertices[data.faces] @ pose[:3, :3].T + pose[:3, 3]
+        for row, name in enumerate(data.materials):
+            found.setdefault(world.materials[name].label, []).append(corners[data.material == row])
+
+    for instance in world.instances:
+        add(instance.mesh, instance.world_from_object)
+    for swarm in world.swarms:
+        for row, pose in zip(swarm.mesh, swarm.world_from_object, strict=True):
+            add(swarm.meshes[row], pose)
+    add("backdrop", np.eye(4))
+    for tile in ground_tiles(world):
+        for surface in tile.surfaces:
+            found.setdefault(surface.label, []).append(surface.vertices[surface.faces].astype(np.float64))
+    return {label: np.concatenate(parts) for label, parts in found.items()}
+
+
+@pytest.mark.parametrize("flavour", FILES)
+def test_visuals_are_the_triangles_of_the_world_class_by_class(
+    world: World, packages: dict[str, Path], flavour: str
+) -> None:
+    for file in FILES[flavour]:
+        found: dict[int, list[F8]] = {}
+        for shape in shapes(packages[flavour], file):
+            if shape.kind == "visual" and shape.corners is not None:
+                found.setdefault(shape.retro, []).append(shape.corners)
+        expected = by_class(world)
+        assert found.keys() == expected.keys()
+        for label, parts in found.items():
+            there, here = np.concatenate(parts).reshape(-1, 9), expected[label].reshape(-1, 9)
+            assert there.shape == here.shape
+            for some, others in ((there, here), (here, there)):
+                assert np.max(KDTree(others).query(some)[0]) < 3e-4
+
+
+def test_models_have_the_names_and_poses_of_our_objects(world: World, packages: dict[str, Path]) -> None:
+    models = ET.parse(packages["classic"] / "worlds/small.world").getroot().findall("world/model")
+    poses = {model.attrib["name"]: matrix(model.findtext("pose")) for model in models}
+    assert set(poses) == {*world.object_names[1:], "small_backdrop", "tufts_beyond"}
+    assert all(model.findtext("static") == "1" for model in models)
+    for instance in world.instances:
+        expected = instance.world_from_object.copy()
+        expected[:3, :3] /= np.cbrt(np.linalg.det(expected[:3, :3]))
+        np.testing.assert_allclose(poses[instance.name], expected, atol=1e-8)
+
+
+def test_rays_of_gazebo_11_hit_what_cameras_see_but_no_water(packages: dict[str, Path]) -> None:
+    found: dict[str, list[Shape]] = {"visual": [], "collision": []}
+    for shape in shapes(packages["classic"], "small.world"):
+        found[shape.kind].append(shape)
+    dry = [shape for shape in found["visual"] if shape.retro != Label.WATER]
+    assert len(dry) == len(found["visual"]) - 1
+    for seen, hit in zip(dry, found["collision"], strict=True):
+        assert (hit.model, hit.retro) == (seen.model, seen.retro)
+        np.testing.assert_array_equal(hit.corners, seen.corners)
+
+
+def test_the_robot_passes_through_leaves_and_swarms_only(packages: dict[str, Path]) -> None:
+    soft = set()
+    for shape in shapes(packages["classic"], "small.world"):
+        mask = shape.element.findtext("surface/contact/collide_bitmask")
+        assert mask in (None, "0")
+        if shape.kind == "collision" and mask == "0":
+            soft.add((shape.model, Label(shape.retro)))
+    assert soft == {
+        ("tree_1", Label.TREETOP),
+        ("tree_2", Label.TREETOP),
+        ("tufts", Label.HIGH_GRASS),
+        ("tufts_beyond", Label.HIGH_GRASS),
+    }
+
+
+def test_objects_of_the_newer_gazebo_have_the_primitive_shapes_of_our_physics(packages: dict[str, Path]) -> None:
+    tree = ET.parse(packages["gz"] / "worlds/small.sdf").getroot().find("world/model[@name='tree_2']")
+    assert tree is not None
+    [collision] = tree.findall("link/collision")
+    pose = matrix(collision.findtext("pose"))
+    np.testing.assert_allclose(pose[:3, 3], 1.3 * np.array([0.02, 0.0, -0.1 + 0.4]), atol=1e-9)
+    assert float(collision.findtext("geometry/cylinder/radius", "")) == pytest.approx(0.13)
+    assert float(collision.findtext("geometry/cylinder/length", "")) == pytest.approx(1.04)
+
+
+def test_labels_of_the_newer_gazebo_are_class_ids(packages: dict[str, Path]) -> None:
+    for shape in shapes(packages["gz"], "small.sdf"):
+        if shape.kind == "visual":
+            assert shape.element.findtext("plugin/label") == str(shape.retro)
+
+
+def test_the_plain_twins_have_the_flat_colours_of_the_classes(packages: dict[str, Path]) -> None:
+    script = (packages["classic"] / "models/small_materials/materials/scripts/small_materials.material").read_text()
+    blocks = dict(re.findall(r"material (\S+)\n(.*?\n)}\n", script, re.DOTALL))
+    for flavour, (_, plain) in FILES.items():
+        root = ET.parse(packages[flavour] / "worlds" / plain).getroot()
+        assert root.find("world/light") is None
+        background = np.array(root.findtext("world/scene/background", "").split(), np.float64)[:3]
+        np.testing.assert_array_equal(np.rint(background * 255), PALETTE[Label.SKY])
+        assert root.findtext("world/scene/shadows") == "0"
+        for shape in shapes(packages[flavour], plain):
+            if shape.kind == "visual":
+                if flavour == "classic":
+                    block = blocks[shape.element.findtext("material/script/name", "")]
+                    emitted = re.findall(r"emissive (.*)\n", block)[0]
+                    assert "texture_unit" not in block
+                    assert "cull_hardware none" in block
+                else:
+                    emitted = shape.element.findtext("material/emissive", "")
+                    assert shape.element.findtext("material/diffuse") == "0 0 0 1"
+                rgb = np.array(emitted.split()[:3], np.float64) * 255
+                np.testing.assert_allclose(rgb, PALETTE[shape.retro], atol=1e-9)
+
+
+@pytest.mark.parametrize("flavour", FILES)
+def test_every_file_that_is_named_exists(packages: dict[str, Path], flavour: str) -> None:
+    package = packages[flavour]
+    files = [*(package / "worlds").iterdir(), *package.glob("models/*/model.sdf")]
+    uris = {uri for file in files for uri in re.findall(r"model://[^<]+", file.read_text())}
+    assert len(uris) >= 12  # seven meshes with their materials
+    assert all(resolve(package, uri).exists() for uri in uris)
+    for library in package.glob("models/*/meshes/*.mtl"):
+        [texture] = re.findall(r"map_Kd (\S+)", library.read_text())
+        assert (library.parent / texture).is_file()
+    textures = [path.name for path in package.glob("models/*/materials/textures/*")]
+    assert textures
+    assert all(name.startswith("small_") for name in textures)
+    for config in package.glob("models/*/model.config"):
+        assert (config.parent / ET.parse(config).getroot().findtext("sdf", "")).is_file()
+
+
+def test_textures_have_the_same_way_up_as_ours(world: World, packages: dict[str, Path]) -> None:
+    bark = world.meshes["tree"]
+    faces = bark.faces[bark.material == bark.materials.index("bark")]
+    obj = trimesh.load(packages["classic"] / "models/tree/meshes/bark.obj", process=False, force="mesh")
+    glb = trimesh.load(packages["gz"] / "models/tree/meshes/bark.glb", process=False, force="mesh")
+    for loaded in (obj, glb):  # trimesh has v up, as we do, whatever the format
+        assert isinstance(loaded, trimesh.Trimesh)
+        uv = np.asarray(loaded.visual.uv)[loaded.faces]  # type: ignore[union-attr]
+        np.testing.assert_allclose(uv, bark.uv[faces], atol=1e-3)
+
+
+def test_x_is_north_and_y_west_in_spherical_coordinates(packages: dict[str, Path]) -> None:
+    """Gazebo: east = x cos(h) - y sin(h), north = x sin(h) + y cos(h); h is the heading."""
+    for flavour, (file, _) in FILES.items():
+        sphere = ET.parse(packages[flavour] / "worlds" / file).getroot().find("world/spherical_coordinates")
+        assert sphere is not None
+        heading = np.radians(float(sphere.findtext("heading_deg", "")))
+        x, y = 10.0, 20.0
+        east, north = x * np.cos(heading) - y * np.sin(heading), x * np.sin(heading) + y * np.cos(heading)
+        latitude, longitude, _ = geodetic_from_world([x, y, 0.0])
+        assert north == pytest.approx((latitude - float(sphere.findtext("latitude_deg", ""))) * 111_240, abs=0.02)
+        assert east == pytest.approx((longitude - float(sphere.findtext("longitude_deg", ""))) * 71_850, abs=0.02)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Validity
+
+
+def complaints(file: Path) -> str:
+    """What libsdformat says of a file, without a line about a missing library of its own."""
+    tool = shutil.which("ign") or shutil.which("gz")
+    if tool is None:
+        pytest.skip("needs libsdformat's command (Debian: ignition-tools, libsdformat-dev)")
+    ended = subprocess.run([tool, "sdf", "-k", str(file)], capture_output=True, text=True)
+    lines = (ended.stdout + ended.stderr).splitlines()
+    return "\n".join(line for line in lines if line != "Valid." and "ignition-tools-backward" not in line)
+
+
+@pytest.mark.parametrize("flavour", FILES)
+def test_libsdformat_finds_nothing_wrong(packages: dict[str, Path], flavour: str) -> None:
+    package = packages[flavour]
+    for file in [*(package / "worlds").iterdir(), package / "models/tree/model.sdf"]:
+        assert complaints(file) == ""
+
+
+def test_libsdformat_would_find_an_error(tmp_path: Path) -> None:
+    (tmp_path / "wrong.sdf").write_text("<sdf version='1.7'><world name='a'><model name='b'/></world></sdf>")
+    assert "must have at least one link" in complaints(tmp_path / "wrong.sdf")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("environment", ["park", "lake", "forest", "hillside"])
+def test_packages_of_the_environments_are_valid_and_small(environment: str, tmp_path: Path) -> None:
+    world = load_world(environment)
+    write_gazebo(world, tmp_path / "out", flavour="both", beyond=False)
+    for flavour in FILES:
+        package = tmp_path / "out" / flavour
+        assert sum(path.stat().st_size for path in package.rglob("*") if path.is_file()) < 300e6
+        models = sorted(package.glob("models/*/model.sdf"))
+        for file in [*(package / "worlds").iterdir(), *models[:: len(models) // 5]]:
+            assert complaints(file) == ""
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Bad input
+
+
+def test_bad_input_is_one_line_and_writes_nothing(world: World, tmp_path: Path) -> None:
+    with pytest.raises(UnknownNameError, match="unknown flavour 'clasic'; did you mean 'classic'"):
+        write_gazebo(world, tmp_path / "out", flavour="clasic")
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "thesis.txt").write_text("do not remove")
+    with pytest.raises(OutputError, match="already exists; choose another --out, or use --overwrite"):
+        write_gazebo(world, mine)
+    with pytest.raises(OutputError, match="does not hold a package for Gazebo"):
+        write_gazebo(world, mine, overwrite=True)
+    assert [path.name for path in tmp_path.rglob("*")] == ["mine", "thesis.txt"]
+
+
+def test_a_full_disk_leaves_nothing_behind(world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(worlds, "write_textures", full)
+    with pytest.raises(OutputError, match=r"cannot write .*out: no space left"):
+        write_gazebo(world, tmp_path / "out")
+    assert not any(tmp_path.iterdir())
