@@ -34,7 +34,7 @@ def load(path: str) -> None:
 
 
 def add_camera(job: dict[str, Any]) -> None:
-    """Add our pinhole camera: Blender's looks along -z with y up, and has square pixels unless told otherwise."""
+    """Add our pinhole camera: Blender's looks along -z with y up; its pixels are square by default."""
     scene = bpy.context.scene
     camera = bpy.data.objects.new("left_camera", bpy.data.cameras.new("left_camera"))
     scene.collection.objects.link(camera)

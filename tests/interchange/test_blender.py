@@ -63,7 +63,7 @@ class Views(NamedTuple):
 
 
 def blender_python() -> str:
-    """Path of a Python that imports bpy; skips the test if there is none."""
+    """Path of a Python that imports bpy; skips the test without one."""
     python = os.environ.get("BLENDER_PYTHON", sys.executable)
     found = subprocess.run([python, "-c", "import bpy"], capture_output=True, text=True, check=False)
     if found.returncode:
