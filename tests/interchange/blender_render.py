@@ -33,6 +33,21 @@ def load(path: str) -> None:
         material.pass_index = material["class_id"]
 
 
+def let_light_through_leaves() -> None:
+    """Mix the shaders of leaves and blades with a translucent one: core glTF has no light from behind a surface."""
+    for material in bpy.data.materials:
+        if material["translucency"] > 0:
+            nodes, links = material.node_tree.nodes, material.node_tree.links
+            front = next(node for node in nodes if node.type == "BSDF_PRINCIPLED")
+            output = next(node for node in nodes if node.type == "OUTPUT_MATERIAL")
+            behind, both = nodes.new("ShaderNodeBsdfTranslucent"), nodes.new("ShaderNodeMixShader")
+            links.new(front.inputs["Base Color"].links[0].from_socket, behind.inputs["Color"])
+            both.inputs["Fac"].default_value = material["translucency"]
+            links.new(front.outputs[0], both.inputs[1])
+            links.new(behind.outputs[0], both.inputs[2])
+            links.new(both.outputs[0], output.inputs["Surface"])
+
+
 def add_camera(job: dict[str, Any]) -> None:
     """Add our pinhole camera: Blender's looks along -z with y up; its pixels are square by default."""
     scene = bpy.context.scene
@@ -83,6 +98,7 @@ def render_ids(path: str) -> None:
 
 def render_picture(job: dict[str, Any]) -> None:
     """Render a photograph with the sun and a clear sky."""
+    let_light_through_leaves()
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
     scene.cycles.samples, scene.cycles.max_bounces = job["samples"], 6
@@ -96,7 +112,7 @@ def render_picture(job: dict[str, Any]) -> None:
     sky.node_tree.links.new(texture.outputs[0], nodes["Background"].inputs["Color"])
     nodes["Background"].inputs["Strength"].default_value = 0.1
     scene.world = sky
-    scene.view_settings.view_transform = "AgX"
+    scene.view_settings.view_transform, scene.view_settings.look = "AgX", "AgX - Medium High Contrast"
     settings = scene.render.image_settings
     settings.file_format, settings.color_depth, settings.color_mode = "PNG", "8", "RGB"
     scene.render.filepath = job["picture"]

@@ -61,6 +61,7 @@ class Materials:
                 self._texture(material.texture, gain),
                 [float(np.clip(tint * STEPS[step] / gain, 0, 1)) for tint in material.tint],
                 roughness=roughness(material),
+                translucency=material.translucency,
             )
         return self._rows[name, step]
 
@@ -80,14 +81,16 @@ class Materials:
             self._textures[name] = self._glb.add("textures", {"sampler": self._samplers[0], "source": source})
         return self._textures[name]
 
-    def _add(self, name: str, label: Label, texture: int, factor: list[float], *, roughness: float) -> int:
+    def _add(
+        self, name: str, label: Label, texture: int, factor: list[float], *, roughness: float, translucency: float = 0.0
+    ) -> int:
         surface = {
             "baseColorFactor": [*factor, 1.0],
             "baseColorTexture": {"index": texture},
             "metallicFactor": 0.0,
             "roughnessFactor": roughness,
         }
-        extras = {"class_id": int(label), "class_name": CLASSES[label].name}
+        extras = {"class_id": int(label), "class_name": CLASSES[label].name, "translucency": translucency}
         # Double-sided, as for the ray tracer: leaves and blades are single layers.
         material = {"name": name, "pbrMetallicRoughness": surface, "doubleSided": True, "extras": extras}
         return self._glb.add("materials", material)
