@@ -189,7 +189,9 @@ def test_a_database_of_ros_2_gives_its_odometry(tmp_path: Path) -> None:
     still = twist(types["geometry_msgs/msg/Twist"](zero, zero), np.zeros(36))
     with Writer(tmp_path / "drone", version=8) as writer:
         odometry = writer.add_connection("/mavros/odom", "nav_msgs/msg/Odometry", typestore=store)
-        for ns, xyz, xyzw in zip(NS, XYZ.tolist(), XYZW.tolist(), strict=True):
+        # The clock has not started, and then ticks too coarsely for the second and the third message.
+        stamps, rows = (0, NS[0], NS[0], *NS[1:]), (0, 0, 1, 1, 2)
+        for ns, xyz, xyzw in zip(stamps, XYZ[[*rows]].tolist(), XYZW[[*rows]].tolist(), strict=True):
             header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](*divmod(ns, 10**9)), "map")
             place = types["geometry_msgs/msg/Pose"](
                 types["geometry_msgs/msg/Point"](*xyz), types["geometry_msgs/msg/Quaternion"](*xyzw)
