@@ -229,6 +229,9 @@ def test_material_multiplies_its_colour_factor_with_the_texture(stage: Usd.Stage
     texture = UsdShade.Shader(stage.GetPrimAtPath("/World/Materials/bark/texture"))
     np.testing.assert_allclose(texture.GetInput("scale").Get(), (1.4, 0.5, 0.5, 1.0), rtol=1e-6)
     assert texture.GetInput("sourceColorSpace").Get() == "sRGB"
+    leaf, bark = (stage.GetPrimAtPath(f"/World/Materials/{name}") for name in ("leaf", "bark"))
+    assert leaf.GetAttribute("fieldtruth:translucency").Get() == pytest.approx(0.4)
+    assert not bark.HasAttribute("fieldtruth:translucency")
 
 
 def test_validators_of_usd_find_nothing(stage: Usd.Stage) -> None:

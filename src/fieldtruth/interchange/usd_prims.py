@@ -17,6 +17,8 @@ from fieldtruth.world.model import Material, Swarm
 
 INSTANCE_ID: Final = "fieldtruth:instanceId"
 CLASS_ID: Final = "fieldtruth:classId"
+TRANSLUCENCY: Final = "fieldtruth:translucency"
+"""Share of the light that leaves transmit, on their materials: ``UsdPreviewSurface`` has no such input."""
 
 
 def child(path: Sdf.Path, name: str) -> Sdf.Path:
@@ -67,6 +69,8 @@ def add_material(stage: Usd.Stage, path: Sdf.Path, material: Material, image: st
     """
     wrap = "repeat" if tiled else "clamp"
     made = UsdShade.Material.Define(stage, path)
+    if material.translucency > 0:
+        made.GetPrim().CreateAttribute(TRANSLUCENCY, Sdf.ValueTypeNames.Float).Set(material.translucency)
     reader = _shader(stage, path.AppendChild("coordinates"), "UsdPrimvarReader_float2", varname=("String", "st"))
     texture = _shader(
         stage,
