@@ -36,6 +36,17 @@ def test_an_unknown_form_is_named(world: World) -> None:
         write_scene(world, to="gltff")
 
 
+def test_the_document_and_the_help_list_every_format(capsys: pytest.CaptureFixture[str]) -> None:
+    text = (Path(__file__).parents[2] / "docs/scene.md").read_text(encoding="utf-8")
+    lines = [line for line in text.splitlines() if line.startswith("| `") and "ENV_SEED" in line]
+    rows = {name: cells for name, *cells, _ in (line.strip("| ").split(" | ") for line in lines)}
+    defaults = {name: f"ENV_SEED{row.suffix}{'/' * bool(row.holds)}" for name, row in FORMATS.items()}
+    assert rows == {f"`{name}`": [f"`{defaults[name]}`", row.description] for name, row in FORMATS.items()}
+    with pytest.raises(SystemExit):
+        cli.main(["scene", "--help"])
+    assert set(FORMATS) <= set(capsys.readouterr().out.replace(",", " ").split())
+
+
 def test_the_default_name_is_the_worlds(world: World) -> None:
     assert write_scene(replace(world, name="tiny", seed=7), to="inventory") == Path("tiny_7_inventory")
     assert Path("tiny_7_inventory/inventory.csv").is_file()
