@@ -155,11 +155,17 @@ def test_a_topic_is_for_bags(tmp_path: Path) -> None:
         read(tmp_path, "a.csv", CSV, topic="/odom")
 
 
-def test_long_times_without_a_pose_are_described(tmp_path: Path) -> None:
-    file = read(tmp_path, "a.txt", "\n".join(f"{t} {POSE}" for t in (1, 1.5, 4.5, 5, 6)))
-    first, second = file.gaps()
-    assert first == "a.txt: no pose for 3.0 s after 1.500 s; the path between is a smooth curve"
-    assert "1.0 s after 5.000 s" in second
+def test_a_long_time_without_a_pose_is_described(tmp_path: Path) -> None:
+    gap = read(tmp_path, "a.txt", "\n".join(f"{t} {POSE}" for t in (1, 1.5, 4.5, 5, 6))).gap
+    start = "a.txt: no pose for 3.0 s after 1.500 s"
+    assert gap == f"{start}, and 1 more of over 0.5 s; the path between is a smooth curve"
+    assert read(tmp_path, "a.txt", "\n".join(f"{t} {POSE}" for t in (1, 1.5, 2))).gap == ""
+
+
+def test_the_start_is_exact_to_the_nanosecond(tmp_path: Path) -> None:
+    file = read(tmp_path, "a.csv", CSV)
+    assert file.start_ns(DriveConfig(track="a.csv", start_s=1700000000.2)) == 1700000000_200_000_000
+    assert file.start_ns(DriveConfig(track="a.csv")) == NS[0]
 
 
 def test_the_odometry_and_the_states_of_a_run_are_tracks(small_run: Path) -> None:

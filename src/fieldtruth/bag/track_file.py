@@ -62,7 +62,9 @@ class TrackFile(NamedTuple):
 
     def start_ns(self, config: DriveConfig) -> int:
         """Return the stamp [ns] in the file that becomes time 0."""
-        return int(self.poses.stamps_ns[0]) if config.start_s is None else round(config.start_s * 1e9)
+        if config.start_s is None:
+            return int(self.poses.stamps_ns[0])
+        return _nanoseconds(repr(config.start_s), 9, "drive.start_s")
 
     def in_world(self, config: DriveConfig, rig: Rig) -> Trajectory:
         """Return the poses of base_link in the world, with the stamps of the file.
@@ -80,14 +82,16 @@ class TrackFile(NamedTuple):
             position, wxyz = pose[:, :3, 3], frames.quaternion_wxyz_from_rotation(pose[:, :3, :3])
         return Trajectory(self.poses.stamps_ns, position, wxyz)
 
-    def gaps(self) -> list[str]:
-        """Describe each long time without a pose."""
+    @property
+    def gap(self) -> str:
+        """Description of the longest time without a pose; empty if it is short."""
         spans = np.diff(self.poses.stamps_ns)
-        return [
-            f"{self.name}: no pose for {spans[k] / 1e9:.1f} s after {self.poses.stamps_ns[k] / 1e9:.3f} s; the path "
-            "between is a smooth curve"
-            for k in np.flatnonzero(spans > LARGEST_STEP_NS)
-        ]
+        k, count = int(np.argmax(spans)), int(np.count_nonzero(spans > LARGEST_STEP_NS))
+        if count == 0:
+            return ""
+        more = f", and {count - 1} more of over {LARGEST_STEP_NS / 1e9:g} s" if count > 1 else ""
+        after = f"after {self.poses.stamps_ns[k] / 1e9:.3f} s"
+        return f"{self.name}: no pose for {spans[k] / 1e9:.1f} s {after}{more}; the path between is a smooth curve"
 
 
 def read_track_file(config: DriveConfig) -> TrackFile:

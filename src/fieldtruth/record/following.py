@@ -29,7 +29,7 @@ def with_stored_track(experiment: Experiment, file: TrackFile) -> Experiment:
 def follow_track(experiment: Experiment, world: World, file: TrackFile) -> Track:
     """Return the motion of the rig along the poses of a track file, and the readings of IMU and GNSS receiver.
 
-    Warns of each long time without a pose.
+    Warns of a long time without a pose.
 
     Raises:
         TrackError: the track leads out of the world or into something solid, or has no poses after ``start_s``.
@@ -40,6 +40,6 @@ def follow_track(experiment: Experiment, world: World, file: TrackFile) -> Track
     poses, start_ns = file.in_world(config, rig), file.start_ns(config)
     motion = motion_along(poses.stamps_ns, poses.position, poses.quaternion_wxyz, start_ns, experiment.seconds)
     check_motion(world, motion, rig, file.name, start_ns, allow_inside=config.allow_inside)
-    for gap in file.gaps():
-        warnings.warn(gap, FieldtruthWarning, stacklevel=2)
+    if file.gap:
+        warnings.warn(file.gap, FieldtruthWarning, stacklevel=2)
     return readings_along(motion, rig)

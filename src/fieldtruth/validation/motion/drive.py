@@ -26,6 +26,8 @@ END: Final = Rule(
 # Poses between two steps of the physics are compared with the linear interpolation, 1e-6 m from the spline at 10 m/s^2.
 FOLLOWS: Final = Rule("the robot passes through the poses of the track file", 1e-4, "m or of a rotation")
 DRIVE: Final[Spec] = Spec("drive", (START, END, FOLLOWS), skipped="no experiment, or no true motion")
+_SPARSE_NS: Final = 10_000_000
+"""Of the poses of a track file, one in this time [ns] is compared."""
 _STOPPING: Final = 0.5  # [m] from the fix that reaches the last waypoint to standstill, at most
 _STANDING: Final = 0.05  # [m/s]
 
@@ -83,7 +85,9 @@ class Drive(Checker):
             self._tally.skipped = str(error)
             return None
         stamps = poses.stamps_ns - file.start_ns(experiment.drive)
-        return Trajectory(stamps, poses.position, poses.quaternion_wxyz)
+        _, rows = np.unique(stamps // _SPARSE_NS, return_index=True)
+        rows = np.append(rows[:-1], len(stamps) - 1)  # the last says when the track ends
+        return Trajectory(stamps[rows], poses.position[rows], poses.quaternion_wxyz[rows])
 
     def _check_end(self, experiment: Experiment, goal: Any) -> None:
         seconds, asked, end = self._last_ns / 1e9, experiment.seconds, self._tally[END]
