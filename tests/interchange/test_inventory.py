@@ -3,6 +3,7 @@
 """The inventory: measures of objects with known answers, positions by another library, files read by GDAL."""
 
 import csv
+import re
 import struct
 from dataclasses import replace
 from pathlib import Path
@@ -276,3 +277,10 @@ def test_forest_is_like_a_real_one() -> None:
     assert all(25 < row["height_m"] / row["trunk_diameter_m"] < 80 for row in trees if row["height_m"] > 8)
     assert all(50 < row["height_m"] / row["trunk_diameter_m"] < 150 for row in trees if row["height_m"] < 6)
     assert all(row["crown_base_m"] < 0.75 * row["height_m"] for row in trees)
+
+
+def test_the_documents_explain_every_column() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "scene.md").read_text(encoding="utf-8")
+    table = page.partition("## Inventory")[2].partition("## ")[0]
+    rows = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
+    assert re.findall(r"`(\w+)`", " ".join(rows)) == list(COLUMNS)
