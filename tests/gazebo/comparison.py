@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where Gazebo's scans and images differ from ours, and which of these beams and pixels lie on an edge of our world."""
+"""Where Gazebo's scans and images differ from ours, and which of these beams and pixels lie on an edge of our world.
+
+Both ask our own scene alone: a dense bundle of rays around the beam or the pixel meets another class or range, or not.
+"""
 
 from typing import Final, NamedTuple
 
@@ -10,9 +13,9 @@ from scipy.ndimage import binary_dilation
 
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array, Mask
-from fieldtruth.core.classes import PALETTE
-from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, LidarConfig
-from fieldtruth.sense.label_camera import LabelCamera
+from fieldtruth.core.classes import PALETTE, Label
+from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, OPTICAL, CameraConfig, LidarConfig
+from fieldtruth.sense.label_camera import LabelCamera, LabelImages
 from fieldtruth.sense.lidar import Lidar, ray_directions
 from fieldtruth.sense.pinhole import Pinhole, pinhole
 from fieldtruth.sense.scene import Scene
@@ -21,14 +24,14 @@ RANGE: Final = 0.005
 """Largest difference [m] of two ranges that are equal."""
 NEARBY: Final = 5e-5
 """Angle [rad] within which a beam that has an edge beside it grazes that edge: 0.5 mm at 10 m."""
+TRAIL_EDGE: Final = 0.01
+"""Distance [m] from a trail's edge within which a point may be ground or trail: the exported edge is a polyline."""
 SUBPIXELS: Final = 3
 """Rays along each side of every pixel that look for silhouettes in it."""
-FINE: Final = 32
-"""Rays along each side of the pixels about one that differs, where the others have met no silhouette: the tip of a
-blade or a twig between leaves may be thinner."""
-
+BUNDLE: Final = 160
+"""Rays along each side of a bundle about one beam or pixel. The tip of a blade or a twig between leaves is thin."""
 MOST: Final = 1000
-"""Pixels of an image that are looked at so closely."""
+"""Beams of a scan and pixels of an image that are looked at so closely."""
 
 
 class Beams(NamedTuple):
@@ -50,11 +53,7 @@ class Beams(NamedTuple):
 
 
 class ScanComparison(NamedTuple):
-    """A scan of Gazebo beside ours: beams that differ, and beams of ours that graze an edge, (columns, rings).
-
-    A beam grazes an edge if two beams that are turned from it by ``NEARBY`` in opposite directions differ in class, or
-    if the mean of their ranges differs from its own by more than ``RANGE``, as it does not on a plane.
-    """
+    """A scan of Gazebo beside ours: the beams that differ, and those of them that graze an edge, (columns, rings)."""
 
     ours: Beams
     gazebo: Beams
@@ -63,36 +62,41 @@ class ScanComparison(NamedTuple):
 
 
 def compare_scan(scene: Scene, config: LidarConfig, world_from_lidar: Array, gazebo: Beams) -> ScanComparison:
-    """Compare Gazebo's beams with ours from the same pose."""
-    lidar = Lidar(config, scene)
-    ours = _beams(lidar, world_from_lidar)
-    grazing = np.zeros(ours.label.shape, np.bool_)
-    for turned in _nearby_poses(config, world_from_lidar):
-        first, second = (_beams(lidar, poses) for poses in turned)
-        grazing |= (first.label != ours.label) | (second.label != ours.label)
-        to_first, to_second = first.errors(ours), second.errors(ours)
-        grazing |= ~(np.abs(to_first + to_second) <= 2 * RANGE)
-    return ScanComparison(ours, gazebo, ours.differ(gazebo), grazing)
+    """Compare Gazebo's beams with ours from the same pose: range within ``RANGE``, and the same class.
+
+    A beam grazes an edge if rays within ``NEARBY`` of it meet another class or a step in range, or if it meets the
+    ground within ``TRAIL_EDGE`` of a trail's edge.
+    """
+    scan = Lidar(config, scene).scan(world_from_lidar)
+    ours = Beams(np.full(gazebo.range_m.shape, np.inf), np.zeros(gazebo.label.shape))
+    ours.range_m[scan.column, scan.ring], ours.label[scan.column, scan.ring] = scan.range_m, scan.label
+    differ = ours.differ(gazebo)
+    grazing = np.zeros(differ.shape, np.bool_)
+    directions = ray_directions(config) @ world_from_lidar[:3, :3].T
+    for column, ring in np.argwhere(differ)[:MOST].tolist():
+        direction, range_m = directions[column, ring], float(ours.range_m[column, ring])
+        on_ground = ours.label[column, ring] in (Label.GROUND, Label.TRAIL)
+        point = world_from_lidar[:3, 3] + (range_m if on_ground else 0.0) * direction
+        at_trail = on_ground and bool(abs(scene.world.terrain.trail_distance.at(*point[:2])) < TRAIL_EDGE)
+        grazing[column, ring] = at_trail or _meets_edge(scene, world_from_lidar[:3, 3], direction)
+    return ScanComparison(ours, gazebo, differ, grazing)
 
 
-def _beams(lidar: Lidar, pose: Array) -> Beams:
-    scan, shape = lidar.scan(pose), (lidar.config.columns, lidar.config.rings)
-    beams = Beams(np.full(shape, np.inf), np.zeros(shape))
-    beams.range_m[scan.column, scan.ring], beams.label[scan.column, scan.ring] = scan.range_m, scan.label
-    return beams
+def _meets_edge(scene: Scene, origin: Array, direction: Array) -> bool:
+    """Whether rays within ``NEARBY`` of a direction (3,) meet two classes, or ranges with a step between neighbours."""
+    x, y, z = direction
+    world_from_body = frames.pose(origin.tolist(), (0.0, -np.degrees(np.arcsin(z)), np.degrees(np.arctan2(y, x))))
+    focal, centre = BUNDLE / 2 / NEARBY, BUNDLE / 2 - 0.5
+    images = _bundle(scene, world_from_body @ OPTICAL, Pinhole(focal, focal, centre, centre))
+    depth = images.depth.astype(np.float64)
+    bends = [np.abs(np.diff(depth, n=2, axis=axis)).max() for axis in (0, 1)]
+    return len(np.unique(images.label)) > 1 or max(bends) > RANGE
 
 
-def _nearby_poses(config: LidarConfig, world_from_lidar: Array) -> list[tuple[Array, Array]]:
-    """Pairs of poses by column (columns, 4, 4) that turn each beam by ``NEARBY`` in opposite directions."""
-    angle = np.degrees(NEARBY)
-    azimuths = np.degrees(np.arctan2(*ray_directions(config)[:, 0, 1::-1].T))
-    turns = [frames.pose((0, 0, 0), (0, 0, azimuth)) for azimuth in azimuths]
-
-    def turned(up: int, left: int) -> Array:
-        small = frames.pose((0, 0, 0), (0, -up * angle, left * angle))
-        return np.array([world_from_lidar @ turn @ small @ frames.inverse(turn) for turn in turns])
-
-    return [(turned(up, left), turned(-up, -left)) for up, left in ((1, 0), (0, 1), (1, 1), (1, -1))]
+def _bundle(scene: Scene, world_from_optical: Array, lens: Pinhole) -> LabelImages:
+    camera = LabelCamera(CameraConfig(width=BUNDLE, height=BUNDLE), scene)
+    camera.pinhole = lens
+    return camera.label(world_from_optical)
 
 
 class ImageComparison(NamedTuple):
@@ -122,15 +126,13 @@ def compare_image(
     near: Mask = binary_dilation(silhouette, np.ones((3, 3), np.bool_), iterations=2)
     differ: Mask = np.any(ours != gazebo, axis=-1)
     for row, column in np.argwhere(differ & ~near)[:MOST].tolist():
-        near[row, column] = _has_silhouette(scene, config, world_from_optical, row, column)
+        images = _bundle(scene, world_from_optical, _five_pixels(pinhole(config), row, column))
+        near[row, column] = len(np.unique(images.label)) > 1
     return ImageComparison(ours, gazebo, differ, near)
 
 
-def _has_silhouette(scene: Scene, config: CameraConfig, world_from_optical: Array, row: int, column: int) -> bool:
-    """Whether rays through the 5 x 5 pixels about a pixel, ``FINE`` x ``FINE`` through each, meet two classes."""
-    side = 5 * FINE
-    camera = LabelCamera(config.model_copy(update={"width": side, "height": side}), scene)
-    fx, fy, cx, cy = pinhole(config)
-    to_row, to_column = ((at - 2.5) * FINE + 0.5 for at in (row, column))
-    camera.pinhole = Pinhole(fx * FINE, fy * FINE, cx * FINE - to_column, cy * FINE - to_row)
-    return len(np.unique(camera.label(world_from_optical).label)) > 1
+def _five_pixels(lens: Pinhole, row: int, column: int) -> Pinhole:
+    """Intrinsics of a bundle through the 5 x 5 pixels about a pixel."""
+    scale = BUNDLE / 5
+    cx, cy = ((at - pixel + 2.5) * scale - 0.5 for at, pixel in ((lens.cx, column), (lens.cy, row)))
+    return Pinhole(lens.fx * scale, lens.fy * scale, cx, cy)

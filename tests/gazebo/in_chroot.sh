@@ -5,7 +5,7 @@
 # under the same path. Mounts and processes live in namespaces of their own, so nothing of either is left at the end.
 set -euo pipefail
 if [ "$$" != 1 ]; then
-  exec unshare --mount --pid --fork --kill-child --propagation private "$0" "$@"
+  exec setpriv --pdeathsig KILL unshare --mount --pid --fork --kill-child --propagation private "$0" "$@"
 fi
 mount -t proc proc "$GZ_CHROOT/proc"
 mount --rbind /sys "$GZ_CHROOT/sys"

@@ -14,6 +14,7 @@ from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, LidarConfig
 from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.scene import Scene
+from fieldtruth.world.model import Raster
 
 LIDAR: Final = LidarConfig(columns=8, rings=5, vertical_fov_deg=40.0, min_range=0.1)
 CAMERA: Final = CameraConfig(width=320, height=184)
@@ -35,11 +36,26 @@ def own_beams(of: Scene) -> Beams:
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_only_beams_with_an_edge_beside_them_graze_it(side: int) -> None:
-    near, far = scene(side * NEARBY / 2), scene(side * NEARBY * 2)
-    grazing = compare_scan(near, LIDAR, POSE, own_beams(near)).grazing
-    assert np.flatnonzero(grazing.any(axis=1)).tolist() == [1, 7]  # 45 deg to the right and to the left
-    assert (grazing[[1, 7]] == [True, True, True, False, False]).all()  # the lower beams meet the ground first
-    assert not compare_scan(far, LIDAR, POSE, own_beams(far)).grazing.any()
+    for beside, expected in ((NEARBY / 2, [1, 7]), (NEARBY * 2, [])):  # columns 45 deg to the right and to the left
+        walls = scene(side * beside)
+        beams = own_beams(walls)
+        beams.label[:, :3] += 1  # the other beams meet the ground before the wall
+        found = compare_scan(walls, LIDAR, POSE, beams)
+        assert found.differ[:, :3].all()
+        assert not found.differ[:, 3:].any()
+        assert np.flatnonzero(found.grazing.any(axis=1)).tolist() == expected
+        assert found.grazing[expected, :3].all()
+
+
+def test_beams_on_the_ground_graze_the_edge_of_a_trail_within_a_centimetre() -> None:
+    for beside, expected in ((0.008, True), (0.012, False)):
+        distance = np.array([[-beside - 20.0, -beside - 20.0], [20.0 - beside, 20.0 - beside]], np.float32)
+        ahead = 1.0 / np.tan(np.radians(20.0))  # where the lowest beam ahead meets the ground
+        trail = Raster(values=distance, spacing=40.0, x0=ahead - 20.0, y0=-20.0)
+        ground = Scene(make_world(trail=trail))
+        beams = own_beams(ground)
+        beams.label[0, 4] += 1
+        assert compare_scan(ground, LIDAR, POSE, beams).grazing[0, 4] == expected
 
 
 def test_changed_ranges_and_classes_differ() -> None:

@@ -94,8 +94,8 @@ def test_every_beam_that_grazes_no_edge_has_our_range_and_class(judged: Judged) 
     report(
         judged,
         f"LiDAR: {differ.sum()} of {differ.size} beams ({differ.mean():.4%}) differ, {(differ & ~grazing).sum()}"
-        f" of these graze no edge; {grazing.mean():.1%} of all do; other ranges differ "
-        f"by {np.median(error):.0e} m (median), {error.max():.0e} m (most)",
+        f" of these graze no edge; other ranges differ by "
+        f"{np.median(error):.0e} m (median), {error.max():.0e} m (most)",
     )
     assert returned.mean() > 0.2
     assert differ.mean() < 0.005

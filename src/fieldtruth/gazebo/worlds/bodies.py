@@ -20,6 +20,9 @@ SOFT: Final = frozenset({Label.TREETOP, Label.BUSH, Label.HIGH_GRASS, Label.CABL
 """Classes that a robot passes through; LiDAR rays hit them."""
 LIDAR_RANGE: Final = 120.0
 """Distance [m] from the world's edge beyond which nothing returns a ray."""
+SMALL: Final = 500
+"""Triangles of a member, on average, below which members beyond the edge are merged: thousands of small meshes take
+Gazebo minutes to load, and sharing their files saves little."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,12 +78,14 @@ def world_bodies(world: World, add: AddMesh, *, beyond: bool) -> Iterator[Body]:
         mesh, (pose, scale) = world.meshes[instance.mesh], pose_and_scale(instance.world_from_object)
         parts = tuple(replace(part, scale=scale) for part in parts_of(mesh))
         yield Body(name=instance.name, parts=parts, pose=pose, colliders=mesh.colliders, scale=scale)
-    yield from _swarms(world, add)
+    yield from _merged(world, add, beyond=False)
     if beyond:
         if world.backdrop is not None:
             yield Body(name=f"{world.name}_backdrop", parts=parts_of(world.backdrop))
+        small = tuple(swarm for swarm in world.swarms if _mean_faces(world, swarm) < SMALL)
+        yield from _merged(replace(world, swarms=small), add, beyond=True)
         for swarm in world.swarms:
-            if (members := np.flatnonzero(beyond_edge(world, swarm))).size:
+            if _mean_faces(world, swarm) >= SMALL and (members := np.flatnonzero(beyond_edge(world, swarm))).size:
                 meshes = {row: parts_of(world.meshes[swarm.meshes[row]]) for row in set(swarm.mesh[members].tolist())}
                 yield _members(world, swarm, members.tolist(), meshes)
 
@@ -120,15 +125,26 @@ def _ground(world: World, add: AddMesh) -> Body:
     return Body(name=name, parts=tuple(parts))
 
 
-def _swarms(world: World, add: AddMesh) -> Iterator[Body]:
-    """One body for each swarm inside the world, with a part per tile and material."""
+def _merged(world: World, add: AddMesh, *, beyond: bool) -> Iterator[Body]:
+    """One body for the members of each swarm inside the world or beyond its edge, with a part per tile and material."""
     parts: dict[str, list[Part]] = {}
-    for tile in merged_swarms(world, beyond=False):
-        for surface in tile.surfaces:
-            part = _part(add, tile.swarm.name, surface, mesh=f"{tile.name}_{surface.material}", solid=False)
-            parts.setdefault(tile.swarm.name, []).append(part)
+    for tile in merged_swarms(world, beyond=beyond):
+        if tile.beyond == beyond:
+            for surface in tile.surfaces:
+                part = _part(add, tile.swarm.name, surface, mesh=f"{tile.name}_{surface.material}", solid=False)
+                parts.setdefault(_body_name(world, tile.swarm, beyond=beyond), []).append(part)
     for name, found in parts.items():
         yield Body(name=name, parts=tuple(found))
+
+
+def _body_name(world: World, swarm: Swarm, *, beyond: bool) -> str:
+    """Name of the swarm; the members beyond the edge of one that has others, too, are another body."""
+    return f"{swarm.name}_beyond" if beyond and not beyond_edge(world, swarm).all() else swarm.name
+
+
+def _mean_faces(world: World, swarm: Swarm) -> float:
+    faces = np.array([len(world.meshes[name].faces) for name in swarm.meshes])
+    return float(faces[swarm.mesh].mean())
 
 
 def _members(world: World, swarm: Swarm, members: list[int], meshes: dict[int, tuple[Part, ...]]) -> Body:
@@ -142,5 +158,4 @@ def _members(world: World, swarm: Swarm, members: list[int], meshes: dict[int, t
             returns = part.returns and near
             name = f"{part.name}_{member}"
             parts.append(replace(part, name=name, pose=pose, scale=scale, solid=False, returns=returns))
-    name = swarm.name if len(members) == len(swarm.mesh) else f"{swarm.name}_beyond"
-    return Body(name=name, parts=tuple(parts))
+    return Body(name=_body_name(world, swarm, beyond=True), parts=tuple(parts))
