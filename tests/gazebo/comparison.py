@@ -19,6 +19,7 @@ from fieldtruth.sense.label_camera import LabelCamera, LabelImages
 from fieldtruth.sense.lidar import Lidar, ray_directions
 from fieldtruth.sense.pinhole import Pinhole, pinhole
 from fieldtruth.sense.scene import Scene
+from fieldtruth.validation.retrace.tracer import ReferenceTracer
 
 RANGE: Final = 0.005
 """Largest difference [m] of two ranges that are equal."""
@@ -26,6 +27,9 @@ NEARBY: Final = 5e-5
 """Angle [rad] within which a beam that has an edge beside it grazes that edge: 0.5 mm at 10 m."""
 TRAIL_EDGE: Final = 0.01
 """Distance [m] from a trail's edge within which a point may be ground or trail: the exported edge is a polyline."""
+SEAM: Final = 1e-4
+"""Distance [m] from the common edge of two triangles within which Gazebo's rays may pass between them: the rounding of
+the exported positions, and ODE's single precision."""
 SUBPIXELS: Final = 3
 """Rays along each side of every pixel that look for silhouettes in it."""
 BUNDLE: Final = 160
@@ -64,8 +68,9 @@ class ScanComparison(NamedTuple):
 def compare_scan(scene: Scene, config: LidarConfig, world_from_lidar: Array, gazebo: Beams) -> ScanComparison:
     """Compare Gazebo's beams with ours from the same pose: range within ``RANGE``, and the same class.
 
-    A beam grazes an edge if rays within ``NEARBY`` of it meet another class or a step in range, or if it meets the
-    ground within ``TRAIL_EDGE`` of a trail's edge.
+    A beam grazes an edge if rays within ``NEARBY`` of it meet another class or a step in range, if it meets the ground
+    within ``TRAIL_EDGE`` of a trail's edge, or if Gazebo's has passed between two triangles that meet within ``SEAM``
+    of it and hit what is behind.
     """
     scan = Lidar(config, scene).scan(world_from_lidar)
     ours = Beams(np.full(gazebo.range_m.shape, np.inf), np.zeros(gazebo.label.shape))
@@ -79,7 +84,22 @@ def compare_scan(scene: Scene, config: LidarConfig, world_from_lidar: Array, gaz
         point = world_from_lidar[:3, 3] + (range_m if on_ground else 0.0) * direction
         at_trail = on_ground and bool(abs(scene.world.terrain.trail_distance.at(*point[:2])) < TRAIL_EDGE)
         grazing[column, ring] = at_trail or _meets_edge(scene, world_from_lidar[:3, 3], direction)
+    if (differ & ~grazing).any():
+        tracer = ReferenceTracer(scene.world)
+        for column, ring in np.argwhere(differ & ~grazing).tolist():
+            behind = _behind_seam(tracer, world_from_lidar[:3, 3], directions[column, ring], config.max_range)
+            grazing[column, ring] = np.isclose(behind, gazebo.range_m[column, ring], rtol=0.0, atol=RANGE)
     return ScanComparison(ours, gazebo, differ, grazing)
+
+
+def _behind_seam(tracer: ReferenceTracer, origin: Array, direction: Array, limit: float) -> float:
+    """Range [m] of the first surface that a ray through all seams meets, infinite without one; NaN without a seam."""
+    hits = tracer.hits(origin[None], direction[None], np.array([limit]))
+    inside = np.flatnonzero(hits.margin > SEAM)
+    first = inside[0] if len(inside) else len(hits.margin)
+    if not (hits.margin[:first] > -SEAM).any():
+        return float("nan")
+    return float(hits.range_m[first]) if len(inside) else float("inf")
 
 
 def _meets_edge(scene: Scene, origin: Array, direction: Array) -> bool:

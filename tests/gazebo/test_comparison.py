@@ -58,6 +58,14 @@ def test_beams_on_the_ground_graze_the_edge_of_a_trail_within_a_centimetre() -> 
         assert compare_scan(ground, LIDAR, POSE, beams).grazing[0, 4] == expected
 
 
+@pytest.mark.parametrize(("metres", "expected"), [(2.0, True), (1.5, False)])
+def test_a_beam_between_two_triangles_may_meet_what_is_behind(metres: float, expected: bool) -> None:
+    wall = Scene(make_world([(box("wall", (1.0, 3.0, 4.0)), at(6.0, 0.0, 1.0))]))
+    beams = own_beams(wall)  # the beam straight ahead meets the diagonal of the wall's front, 2 m before its back
+    beams.range_m[0, 2] += metres
+    assert compare_scan(wall, LIDAR, POSE, beams).grazing[0, 2] == expected
+
+
 def test_changed_ranges_and_classes_differ() -> None:
     walls = scene(0.1)
     for change, expected in (((0, 2, 0.004, 0), False), ((0, 2, 0.006, 0), True), ((0, 2, 0.0, 1), True)):
