@@ -44,6 +44,7 @@ _HARMLESS: Final = (
     "Unable to open audio device",
     "Queue limit reached for topic",
     "XDG_RUNTIME_DIR not set",
+    "Deleting a connection right after creation",  # the recorder switches sensors off
     "Failed to load resource: /usr/share/gazebo-11/media/audio",
 )
 """Parts of lines that any Gazebo prints on a machine without a display and without sound."""
