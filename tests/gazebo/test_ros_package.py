@@ -244,13 +244,6 @@ def test_bridge_and_model_agree_on_topics(tmp_path: Path) -> None:
     assert {"/imu/data", "/navsat/fix", "/os1_cloud_node/points", "/joint_states", "/cmd_vel"} <= bridged
 
 
-def test_the_launch_file_of_ros_2_is_python(tmp_path: Path) -> None:
-    package(tmp_path, 2)
-    text = (tmp_path / "launch/world.launch.py").read_text()
-    compile(text, "world.launch.py", "exec")
-    assert "/stereo/camera/left/real" in text
-
-
 @ROS
 def test_rviz_has_the_classes_of_its_version(ros: int, tmp_path: Path) -> None:
     package(tmp_path, ros)
