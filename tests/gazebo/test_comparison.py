@@ -60,10 +60,11 @@ def test_beams_on_the_ground_graze_the_edge_of_a_trail_within_a_centimetre() -> 
 
 @pytest.mark.parametrize(("metres", "expected"), [(2.0, True), (1.5, False)])
 def test_a_beam_between_two_triangles_may_meet_what_is_behind(metres: float, expected: bool) -> None:
-    wall = Scene(make_world([(box("wall", (1.0, 3.0, 4.0)), at(6.0, 0.0, 1.0))]))
-    beams = own_beams(wall)  # the beam straight ahead meets the diagonal of the wall's front, 2 m before its back
-    beams.range_m[0, 2] += metres
-    assert compare_scan(wall, LIDAR, POSE, beams).grazing[0, 2] == expected
+    up = np.radians(10.0)  # ahead and upwards, the beam meets the diagonal of the wall's front, 2 m before its back
+    wall = Scene(make_world([(box("wall", (1.0, 3.0, 4.0)), at(6.0, 0.0, 1.0 + 5.0 * np.tan(up)))]))
+    beams = own_beams(wall)
+    beams.range_m[0, 1] += metres / np.cos(up)
+    assert compare_scan(wall, LIDAR, POSE, beams).grazing[0, 1] == expected
 
 
 def test_changed_ranges_and_classes_differ() -> None:
