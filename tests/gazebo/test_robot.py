@@ -197,6 +197,17 @@ def test_the_robot_does_not_see_itself() -> None:
             assert not (shape.drawn and (ahead & inside).any()), shape.name
 
 
+def test_the_robot_casts_no_shadow(classic: Path) -> None:
+    """Gazebo applies what <gazebo> says about <visual> to all visuals of the link."""
+    model, robot = (ET.parse(classic / name).getroot() for name in ("models/husky/model.sdf", "urdf/husky.urdf"))
+    visuals = list(model.iter("visual"))
+    assert len(visuals) > 8
+    assert {visual.findtext("cast_shadows") for visual in visuals} == {"0"}
+    drawn = {link.get("name") for link in robot.findall("link") if link.find("visual") is not None}
+    dark = {e.get("reference") for e in robot.findall("gazebo") if e.findtext("visual/cast_shadows") == "false"}
+    assert drawn == dark
+
+
 def _surface(shape: parts.Shape) -> Array:
     mesh = trimesh.creation.box(shape.size) if shape.is_box else trimesh.creation.cylinder(shape.size[0], shape.size[1])
     mesh.apply_transform(frames.pose(shape.xyz, (np.degrees(shape.roll), 0.0, 0.0)))
