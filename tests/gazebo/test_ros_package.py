@@ -252,6 +252,12 @@ def test_rviz_has_the_classes_of_its_version(ros: int, tmp_path: Path) -> None:
     panels = {panel["Class"].split("/")[0] for panel in config["Panels"]}
     assert displays == {"rviz" if ros == 1 else "rviz_default_plugins"}
     assert panels == {"rviz" if ros == 1 else "rviz_common"}
+    images = [d for d in config["Visualization Manager"]["Displays"] if d["Class"].endswith("/Image")]
+    wanted = ["/stereo/camera/left/real/compressed", "/stereo/camera/left/tag/img_raw"]
+    if ros == 1:
+        assert [f"{i['Image Topic']}/{i['Transport Hint']}".removesuffix("/raw") for i in images] == wanted
+    else:
+        assert [i["Topic"] for i in images] == wanted
 
 
 @ROS

@@ -110,7 +110,7 @@ def render_picture(job: dict[str, Any]) -> None:
     texture.sun_elevation = math.radians(job["elevation_deg"])
     texture.sun_rotation = math.radians(90.0 + job["azimuth_deg"])  # anticlockwise from +y
     sky.node_tree.links.new(texture.outputs[0], nodes["Background"].inputs["Color"])
-    nodes["Background"].inputs["Strength"].default_value = 0.1
+    nodes["Background"].inputs["Strength"].default_value = 0.06
     scene.world = sky
     scene.view_settings.view_transform, scene.view_settings.look = "AgX", "AgX - Medium High Contrast"
     settings = scene.render.image_settings

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A package of ROS around a world and the robot: launch files, waypoints, the nodes that drive and record, RViz."""
 
+import re
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -176,6 +177,9 @@ def _rviz(ros: int) -> str:
         return text
     for panel in ("Displays", "Time", "Selection", "Views", "Tool Properties"):
         text = text.replace(f"Class: rviz/{panel}\n", f"Class: rviz_common/{panel}\n")
+    # RViz of ROS 2 takes the transport from the end of the topic's name.
+    text = re.sub(r"Image Topic: (\S+)\n *Transport Hint: raw", r"Topic: \1", text)
+    text = re.sub(r"Image Topic: (\S+)\n *Transport Hint: (\w+)", r"Topic: \1/\2", text)
     return text.replace("Class: rviz/", "Class: rviz_default_plugins/")
 
 
