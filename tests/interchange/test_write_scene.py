@@ -14,7 +14,7 @@ from interchange_worlds import small_world
 from fieldtruth import cli
 from fieldtruth.core import memory
 from fieldtruth.core.errors import OutputError, UnknownNameError
-from fieldtruth.interchange import FORMATS, write_scene
+from fieldtruth.interchange import FORMATS, glb, write_scene
 from fieldtruth.world import build
 from fieldtruth.world.model import World
 
@@ -102,6 +102,13 @@ def test_a_form_names_the_extra_of_a_missing_library(world: World, monkeypatch: 
     monkeypatch.setitem(sys.modules, "pxr", None)
     with pytest.raises(OutputError, match=r"^format 'usd' needs .*; run: pip install 'fieldtruth\[usd\]'$"):
         write_scene(world, "new", to="usd")
+    assert list(Path().iterdir()) == []
+
+
+def test_a_scene_larger_than_a_glb_file_can_be_is_refused(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(glb, "LARGEST", 500_000)
+    with pytest.raises(OutputError, match=r"^the scene is larger than a GLB file can be .*; use --no-beyond$"):
+        write_scene(world, "new.glb", to="gltf")
     assert list(Path().iterdir()) == []
 
 
