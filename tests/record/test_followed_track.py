@@ -91,7 +91,7 @@ def test_the_imu_is_that_of_the_drive_but_for_rounding(small_run: Path, again: P
 
 
 def test_a_run_along_a_track_is_valid(again: Path, validate_in_park: Callable[..., list[Check]]) -> None:
-    checks = {check.name: check for check in validate_in_park(again, samples=2)}
+    checks = {check.name: check for check in validate_in_park(again, samples=1)}
     assert {name for name, check in checks.items() if check.passed is False} == set()
     assert {name for name, check in checks.items() if check.passed is None} == {"wheels", "photographs"}
     assert checks["checksums"].text.startswith("4 files")
