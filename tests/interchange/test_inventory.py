@@ -13,6 +13,7 @@ import numpy as np
 import pymap3d
 import pyogrio
 import pytest
+import trimesh
 from sense_worlds import box, make_mesh, make_world
 
 from fieldtruth.core.arrays import Array
@@ -254,6 +255,34 @@ def test_world_without_objects_gives_empty_layers(tmp_path: Path) -> None:
         assert (tmp_path / "out" / f"{layer}.csv").read_text() == ",".join(COLUMNS) + "\n"
         assert pyogrio.read_info(tmp_path / "out" / "inventory.gpkg", layer=layer)["features"] == 0
     assert list(named_objects(make_world())) == []
+
+
+@pytest.mark.slow
+def test_trunk_diameters_and_volumes_of_the_forest_agree_with_trimesh() -> None:
+    pytest.importorskip("networkx", reason="trimesh needs networkx for closed sections")
+    world = load_world("forest")
+    rows = {row["instance_id"]: row for row in rows_of(world)}
+    compared = 0
+    for instance in world.instances:
+        row, mesh, pose = rows[instance.object_id], world.meshes[instance.mesh], instance.world_from_object
+        labels = np.array([world.materials[name].label for name in mesh.materials])[mesh.material]
+        solid = trimesh.Trimesh(mesh.vertices.astype(np.float64), mesh.faces[(labels == 2) | (labels == 5)])
+        solid.merge_vertices(merge_tex=True, merge_norm=True)
+        solid.apply_transform(pose)
+        if row["volume_m3"] is not None:
+            assert row["volume_m3"] == pytest.approx(solid.volume, rel=1e-5)
+        if row["trunk_diameter_m"] is not None:
+            section = solid.section(plane_origin=[0, 0, row["ground_height_m"] + 1.3], plane_normal=[0, 0, 1])
+            assert section is not None
+            loops = [loop[:, :2] - pose[:2, 3] for loop in section.discrete]
+            areas = [
+                0.5 * abs((p[:-1, 0] * p[1:, 1] - p[1:, 0] * p[:-1, 1]).sum())
+                for p in loops
+                if np.hypot(*p.mean(0)) < 0.5
+            ]
+            assert row["trunk_diameter_m"] == pytest.approx(2 * np.sqrt(max(areas) / np.pi), abs=1e-4), row["name"]
+            compared += 1
+    assert compared > 350
 
 
 @pytest.mark.slow
