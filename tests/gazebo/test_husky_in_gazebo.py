@@ -160,6 +160,10 @@ def test_every_sensor_reads_at_its_frame(tmp_path: Path) -> None:
     """At rest above red ground under a blue sky, with the default rig: ranges, horizon, attitude, gravity and fix."""
     rig = Rig()
     run = run_gazebo(package(tmp_path / "package", rig), tmp_path / "run", readings=2, limit_s=230)
+    check_readings(run, rig)
+
+
+def check_readings(run: GazeboRun, rig: Rig) -> None:
     assert run.complaints == ()
     assert set(run.names()) == {"husky", *(f"husky__base_link__{s}" for s in SENSORS)}
     _, states = motion(run)
@@ -169,8 +173,10 @@ def test_every_sensor_reads_at_its_frame(tmp_path: Path) -> None:
     down = ray_directions(rig.lidar)[(n // 2 - np.arange(n)) % n][:, ::-1, 2].T  # (rings, columns), the lowest first
     expected = np.divide(position[2] + rig.lidar.mount.xyz[2], -down, out=np.full_like(down, np.inf), where=down < 0)
     within = expected < 18.0  # the ground has an edge
-    np.testing.assert_allclose(ranges[within], expected[within], rtol=0, atol=0.005)
-    assert (retro[within] == 1).all()
+    hit = within & np.isfinite(ranges)
+    assert (within & ~hit).sum() <= 3  # ODE's rays can pass between two triangles where they meet
+    np.testing.assert_allclose(ranges[hit], expected[hit], rtol=0, atol=0.001)
+    assert (retro[hit] == 1).all()
     assert np.isinf(ranges[down > 0]).all()
     for side in ("left", "right"):
         image = run.readings(f"husky__base_link__{side}_camera")[-1].values.astype(int)
