@@ -18,6 +18,7 @@ from interchange_worlds import small_world
 from scipy.spatial import KDTree
 from sdf_reader import F8, Shape, matrix, resolve, shapes
 
+from fieldtruth.core import memory
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.core.geodesy import geodetic_from_world
@@ -260,6 +261,15 @@ def test_bad_input_is_one_line_and_writes_nothing(world: World, tmp_path: Path) 
     with pytest.raises(OutputError, match="does not hold a package for Gazebo"):
         write_gazebo(world, mine, overwrite=True)
     assert [path.name for path in tmp_path.rglob("*")] == ["mine", "thesis.txt"]
+
+
+def test_a_world_larger_than_the_memory_is_refused(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(memory, "available_memory", lambda: 50_000_000)
+    with pytest.raises(OutputError, match=r"^format 'gazebo' of small needs about .* GB of memory, .*--no-beyond"):
+        write_gazebo(world, tmp_path / "out")
+    assert not any(tmp_path.iterdir())
 
 
 def test_a_full_disk_leaves_nothing_behind(world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,7 +18,9 @@ from fieldtruth.gazebo.templates import render, write
 from fieldtruth.gazebo.worlds.bodies import Body, Part, world_bodies
 from fieldtruth.gazebo.worlds.mesh_files import COARSE, FINE, write_glb, write_obj
 from fieldtruth.gazebo.worlds.textures import texture_file, write_textures
+from fieldtruth.interchange import check_scene_memory
 from fieldtruth.interchange.surfaces import Surface
+from fieldtruth.interchange.swarms import tiles_of_swarms
 from fieldtruth.render.sky import sun_direction
 from fieldtruth.world.model import World
 
@@ -26,6 +28,8 @@ HEADING_DEG: Final = 90.0
 """Of the world's x axis, from east towards north: x is north and y west."""
 _LIGHT: Final = {"ambient": (0.5, 0.52, 0.55), "sky": (0.62, 0.74, 0.88), "sun": (0.95, 0.9, 0.8)}
 """Colours in sRGB, chosen by eye beside photographs of the same views."""
+_FACE_BYTES: Final = 700
+_MEMBER_BYTES: Final = 10_000
 _VERSION: Final = {"classic": "1.7", "gz": "1.9"}
 """Version of SDF that the oldest Gazebo of a flavour reads: 11.1, and Garden."""
 
@@ -36,7 +40,11 @@ def write_world(folder: Path, world: World, flavour: Flavour, *, beyond: bool) -
     - ``worlds/{name}.world`` (classic) or ``.sdf`` (gz), and ``{name}_plain`` in the flat colours of the classes;
     - ``models/``: one folder for each mesh that objects share, for the ground and for each swarm; they are models of
       their own, too; and ``{name}_materials`` with textures and, for Gazebo 11, the materials.
+
+    Raises:
+        OutputError: the memory is too small.
     """
+    check_scene_memory(world, "gazebo", _needed_memory(world))
     models, materials = folder / "models", f"{world.name}_materials"
 
     def add(part: Part, surface: Surface) -> None:
@@ -69,6 +77,13 @@ def write_world(folder: Path, world: World, flavour: Flavour, *, beyond: bool) -
         name = f"{world.name}_plain" if flat else world.name
         text = render("worlds", "world.xml.jinja", **values, **_scene(world, flat=flat), bodies=bodies)
         write(folder / "worlds" / f"{name}.{'sdf' if flavour == 'gz' else 'world'}", text)
+
+
+def _needed_memory(world: World) -> int:
+    """Memory [byte] for the text of the largest mesh file, and for a world file with a part per member of a swarm."""
+    tiles = (tile.face_count(world) for tile in tiles_of_swarms(world, beyond=True))
+    largest = max((*tiles, *(len(mesh.faces) for mesh in world.meshes.values())), default=0)
+    return largest * _FACE_BYTES + sum(len(swarm.mesh) for swarm in world.swarms) * _MEMBER_BYTES
 
 
 def _shared(bodies: Iterable[Body]) -> list[Body]:
