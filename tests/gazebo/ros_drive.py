@@ -18,9 +18,6 @@ from pathlib import Path
 import yaml
 from gazebo_run import CHROOT, GazeboError, in_chroot, missing_chroot
 
-GAZEBO_CLOUDS = "/gazebo/points"
-"""Topic of Gazebo's own clouds in the bag, so that ``annotate`` can add ours."""
-
 
 def add_robot(world: Path, out: Path, config: Path) -> Path:
     """Write a copy of a package's world file, beside it, with the robot where a launch file with ``config`` spawns it.
@@ -85,7 +82,6 @@ def drive_with_ros(
     package = world.parent.parent
     settings = {
         "RESULTS": str(folder),
-        "REMAP": f"/os1_cloud_node/points:={GAZEBO_CLOUDS}",
         "DRIVE_METRES": str(metres),
         "DRIVE_SECONDS": str(seconds),
         "CLOUDS": clouds,
