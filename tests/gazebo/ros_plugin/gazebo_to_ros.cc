@@ -74,8 +74,9 @@ public:
     node->setParam("/use_sim_time", true);
     spinner.reset(new ros::AsyncSpinner(1));
     spinner->start();
-    clockTopic = node->advertise<rosgraph_msgs::Clock>("/clock", 10);
-    statesTopic = node->advertise<ModelStates>("/gazebo/model_states", 2000);
+    // A queue of 0 is without limit: on a busy machine the recorder may be late, but must not miss a step.
+    clockTopic = node->advertise<rosgraph_msgs::Clock>("/clock", 0);
+    statesTopic = node->advertise<ModelStates>("/gazebo/model_states", 0);
     begin = gazebo::event::Events::ConnectWorldUpdateBegin([this](const gazebo::common::UpdateInfo &) { Begin(); });
     end = gazebo::event::Events::ConnectWorldUpdateEnd([this] { End(); });
   }
@@ -96,7 +97,7 @@ private:
     body = robot->GetLink(Read<std::string>(pose, "bodyName"));
     odometrySteps = std::lround(1000.0 / Read<double>(pose, "updateRate"));
     worldFrame = Read<std::string>(pose, "frameName");
-    odometryTopic = node->advertise<nav_msgs::Odometry>(Read<std::string>(pose, "topicName"), 100);
+    odometryTopic = node->advertise<nav_msgs::Odometry>(Read<std::string>(pose, "topicName"), 0);
     drive.reset(new SkidSteer(robot, *node));
     sensors.reset(new Sensors(robot, *node));
     FindSoft();

@@ -118,7 +118,8 @@ void Sensors::PublishCloud(const ros::Time &stamp)
       const double yaw = lidar->AngleMin().Radian() + column * lidar->AngleResolution();
       const double up = lidar->VerticalAngleMin().Radian() + row * lidar->VerticalAngleResolution();
       const double ahead = range * std::cos(up);
-      // Rings from the highest beam down, columns clockwise from ahead, as an Ouster counts them.
+      // Rings from the highest beam down, columns clockwise from ahead, as our clouds count them, so that beams can be
+      // compared; the plugin in the description counts rings from below and has no columns.
       const auto clockwise = std::lround(-yaw * columns / (2.0 * M_PI));
       points.push_back({static_cast<float>(ahead * std::cos(yaw)), static_cast<float>(ahead * std::sin(yaw)),
                         static_cast<float>(range * std::sin(up)),
