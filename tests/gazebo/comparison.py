@@ -13,7 +13,7 @@ from scipy.ndimage import binary_dilation
 
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array, Mask
-from fieldtruth.core.classes import PALETTE, Label
+from fieldtruth.core.classes import NO_RETURN, PALETTE, Label
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, OPTICAL, CameraConfig, LidarConfig
 from fieldtruth.sense.label_camera import LabelCamera, LabelImages
 from fieldtruth.sense.lidar import Lidar, ray_directions
@@ -43,6 +43,12 @@ class Beams(NamedTuple):
 
     range_m: Array
     label: Array
+
+    @classmethod
+    def of_gazebo(cls, range_m: Array, retro: Array) -> "Beams":
+        """Beams of Gazebo, whose water is a surface with its own class, while ours returns nothing."""
+        lost = np.isin(retro, [int(label) for label in NO_RETURN]) | ~np.isfinite(range_m)
+        return cls(np.where(lost, np.inf, range_m), np.where(lost, 0.0, retro))
 
     def errors(self, other: "Beams") -> Array:
         """Differences of range [m], 0 where both have no return, infinite where one has none."""

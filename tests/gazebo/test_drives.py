@@ -93,7 +93,7 @@ def beams(bag: Path, topic: str) -> dict[int, Beams]:
         xyz = np.stack([cloud[axis].astype(np.float64) for axis in "xyz"], axis=1)
         scan.range_m[cloud["column"], cloud["ring"]] = np.linalg.norm(xyz, axis=1)
         scan.label[cloud["column"], cloud["ring"]] = cloud["intensity"]
-        found[stamp_ns(reading.message.header)] = scan
+        found[stamp_ns(reading.message.header)] = Beams.of_gazebo(*scan)
     return found
 
 

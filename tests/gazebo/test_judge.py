@@ -55,7 +55,10 @@ class Judged:
         mount, found = RIG.lidar.mount.base_from_sensor, self.run.at_stops("rig__link__lidar")
         return [
             compare_scan(
-                self.scene, RIG.lidar, pose @ mount, Beams(*(beams(part, RIG.lidar) for part in reading.values))
+                self.scene,
+                RIG.lidar,
+                pose @ mount,
+                Beams.of_gazebo(*(beams(part, RIG.lidar) for part in reading.values)),
             )
             for pose, reading in zip(self.poses, found, strict=True)
         ]

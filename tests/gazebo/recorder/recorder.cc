@@ -195,7 +195,8 @@ class Recorder : public SystemPlugin {
         record = [i = imu.get()](Stream &out) {
           const auto q = i->Orientation();
           const auto w = i->AngularVelocity(), a = i->LinearAcceleration();
-          out.Append(i->LastMeasurementTime(), {q.W(), q.X(), q.Y(), q.Z(), w.X(), w.Y(), w.Z(), a.X(), a.Y(), a.Z()});
+          // Gazebo turns gravity by the pose of now, so the reading belongs to now, whatever the stamp of its velocities.
+          out.Append(physics::get_world()->SimTime(), {q.W(), q.X(), q.Y(), q.Z(), w.X(), w.Y(), w.Z(), a.X(), a.Y(), a.Z()});
         };
       } else if (auto gps = std::dynamic_pointer_cast<sensors::GpsSensor>(sensor)) {
         kind = "gps";

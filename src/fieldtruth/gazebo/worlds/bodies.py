@@ -10,14 +10,16 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.classes import NO_RETURN, Label
+from fieldtruth.core.classes import Label
 from fieldtruth.interchange.ground import ground_tiles
 from fieldtruth.interchange.surfaces import Surface, mesh_surfaces
 from fieldtruth.interchange.swarms import beyond_edge, merged_swarms
 from fieldtruth.world.model import GROUND_ID, Collider, Mesh, Swarm, World
 
-SOFT: Final = frozenset({Label.TREETOP, Label.BUSH, Label.HIGH_GRASS, Label.CABLE})
-"""Classes that a robot passes through; LiDAR rays hit them."""
+SOFT: Final = frozenset({Label.TREETOP, Label.BUSH, Label.HIGH_GRASS, Label.CABLE, Label.WATER})
+"""Classes that a robot passes through. LiDAR rays hit them: water hides the ground below, and its class marks such a
+point as none, because Gazebo knows no surface that swallows a ray.
+"""
 LIDAR_RANGE: Final = 120.0
 """Distance [m] from the world's edge beyond which nothing returns a ray."""
 SMALL: Final = 500
@@ -42,7 +44,7 @@ class Part:
     solid: bool = True
     """Whether wheels and chassis touch it."""
     returns: bool = True
-    """Whether it returns the pulse of a LiDAR."""
+    """Whether rays of a LiDAR hit it."""
 
 
 AddMesh = Callable[[Part, Surface], None]
@@ -109,7 +111,6 @@ def _part(
         material=material or surface.material,
         label=surface.label,
         solid=solid and surface.label not in SOFT,
-        returns=surface.label not in NO_RETURN,
     )
     add(part, surface)
     return part
