@@ -20,7 +20,7 @@ packages="gazebo libgazebo-dev xvfb libgl1-mesa-dri libgl1 cmake g++ make
   python3-rospy python3-sensor-msgs python3-nav-msgs python3-geometry-msgs python3-yaml"
 if [ "$(cat "$GZ_CHROOT/etc/gazebo_packages" 2>/dev/null)" != "$packages" ]; then
   mirror=$(apt-get indextargets --format '$(REPO_URI)' | sort -u | grep '/debian/$' | head -n 1)
-  if [ ! -x "$GZ_CHROOT/usr/bin/apt-get" ]; then
+  if [ -e "$GZ_CHROOT/debootstrap" ] || [ ! -x "$GZ_CHROOT/usr/bin/apt-get" ]; then # the folder is there until it is done
     mkdir -p "$GZ_CHROOT"
     debootstrap --variant=minbase bullseye "$GZ_CHROOT" "$mirror"
   fi
