@@ -19,6 +19,8 @@ from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.build import load_world
 
+pytestmark = pytest.mark.slow  # full-size images
+
 
 @pytest.fixture(scope="module")
 def park_bag(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -58,6 +58,7 @@ def test_length_is_as_requested_and_waypoints_are_5_to_20_m_apart(length: float,
     assert np.median(spacing) >= 5.0
 
 
+@pytest.mark.slow
 def test_length_on_a_slope_is_measured_along_the_ground() -> None:
     world, experiment = make_world(tilted(15.0, 0.0)), random_experiment(30.0, 1)
     route = plan_route(world, experiment, verify=False)

@@ -115,7 +115,7 @@ def test_drive_into_water_is_an_error() -> None:
         drive(make_world(tilted(-2.0, 0.0), water_level=-0.12), make_experiment([(10.0, 0.0)]))
 
 
-DEFAULT = ("park_1", "forest_2")
+DEFAULT = ("park_1",)
 
 
 @pytest.mark.parametrize(

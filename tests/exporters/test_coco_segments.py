@@ -18,7 +18,10 @@ def numbered(name: str) -> bool:
     return name.rsplit("_", 1)[-1].isdigit()
 
 
-@pytest.mark.parametrize("environment", ["park", "lake", "forest", "hillside"])
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("lake", "forest", "hillside")]
+
+
+@pytest.mark.parametrize("environment", ["park", *SLOW])
 def test_only_names_of_single_objects_end_in_a_number(environment: str) -> None:
     world = load_world(environment, 0)
     assert all(numbered(instance.name) for instance in world.instances)

@@ -23,9 +23,7 @@ from fieldtruth.drive.expected_path import experiments_in
 from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.files import with_overrides
 from fieldtruth.experiment.rig import CameraConfig, LidarConfig, Rig
-from fieldtruth.sense.lidar import ray_directions
 from fieldtruth.sense.scene import Scene
-from fieldtruth.world.model import World
 
 pytestmark = [pytest.mark.gazebo, pytest.mark.skipif(bool(missing_ros()), reason=missing_ros() or "-")]
 
@@ -99,28 +97,18 @@ def beams(bag: Path, topic: str) -> dict[int, Beams]:
     return found
 
 
-def under_water(world: World, world_from_lidar: Array, scan: Beams) -> Mask:
-    """Beams of Gazebo that met something below the water's surface, which is only drawn there and lets rays through."""
-    if world.water_level is None:
-        return np.zeros(scan.label.shape, np.bool_)
-    up = ray_directions(RIG.lidar) @ world_from_lidar[2, :3]
-    height = world_from_lidar[2, 3] + scan.range_m * up
-    return np.asarray(np.isfinite(scan.range_m) & (height < world.water_level))
-
-
 @pytest.mark.filterwarnings("ignore:the bag's own messages")
 def test_annotated_clouds_are_gazebos_own_except_at_edges(driven: Driven, tmp_path: Path) -> None:
     bag = annotate(driven.gazebo.bag, driven.world.name, rig=RIG, out=tmp_path / "annotated.bag")
     ours, theirs = beams(bag, POINTS), beams(bag, "/recorded" + POINTS)
     assert list(theirs) == [second * 10**9 for second in CLOUDS]
-    scene, differ, grazing, wet, error = Scene(driven.world), [], [], list[Mask](), list[Array]()
+    scene, differ, grazing, error = Scene(driven.world), list[Mask](), list[Mask](), list[Array]()
     for stamp, scan in theirs.items():
         row = stamp // 10**6 - 1
         pose = driven.theirs.world_from_base(row) @ RIG.lidar.mount.base_from_sensor
         compared = compare_scan(scene, RIG.lidar, pose, scan)
         assert not compared.ours.differ(ours[stamp]).any()
-        wet.append(under_water(driven.world, pose, scan) & (compared.ours.label == 0))
-        differ.append(compared.differ & ~wet[-1])
+        differ.append(compared.differ)
         grazing.append(compared.grazing)
         met = np.isfinite(scan.range_m) & ~compared.differ
         error.append(np.abs(scan.range_m[met] - ours[stamp].range_m[met]))
@@ -129,7 +117,7 @@ def test_annotated_clouds_are_gazebos_own_except_at_edges(driven: Driven, tmp_pa
     print(
         f"\n{driven.world.name}: {len(ours)} clouds and {tags} tag images added; {share:.3%} of the beams at {CLOUDS} s"
         f" differ from Gazebo's, {unexplained} of them without grazing an edge; the others by {np.median(error[0]):.1e}"
-        f" m, at most {max(each.max() for each in error):.1e} m; {np.mean(wet):.2%} go through water in Gazebo",
+        f" m, at most {max(each.max() for each in error):.1e} m",
         end="",
     )
     assert tags == 2 * len(ours) == 2 * int(driven.gazebo.seconds)

@@ -7,6 +7,7 @@ import re
 from typing import Any
 
 import numpy as np
+import pytest
 from browser_tab import NIGHT, Tab, differing, of_ground, pixels
 from report_pages import Page
 
@@ -120,6 +121,7 @@ def test_path_in_the_cloud_matches_pinhole_projection(tab: Tab, page: Page) -> N
         assert (drawn & flipped).sum() < 0.6 * (drawn | flipped).sum()
 
 
+@pytest.mark.slow
 def test_touch_orbits_and_zooms_the_cloud(browser: Any, page: Page) -> None:
     tab = Tab(browser, page.path, viewport={"width": 400, "height": 800}, has_touch=True, is_mobile=True)
     x, y = tab.middle("#canvas")
