@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shared fixtures: made once, and not changed by tests."""
 
+import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -161,6 +162,19 @@ def short(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     path = tmp_path_factory.mktemp("short") / "a.bag"
     return copied(small_run / "park_1.bag", path, lambda topic, stamp, data: data if stamp <= 240_000_000 else None)
+
+
+@pytest.fixture(scope="session")
+def brief_run(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the first 0.44 s of the small run, as a run of its own: eleven stereo pairs, two with a cloud."""
+    from export_bags import copied
+
+    folder = tmp_path_factory.mktemp("brief") / "park_1"
+    copied(
+        small_run / "park_1.bag", folder / "park_1.bag", lambda _, stamp, data: data if stamp <= 440_000_000 else None
+    )
+    shutil.copy(small_run / "experiment.yaml", folder)
+    return folder
 
 
 @pytest.fixture(scope="session")

@@ -13,12 +13,16 @@ from numpy.typing import NDArray
 from fieldtruth import frames, geodesy
 from fieldtruth.bag.topics import topics_of
 from fieldtruth.core.classes import Label
+from fieldtruth.drive.odometry import read_odometry
 from fieldtruth.drive.track import (
+    Base,
+    Commands,
     GnssReadings,
     ImuReadings,
     Motion,
     TachometerReadings,
     Track,
+    WheelMotion,
     stamps_at_rate,
 )
 from fieldtruth.experiment.config import Experiment, RouteConfig
@@ -88,9 +92,11 @@ def make_track(world: World, experiment: Experiment) -> Track:
     rows = np.searchsorted(stamps, imu_stamps)
     world_from_imu = rotation[rows] @ rig.imu.mount.base_from_sensor[:3, :3]
     gnss_stamps = stamps_at_rate(rig.gnss.rate_hz, duration_ns)
+    wheels = WheelMotion(angle=np.outer(t, (1.0, 2.0, 1.1, 2.2)), speed=np.tile((1.0, 2.0, 1.1, 2.2), (len(t), 1)))
     wheel_stamps = stamps_at_rate(rig.tachometers.rate_hz, duration_ns)
     return Track(
         motion=motion,
+        swept=motion,
         imu=ImuReadings(
             stamps_ns=imu_stamps,
             quaternion_wxyz=frames.quaternion_wxyz_from_rotation(world_from_imu),
@@ -101,8 +107,13 @@ def make_track(world: World, experiment: Experiment) -> Track:
             stamps_ns=gnss_stamps,
             geodetic=geodesy.geodetic_from_world(position[np.searchsorted(stamps, gnss_stamps)]),
         ),
-        tachometers=TachometerReadings(
-            stamps_ns=wheel_stamps, wheel_speed=np.arange(4 * len(wheel_stamps)).reshape(-1, 4) / 8.0
+        base=Base(
+            wheels=wheels,
+            tachometers=TachometerReadings(
+                stamps_ns=wheel_stamps, wheel_speed=np.arange(4 * len(wheel_stamps)).reshape(-1, 4) / 8.0
+            ),
+            odometry=read_odometry(stamps, wheels, rig),
+            commands=Commands(stamps_ns=imu_stamps, command=np.column_stack([imu_stamps / 1e10, -imu_stamps / 1e9])),
         ),
     )
 

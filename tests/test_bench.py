@@ -13,6 +13,7 @@ from scaling import image_time_ratio, is_tree, with_trees_around
 
 from fieldtruth.bench import UNITS, Settings, measure, settings_of, table
 from fieldtruth.bench.bare import MODES, BareTracer, Mode, best_mode
+from fieldtruth.bench.measure import image_efficiency
 from fieldtruth.bench.sensors import pixel_directions, poses_on_route
 from fieldtruth.core import frames
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
@@ -121,6 +122,11 @@ def test_table_shows_value_and_unit() -> None:
         ["lidar_over_bare", "1.41", "x"],
         ["peak_rss_mb", "1500", "MB"],
     ]
+
+
+def test_image_efficiency_is_bare_time_over_core_seconds() -> None:
+    """0.1 s of bare rays per image; 4 images per second on two cores are 0.5 core-seconds each."""
+    assert image_efficiency(2.0, 2, 1_000_000, 10.0) == pytest.approx(0.1 / 0.5)
 
 
 @pytest.mark.usefixtures("_small_park")

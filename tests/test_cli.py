@@ -63,7 +63,7 @@ def with_pipeline(monkeypatch: pytest.MonkeyPatch, recorder: Recorder) -> Record
 
 
 ERRORS = [
-    ([], "no command given; see fieldtruth --help. Available: generate, preview, shares, list, bench, export, "),
+    ([], "no command given; see fieldtruth --help. Available: generate, preview, shares, list, bench, status, "),
     (["generat"], "unknown command 'generat'; did you mean 'generate'? Available: generate, preview, "),
     (["--versoin"], "unknown option '--versoin'; did you mean '--version'? Available: --help, --version"),
     (["list", "--jsn"], "unknown option '--jsn'; Available: --help"),
@@ -236,7 +236,7 @@ def test_examples_of_the_help_parse(argv: list[str], capsys: pytest.CaptureFixtu
         cli.main(argv)
     assert end.value.code == 0
     examples = [line.split("  ")[1].split() for line in capsys.readouterr().out.splitlines() if "  fieldtruth" in line]
-    assert len(examples) == 5
+    assert len(examples) == 6
     for words in examples:
         assert callable(cli._parse(words[1:])[0])
 

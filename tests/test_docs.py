@@ -61,7 +61,8 @@ def configuration_keys(model: type[BaseModel], prefix: tuple[str, ...] = ()) -> 
 def default_of(key: tuple[str, ...]) -> object:
     """Value in an experiment with only the required keys."""
     route, track = "route: {start: [49.9, 8.9], waypoints: [[49.9001, 8.9]]}", "drive: {track: a.csv}"
-    text = f"{{name: a, environment: park, {track if key[0] == 'drive' else route}}}"
+    motion = {"drive": track, "frames": "frames: {count: 1}"}.get(key[0], route)
+    text = f"{{name: a, environment: park, {motion}}}"
     value: object = parse_experiment(text).model_dump(mode="json")
     for step in key:
         assert isinstance(value, dict)
@@ -104,7 +105,7 @@ def test_the_layout_of_each_environment_is_described(name: str) -> None:
 
 
 def test_the_example_of_a_layout_is_an_experiment() -> None:
-    [text] = re.findall(r"```yaml\n(.*?)```", PLACES, flags=re.S)
+    text, *_ = re.findall(r"```yaml\n(.*?)```", PLACES, flags=re.S)
     experiment = parse_experiment(text)
     assert layout_model(experiment.environment).model_validate(experiment.layout).model_fields_set == {
         "old_trees",

@@ -41,6 +41,7 @@ NAMES: Final = {
 SKIPPED: Final = {
     "checksums", "experiment", "clock", "frames", "calibration", "poses", "drive", "rays", "depth", "object classes",
     "lidar and cameras", "world", "retraced clouds", "retraced images", "photographs", "independent rays",
+    "wheel odometry", "commands",
 }  # fmt: skip
 
 

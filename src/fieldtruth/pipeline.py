@@ -5,32 +5,100 @@
 The stages are those of the paper's sections 3 and 4; each passes plain data to the next.
 """
 
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import Protocol
 
 from fieldtruth.bag.decode import count_messages
-from fieldtruth.bag.topics import topics_of
-from fieldtruth.bag.track_file import read_track_file
+from fieldtruth.bag.topics import topics_of_run
+from fieldtruth.bag.track_file import TrackFile, read_track_file
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive.plan import plan_route
 from fieldtruth.drive.simulate import drive
+from fieldtruth.drive.standing import standing_robot
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment
 from fieldtruth.record.folder import RunFolder, run_folder
-from fieldtruth.record.following import follow_track, with_stored_track
+from fieldtruth.record.following import follow_track, with_stored_track, without_wheels
 from fieldtruth.record.sensors import sensor_factory
-from fieldtruth.record.slices import Slices, slices_key
+from fieldtruth.record.slices import SliceFolder, Slices, slices_key
 from fieldtruth.record.streams import streams_of
 from fieldtruth.report.card import data_card
 from fieldtruth.world.build import check_experiment, world_of
 from fieldtruth.world.model import World
 
 
+class Prepared(Protocol):
+    """A run whose world is built and whose robot has driven."""
+
+    @property
+    def key(self) -> str:
+        """Key of its slices; see ``slices_key``."""
+        ...
+
+    def slices(self, folder: Path) -> SliceFolder:
+        """Return the slices in a folder of this key."""
+        ...
+
+    def card(self, counts: Mapping[str, int]) -> str:
+        """Return the data card; ``counts`` has the number of messages by topic."""
+        ...
+
+
+Engine = Callable[[Experiment, TrackFile | None, Progress], Prepared]
+"""Builds the world and drives, or follows the track file, and knows where the slices are made."""
+
+
+@dataclass(frozen=True)
+class PreparedHere:
+    """A run in this process."""
+
+    experiment: Experiment
+    world: World
+    track: Track
+
+    @cached_property
+    def key(self) -> str:
+        """Key of its slices."""
+        return slices_key(dump_experiment(self.experiment), self.world, self.track)
+
+    def slices(self, folder: Path) -> Slices:
+        """Build the scene and bake its light for the slices in a folder."""
+        rig = self.experiment.rig
+        sensors = sensor_factory(self.world, rig, self.experiment.light)
+        return Slices(folder, streams_of(self.world, self.track, rig), topics_of_run(self.experiment), sensors)
+
+    def card(self, counts: Mapping[str, int]) -> str:
+        """Return the data card."""
+        return data_card(self.experiment, self.world, self.track, counts)
+
+
+def prepare(experiment: Experiment, given: TrackFile | None, progress: Progress) -> PreparedHere:
+    """Build the world and drive, or follow the poses of a track file, in this process."""
+    with progress.stage("build the world"):
+        world = world_of(experiment)
+    with progress.stage("drive"):
+        return PreparedHere(experiment, world, track_in(world, experiment, given))
+
+
+def track_in(world: World, experiment: Experiment, given: TrackFile | None) -> Track:
+    """Plan the route and drive, follow the poses of a track file, or stand the robot where frames are taken."""
+    if given is not None:
+        return follow_track(experiment, world, given)
+    if experiment.frames is not None:
+        return standing_robot(world, experiment)
+    return drive(world, experiment.model_copy(update={"route": plan_route(world, experiment)}))
+
+
 def generate(
     experiment: Experiment,
     out: Path | str,
     *,
+    engine: Engine | None = None,
     workers: int | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
@@ -43,6 +111,7 @@ def generate(
     Args:
         experiment: what to simulate.
         out: folder of data sets; nothing outside ``out/NAME`` is written.
+        engine: where world, drive and slices are made; None for this process.
         workers: threads that make slices; None for one per core that the process may use.
         overwrite: replace an earlier run in the folder, finished or not.
         progress: receives the progress.
@@ -54,7 +123,8 @@ def generate(
         UnknownNameError: unknown environment.
         ConfigurationError: a layout that the environment does not allow.
         OutputError: the folder holds another run, is in use, or cannot be written.
-        RouteError: the route meets an obstacle, or no free route of the requested length is found.
+        SliceError: a worker failed.
+        RouteError: the route meets an obstacle, or no free route of the requested length or no free ground is found.
         DriveError: the robot cannot drive this route.
         TrackError, BagError: a track file that cannot be read, or leads out of the world or into something solid.
         EngineError: the installed Embree is not the version for which the kernels were written.
@@ -63,38 +133,24 @@ def generate(
     given = None if experiment.drive is None else read_track_file(experiment.drive)
     if given is not None:
         experiment = with_stored_track(experiment, given)
+    if experiment.frames is not None:
+        experiment = without_wheels(experiment)
     text = None if given is None else given.csv()
     workers = cpu_count() if workers is None else workers
     progress = Silent() if progress is None else progress
     with run_folder(experiment, Path(out), overwrite=overwrite, track=text) as run:
-        with progress.stage("build the world"):
-            world = world_of(experiment)
-        with progress.stage("drive"):
-            track = _driven(experiment, world) if given is None else follow_track(experiment, world, given)
+        prepared = (engine or prepare)(experiment, given, progress)
         run.begin(experiment, overwrite=overwrite, track=text)
-        _record(experiment, world, track, run, workers, progress)
+        _record(prepared, run, workers, progress)
     return run.bag
 
 
-def _driven(experiment: Experiment, world: World) -> Track:
-    route = plan_route(world, experiment)
-    return drive(world, experiment.model_copy(update={"route": route}))
-
-
-def _record(
-    experiment: Experiment, world: World, track: Track, run: RunFolder, workers: int, progress: Progress
-) -> None:
+def _record(prepared: Prepared, run: RunFolder, workers: int, progress: Progress) -> None:
     """Make the slices, join them to the bag, and write what belongs beside it."""
-    rig = experiment.rig
+    folder = run.slices(prepared.key)
     with progress.stage("prepare the scene"):
-        sensors = sensor_factory(world, rig, experiment.light)
-    folder = run.slices(slices_key(dump_experiment(experiment), world, track))
-    slices = Slices(folder, streams_of(world, track, rig), topics_of(rig), sensors)
-    with progress.stage("sense and label", track.duration_s, slices.seconds_done) as advance:
-        slices.make(workers, advance)
+        slices = prepared.slices(folder)
     whole = folder / "whole.bag"
-    whole.unlink(missing_ok=True)
-    with progress.stage("write the bag", track.duration_s) as advance:
-        slices.join(whole, advance)
+    slices.record(whole, workers, progress)
     with progress.stage("card and checksums"):
-        run.finish(whole, data_card(experiment, world, track, count_messages(whole)))
+        run.finish(whole, prepared.card(count_messages(whole)))

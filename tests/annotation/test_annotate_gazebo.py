@@ -23,6 +23,7 @@ from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, LidarConfig, Rig
+from fieldtruth.gazebo import DEFAULT_LAYOUT
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.build import load_world
 
@@ -37,7 +38,7 @@ STAMPS: Final = [10 * 10**9, 11 * 10**9, 12 * 10**9]
 
 @pytest.fixture(scope="module", autouse=True)
 def _one_scene() -> Iterator[None]:
-    world = load_world("park", 0)
+    world = load_world("park", 0, DEFAULT_LAYOUT)
     scene = Scene(world)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(annotation, "load_world", lambda name, seed, layout: world)

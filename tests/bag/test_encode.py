@@ -17,12 +17,14 @@ from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, Mount, 
 
 MD5 = {  # as rosmsg prints them
     "gazebo_msgs/msg/ModelStates": "48c080191eb15c41858319b4d8a609c2",
+    "geometry_msgs/msg/Twist": "9f195f881246fdfa2798d1d3eebca84a",
     "nav_msgs/msg/Odometry": "cd5e73d190d741a2f92e81eda573aca7",
     "rosgraph_msgs/msg/Clock": "a9c97c1d230cfc112e270351a944ee47",
     "sensor_msgs/msg/CameraInfo": "c9a58c1b0b154e0e6da7578cb991d214",
     "sensor_msgs/msg/CompressedImage": "8f7a12909da2c9d3332d540a0977563f",
     "sensor_msgs/msg/Image": "060021388200f6f0f447d0fcd9c64743",
     "sensor_msgs/msg/Imu": "6a62c6daae103f4ff57a132d6f95cec2",
+    "sensor_msgs/msg/JointState": "3066dcd76a6cfaef579bd0f34173e9fd",
     "sensor_msgs/msg/NavSatFix": "2d3a8cd499b9b4a0249fb98fd05cfa48",
     "sensor_msgs/msg/PointCloud2": "1158d486dd51d683ce2f1be655c3c181",
     "std_msgs/msg/Float32": "73fcbf46b49191e672908e50842a83d4",
@@ -75,10 +77,6 @@ def test_navsat() -> None:
     assert message.status.status == message.status.STATUS_FIX
 
 
-def test_wheel_speed() -> None:
-    assert back(robot_messages.wheel_speed(-1.8125), "std_msgs/msg/Float32").data == -1.8125
-
-
 def test_twist_of_odometry_is_in_base_link() -> None:
     # The robot looks north-west and moves to the west: half of it forwards, half of it to its left.
     q = frames.quaternion_wxyz_from_rotation(frames.pose((0, 0, 0), (0, 0, 45.0))[:3, :3])
@@ -94,7 +92,7 @@ def test_twist_of_odometry_is_in_base_link() -> None:
 
 def test_tf() -> None:
     state = state_at(TRACK.motion, 500_000_000)
-    (stamped,) = back(robot_messages.tf(24, 500_000_000, state), "tf2_msgs/msg/TFMessage").transforms
+    (stamped,) = back(robot_messages.tf(24, 500_000_000, state, {}), "tf2_msgs/msg/TFMessage").transforms
     assert (stamped.header.frame_id, stamped.child_frame_id, stamped.header.seq) == ("world", "base_link", 24)
     assert xyz(stamped.transform.translation) == TRACK.motion.position[499].tolist()
     assert wxyz(stamped.transform.rotation) == TRACK.motion.quaternion_wxyz[499].tolist()
@@ -231,6 +229,8 @@ def test_projection_matrices_agree_with_the_transforms() -> None:
 def test_fixed_frames_are_those_of_the_paper_and_the_optical_frames() -> None:
     fixed = robot_messages.rig_transforms(Rig())
     assert len(fixed) == 12
+    turning = {pair[1] for pair in fixed.keys() - robot_messages.fixed_transforms(Rig()).keys()}
+    assert turning == {"front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel"}
     forward, right, down = [0, 0, 1], [1, 0, 0], [0, 1, 0]
     base_from_optical = fixed["base_link", "left_camera"] @ fixed["left_camera", "left_camera_optical"]
     np.testing.assert_allclose(base_from_optical[:3, :3] @ forward, [1, 0, 0], atol=1e-15)

@@ -12,6 +12,7 @@ from record_fakes import make_experiment, make_slices
 
 from fieldtruth.bag.decode import count_messages, read_bag
 from fieldtruth.bag.topics import topics_of
+from fieldtruth.core.progress import Silent
 from fieldtruth.experiment.rig import Rig
 
 PYTHON = "/usr/bin/python3"
@@ -54,8 +55,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("ros")
     # images of full size, so that chunks have several LZ4 blocks
     slices = make_slices(folder, make_experiment(0.6, rig=Rig()))
-    slices.make(2)
-    slices.join(folder / "tiny.bag")
+    slices.record(folder / "tiny.bag", 2, Silent())
     return folder / "tiny.bag"
 
 

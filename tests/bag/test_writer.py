@@ -5,8 +5,9 @@ from pathlib import Path
 import pytest
 from rosbags.rosbag1 import Reader
 
+from fieldtruth.bag.base_messages import wheel_speed
 from fieldtruth.bag.decode import read_bag
-from fieldtruth.bag.robot_messages import clock, wheel_speed
+from fieldtruth.bag.robot_messages import clock
 from fieldtruth.bag.topics import CLOCK, TOPICS, WHEEL_SPEEDS
 from fieldtruth.bag.writer import BagWriter
 from fieldtruth.core.errors import OutputError

@@ -3,8 +3,6 @@
 """The cache key changes with everything that can change a result, and with nothing else."""
 
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,7 +11,7 @@ import pytest
 
 import fieldtruth
 from fieldtruth.core import cache
-from fieldtruth.core.cache import cache_key, import_closure, load_or_make
+from fieldtruth.core.cache import cache_key, import_closure
 
 SOURCE = Path(fieldtruth.__file__).parents[1]
 
@@ -118,31 +116,3 @@ def test_different_inputs_have_different_keys(one: object, other: object) -> Non
 
 def test_the_versions_of_libraries_are_part_of_the_key() -> None:
     assert cache_key((), libraries=["numpy"]) != cache_key((), libraries=["scipy"]) != cache_key(())
-
-
-def test_a_second_process_waits_for_what_the_first_makes(tmp_path: Path) -> None:
-    path, made = tmp_path / "folder" / "value", tmp_path / "made"
-    code = f"""
-import time
-from pathlib import Path
-from fieldtruth.core.cache import load_or_make
-
-def make():
-    with Path({str(made)!r}).open("a") as file:
-        file.write("made ")
-    time.sleep(0.5)
-    return "value"
-
-load = lambda path: path.read_text() if path.exists() else None
-print(load_or_make(Path({str(path)!r}), load, make, lambda path, value: path.write_text(value) and None))
-"""
-    both = [subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) for _ in range(2)]
-    assert [child.communicate()[0] for child in both] == ["value\n"] * 2
-    assert made.read_text() == "made "
-    assert list(path.parent.iterdir()) == [path]
-
-
-def test_a_cache_that_cannot_be_written_is_not_used(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    made = load_or_make(tmp_path / "file" / "value", lambda path: None, lambda: 7, lambda path, value: path.touch())
-    assert made == 7

@@ -3,6 +3,7 @@
 """Output files are whole or absent, a folder has one writer, and a full disk is one clear line."""
 
 import errno
+import platform
 import subprocess
 import sys
 from contextlib import suppress
@@ -47,7 +48,10 @@ def test_a_second_process_cannot_lock_a_folder_until_the_first_ends(tmp_path: Pa
     child = subprocess.Popen([sys.executable, "-c", hold], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     assert child.stdout is not None
     assert child.stdout.readline() == b"held\n"
-    with pytest.raises(OutputError, match="in use by another process"), locked(tmp_path):
+    with (
+        pytest.raises(OutputError, match=f"in use by process {child.pid} on {platform.node()}; wait until it ends"),
+        locked(tmp_path),
+    ):
         pass
     child.kill()
     child.communicate()
@@ -68,6 +72,51 @@ def test_errors_of_the_operating_system_become_one_line(tmp_path: Path, number: 
     with pytest.raises(OutputError) as caught, output_errors(tmp_path / "x"):
         raise OSError(number, "raw")
     assert str(caught.value) == f"cannot write {tmp_path / 'x'}: {reason}"
+
+
+WITHOUT_FLOCK = """
+import errno, fcntl, sys
+from pathlib import Path
+
+def refuse(*_):
+    raise OSError(errno.{error}, "flock")
+
+fcntl.flock = refuse
+from fieldtruth.core.errors import OutputError
+from fieldtruth.core.files import locked
+try:
+    with locked(Path(sys.argv[1])):
+        print("held", flush=True)
+        input()
+except OutputError as error:
+    print(error)
+"""
+
+
+@pytest.mark.parametrize("error", ["ENOSYS", "ENOLCK"])
+def test_a_folder_without_flock_is_locked_by_a_file_that_a_dead_process_may_leave(tmp_path: Path, error: str) -> None:
+    def start() -> subprocess.Popen[bytes]:
+        code = WITHOUT_FLOCK.format(error=error)
+        return subprocess.Popen(
+            [sys.executable, "-c", code, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        )
+
+    def first_line(process: subprocess.Popen[bytes]) -> str:
+        assert process.stdout is not None
+        return process.stdout.readline().decode().strip()
+
+    first = start()
+    assert first_line(first) == "held"
+    second = start()
+    assert f"{tmp_path} is in use by process {first.pid} on {platform.node()}; " in first_line(second)
+    second.communicate()
+    first.kill()
+    first.communicate()
+    assert list(tmp_path.glob(".lock*"))
+    third = start()
+    assert first_line(third) == "held"
+    third.communicate(b"\n")
+    assert not any(tmp_path.iterdir())
 
 
 def test_an_unknown_name_suggests_the_closest_one_and_lists_all() -> None:

@@ -2,20 +2,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """Small worlds to drive in: a heightfield from a function of x and y, with boxes and cylinders as obstacles."""
 
+import dataclasses
 from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core import frames
+from fieldtruth.core.classes import Label
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.drive.controller import WaypointFollower
 from fieldtruth.drive.monitor import DriveMonitor
 from fieldtruth.drive.simulate import SimulatedHusky
+from fieldtruth.drive.wheel_contacts import Soil
 from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route
-from fieldtruth.world.model import Collider, Heightfield, Instance, Mesh, Raster, Terrain, World
+from fieldtruth.world.materials import MATERIALS
+from fieldtruth.world.model import Collider, Heightfield, Instance, Material, Mesh, Raster, Swarm, Terrain, World
 
 F8 = NDArray[np.float64]
 HeightFunction = Callable[[F8, F8], F8]
@@ -43,8 +47,9 @@ def make_world(
     spacing: float = 0.2,
     obstacles: Sequence[tuple[str, Collider, F8]] = (),
     water_level: float | None = None,
+    ground_type: str = "",
 ) -> World:
-    """``obstacles`` are name, collider and world_from_object."""
+    """``obstacles`` are name, collider and world_from_object; all ground is of ``ground_type``."""
     field = make_field(height, size, spacing)
     grid = Raster(values=np.ones((2, 2), np.float32), spacing=100.0, x0=-50.0, y0=-50.0)
     empty = np.zeros((0, 3), np.float32)
@@ -79,9 +84,29 @@ def make_world(
         ),
         meshes=meshes,
         instances=instances,
-        materials={},
+        materials={"soil": Material(name="soil", label=Label.GROUND, texture="soil", ground_type=ground_type)},
         textures={},
         water_level=water_level,
+    )
+
+
+def with_stones(world: World, stones: Sequence[Mesh], rows: Sequence[int], poses: F8) -> World:
+    """``world`` with a swarm "stones" of ``stones[rows[k]]`` at ``poses`` (n, 4, 4)."""
+    swarm = Swarm(
+        name="stones",
+        kind="rock",
+        object_id=len(world.instances) + 2,
+        meshes=tuple(stone.name for stone in stones),
+        mesh=np.array(rows, np.int32),
+        world_from_object=np.asarray(poses, np.float64),
+        tint=np.ones((len(poses), 3), np.float32),
+    )
+    names = {name for stone in stones for name in stone.materials}
+    return dataclasses.replace(
+        world,
+        meshes={**world.meshes, **{stone.name: stone for stone in stones}},
+        materials={**world.materials, **{name: MATERIALS[name] for name in names}},
+        swarms=(*world.swarms, swarm),
     )
 
 
@@ -110,13 +135,15 @@ def obstacle(
     return name, Collider(shape=shape, size=size), world_from_object  # type: ignore[arg-type]
 
 
-def make_robot(world: World, start: tuple[float, float] = (0.0, 0.0), *, yaw_deg: float = 0.0) -> SimulatedHusky:
+def make_robot(
+    world: World, start: tuple[float, float] = (0.0, 0.0), *, yaw_deg: float = 0.0, soil: Soil | None = None
+) -> SimulatedHusky:
     """A settled robot without a route."""
     ahead = np.array(start) + 100 * np.array([np.cos(np.deg2rad(yaw_deg)), np.sin(np.deg2rad(yaw_deg))])
     experiment = make_experiment([(float(ahead[0]), float(ahead[1]))])
     waypoints = geodetic_route(experiment.route).waypoints
     monitor = DriveMonitor(world, WaypointFollower(waypoints, experiment.control), experiment.control)
-    robot = SimulatedHusky(world, Rig(), monitor)
+    robot = SimulatedHusky(world, Rig(), monitor, soil)
     robot.spawn(world, np.array(start), ahead)
     return robot
 

@@ -10,20 +10,18 @@ from drive_worlds import hills, make_experiment, make_world
 
 from fieldtruth.drive.sensors import due_steps, steps_at_rate
 from fieldtruth.drive.simulate import drive
-from fieldtruth.drive.track import GnssReadings, ImuReadings, Motion, TachometerReadings, Track
+from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import ControlConfig
+from fieldtruth.experiment.rig import LidarConfig, Rig
 from fieldtruth.world.model import World
 
 
 def arrays(track: Track) -> dict[str, bytes]:
-    assert track.tachometers is not None
-    parts: tuple[Motion | ImuReadings | GnssReadings | TachometerReadings, ...] = (
-        track.motion,
-        track.imu,
-        track.gnss,
-        track.tachometers,
-    )
-    return {f"{type(p).__name__}.{name}": a.tobytes() for p in parts for name, a in vars(p).items()}
+    assert track.base is not None
+    base = track.base
+    parts = (track.motion, track.imu, track.gnss, base.wheels, base.tachometers, base.odometry, base.commands)
+    found = {f"{type(p).__name__}.{name}": a for p in parts for name, a in vars(p).items()}
+    return {name: a.tobytes() for name, a in found.items() if isinstance(a, np.ndarray)}
 
 
 def test_straight_drive_ends_at_the_arrival_distance(flat_world: World) -> None:
@@ -68,9 +66,11 @@ def test_each_sensor_reads_at_its_rate_up_to_and_including_the_end(flat_world: W
     assert len(track.motion.stamps_ns) == 3000
     assert len(track.imu.stamps_ns) == 150
     assert len(track.gnss.stamps_ns) == 6
-    assert track.tachometers is not None
-    assert len(track.tachometers.stamps_ns) == 30
-    ends = {int(s.stamps_ns[-1]) for s in (track.motion, track.imu, track.gnss, track.tachometers)}
+    assert track.base is not None
+    assert len(track.base.tachometers.stamps_ns) == 30
+    assert len(track.base.odometry.stamps_ns) == len(track.base.commands.stamps_ns) == 150
+    parts = (track.motion, track.imu, track.gnss, track.base.tachometers, track.base.odometry, track.base.commands)
+    ends = {int(s.stamps_ns[-1]) for s in parts}
     assert ends == {3_000_000_000}
 
 
@@ -96,6 +96,21 @@ def test_drive_is_reproducible_and_a_short_drive_is_a_prefix_of_a_long_one() -> 
     expected = arrays(long)
     for name, content in arrays(short).items():
         assert expected[name].startswith(content), name
+
+
+def test_the_last_scan_of_a_spinning_lidar_is_swept_along_the_drive(flat_world: World) -> None:
+    route, rig = [(9.0, 0.0)], Rig(lidar=LidarConfig(spinning=True, rate_hz=8.0))
+    long = drive(flat_world, make_experiment(route, seconds=4.0, rig=rig))
+    short = drive(flat_world, make_experiment(route, seconds=2.0, rig=rig))
+    plain = drive(flat_world, make_experiment(route, seconds=2.0))
+    assert arrays(short) == arrays(plain)
+    assert len(plain.swept.stamps_ns) == len(short.motion.stamps_ns) == 2000
+    assert short.swept.stamps_ns[-1] == 2_125_000_000
+    np.testing.assert_array_equal(short.swept.position, long.motion.position[:2125])
+    assert short.swept.position[-1, 0] - short.motion.position[-1, 0] == pytest.approx(0.3 * 0.125, rel=0.01)
+    arrived = drive(flat_world, make_experiment([(4.0, 0.0)], rig=rig))
+    assert arrived.duration_s == drive(flat_world, make_experiment([(4.0, 0.0)])).duration_s
+    assert len(arrived.swept.stamps_ns) == len(arrived.motion.stamps_ns) + 125
 
 
 def test_progress_is_called_every_second(flat_world: World) -> None:

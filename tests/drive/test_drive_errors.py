@@ -76,7 +76,7 @@ def test_robot_tips_over_at_a_cliff() -> None:
     def cliff(x: F8, y: F8) -> F8:
         return np.where(x < 3.0, 0.0, -3.0) + 0.0 * y
 
-    what, _, x, _, _ = failure(make_world(cliff), (9.0, 0.0))
+    what, _, x, _, _ = failure(make_world(cliff), (9.0, 0.0), control=ControlConfig(speed=1.0))
     assert what == "robot tipped over"
     assert 2.5 < x < 4.5
 

@@ -41,7 +41,7 @@ def circling(radius: float, turn_rate: float, count: int = 2000) -> Motion:
 
 def test_imu_axes_follow_the_mount() -> None:
     # Pitch -90 then yaw 180: x up, y to the right, z forwards.
-    readings = read_imu(circling(2.0, 0.5), ImuConfig())
+    readings = read_imu(circling(2.0, 0.5), ImuConfig(sampling="instant"))
     np.testing.assert_allclose(readings.angular_velocity, np.tile((0.5, 0.0, 0.0), (100, 1)), atol=1e-12)
     # Towards the centre: 2.0 m x (0.5 rad/s)^2 to the left; the lever arm of 0.19 m pulls backwards.
     expected = np.tile((9.81, -0.5, -0.19 * 0.25), (100, 1))
@@ -125,8 +125,8 @@ def test_accelerometer_integrates_to_the_velocity() -> None:
 
 def test_wheel_speeds_integrate_to_the_driven_length() -> None:
     track = drive(make_world(tilted(4.0, 0.0)), make_experiment([(9.0, 0.0)]))
-    assert track.tachometers is not None
-    seconds = np.diff(track.tachometers.stamps_ns, prepend=0) / 1e9
-    by_wheels = (track.tachometers.wheel_speed * seconds[:, None]).sum(axis=0) * 0.1651
+    assert track.base is not None
+    seconds = np.diff(track.base.tachometers.stamps_ns, prepend=0) / 1e9
+    by_wheels = (track.base.tachometers.wheel_speed * seconds[:, None]).sum(axis=0) * 0.1651
     np.testing.assert_allclose(by_wheels, track.length_m, rtol=0.01)
     assert track.length_m > 6.5

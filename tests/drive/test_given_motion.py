@@ -147,8 +147,24 @@ def test_a_track_of_the_physics_gives_its_own_motion_and_imu(winding_track: Trac
     motion = motion_along(drive.stamps_ns, drive.position, drive.quaternion_wxyz, 0)
     assert_equal_motion(motion, drive)
     imu = readings_along(motion, Rig()).imu
-    np.testing.assert_allclose(imu.linear_acceleration, winding_track.imu.linear_acceleration, atol=1e-7)
+    # The first reading begins with the first state, whose velocity no pose states.
+    np.testing.assert_allclose(imu.linear_acceleration[1:], winding_track.imu.linear_acceleration[1:], atol=1e-7)
     np.testing.assert_allclose(imu.angular_velocity, winding_track.imu.angular_velocity, atol=1e-9)
+
+
+def test_behind_the_last_pose_the_sweep_goes_on_and_poses_of_the_file_come_first(
+    flight: tuple[Counts, Array, Array],
+) -> None:
+    stamps, position, quaternion = flight
+    start, part = int(stamps[0]), 1.5
+    longer = motion_along(stamps, position, quaternion, start, part, sweep=100)
+    whole = motion_along(stamps, position, quaternion, start, sweep=100)
+    np.testing.assert_array_equal(longer.position, whole.position[:1600])
+    last = whole.first(len(whole.stamps_ns) - 100)
+    np.testing.assert_array_equal(last.position, motion_along(stamps, position, quaternion, start).position)
+    np.testing.assert_allclose(whole.linear_velocity[-100:], np.tile(last.linear_velocity[-1], (100, 1)), atol=1e-9)
+    np.testing.assert_allclose(whole.angular_velocity[-100:], np.tile(last.angular_velocity[-1], (100, 1)), atol=1e-9)
+    assert np.linalg.norm(last.linear_velocity[-1]) > 1.0
 
 
 def assert_equal_motion(motion: Motion, drive: Motion) -> None:

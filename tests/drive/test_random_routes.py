@@ -142,6 +142,7 @@ def test_random_route_in_the_park_is_driven_to_its_end(seed: int) -> None:
     assert away.max() < 0.15
 
 
+@pytest.mark.slow
 def test_run_drives_the_planned_route_and_writes_the_original_experiment(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

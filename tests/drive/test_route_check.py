@@ -6,7 +6,8 @@ import re
 
 import numpy as np
 import pytest
-from drive_worlds import F8, make_experiment, make_world, obstacle, tilted
+from drive_worlds import F8, make_experiment, make_world, obstacle, tilted, with_stones
+from sense_worlds import at, box
 
 import fieldtruth
 from fieldtruth.core.errors import DriveError, FieldtruthError, RouteError
@@ -45,6 +46,17 @@ def test_waypoint_in_an_obstacle_is_rejected() -> None:
     assert text == "waypoint 2 of 3 at x 6.0 m, y 0.1 m is in post_7; move it to free ground"
     text = rejection(make_world(obstacles=[POST]), (12.0, 0.0), start=(6.1, 0.0))
     assert text == "the start at x 6.1 m, y 0.0 m is in post_7; move it to free ground"
+
+
+def test_high_stone_is_rejected_by_the_name_of_its_swarm_and_a_low_one_is_driven_over() -> None:
+    stones = [box("high", [0.1, 0.1, 0.12], "rock_granite"), box("low", [0.1, 0.1, 0.06], "rock_granite")]
+    text = rejection(with_stones(make_world(), stones, [0], at(6.0, 0.2, 0.0)[None]), (10.0, 0.0))
+    assert text.startswith(
+        "the leg from the start to waypoint 1 passes an object of swarm stones at a distance of 0.10 m"
+    )
+    experiment = make_experiment([(10.0, 0.0)])
+    world = with_stones(make_world(), stones, [1], at(6.0, 0.2, 0.0)[None])
+    assert plan_route(world, experiment) == experiment.route
 
 
 def test_waypoint_outside_the_world_or_near_its_edge_is_rejected(flat_world: World) -> None:

@@ -2,14 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Blockage and clearance of the traversability map against closed forms, to the cell."""
 
+import dataclasses
+
 import numpy as np
 import pytest
-from drive_worlds import F8, HeightFunction, make_world, obstacle, tilted
+from drive_worlds import F8, HeightFunction, make_world, obstacle, tilted, with_stones
+from sense_worlds import at, box, make_mesh
 
 from fieldtruth.core import frames
-from fieldtruth.drive.outlines import Outline, distance_to, gap_to, obstacle_outlines
+from fieldtruth.drive.bearing import bearing_field
+from fieldtruth.drive.outlines import MAX_STEP, Outline, distance_to, gap_to, obstacle_outlines, stone_outlines
 from fieldtruth.drive.traversability import CELL, ROBOT_RADIUS, Blockage, traversability
-from fieldtruth.world.model import Collider
+from fieldtruth.world.materials import MATERIALS
+from fieldtruth.world.model import Collider, merge_meshes
 
 SQUARE = Outline("square", np.array([(1.0, -1.0), (3.0, -1.0), (3.0, 1.0), (1.0, 1.0)]))
 
@@ -89,6 +94,11 @@ def step(height: float) -> HeightFunction:
     return heights
 
 
+def ridge(x: F8, y: F8) -> F8:
+    """Along y at every even x, 5 cm high and 0.2 m wide."""
+    return np.asarray(0.05 * (np.abs((x + 1) % 2 - 1) < 0.11) + 0.0 * y)
+
+
 def boulder(x: F8, y: F8) -> F8:
     return np.asarray(0.3 * (np.hypot(x, y) < 0.35))
 
@@ -99,6 +109,63 @@ def test_steps_and_boulders_of_the_terrain_are_blocked() -> None:
     ground = traversability(make_world(boulder))
     assert ground.blockage_at([(0.0, 0.0)])[0] in (Blockage.ROUGH, Blockage.STEEP)
     assert ground.blockage_at([(2.0, 0.0), (0.0, -2.0)]).tolist() == [Blockage.NONE, Blockage.NONE]
+
+
+def test_a_stone_higher_than_a_step_is_an_obstacle_and_a_lower_one_is_not() -> None:
+    stones = [
+        box("high", [0.1, 0.06, MAX_STEP + 0.002], "rock_granite"),
+        box("low", [0.1, 0.06, MAX_STEP - 0.002], "rock_granite"),
+    ]
+    world = with_stones(make_world(), stones, [0, 1], np.array([at(3.0, 1.0, 0.0), at(-3.0, 1.0, 0.0)]))
+    (high,) = stone_outlines(world)
+    assert high.name == "an object of swarm stones"
+    np.testing.assert_allclose(
+        [high.corners.min(axis=0), high.corners.max(axis=0)], [(2.9, 0.94), (3.1, 1.06)], atol=1e-6
+    )
+    ground = traversability(world)
+    assert ground.blockage_at([(3.0, 1.0), (-3.0, 1.0)]).tolist() == [Blockage.OBSTACLE, Blockage.NONE]
+    assert ground.clearance_at([(3.0, 1.4)])[0] < 0 < ground.clearance_at([(-3.0, 1.4)])[0]
+
+
+def test_the_outline_of_a_stone_is_that_of_its_part_above_the_step() -> None:
+    """A pyramid of 0.4 m width and 4 x MAX_STEP height stands in the soil; at MAX_STEP it is 0.3 m wide."""
+    corners = [(-0.2, -0.2, 0.0), (0.2, -0.2, 0.0), (0.2, 0.2, 0.0), (-0.2, 0.2, 0.0), (0.0, 0.0, 4 * MAX_STEP)]
+    pyramid = make_mesh("pyramid", corners, [(0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)], "rock_granite")
+    (outline,) = stone_outlines(with_stones(make_world(), [pyramid], [0], at(1.0, 2.0, 0.0)[None]))
+    np.testing.assert_allclose([outline.corners.min(axis=0), outline.corners.max(axis=0)], [(0.85, 1.85), (1.15, 2.15)])
+
+
+def test_roots_that_spread_beyond_the_collider_bear_and_block() -> None:
+    """A trunk of 0.1 m radius with a foot 0.6 m wide and 0.1 m high, and a bough 0.3 m above the ground."""
+    name, collider, pose = obstacle("oak_1", "cylinder", (0.1, 2.0), 2.0, 0.0)
+    foot = box("oak_1", [0.3, 0.3, 0.1], "bark_oak")
+    bough = box("oak_1", [0.8, 0.05, 0.35], "bark_oak")
+    world = make_world(obstacles=[(name, collider, pose)])
+    bough.vertices[bough.vertices[:, 2] < 0, 2] = 0.3
+    tree = dataclasses.replace(merge_meshes(name, [foot, bough], footprint=1.0), colliders=(collider,))
+    materials = {material: MATERIALS[material] for material in tree.materials}
+    world = dataclasses.replace(world, meshes={name: tree}, materials=materials)
+    ground = bearing_field(world)
+    assert ground.height_at([2.0, 2.28, 2.7], [0.0, 0.28, 0.0]) == pytest.approx([0.1, 0.1, 0.0])
+    (outline,) = stone_outlines(world)
+    assert outline.name == "oak_1"
+    np.testing.assert_allclose([outline.corners.min(axis=0), outline.corners.max(axis=0)], [(1.7, -0.3), (2.3, 0.3)])
+
+
+def test_no_stone_on_a_ridge_is_lost_between_the_points_of_the_chassis() -> None:
+    """The chassis clears a ridge of 5 cm, and a stone of 8 cm on plane ground; not the stone on the ridge."""
+    stone = box("stone", [0.02, 0.02, 0.08], "rock_granite")
+    rng = np.random.default_rng(0)
+    xy = np.column_stack([np.linspace(-14, 14, 15) + rng.uniform(-0.05, 0.05, 15), rng.uniform(-0.25, 0.25, 15)])
+    poses = np.tile(np.eye(4), (15, 1, 1))
+    poses[:, :2, 3], poses[:, 2, 3] = xy, ridge(*xy.T)
+    bare = make_world(ridge, spacing=0.05)
+    assert (traversability(bare).blockage_at(xy) == Blockage.NONE).all()
+    assert (traversability(with_stones(bare, [stone], [0] * 15, poses)).blockage_at(xy) == Blockage.ROUGH).all()
+    level = with_stones(
+        make_world(), [stone], [0] * 15, poses - np.array([[0, 0, 0, 0]] * 2 + [[0, 0, 0, 0.05], [0, 0, 0, 0]])
+    )
+    assert (traversability(level).blockage_at(xy) == Blockage.NONE).all()
 
 
 def test_water_is_blocked_and_its_bank_has_no_clearance() -> None:

@@ -50,7 +50,7 @@ def test_random_route_has_no_points_before_it_is_planned() -> None:
 
 BAD_ROUTES = [
     ("4", f"route must be {FORMS}, got 4"),
-    ("null", f"route is required: {FORMS}; or drive: {{track: FILE}}"),
+    ("null", f"route is required: {FORMS}; or drive: {{track: FILE}}, or frames: {{count: NUMBER}}"),
     (
         "{random: {length_m: 150, seed: 3}, start: [49, 8]}",
         f"route must be {FORMS}, got {{'random': {{'length_m': 150, 'seed': 3}}, 'start': [49, 8]}}",
@@ -98,4 +98,4 @@ def test_invalid_route_is_refused_in_one_line(text: str, message: str) -> None:
 def test_missing_route_reports_the_forms() -> None:
     with pytest.raises(ConfigurationError) as refusal:
         parse_experiment("{name: a, environment: park}")
-    assert str(refusal.value) == f"route is required: {FORMS}; or drive: {{track: FILE}}"
+    assert str(refusal.value) == f"route is required: {FORMS}; or drive: {{track: FILE}}, or frames: {{count: NUMBER}}"

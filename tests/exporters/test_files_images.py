@@ -32,7 +32,7 @@ from fieldtruth.ontology.label_map import LabelMap, OntologyClass
 FOLDERS = ("img_{}", "img_{}_tag", "depth_{}", "depth_{}_raw", "instances_{}")
 ONCE = {
     "README.txt", "calibration.yaml", "data_proportion.xlsx", "instances.csv", "lidar", "imu_data.txt", "GNSS_data.txt",
-    "tacho_data", "pose_ground_truth.txt",
+    "tacho_data", "joint_states.txt", "wheel_odometry.txt", "commands.txt", "pose_ground_truth.txt",
 }  # fmt: skip
 OTHER = LabelMap(
     "other",

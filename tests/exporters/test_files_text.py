@@ -103,6 +103,20 @@ def test_wheel_speeds_match_the_bag(made: Path, bag: Path) -> None:
     assert len(set(speeds.values())) == 4
 
 
+def test_joint_states_wheel_odometry_and_commands(made: Path, bag: Path) -> None:
+    stamps, values = table(made / "joint_states.txt")
+    joints = [m for _, m in messages(bag, "/joint_states")]
+    assert stamps == [header_ns(m) for m in joints]
+    assert values.tolist() == [[*m.position, *m.velocity] for m in joints]
+    poses = [m.pose.pose for _, m in messages(bag, "/odometry/wheel")]
+    expected = [[p.position.x, p.position.y, 0.0, 0.0, 0.0, p.orientation.z, p.orientation.w] for p in poses]
+    assert table(made / "wheel_odometry.txt")[1].tolist() == expected
+    commands = messages(bag, "/cmd_vel")
+    stamps, values = table(made / "commands.txt")
+    assert stamps == [stamp for stamp, _ in commands]
+    assert values.tolist() == [[m.linear.x, m.angular.z] for _, m in commands]
+
+
 def test_poses_match_model_states(made: Path, bag: Path) -> None:
     stamps, values = table(made / "pose_ground_truth.txt")
     assert stamps == list(range(1_000_000, 1_200_000_001, 1_000_000))
@@ -148,7 +162,7 @@ def test_calibration_yaml_matches_the_bag(made: Path, bag: Path) -> None:
     assert found["frames"]["GNSS_link"]["translation"] == [0.1, 0.0, 0.89]
     imu = found["frames"]["imu_link"]
     assert np.allclose(imu["quaternion_xyzw"], np.array([1, 0, 1, 0]) / 2**0.5, atol=1e-9)
-    assert len(poses) == 12
+    assert len(poses) == 8
 
 
 def test_readme_lists_all_files_and_columns(made: Path) -> None:
@@ -156,7 +170,7 @@ def test_readme_lists_all_files_and_columns(made: Path) -> None:
     for name in {path.name for path in made.iterdir()} - {"README.txt"}:
         assert name in text
     lines = [line.split(maxsplit=1) for line in text.splitlines() if " t_ns " in line]
-    assert len(lines) == 7
+    assert len(lines) == 10
     for name, columns in lines:
         assert len(columns.split()) == np.loadtxt(made / name, ndmin=2).shape[1]
     assert "Missing" not in text
@@ -169,7 +183,8 @@ def test_readme_lists_missing_topics(bag: Path, tmp_path: Path) -> None:
     lean = without(bag, tmp_path / "b.bag", "/tf_static", "/navsat/fix", MODELS, ODOMETRY, *images)
     found = export(lean, "files", out=tmp_path / "found")
     assert {path.name for path in found.iterdir()} == {
-        "README.txt", "lidar", "imu_data.txt", "tacho_data", "data_proportion.xlsx"
+        "README.txt", "lidar", "imu_data.txt", "tacho_data", "joint_states.txt", "wheel_odometry.txt",
+        "commands.txt", "data_proportion.xlsx"
     }  # fmt: skip
     missing = (found / "README.txt").read_text().partition("Missing")[2]
     for name in ("img_left/", "img_right_tag/", "depth_left/", "instances_right/", "GNSS_data.txt", "pose_ground"):

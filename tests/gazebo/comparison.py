@@ -5,6 +5,8 @@
 Both ask our own scene alone: a dense bundle of rays around the beam or the pixel meets another class or range, or not.
 """
 
+from collections.abc import Iterable
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -91,21 +93,25 @@ def compare_scan(scene: Scene, config: LidarConfig, world_from_lidar: Array, gaz
         at_trail = on_ground and bool(abs(scene.world.terrain.trail_distance.at(*point[:2])) < TRAIL_EDGE)
         grazing[column, ring] = at_trail or _meets_edge(scene, world_from_lidar[:3, 3], direction)
     if (differ & ~grazing).any():
-        tracer = ReferenceTracer(scene.world)
+        # Below grass and litter Gazebo has the soil, which bears the wheels.
+        soil = replace(scene.world, terrain=replace(scene.world.terrain, layer=None))
+        tracers = ReferenceTracer(scene.world), ReferenceTracer(soil)
         for column, ring in np.argwhere(differ & ~grazing).tolist():
-            behind = _behind_seam(tracer, world_from_lidar[:3, 3], directions[column, ring], config.max_range)
-            grazing[column, ring] = np.isclose(behind, gazebo.range_m[column, ring], rtol=0.0, atol=RANGE)
+            behind = _behind_seam(tracers, world_from_lidar[:3, 3], directions[column, ring], config.max_range)
+            grazing[column, ring] = np.isclose(behind, gazebo.range_m[column, ring], rtol=0.0, atol=RANGE).any()
     return ScanComparison(ours, gazebo, differ, grazing)
 
 
-def _behind_seam(tracer: ReferenceTracer, origin: Array, direction: Array, limit: float) -> float:
-    """Range [m] of the first surface that a ray through all seams meets, infinite without one; NaN without a seam."""
-    hits = tracer.hits(origin[None], direction[None], np.array([limit]))
-    inside = np.flatnonzero(hits.margin > SEAM)
-    first = inside[0] if len(inside) else len(hits.margin)
-    if not (hits.margin[:first] > -SEAM).any():
-        return float("nan")
-    return float(hits.range_m[first]) if len(inside) else float("inf")
+def _behind_seam(tracers: Iterable[ReferenceTracer], origin: Array, direction: Array, limit: float) -> list[float]:
+    """Ranges [m] of the first surfaces that a ray through all seams meets, infinite without one; NaN without a seam."""
+    found, seams = list[float](), list[bool]()
+    for tracer in tracers:
+        hits = tracer.hits(origin[None], direction[None], np.array([limit]))
+        inside = np.flatnonzero(hits.margin > SEAM)
+        first = inside[0] if len(inside) else len(hits.margin)
+        seams.append(bool((hits.margin[:first] > -SEAM).any()))
+        found.append(float(hits.range_m[first]) if len(inside) else float("inf"))
+    return found if seams[0] else [float("nan")]
 
 
 def _meets_edge(scene: Scene, origin: Array, direction: Array) -> bool:

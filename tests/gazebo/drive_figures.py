@@ -88,13 +88,13 @@ class Drive:
 def drive_of_track(track: Track) -> Drive:
     """Our own drive."""
     motion = track.motion
-    assert track.tachometers is not None
+    assert track.base is not None
     return Drive(
         position=motion.position,
         quaternion_wxyz=motion.quaternion_wxyz,
         velocity=motion.linear_velocity,
         angular_velocity=motion.angular_velocity,
-        wheel_speed=track.tachometers.wheel_speed,
+        wheel_speed=track.base.tachometers.wheel_speed,
     )
 
 

@@ -13,7 +13,7 @@ from gazebo_run import WORK
 
 import fieldtruth.gazebo
 from fieldtruth.core.cache import cache_key
-from fieldtruth.gazebo import write_gazebo
+from fieldtruth.gazebo import DEFAULT_LAYOUT, write_gazebo
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World
 
@@ -35,7 +35,7 @@ class Package:
 @cache
 def package(environment: str) -> Package:
     """Package of an environment with the land beyond its edge."""
-    world = load_world(environment)
+    world = load_world(environment, 0, DEFAULT_LAYOUT)
     texts = {str(path): path.read_bytes() for path in sorted(Path(fieldtruth.gazebo.__file__).parent.rglob("*.jinja"))}
     key = cache_key(["fieldtruth.gazebo", "fieldtruth.world.build"], environment, texts)
     folder = WORK / "packages" / f"{environment}_{key[:12]}"

@@ -15,7 +15,7 @@ from drive_figures import Drive, attitude_difference, cross_track, drive_of_bag,
 from gazebo_packages import ENVIRONMENTS, package
 from ros_drive import add_robot, drive_with_ros, missing_ros
 
-from fieldtruth.annotation import annotate
+from fieldtruth.annotation import WorldConfig, annotate
 from fieldtruth.bag.decode import points, read_bag, stamp_ns
 from fieldtruth.bag.topics import POINTS, tag
 from fieldtruth.core.arrays import Array, Mask
@@ -81,7 +81,9 @@ def test_the_robot_moves_over_the_same_ground_as_ours(driven: Driven) -> None:
     slips = [float(np.nanmedian(each.slip(RIG.wheels))) for each in (driven.ours, driven.theirs)]
     assert np.abs(slips).max() < 0.05
     shaken = [float(np.sqrt((each.vertical_acceleration**2).mean())) for each in (driven.ours, driven.theirs)]
-    assert 0.5 < shaken[0] / shaken[1] < 2.0
+    # Gazebo's wheels are rigid and meet edges of triangles; ours are tyres.
+    assert shaken[0] < 2.0 * shaken[1]
+    assert shaken[1] < 0.5
 
 
 def beams(bag: Path, topic: str) -> dict[int, Beams]:
@@ -99,7 +101,8 @@ def beams(bag: Path, topic: str) -> dict[int, Beams]:
 
 @pytest.mark.filterwarnings("ignore:the bag's own messages")
 def test_annotated_clouds_are_gazebos_own_except_at_edges(driven: Driven, tmp_path: Path) -> None:
-    bag = annotate(driven.gazebo.bag, driven.world.name, rig=RIG, out=tmp_path / "annotated.bag")
+    world = WorldConfig(driven.world.name, layout=driven.world.layout)
+    bag = annotate(driven.gazebo.bag, world, rig=RIG, out=tmp_path / "annotated.bag")
     ours, theirs = beams(bag, POINTS), beams(bag, "/recorded" + POINTS)
     assert list(theirs) == [second * 10**9 for second in CLOUDS]
     scene, differ, grazing, error = Scene(driven.world), list[Mask](), list[Mask](), list[Array]()

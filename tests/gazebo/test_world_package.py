@@ -22,8 +22,8 @@ from fieldtruth.core import memory
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.core.geodesy import geodetic_from_world
-from fieldtruth.gazebo import worlds, write_gazebo
-from fieldtruth.gazebo.worlds import write_world
+from fieldtruth.gazebo import DEFAULT_LAYOUT, worlds, write_gazebo
+from fieldtruth.gazebo.worlds import bodies, write_world
 from fieldtruth.interchange import ground_image
 from fieldtruth.interchange.ground import ground_tiles
 from fieldtruth.world.build import load_world
@@ -72,22 +72,38 @@ def by_class(world: World) -> dict[int, F8]:
     return {label: np.concatenate(parts) for label, parts in found.items()}
 
 
+def check_triangles(world: World, package: Path, file: str) -> None:
+    """Visuals of a package are the triangles of the world, class by class."""
+    found: dict[int, list[F8]] = {}
+    for shape in shapes(package, file):
+        if shape.kind == "visual" and shape.corners is not None:
+            found.setdefault(shape.retro, []).append(shape.corners)
+    expected = by_class(world)
+    assert found.keys() == expected.keys()
+    for label, parts in found.items():
+        there, here = np.concatenate(parts).reshape(-1, 9), expected[label].reshape(-1, 9)
+        assert there.shape == here.shape
+        for some, others in ((there, here), (here, there)):
+            assert np.max(KDTree(others).query(some)[0]) < 3e-4
+
+
 @pytest.mark.parametrize("flavour", FILES)
 def test_visuals_are_the_triangles_of_the_world_class_by_class(
     world: World, packages: dict[str, Path], flavour: str
 ) -> None:
     for file in FILES[flavour]:
-        found: dict[int, list[F8]] = {}
-        for shape in shapes(packages[flavour], file):
-            if shape.kind == "visual" and shape.corners is not None:
-                found.setdefault(shape.retro, []).append(shape.corners)
-        expected = by_class(world)
-        assert found.keys() == expected.keys()
-        for label, parts in found.items():
-            there, here = np.concatenate(parts).reshape(-1, 9), expected[label].reshape(-1, 9)
-            assert there.shape == here.shape
-            for some, others in ((there, here), (here, there)):
-                assert np.max(KDTree(others).query(some)[0]) < 3e-4
+        check_triangles(world, packages[flavour], file)
+
+
+def test_members_of_swarms_that_share_files_are_the_same_triangles(
+    world: World, packages: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bodies, "SMALL", {"inside": 0, "beyond": 0})
+    monkeypatch.setattr(ground_image, "GROUND_PIXELS", 64)
+    write_world(tmp_path, world, "classic", beyond=True)
+    assert any(packages["classic"].glob("models/tufts/meshes/*"))
+    assert not any(tmp_path.glob("models/tufts/meshes/*"))
+    check_triangles(world, tmp_path, "small.world")
 
 
 def test_models_have_the_names_and_poses_of_our_objects(world: World, packages: dict[str, Path]) -> None:
@@ -236,7 +252,7 @@ def test_libsdformat_would_find_an_error(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("environment", ["park", "lake", "forest", "hillside"])
 def test_packages_of_the_environments_are_valid_and_small(environment: str, tmp_path: Path) -> None:
-    world = load_world(environment)
+    world = load_world(environment, 0, DEFAULT_LAYOUT)
     write_gazebo(world, tmp_path / "out", flavour="both", beyond=False)
     for flavour in FILES:
         package = tmp_path / "out" / flavour

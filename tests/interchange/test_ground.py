@@ -98,7 +98,7 @@ def wrong_area(world: World) -> tuple[float, float]:
     for tile in ground_tiles(world):
         for surface in tile.surfaces:
             corners = corners_of(surface)
-            weights = rng.dirichlet((1, 1, 1), (len(corners), 10))
+            weights = rng.dirichlet((1, 1, 1), (len(corners), 4))
             x, y, _ = np.moveaxis(weights @ corners, -1, 0)
             other = world.terrain.label_at(x, y) != surface.label
             area = areas_from_above(corners)
@@ -108,6 +108,7 @@ def wrong_area(world: World) -> tuple[float, float]:
     return wrong / total, far
 
 
+@pytest.mark.slow
 def test_the_parks_ground_has_the_class_of_its_terrain() -> None:
     share, far = wrong_area(load_world("park"))
     assert share < 1e-6

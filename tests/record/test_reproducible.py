@@ -4,6 +4,8 @@
 
 import hashlib
 import os
+import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -12,9 +14,11 @@ from pathlib import Path
 
 import pytest
 
+from fieldtruth.core.cache_folder import cache_folder, entries
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 from fieldtruth.pipeline import generate
+from fieldtruth.world.build import world_key, world_of
 
 RUN = "import sys; from fieldtruth.cli import main; sys.exit(main(sys.argv[1:]))"
 
@@ -50,7 +54,7 @@ def test_a_killed_run_resumes_and_ends_with_the_same_bytes(once: str, tmp_path: 
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     deadline = time.monotonic() + 300
     slices = out / "park_1" / ".slices"
-    while not list(slices.rglob("*.bag")):  # the first finished slice
+    while not any(path.stat().st_size for path in slices.rglob("*.journal")):  # the first slice is joined
         assert process.poll() is None
         assert time.monotonic() < deadline
         time.sleep(0.02)
@@ -64,6 +68,39 @@ def test_the_written_experiment_gives_the_same_bag(once: str, tmp_path: Path) ->
     bag = generate(small(), tmp_path / "first", workers=2)
     again = load_experiment(str(bag.parent / "experiment.yaml"))
     assert digest(generate(again, tmp_path / "second", workers=2)) == once
+
+
+def copied_cache(folder: Path) -> list[Path]:
+    """Copy the park's world, its light and all kernels to another cache folder; returns the files."""
+    world_of(small())  # another version may have removed it
+    found = entries(cache_folder())
+    light = next(entry.path for entry in found if entry.path.name.startswith("light-park-"))
+    kernels = [entry.path for entry in found if entry.path.is_dir()]
+    for path in (cache_folder() / f"park-0-{world_key('park')}.npz", light, *kernels):
+        target = folder / path.relative_to(cache_folder())
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copytree(path, target) if path.is_dir() else shutil.copy(path, target)
+    return sorted(path for path in folder.rglob("*") if path.is_file())
+
+
+def test_a_damaged_cache_is_made_again_and_never_changes_the_data(once: str, tmp_path: Path) -> None:
+    files = copied_cache(tmp_path / "cache" / "fieldtruth")
+    kernels = [path for path in files if path.suffix == ".kernel"]
+    bits = random.Random(3)
+    damaged = [path for path in files if path.suffix == ".npz"] + bits.sample(kernels, 12)
+    for path in damaged:
+        with path.open("r+b") as file:
+            at = bits.randrange(path.stat().st_size)
+            file.seek(at)
+            byte = file.read(1)[0]
+            file.seek(at)
+            file.write(bytes([byte ^ 1 << bits.randrange(8)]))
+    source = tmp_path / "small.yaml"
+    source.write_text(dump_experiment(small()))
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache"), "PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-c", RUN, "generate", str(source), "--out", str(tmp_path / "data")]
+    subprocess.run(command, check=True, env=environment)
+    assert digest(tmp_path / "data" / "park_1" / "park_1.bag") == once
 
 
 def test_another_seed_is_another_world(once: str, tmp_path: Path) -> None:

@@ -37,6 +37,7 @@ from fieldtruth.bag.topics import SIDES, TOPICS
 from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.core.errors import UnknownNameError
+from fieldtruth.core.progress import Silent
 from fieldtruth.drive.track import stamps_at_rate
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, LidarConfig, Rig
 from fieldtruth.record.streams import Sensors, streams_of
@@ -55,6 +56,9 @@ SPEC = {  # topic: type and rate [Hz]
     "/gazebo_client/front_right_speed": ("std_msgs/msg/Float32", 10),
     "/gazebo_client/rear_left_speed": ("std_msgs/msg/Float32", 10),
     "/gazebo_client/rear_right_speed": ("std_msgs/msg/Float32", 10),
+    "/joint_states": ("sensor_msgs/msg/JointState", 50),
+    "/odometry/wheel": ("nav_msgs/msg/Odometry", 50),
+    "/cmd_vel": ("geometry_msgs/msg/Twist", 50),
     "/stereo/camera/left/real/compressed": ("sensor_msgs/msg/CompressedImage", 25),
     "/stereo/camera/right/real/compressed": ("sensor_msgs/msg/CompressedImage", 25),
     "/stereo/camera/left/tag/img_raw": ("sensor_msgs/msg/Image", 25),
@@ -71,8 +75,7 @@ SPEC = {  # topic: type and rate [Hz]
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("recording")
     slices = make_slices(folder, EXPERIMENT)
-    slices.make(2)
-    slices.join(folder / "tiny.bag")
+    slices.record(folder / "tiny.bag", 2, Silent())
     return folder / "tiny.bag"
 
 
@@ -143,7 +146,7 @@ def test_messages_are_stored_in_time_order_and_ties_in_table_order(bag: Path) ->
     assert written == sorted(written)
 
 
-def test_tf_static_holds_every_frame_of_the_paper(bag: Path) -> None:
+def test_tf_static_holds_every_frame_of_the_paper_but_the_wheels(bag: Path) -> None:
     fixed = static_transforms(bag)
     table = {  # paper, Table 2: x y z [m], roll pitch yaw [deg]
         "GNSS_link": (0.10, 0, 0.890, 0, 0, 0),
@@ -151,10 +154,6 @@ def test_tf_static_holds_every_frame_of_the_paper(bag: Path) -> None:
         "right_camera": (0.15, -0.06, 0.720, 0, 90, 0),
         "left_camera": (0.15, 0.06, 0.720, 0, 90, 0),
         "imu_link": (0.19, 0, 0.149, 0, -90, 180),
-        "front_right_wheel": (0.256, -0.2854, 0.03282, 0, 0, 0),
-        "rear_right_wheel": (-0.256, -0.2854, 0.03282, 0, 0, 0),
-        "front_left_wheel": (0.256, 0.2854, 0.03282, 0, 0, 0),
-        "rear_left_wheel": (-0.256, 0.2854, 0.03282, 0, 0, 0),
         "base_footprint": (0, 0, -0.13228, 0, 0, 0),
     }
     for name, (x, y, z, roll, pitch, yaw) in table.items():
@@ -165,6 +164,16 @@ def test_tf_static_holds_every_frame_of_the_paper(bag: Path) -> None:
             fixed.pop((f"{side}_camera", f"{side}_camera_optical")), CAMERA_FROM_OPTICAL, atol=1e-15
         )
     assert not fixed
+
+
+def test_the_wheels_turn_in_tf_about_the_axles_of_the_paper(readings: dict[str, list[Reading]]) -> None:
+    mounts = Rig().mounts()
+    for reading in readings["/tf"]:
+        base, *wheels = reading.message.transforms
+        assert (base.header.frame_id, base.child_frame_id) == ("world", "base_link")
+        for each, rate in zip(wheels, (1.0, 2.0, 1.1, 2.2), strict=True):
+            turned = frames.pose(mounts[each.child_frame_id].xyz, (0, np.rad2deg(rate * reading.stamp_ns / 1e9), 0))
+            np.testing.assert_allclose(matrix(each.transform), turned, atol=1e-12)
 
 
 def test_model_states_odometry_and_tf_are_the_motion_at_their_stamp(readings: dict[str, list[Reading]]) -> None:
@@ -198,10 +207,10 @@ def test_a_scan_and_an_image_are_taken_from_the_pose_at_their_stamp(readings: di
 
 
 def test_readings_of_the_drive_are_in_the_bag(readings: dict[str, list[Reading]]) -> None:
-    assert TRACK.tachometers is not None
+    assert TRACK.base is not None
     for name, column in (("front_left", 0), ("front_right", 1), ("rear_left", 2), ("rear_right", 3)):
         speeds = [r.message.data for r in readings[f"/gazebo_client/{name}_speed"]]
-        assert speeds == TRACK.tachometers.wheel_speed[:, column].tolist()
+        assert speeds == TRACK.base.tachometers.wheel_speed[:, column].tolist()
     heights = [r.message.altitude for r in readings["/navsat/fix"]]
     assert heights == TRACK.gnss.geodetic[:, 2].tolist()
 
@@ -215,8 +224,7 @@ def test_readings_of_the_drive_are_in_the_bag(readings: dict[str, list[Reading]]
 )
 def test_a_disabled_sensor_has_no_topic(tmp_path: Path, rig: Rig, gone: str) -> None:
     slices = make_slices(tmp_path, make_experiment(0.5, rig=rig))
-    slices.make(1)
-    slices.join(tmp_path / "x.bag")
+    slices.record(tmp_path / "x.bag", 1, Silent())
     counts = count_messages(tmp_path / "x.bag")
     assert counts.keys() == {t.name for t in topics.topics_of(Rig()) if not t.name.startswith(gone)}
     assert all(counts.values())
@@ -225,8 +233,7 @@ def test_a_disabled_sensor_has_no_topic(tmp_path: Path, rig: Rig, gone: str) -> 
 def test_rates_that_do_not_divide_the_physics(tmp_path: Path) -> None:
     rig = Rig(cameras=CameraConfig(width=64, height=48, rate_hz=30.0), lidar=LidarConfig(rate_hz=7.0))
     slices = make_slices(tmp_path, make_experiment(1.5, rig=rig))
-    slices.make(1)
-    slices.join(tmp_path / "x.bag")
+    slices.record(tmp_path / "x.bag", 1, Silent())
     stamps = [r.stamp_ns for r in read_bag(tmp_path / "x.bag", ["/stereo/camera/left/tag/img_raw"])]
     assert stamps == [round(k * 1e9 / 30) for k in range(1, 46)]
     assert count_messages(tmp_path / "x.bag")["/os1_cloud_node/points"] == 10

@@ -36,5 +36,5 @@ def plain(side: float = 8000.0, *, height: float = 0.0, trail_north_of_0: bool =
     x = np.array([half, -half] if trail_north_of_0 else [1.0, 1.0], np.float32)
     ground = Heightfield(heights=np.full((2, 2), height, np.float32), spacing=side, x0=-half, y0=-half)
     trail = Raster(values=np.column_stack([x, x]), spacing=side, x0=-half, y0=-half)
-    terrain = replace(park.terrain, field=ground, trail_distance=trail)
+    terrain = replace(park.terrain, field=ground, layer=None, trail_distance=trail)
     return replace(park, size=(side, side), terrain=terrain, meshes={}, instances=(), swarms=(), backdrop=None)

@@ -37,6 +37,8 @@ def test_card_has_front_matter_licence_citation_and_no_placeholder(card: str) ->
     assert f"fieldtruth {fieldtruth.__version__} from seed 0" in card
     assert "$" not in card
     assert "## Known limits" in card
+    assert "leaves no ruts" in card
+    assert "means over the interval" in card
 
 
 def test_card_topics_match_the_bag(card: str, small_run: Path) -> None:

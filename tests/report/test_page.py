@@ -145,10 +145,6 @@ def test_static_frames_match_table_2_of_the_paper(page: Page) -> None:
         "right_camera_optical": [0, 0, 0, 0, 0, -90],
         "left_camera_optical": [0, 0, 0, 0, 0, -90],
         "imu_link": [0.19, 0, 0.149, 0, -90, 180],
-        "front_right_wheel": [0.256, -0.2854, 0.03282, 0, 0, 0],
-        "rear_right_wheel": [-0.256, -0.2854, 0.03282, 0, 0, 0],
-        "front_left_wheel": [0.256, 0.2854, 0.03282, 0, 0, 0],
-        "rear_left_wheel": [-0.256, 0.2854, 0.03282, 0, 0, 0],
         "base_footprint": [0, 0, -0.13228, 0, 0, 0],
     }  # fmt: skip
     depths = {words(th): th.get("style") for th in page.root.findall(".//table[@class='numbers frames']/tbody/tr/th")}

@@ -37,7 +37,8 @@ def park() -> World:
 
 def test_path_on_the_map_matches_pinhole_projection(page: Page, messages: Messages, park: World) -> None:
     x, y, _ = positions_of(messages).T
-    above = float(park.terrain.field.heights.mean()) + 300.0 - park.terrain.field.height_at(x, y)
+    ground = park.terrain.surface
+    above = float(ground.heights.mean()) + 300.0 - ground.height_at(x, y)
     sheet = page.one(".//figure[@class='map']//{*}svg")
     width, height = (float(v) for v in sheet.get("viewBox", "").split()[2:])
     column = width / 2 + width / 2 * (x / above) / (51.0 / 300.0)
@@ -79,7 +80,7 @@ def test_ground_and_trail_points_lie_on_the_terrain(page: Page, park: World) -> 
     inside = (np.abs(xyz[:, :2]) < np.array(park.size) / 2 - 0.5).all(axis=1)
     low = xyz[inside & np.isin(label, (1, 7))]
     assert len(low) > 20_000
-    off = low[:, 2] - park.terrain.field.height_at(low[:, 0], low[:, 1])
+    off = low[:, 2] - park.terrain.surface.height_at(low[:, 0], low[:, 1])
     assert np.quantile(np.abs(off), 0.99) < 0.003  # the rest are kerbs and mulch, which also have the class ground
     assert np.abs(off).max() < 0.1
     trail = xyz[inside & (label == 7)]

@@ -151,9 +151,8 @@ def trace_rays(scene: Scene, origins: F8, directions: F8, *, max_range: float = 
         poses[: len(ahead), :3, :3] = frame @ np.swapaxes(turn, 1, 2)
         poses[: len(ahead), :3, 3] = origins[rows]
         scan = Lidar(config, scene).scan(poses)
-        out.range_m[first + scan.column] = scan.range_m
-        out.label[first + scan.column] = scan.label
-        out.instance[first + scan.column] = scan.instance
+        found = first + scan.column.astype(np.int64)
+        out.range_m[found], out.label[found], out.instance[found] = scan.range_m, scan.label, scan.instance
     return out
 
 

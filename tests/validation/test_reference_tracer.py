@@ -48,6 +48,7 @@ def plain(park: RebuiltWorld, *, trail_edge_at: float = 1e3, shrunk: float = 1.0
     terrain = dataclasses.replace(
         world.terrain,
         field=field,
+        layer=None,
         trail_distance=Raster(values=-slope, spacing=200.0, x0=-100.0, y0=-100.0),
     )
     instance = Instance(

@@ -34,7 +34,7 @@ def test_bag_alone_passes_all_checks_that_need_no_experiment(lean_run: Path, tmp
     checks = validate(alone(lean_run, tmp_path))
     needs_experiment = {
         "checksums", "experiment", "world", "drive", "retraced clouds", "retraced images", "photographs",
-        "independent rays",
+        "independent rays", "commands",
     }  # fmt: skip
     assert {check.name for check in checks if check.passed is None} == needs_experiment
     assert not failures(checks)

@@ -13,14 +13,15 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.cli import main
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.files import load_experiment, with_overrides
+from fieldtruth.experiment.files import dump_experiment, load_experiment, with_overrides
 from fieldtruth.pipeline import generate
 from fieldtruth.validation import Check, as_json, as_text, validate
 from fieldtruth.validation.__main__ import with_table
 
 NAMES = [
     "checksums", "experiment", "structure", "messages", "topics", "counts", "stamps", "synchronisation", "clock",
-    "headers", "frames", "calibration", "static objects", "motion", "poses", "drive", "imu", "gnss", "wheels", "labels",
+    "headers", "frames", "calibration", "static objects", "motion", "poses", "drive", "imu", "gnss", "wheels",
+    "wheel odometry", "commands", "labels",
     "rays", "images", "tag colours", "depth", "object classes", "lidar and cameras", "world", "retraced clouds",
     "retraced images", "photographs", "independent rays",
 ]  # fmt: skip
@@ -81,6 +82,23 @@ def test_run_with_odd_rates_and_a_spinning_lidar_passes(spinning_run: Path, vali
     checks = validate_in_park(spinning_run)
     skipped = {"gnss", "lidar and cameras", "photographs", "depth"}
     assert passed(checks) == {name: None if name in skipped else True for name in NAMES}, failures(checks)
+
+
+@pytest.mark.parametrize(("rate", "sampling"), [(50.0, "instant"), (7.0, "mean")])
+def test_imu_of_any_rate_and_sampling_passes(rate: float, sampling: str, tmp_path: Path) -> None:
+    values = load_experiment("park_2").model_dump()
+    values["seconds"] = 0.3
+    values["rig"]["cameras"]["enabled"] = values["rig"]["lidar"]["enabled"] = False
+    values["rig"]["imu"] |= {"rate_hz": rate, "sampling": sampling}
+    run = generate(Experiment.model_validate(values), tmp_path).parent
+    (imu,) = (check for check in validate(run, quick=True) if check.name == "imu")
+    assert imu.passed, imu.text
+    assert imu.text.startswith(f"{int(0.3 * rate)} readings")
+    # The other mode is found to be wrong.
+    values["rig"]["imu"]["sampling"] = "mean" if sampling == "instant" else "instant"
+    (run / "experiment.yaml").write_text(dump_experiment(Experiment.model_validate(values)))
+    (imu,) = (check for check in validate(run, quick=True) if check.name == "imu")
+    assert imu.passed is False
 
 
 def test_column_time_of_one_point_is_found(spinning_run: Path, tmp_path: Path) -> None:

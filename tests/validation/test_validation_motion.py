@@ -124,10 +124,9 @@ def streams(lean_run: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[st
 
 
 def test_only_the_changed_streams_fail(streams: dict[str, str]) -> None:
-    """The mount of the LiDAR moves its points in the images as well."""
-    assert {"poses", "imu", "gnss", "wheels", "calibration"} <= set(streams) <= {
-        "poses", "imu", "gnss", "wheels", "calibration", "lidar and cameras",
-    }  # fmt: skip
+    """The mount of the LiDAR moves its points in the images as well; joints, fix and heading have a second check."""
+    changed = {"poses", "imu", "gnss", "wheels", "wheel odometry", "commands", "calibration"}
+    assert changed <= set(streams) <= changed | {"lidar and cameras"}
 
 
 def test_poses_and_twist_of_odometry_and_tf_are_found(streams: dict[str, str]) -> None:
@@ -157,6 +156,26 @@ def test_altitude_a_millimetre_off_is_found(lean_run: Path, tmp_path: Path) -> N
 
 def test_wheel_that_turns_alone_is_found(streams: dict[str, str]) -> None:
     assert "1 of 5 mismatch, first" in streams["wheels"]
+    assert "tachometers read the speeds of /joint_states: 1 of 20" in streams["wheel odometry"]
+
+
+def test_each_part_of_what_the_base_reports_is_found(lean_run: Path, tmp_path: Path) -> None:
+    """A joint's angle, a position, a twist, a wheel in /tf, and a command, each in one message."""
+    edits: Edits = {
+        (table.JOINT_STATES, 5): add(-72, MILLI),
+        (table.WHEEL_ODOMETRY, 10): add(HEADER + len("odom") + 4 + len("base_link"), MILLI),
+        (table.WHEEL_ODOMETRY, 12): add(-288 - 48, MILLI),
+        (table.TF, 20): turned(-32, MILLI),
+        (table.COMMANDS, 7): add(-8, MILLI),
+    }
+    found = failures_of(lean_run, tmp_path, edits)
+    assert set(found) == {"wheel odometry", "commands"}
+    pose, twist, wheels = found["wheel odometry"].split("; ")
+    # The next difference takes the angle back; what was moved in another direction meanwhile remains.
+    assert "adds up what the wheels turn: 21 of 26 mismatch, first /odometry/wheel at 120000000 ns" in pose
+    assert "is its change: 3 of 26 mismatch" in twist
+    assert "the angles of /joint_states: 2 of 26 mismatch" in wheels
+    assert "1 of 26 mismatch, first /cmd_vel at 160000000 ns: 0.001 m/s or rad/s" in found["commands"]
 
 
 def test_mount_a_millimetre_off_is_found(streams: dict[str, str]) -> None:

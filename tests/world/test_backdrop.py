@@ -32,7 +32,7 @@ def backdrop() -> Mesh:
     def cover(x: F8, y: F8, slope: F8) -> NDArray[np.intp]:
         return (y > 0).astype(np.intp)
 
-    return make_backdrop(bumpy(), SIZE, ("garrigue", "scree"), np.random.default_rng(0), land=hill, cover=cover)
+    return make_backdrop(bumpy(), SIZE, ("heath", "scree"), np.random.default_rng(0), land=hill, cover=cover)
 
 
 def test_height_and_slope_are_continuous_at_the_edge(backdrop: Mesh) -> None:
@@ -91,3 +91,22 @@ def test_swarm_beyond_the_edge_is_on_the_backdrop_within_its_bounds(backdrop: Me
     far = outside > 25  # the land is a plane there
     slope = np.array([-0.1, -0.3, 1]) / np.hypot(1, np.hypot(0.1, 0.3))
     assert up[far] == pytest.approx(np.tile(slope, (far.sum(), 1)), abs=0.01)
+
+
+def test_fine_ground_meets_the_backdrop_at_every_node_of_the_edge() -> None:
+    """Rings further out have a vertex every 0.2 m only; the first has those of the 5 cm grid, with its relief."""
+    rng = np.random.default_rng(3)
+    heights = (0.01 * rng.standard_normal((401, 201))).astype(np.float32)
+    field = Heightfield(heights=heights, spacing=0.05, x0=-10.0, y0=-5.0)
+    mesh = make_backdrop(field, SIZE, "meadow", rng, land=hill)
+    count = 2 * (400 + 200)
+    x, y, z = mesh.vertices[:count].astype(float).T
+    assert z == pytest.approx(field.height_at(x, y), abs=1e-6)
+    near = np.hypot(*np.diff(mesh.vertices[count : count + 101, :2], axis=0).T)
+    assert near.min() > 0.19
+    edges = np.sort(mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    _, uses = np.unique(edges, axis=0, return_counts=True)
+    assert np.count_nonzero(uses == 1) == count + count // 16  # the terrain's edge and the horizon
+    assert uses.max() == 2
+    on_edge = height_beyond(field, SIZE, mesh)(np.full(count, 10.0) + 1e-6, np.linspace(-4.9, 4.9, count))
+    assert on_edge == pytest.approx(field.height_at(10.0, np.linspace(-4.9, 4.9, count)), abs=2e-3)

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from fieldtruth.cli import main
-from fieldtruth.core.errors import ConfigurationError, UnknownNameError
+from fieldtruth.core.errors import ConfigurationError, OutputError, UnknownNameError
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment, parse_experiment
-from fieldtruth.world.build import check_experiment
+from fieldtruth.world.build import build_world, check_experiment
 from fieldtruth.world.environments import ENVIRONMENTS
 
 
@@ -28,6 +28,19 @@ def test_unknown_environment_lists_the_known_ones(park: Experiment) -> None:
 def test_layout_that_is_not_allowed_names_source_and_key(park: Experiment, layout: dict[str, object]) -> None:
     with pytest.raises(ConfigurationError, match=r"^mine\.yaml: layout\b.*bushe?s"):
         check_experiment(park.model_copy(update={"layout": layout}), "mine.yaml")
+
+
+def test_value_of_one_of_two_types_is_one_error_and_names_both(park: Experiment) -> None:
+    text = r"^layout: beyond must be a number between 0 and 1, or false, got 'maybe'$"
+    with pytest.raises(ConfigurationError, match=text):
+        check_experiment(park.model_copy(update={"layout": {"beyond": "maybe"}}))
+
+
+def test_grid_is_limited_and_its_memory_is_checked_before_it_is_made() -> None:
+    with pytest.raises(ConfigurationError, match=r"^layout: grid must be a number between 0\.01 and 1, got 0\.001$"):
+        build_world("park", 0, {"grid": 0.001})
+    with pytest.raises(OutputError, match=r"^a terrain of 90000 m x 90000 m .*; make layout\.grid larger"):
+        build_world("park", 0, {"size": [90000, 90000]})
 
 
 @pytest.mark.parametrize("name", ENVIRONMENTS)

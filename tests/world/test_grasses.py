@@ -17,7 +17,15 @@ from fieldtruth.world.plants.meshing import Surface
 
 every_species = pytest.mark.parametrize("species", GRASSES.values(), ids=str)
 seeds = pytest.mark.parametrize("seed", [1, 2, 3])
-WIDEST = {"dock": 0.12, "nettle": 0.12, "fern": 0.45, "bracken": 0.7, "reed": 0.045, "cattail": 0.04}  # [m], else 0.02
+WIDEST = {
+    "dock": 0.12,
+    "nettle": 0.12,
+    "beech_seedling": 0.05,
+    "fern": 0.45,
+    "bracken": 0.7,
+    "reed": 0.045,
+    "cattail": 0.04,
+}  # [m], else 0.02
 
 
 def grow(species: GrassSpecies, *, share: float = 0.5, seed: int = 5, detail: float = 1.0) -> Mesh:

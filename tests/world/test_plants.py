@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from crown_statistics import leaf_area, leaf_corners
 from mesh_checks import assert_same_bytes, assert_valid
 from scipy.spatial import cKDTree
 
@@ -41,12 +42,12 @@ class Plant(NamedTuple):
         return at_detail(individual(habit, np.random.default_rng(seed)), self.detail)
 
 
-LARGE = [Plant(name, 11.0) for name in TREES]
+LARGE = [Plant(name, 11.0, "open", 0.25) for name in TREES]
 YOUNG = [Plant(name, height) for name in TREES for height in (3.0, 4.5)]
-STAND = [Plant(name, height, "stand", 0.25) for name in TREES for height in (8.0, 20.0)]
-FAR = [Plant(name, 14.0, "stand", 0.05) for name in TREES]
+STAND = [Plant(name, height, "stand", 0.06) for name in TREES for height in (8.0, 20.0)]
+FAR = [Plant(name, 14.0, "stand", 0.015) for name in TREES]
 SHRUBS = [Plant("box", 0.8), Plant("box", 1.3), Plant("hazel", 1.8), Plant("hazel", 2.8)]
-PLANTS = [*LARGE, *YOUNG, *STAND, *FAR, Plant("pine", 4.0, "exposed"), Plant("lime", 9.0), Plant("oak", 15.0), *SHRUBS]
+PLANTS = [*LARGE, *YOUNG, *STAND, *FAR, Plant("pine", 4.0, "exposed"), Plant("lime", 9.0), *SHRUBS]
 plants = pytest.mark.parametrize("plant", PLANTS, ids=str)
 trees = pytest.mark.parametrize("plant", [k for k in PLANTS if k.name in TREES], ids=str)
 seeds = pytest.mark.parametrize("seed", [1, 2, 3])
@@ -86,12 +87,6 @@ def blades(mesh: Mesh, leaf: Leaf) -> Blades:
     return Blades(corners, uv, corners[:, 0], corners[:, count // 2])
 
 
-def leaf_area(mesh: Mesh) -> float:
-    corner = mesh.vertices[mesh.faces[mesh.material == FOLIAGE]].astype(np.float64)
-    across = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    return float(0.5 * np.linalg.norm(across, axis=1).sum())
-
-
 def wood_of(mesh: Mesh) -> Array:
     return np.asarray(mesh.vertices[np.unique(mesh.faces[mesh.material != FOLIAGE])], np.float64)
 
@@ -107,52 +102,49 @@ def test_roots_are_in_the_soil_and_height_is_as_requested(plant: Plant) -> None:
     mesh, leaf = grown(plant), plant.habit().leaf
     assert -0.4 < mesh.vertices[:, 2].min() < -0.15
     # Coarse crowns have no thin twigs, and the highest leaf may point up.
-    bare = 0.2 if plant.name == "box" else 0.01 if plant.detail == 1 else 0.12
+    bare = 0.2 if plant.name == "box" else 0.04 if plant.detail >= 0.25 else 0.12
     assert wood_of(mesh)[:, 2].max() == pytest.approx(plant.height, rel=bare)
-    longest = leaf.length * np.sqrt(plant.height / plant.habit().height) * np.exp(0.4)
+    longest = leaf.length * np.exp(0.4)
     assert blades(mesh, leaf).corners[..., 2].max() < plant.height + max(0.2, 1.2 * longest)
 
 
-@plants
-def test_number_of_triangles_is_within_the_budget(plant: Plant) -> None:
-    count = len(grown(plant).faces)
-    if plant.name in BUSHES:
-        assert 5_000 < count < 40_000
-    elif plant.height > 7 and plant.grown_in == "open":
-        assert 42_000 < count < 67_000
-    elif plant.detail == 0.25:
-        assert 8_000 < count < 17_000
-    elif plant.detail == 0.05:
-        assert 1_400 < count < 3_300
-    else:
-        assert 8_000 < count < 40_000
+@trees
+def test_number_of_leaves_is_that_of_the_habit_and_wood_is_a_small_part(plant: Plant) -> None:
+    mesh, habit = grown(plant), plant.habit()
+    expected = habit.leaf.number * plant.height / habit.height
+    count = len(blades(mesh, habit.leaf).base)
+    assert 0.5 * expected < count < 1.05 * expected  # less pruned and dead limbs
+    assert np.count_nonzero(mesh.material != FOLIAGE) < (7_000 if plant.detail < 0.1 else 32_000)
 
 
 @tree
-@pytest.mark.parametrize("detail", [0.6, 0.25, 0.1])
-def test_less_detail_means_fewer_triangles_and_the_same_leaf_area(name: str, detail: float) -> None:
-    fine, coarse = ([grow(Plant(name, 12.0, "stand", d), seed) for seed in range(8)] for d in (1.0, detail))
-    share = np.mean([len(m.faces) for m in coarse]) / np.mean([len(m.faces) for m in fine])
-    assert share == pytest.approx(detail, rel=0.35)
-    area = np.mean([leaf_area(m) for m in coarse]) / np.mean([leaf_area(m) for m in fine])
-    assert area == pytest.approx(1, rel=0.2)
+@pytest.mark.parametrize("detail", [0.25, 0.06])
+def test_less_detail_means_fewer_leaves_of_the_same_area_on_the_same_stems(name: str, detail: float) -> None:
+    fine, coarse = (grow(Plant(name, 12.0, "stand", d)) for d in (1.0, detail))
+    leaves = [np.count_nonzero(m.material == FOLIAGE) for m in (fine, coarse)]
+    assert leaves[1] / leaves[0] == pytest.approx(detail, rel=0.1)
+    assert leaf_area(coarse).sum() == pytest.approx(leaf_area(fine).sum(), rel=0.1)
+    assert coarse.colliders == fine.colliders
+    middle = [leaf_corners(m).mean((0, 1)) for m in (fine, coarse)]
+    np.testing.assert_allclose(middle[0], middle[1], atol=0.15)  # [m]
 
 
 @plants
 def test_every_leaf_grows_on_a_twig(plant: Plant) -> None:
     mesh = grown(plant)
     rng = np.random.default_rng(3)
+    habit, leaf = plant.habit(), plant.habit().leaf
     if plant.name in TREES:
-        habit = at_detail(individual(TREES[plant.name].habit(plant.height, plant.grown_in), rng), plant.detail)
-    else:
-        habit = plant.habit()
+        habit = individual(TREES[plant.name].habit(plant.height, plant.grown_in), rng)
     orders = grow_skeleton(habit, plant.height, rng)
     steps = np.linspace(0, 1, 201)
     points = np.concatenate(
         [s.at(np.arange(len(s.length)).repeat(201), np.tile(steps, len(s.length)))[0] for s in orders[1:]]
     )
-    distance, _ = cKDTree(points).query(blades(mesh, habit.leaf).base)
-    assert np.max(distance) < habit.leaf.stalk + 0.01
+    leaves = blades(mesh, leaf)
+    distance, _ = cKDTree(points).query(leaves.base)
+    behind = 0.6 * (1 - leaf.stands_for**-0.5) * np.linalg.norm(leaves.tip - leaves.base, axis=1)
+    assert np.max(distance - behind) < leaf.stalk + 0.01
 
 
 @plants
@@ -208,7 +200,7 @@ def test_lean_of_old_trunks_is_limited(name: str, seed: int) -> None:
 @pytest.mark.parametrize("name", [n for n in TREES if n not in ("spruce", "pine")])
 @seeds
 def test_crown_radius_varies_with_azimuth(name: str, seed: int) -> None:
-    plant = Plant(name, 11.0)
+    plant = Plant(name, 11.0, "open", 0.1)
     leaves = blades(grow(plant, seed), plant.habit(seed).leaf).corners.mean(1)
     centre = leaves.mean(0)
     sector = ((np.arctan2(*(leaves - centre)[:, 1::-1].T) / (2 * np.pi) + 0.5) * 24).astype(int) % 24
@@ -221,7 +213,7 @@ def test_crown_radius_varies_with_azimuth(name: str, seed: int) -> None:
 @seeds
 def test_crown_covers_most_but_not_all_of_the_sky(name: str, seed: int) -> None:
     """Share of horizontal rays through the crown's inner half that hit a leaf."""
-    mesh = grow(Plant(name, 11.0), seed)
+    mesh = grow(Plant(name, 11.0, "open", 0.25), seed)
     corner = mesh.vertices[mesh.faces[mesh.material == FOLIAGE]].astype(np.float64)[..., 1:]
     middle, spread = np.median(corner, (0, 1)), corner.std((0, 1))
     covered = []
@@ -230,7 +222,7 @@ def test_crown_covers_most_but_not_all_of_the_sky(name: str, seed: int) -> None:
         q = np.roll(p, -1, 1)
         side = p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0]
         covered.append(((side > 0).all(1) | (side < 0).all(1)).any())
-    assert (0.42 if name == "pine" else 0.55) < np.mean(covered) < 0.98
+    assert (0.42 if name == "pine" else 0.55) < np.mean(covered) < 0.99
 
 
 @plants
@@ -271,20 +263,20 @@ def test_individuals_differ_visibly(name: str) -> None:
     """Height of the crown's middle, its offset from the trunk and its leaf area vary by more than a few percent."""
     seen = []
     for seed in range(6):
-        mesh = grow(Plant(name, 14.0, "stand", 0.1), seed)
+        mesh = grow(Plant(name, 14.0, "stand", 0.03), seed)
         leaves = mesh.vertices[mesh.faces[mesh.material == FOLIAGE]].mean(1)
-        seen.append([np.median(leaves[:, 2]), np.hypot(*leaves[:, :2].mean(0)), leaf_area(mesh)])
+        seen.append([np.median(leaves[:, 2]), np.hypot(*leaves[:, :2].mean(0)), leaf_area(mesh).sum()])
     middle, aside, area = np.array(seen).T
     assert np.ptp(middle) > 0.3
     assert np.ptp(aside) > 0.1
-    assert np.ptp(area) / area.mean() > 0.1
+    assert np.ptp(area) / area.mean() > 0.04
 
 
 @tree
 def test_tree_in_a_stand_has_a_higher_narrower_crown(name: str) -> None:
     crowns = []
     for grown_in in ("open", "stand"):
-        meshes = [grow(Plant(name, 12.0, grown_in, 0.25), seed) for seed in range(4)]
+        meshes = [grow(Plant(name, 12.0, grown_in, 0.06), seed) for seed in range(4)]
         leaves = [m.vertices[m.faces[m.material == FOLIAGE]].mean(1) for m in meshes]
         crowns.append(
             [
@@ -305,7 +297,7 @@ def test_young_tree_is_not_a_scaled_old_one(name: str) -> None:
     old, young = (grown(k) for k in both)
     assert young.colliders[0].size[0] / 4.0 < 0.8 * old.colliders[0].size[0] / 11.0
     size = [np.linalg.norm(b.tip - b.base, axis=1).mean() for b in (blades(grown(k), k.habit().leaf) for k in both)]
-    assert size[1] > 0.5 * size[0]
+    assert size[1] == pytest.approx(size[0], rel=0.1)  # leaves do not grow with the tree
 
 
 @plants
@@ -330,7 +322,7 @@ def test_height_outside_the_range_of_the_species_is_rejected(height: float) -> N
         grow(Plant("lime", height))
 
 
-@pytest.mark.parametrize("detail", [0.0, 0.01, 1.5, float("nan")])
+@pytest.mark.parametrize("detail", [0.0, 0.004, 1.5, float("nan")])
 def test_detail_out_of_range_is_rejected(detail: float) -> None:
-    with pytest.raises(ValueError, match=r"detail must be between 0\.03 and 1, got"):
+    with pytest.raises(ValueError, match=r"detail must be between 0\.005 and 1, got"):
         grow(Plant("lime", 10.0, "open", detail))

@@ -76,6 +76,20 @@ def test_round_trip_without_backdrop_objects_and_textures(park: World, tmp_path:
     assert digest(read_world(tmp_path / "folder" / "bare.npz")) == digest(bare)
 
 
+def test_a_layer_is_kept_and_lies_on_the_field(park: World, tmp_path: Path) -> None:
+    field = park.terrain.field
+    assert replace(park.terrain, layer=None).surface is field
+    layer = np.random.default_rng(3).uniform(0.0, 0.05, field.heights.shape).astype(np.float32)
+    grown = replace(small(park), terrain=replace(park.terrain, layer=layer))
+    save_world(tmp_path / "grown.npz", grown)
+    terrain = read_world(tmp_path / "grown.npz").terrain
+    assert terrain.layer is not None
+    assert terrain.layer == pytest.approx(layer, abs=2e-5)
+    assert terrain.field.heights.tobytes() == field.heights.tobytes()
+    x, y = field.x0 + field.spacing * 40, field.y0 + field.spacing * 21
+    assert terrain.surface.height_at(x, y) == pytest.approx(field.heights[40, 21] + layer[40, 21], abs=2e-5)
+
+
 def test_world_is_read_from_the_cache(builds: list[tuple[str, int]], tmp_path: Path) -> None:
     first = load_world("park", 3, cache_folder=tmp_path)
     again = load_world("park", 3, cache_folder=tmp_path)
@@ -130,6 +144,7 @@ def test_unknown_environment_lists_the_known_ones(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_round_trip_of_a_variant(tmp_path: Path) -> None:
     world = park_variant(1)
     save_world(tmp_path / "w.npz", world)

@@ -66,6 +66,14 @@ def test_quarters_of_a_ground_texture_are_equally_bright(name: str) -> None:
     assert np.ptp(quarters) < 0.05 * quarters.mean()
 
 
+@pytest.mark.parametrize("name", ["blade_green", "blade_dry", "blade_reed", "blade_fine"])
+def test_blade_is_dark_at_its_root(name: str) -> None:
+    """v = 0, a blade's root, is the last row of the image."""
+    light = linear(make_texture(name, SEED)).mean(axis=(1, 2))
+    n = len(light)
+    assert light[-n // 10 :].mean() < 0.75 * light[n // 4 : n // 2].mean()
+
+
 def test_same_seed_gives_same_bytes_and_another_seed_another_texture() -> None:
     for name in ("gravel", "bark_birch", "leaf_oak"):
         again = make_texture(name, np.random.SeedSequence(3))

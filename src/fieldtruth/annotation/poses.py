@@ -17,10 +17,10 @@ import numpy as np
 
 from fieldtruth.annotation.check import check_type, static_frames
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.base_messages import BASE
 from fieldtruth.bag.decode import stamp_ns
 from fieldtruth.bag.model_states import ModelStatesReader
 from fieldtruth.bag.reader import BagError, BagReader, RawMessage, decoder, open_bag
-from fieldtruth.bag.robot_messages import BASE
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core import frames

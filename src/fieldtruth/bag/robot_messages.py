@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""From the drive's arrays to messages: clock, transforms, odometry, model states, IMU, GNSS and wheels.
+"""From the drive's arrays to messages: clock, transforms, odometry, model states, IMU and GNSS.
 
 Covariances are all zero: the readings are exact. ROS reads zeros as "unknown", so a filter must be given its own.
 """
@@ -17,9 +17,9 @@ from rosbags.typesys.stores.ros1_noetic import rosgraph_msgs__msg__Clock as Cloc
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__Imu as Imu
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__NavSatFix as NavSatFix
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__NavSatStatus as NavSatStatus
-from rosbags.typesys.stores.ros1_noetic import std_msgs__msg__Float32 as Float32
 
 from fieldtruth.bag import types as ros
+from fieldtruth.bag.base_messages import BASE, WHEEL_FRAMES
 from fieldtruth.bag.model_states import ROBOT
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
@@ -29,7 +29,6 @@ from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, Rig
 from fieldtruth.world.model import World
 
 WORLD: Final = "world"
-BASE: Final = "base_link"
 
 
 def clock(stamp_ns: int) -> bytes:
@@ -44,6 +43,12 @@ def rig_transforms(rig: Rig) -> dict[tuple[str, str], Array]:
     return result | optical
 
 
+def fixed_transforms(rig: Rig) -> dict[tuple[str, str], Array]:
+    """Return those of ``rig_transforms`` that belong to /tf_static: without the wheels if these turn."""
+    turning = WHEEL_FRAMES if rig.tachometers.enabled else ()
+    return {pair: transform for pair, transform in rig_transforms(rig).items() if pair[1] not in turning}
+
+
 def tf_static(stamp_ns: int, transforms: Mapping[tuple[str, str], Array]) -> bytes:
     """Serialise tf2_msgs/TFMessage of all fixed transforms."""
     stamped = [
@@ -53,11 +58,13 @@ def tf_static(stamp_ns: int, transforms: Mapping[tuple[str, str], Array]) -> byt
     return ros.serialize(ros.TFMessage(stamped), "tf2_msgs/msg/TFMessage")
 
 
-def tf(seq: int, stamp_ns: int, state: State) -> bytes:
-    """Serialise tf2_msgs/TFMessage of base_link in the world."""
+def tf(seq: int, stamp_ns: int, state: State, wheels: Mapping[str, Array]) -> bytes:
+    """Serialise tf2_msgs/TFMessage of base_link in the world, and of the wheels: base_from_wheel (4, 4) by frame."""
     transform = ros.Transform(ros.vector(state.position), ros.quaternion(state.quaternion_wxyz))
-    stamped = ros.TransformStamped(ros.header(seq, stamp_ns, WORLD), BASE, transform)
-    return ros.serialize(ros.TFMessage([stamped]), "tf2_msgs/msg/TFMessage")
+    stamped = [ros.TransformStamped(ros.header(seq, stamp_ns, WORLD), BASE, transform)]
+    head = ros.header(seq, stamp_ns, BASE)
+    stamped += [ros.transform_stamped(head, name, base_from_wheel) for name, base_from_wheel in wheels.items()]
+    return ros.serialize(ros.TFMessage(stamped), "tf2_msgs/msg/TFMessage")
 
 
 def odometry(seq: int, stamp_ns: int, state: State) -> bytes:
@@ -103,11 +110,6 @@ def navsat(k: int, readings: GnssReadings) -> bytes:
         position_covariance_type=NavSatFix.COVARIANCE_TYPE_UNKNOWN,
     )
     return ros.serialize(message, "sensor_msgs/msg/NavSatFix")
-
-
-def wheel_speed(speed: float) -> bytes:
-    """Serialise std_msgs/Float32 [rad/s]; it has no header, so its stamp is that in the bag."""
-    return ros.serialize(Float32(float(speed)), "std_msgs/msg/Float32")
 
 
 class ModelStatesWriter:

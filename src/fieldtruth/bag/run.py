@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A run: the folder that ``generate`` made, or any bag with the same topics."""
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -41,6 +42,14 @@ class Run(NamedTuple):
     def folder(self) -> Path:
         """The folder of the bag."""
         return self.bag.parent
+
+    @property
+    def world(self) -> str | None:
+        """Text that is equal for runs in the same world; None for a bag from elsewhere, whose world is unknown."""
+        if self.experiment is None:
+            return None
+        parts = self.experiment.model_dump(mode="json", include={"environment", "seed", "layout"})
+        return json.dumps(parts, sort_keys=True)
 
     @property
     def duration_s(self) -> float:

@@ -86,15 +86,20 @@ def optical_frame(side: str) -> str:
 
 
 def photograph(seq: int, stamp_ns: int, side: Side, photo: NDArray[np.uint8], quality: int) -> bytes:
-    """Serialise sensor_msgs/CompressedImage of a photograph (h, w, 3) RGB.
-
-    Chroma is subsampled 4:2:0, as by ROS's own publisher: for an image of foliage at quality 90 that is 10 % smaller
-    and 27 % faster than 4:4:4 and costs 0.1 dB of PSNR (36.2 against 36.3 dB).
-    """
-    jpeg = simplejpeg.encode_jpeg(np.ascontiguousarray(photo), quality, "RGB", "420")
-    data = np.frombuffer(jpeg, np.uint8)
+    """Serialise sensor_msgs/CompressedImage of a photograph (h, w, 3) RGB."""
+    data = np.frombuffer(photograph_jpeg(photo, quality), np.uint8)
     message = CompressedImage(ros.header(seq, stamp_ns, optical_frame(side)), "jpeg", data)
     return ros.serialize(message, "sensor_msgs/msg/CompressedImage")
+
+
+def photograph_jpeg(photo: NDArray[np.uint8], quality: int) -> bytes:
+    """Encode (h, w, 3) RGB as JPEG with the full resolution of chroma (4:4:4), because PNGs are exported from it.
+
+    At quality 92, photographs of park and forest take 476 and 596 kB and 3.9 and 4.5 ms; 4:2:0 at quality 90, as ROS's
+    own publisher has it, takes 336 and 403 kB and 2.4 and 2.7 ms, with 3.3 dB less PSNR (33.4 and 31.8 dB).
+    """
+    jpeg: bytes = simplejpeg.encode_jpeg(np.ascontiguousarray(photo), quality, "RGB", "444")
+    return jpeg
 
 
 def tag(seq: int, stamp_ns: int, side: Side, label: NDArray[np.uint8]) -> bytes:

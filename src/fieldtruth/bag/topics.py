@@ -8,6 +8,7 @@ The table's order is that of connection numbers, and of messages with the same s
 from collections.abc import Callable
 from typing import Final, Literal, NamedTuple
 
+from fieldtruth.experiment.config import FRAME_RATE, Experiment
 from fieldtruth.experiment.rig import WHEELS, Rig
 
 TRUTH_RATE: Final = 1000.0  # [Hz]; the physics rate
@@ -22,6 +23,9 @@ TF: Final = "/tf"
 IMU: Final = "/imu/data"
 NAVSAT: Final = "/navsat/fix"
 WHEEL_SPEEDS: Final = tuple(f"/gazebo_client/{wheel}_speed" for wheel in WHEELS)
+JOINT_STATES: Final = "/joint_states"
+WHEEL_ODOMETRY: Final = "/odometry/wheel"
+COMMANDS: Final = "/cmd_vel"
 POINTS: Final = "/os1_cloud_node/points"
 
 
@@ -99,6 +103,9 @@ TOPICS: Final[tuple[Topic, ...]] = (
     Topic(IMU, "sensor_msgs/msg/Imu", lambda rig: rig.imu.rate_hz),
     Topic(NAVSAT, "sensor_msgs/msg/NavSatFix", lambda rig: rig.gnss.rate_hz),
     *(Topic(name, "std_msgs/msg/Float32", lambda rig: rig.tachometers.rate_hz, "wheels") for name in WHEEL_SPEEDS),
+    Topic(JOINT_STATES, "sensor_msgs/msg/JointState", lambda rig: rig.odometry.rate_hz, "wheels"),
+    Topic(WHEEL_ODOMETRY, "nav_msgs/msg/Odometry", lambda rig: rig.odometry.rate_hz, "wheels"),
+    Topic(COMMANDS, "geometry_msgs/msg/Twist", lambda rig: rig.imu.rate_hz, "wheels"),  # the controller's rate
     Topic(POINTS, "sensor_msgs/msg/PointCloud2", lambda rig: rig.lidar.rate_hz, "lidar"),
     *_camera_topics("left"),
     *_camera_topics("right"),
@@ -123,3 +130,12 @@ def standard_name(topic: str) -> str:
 def topics_of(rig: Rig) -> tuple[Topic, ...]:
     """Rows that this rig publishes, in the table's order."""
     return tuple(topic for topic in TOPICS if topic.exists(rig))
+
+
+def topics_of_run(experiment: Experiment) -> tuple[Topic, ...]:
+    """Rows that a run of this experiment publishes: frames have all that has a meaning at one pose, at one rate."""
+    rows = topics_of(experiment.rig)
+    if experiment.frames is None:
+        return rows
+    still = (row for row in rows if row.sensor != "wheels" and row.name not in (IMU, NAVSAT))
+    return tuple(row if row.latched else row._replace(rate_hz=lambda rig: FRAME_RATE) for row in still)

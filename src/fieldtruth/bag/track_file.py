@@ -16,8 +16,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.base_messages import BASE
 from fieldtruth.bag.calibration import StaticFrames, first_message
-from fieldtruth.bag.robot_messages import BASE, rig_transforms
+from fieldtruth.bag.robot_messages import rig_transforms
 from fieldtruth.bag.ros2_odometry import ODOMETRY, is_ros2_bag, odometry_topics, read_ros2_odometry
 from fieldtruth.bag.run import open_run
 from fieldtruth.bag.trajectory import Trajectory, read_trajectory, seconds

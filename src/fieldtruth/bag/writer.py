@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Write bags (ROS 1, v2.0) that ROS's own tools read, and join them without decompression.
 
-A bag is written under a temporary name and renamed when complete, so an aborted recording never looks like a bag.
+A bag is written under a temporary name, synced and renamed when complete, so an aborted recording never looks like a
+bag.
 """
 
 import os
@@ -12,7 +13,8 @@ from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, Final, Self, cast
+from typing import BinaryIO, Final, NamedTuple, Self, cast
+from uuid import uuid4
 
 import lz4.frame
 from rosbags.interfaces import Connection, ConnectionExtRosbag1
@@ -23,6 +25,8 @@ from rosbags.rosbag1.writer import MAXSIZE, WriteChunk
 from fieldtruth.bag.topics import Topic
 from fieldtruth.bag.types import STORE
 from fieldtruth.core.errors import OutputError
+from fieldtruth.core.files import replace_synced
+from fieldtruth.core.seal import add_seal
 
 CHUNK_SIZE: Final = 4 * 2**20  # [byte]; also LZ4's block size; larger blocks compress model states better
 COPY_SIZE: Final = 8 * 2**20  # [byte]
@@ -31,22 +35,41 @@ _MAGIC: Final = b"#ROSBAG V2.0\n"
 _PADDING: Final = 8  # [byte]
 
 
+class Chunk(NamedTuple):
+    """A chunk of a bag: position, stamps [ns] of its first and last message, number of messages by connection."""
+
+    position: int
+    start_ns: int
+    end_ns: int
+    counts: dict[int, int]
+
+
 class BagWriter:
     """Context manager that writes messages in time order; the same messages give the same bytes.
+
+    Args:
+        path: the bag.
+        topics: what may be written.
+        seal: with this name, the bag is sealed, and several processes may write it at once; see ``core.seal``.
 
     Raises:
         OutputError: the bag already exists.
     """
 
-    def __init__(self, path: Path, topics: Sequence[Topic]) -> None:
+    def __init__(self, path: Path, topics: Sequence[Topic], seal: str | None = None) -> None:
         if path.exists():
             raise OutputError(f"{path} already exists; remove it, or choose another path")
         self.path = path
-        self._part = path.with_name(path.name + ".part")
+        own = f".{uuid4().hex[:8]}" if seal else ""
+        self._part = path.with_name(f"{path.name}{own}.part")
         self._part.unlink(missing_ok=True)
+        self._seal = seal
+        self._prepare(self._part, topics)
+
+    def _prepare(self, file: Path, topics: Sequence[Topic]) -> None:
         self._topics = topics
         self._connections: dict[str, Connection] = {}
-        self._writer = Writer(self._part)
+        self._writer = Writer(file)
         self._writer.set_compression(Writer.CompressionFormat.LZ4)
         self._writer.compressor = _compress
         self._writer.chunk_threshold = CHUNK_SIZE
@@ -55,11 +78,14 @@ class BagWriter:
         self._writer.open()
         assert self._writer.bio is not None
         self._writer.bio.write(b" " * _PADDING)
+        self._add_topics()
+        return self
+
+    def _add_topics(self) -> None:
         for topic in self._topics:
             self._connections[topic.name] = self._writer.add_connection(
                 topic.name, topic.msgtype, typestore=STORE, latching=1 if topic.latched else None
             )
-        return self
 
     def carry(self, connection: Connection) -> Connection:
         """Add a connection of another bag with its definition, checksum, publisher and latching."""
@@ -86,8 +112,8 @@ class BagWriter:
             full = chunks[-2]
             full.connections = _counts({number: len(rows) for number, rows in full.connections.items()})
 
-    def append(self, path: Path) -> None:
-        """Add a bag that was written for the same topics: its chunks are copied unchanged.
+    def append(self, path: Path) -> list[Chunk]:
+        """Add a bag that was written for the same topics: its chunks are copied unchanged, and returned.
 
         Chunks and their message indices hold no absolute positions; only the index at the end does, and is rebuilt.
         """
@@ -95,30 +121,43 @@ class BagWriter:
         assert writer.bio is not None
         if writer.chunks[-1].connections:
             writer.write_chunk(writer.chunks[-1])
-        writer.chunks.pop()  # it is empty, or holds only the list of topics, which each bag has
         with path.open("rb") as source, Reader(path) as reader:
             first = min(info.pos for info in reader.chunk_infos)
             shift = writer.bio.tell() - first
             _copy(source, writer.bio, first, _index_position(source))
-            for info in reader.chunk_infos:
-                counts, place = _counts(info.connection_counts), info.pos + shift
-                writer.chunks.append(WriteChunk(BytesIO(), place, info.start_time, info.end_time - 1, counts))
-        writer.chunks.append(WriteChunk(BytesIO(), -1, MAXSIZE, 0, defaultdict(list)))
+            copied = [
+                Chunk(info.pos + shift, info.start_time, info.end_time - 1, dict(info.connection_counts))
+                for info in reader.chunk_infos
+            ]
+        self._enter(copied)
+        return copied
+
+    def _enter(self, chunks: Sequence[Chunk]) -> None:
+        """Add chunks that are in the file to its index."""
+        known = self._writer.chunks
+        known.pop()  # it is empty, or holds only the list of topics, which each bag has
+        known += [WriteChunk(BytesIO(), c.position, c.start_ns, c.end_ns, _counts(c.counts)) for c in chunks]
+        known.append(WriteChunk(BytesIO(), -1, MAXSIZE, 0, defaultdict(list)))
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         try:
             if kind is None:
-                self._writer.close()
-                with self._part.open("r+b") as whole:
-                    _pad_header(whole)
-                    os.fsync(whole.fileno())
-                self._part.replace(self.path)
+                self._finish(self._part)
+                replace_synced(self._part, self.path)
         finally:
             with suppress(OSError):
                 self._writer.abort()
             self._part.unlink(missing_ok=True)
+
+    def _finish(self, file: Path) -> None:
+        """Write the index, and the seal."""
+        self._writer.close()
+        with file.open("r+b") as whole:
+            _pad_header(whole)
+            if self._seal is not None:
+                add_seal(whole, self._seal)
 
 
 def _metadata(connection: Connection) -> tuple[object, ...]:

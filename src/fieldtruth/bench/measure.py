@@ -29,6 +29,7 @@ UNITS: Final = {
     "label_image_over_bare": "x",
     "photograph_over_bare": "x",
     "stereo_pairs_per_s": "pairs/s",
+    "image_efficiency": "x",
     "peak_rss_mb": "MB",
 }
 """Figures and their units; docs/benchmarks.md explains them."""
@@ -78,8 +79,19 @@ def measure(settings: Settings, progress: Progress | None = None) -> dict[str, f
         found |= measure_cameras(baked, rig, poses, settings.repeats)
     with progress.stage("stereo pairs"):
         track = drive(world, with_overrides(experiment, seconds=SECONDS))
-        found["stereo_pairs_per_s"] = pairs_per_second(baked, track, rig, pairs=settings.pairs, workers=cpu_count())
+        rate = pairs_per_second(baked, track, rig, pairs=settings.pairs, workers=cpu_count())
+    found["stereo_pairs_per_s"] = rate
+    pixels = rig.cameras.width * rig.cameras.height
+    found["image_efficiency"] = image_efficiency(rate, cpu_count(), pixels, found["camera_bare_mrays_per_s"])
     return found | peak_memory()
+
+
+def image_efficiency(pairs_per_s: float, cores: int, pixels: int, bare_mrays_per_s: float) -> float:
+    """Time that bare Embree needs for one ray per pixel, over the cores' time for an image that is recorded.
+
+    The latter is all that ``cores`` do or wait for: rays at edges, shadows, shading, encoding, tag image, writing.
+    """
+    return pixels / (1e6 * bare_mrays_per_s) * 2.0 * pairs_per_s / cores
 
 
 def peak_memory() -> dict[str, float]:

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command ``fieldtruth``. Each sub-command is one call of the library; an error is one line.
 
-Exit codes: 0 done; 1 a run that fails validation; 2 an error that the user can correct; 130 interrupted. Only light
-modules are imported at the top, so that ``--help``, ``list`` and errors are immediate.
+Exit codes: 0 done; 1 a run that fails validation, or runs of a campaign that failed; 2 an error that the user can
+correct; 130 interrupted. Only light modules are imported at the top, so that ``--help``, ``list`` and errors are
+immediate.
 """
 
 import argparse
@@ -15,11 +16,11 @@ from contextlib import contextmanager
 from typing import Final, NoReturn, TextIO
 
 import fieldtruth
-from fieldtruth.cli import generation, processing, worlds
+from fieldtruth.cli import caching, campaigns, generation, processing, worlds
 from fieldtruth.cli.arguments import Command, Parser, UsageError
+from fieldtruth.cli.interrupts import INTERRUPTED, interrupts
 from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning, UnknownNameError
 
-INTERRUPTED: Final = 130
 USER_ERROR: Final = 2
 RESUMABLE: Final = ("generate", "annotate")
 
@@ -27,14 +28,16 @@ RESUMABLE: Final = ("generate", "annotate")
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line, by default that of the process, and return its exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
+    interrupted = f"interrupted{_resume_hint(arguments)}"
     try:
-        command, options = _parse(arguments)
-        with _warnings_in_one_line():
-            return command(options) or 0
+        with interrupts(f"error: {interrupted}", restore=argv is not None):
+            command, options = _parse(arguments)
+            with _warnings_in_one_line():
+                return command(options) or 0
     except FieldtruthError as error:
         return _fail(str(error), USER_ERROR)
     except KeyboardInterrupt:
-        return _fail(f"interrupted{_resume_hint(arguments)}", INTERRUPTED)
+        return _fail(interrupted, INTERRUPTED)
 
 
 @contextmanager
@@ -114,8 +117,10 @@ def _build_parser() -> tuple[Parser, dict[str, Parser]]:
         return made
 
     generation.add_commands(command)
+    campaigns.add_commands(command)
     processing.add_commands(command)
     worlds.add_commands(command)
+    caching.add_commands(command)
     return parser, dict(subparsers.choices)
 
 

@@ -4,7 +4,8 @@
 
 import argparse
 from collections.abc import Callable
-from typing import NoReturn, Protocol
+from pathlib import Path
+from typing import Any, NoReturn, Protocol
 
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.parallel import cpu_count
@@ -39,6 +40,17 @@ def add_workers(parser: Parser, output: str) -> None:
     )
 
 
+def changes(options: argparse.Namespace) -> dict[str, Any]:
+    """Return what the options of ``generate`` change in an experiment, or in each one of a campaign; None: nothing."""
+    return {
+        "seconds": options.seconds,
+        "seed": options.seed,
+        "cameras": False if options.no_cameras else None,
+        "lidar": False if options.no_lidar else None,
+        "extras": options.extras,
+    }
+
+
 def number(text: str) -> float:
     """Parse a number."""
     try:
@@ -65,6 +77,16 @@ def _integer(text: str, allowed: range, condition: str) -> int:
     if value is None or value not in allowed:
         raise argparse.ArgumentTypeError(f"must be an integer {condition}, got {text!r}")
     return value
+
+
+def checked_layout(environment: str, path: Path) -> dict[str, Any]:
+    """Read a file with changes to an environment's layout and check it; raises as ``check_layout``."""
+    from fieldtruth.experiment.files import load_layout
+    from fieldtruth.world.build import check_layout
+
+    layout = load_layout(path)
+    check_layout(environment, layout, str(path))
+    return layout
 
 
 def words(text: str) -> list[str]:

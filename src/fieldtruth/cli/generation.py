@@ -4,13 +4,19 @@
 
 import argparse
 import time
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from fieldtruth.cli.arguments import AddCommand, Parser, UsageError, add_workers, number, seed, words
+from fieldtruth.cli import campaigns
+from fieldtruth.cli.arguments import AddCommand, Parser, UsageError, add_workers, changes, count, number, seed, words
 from fieldtruth.core.errors import UnknownNameError
+from fieldtruth.core.parallel import cpu_count
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from fieldtruth.cluster.engine import ClusterEngine
     from fieldtruth.experiment.config import Experiment
 
 EXAMPLES: Final = """\
@@ -18,6 +24,7 @@ examples:
   fieldtruth list                                  experiments and environments
   fieldtruth generate park_1 --seconds 5           five seconds of park_1, in data/park_1
   fieldtruth generate park_1 --no-cameras          only LiDAR, IMU, GNSS and tachometers: minutes, not hours
+  fieldtruth generate all --jobs 2 --seconds 60    a minute of each experiment, in data/all, two at a time
   fieldtruth generate data/park_1/experiment.yaml --out again     the same bag again
   fieldtruth preview park --seed 7                 a sheet: map, routes, views, point cloud and classes
 """
@@ -32,31 +39,56 @@ def _checked_experiment(name_or_path: str) -> "Experiment":
     return experiment
 
 
-def _generate(options: argparse.Namespace) -> None:
+def _generate(options: argparse.Namespace) -> int | None:
+    from fieldtruth.campaign.files import is_campaign
+
+    if is_campaign(options.experiment):
+        return campaigns.generate(options, _engine(options))
+    campaigns.refuse_options(options)
+    _generate_one(options)
+    return None
+
+
+def _generate_one(options: argparse.Namespace) -> None:
     from fieldtruth.experiment.files import with_overrides
 
-    experiment = with_overrides(
-        _checked_experiment(options.experiment),
-        seconds=options.seconds,
-        seed=options.seed,
-        cameras=False if options.no_cameras else None,
-        lidar=False if options.no_lidar else None,
-        extras=options.extras,
-    )
+    experiment = with_overrides(_checked_experiment(options.experiment), **changes(options))
     start = time.monotonic()
     # After the checks: compiled kernels and physics take a second to load.
     from fieldtruth.bag.decode import count_messages
     from fieldtruth.core.progress import show_progress
     from fieldtruth.pipeline import generate
 
-    with show_progress() as progress:
-        bag = generate(experiment, options.out, workers=options.workers, overwrite=options.overwrite, progress=progress)
+    with _engine(options) as engine, show_progress() as progress:
+        bag = generate(
+            experiment,
+            Path("data") if options.out is None else options.out,
+            engine=engine,
+            workers=options.workers or cpu_count(),
+            overwrite=options.overwrite,
+            progress=progress,
+        )
     took = time.monotonic() - start
     counts = count_messages(bag)
     print(
         f"{bag}: {sum(counts.values())} messages of {len(counts)} topics, {bag.stat().st_size / 1e6:.1f} MB; "
         f"this run took {took:.0f} s"
     )
+
+
+@contextmanager
+def _engine(options: argparse.Namespace) -> "Iterator[ClusterEngine | None]":
+    """Yield the cluster that is asked for; None for this process."""
+    scheduler, processes = options.scheduler, options.local_cluster
+    if scheduler is not None and processes is not None:
+        raise UsageError("give either --scheduler or --local-cluster")
+    if scheduler is None and processes is None:
+        yield None
+        return
+    from fieldtruth.cluster import cluster_engine
+
+    with cluster_engine(scheduler, processes) as engine:
+        yield engine
 
 
 def _list(options: argparse.Namespace) -> None:
@@ -127,17 +159,27 @@ def _bench(options: argparse.Namespace) -> None:
 def add_commands(command: AddCommand) -> None:
     """Add the sub-commands."""
     generate = command("generate", _generate, "Simulate an experiment and write the bag.", EXAMPLES)
-    generate.add_argument("experiment", metavar="EXPERIMENT", help="name from `fieldtruth list`, or a YAML file")
-    generate.add_argument("--out", metavar="DIR", type=Path, default=Path("data"), help="folder for data sets (data)")
+    generate.add_argument(
+        "experiment", metavar="EXPERIMENT", help="name from `fieldtruth list`, all, or a YAML file, also of a campaign"
+    )
+    generate.add_argument(
+        "--out", metavar="DIR", type=Path, help="folder for data sets (data), or of the campaign (data/NAME)"
+    )
     generate.add_argument("--seconds", metavar="S", type=number, help="end after this simulated time")
     generate.add_argument("--seed", metavar="N", type=seed, help="root of all randomness")
     add_workers(generate, "the bag")
+    generate.set_defaults(workers=None)  # all cores, shared by the jobs of a campaign
+    generate.add_argument(
+        "--scheduler", metavar="ADDRESS", help="make it on a Dask cluster: tcp://host:8786, or a scheduler file"
+    )
+    generate.add_argument("--local-cluster", metavar="N", type=count, help="make it in N processes of this machine")
     generate.add_argument("--no-cameras", action="store_true", help="without the stereo pair")
     generate.add_argument("--no-lidar", action="store_true", help="without the LiDAR")
     generate.add_argument(
         "--extras", metavar="LIST", type=words, help="more images of each camera: depth, instances or depth,instances"
     )
     generate.add_argument("--overwrite", action="store_true", help="discard an existing run in the output folder")
+    campaigns.add_arguments(generate)
 
     _add_preview(command("preview", _preview, "Draw an overview sheet of an environment."))
     _add_shares(command("shares", _shares, "Count the pixels and points of each class."))

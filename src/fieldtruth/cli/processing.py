@@ -7,7 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from fieldtruth.cli.arguments import AddCommand, UsageError, add_workers, count, seed
+from fieldtruth.cli.arguments import AddCommand, UsageError, add_workers, checked_layout, count, seed
+from fieldtruth.cli.campaigns import warn_of_missing
 
 FAILED: Final = 1
 """Exit code of a run that fails validation."""
@@ -17,14 +18,19 @@ RUN: Final = "folder of a run, or a bag file"
 
 def _export(options: argparse.Namespace) -> None:
     from fieldtruth.core.progress import show_progress
-    from fieldtruth.exporters import export
+    from fieldtruth.exporters import FORMATS, export
 
+    if options.to in FORMATS and FORMATS[options.to].publishes:
+        for path in options.runs:
+            warn_of_missing(path)
     with show_progress() as progress:
         made = export(
             options.runs,
             options.to,
             out=options.out,
             label_map=options.label_map,
+            split=options.split,
+            shard_mb=options.shard_mb,
             workers=options.workers,
             progress=progress,
         )
@@ -52,6 +58,8 @@ def _annotate(options: argparse.Namespace) -> None:
     )
     if options.seed is not None:
         world = replace(world, seed=options.seed)
+    if options.layout is not None:
+        world = replace(world, layout=checked_layout(options.world, options.layout))
     with show_progress() as progress:
         made = annotate(
             options.bag,
@@ -108,18 +116,26 @@ def _view(options: argparse.Namespace) -> None:
 def add_commands(command: AddCommand) -> None:
     """Add the sub-commands."""
     export = command("export", _export, "Export runs to another format.")
-    export.add_argument("runs", metavar="RUN", type=Path, nargs="+", help=RUN)
     export.add_argument(
-        "--to", metavar="FORMAT", required=True, help="files, zip, semantickitti, kitti, tum, mcap, coco or pcd"
+        "runs", metavar="RUN", type=Path, nargs="+", help=f"{RUN}; for data sets, also a folder of runs"
+    )
+    export.add_argument(
+        "--to",
+        metavar="FORMAT",
+        required=True,
+        help="files, zip, semantickitti, kitti, tum, mcap, coco, pcd, webdataset, huggingface or mmseg",
     )
     export.add_argument("--out", metavar="PATH", type=Path, help="output (beside the bag, named after it)")
     export.add_argument("--label-map", metavar="NAME", help="ontology: rellis, rugd, goose, goose9 or ganav6")
+    export.add_argument("--split", metavar="NAME", help="of runs outside folders train, val and test (train)")
+    export.add_argument("--shard-mb", metavar="N", type=count, help="largest file of many frames [MB] (500)")
     add_workers(export, "the output")
 
     annotate = command("annotate", _annotate, "Add labelled images to a bag from another simulator.")
     annotate.add_argument("bag", metavar="BAG", type=Path, help="bag with /gazebo/model_states or /ground_truth/odom")
     annotate.add_argument("--world", metavar="ENV", required=True, help="environment from `fieldtruth list`")
     annotate.add_argument("--seed", metavar="N", type=seed, help="seed of the world (that of the experiment, or 0)")
+    annotate.add_argument("--layout", metavar="FILE", type=Path, help="YAML file with changes to the world's layout")
     annotate.add_argument("--lidar", action="store_true", help="also add labelled point clouds")
     annotate.add_argument("--experiment", metavar="EXP", help="source of rig, light, layout and seed")
     annotate.add_argument("--robot", metavar="NAME", default="husky", help="name in /gazebo/model_states (husky)")

@@ -3,10 +3,11 @@
 """Sub-commands for worlds in other tools: scene, gazebo."""
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from fieldtruth.cli.arguments import AddCommand, Parser, seed
+from fieldtruth.cli.arguments import AddCommand, Parser, checked_layout, seed
 from fieldtruth.core.errors import UnknownNameError
 
 if TYPE_CHECKING:
@@ -34,14 +35,12 @@ def add_world_arguments(parser: Parser) -> None:
     )
 
 
-def selected_world(options: argparse.Namespace) -> "World":
-    """Load the world that the arguments select."""
-    from fieldtruth.experiment.files import load_layout
-    from fieldtruth.world.build import check_layout, load_world
+def selected_world(options: argparse.Namespace, default: Mapping[str, Any] | None = None) -> "World":
+    """Load the world that the arguments select; ``default`` are changes of the layout that its file may replace."""
+    from fieldtruth.world.build import load_world
 
-    layout = None if options.layout is None else load_layout(options.layout)
-    check_layout(options.environment, layout, "" if options.layout is None else str(options.layout))
-    return load_world(options.environment, options.seed, layout)
+    layout = {} if options.layout is None else checked_layout(options.environment, options.layout)
+    return load_world(options.environment, options.seed, {**(default or {}), **layout})
 
 
 def _scene(options: argparse.Namespace) -> None:
@@ -67,12 +66,12 @@ def _gazebo(options: argparse.Namespace) -> None:
     if options.environment not in ENVIRONMENTS:
         raise UnknownNameError("environment", options.environment, ENVIRONMENTS)
     from fieldtruth.core.progress import show_progress
-    from fieldtruth.gazebo import check_gazebo_output, write_gazebo
+    from fieldtruth.gazebo import DEFAULT_LAYOUT, check_gazebo_output, write_gazebo
 
     check_gazebo_output(options.out, flavour=options.flavour, overwrite=options.overwrite)
     with show_progress() as progress:
         with progress.stage("world"):
-            world = selected_world(options)
+            world = selected_world(options, DEFAULT_LAYOUT)
         with progress.stage("write the package"):
             out = write_gazebo(
                 world,

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The cache folder, and the one key under which results are kept there and in a run's slices.
+"""The one key under which results are kept in the cache folder and in a run's slices.
 
 A result may be used again only if everything that shaped it is the same: the code, the data files that the code reads,
 the versions of the libraries, and the input values. ``cache_key`` covers all four.
@@ -10,19 +10,14 @@ import dataclasses
 import hashlib
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import numpy as np
-from filelock import FileLock
-from platformdirs import user_cache_path
-
-T = TypeVar("T")
 
 _ROOT: Final = Path(__file__).parents[2]
 _PACKAGE: Final = "fieldtruth"
@@ -30,11 +25,6 @@ _IMPORT: Final = re.compile(
     rf"^[ \t]*(?:from ({_PACKAGE}[\w.]*) import (\([^)]*\)|[^\n]+)|import ({_PACKAGE}[\w.]*))", re.MULTILINE
 )
 _DATA: Final = re.compile(r'Path\(__file__\)\.parent / "(\w+)"')
-
-
-def cache_folder() -> Path:
-    """Folder for worlds, baked light and compiled kernels, such as ``~/.cache/fieldtruth``; it may not exist yet."""
-    return user_cache_path(_PACKAGE)
 
 
 def cache_key(modules: Iterable[str], *inputs: object, libraries: Sequence[str] = ()) -> str:
@@ -52,30 +42,6 @@ def cache_key(modules: Iterable[str], *inputs: object, libraries: Sequence[str] 
     digest = hashlib.sha256(_sources_digest(tuple(modules)))
     _update(digest, [sys.version_info[:2], [(name, version(name)) for name in libraries], inputs])
     return digest.hexdigest()[:32]
-
-
-def load_or_make(
-    path: Path, load: Callable[[Path], T | None], make: Callable[[], T], save: Callable[[Path, T], None]
-) -> T:
-    """Return the value that is stored at ``path``, or make and store it; a second process waits for the first.
-
-    ``load`` returns None for a file that is missing or damaged. A folder that cannot be written is not used.
-    """
-    value = load(path)
-    if value is not None:
-        return value
-    lock = Path(f"{path}.lock")
-    with ExitStack() as stack:
-        with suppress(OSError):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            stack.enter_context(FileLock(lock))
-            stack.callback(lock.unlink, missing_ok=True)
-        value = load(path)
-        if value is None:
-            value = make()
-            with suppress(OSError):
-                save(path, value)
-    return value
 
 
 @cache

@@ -4,10 +4,21 @@
 
 import difflib
 from collections.abc import Iterable
+from typing import Any
 
 
 class FieldtruthError(Exception):
     """Base of all errors that a user can correct; the text states what is wrong, where, and what is allowed."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let another process have the error with its text; a subclass may be made from other arguments."""
+        return _with_text, (type(self), str(self))
+
+
+def _with_text(kind: type[FieldtruthError], text: str) -> FieldtruthError:
+    error = kind.__new__(kind)
+    error.args = (text,)
+    return error
 
 
 class FieldtruthWarning(UserWarning):
@@ -29,6 +40,10 @@ class OutputError(FieldtruthError):
     """The output already exists, is in use, or cannot be written."""
 
 
+class SliceError(FieldtruthError):
+    """A worker failed while it made a part of a recording; the text names the second, the error and its line."""
+
+
 class RouteError(FieldtruthError):
     """A route that cannot be driven or found; the text names the waypoint, its position and the obstacle."""
 
@@ -39,6 +54,10 @@ class DriveError(FieldtruthError):
 
 class TrackError(FieldtruthError):
     """A track file that cannot be read or followed; the text names the file, the line or time, and the condition."""
+
+
+class ClusterError(FieldtruthError):
+    """A scheduler that does not answer, a worker that differs from this machine, or work that ended its workers."""
 
 
 class EngineError(FieldtruthError):

@@ -1,16 +1,21 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Output files: written atomically, locked against a second process, with clear errors."""
+"""Output files: written atomically and synced, locked against a second process, with clear errors."""
 
 import errno
 import os
+import platform
 import shutil
+import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from fieldtruth.core.errors import OutputError
+
+if TYPE_CHECKING:
+    from filelock import BaseFileLock
 
 _REASONS: Final = {
     errno.ENOSPC: "no space left",
@@ -24,6 +29,12 @@ _REASONS: Final = {
     errno.ENAMETOOLONG: "the path is too long",
     errno.EIO: "the disk reports an error",
 }
+
+LOCK_OWNER: Final = ".lock.owner"
+"""File in a locked folder: which process has locked it."""
+_NO_LOCKS: Final = (errno.ENOSYS, errno.ENOLCK, errno.ENOTSUP)
+"""What ``flock`` says on a file system that has no locks."""
+_PATIENCE: Final = 0.3  # [s]
 
 
 @contextmanager
@@ -49,16 +60,38 @@ def output_errors(path: Path) -> Iterator[None]:
 def atomic_output(path: Path) -> Iterator[Path]:
     """Yield a temporary path beside ``path``; what was written there, file or folder, replaces ``path`` at the end.
 
-    If the block raises, ``path`` is as before and the temporary file or folder is removed. The process id is part of
-    the temporary name, so that two processes may write the same file of a cache.
+    If the block raises, ``path`` is as before and the temporary file or folder is removed. Host and process id are
+    part of the temporary name, so that processes on several machines may write the same file of a cache.
     """
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    part = path.with_name(f".{path.name}.{platform.node()}.{os.getpid()}.part")
     remove(part)
     try:
         yield part
-        part.replace(path)
+        replace_synced(part, path)
     finally:
         remove(part)
+
+
+def replace_synced(part: Path, path: Path) -> None:
+    """Give a file or folder the name ``path`` after its content is on the disk, so that a power cut leaves no half."""
+    if part.is_dir():
+        os.sync()  # each of thousands of files alone takes minutes
+    else:
+        sync(part)
+    part.replace(path)
+    sync(path.parent)
+
+
+def sync(path: Path) -> None:
+    """Write a file, or the names in a folder, through to the disk; do nothing where a system cannot sync folders."""
+    number = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(number)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):
+            raise
+    finally:
+        os.close(number)
 
 
 def write_atomically(path: Path, data: bytes | str) -> None:
@@ -79,18 +112,51 @@ def remove(path: Path) -> None:
 def locked(folder: Path) -> Iterator[None]:
     """Lock a folder against other processes; the operating system releases it when the process ends.
 
-    Raises:
-        OutputError: another process has locked it.
-    """
-    from filelock import FileLock, Timeout  # late: the command line imports this module for its errors
+    On a network folder without such locks, the lock is a file that a crash leaves behind; on the same machine it is
+    then recognised as left behind.
 
-    lock = FileLock(folder / ".lock", blocking=False)
+    Raises:
+        OutputError: another process has locked it; the text says which, on which machine.
+    """
+    from filelock import Timeout  # late: the command line imports this module for its errors
+
+    path, owner = folder / ".lock", folder / LOCK_OWNER
+    with ExitStack() as stack:
+        try:
+            with output_errors(folder):
+                stack.callback(_lock(path).release)
+                stack.callback(_forget, path)  # before the release, or another process may lock a file without a name
+                stack.callback(_forget, owner)
+                write_atomically(owner, f"process {os.getpid()} on {platform.node()}")
+        except Timeout:
+            raise OutputError(f"{folder} is in use by {_owner(owner)}; wait until it ends, or stop it") from None
+        yield
+
+
+def _lock(path: Path) -> "BaseFileLock":
+    """Lock a file within 0.3 s, in which a lock that was left behind is removed; raises filelock's ``Timeout``."""
+    from filelock import FileLock, SoftFileLock
+
     try:
-        with lock:
-            try:
-                yield
-            finally:
-                with suppress(OSError):  # Windows does not remove open files
-                    (folder / ".lock").unlink()
-    except Timeout:
-        raise OutputError(f"{folder} is in use by another process; wait until it ends, or stop it") from None
+        with warnings.catch_warnings(action="ignore"):  # about its own change to a soft lock
+            lock: BaseFileLock = FileLock(path, timeout=_PATIENCE)
+            lock.acquire()
+    except (OSError, NotImplementedError) as error:
+        if isinstance(error, OSError) and error.errno not in _NO_LOCKS:
+            raise
+        _forget(path)  # what the attempt has left
+        lock = SoftFileLock(path.with_name(path.name + ".soft"), timeout=_PATIENCE)
+        lock.acquire()
+    return lock
+
+
+def _owner(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8") or "another process"
+    except (OSError, ValueError):  # it has only just locked the folder
+        return "another process"
+
+
+def _forget(path: Path) -> None:
+    with suppress(OSError):
+        path.unlink()

@@ -91,9 +91,7 @@ def open_runs(folder: Path | str, items: Sequence[str] = DEFAULT_ITEMS, **option
     root = Path(folder)
     if not root.is_dir():
         raise BagError(f"{root} is not a folder; runs are opened from the folder that contains them")
-    bags = sorted(_bags(root))
-    if not bags:
-        raise BagError(f"{root} has no runs: no bag in it or its subfolders")
+    bags = bags_in(root)
     for (name, bag), (following, other) in pairwise(bags):
         if name == following:
             raise BagError(f"{bag} and {other} have the same name {name!r}; rename one")
@@ -101,6 +99,18 @@ def open_runs(folder: Path | str, items: Sequence[str] = DEFAULT_ITEMS, **option
     for run, (name, _) in zip(runs, bags, strict=True):
         run.name = name
     return Runs(runs)
+
+
+def bags_in(root: Path) -> list[tuple[str, Path]]:
+    """Return name and bag of each run in a folder and its subfolders, as ``open_runs`` finds them, sorted.
+
+    Raises:
+        BagError: the folder has no bag.
+    """
+    bags = sorted(_bags(root))
+    if not bags:
+        raise BagError(f"{root} has no runs: no bag in it or its subfolders")
+    return bags
 
 
 def _bags(root: Path) -> Iterator[tuple[str, Path]]:

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Split runs into parts for training and testing: whole runs, because neighbouring frames show the same objects."""
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import Literal
 
@@ -50,12 +49,8 @@ def _groups(runs: Runs, by: str) -> Groups:
         raise UnknownNameError("unit of a split", by, ("run", "world"))
     groups: dict[object, list[RunDataset]] = {}
     for run in runs.runs:
-        made_by = run.run.experiment
-        if by == "run" or made_by is None:
-            groups.setdefault(run.run.bag.resolve(), []).append(run)
-        else:
-            world = made_by.model_dump(mode="json", include={"environment", "seed", "layout"})
-            groups.setdefault(json.dumps(world, sort_keys=True), []).append(run)
+        world = run.run.world
+        groups.setdefault(run.run.bag.resolve() if by == "run" or world is None else world, []).append(run)
     return list(groups.values())
 
 

@@ -27,7 +27,12 @@ _BLOCK: Final = 100_000
 
 
 def motion_along(
-    stamps_ns: Counts, position: Array, quaternion_wxyz: Array, start_ns: int, seconds: float | None = None
+    stamps_ns: Counts,
+    position: Array,
+    quaternion_wxyz: Array,
+    start_ns: int,
+    seconds: float | None = None,
+    sweep: int = 0,
 ) -> Motion:
     """Return the motion of base_link along poses in the world.
 
@@ -37,6 +42,7 @@ def motion_along(
         quaternion_wxyz: unit quaternions (n, 4).
         start_ns: the stamp that becomes time 0; poses before it only shape the splines.
         seconds: end after this time [s]; None for the last pose.
+        sweep: steps of the physics behind the end; behind the last pose, the motion goes on as in its last step.
 
     Raises:
         TrackError: there are no poses at the start.
@@ -50,14 +56,16 @@ def motion_along(
         )
     if seconds is not None:
         count = min(count, max(1, round(seconds / STEP_S)))
+    count, known = count + sweep, min(count + sweep, (last_ns - start_ns) // STEP_NS)
     times = np.asarray((stamps_ns - start_ns) / 1e9, np.float64)
-    steps = np.arange(count + 1, dtype=np.float64) * STEP_S
+    steps = np.arange(known + 1, dtype=np.float64) * STEP_S
     places = CubicSpline(times, position)(steps)
     attitudes = _attitudes(times, quaternion_wxyz, steps)
     # At the stamps of the poses exactly these: the splines round in the last bit.
     rows, rest = np.divmod(stamps_ns - start_ns, STEP_NS)
-    own = (rest == 0) & (rows >= 0) & (rows <= count)
+    own = (rest == 0) & (rows >= 0) & (rows <= known)
     places[rows[own]], attitudes[rows[own]] = position[own], quaternion_wxyz[own]
+    places, attitudes = _continued(places, attitudes, count - known)
     turned = np.einsum("ni,ni->n", attitudes[1:], attitudes[:-1]) < 0
     attitudes[1:] *= np.cumprod(np.where(turned, -1.0, 1.0))[:, None]  # q and -q are the same rotation
     turns = Rotation.from_quat(xyzw_from_wxyz(attitudes))
@@ -70,11 +78,14 @@ def motion_along(
     )
 
 
-def readings_along(motion: Motion, rig: Rig) -> Track:
-    """Return the motion with the readings of IMU and GNSS receiver; what moves along given poses may have no wheels."""
-    return Track(
-        motion=motion, imu=sensors.read_imu(motion, rig.imu), gnss=sensors.read_gnss(motion, rig.gnss), tachometers=None
-    )
+def readings_along(swept: Motion, rig: Rig) -> Track:
+    """Return a motion, which ends with the sweep of the last scan, with the readings of IMU and GNSS receiver.
+
+    What moves along given poses may have no wheels.
+    """
+    motion = swept.first(len(swept.stamps_ns) - sensors.sweep_steps(rig.lidar))
+    imu, gnss = sensors.read_imu(motion, rig.imu), sensors.read_gnss(motion, rig.gnss)
+    return Track(motion=motion, swept=swept, imu=imu, gnss=gnss, base=None)
 
 
 def _attitudes(times: Array, quaternion_wxyz: Array, steps: Array) -> Array:
@@ -82,3 +93,12 @@ def _attitudes(times: Array, quaternion_wxyz: Array, steps: Array) -> Array:
     spline = RotationSpline(times, Rotation.from_quat(xyzw_from_wxyz(quaternion_wxyz)))
     blocks = np.split(steps, np.arange(_BLOCK, len(steps), _BLOCK))
     return wxyz_from_xyzw(np.concatenate([spline(block).as_quat() for block in blocks]))
+
+
+def _continued(places: Array, attitudes: Array, count: int) -> tuple[Array, Array]:
+    """Positions (n, 3) and quaternions wxyz (n, 4) with ``count`` further rows, each moved like the last one."""
+    before, last = Rotation.from_quat(xyzw_from_wxyz(attitudes[-2:]))
+    numbers = np.arange(1, count + 1)[:, None]
+    turned = Rotation.from_rotvec(numbers * (last * before.inv()).as_rotvec()) * last
+    moved = places[-1] + numbers * (places[-1] - places[-2])
+    return np.concatenate([places, moved]), np.concatenate([attitudes, wxyz_from_xyzw(turned.as_quat())])

@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Terrain below the robot: slope, mean height, and bumps between the wheels that would touch the chassis."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-from scipy.ndimage import uniform_filter
+from scipy.ndimage import maximum_filter, uniform_filter
 
-from fieldtruth.core.arrays import Array
+from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.drive.husky import CHASSIS_WIDTH, OUTLINE
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.model import Heightfield
@@ -16,61 +17,79 @@ from fieldtruth.world.model import Heightfield
 CHASSIS_CLEARANCE: Final = -Rig().base_footprint.xyz[2]
 """Height [m] of the chassis above the plane through the wheels' contact points."""
 _HEADINGS: Final = 8
-_MAX_NODES: Final = 200_000
 _WHEELS: Final = Rig().wheels
 _CHASSIS_POINTS: Final = [
     (x * OUTLINE[0], y * CHASSIS_WIDTH) for x in (-0.5, -0.25, 0.0, 0.25, 0.5) for y in (-0.35, 0.0, 0.35)
 ]
+_AROUND: Final = 0.1
+"""Half the distance [m] between the points of the chassis, less half a node of the bearing ground."""
+
+Ground = Callable[[Array, Array], Array]
+"""Heights [m] at offsets x, y [m] from the middle of the robot, in the world frame."""
 
 
-def bump_height(ground: Callable[[Array, Array], Array], heading: Array) -> Array:
+def bump_height(below_wheels: Ground, below_chassis: Ground, heading: Array) -> Array:
     """Height [m] of the ground below the chassis above the plane through the ground below the wheels.
 
-    ``ground`` returns the heights at offsets x, y [m] in the world frame; ``heading`` [rad].
+    ``heading`` [rad].
     """
     cos, sin = np.cos(heading), np.sin(heading)
 
-    def below(x: float, y: float) -> Array:
+    def at(ground: Ground, x: float, y: float) -> Array:
         return ground(cos * x - sin * y, sin * x + cos * y)
 
     a, b = _WHEELS.half_wheelbase, _WHEELS.half_track
-    front_left, front_right, rear_left, rear_right = below(a, b), below(a, -b), below(-a, b), below(-a, -b)
+    corners = [at(below_wheels, x, y) for x in (a, -a) for y in (b, -b)]
+    front_left, front_right, rear_left, rear_right = corners
     middle = (front_left + front_right + rear_left + rear_right) / 4
     along = (front_left + front_right - rear_left - rear_right) / (4 * a)
     across = (front_left - front_right + rear_left - rear_right) / (4 * b)
-    bump = below(0.0, 0.0) - middle
+    bump = at(below_chassis, 0.0, 0.0) - middle
     for x, y in _CHASSIS_POINTS:
-        bump = np.maximum(bump, below(x, y) - (middle + along * x + across * y))
+        bump = np.maximum(bump, at(below_chassis, x, y) - (middle + along * x + across * y))
     return bump
 
 
-def bump_height_on_path(field: Heightfield, poses: Array) -> Array:
-    """Bump height [m], (n,), at poses (n, 3) of x, y [m] and heading [rad]."""
+def bump_height_on_path(bearing: Heightfield, highest: Heightfield, poses: Array) -> Array:
+    """Bump height [m], (n,), at poses (n, 3) of x, y [m] and heading [rad]; see ``highest_around``."""
     x, y, heading = poses.T
-    return bump_height(lambda dx, dy: field.height_at(x + dx, y + dy), heading)
+
+    def of(field: Heightfield) -> Ground:
+        return lambda dx, dy: field.height_at(x + dx, y + dy)
+
+    return bump_height(of(bearing), of(highest), heading)
 
 
-def max_bump_height(field: Heightfield) -> Array:
-    """Greatest bump height [m] over all headings at each node (nx, ny); large fields are sampled every 2 nodes."""
-    stride = 1 if field.heights.size <= _MAX_NODES else 2
-    heights = field.heights[::stride, ::stride]
-    nx, ny = heights.shape
-    spacing = field.spacing * stride
-    pad = 2 + int(OUTLINE[0] / spacing)
-    padded = np.pad(heights, pad, mode="edge")
+def max_bump_height(bearing: Heightfield, highest: Heightfield, x: Array, y: Array) -> Array:
+    """Greatest bump height [m], (nx, ny), over all headings at x (nx,) and y (ny,) [m], from the nearest nodes."""
 
-    def shifted(dx: Array, dy: Array) -> Array:
-        (i, u), (j, v) = (divmod(float(d) / spacing, 1.0) for d in (dx, dy))
-        rows, columns = slice(pad + int(i), pad + int(i) + nx + 1), slice(pad + int(j), pad + int(j) + ny + 1)
-        part = padded[rows, columns]
-        part = part[:-1] * np.float32(1 - u) + part[1:] * np.float32(u)
-        return np.asarray(part[:, :-1] * np.float32(1 - v) + part[:, 1:] * np.float32(v))
+    def of(field: Heightfield) -> Ground:
+        def heights(dx: Array, dy: Array) -> Array:
+            rows, columns = (
+                np.clip(np.rint((axis + float(shift) - start) / field.spacing).astype(np.intp), 0, count - 1)
+                for axis, shift, start, count in zip(
+                    (x, y), (dx, dy), (field.x0, field.y0), field.heights.shape, strict=True
+                )
+            )
+            return np.asarray(field.heights[rows][:, columns])
+
+        return heights
 
     headings = np.arange(_HEADINGS) * np.pi / _HEADINGS
-    bump = np.max([bump_height(shifted, heading) for heading in headings], axis=0)
-    return np.asarray(
-        bump.repeat(stride, axis=0).repeat(stride, axis=1)[: field.heights.shape[0], : field.heights.shape[1]]
-    )
+    return np.asarray(np.max([bump_height(of(bearing), of(highest), heading) for heading in headings], axis=0))
+
+
+def highest_around(soil: Heightfield, raised: Float32Array, step: float) -> Heightfield:
+    """The soil with the highest of the stones on it between neighbouring points of the chassis: these miss none.
+
+    Args:
+        soil: without stones.
+        raised: (nx, ny) [m] by which stones raise it.
+        step: height [m] above which a stone is an obstacle of its own and counts no further here.
+    """
+    nodes = 2 * round(_AROUND / soil.spacing) + 1
+    stones = maximum_filter(np.minimum(raised, step), nodes, mode="nearest")
+    return dataclasses.replace(soil, heights=(soil.heights + stones).astype(np.float32))
 
 
 def slopes(field: Heightfield, length: float) -> tuple[Array, Array]:

@@ -55,6 +55,11 @@ OUTLINE_BIT: Final = 2
 WHEEL_GEOMS: Final = tuple(f"{name}_wheel" for name in WHEELS)
 
 
+def plane_geom(wheel_geom: str) -> str:
+    """Name of the plane that a wheel rolls on, a geom and a body."""
+    return f"plane_{wheel_geom}"
+
+
 class Command(NamedTuple):
     """Controller output: forward speed [m/s] and turn rate [rad/s], positive to the left."""
 
@@ -151,6 +156,7 @@ def _add_outline(base: Any, rig: Rig) -> None:
 def _add_wheel(spec: Any, base: Any, name: str, geom: str, xyz: Sequence[float], wheels: WheelConfig) -> None:
     body = base.add_body(name=name, pos=xyz)
     body.mass, body.inertia, body.explicitinertial = WHEEL_MASS, WHEEL_INERTIA, True
+    body.ipos = [0.0, 0.0, 0.0]  # on the axle; without it MuJoCo takes ``pos``, and the centre of mass orbits the axle
     body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0], armature=ROTOR_INERTIA)
     # A tread is round across: an ellipsoid touches in one point that moves smoothly over the terrain's edges, where a
     # cylinder's rim would catch.

@@ -1,7 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Obstacles in plan view: convex outlines of the colliders at the robot's height, and distances to them."""
+"""Obstacles in plan view: convex outlines of colliders at the robot's height and of high stones, and distances."""
 
+from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -9,10 +10,19 @@ from scipy.spatial import ConvexHull
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.frames import pose, transform
+from fieldtruth.drive.bearing import HardSurface, hard_surfaces
 from fieldtruth.drive.husky import OUTLINE
-from fieldtruth.world.model import Collider, World
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.world.model import Collider, Heightfield, World
 
 MAX_HEIGHT: Final = 1.2  # [m] above the ground; the robot's mast ends below
+MAX_STEP: Final = Rig().wheels.radius / 2
+"""Height [m] of a stone that the robot still drives over: 8 cm.
+
+No figure is published for a Husky; its data sheet has a ground clearance of 13 cm. By statics, a robot with all wheels
+driven and equal loads on its axles climbs a step of 2 mu^2 / (1 + mu^2) wheel radii with a friction mu: the contact on
+the step's edge is inclined by twice the angle of friction. Half a radius takes mu = 0.58.
+"""
 _CIRCLE_CORNERS: Final = 24
 _SLICE: Final = 0.2  # [m] between the samples of a collider that lies or leans
 
@@ -48,6 +58,29 @@ def obstacle_outlines(world: World) -> list[Outline]:
         for name, solid, heights in zip(names, solids, pieces, strict=True)
         if (heights <= MAX_HEIGHT).any() and (heights > 0).any()
     ]
+
+
+def stone_outlines(world: World) -> list[Outline]:
+    """One outline per hard object without a collider that is higher than MAX_STEP: of its part above that height."""
+    return [outline for surface in hard_surfaces(world) for outline in _high_parts(surface, world.terrain.field)]
+
+
+def _high_parts(surface: HardSurface, soil: Heightfield) -> Iterator[Outline]:
+    size = float(np.linalg.norm(surface.vertices[surface.faces], axis=-1).max())
+    for name, pose_ in zip(surface.names, surface.poses, strict=True):
+        if size * np.cbrt(np.linalg.det(pose_[:3, :3])) < MAX_STEP:
+            continue
+        corners = transform(pose_, surface.vertices[surface.faces].reshape(-1, 3))
+        above = (corners[:, 2] - soil.height_at(corners[:, 0], corners[:, 1])).reshape(-1, 3) - MAX_STEP
+        corners = corners[:, :2].reshape(-1, 3, 2)
+        high = corners[(above > 0) & (above <= surface.reach - MAX_STEP)]
+        for first, last in ((0, 1), (1, 2), (2, 0)):  # where the edges of the triangles cross that height
+            a, b = above[:, first], above[:, last]
+            cut = np.flatnonzero(a * b < 0)
+            share = (a[cut] / (a[cut] - b[cut]))[:, None]
+            high = np.concatenate([high, corners[cut, first] + share * (corners[cut, last] - corners[cut, first])])
+        if len(high):
+            yield Outline(name, _hull(high))
 
 
 def _surface(collider: Collider, world_from_object: Array) -> Array:

@@ -1,17 +1,19 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""MuJoCo model of a world and the robot: heightfield, obstacles, and the contact of tyre and soil.
+"""MuJoCo model of a world and the robot: ground, obstacles, and the contact of tyre and soil.
+
+Each wheel touches one plane, which ``drive.wheel_contacts`` lays before every step as ``drive.tyre`` finds it. The
+chassis collides with the heightfield, the whole outline with the obstacles.
 
 Friction 0.68 is the peak value of a tyre on a dry earth road (Wong, Theory of Ground Vehicles, table of average
-coefficients of road adhesion, quoted from memory), isotropic. MuJoCo's contact is soft and convex, and sliding pushes
-it apart by mu * b_t * slip (b_t: the damping of the friction's reference). Beyond g (1 - d) / d (d: the impedance) the
-wheel lifts off: with the default values a skidding robot chattered at 4 m/s^2. So the friction's reference is slow
-(time constant 0.5 s, b_t = 4.4 / s), and ``impratio`` keeps it stiff against creeping: on a slope of 13 deg a standing
-robot moves by 0.08 mm/s. The normal force's reference is fast (10 ms) and acts from ``margin`` above the ground, the
-depth by which the soft contact yields under the robot's weight: base_link rests at its nominal height. Measured on
-501 x 251 heights with 120 obstacles: elliptic cones, Newton; pyramidal ones are a third faster and chatter.
+coefficients of road adhesion): that of the chassis, and of wheels until ``drive.soil_contact`` sets theirs in every
+step, isotropic. MuJoCo's contact is soft and convex, and sliding pushes it apart: by mu * b_t * slip / (stiffness x R)
+with b_t the decay of slip and R its regularization, here 0.1 mm for each m/s of slip. A stiff contact would lift off;
+with a tyre's stiffness it does not. ``impratio`` keeps friction stiff: on a slope of 13 deg a standing robot creeps by
+0.001 mm/s. Elliptic cones and Newton; pyramidal ones chatter.
 """
 
+import math
 from typing import Any, Final, NamedTuple
 
 import mujoco
@@ -20,8 +22,10 @@ from scipy.spatial.transform import Rotation
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.frames import pose, quaternion_wxyz_from_rotation
-from fieldtruth.drive.husky import CHASSIS_BIT, OUTLINE_BIT, WHEEL_GEOMS, add_husky
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.drive.bearing import bearing_field
+from fieldtruth.drive.husky import CHASSIS_BIT, MASS, OUTLINE_BIT, WHEEL_GEOMS, add_husky, plane_geom
+from fieldtruth.drive.tyre import DAMPING_RATIO, STIFFNESS
+from fieldtruth.experiment.rig import WHEELS, Rig
 from fieldtruth.world.model import Collider, Heightfield, World
 
 STEP_NS: Final = 1_000_000  # [ns]
@@ -29,11 +33,12 @@ STEP_S: Final = STEP_NS / 1e9
 GRAVITY: Final = 9.81  # [m/s^2]
 FRICTION: Final = 0.68
 
-_NORMAL_REFERENCE: Final = (0.01, 1.0)  # time constant [s], damping ratio
-_FRICTION_REFERENCE: Final = (0.5, 1.0)
-_IMPEDANCE: Final = (0.9, 0.9, 0.001, 0.5, 2.0)
-_STATIC_DEPTH: Final = 0.00018  # [m], measured
-_FRICTION_STIFFNESS: Final = 1000.0
+TYRE_DEFLECTION: Final = MASS * GRAVITY / 4 / STIFFNESS
+"""Of a loaded tyre [m]: the contact acts from this far above the loaded radius."""
+_TYRE_DAMPING: Final = 2 * DAMPING_RATIO * math.sqrt(STIFFNESS * MASS / 4)  # [N s/m]
+_IMPEDANCE: Final = 0.01
+_SLIP_DECAY: Final = 50.0  # [1/s]
+_FRICTION_STIFFNESS: Final = 1e6
 _SOLVER_ITERATIONS: Final = 100  # with 20, single steps have spikes in the acceleration
 _BEDROCK: Final = 1.0  # [m] of solid ground below the lowest point
 
@@ -56,22 +61,41 @@ def build_physics(world: World, rig: Rig) -> Physics:
     option.cone, option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, _FRICTION_STIFFNESS
     option.iterations, option.ls_iterations = _SOLVER_ITERATIONS, 50
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    add_terrain(spec, world.terrain.field)
+    add_terrain(spec, bearing_field(world))
+    for wheel in WHEEL_GEOMS:
+        _add_plane(spec, plane_geom(wheel))
     names = _add_obstacles(spec, world)
     add_husky(spec, rig)
-    for geom in WHEEL_GEOMS:
+    for wheel in WHEEL_GEOMS:
         spec.add_pair(
-            geomname1="ground",
-            geomname2=geom,
+            geomname1=plane_geom(wheel),
+            geomname2=wheel,
             condim=3,
             friction=[FRICTION, FRICTION, 0.0, 0.0, 0.0],
-            solref=_NORMAL_REFERENCE,
-            solreffriction=_FRICTION_REFERENCE,
-            solimp=_IMPEDANCE,
-            margin=_STATIC_DEPTH,
+            solimp=[_IMPEDANCE, _IMPEDANCE, 1.0, 0.5, 2.0],
+            margin=TYRE_DEFLECTION,
         )
     model = spec.compile()
+    _set_stiffness(model)
     return Physics(model, {model.geom(geom).id: name for geom, name in names.items()})
+
+
+def _add_plane(spec: Any, name: str) -> None:
+    """Add the plane that a wheel rolls on: a body that is moved before every step."""
+    body = spec.worldbody.add_body(name=name, mocap=True)
+    body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1.0, 1.0, 1.0], contype=0, conaffinity=0)
+
+
+def _set_stiffness(model: Any) -> None:
+    """Give the contacts of the wheels the tyre's stiffness and damping.
+
+    MuJoCo's contact force is (k depth + b speed - acceleration) d / ((1 - d) A), with d the impedance and A the
+    contact's inverse mass, a constant of the model. With small d it is a spring with a damper, in parallel a mass.
+    """
+    inverse_mass = model.body_invweight0[[model.body(name).id for name in WHEELS], 0]
+    scale = (1 - _IMPEDANCE) * inverse_mass[:, None]
+    model.pair_solref[:] = -scale * (STIFFNESS, _TYRE_DAMPING)
+    model.pair_solreffriction[:] = (-1.0, -_SLIP_DECAY * _IMPEDANCE)
 
 
 def add_terrain(spec: Any, field: Heightfield) -> None:

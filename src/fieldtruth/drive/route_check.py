@@ -128,7 +128,7 @@ def _check_path(ground: Traversability, row: int, poses: Array) -> None:
             f"at {_xy(conflict.point)}; it needs {PATH_GAP} m: set the waypoints closer together"
         )
     _check_terrain(ground, row, poses[:, :2])
-    rough = np.flatnonzero(bump_height_on_path(ground.field, poses) > CHASSIS_CLEARANCE)
+    rough = np.flatnonzero(bump_height_on_path(ground.bearing, ground.highest, poses) > CHASSIS_CLEARANCE)
     if len(rough):
         raise RouteError(f"{_leg(row)} is {BLOCKAGE_TEXTS[Blockage.ROUGH]}, at {_xy(poses[rough[0]])}")
 

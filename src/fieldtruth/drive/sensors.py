@@ -3,8 +3,11 @@
 """Readings of IMU, GNSS and tachometers as pure functions of the true motion, without noise.
 
 A reading is the state at the physics step nearest to the sensor's due time, and carries that step's own stamp; for
-rates that divide 1000 Hz the two are equal. The accelerometer reads the change of the IMU's velocity over the physics
-step that ends at the stamp: its sum over all steps is the velocity, and a short drive equals the start of a long one.
+rates that divide 1000 Hz the two are equal. The IMU reads means over the interval that ends at the stamp, as
+``ImuReadings`` states: their sums are attitude and velocity, and a short drive equals the start of a long one. Means of
+the rotating body's angular velocity and specific force would miss coning and sculling (Savage, Strapdown Inertial
+Navigation Integration Algorithm Design, Journal of Guidance, Control, and Dynamics 21, 1998); the rotation vector and
+the change of velocity of the interval contain both.
 """
 
 import itertools
@@ -13,13 +16,14 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from fieldtruth.core.arrays import Array, Counts
-from fieldtruth.core.frames import quaternion_wxyz_from_rotation, rotation_from_quaternion_wxyz
+from fieldtruth.core.frames import quaternion_wxyz_from_rotation, rotation_from_quaternion_wxyz, xyzw_from_wxyz
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.drive.physics import GRAVITY, STEP_NS, STEP_S
 from fieldtruth.drive.track import GnssReadings, ImuReadings, Motion, TachometerReadings, stamps_at_rate
-from fieldtruth.experiment.rig import GnssConfig, ImuConfig, Mount, TachometerConfig
+from fieldtruth.experiment.rig import GnssConfig, ImuConfig, LidarConfig, Mount, TachometerConfig
 
 
 def steps_at_rate(rate_hz: float, duration_ns: int) -> Counts:
@@ -32,23 +36,45 @@ def due_steps(rate_hz: float) -> Iterator[int]:
     return (round(round(k * (1e9 / rate_hz)) / STEP_NS) for k in itertools.count(1))
 
 
+def sweep_steps(config: LidarConfig) -> int:
+    """Physics steps from the stamp of a scan until its last rays leave; 0 unless the LiDAR spins."""
+    return math.ceil(1e9 / config.rate_hz / STEP_NS) if config.enabled and config.spinning else 0
+
+
 def read_imu(motion: Motion, config: ImuConfig) -> ImuReadings:
-    """Return attitude, angular velocity and specific force in imu_link (REP-145), lever arm included."""
-    steps = steps_at_rate(config.rate_hz, int(motion.stamps_ns[-1]))
+    """Return attitude, mean angular velocity and mean specific force in imu_link (REP-145), lever arm included."""
+    rows = steps_at_rate(config.rate_hz, int(motion.stamps_ns[-1])) - 1
+    starts, ends = imu_intervals(rows, len(motion.stamps_ns), config)
     base_from_imu = config.mount.base_from_sensor
-    rows = steps - 1
-    world_from_imu = rotation_from_quaternion_wxyz(motion.quaternion_wxyz[rows]) @ base_from_imu[:3, :3]
-    # The first step has no step before it; the robot starts at rest, so the next step's change is used.
-    later = np.clip(rows, 1, len(motion.stamps_ns) - 1)
-    lever = base_from_imu[:3, 3]
-    velocity, velocity_before = (point_velocity(motion, k, lever) for k in (later, np.maximum(later - 1, 0)))
-    specific_force = (velocity - velocity_before) / STEP_S + (0.0, 0.0, GRAVITY)
+    attitude, ended = motion.quaternion_wxyz[rows], motion.quaternion_wxyz[ends]
+    world_from_imu = rotation_from_quaternion_wxyz(attitude) @ base_from_imu[:3, :3]
+    seconds = np.maximum(ends - starts, 1)[:, None] * STEP_S
+    velocity, velocity_before = (point_velocity(motion, k, base_from_imu[:3, 3]) for k in (ends, starts))
+    specific_force = (velocity - velocity_before) / seconds + (0.0, 0.0, GRAVITY)
     return ImuReadings(
         stamps_ns=motion.stamps_ns[rows],
         quaternion_wxyz=quaternion_wxyz_from_rotation(world_from_imu).reshape(-1, 4),
-        angular_velocity=_into_frame(world_from_imu, motion.angular_velocity[rows]),
+        angular_velocity=rotation_vector(motion.quaternion_wxyz[starts], ended) / seconds @ base_from_imu[:3, :3],
         linear_acceleration=_into_frame(world_from_imu, specific_force),
     )
+
+
+def imu_intervals(rows: Counts, count: int, config: ImuConfig) -> tuple[Counts, Counts]:
+    """First and last row of the motion of the intervals (n,) over which the readings at ``rows`` (n,) are means.
+
+    The motion has ``count`` rows and none at time 0, so that the first reading begins at the first row. A reading at
+    the first row itself has the interval of the next one; the robot starts at rest.
+    """
+    ends = np.clip(rows, 1, count - 1)
+    before = np.concatenate([[0], rows])[:-1] if config.sampling == "mean" else rows - 1
+    return np.clip(before, 0, np.maximum(ends - 1, 0)), ends
+
+
+def rotation_vector(before_wxyz: Array, after_wxyz: Array) -> Array:
+    """Rotation vectors (n, 3) [rad], in the turning frame, between attitudes (n, 4)."""
+    before, after = (Rotation.from_quat(xyzw_from_wxyz(q)) for q in (before_wxyz, after_wxyz))
+    vectors: Array = (before.inv() * after).as_rotvec()
+    return vectors
 
 
 def read_gnss(motion: Motion, config: GnssConfig) -> GnssReadings:

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Result of a drive: the true motion at the physics rate, and the readings of IMU, GNSS and tachometers."""
+"""Result of a drive: the true motion at the physics rate, readings of the sensors, wheel odometry and commands."""
 
 from dataclasses import dataclass
 
@@ -27,10 +27,34 @@ class Motion:
     linear_velocity: Array
     angular_velocity: Array
 
+    def first(self, count: int) -> "Motion":
+        """The first ``count`` rows."""
+        return Motion(**{name: rows[:count] for name, rows in vars(self).items()})
+
+
+@dataclass(frozen=True, kw_only=True)
+class WheelMotion:
+    """True rotation of the wheels at the physics rate, positive forwards; columns as in ``WHEELS``."""
+
+    angle: Array  # (n, 4) [rad], 0 before the robot settles
+    speed: Array  # (n, 4) [rad/s]
+
 
 @dataclass(frozen=True, kw_only=True)
 class ImuReadings:
-    """Readings in imu_link (REP-145): orientation is world_from_imu; at rest the acceleration is +g upwards."""
+    """Readings in imu_link (REP-145): orientation is world_from_imu; at rest the acceleration is +g upwards.
+
+    Reading k is the mean over the interval (begin, stamp k]: ``angular_velocity`` is the rotation vector from begin to
+    the stamp divided by the interval, and ``linear_acceleration`` the change of velocity, less that of gravity, divided
+    by the interval and expressed in imu_link at the stamp. With ``sampling: mean`` the interval begins at the stamp
+    before, so that with R the attitude (3, 3) these two lines integrate without error::
+
+        R = R @ exp(angular_velocity * dt)
+        v = v + (R @ linear_acceleration - (0, 0, 9.81)) * dt
+
+    With ``sampling: instant`` the interval is one step of the physics. That of the first reading begins with the first
+    state.
+    """
 
     stamps_ns: Stamps
     quaternion_wxyz: Array  # (n, 4)
@@ -55,14 +79,48 @@ class TachometerReadings:
 
 
 @dataclass(frozen=True, kw_only=True)
+class WheelOdometry:
+    """Dead reckoning from the angles of the wheels; units and columns as in ``WheelMotion``."""
+
+    stamps_ns: Stamps
+    wheels: WheelMotion
+    pose: Array
+    """(n, 3): x, y [m] and yaw [rad] of base_link in the frame odom, which is base_link's at time 0."""
+    twist: Array
+    """(n, 2): mean forward speed [m/s] and turn rate [rad/s] since the reading before."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Commands:
+    """Forward speed [m/s] and turn rate [rad/s] (n, 2) that the controller demands from each stamp on."""
+
+    stamps_ns: Stamps
+    command: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Base:
+    """What a robot with wheels reports of itself. Rows of ``wheels`` are those of the track's motion."""
+
+    wheels: WheelMotion
+    tachometers: TachometerReadings
+    odometry: WheelOdometry
+    commands: Commands
+
+
+@dataclass(frozen=True, kw_only=True)
 class Track:
     """One drive. A sensor of rate r reads at k / r for k = 1, 2, ..., up to and including the end."""
 
     motion: Motion
+    swept: Motion
+    """The motion, continued beyond the end until the last scan of a spinning LiDAR is complete."""
     imu: ImuReadings
     gnss: GnssReadings
-    tachometers: TachometerReadings | None
+    base: Base | None
     """None without wheels, as along a track file."""
+    is_frames: bool = False
+    """Whether each row of the motion is a pose of its own, at which all sensors read; there is no IMU and no GNSS."""
 
     @property
     def duration_s(self) -> float:

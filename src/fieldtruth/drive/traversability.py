@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import distance_transform_edt
 
 from fieldtruth.core.arrays import Array, Mask
-from fieldtruth.drive.ground import CHASSIS_CLEARANCE, max_bump_height, mean_ground, slopes
+from fieldtruth.drive.bearing import bearing_field, divided
+from fieldtruth.drive.ground import CHASSIS_CLEARANCE, highest_around, max_bump_height, mean_ground, slopes
 from fieldtruth.drive.husky import OUTLINE
-from fieldtruth.drive.outlines import Outline, distance_to, obstacle_outlines
+from fieldtruth.drive.outlines import MAX_STEP, Outline, distance_to, obstacle_outlines, stone_outlines
 from fieldtruth.world.model import Heightfield, World
 
 ROBOT_RADIUS: Final = float(np.hypot(*OUTLINE[:2])) / 2
@@ -53,14 +54,16 @@ class Traversability:
 
     ``clearance`` (nx, ny) [m]: free distance around a robot at that cell, over all headings; negative where its outline
     would touch an obstacle or water at some heading, or where the ground is too steep, too rough or too close to the
-    edge. ``terrain_clearance`` is the same without obstacles. ``field`` is the ground, ``floor`` its mean height under
-    the robot.
+    edge. ``terrain_clearance`` is the same without obstacles. ``bearing`` is the ground that bears the robot, stones
+    included, ``highest`` the highest of it around each node (see ``highest_around``), ``floor`` the soil's mean height
+    under the robot.
     """
 
     blockage: NDArray[np.uint8]
     clearance: NDArray[np.float32]
     terrain_clearance: NDArray[np.float32]
-    field: Heightfield
+    bearing: Heightfield
+    highest: Heightfield
     floor: Heightfield
     x0: float
     y0: float
@@ -99,12 +102,13 @@ class Traversability:
 
 
 def traversability(world: World) -> Traversability:
-    """Map a world: colliders, water, slope over the robot's length, bumps, the world's edge."""
+    """Map a world: colliders, high stones, water, slope over the robot's length, bumps, the world's edge."""
     x, y = (np.linspace(-s / 2, s / 2, round(s / CELL) + 1) for s in world.size)
-    outlines = obstacle_outlines(world)
-    field = world.terrain.field
-    floor = dataclasses.replace(field, heights=mean_ground(field, OUTLINE[0]).astype(np.float32))
+    outlines = [*obstacle_outlines(world), *stone_outlines(world)]
+    bearing, soil = divided(bearing_field(world)), divided(world.terrain.field)
+    highest = highest_around(soil, (bearing.heights - soil.heights).astype(np.float32), MAX_STEP)
     blockage = _terrain_blockage(world, x, y)
+    blockage[_rough(bearing, highest, x, y) & (blockage == Blockage.NONE)] = Blockage.ROUGH
     blockage[_near_edge(x, y, world.size)] = Blockage.EDGE
     on_terrain = np.minimum(
         _distance_from(blockage != Blockage.NONE), _distance_from(blockage == Blockage.WATER) - ROBOT_RADIUS
@@ -115,8 +119,9 @@ def traversability(world: World) -> Traversability:
         blockage=blockage,
         clearance=np.minimum(on_terrain, _distance_from(solid) - ROBOT_RADIUS).astype(np.float32),
         terrain_clearance=on_terrain.astype(np.float32),
-        field=field,
-        floor=floor,
+        bearing=bearing,
+        highest=highest,
+        floor=dataclasses.replace(soil, heights=mean_ground(soil, OUTLINE[0]).astype(np.float32)),
         x0=float(x[0]),
         y0=float(y[0]),
         outlines=tuple(outlines),
@@ -135,17 +140,19 @@ def _near_edge(x: Array, y: Array, size: tuple[float, float]) -> Mask:
     return np.asarray(along[:, None] | across[None, :])
 
 
+def _rough(bearing: Heightfield, highest: Heightfield, x: Array, y: Array) -> Mask:
+    return np.asarray(max_bump_height(bearing, highest, x, y) > CHASSIS_CLEARANCE - MIN_CHASSIS_CLEARANCE)
+
+
 def _terrain_blockage(world: World, x: Array, y: Array) -> NDArray[np.uint8]:
     field = world.terrain.field
     slope = np.hypot(*slopes(field, OUTLINE[0]))
-    bump = max_bump_height(field)
     i, j = (
         np.clip(np.rint((axis - start) / field.spacing).astype(int), 0, count - 1)
         for axis, start, count in zip((x, y), (field.x0, field.y0), field.heights.shape, strict=True)
     )
     cells = np.ix_(i, j)
     blockage = np.zeros((len(x), len(y)), np.uint8)
-    blockage[(bump > CHASSIS_CLEARANCE - MIN_CHASSIS_CLEARANCE)[cells]] = Blockage.ROUGH
     blockage[(slope > np.tan(np.radians(MAX_SLOPE_DEG)))[cells]] = Blockage.STEEP
     if world.water_level is not None:
         blockage[(field.heights < world.water_level + FREEBOARD)[cells]] = Blockage.WATER

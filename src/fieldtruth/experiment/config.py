@@ -116,6 +116,29 @@ class DriveConfig(Frozen):
     """Whether the robot and its sensors may be below the ground, under water or in an obstacle."""
 
 
+FRAME_RATE: Final = 10.0
+"""Frames per second of simulated time, where an experiment makes frames instead of a drive."""
+
+
+class FramesConfig(Frozen):
+    """Separate frames instead of a drive: ``frames: {count: 2000}``. See docs/experiments.md.
+
+    Each is a stereo pair and a cloud of a robot that stands on free ground with a random heading, tilted and raised by
+    random amounts.
+    """
+
+    count: Annotated[Integer, Field(ge=1, le=864_000)]
+    seed: Annotated[Integer, Field(ge=0, le=2**63 - 1)] = 0
+    """Selects positions and poses in the same world."""
+    aside_m: Annotated[Number, Field(ge=0.1, le=1000)] = 3.0
+    """Greatest distance [m] from the route of an experiment that has one; without a route all free ground is used."""
+    pitch_deg: Annotated[Number, Field(ge=0, le=45)] = 8.0
+    """Greatest pitch and roll [deg], up and down, in addition to those of the ground."""
+    roll_deg: Annotated[Number, Field(ge=0, le=45)] = 4.0
+    raised_m: Annotated[Number, Field(ge=0, le=2)] = 0.3
+    """Greatest height [m] above that of a robot that stands on the ground."""
+
+
 class Experiment(Frozen):
     """One drive through one environment: the complete input of a data set. Same experiment, same bytes."""
 
@@ -126,19 +149,31 @@ class Experiment(Frozen):
     seed: Annotated[Integer, Field(ge=0, le=2**63 - 1)] = 0
     layout: dict[str, Any] = Field(default_factory=dict, description="a mapping with keys of the environment")
     """Changes to the environment's layout, for example ``{old_trees: 60}``; see docs/environments.md."""
+    soil: dict[str, str] = Field(default_factory=dict, description="a mapping of ground types to soils")
+    """Soils that replace those of ground types, for example ``{gravel: sand}``; see docs/environments.md."""
     seconds: Annotated[Number, Field(ge=0.001, le=86_400)] | None = None
     """End after this simulated time [s]; None drives to the last waypoint."""
     route: _Route | None = None
     drive: DriveConfig | None = None
     """A track file in place of a route."""
+    frames: FramesConfig | None = None
+    """Separate frames in place of a drive, over all free ground or along the route."""
     control: ControlConfig = ControlConfig()
     rig: Rig = Rig()
     light: LightConfig = LightConfig()
 
     @model_validator(mode="after")
     def _one_motion(self) -> Self:
+        if self.frames is not None:
+            if self.drive is not None or self.seconds is not None:
+                raise ValueError("frames exclude drive and seconds: frames.count says how many there are")
+            if self.rig.lidar.spinning:
+                raise ValueError("frames need rig.lidar.spinning: false, as the robot stands still")
+            return self
         if self.route is None and self.drive is None:
-            raise ValueError(f"route is required: {ROUTE_FORMS}; or drive: {{track: FILE}}")
+            raise ValueError(
+                f"route is required: {ROUTE_FORMS}; or drive: {{track: FILE}}, or frames: {{count: NUMBER}}"
+            )
         if self.route is not None and self.drive is not None:
             raise ValueError("route and drive exclude each other: a track file replaces the route")
         return self

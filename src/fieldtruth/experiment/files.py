@@ -43,14 +43,14 @@ def load_experiment(name_or_path: str | Path) -> Experiment:
     """
     text = str(name_or_path)
     if text not in experiment_names() and (_looks_like_path(name_or_path) or Path(text).is_file()):
-        return _beside(parse_experiment(_read(Path(name_or_path)), text), Path(name_or_path).parent)
+        return _beside(parse_experiment(read_text(Path(name_or_path)), text), Path(name_or_path).parent)
     return parse_experiment(experiment_text(text), f"experiment {text}")
 
 
 def parse_experiment(text: str, source: str = "") -> Experiment:
     """Parse an experiment from YAML text; errors as in load_experiment, with ``source`` in front."""
     data = parse_mapping(text, source or "experiment")
-    _check_version(data.pop(VERSION_KEY, None), source)
+    check_version(data.pop(VERSION_KEY, None), source)
     return _validated(data, source)
 
 
@@ -62,7 +62,7 @@ def load_layout(path: Path) -> dict[str, Any]:
     Raises:
         ConfigurationError: unreadable or invalid file.
     """
-    return parse_mapping(_read(path), str(path))
+    return parse_mapping(read_text(path), str(path))
 
 
 def dump_experiment(experiment: Experiment) -> str:
@@ -122,7 +122,12 @@ def _looks_like_path(name: str | Path) -> bool:
     return isinstance(name, Path) or "/" in name or name.endswith((".yaml", ".yml"))
 
 
-def _read(path: Path) -> str:
+def read_text(path: Path) -> str:
+    """Read a configuration file.
+
+    Raises:
+        ConfigurationError: it cannot be read, is not UTF-8, or is too large for a configuration.
+    """
     try:
         if path.is_dir():
             raise ConfigurationError(f"{path} is a folder; give a YAML file in it")
@@ -144,7 +149,12 @@ def _validated(data: dict[str, Any], source: str) -> Experiment:
         raise configuration_error(Experiment, report, source) from report
 
 
-def _check_version(written_by: object, source: str) -> None:
+def check_version(written_by: object, source: str) -> None:
+    """Check the version that wrote a file; None, of a file written by hand, passes.
+
+    Raises:
+        ConfigurationError: not a version, or a newer one than that installed.
+    """
     if written_by is None:
         return
     theirs, ours = _release(str(written_by)), _release(fieldtruth.__version__)

@@ -23,7 +23,8 @@ def configuration_error(model: type[BaseModel], report: ValidationError, source:
     # A misspelt key is also a missing one: report the cause, not its consequence.
     errors = sorted(report.errors(), key=lambda e: e["type"] not in UNKNOWN_KEY)
     first = errors[0]
-    more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
+    where = {_without_tags(model, error["loc"]) for error in errors}  # one of several types: an error for each
+    more = f" (and {len(where) - 1} more)" if len(where) > 1 else ""
     line = _message(model, first["type"], _without_tags(model, first["loc"]), first["input"], first["msg"])
     return ConfigurationError(f"{source}: {line}{more}" if source else f"{line}{more}")
 
@@ -70,14 +71,22 @@ def models_of(annotation: Any) -> list[type[BaseModel]]:
 
 
 def _without_tags(model: type[BaseModel], loc: Sequence[int | str]) -> tuple[int | str, ...]:
-    """Position without the tags that pydantic adds where one of several models is chosen."""
+    """Position without the tags that pydantic adds where one of several types is chosen."""
     keys: tuple[int | str, ...] = ()
     at_choice = False
     for step in loc:
         if not at_choice:
             keys = (*keys, step)
-        at_choice = not at_choice and len(models_of(_field(model, keys)[0])) > 1
+        at_choice = not at_choice and _is_choice(_field(model, keys)[0])
     return keys
+
+
+def _is_choice(annotation: Any) -> bool:
+    """Whether an annotation allows several types, None not counted."""
+    if get_origin(annotation) is Annotated:
+        return _is_choice(get_args(annotation)[0])
+    is_union = get_origin(annotation) in (Union, UnionType)
+    return is_union and sum(choice is not NoneType for choice in get_args(annotation)) > 1
 
 
 def _field(model: Any, loc: Sequence[int | str]) -> tuple[Any, FieldInfo]:

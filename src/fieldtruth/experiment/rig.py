@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Configuration of the robot and its sensors; defaults from the paper's Tables 1, 2 and 5."""
 
-from typing import Annotated, Final, Self
+from typing import Annotated, Final, Literal, Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
@@ -47,10 +47,19 @@ class TachometerConfig(Frozen):
     rate_hz: Rate = 10.0
 
 
+class OdometryConfig(Frozen):
+    """Wheel odometry and joint states, which the robot's driver computes from the angles of its wheels."""
+
+    rate_hz: Rate = 50.0  # husky_control, control.yaml
+
+
 class ImuConfig(Frozen):
     """Inertial measurement unit in imu_link."""
 
     rate_hz: Rate = 50.0
+    sampling: Annotated[Literal["mean", "instant"], Field(description="mean or instant")] = "mean"
+    """mean: over the interval between two readings, so that integrating gives the motion; instant: over the physics
+    step that ends at the stamp, as in Gazebo."""
     mount: Mount = Mount(xyz=(0.19, 0.0, 0.149), rpy_deg=(0.0, -90.0, 180.0))
 
 
@@ -71,7 +80,7 @@ class CameraConfig(Frozen):
     horizontal_fov_deg: Annotated[Number, Field(gt=1, lt=170)] = 69.0
     vertical_fov_deg: Annotated[Number, Field(gt=1, lt=170)] = 42.0
     far: Range = 2000.0  # [m]; beyond it is sky
-    jpeg_quality: Annotated[Integer, Field(ge=1, le=100)] = 90
+    jpeg_quality: Annotated[Integer, Field(ge=1, le=100)] = 92
     depth: Boolean = False
     instances: Boolean = False
     left: Mount = Mount(xyz=(0.15, 0.06, 0.720), rpy_deg=(0.0, 90.0, 0.0))
@@ -130,6 +139,7 @@ class Rig(Frozen):
     wheels: WheelConfig = WheelConfig()
     base_footprint: Mount = Mount(xyz=(0.0, 0.0, -0.13228))
     tachometers: TachometerConfig = TachometerConfig()
+    odometry: OdometryConfig = OdometryConfig()
     imu: ImuConfig = ImuConfig()
     gnss: GnssConfig = GnssConfig()
     cameras: CameraConfig = CameraConfig()

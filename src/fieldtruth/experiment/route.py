@@ -42,7 +42,7 @@ def geodetic_route(route: Route | None) -> RouteConfig:
         RouteError: no route, as in an experiment with a track file; or a random one, which must be planned first.
     """
     if route is None:
-        raise RouteError("the experiment has no route: it follows a track file")
+        raise RouteError("the experiment has no route: it follows a track file, or makes frames on free ground")
     if isinstance(route, RandomRouteConfig):
         raise RouteError(
             "a random route has no waypoints before it is planned; call fieldtruth.plan_route(world, experiment)"

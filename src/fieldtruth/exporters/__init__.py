@@ -14,10 +14,13 @@ from typing import Final, NamedTuple
 
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.core.errors import OutputError, UnknownNameError
-from fieldtruth.core.files import output_errors, remove
+from fieldtruth.core.files import output_errors, remove, replace_synced
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
+from fieldtruth.exporters.splits import Member, find_members
 from fieldtruth.ontology.label_map import LabelMap, label_map_of
+
+DEFAULT_SHARD_MB: Final = 500
 
 
 class Format(NamedTuple):
@@ -32,6 +35,10 @@ class Format(NamedTuple):
     """Whether it has labels, which can be mapped to another ontology."""
     joins: bool = False
     """Whether several runs can become one output, a sequence each."""
+    publishes: bool = False
+    """Whether the output is a data set of any number of runs, in splits."""
+    library: str = ""
+    """The library that the extra of the format's name installs, if it needs one."""
 
 
 FORMATS: Final[dict[str, Format]] = {
@@ -44,9 +51,34 @@ FORMATS: Final[dict[str, Format]] = {
     ),
     "kitti": Format("kitti", "_kitti", "KITTI odometry: images, clouds, poses, calibration", joins=True),
     "tum": Format("tum", ".tum", "the true trajectory as a text file"),
-    "mcap": Format("mcap", ".mcap", "ROS 2 messages (CDR), for ROS 2 and Foxglove"),
+    "mcap": Format("mcap", ".mcap", "ROS 2 messages (CDR), for ROS 2 and Foxglove", library="mcap"),
     "coco": Format("coco", "_coco", "COCO panoptic and detection JSON with images", relabels=True),
     "pcd": Format("pcd", "_pcd", "a PCD file per cloud with labels and colours", relabels=True),
+    "webdataset": Format(
+        "webdataset",
+        "_webdataset",
+        "tar files of frames for training, with splits",
+        relabels=True,
+        joins=True,
+        publishes=True,
+    ),
+    "huggingface": Format(
+        "huggingface",
+        "_huggingface",
+        "Parquet with a card and Croissant metadata, for Hugging Face's datasets",
+        relabels=True,
+        joins=True,
+        publishes=True,
+        library="pyarrow",
+    ),
+    "mmseg": Format(
+        "mmseg",
+        "_mmseg",
+        "MMSegmentation's layout with a configuration file",
+        relabels=True,
+        joins=True,
+        publishes=True,
+    ),
 }
 
 
@@ -57,6 +89,10 @@ class Options(NamedTuple):
     """Labels to write; None keeps fieldtruth's classes."""
     workers: int
     progress: Progress
+    members: Sequence[Member] = ()
+    """The runs with split and name, of a format that publishes."""
+    shard_bytes: int = DEFAULT_SHARD_MB * 10**6
+    """Size of a file that holds many frames; it is smaller than this, unless one frame is larger."""
 
 
 def export(
@@ -65,16 +101,20 @@ def export(
     *,
     out: Path | str | None = None,
     label_map: str | None = None,
+    split: str | None = None,
+    shard_mb: int | None = None,
     workers: int | None = None,
     progress: Progress | None = None,
 ) -> Path:
     """Export a run to another format.
 
     Args:
-        path: folder of a run, or a bag; several for a format that joins them as sequences.
+        path: folder of a run, or a bag; several for a format that joins them; folders of runs for one that publishes.
         to: the format, a key of ``FORMATS``.
         out: path of the output, by default beside the (first) bag and named after it.
         label_map: ontology of the labels; None keeps fieldtruth's classes.
+        split: train, val or test, of a format that publishes: for runs that are not in a folder of such a name.
+        shard_mb: largest size [MB] of a file that holds many frames, of a format that publishes.
         workers: threads; None uses all available cores. The output does not depend on it.
         progress: receives the progress.
 
@@ -88,13 +128,27 @@ def export(
     """
     if to not in FORMATS:
         raise UnknownNameError("format", to, FORMATS)
+    if not FORMATS[to].publishes and (split is not None or shard_mb is not None):
+        able = ", ".join(name for name, row in FORMATS.items() if row.publishes)
+        raise OutputError(f"format {to!r} has neither splits nor shards; formats that have: {able}")
+    paths = [Path(path)] if isinstance(path, Path | str) else [Path(each) for each in path]
+    chosen = None if label_map is None else _label_map_for(to, label_map)
+    members = find_members(paths, split or "train") if FORMATS[to].publishes else []
+    runs = [member.run for member in members] or _runs_for(to, paths)
     options = Options(
-        None if label_map is None else _label_map_for(to, label_map),
+        chosen,
         cpu_count() if workers is None else workers,
         Silent() if progress is None else progress,
+        members,
+        (DEFAULT_SHARD_MB if shard_mb is None else shard_mb) * 10**6,
     )
-    runs = _runs_for(to, [path] if isinstance(path, Path | str) else path)
-    target = runs[0].folder / (runs[0].name + FORMATS[to].suffix) if out is None else Path(out)
+    target = _default_output(to, paths[0], runs[0]) if out is None else Path(out)
+    _write(to, runs, target, options)
+    return target
+
+
+def _write(to: str, runs: Sequence[Run], target: Path, options: Options) -> None:
+    """Write the output under a temporary name, and rename it when it is complete."""
     part = target.with_name(f".{target.name}.part")
     write = _writer(to)
     with output_errors(target):
@@ -105,10 +159,17 @@ def export(
     try:
         with output_errors(target):
             write(runs, part, options)
-            part.rename(target)
+            replace_synced(part, target)
     finally:
         remove(part)
-    return target
+
+
+def _default_output(to: str, path: Path, run: Run) -> Path:
+    """Beside the bag, named after it; for a folder of runs, beside that folder."""
+    folder = path.resolve()
+    if folder.is_dir() and folder != run.folder.resolve():
+        return folder.with_name(folder.name + FORMATS[to].suffix)
+    return run.folder / (run.name + FORMATS[to].suffix)
 
 
 def _writer(to: str) -> Callable[[Sequence[Run], Path, Options], None]:
@@ -116,9 +177,10 @@ def _writer(to: str) -> Callable[[Sequence[Run], Path, Options], None]:
         write: Callable[[Sequence[Run], Path, Options], None]
         write = import_module(f"fieldtruth.exporters.{FORMATS[to].module}").write
     except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != to:
+        library = FORMATS[to].library
+        if not library or (error.name or "").partition(".")[0] != library:
             raise
-        raise OutputError(f"the {to} library is not installed; run: pip install 'fieldtruth[{to}]'") from error
+        raise OutputError(f"the {library} library is not installed; run: pip install 'fieldtruth[{to}]'") from error
     return write
 
 

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-import simplejpeg
 from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
@@ -29,6 +28,7 @@ from fieldtruth.core.progress import timed
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.coco_json import Picture, coco_files
 from fieldtruth.exporters.coco_segments import Numbering, categories_of, segments_of
+from fieldtruth.exporters.frames import checked_jpeg
 
 _MOST_WAITING: Final = 100
 """Incomplete stamps per camera; cameras that publish in step need one."""
@@ -143,14 +143,10 @@ def _write_frame(target: Path, source: _Source, frame: Frame) -> Picture:
     try:
         label = read.labels(read.image(source.decode(frame.tag)))
         ids = source.numbering.number(label, read.instances(source.decode(frame.instances)))
+        photo = checked_jpeg(source.decode(frame.photo), ids.shape)
     except BagError as error:
         raise BagError(f"{frame.side} camera at {frame.stamp_ns} ns: {error}") from error
     height, width = ids.shape
-    photo = bytes(source.decode(frame.photo).data)
-    if (size := _jpeg_size(photo)) != (width, height):
-        found = "not a JPEG" if size is None else f"a JPEG of {size[0]} x {size[1]} pixels"
-        message = f"the message of {frame.photo.topic} at {frame.stamp_ns} ns is {found}"
-        raise BagError(f"{message}; its tag image has {width} x {height} pixels")
     (target / "images" / f"{name}.jpg").write_bytes(photo)
     (target / "panoptic" / f"{name}.png").write_bytes(encode_png(_rgb(ids)))
     world_from_optical = source.trajectory.world_from_base(frame.stamp_ns) @ camera.base_from_optical
@@ -169,15 +165,6 @@ def _write_frame(target: Path, source: _Source, frame: Frame) -> Picture:
 def _rgb(ids: NDArray[np.uint32]) -> NDArray[np.uint8]:
     """Segment ids (h, w) as in COCO's panoptic images: R + 256 G + 65536 B."""
     return np.ascontiguousarray(ids.astype("<u4", copy=False)).view(np.uint8).reshape(*ids.shape, 4)[..., :3]
-
-
-def _jpeg_size(data: bytes) -> tuple[int, int] | None:
-    """Width and height of a JPEG, or None."""
-    try:
-        height, width, *_ = simplejpeg.decode_jpeg_header(data)
-    except ValueError:
-        return None
-    return int(width), int(height)
 
 
 def _object_names(bag: BagReader) -> list[str]:

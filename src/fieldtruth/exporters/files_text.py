@@ -16,6 +16,7 @@ import yaml
 from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.base_messages import JOINTS
 from fieldtruth.bag.calibration import BASE, first_message, read_static_frames
 from fieldtruth.bag.decode import reading_stamp
 from fieldtruth.bag.model_states import ModelStatesReader
@@ -61,6 +62,7 @@ def text_files(run: Run) -> Iterator[TextFile]:
     yield _IMU
     yield _GNSS
     yield from _TACHOMETERS
+    yield from (_JOINTS, _WHEEL_ODOMETRY, _COMMANDS)
     yield _POSE_OF_MODEL if table.MODEL_STATES in run.counts else _POSE_OF_ODOMETRY
 
 
@@ -84,6 +86,24 @@ def _gnss(decode: Decoder) -> Row:
 
 def _wheel(decode: Decoder) -> Row:
     return lambda raw: (raw.stamp_ns, (np.float32(decode(raw).data),))
+
+
+def _joints(decode: Decoder) -> Row:
+    def row(raw: RawMessage) -> tuple[int, Numbers]:
+        message = decode(raw)
+        rows = [message.name.index(joint) for joint in JOINTS]
+        numbers = tuple(float(part[k]) for part in (message.position, message.velocity) for k in rows)
+        return reading_stamp(raw.stamp_ns, message.header), numbers
+
+    return row
+
+
+def _command(decode: Decoder) -> Row:
+    def row(raw: RawMessage) -> tuple[int, Numbers]:
+        message = decode(raw)
+        return raw.stamp_ns, (message.linear.x, message.angular.z)
+
+    return row
 
 
 def _model(decode: Decoder) -> Row:
@@ -132,6 +152,24 @@ _TACHOMETERS: Final = tuple(
         topic, f"tacho_data/{wheel}.txt", "t_ns speed", f"speed of the {wheel.replace('_', ' ')} wheel [rad/s]", _wheel
     )
     for wheel, topic in zip(WHEELS, table.WHEEL_SPEEDS, strict=True)
+)
+
+_JOINTS: Final = TextFile(
+    table.JOINT_STATES,
+    "joint_states.txt",
+    "t_ns fl fr rl rr fl_speed fr_speed rl_speed rr_speed",
+    "angles [rad] and speeds [rad/s] of the wheels, positive forwards: front left, front right, rear left, rear right",
+    _joints,
+)
+_WHEEL_ODOMETRY: Final = TextFile(
+    table.WHEEL_ODOMETRY,
+    "wheel_odometry.txt",
+    _POSE,
+    "pose of base_link by dead reckoning from the wheels, in the frame odom: where base_link was at time 0",
+    _odometry,
+)
+_COMMANDS: Final = TextFile(
+    table.COMMANDS, "commands.txt", "t_ns speed turn_rate", "commanded speed [m/s] and turn rate [rad/s]", _command
 )
 
 

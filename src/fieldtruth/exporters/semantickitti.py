@@ -21,7 +21,7 @@ from fieldtruth.bag.reader import BagError, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core.arrays import Array, Counts
-from fieldtruth.core.classes import CLASSES, NO_RETURN, PALETTE, Label
+from fieldtruth.core.classes import NO_RETURN, Label
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
 from fieldtruth.core.progress import timed
@@ -38,7 +38,7 @@ from fieldtruth.exporters.sequences import (
     times_text,
     xyz_and_zero,
 )
-from fieldtruth.ontology.label_map import LabelMap, OntologyClass
+from fieldtruth.ontology.label_map import OWN, LabelMap
 
 _MAX_INSTANCE: Final = 65535
 """Largest instance id; a label has 16 bits for it."""
@@ -76,7 +76,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         _write_sequence(run, geometry, target / "sequences" / f"{number:02d}", options)
         for number, (run, geometry) in enumerate(zip(runs, geometries, strict=True))
     ]
-    description = _description(runs, written, options.label_map)
+    description = _description(runs, written, options.label_map or OWN)
     text = yaml.dump(description, Dumper=_Dumper, sort_keys=False, default_flow_style=False, width=1000)
     (target / "fieldtruth.yaml").write_text(_HEADER + text, encoding="utf-8")
 
@@ -98,7 +98,7 @@ def _write_sequence(run: Run, geometry: Geometry, folder: Path, options: Options
 
 def _write_clouds(run: Run, folder: Path, options: Options) -> tuple[list[int], Counts]:
     """Write all clouds with their labels; return their stamps [ns] and the points by class id (256,)."""
-    ids = np.arange(len(CLASSES), dtype=np.uint8) if options.label_map is None else options.label_map.ids
+    ids = (options.label_map or OWN).ids
     (folder / CLOUDS).mkdir(parents=True)
     (folder / "labels").mkdir()
     stamps_ns: list[int] = []
@@ -180,20 +180,16 @@ class _Dumper(yaml.SafeDumper):
         return super().represent_sequence(tag, sequence, flow_style=True)
 
 
-def _description(runs: Sequence[Run], written: Sequence[_Written], label_map: LabelMap | None) -> dict[str, Any]:
+def _description(runs: Sequence[Run], written: Sequence[_Written], label_map: LabelMap) -> dict[str, Any]:
     """Content of fieldtruth.yaml, in the structure of semantic-kitti-api's configuration files."""
-    if label_map is None:
-        classes = {c.label.value: OntologyClass(c.name, rgb) for c, rgb in zip(CLASSES, PALETTE.tolist(), strict=True)}
-        ids = {label: label.value for label in Label}
-    else:
-        classes = dict(sorted(label_map.classes.items()))
-        ids = {label: int(label_map.ids[label]) for label in Label}
+    classes = dict(sorted(label_map.classes.items()))
+    ids = {label: int(label_map.ids[label]) for label in Label}
     split = _split(len(runs))
     counts = sum((written[number].points for number in split["train"]), np.zeros(256, np.int64))
     total = max(int(counts.sum()), 1)
     seen = {number for label, number in ids.items() if label not in NO_RETURN} - {ids[Label.VOID]}
     return {
-        "name": "fieldtruth" if label_map is None else f"fieldtruth, labels of {label_map.name}",
+        "name": "fieldtruth" if label_map is OWN else f"fieldtruth, labels of {label_map.name}",
         "labels": {number: other.name for number, other in classes.items()},
         "color_map": {number: list(other.rgb)[::-1] for number, other in classes.items()},
         "content": {number: int(counts[number]) / total for number in classes},

@@ -43,12 +43,12 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     digest = hashlib.sha256()
     with ZipFile(target, "w") as archive:
         with options.progress.stage("pack the bag", run.duration_s) as advance:
-            _add(archive, f"{run.name}.bag", _blocks(run, digest.update, advance))
+            add_member(archive, f"{run.name}.bag", _blocks(run, digest.update, advance))
         if expected not in (None, digest.hexdigest()):
             raise BagError(f"{run.bag} has changed since {CHECKSUMS} beside it was written: its SHA-256 differs")
-        _add(archive, f"{run.name}.sha256", [f"{digest.hexdigest()}  {run.name}.bag\n".encode()])
+        add_member(archive, f"{run.name}.sha256", [f"{digest.hexdigest()}  {run.name}.bag\n".encode()])
         for path in _beside(run):
-            _add(archive, path.name, [path.read_bytes()])
+            add_member(archive, path.name, [path.read_bytes()])
 
 
 def _beside(run: Run) -> list[Path]:
@@ -68,7 +68,7 @@ def _blocks(run: Run, update: Callable[[bytes], None], advance: Callable[[float]
             yield block
 
 
-def _add(archive: ZipFile, name: str, blocks: Iterable[bytes]) -> None:
+def add_member(archive: ZipFile, name: str, blocks: Iterable[bytes]) -> None:
     """Add a file. Sizes are ZIP64, as a bag may exceed 4 GB; it has no date, so that equal bags give equal archives."""
     info = ZipInfo(name)
     info.compress_type, info.create_system, info.external_attr = ZIP_DEFLATED, 3, 0o100644 << 16

@@ -124,7 +124,8 @@ def trunk_diameter(wood: Array, height: float, xy: Array) -> float:
     area = np.abs(np.bincount(part, 0.5 * (ax * by - ay * bx)))
     share = 1 / np.bincount(part)
     middle = np.hypot(np.bincount(part, ax) * share, np.bincount(part, ay) * share)
-    near = area[middle < TRUNK_WITHIN]
+    is_open = np.bincount(part_of_node, np.bincount(node.ravel()) % 2) > 0  # the open end of a branch's tube
+    near = area[(middle < TRUNK_WITHIN) & ~is_open]
     return circle_diameter(float(near.max())) if len(near) else np.nan
 
 

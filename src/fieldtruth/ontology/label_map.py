@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.classes import Label
+from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.ontology.data_sets import ONTOLOGIES, Ontology, OntologyClass
 
@@ -36,6 +36,13 @@ def _label_map(name: str, ontology: Ontology) -> LabelMap:
     return LabelMap(name, ids, ontology.classes)
 
 
+OWN: Final = LabelMap(
+    "fieldtruth",
+    np.arange(len(CLASSES), dtype=np.uint8),
+    {int(row.label): OntologyClass(row.name, row.rgb or (0, 0, 0)) for row in CLASSES},
+)
+"""Our own classes, mapped to themselves."""
+
 LABEL_MAPS: Final[dict[str, LabelMap]] = {name: _label_map(name, ontology) for name, ontology in ONTOLOGIES.items()}
 
 
@@ -50,4 +57,4 @@ def label_map_of(name: str) -> LabelMap:
     return LABEL_MAPS[name]
 
 
-__all__ = ["LABEL_MAPS", "LabelMap", "OntologyClass", "label_map_of"]
+__all__ = ["LABEL_MAPS", "OWN", "LabelMap", "OntologyClass", "label_map_of"]

@@ -17,11 +17,12 @@ from typing import Final, NamedTuple
 from fieldtruth.bag.checksums import CHECKSUMS, checksum_lines, sha256_of
 from fieldtruth.bag.run import CARD, EXPERIMENT, TRACK
 from fieldtruth.core.errors import FieldtruthError, OutputError
-from fieldtruth.core.files import locked, output_errors, write_atomically
+from fieldtruth.core.files import LOCK_OWNER, locked, output_errors, remove, replace_synced, write_atomically
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
 
 _SLICES: Final = ".slices"
+_WRITTEN: Final = (EXPERIMENT, TRACK, CARD, CHECKSUMS, LOCK_OWNER)
 
 
 class RunFolder(NamedTuple):
@@ -38,11 +39,15 @@ class RunFolder(NamedTuple):
         with output_errors(self.path):
             if overwrite:
                 self.clean()
-            for path in (self.bag, self.path / CARD, self.path / CHECKSUMS):
-                path.unlink(missing_ok=True)
+            for path in (self.bag, self.path / CARD, self.path / CHECKSUMS, *self._unfinished()):
+                remove(path)
             if track is not None:
                 write_atomically(self.path / TRACK, track)
             write_atomically(self.path / EXPERIMENT, dump_experiment(experiment))
+
+    def _unfinished(self) -> list[Path]:
+        """Temporary files that a killed run has left."""
+        return [path for name in _WRITTEN for path in self.path.glob(f".{name}.*.part")]
 
     def slices(self, key: str) -> Path:
         """Create the folder for the slices of one input, named by its key; slices of other inputs are removed."""
@@ -61,7 +66,7 @@ class RunFolder(NamedTuple):
             stored = [TRACK] * (self.path / TRACK).exists()
             sums = f"{sha256_of(bag)}  {self.bag.name}\n" + checksum_lines(self.path, [EXPERIMENT, *stored, CARD])
             write_atomically(self.path / CHECKSUMS, sums)
-            bag.replace(self.bag)
+            replace_synced(bag, self.bag)
         self.clean()
 
     def clean(self) -> None:
@@ -88,6 +93,17 @@ def run_folder(
             if not overwrite:
                 _refuse_occupied(run, experiment, track)
             yield run
+
+
+def is_in_use(path: Path) -> bool:
+    """Return whether a process has locked the folder of a run."""
+    if not any(path.glob(".lock*")):
+        return False
+    try:
+        with locked(path):
+            return False
+    except OutputError:
+        return True
 
 
 @contextmanager

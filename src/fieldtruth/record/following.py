@@ -9,6 +9,7 @@ from fieldtruth.bag.track_file import TrackFile
 from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.drive.given_motion import motion_along, readings_along
 from fieldtruth.drive.inside import check_motion
+from fieldtruth.drive.sensors import sweep_steps
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.world.model import World
@@ -21,9 +22,13 @@ def with_stored_track(experiment: Experiment, file: TrackFile) -> Experiment:
     """
     assert experiment.drive is not None
     drive = experiment.drive.model_copy(update={"track": TRACK, "topic": None, "pose_of": file.frame})
+    return without_wheels(experiment).model_copy(update={"drive": drive})
+
+
+def without_wheels(experiment: Experiment) -> Experiment:
+    """Return the experiment without tachometers and what depends on them."""
     tachometers = experiment.rig.tachometers.model_copy(update={"enabled": False})
-    rig = experiment.rig.model_copy(update={"tachometers": tachometers})
-    return experiment.model_copy(update={"drive": drive, "rig": rig})
+    return experiment.model_copy(update={"rig": experiment.rig.model_copy(update={"tachometers": tachometers})})
 
 
 def follow_track(experiment: Experiment, world: World, file: TrackFile) -> Track:
@@ -38,8 +43,16 @@ def follow_track(experiment: Experiment, world: World, file: TrackFile) -> Track
     config, rig = experiment.drive, experiment.rig
     assert config is not None
     poses, start_ns = file.in_world(config, rig), file.start_ns(config)
-    motion = motion_along(poses.stamps_ns, poses.position, poses.quaternion_wxyz, start_ns, experiment.seconds)
-    check_motion(world, motion, rig, file.name, start_ns, allow_inside=config.allow_inside)
+    swept = motion_along(
+        poses.stamps_ns,
+        poses.position,
+        poses.quaternion_wxyz,
+        start_ns,
+        experiment.seconds,
+        sweep_steps(rig.lidar),
+    )
+    track = readings_along(swept, rig)
+    check_motion(world, track.motion, rig, file.name, start_ns, allow_inside=config.allow_inside)
     if file.gap:
         warnings.warn(file.gap, FieldtruthWarning, stacklevel=2)
-    return readings_along(motion, rig)
+    return track

@@ -11,10 +11,10 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag import robot_messages, sensor_messages, topics
+from fieldtruth.bag import base_messages, robot_messages, sensor_messages, topics
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.state import state_at
-from fieldtruth.drive.track import Stamps, Track, stamps_at_rate
+from fieldtruth.drive.track import Base, Stamps, Track, stamps_at_rate
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, LidarConfig, Rig
 from fieldtruth.world.model import World
 
@@ -68,26 +68,36 @@ class Stream(NamedTuple):
 
 def streams_of(world: World, track: Track, rig: Rig) -> list[Stream]:
     """Return every stream of a recording, in the order of the topic table."""
-    end_ns = int(track.motion.stamps_ns[-1])
+
+    def stamps_at(rate_hz: float) -> Stamps:
+        stamps = track.motion.stamps_ns
+        return stamps if track.is_frames else stamps_at_rate(rate_hz, int(stamps[-1]))
 
     def world_from_base(stamp_ns: int) -> Array:
-        return state_at(track.motion, stamp_ns).world_from_base
+        return state_at(track.swept, stamp_ns).world_from_base
 
-    streams = [*_truth(world, track, rig), *_measured(track)]
+    streams = _truth(world, track, rig, stamps_at(topics.POSE_RATE))
+    if not track.is_frames:
+        streams += _measured(track)
     if rig.lidar.enabled:
-        streams.append(lidar_stream(rig.lidar, stamps_at_rate(rig.lidar.rate_hz, end_ns), world_from_base))
+        streams.append(lidar_stream(rig.lidar, stamps_at(rig.lidar.rate_hz), world_from_base))
     if rig.cameras.enabled:
-        stamps = stamps_at_rate(rig.cameras.rate_hz, end_ns)
+        stamps = stamps_at(rig.cameras.rate_hz)
         streams += [camera_stream(rig.cameras, side, stamps, world_from_base) for side in topics.SIDES]
     return streams
 
 
-def _truth(world: World, track: Track, rig: Rig) -> list[Stream]:
-    motion = track.motion
+def _truth(world: World, track: Track, rig: Rig, poses: Stamps) -> list[Stream]:
+    motion, base = track.motion, track.base
     states = robot_messages.ModelStatesWriter(world)
-    fixed = robot_messages.rig_transforms(rig)
+    fixed = robot_messages.fixed_transforms(rig)
     every_step = motion.stamps_ns
-    poses = stamps_at_rate(topics.POSE_RATE, int(every_step[-1]))
+    rows = np.searchsorted(every_step, poses)
+
+    def tf(k: int, _: Sensors) -> list[bytes]:
+        wheels = {} if base is None else base_messages.wheel_transforms(rig, base.wheels.angle[rows[k]])
+        return [robot_messages.tf(k, poses[k], state_at(motion, int(poses[k])), wheels)]
+
     return [
         Stream((topics.CLOCK,), every_step, lambda k, _: [robot_messages.clock(every_step[k])]),
         Stream((topics.TF_STATIC,), every_step[:1], lambda k, _: [robot_messages.tf_static(every_step[k], fixed)]),
@@ -97,21 +107,31 @@ def _truth(world: World, track: Track, rig: Rig) -> list[Stream]:
             poses,
             lambda k, _: [robot_messages.odometry(k, poses[k], state_at(motion, int(poses[k])))],
         ),
-        Stream((topics.TF,), poses, lambda k, _: [robot_messages.tf(k, poses[k], state_at(motion, int(poses[k])))]),
+        Stream((topics.TF,), poses, tf),
     ]
 
 
 def _measured(track: Track) -> list[Stream]:
-    imu, gnss, wheels = track.imu, track.gnss, track.tachometers
+    imu, gnss = track.imu, track.gnss
     streams = [
         Stream((topics.IMU,), imu.stamps_ns, lambda k, _: [robot_messages.imu(k, imu)]),
         Stream((topics.NAVSAT,), gnss.stamps_ns, lambda k, _: [robot_messages.navsat(k, gnss)]),
     ]
-    if wheels is None:
-        return streams
-    speeds = wheels.wheel_speed
-    spun = Stream(topics.WHEEL_SPEEDS, wheels.stamps_ns, lambda k, _: map(robot_messages.wheel_speed, speeds[k]))
-    return [*streams, spun]
+    return streams if track.base is None else streams + _of_base(track.base)
+
+
+def _of_base(base: Base) -> list[Stream]:
+    tachometers, odometry, commands = base.tachometers, base.odometry, base.commands
+    speeds = tachometers.wheel_speed
+    return [
+        Stream(topics.WHEEL_SPEEDS, tachometers.stamps_ns, lambda k, _: map(base_messages.wheel_speed, speeds[k])),
+        Stream(
+            (topics.JOINT_STATES, topics.WHEEL_ODOMETRY),
+            odometry.stamps_ns,
+            lambda k, _: [base_messages.joint_states(k, odometry), base_messages.wheel_odometry(k, odometry)],
+        ),
+        Stream((topics.COMMANDS,), commands.stamps_ns, lambda k, _: [base_messages.command(k, commands)]),
+    ]
 
 
 def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt) -> Stream:

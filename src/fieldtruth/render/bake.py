@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from fieldtruth.core.cache import cache_folder
+from fieldtruth.core.cache_folder import cache_folder
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.render.light import bake_light

@@ -29,7 +29,7 @@ from fieldtruth.render.tables import (
     THIRD,
     Shading,
 )
-from fieldtruth.sense.hits import TERRAIN, read_grid
+from fieldtruth.sense.hits import TERRAIN, Grid, read_grid
 from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.ray_batch import RayBatch
 
@@ -41,8 +41,12 @@ TRACE_SUN: Final = -1.0
 
 _Corners = tuple[np.float32, np.float32, np.float32, np.float32]
 _Barycentric = tuple[np.float32, np.float32, np.float32]
+_Rows = tuple[np.uintp, np.uintp, np.uintp]
 
 _PER_AIR, _PER_LAYER = np.float32(1.0 / AIR_TEXEL), np.float32(1.0 / AIR_LAYER)
+_PER_PIT = np.float32(1.0 / 0.04)
+"""Per radius [m] of a pit. From the middle of the bottom of a round pit, the share 1 / (1 + (depth / radius)^2) of the
+sky's light is seen (the form factor of a disc above a point)."""
 _SHADOWS_END = np.float32(90.0)
 """Distance [m] beyond which the backdrop's trees are drawn without shadows."""
 _AIR_GAIN, _AIR_MIN = np.float32(1.35), np.float32(0.06)
@@ -51,17 +55,14 @@ leaves and soil reaches everywhere."""
 
 
 @inlined
-def _level(size: int, footprint: float, repeat: float, dither: float) -> int:
-    """Mip level whose texels are as large as a pixel's footprint [m], dithered to hide seams between levels.
+def _level(texels: np.float32, dither: float) -> int:
+    """Mip level whose texels are as large as a pixel's footprint, which has a side of ``texels`` at the finest level.
 
-    It is the integer part of log2(texels) + dither; log2(1 + dither) is close enough to dither.
+    It is the integer part of log2(texels) + dither, to hide seams between levels: the exponent of a floating-point
+    number; log2(1 + dither) is close enough to dither.
     """
-    texels = footprint * size * (1.0 + dither) / repeat
-    level = 0
-    while texels >= 2.0 and level < 16:
-        texels *= 0.5
-        level += 1
-    return level
+    bits = np.float32(texels * (np.float32(1.0) + np.float32(dither))).view(np.int32)
+    return max((int(bits) >> 23) - 127, 0)
 
 
 @inlined
@@ -98,6 +99,53 @@ def _bilinear(grid: Float32Array, i: int, j: int, channel: int, weights: _Corner
     )  # fmt: skip
 
 
+@inlined
+def _mean_ground(
+    ground: Float32Array, i: int, j: int, weights: _Corners, per_metre: float
+) -> tuple[np.float32, np.float32, np.float32]:
+    """Height of the ground without its relief, and its slope along x and y within the cell."""
+    near, left, ahead, far = ground[i, j, 3], ground[i, j + 1, 3], ground[i + 1, j, 3], ground[i + 1, j + 1, 3]
+    half = np.float32(0.5 * per_metre)
+    mean = near * weights[0] + left * weights[1] + ahead * weights[2] + far * weights[3]
+    return mean, half * (ahead + far - near - left), half * (left + far - near - ahead)
+
+
+@inlined
+def _between(values: Float32Array, u: np.float32, v: np.float32) -> np.float32:
+    """Bilinear value at node u, v; beyond the border the border's value.
+
+    Unlike ``read_grid``, without conversions to double precision and checks for negative indices.
+    """
+    zero, end = np.float32(0.0), np.float32(1.001)
+    u = min(max(u, zero), np.float32(values.shape[0]) - end)
+    v = min(max(v, zero), np.float32(values.shape[1]) - end)
+    i, j, one = np.uintp(u), np.uintp(v), np.uintp(1)
+    fu, fv = u - np.float32(i), v - np.float32(j)
+    low = values[i, j] + (values[i, j + one] - values[i, j]) * fv
+    high = values[i + one, j] + (values[i + one, j + one] - values[i + one, j]) * fv
+    return low + (high - low) * fu  # type: ignore[no-any-return]
+
+
+@inlined
+def _shade_of(grid: Grid, x: np.float32, y: np.float32) -> np.float32:
+    """Value of a grid of light at world x, y [m]."""
+    per_metre = np.float32(grid.per_metre)
+    return _between(grid.values, (x - np.float32(grid.x0)) * per_metre, (y - np.float32(grid.y0)) * per_metre)
+
+
+@inlined
+def _slope(surface: Grid, x: np.float32, y: np.float32, step: np.float32) -> tuple[np.float32, np.float32]:
+    """Slope of the surface along x and y over ``step`` [m] to either side: as wide as a pixel sees, so that distant
+    relief does not flicker.
+    """
+    values, per_metre, per = surface.values, np.float32(surface.per_metre), np.float32(0.5) / step
+    u, v = (x - np.float32(surface.x0)) * per_metre, (y - np.float32(surface.y0)) * per_metre
+    nodes = step * per_metre
+    along_x = (_between(values, u + nodes, v) - _between(values, u - nodes, v)) * per
+    along_y = (_between(values, u, v + nodes) - _between(values, u, v - nodes)) * per
+    return along_x, along_y
+
+
 @kernel
 def terrain_gbuffer(shading: Shading, batch: RayBatch, count: int, pixel: float, out: Float32Array) -> None:
     """Fill rows of ``out`` (n, FIELDS) for hits on the terrain; ``pixel`` is the angle [rad] of one pixel."""
@@ -108,8 +156,10 @@ def terrain_gbuffer(shading: Shading, batch: RayBatch, count: int, pixel: float,
     means, open_sky, sunlit, edge = atlas.mean, light.ground_sky, light.ground_sun, shading.hits.trail_distance
     per_rgb, per_material, border_width = materials.per_metre_rgb, materials.per_metre_material, materials.border_width
     border_row, trail_row = materials.border, materials.trail
+    surface, half_cell = materials.surface, np.float32(0.5 / materials.surface.per_metre)
+    per_repeat, per_mean = np.float32(1.0) / repeats, np.float32(1.0) / means
     x0, y0 = materials.corner
-    one = np.float32(1.0)
+    zero, one = np.float32(0.0), np.float32(1.0)
     for k in range(count):
         if tops[k] != TERRAIN:
             continue
@@ -119,12 +169,16 @@ def terrain_gbuffer(shading: Shading, batch: RayBatch, count: int, pixel: float,
         i, j = int(u), int(v)
         fu, fv = np.float32(u - i), np.float32(v - j)
         weights = (one - fu) * (one - fv), (one - fu) * fv, fu * (one - fv), fu * fv
-        sx, sy = _bilinear(ground, i, j, 3, weights), _bilinear(ground, i, j, 4, weights)
+        mean, sx, sy = _mean_ground(ground, i, j, weights, per_rgb)
+        grazing = (directions[0, k] * sx + directions[1, k] * sy - directions[2, k]) / np.sqrt(one + sx * sx + sy * sy)
+        footprint = distance[k] * np.float32(pixel) / np.sqrt(max(grazing, np.float32(0.05)))
+        sx, sy = _slope(surface, x, y, max(half_cell, footprint))
         scale = one / np.sqrt(one + sx * sx + sy * sy)
         out[k, NX], out[k, NY], out[k, NZ] = -sx * scale, -sy * scale, scale
-        out[k, SKY], out[k, SUN] = _AIR_MIN + (1.0 - _AIR_MIN) * read_grid(open_sky, x, y), read_grid(sunlit, x, y)
-        grazing = (directions[0, k] * sx + directions[1, k] * sy - directions[2, k]) * scale
-        footprint = distance[k] * pixel / np.sqrt(max(grazing, np.float32(0.05)))
+        depth = max(mean - points[2, k], zero) * _PER_PIT
+        pit = one / (one + depth * depth)
+        out[k, SKY] = (_AIR_MIN + (one - _AIR_MIN) * _shade_of(open_sky, x, y)) * pit
+        out[k, SUN] = _shade_of(sunlit, x, y) * pit
         trail = read_grid(edge, x, y)
         if trail < 0.0:
             row = border_row if trail > -border_width else trail_row
@@ -132,20 +186,21 @@ def terrain_gbuffer(shading: Shading, batch: RayBatch, count: int, pixel: float,
             gi = min(max(int((x - x0) * per_material + 0.5), 0), grain.shape[0] - 1)
             gj = min(max(int((y - y0) * per_material + 0.5), 0), grain.shape[1] - 1)
             row = int(grain[gi, gj])
-        texture, per_metre = textures[row], 1.0 / repeats[row]
-        level = _level(sizes[texture, 0], footprint, repeats[row], _dither(image[0, k], image[1, k]))
+        texture, per_metre = textures[row], per_repeat[row]
+        texels = footprint * np.float32(sizes[texture, 0]) * per_metre
+        level = _level(texels, _dither(image[0, k], image[1, k]))
         red, green, blue = sample(atlas, texture, x * per_metre, y * per_metre, level)
         out[k, TRANSLUCENCY], out[k, GLOSS], out[k, MIRROR] = 0.0, glosses[row], 0.0
         if trail < 0.0:
             out[k, RED], out[k, GREEN], out[k, BLUE] = red * tints[row, 0], green * tints[row, 1], blue * tints[row, 2]
         else:
-            out[k, RED] = _bilinear(ground, i, j, 0, weights) * red / means[texture, 0]
-            out[k, GREEN] = _bilinear(ground, i, j, 1, weights) * green / means[texture, 1]
-            out[k, BLUE] = _bilinear(ground, i, j, 2, weights) * blue / means[texture, 2]
+            out[k, RED] = _bilinear(ground, i, j, 0, weights) * red * per_mean[texture, 0]
+            out[k, GREEN] = _bilinear(ground, i, j, 1, weights) * green * per_mean[texture, 1]
+            out[k, BLUE] = _bilinear(ground, i, j, 2, weights) * blue * per_mean[texture, 2]
 
 
 @inlined
-def _mixed(vertices: Float32Array, rows: tuple[int, int, int], weights: _Barycentric, column: int) -> np.float32:
+def _mixed(vertices: Float32Array, rows: _Rows, weights: _Barycentric, column: int) -> np.float32:
     a, b, c = rows
     fw, fu, fv = weights
     return vertices[a, column] * fw + vertices[b, column] * fu + vertices[c, column] * fv  # type: ignore[no-any-return]
@@ -171,13 +226,14 @@ def mesh_gbuffer(shading: Shading, batch: RayBatch, count: int, pixel: float, ou
     top_mesh, mesh_face, rotations, own_tints = hits.top_mesh, hits.mesh_face, surfaces.top_rotation, surfaces.top_tint
     vertices, faces, repeats = surfaces.vertex, surfaces.face, surfaces.face_repeat
     leaf_sun, top_leaf, air, bases = light.leaf_sun, light.top_leaf, light.air_sky, light.top_base
-    ax0, ay0, one = light.ground_sky.x0, light.ground_sky.y0, np.float32(1.0)
+    ax0, ay0, one = np.float32(light.ground_sky.x0), np.float32(light.ground_sky.y0), np.float32(1.0)
     for k in range(count):
         top = tops[k]
         if top <= TERRAIN:
             continue
-        face = mesh_face[top_mesh[top]] + primitives[k]
-        corners, row = (faces[face, FIRST], faces[face, SECOND], faces[face, THIRD]), faces[face, MATERIAL]
+        face = np.uintp(mesh_face[top_mesh[top]] + primitives[k])
+        corners = np.uintp(faces[face, FIRST]), np.uintp(faces[face, SECOND]), np.uintp(faces[face, THIRD])
+        row = np.uintp(faces[face, MATERIAL])
         fu, fv = barycentric[0, k], barycentric[1, k]
         weights = one - fu - fv, fu, fv
         nx = _mixed(vertices, corners, weights, NORMAL_X)
@@ -197,12 +253,13 @@ def mesh_gbuffer(shading: Shading, batch: RayBatch, count: int, pixel: float, ou
         out[k, TRANSLUCENCY], out[k, GLOSS], out[k, MIRROR] = through, glosses[row], mirrors[row]
         texture = textures[row]
         u, v = _mixed(vertices, corners, weights, TEX_U), _mixed(vertices, corners, weights, TEX_V)
-        level = _level(sizes[texture, 0], distance[k] * pixel, repeats[face], _dither(image[0, k], image[1, k]))
+        texels = distance[k] * np.float32(pixel) * np.float32(sizes[texture, 0]) / repeats[face]
+        level = _level(texels, _dither(image[0, k], image[1, k]))
         red, green, blue = sample(atlas, texture, u, v, level)
         bright, warmth = one, np.float32(0.0)
         if through > 0.0:
             out[k, SUN] = np.float32(leaf_sun[top_leaf[top] + primitives[k]])
-            bright, warmth = _leaf_variation(corners[0] // 4, top)
+            bright, warmth = _leaf_variation(int(corners[0]) // 4, top)
         else:
             out[k, SUN] = one if top_leaf[top] == NO_SHADOW and distance[k] > _SHADOWS_END else np.float32(TRACE_SUN)
         out[k, RED] = red * tints[row, 0] * own_tints[top, 0] * bright * (one + np.float32(0.35) * warmth)

@@ -9,11 +9,12 @@ need more detail than a table can hold.
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import convolve1d
+from scipy.ndimage import convolve1d, gaussian_filter, maximum_filter
 
 from fieldtruth.core.arrays import Array, Counts, Float32Array, Index, Mask
 from fieldtruth.experiment.config import LightConfig
@@ -22,7 +23,7 @@ from fieldtruth.render.tables import AIR_BASE, AIR_LAYER, AIR_TEXEL, NO_SHADOW, 
 from fieldtruth.render.visibility import hemisphere, sun_disc, visibility
 from fieldtruth.sense.hits import Grid
 from fieldtruth.sense.scene import Scene
-from fieldtruth.world.model import Mesh
+from fieldtruth.world.model import Heightfield, Mesh
 
 SUN_RADIUS_DEG: Final = 0.27
 SUN_RGB: Final = np.array([1.0, 0.93, 0.80], np.float32)
@@ -34,6 +35,7 @@ BOUNCE: Final = np.array([0.10, 0.10, 0.05], np.float32)
 
 _PARITIES: Final = ((0, 0), (1, 1), (0, 1), (1, 0))
 _BLUR: Final = (0.25, 0.5, 0.25)
+_RELIEF: Final = 0.1  # [m]; bumps that are farther apart are the ground's shape and cast shadows
 _ROWS_AT_ONCE: Final = 50  # an even number
 _LEAVES_AT_ONCE: Final = 50_000
 _LEAF_OFFSET: Final = 0.012  # [m], so that a folded leaf does not shade itself
@@ -67,10 +69,11 @@ def bake_light(scene: Scene, light: LightConfig, workers: int) -> LightTable:
 def _ground_grid(scene: Scene, pool: ThreadPoolExecutor, spacing: float, directions: Array, *, facing: bool) -> Grid:
     """Visibility of ``directions`` on a grid over the terrain, weighted by the cosine to the vertical if ``facing``.
 
-    Each node traces a quarter of the directions, its neighbours the others; a blur then combines them, so that all
-    directions have equal weight everywhere.
+    It is that just above the relief: shadows are those of objects and of the ground's shape. Each node traces a quarter
+    of the directions, its neighbours the others; a blur then combines them, so that all directions have equal weight
+    everywhere.
     """
-    field, (length, width) = scene.world.terrain.field, scene.world.size
+    field, (length, width) = _above_relief(scene.world.terrain.surface), scene.world.size
     x = np.arange(-length / 2, length / 2 + spacing / 2, spacing)
     y = np.arange(-width / 2, width / 2 + spacing / 2, spacing)
     up = np.array([0.0, 0.0, 1.0], np.float32)
@@ -91,6 +94,13 @@ def _ground_grid(scene: Scene, pool: ThreadPoolExecutor, spacing: float, directi
     for axis in (0, 1):
         seen = convolve1d(seen, _BLUR, axis=axis, mode="nearest")
     return Grid(seen, float(x[0]), float(y[0]), 1.0 / spacing)
+
+
+def _above_relief(field: Heightfield) -> Heightfield:
+    """The ground's shape, lifted onto the relief's highest point within ``_RELIEF``; a plane stays as it is."""
+    shape = gaussian_filter(field.heights, _RELIEF / field.spacing, mode="nearest")
+    nodes = 2 * round(_RELIEF / field.spacing) + 1
+    return replace(field, heights=shape + maximum_filter(field.heights - shape, nodes, mode="nearest"))
 
 
 def _thin_faces(scene: Scene, mesh: Mesh) -> Mask:
@@ -123,7 +133,7 @@ def _vertex_sky(scene: Scene, pool: ThreadPoolExecutor) -> Float32Array:
 
 def _air_sky(scene: Scene, pool: ThreadPoolExecutor) -> Float32Array:
     """Open sky in the air over the ground, column by column, layer by layer."""
-    field, (length, width) = scene.world.terrain.field, scene.world.size
+    field, (length, width) = scene.world.terrain.surface, scene.world.size
     x, y = np.arange(-length / 2, length / 2 + 0.5, AIR_TEXEL), np.arange(-width / 2, width / 2 + 0.5, AIR_TEXEL)
     px, py = np.meshgrid(x, y, indexing="ij")
     ground, rays = field.height_at(px, py), hemisphere(20)

@@ -5,19 +5,17 @@
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
-from zipfile import BadZipFile
 
 import numpy as np
 
-from fieldtruth.core.cache import cache_key, load_or_make
-from fieldtruth.core.files import atomic_output
+from fieldtruth.core.cache import cache_key
+from fieldtruth.core.cache_folder import load_or_make
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.render.sky import Dome
 from fieldtruth.render.tables import LightTable
 from fieldtruth.sense.hits import Grid
 from fieldtruth.sense.scene import Scene
 
-_KEPT: Final = 8  # files, about 20 MB each; the oldest is removed first
 _LIBRARIES: Final = ("embreex", "llvmlite", "numba", "numpy", "scipy")
 
 
@@ -29,7 +27,7 @@ def cached_light(scene: Scene, light: LightConfig, folder: Path, make: Callable[
 
 def light_key(scene: Scene, light: LightConfig) -> str:
     """Digest of all that baked light depends on: code, sun, triangles, poses, and what lets light through."""
-    world, field = scene.world, scene.world.terrain.field
+    world, field = scene.world, scene.world.terrain.surface
     ground = (field.heights, field.x0, field.y0, field.spacing)
     clear = {name: (material.translucency > 0, material.mirror > 0) for name, material in world.materials.items()}
     meshes = [
@@ -48,22 +46,15 @@ def _write(path: Path, table: LightTable) -> None:
         grid: Grid = getattr(table, name)
         arrays |= {name: grid.values, f"{name}_at": np.array([grid.x0, grid.y0, grid.per_metre])}
     arrays |= {f"dome_{name}": value for name, value in table.dome._asdict().items()}
-    with atomic_output(path) as part, part.open("wb") as stream:
+    with path.open("wb") as stream:
         np.savez(stream, allow_pickle=False, **arrays)
-    newest_first = sorted(path.parent.glob("light-*.npz"), key=lambda p: p.stat().st_mtime, reverse=True)
-    for stale in newest_first[_KEPT:]:
-        stale.unlink(missing_ok=True)
 
 
-def _read(path: Path) -> LightTable | None:
-    """Read a light file; None if it does not exist or is damaged."""
-    try:
-        with np.load(path, allow_pickle=False) as stored:
-            arrays: dict[str, Any] = dict(stored)
-        grids: dict[str, Any] = {
-            n: Grid(arrays.pop(n), *map(float, arrays.pop(f"{n}_at"))) for n in ("ground_sun", "ground_sky")
-        }
-        dome = Dome(**{n: arrays.pop(f"dome_{n}") for n in Dome._fields})
-        return LightTable(dome=dome, **grids, **arrays)
-    except (OSError, ValueError, KeyError, EOFError, TypeError, NotImplementedError, BadZipFile):
-        return None
+def _read(path: Path) -> LightTable:
+    with np.load(path, allow_pickle=False) as stored:
+        arrays: dict[str, Any] = dict(stored)
+    grids: dict[str, Any] = {
+        n: Grid(arrays.pop(n), *map(float, arrays.pop(f"{n}_at"))) for n in ("ground_sun", "ground_sky")
+    }
+    dome = Dome(**{n: arrays.pop(f"dome_{n}") for n in Dome._fields})
+    return LightTable(dome=dome, **grids, **arrays)

@@ -2,19 +2,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """Colours of a world's materials and ground, as tables that kernels read."""
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import zoom
+from scipy.ndimage import gaussian_filter, zoom
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.render.atlas import make_atlas
 from fieldtruth.render.tables import MaterialTable
-from fieldtruth.world.model import Raster, Terrain, World
+from fieldtruth.sense.scene import grid_of
+from fieldtruth.world.model import Terrain, World
 
 _FINER: Final = 2
 """Nodes of the grid of ground materials per node of the terrain's cover."""
+MEAN_OVER: Final = 0.1
+"""Standard deviation [m] of the Gaussian that separates relief, whose pits are darker, from the ground's shape."""
 
 
 def material_table(world: World) -> MaterialTable:
@@ -35,8 +39,9 @@ def material_table(world: World) -> MaterialTable:
         gloss=np.array([m.gloss for m in materials], np.float32),
         mirror=np.array([m.mirror for m in materials], np.float32),
         repeat=np.array([m.repeat for m in materials], np.float32),
-        ground=np.ascontiguousarray(np.concatenate([rgb, _slopes(terrain)], axis=-1), np.float32),
+        ground=np.ascontiguousarray(np.concatenate([rgb, _mean_heights(terrain)], axis=-1), np.float32),
         ground_material=material,
+        surface=grid_of(terrain.surface),
         corner=(terrain.cover.x0, terrain.cover.y0),
         per_metre_rgb=1.0 / terrain.cover.spacing,
         per_metre_material=_FINER / terrain.cover.spacing,
@@ -46,15 +51,13 @@ def material_table(world: World) -> MaterialTable:
     )
 
 
-def _slopes(terrain: Terrain) -> Array:
-    """Slope of the terrain along x and y at the cover's nodes (nx, ny, 2), smooth across the triangles."""
-    field, cover = terrain.field, terrain.cover
-    along_x, along_y = np.gradient(field.heights.astype(np.float64), field.spacing)
-    slopes = np.stack([np.asarray(along_x), np.asarray(along_y)], axis=-1)
-    smooth = Raster(values=slopes.astype(np.float32), spacing=field.spacing, x0=field.x0, y0=field.y0)
+def _mean_heights(terrain: Terrain) -> Array:
+    """Height [m] of the surface without its relief, (nx, ny, 1) at the cover's nodes."""
+    field, cover = terrain.surface, terrain.cover
+    smooth = replace(field, heights=gaussian_filter(field.heights, MEAN_OVER / field.spacing, mode="nearest"))
     nx, ny = cover.values.shape[:2]
     x, y = cover.x0 + cover.spacing * np.arange(nx), cover.y0 + cover.spacing * np.arange(ny)
-    return smooth.at(*np.meshgrid(x, y, indexing="ij"))
+    return smooth.height_at(*np.meshgrid(x, y, indexing="ij"))[..., None]
 
 
 def _ground(terrain: Terrain, rows: list[int], mean: Float32Array) -> tuple[Float32Array, NDArray[np.uint8]]:

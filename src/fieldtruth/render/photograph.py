@@ -14,7 +14,7 @@ from fieldtruth.render.tables import Shading
 from fieldtruth.render.tonemap import tonemap
 from fieldtruth.sense.hits import LabelBuffers
 from fieldtruth.sense.kernel import kernel
-from fieldtruth.sense.ray_batch import BATCH_ROWS, View, label_pixels, set_pixel_rows, trace
+from fieldtruth.sense.ray_batch import BLOCK, BLOCK_HEIGHT, BLOCK_WIDTH, View, label_pixels, set_pixel_block, trace
 
 EXTRA_SAMPLES: Final = 2
 """Rays per pixel at edges, in addition to the one through the pixel's centre."""
@@ -35,7 +35,7 @@ class Framebuffer(NamedTuple):
 def new_framebuffer(height: int, width: int) -> Framebuffer:
     """Allocate memory for images of a size [pixel]."""
     return Framebuffer(
-        shading=new_shading_buffers(BATCH_ROWS * width),
+        shading=new_shading_buffers(BLOCK),
         linear=np.zeros((height, width, 3), np.float32),
         edges=new_edge_buffers(height, width),
     )
@@ -48,13 +48,14 @@ def render_image(
     """Render labels and photograph (h, w, 3). Extra rays at edges change the photograph only."""
     height, width, _ = photo.shape
     buffers, linear, edges = framebuffer
-    batch, colour, count = buffers.batch, buffers.colour, BATCH_ROWS * width
-    for row in range(0, height, BATCH_ROWS):
-        set_pixel_rows(row, width, batch.image)
-        trace(shading.scene, buffers.packet, view, batch, count)
-        label_pixels(shading.hits, batch, count, labels)
-        shade_batch(shading, buffers, count, 1.0 / view.pinhole.fx)
-        _store(batch.image, colour, count, linear)
+    batch, colour = buffers.batch, buffers.colour
+    for upper in range(0, height, BLOCK_HEIGHT):
+        for left in range(0, width, BLOCK_WIDTH):
+            count = set_pixel_block(upper, left, height, width, batch.image)
+            trace(shading.scene, buffers.packet, view, batch, count)
+            label_pixels(shading.hits, batch, count, labels)
+            shade_batch(shading, buffers, count, 1.0 / view.pinhole.fx)
+            _store(batch.image, colour, count, linear)
     _refine(shading, framebuffer, view, find_edges(linear, labels, edges))
     tonemap(linear, photo)
 

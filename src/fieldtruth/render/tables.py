@@ -61,9 +61,10 @@ class MaterialTable(NamedTuple):
     gloss: Float32Array
     mirror: Float32Array
     repeat: Float32Array  # (materials,) [m] per repeat, used for the ground
-    ground: Float32Array  # (nx, ny, 5) linear colour off the trails, and the terrain's slope along x and y
+    ground: Float32Array  # (nx, ny, 4) linear colour off the trails, and height [m] of the ground without its relief
     ground_material: NDArray[np.uint8]  # (mx, my) row of the material whose texture is used
-    corner: tuple[float, float]  # [m] x and y of both grids' first node
+    surface: Grid  # heights [m] of the ground
+    corner: tuple[float, float]  # [m] x and y of the first node of ground and ground_material
     per_metre_rgb: float
     per_metre_material: float
     trail: int  # rows of materials

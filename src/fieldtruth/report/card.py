@@ -10,9 +10,9 @@ from typing import Final
 import numpy as np
 
 import fieldtruth
-from fieldtruth.bag.robot_messages import rig_transforms
+from fieldtruth.bag.robot_messages import fixed_transforms
 from fieldtruth.bag.run import TRACK
-from fieldtruth.bag.topics import topics_of
+from fieldtruth.bag.topics import topics_of_run
 from fieldtruth.core import frames
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
 from fieldtruth.drive.track import Track
@@ -24,6 +24,18 @@ _FOLLOWED: Final = (
     "The sensors of the rig follow the poses of a track file, without physics and wheels; `base_link` and the model "
     "`husky` are what follows it, for"
 )
+_STANDING: Final = (
+    "Separate frames, each a stereo pair and a cloud: the robot stands on free ground at any heading, tilted and\n"
+    "raised at random. There is no motion, so there are no readings of IMU, GNSS and wheels, and all velocities are 0;"
+)
+_FIXED: Final = "`/tf` has the pose of `base_link` in the world"
+_TURNING: Final = f"{_FIXED} and those of the wheels in `base_link`"
+_IMU: Final = {
+    "mean": "The IMU reads means over the interval that ends at the stamp, from the motion at 1 kHz: turns about all\n"
+    "  axes are added up as rotations, and the specific force is expressed in `imu_link` at the stamp.",
+    "instant": "The IMU reads the last millisecond before each stamp: what shakes faster than half its rate appears\n"
+    "  as slower motion.",
+}
 
 
 def data_card(experiment: Experiment, world: World, track: Track, counts: Mapping[str, int]) -> str:
@@ -36,30 +48,62 @@ def data_card(experiment: Experiment, world: World, track: Track, counts: Mappin
         counts: number of messages by topic.
     """
     rig = experiment.rig
-    text = resources.files("fieldtruth.report").joinpath("card.md").read_text(encoding="utf-8")
-    return Template(text).substitute(
+    return _template("card.md").substitute(
         name=experiment.name,
         description=f"{experiment.description}\n" if experiment.description else "",
-        motion="A simulated Clearpath Husky drives" if experiment.drive is None else _FOLLOWED,
+        motion=_motion(experiment, track),
+        tf=_TURNING if rig.tachometers.enabled else _FIXED,
+        physics=_physics(experiment),
         track="" if experiment.drive is None else f", with the poses in `{TRACK}`",
-        length_m=f"{np.linalg.norm(np.diff(track.motion.position, axis=0), axis=1).sum():.2f}",
-        duration_s=f"{track.duration_s:.3f}",
         environment=experiment.environment,
         size="{:g} x {:g}".format(*world.size),
         objects=len(world.instances),
         version=fieldtruth.__version__,
         seed=experiment.seed,
-        topics="\n".join(_topics(rig, counts)),
+        topics="\n".join(_topics(experiment, counts)),
         sensors="\n".join(_sensors(rig)),
         classes="\n".join(_classes()),
         frames="\n".join(_frames(rig)),
+        limits=card_part("limits"),
+        licence=card_part("licence"),
     )
 
 
-def _topics(rig: Rig, counts: Mapping[str, int]) -> list[str]:
+def card_part(name: str) -> str:
+    """Return a part of the card that is the same for all runs, as Markdown: ``limits`` or ``licence``."""
+    return _template(f"card_{name}.md").substitute().rstrip()
+
+
+def _motion(experiment: Experiment, track: Track) -> str:
+    if track.is_frames:
+        return f"{_STANDING} {len(track.motion.stamps_ns)} frames of"
+    length = np.linalg.norm(np.diff(track.motion.position, axis=0), axis=1).sum()
+    subject = "A simulated Clearpath Husky drives" if experiment.drive is None else _FOLLOWED
+    return f"{subject} {length:.2f} m in {track.duration_s:.3f} s through"
+
+
+def _template(name: str) -> Template:
+    return Template(resources.files("fieldtruth.report").joinpath(name).read_text(encoding="utf-8"))
+
+
+def _physics(experiment: Experiment) -> str:
+    if experiment.frames is not None:
+        return (
+            "- Nothing moves: poses at successive stamps are far apart, and stamps only number them, 0.1 s apart. The\n"
+            "  robot stands on four points of the ground before it is tilted and raised."
+        )
+    imu = _IMU[experiment.rig.imu.sampling]
+    if experiment.drive is not None:
+        return (
+            f"- The poses are those of the track file: no physics limits them, and the IMU reads their noise.\n- {imu}"
+        )
+    return _template("card_physics.md").substitute(imu=imu).rstrip()
+
+
+def _topics(experiment: Experiment, counts: Mapping[str, int]) -> list[str]:
     rows = ["| topic | type | Hz | messages |", "|---|---|---|---|"]
-    for topic in topics_of(rig):
-        rate = "once" if topic.rate_hz is None else f"{topic.rate_hz(rig):g}"
+    for topic in topics_of_run(experiment):
+        rate = "once" if topic.rate_hz is None else f"{topic.rate_hz(experiment.rig):g}"
         rows.append(
             f"| `{topic.name}` | {topic.msgtype.replace('/msg/', '/')} | {rate} | {counts.get(topic.name, 0)} |"
         )
@@ -96,7 +140,7 @@ def _classes() -> list[str]:
 
 def _frames(rig: Rig) -> list[str]:
     rows = ["| parent | child | x, y, z [m] | quaternion x, y, z, w |", "|---|---|---|---|"]
-    for (parent, child), parent_from_child in rig_transforms(rig).items():
+    for (parent, child), parent_from_child in fixed_transforms(rig).items():
         xyz = ", ".join(f"{value:.6g}" for value in parent_from_child[:3, 3] + 0.0)
         wxyz = frames.quaternion_wxyz_from_rotation(parent_from_child[:3, :3])
         xyzw = ", ".join(f"{value:.6g}" for value in frames.xyzw_from_wxyz(wxyz).round(9) + 0.0)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.base_messages import WHEEL_FRAMES
 from fieldtruth.bag.reader import RawMessage, decoder, open_bag
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.bag.trajectory import read_trajectory
@@ -111,6 +112,7 @@ class _Log:
         }
         return cameras | {
             table.ODOMETRY: self._odometry,
+            table.TF: self._wheel_frames,
             table.POINTS: self._points,
             table.IMU: self._imu,
             table.NAVSAT: self._navsat,
@@ -141,6 +143,11 @@ class _Log:
         self.recording.log(BASE, self._transform(read.pose_matrix(message.pose.pose)))
         linear = message.twist.twist.linear
         self._scalar("speed", float(np.linalg.norm([linear.x, linear.y, linear.z])))
+
+    def _wheel_frames(self, _: str, message: Any) -> None:
+        for each in message.transforms:
+            if each.child_frame_id in WHEEL_FRAMES:
+                self.recording.log(self._entity(each.child_frame_id), self._transform(read.matrix(each.transform)))
 
     def _points(self, _: str, message: Any) -> None:
         cloud = read.points(message)

@@ -31,9 +31,11 @@ CLEAR: Final = 2
 """Mask of geometry that light passes through: water."""
 VERSION: Final = 40400
 
-_TRIANGLES, _INSTANCE = 0, 121
-_INDEX, _VERTEX = 0, 1
-_FLOAT3, _UINT3, _FLOAT3X4_COLUMN_MAJOR = 0x9003, 0x5003, 0x9234
+_TRIANGLES, _GRIDS, _INSTANCE = 0, 2, 121
+_INDEX, _VERTEX, _GRID = 0, 1, 8
+_FLOAT3, _UINT3, _GRID_FORMAT, _FLOAT3X4_COLUMN_MAJOR = 0x9003, 0x5003, 0xA001, 0x9234
+_RTC_GRID: Final = np.dtype([("start", "u4"), ("stride", "u4"), ("width", "u2"), ("height", "u2")])
+_GRID_NODES: Final = 17  # on a side of a grid; 9 and 33 were measured to be no faster
 _NATIVE_RAY16 = 34
 _ROBUST = 1 << 2
 _HIGH_QUALITY = 2
@@ -163,7 +165,7 @@ class Engine:
 
 
 class RayScene:
-    """Triangle meshes and instances of other scenes; kernels trace its ``handle``."""
+    """Triangle meshes, grids and instances of other scenes; kernels trace its ``handle``."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
@@ -181,13 +183,26 @@ class RayScene:
     def add_mesh(self, vertices: ArrayLike, faces: ArrayLike) -> int:
         """Attach triangles: vertices (v, 3) [m], faces (f, 3). Returns the geometry id."""
         geometry = self._api.rtcNewGeometry(self._engine.device, _TRIANGLES)
-        for kind, layout, data in (
-            (_VERTEX, _FLOAT3, np.ascontiguousarray(vertices, np.float32)),
-            (_INDEX, _UINT3, np.ascontiguousarray(faces, np.uint32)),
-        ):
-            buffer = self._api.rtcSetNewGeometryBuffer(geometry, kind, 0, layout, 12, len(data))
-            self._engine.check()
-            c.memmove(buffer, data.ctypes.data, data.nbytes)
+        self._set_buffer(geometry, _VERTEX, _FLOAT3, np.ascontiguousarray(vertices, np.float32))
+        self._set_buffer(geometry, _INDEX, _UINT3, np.ascontiguousarray(faces, np.uint32))
+        return self._attach(geometry)
+
+    def add_grid(self, nodes: ArrayLike) -> int:
+        """Attach a regular grid of nodes (nx, ny, 3) [m], cells divided from (i, j) to (i + 1, j + 1). Returns its id.
+
+        It takes a quarter of the memory of its triangles.
+        """
+        # Embree divides a cell along the other diagonal: with the rows in reverse order it is this one.
+        points = np.ascontiguousarray(np.asarray(nodes)[::-1], np.float32)
+        nx, ny, _ = points.shape
+        i, j = (np.arange(0, n - 1, _GRID_NODES - 1) for n in (nx, ny))
+        grids = np.zeros((len(i), len(j)), _RTC_GRID)  # neighbours share the nodes of their border
+        grids["start"], grids["stride"] = i[:, None] * ny + j, ny
+        grids["width"] = np.minimum(_GRID_NODES, ny - j)
+        grids["height"] = np.minimum(_GRID_NODES, nx - i)[:, None]
+        geometry = self._api.rtcNewGeometry(self._engine.device, _GRIDS)
+        self._set_buffer(geometry, _VERTEX, _FLOAT3, points.reshape(-1, 3))
+        self._set_buffer(geometry, _GRID, _GRID_FORMAT, grids.ravel())
         return self._attach(geometry)
 
     def add_instance(self, scene: Self, this_from_scene: NDArray[np.float64], *, mask: int = SOLID) -> int:
@@ -206,6 +221,12 @@ class RayScene:
         self._engine.check()
         return self
 
+    def _set_buffer(self, geometry: int, kind: int, layout: int, data: NDArray[Any]) -> None:
+        """Copy elements of 12 bytes into a buffer of Embree's own, which is long enough to read 16 at the last one."""
+        buffer = self._api.rtcSetNewGeometryBuffer(geometry, kind, 0, layout, 12, len(data))
+        self._engine.check()
+        c.memmove(buffer, data.ctypes.data, data.nbytes)
+
     def _attach(self, geometry: int) -> int:
         self._api.rtcCommitGeometry(geometry)
         identity = int(self._api.rtcAttachGeometry(self._pointer, geometry))
@@ -221,8 +242,8 @@ class RayScene:
 def arguments_block(*, coherent: bool) -> NDArray[np.uint64]:
     """RTCIntersectArguments (or RTCOccludedArguments) followed by its context, as one block for kernels.
 
-    ``coherent`` doubles the speed of neighbouring rays, including a LiDAR's in wide and low tiles. The block contains
-    its own address: keep it alive while it is used, and do not copy it.
+    ``coherent`` doubles the speed of neighbouring pixels' rays; a LiDAR's, in tiles of 4 x 4, are up to a tenth faster
+    among plants. The block contains its own address: keep it alive while it is used, and do not copy it.
     """
     block = np.zeros(24, np.uint64)
     words = block.view(np.uint32)

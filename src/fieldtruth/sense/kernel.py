@@ -3,17 +3,26 @@
 """Compilation of kernels: without the GIL, and cached on disk until one of their sources changes.
 
 Numba's own cache checks only the file of the outermost function, so edited constants or callees in other files would
-not reach a compiled kernel. Here the cache folder's name covers every module that the kernel's module imports.
+not reach a compiled kernel. Here the cache folder's name covers every module that the kernel's module imports. Numba
+also keeps an index of numbered files for each function, in which two processes that save at once can exchange the code
+of two signatures, and it checks no file for damage. Here each signature has its own sealed file.
 """
 
+import hashlib
+import pickle
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
 from numba import config, njit
+from numba.core import serialize
 
-from fieldtruth.core.cache import cache_folder, cache_key
+from fieldtruth.core.cache import cache_key
+from fieldtruth.core.cache_folder import kernel_folder
+from fieldtruth.core.files import atomic_output
+from fieldtruth.core.seal import SEAL_SIZE, add_seal, is_sealed
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -34,6 +43,8 @@ def _compiled(function: F, inline: str) -> F:
     previous, settings.CACHE_DIR = settings.CACHE_DIR, str(_folder(function.__module__))
     try:
         compiled: F = njit(cache=True, **options)(function)
+        store: Any = compiled
+        store._cache._cache_file = _SealedFiles(Path(store._cache.cache_path), store._cache._impl.filename_base)
     except (RuntimeError, OSError):  # the cache is not writable: compile in each process
         compiled = njit(**options)(function)
     finally:
@@ -43,4 +54,32 @@ def _compiled(function: F, inline: str) -> F:
 
 @cache
 def _folder(module: str) -> Path:
-    return cache_folder() / "kernels" / cache_key([module], libraries=("numba", "llvmlite", "embreex"))
+    return kernel_folder(cache_key([module], libraries=("numba", "llvmlite", "embreex")))
+
+
+class _SealedFiles:
+    """The files of one function's compiled code, by signature and processor, as Numba's dispatcher asks for them."""
+
+    def __init__(self, folder: Path, name: str) -> None:
+        self._folder = folder
+        self._name = name
+
+    def load(self, key: object) -> object:
+        """Return what was saved under a key; None if there is no intact file."""
+        path, seal = self._file(key)
+        if is_sealed(path, seal):
+            with suppress(OSError):
+                return pickle.loads(path.read_bytes()[:-SEAL_SIZE])
+        return None
+
+    def save(self, key: object, data: object) -> None:
+        """Save what belongs to a key, if the folder can be written."""
+        path, seal = self._file(key)
+        dumps: Any = serialize.dumps
+        with suppress(OSError), atomic_output(path) as part, part.open("w+b") as file:
+            file.write(dumps(data))
+            add_seal(file, seal)
+
+    def _file(self, key: object) -> tuple[Path, str]:
+        seal = f"{self._name} {key!r}"
+        return self._folder / f"{self._name}-{hashlib.sha256(seal.encode()).hexdigest()[:16]}.kernel", seal

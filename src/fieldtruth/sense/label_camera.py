@@ -13,7 +13,7 @@ from fieldtruth.experiment.rig import CameraConfig
 from fieldtruth.sense.hits import LabelBuffers
 from fieldtruth.sense.packets import new_packet
 from fieldtruth.sense.pinhole import pinhole
-from fieldtruth.sense.ray_batch import BATCH_ROWS, View, label_image, new_batch
+from fieldtruth.sense.ray_batch import BLOCK, View, label_image, new_batch
 from fieldtruth.sense.scene import Scene
 
 
@@ -43,7 +43,7 @@ class LabelCamera:
         self.scene = scene
         self.pinhole = pinhole(config)
         self._reuse = reuse
-        self._packet, self._batch = new_packet(coherent=True), new_batch(BATCH_ROWS * config.width)
+        self._packet, self._batch = new_packet(coherent=True), new_batch(BLOCK)
         self._labels: LabelImages | None = None
 
     def label(self, world_from_optical: Array) -> LabelImages:

@@ -17,8 +17,10 @@ from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import Packet, new_packet, set_ray
 from fieldtruth.sense.scene import Scene
 
-_LANES, _WIDTH, _HEIGHT = embree.LANES, embree.LANES // 2, 2  # wide tiles were measured to be fastest
-_FAR, _PRIM = embree.TFAR, embree.PRIM_ID
+_LANES, _WIDTH, _HEIGHT = embree.LANES, embree.LANES // 4, 4
+_OX, _OY, _OZ, _DX, _DY, _DZ = embree.ORG_X, embree.ORG_Y, embree.ORG_Z, embree.DIR_X, embree.DIR_Y, embree.DIR_Z
+_FAR, _PRIM, _GEOM, _INST, _INST_PRIM = embree.TFAR, embree.PRIM_ID, embree.GEOM_ID, embree.INST_ID, embree.INST_PRIM_ID
+_MISS = np.uint32(embree.MISS)
 _intersect: Any = embree.intersect
 
 
@@ -110,43 +112,52 @@ class Lidar:
 
 
 @inlined
-def _rotated(pose: Array, d: Array) -> tuple[float, float, float]:
+def _rotated(poses: Array, k: int, directions: Array, column: int, ring: int) -> tuple[float, float, float]:
+    a, b, c = directions[column, ring, 0], directions[column, ring, 1], directions[column, ring, 2]
     return (
-        pose[0, 0] * d[0] + pose[0, 1] * d[1] + pose[0, 2] * d[2],
-        pose[1, 0] * d[0] + pose[1, 1] * d[1] + pose[1, 2] * d[2],
-        pose[2, 0] * d[0] + pose[2, 1] * d[1] + pose[2, 2] * d[2],
+        poses[k, 0, 0] * a + poses[k, 0, 1] * b + poses[k, 0, 2] * c,
+        poses[k, 1, 0] * a + poses[k, 1, 1] * b + poses[k, 1, 2] * c,
+        poses[k, 2, 0] * a + poses[k, 2, 1] * b + poses[k, 2, 2] * c,
     )
 
 
 @kernel
 def _scan(scene: np.uint64, hits: HitTable, packet: Packet, poses: Array, beams: _Beams, out: LabelBuffers) -> None:
-    """Trace all rays in tiles of neighbouring columns and rings; ``out.depth`` is the range, 0 without a return."""
+    """Trace all rays in tiles of neighbouring columns and rings; ``out.depth`` is the range, 0 without a return.
+
+    Arrays are indexed and never sliced: Numba counts the references of each slice, which takes longer than its use.
+    """
     label, instance, distance = out
     directions, min_range, max_range, returns = beams
+    ray, words, valid, arguments = packet
     columns, rings = distance.shape
+    for lane in range(_LANES):
+        set_ray(packet, lane, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.0, max_range)
     for first_column in range(0, columns, _WIDTH):
         for first_ring in range(0, rings, _HEIGHT):
             for lane in range(_LANES):
                 column, ring = first_column + lane % _WIDTH, first_ring + lane // _WIDTH
-                if column >= columns or ring >= rings:
-                    packet.valid[lane] = 0
-                    continue
-                pose, d = poses[column], directions[column, ring]
-                set_ray(packet, lane, (pose[0, 3], pose[1, 3], pose[2, 3]), _rotated(pose, d), 0.0, max_range)
-            _intersect(packet.valid.ctypes, scene, packet.ray.ctypes, packet.arguments.ctypes)
+                valid[lane] = -1 if column < columns and ring < rings else 0
+                column, ring = min(column, columns - 1), min(ring, rings - 1)
+                dx, dy, dz = _rotated(poses, column, directions, column, ring)
+                ray[_OX + lane], ray[_OY + lane] = poses[column, 0, 3], poses[column, 1, 3]
+                ray[_OZ + lane] = poses[column, 2, 3]
+                ray[_DX + lane], ray[_DY + lane], ray[_DZ + lane] = dx, dy, dz
+                ray[_FAR + lane] = max_range
+                words[_GEOM + lane], words[_INST + lane], words[_INST_PRIM + lane] = _MISS, _MISS, _MISS
+            _intersect(valid.ctypes, scene, ray.ctypes, arguments.ctypes)
             for lane in range(_LANES):
-                if packet.valid[lane] == 0:
+                if valid[lane] == 0:
                     continue
                 column, ring = first_column + lane % _WIDTH, first_ring + lane // _WIDTH
                 distance[column, ring] = 0.0
-                top = hit_top(packet.words, lane)
-                range_m = packet.ray[_FAR + lane]
+                top = hit_top(words, lane)
+                range_m = ray[_FAR + lane]
                 if top < 0 or range_m < min_range:
                     continue
-                pose = poses[column]
-                dx, dy, _ = _rotated(pose, directions[column, ring])
-                x, y = pose[0, 3] + range_m * dx, pose[1, 3] + range_m * dy
-                class_id, object_id = classify(hits, top, packet.words[_PRIM + lane], x, y)
+                dx, dy, _ = _rotated(poses, column, directions, column, ring)
+                x, y = poses[column, 0, 3] + range_m * dx, poses[column, 1, 3] + range_m * dy
+                class_id, object_id = classify(hits, top, words[_PRIM + lane], x, y)
                 if returns[class_id]:
                     distance[column, ring] = range_m
                     label[column, ring], instance[column, ring] = class_id, object_id

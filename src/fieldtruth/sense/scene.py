@@ -1,12 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ray-tracing scene that all sensors share: the world's triangles in Embree, and the classes of its hits."""
+"""The ray-tracing scene that all sensors share: the world in Embree, and the classes of its hits."""
 
 from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.sense.embree import CLEAR, SOLID, Engine, RayScene
@@ -16,25 +15,24 @@ from fieldtruth.world.model import GROUND_ID, Heightfield, Mesh, Raster, World
 _NO_TINT: Final = (1.0, 1.0, 1.0)
 
 
-def terrain_triangles(field: Heightfield) -> tuple[Float32Array, NDArray[np.int32]]:
-    """Triangles of a heightfield: vertices (nx * ny, 3) [m] and faces (2 * (nx - 1) * (ny - 1), 3), facing up."""
+def terrain_nodes(field: Heightfield) -> Float32Array:
+    """Nodes (nx, ny, 3) [m] of a heightfield."""
     nx, ny = field.heights.shape
-    x = field.x0 + field.spacing * np.arange(nx)
-    y = field.y0 + field.spacing * np.arange(ny)
-    vertices = np.stack([*np.meshgrid(x, y, indexing="ij"), field.heights], axis=-1).reshape(-1, 3)
-    a = (np.arange(nx - 1)[:, None] * ny + np.arange(ny - 1)).ravel()
-    b, c, d = a + ny, a + ny + 1, a + 1  # (i + 1, j), (i + 1, j + 1), (i, j + 1)
-    faces = np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
-    return vertices.astype(np.float32), faces.astype(np.int32)
+    nodes = np.empty((nx, ny, 3), np.float32)
+    nodes[..., 0] = (field.x0 + field.spacing * np.arange(nx))[:, None]
+    nodes[..., 1] = field.y0 + field.spacing * np.arange(ny)
+    nodes[..., 2] = field.heights
+    return nodes
 
 
-def grid_of(raster: Raster) -> Grid:
-    """Convert a raster of one channel to the form that kernels take."""
-    return Grid(np.ascontiguousarray(raster.values, np.float32), raster.x0, raster.y0, 1.0 / raster.spacing)
+def grid_of(raster: Raster | Heightfield) -> Grid:
+    """Convert a raster of one channel, or heights, to the form that kernels take."""
+    values = raster.heights if isinstance(raster, Heightfield) else raster.values
+    return Grid(np.ascontiguousarray(values, np.float32), raster.x0, raster.y0, 1.0 / raster.spacing)
 
 
 class TopLevel(NamedTuple):
-    """A geometry at the top level of the Embree scene: terrain (mesh None), backdrop, or an instance of a mesh."""
+    """A geometry at the top level of the Embree scene: terrain (mesh None), or a mesh at a pose."""
 
     mesh: Mesh | None
     world_from_object: Array
@@ -60,9 +58,7 @@ class Scene:
         clear = {m.name for m in self.meshes if any(world.materials[name].mirror > 0 for name in m.materials)}
         for row, (mesh, pose, *_) in enumerate(self.tops):
             if mesh is None:
-                geometry_id = self.rays.add_mesh(*terrain_triangles(world.terrain.field))
-            elif mesh is world.backdrop:
-                geometry_id = self.rays.add_mesh(mesh.vertices, mesh.faces)
+                geometry_id = self.rays.add_grid(terrain_nodes(world.terrain.surface))
             else:
                 mask = CLEAR if mesh.name in clear else SOLID
                 geometry_id = self.rays.add_instance(self.mesh_rays[rows[mesh.name]], pose, mask=mask)

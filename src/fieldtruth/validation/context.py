@@ -10,6 +10,7 @@ from typing import Any, Final, NamedTuple
 from fieldtruth.bag.calibration import StaticFrames
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.run import Run
+from fieldtruth.bag.topics import TOPICS, Topic, topics_of_run
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
@@ -56,6 +57,16 @@ class Context:
     def rig(self) -> Rig:
         """Rig of the run; the default rig if it has no experiment."""
         return Rig() if self.experiment is None else self.experiment.rig
+
+    @property
+    def is_frames(self) -> bool:
+        """Whether each pose stands for itself, so that nothing moves from one to the next."""
+        return self.experiment is not None and self.experiment.frames is not None
+
+    @property
+    def topics(self) -> tuple[Topic, ...]:
+        """Rows of the topic table with the rates of this run; all rows for a bag from elsewhere."""
+        return TOPICS if self.experiment is None else topics_of_run(self.experiment)
 
     @property
     def frames(self) -> StaticFrames:

@@ -17,7 +17,7 @@ from fieldtruth.validation import files, streams
 from fieldtruth.validation.check import Check, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, at
 from fieldtruth.validation.files import BagFile
-from fieldtruth.validation.motion import calibration, drive, poses, sensors
+from fieldtruth.validation.motion import calibration, drive, odometry, poses, sensors
 from fieldtruth.validation.retrace import agreement, clouds, images, reference, world
 from fieldtruth.validation.retrace.camera_frames import Sampler
 
@@ -31,7 +31,7 @@ SPECS: Final[tuple[Spec, ...]] = (
     files.CHECKSUMS_SPEC, files.EXPERIMENT_SPEC, files.STRUCTURE, MESSAGES,
     streams.TOPICS, streams.COUNTS, streams.STAMPS, streams.SYNCHRONISATION, streams.CLOCK, streams.HEADERS,
     streams.FRAMES, calibration.CALIBRATION, poses.STATIC_OBJECTS, poses.MOTION, poses.POSES, drive.DRIVE,
-    sensors.IMU, sensors.GNSS, sensors.WHEELS,
+    sensors.IMU, sensors.GNSS, sensors.WHEELS, odometry.ODOMETRY, odometry.COMMANDS,
     clouds.LABELS, clouds.RAYS, images.IMAGES, images.TAG_COLOURS, images.DEPTH, world.OBJECT_CLASSES,
     agreement.LIDAR_AND_CAMERAS, world.WORLD, clouds.RETRACED_CLOUDS, images.RETRACED_IMAGES, images.PHOTOGRAPHS,
     reference.INDEPENDENT_RAYS,
@@ -91,6 +91,7 @@ def _checkers(context: Context, full: bool, samples: int) -> list[Checker]:
         streams.Stamps(context), streams.Headers(context), calibration.Calibration(context),
         poses.ModelStates(context), poses.Poses(context), drive.Drive(context), world.WorldObjects(context),
         sensors.Imu(context), sensors.Gnss(context), sensors.Wheels(context),
+        odometry.WheelOdometry(context), odometry.Commands(context),
         clouds.Clouds(context, objects), images.Images(context, objects), objects,
         agreement.Agreement(context, pair_sampler),
     ]  # fmt: skip

@@ -12,9 +12,10 @@ from collections import OrderedDict
 from typing import Any, Final, NamedTuple
 
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.base_messages import BASE, ODOM, WHEEL_FRAMES
 from fieldtruth.bag.decode import stamp_ns
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.bag.robot_messages import BASE, WORLD
+from fieldtruth.bag.robot_messages import WORLD
 from fieldtruth.bag.sensor_messages import optical_frame
 from fieldtruth.validation.check import Check, Count, Rule, Spec
 from fieldtruth.validation.context import STEP_NS, Checker, Context, at
@@ -46,9 +47,10 @@ HEADERS: Final[Spec] = Spec("headers", (SEQUENCE, FRAME), "headers", "no message
 KNOWN_FRAME: Final = Rule("frames of headers exist in /tf_static or /tf")
 FRAMES: Final[Spec] = Spec("frames", (KNOWN_FRAME,), "frames", "neither /tf_static nor /tf")
 
-_ON_STEPS: Final = (table.IMU, table.NAVSAT, *table.WHEEL_SPEEDS)
+_DRIVEN: Final = (table.JOINT_STATES, table.WHEEL_ODOMETRY)
+_ON_STEPS: Final = (table.IMU, table.NAVSAT, *table.WHEEL_SPEEDS, *_DRIVEN, table.COMMANDS)
 _CAMERAS: Final = tuple(topic.name for topic in table.TOPICS if topic.sensor in ("cameras", "depth", "instances"))
-_GROUPS: Final = (_CAMERAS, table.WHEEL_SPEEDS, (table.ODOMETRY, table.TF), (table.CLOCK, table.MODEL_STATES))
+_GROUPS: Final = (_CAMERAS, table.WHEEL_SPEEDS, _DRIVEN, (table.ODOMETRY, table.TF), (table.CLOCK, table.MODEL_STATES))
 _OPEN: Final = 500
 """Stamps for which further messages are awaited; an intact bag has a few."""
 _FRAME_OF: Final = {
@@ -57,6 +59,8 @@ _FRAME_OF: Final = {
     table.IMU: "imu_link",
     table.NAVSAT: "GNSS_link",
     table.POINTS: "os1_lidar",
+    table.JOINT_STATES: BASE,
+    table.WHEEL_ODOMETRY: ODOM,
 }
 
 
@@ -69,7 +73,7 @@ def check_topics(context: Context, digests: dict[str, tuple[str, str]]) -> Check
     """
     run, rig, tally = context.run, context.rig, context.tally(TOPICS)
     if context.experiment is not None:  # a run that is shorter than a sensor's period has none of its messages
-        due = [t for t in table.topics_of(rig) if t.rate_hz is None or t.rate_hz(rig) * run.end_ns >= 1e9 - 1.0]
+        due = [t for t in context.topics if t.rate_hz is None or t.rate_hz(rig) * run.end_ns >= 1e9 - 1.0]
     else:
         due = [t for t in table.TOPICS if t.name in run.counts]
     for topic in due:
@@ -110,7 +114,7 @@ class Stamps(Checker):
 
     def __init__(self, context: Context) -> None:
         run = context.run
-        known = {topic.name: topic for topic in table.TOPICS}
+        known = {topic.name: topic for topic in (*table.TOPICS, *context.topics)}
         self.topics = [name for name in known if name in run.counts]
         self._clocks = {
             name: _Clock(rate(context.rig), name in _ON_STEPS)
@@ -220,19 +224,24 @@ class Headers(Checker):
         transforms = getattr(message, "transforms", ())
         self._known |= {name for each in transforms for name in (each.header.frame_id, each.child_frame_id)}
         parts = transforms if raw.topic == table.TF else [message] * hasattr(message, "header")
+        number = self._numbers.get(raw.topic, 0)
         for part in parts:
-            number, header = self._numbers.get(raw.topic, 0), part.header
+            header = part.header
             self._numbers[raw.topic] = header.seq + 1
             self._headers[SEQUENCE].see(header.seq == number, f"{at(raw)}: {header.seq} instead of {number}")
             self._named.setdefault(header.frame_id, at(raw))
             due = _FRAME_OF.get(raw.topic) or optical_frame("left" if "/left/" in raw.topic else "right")
+            if raw.topic == table.TF and part.child_frame_id in WHEEL_FRAMES:
+                self._see_frame(raw, header.frame_id, BASE)
+                continue
             self._see_frame(raw, header.frame_id, due)
-            if raw.topic in (table.ODOMETRY, table.TF):
+            if hasattr(part, "child_frame_id"):
                 self._see_frame(raw, part.child_frame_id, BASE)
 
     def finish(self) -> None:
         """Finish the checks after the last message."""
         if self._known:
+            self._known.add(ODOM)
             for name, where in self._named.items():
                 self._frames[KNOWN_FRAME].see(name in self._known, f"{where}: {name!r}")
 

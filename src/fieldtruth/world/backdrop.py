@@ -29,12 +29,15 @@ RINGS: Final = (
     0.0, 0.4, 0.8, 1.3, 1.9, 2.6, 3.4, 4.3, 5.3, 6.5, 7.9, 9.5, 11.3, 13.4, 15.9, 18.7, 22.0, 25.8, 30.2, 35.2, 41.0,
     47.7, 55.4, 64.3, 74.5, 86.2, 100.0,
 )  # fmt: skip
-"""Distances [m] of the rings of vertices from the edge, one vertex on each for every node of the edge."""
+"""Distances [m] of the inner rings of vertices from the edge. The first has all nodes of the edge."""
 
 FAR_RINGS: Final = tuple(100.0 * 9.5 ** (k / 56) for k in range(1, 57))
-"""Distances [m] of the outer rings; they have a vertex for every ``COARSER`` nodes."""
+"""Distances [m] of the outer rings."""
 
+NEAR_STEP: Final = 0.2
+"""Distance [m] along the edge between the nodes that the inner rings after the first continue."""
 COARSER: Final = 4
+"""The outer rings continue each of this number of those nodes."""
 
 HEIGHT_FADES: Final = 14.0
 """Distance [m] within which the edge's smoothed height blends into the land beyond."""
@@ -58,23 +61,24 @@ def make_backdrop(
     """Rings of land around a heightfield that share the positions of its edge nodes.
 
     Without ``land`` there are low hills towards the horizon. ``cover`` selects one of several materials per triangle.
-    The first len(RINGS) x n vertices are the inner rings, from the edge outwards, for n edge nodes of the terrain; the
-    outer rings and copies of vertices for further materials follow.
+    The first vertices are the terrain's edge nodes, those of the other rings follow from the edge outwards, and then
+    copies of vertices for further materials.
     """
     x0, y0, h0 = _edge(field)
     land = land if land is not None else rolling_hills(size, rng)
     far = np.hypot(x0, y0)
     height, slope = h0 - land(x0, y0), _slope_outwards(field, land, x0, y0, far)
     broad = gaussian_filter1d(height, SMOOTHING / field.spacing, mode="wrap")
-    parts = []
-    for rings, rows in ((RINGS, slice(None)), (FAR_RINGS, slice(None, None, COARSER))):
-        distance = np.array(rings)[:, None]
+    parts, counts = [], []
+    for rings, step in _levels(field):
+        distance, rows = np.array(rings)[:, None], slice(None, None, step)
         x, y = x0[rows] * (1 + distance / far[rows]), y0[rows] * (1 + distance / far[rows])
         join = broad[rows] * np.exp(-((distance / HEIGHT_FADES) ** 2))
         join = join + (height - broad)[rows] * np.exp(-((distance / DETAIL_FADES) ** 2))
         join = join + slope[rows] * distance * np.exp(-((distance / SLOPE_FADES) ** 2))
         parts.append(np.stack([x, y, land(x, y) + join], axis=-1).reshape(-1, 3))
-    vertices, faces = np.concatenate(parts), _net(len(x0))
+        counts.append(x.shape)
+    vertices, faces = np.concatenate(parts), _net(counts)
     normals = _vertex_normals(vertices, faces)
     names = (material,) if isinstance(material, str) else tuple(material)
     choice = np.zeros(len(faces), np.intp)
@@ -103,7 +107,12 @@ def height_beyond(field: Heightfield, size: tuple[float, float], backdrop: Mesh)
     """Height [m] of a backdrop's ground as a function of x, y up to 100 m outside the world's edge."""
     count = len(_edge(field)[0])
     distance = np.array(RINGS)
-    heights = backdrop.vertices[: len(RINGS) * count, 2].reshape(len(RINGS), count).astype(np.float64)
+    step = _levels(field)[1][1]
+    rows = np.arange(0, count, step)
+    z = backdrop.vertices[: count + (len(RINGS) - 1) * len(rows), 2].astype(np.float64)
+    rings = z[count:].reshape(len(RINGS) - 1, len(rows))
+    along = np.arange(count)
+    heights = np.stack([z[:count], *(np.interp(along, rows, ring, period=count) for ring in rings)])
     nx, ny = field.heights.shape
     half = np.array(size) / 2
 
@@ -174,34 +183,47 @@ def _edge(field: Heightfield) -> tuple[Array, Array, Array]:
     return field.x0 + field.spacing * edge[:, 0], field.y0 + field.spacing * edge[:, 1], heights
 
 
+def _levels(field: Heightfield) -> list[tuple[tuple[float, ...], int]]:
+    """Distances [m] of the rings, and of how many of the edge's nodes they continue one."""
+    near = max(1, round(NEAR_STEP / field.spacing))
+    return [(RINGS[:1], 1), (RINGS[1:], near), (FAR_RINGS, near * COARSER)]
+
+
 def _slope_outwards(field: Heightfield, land: Land, x: Array, y: Array, far: Array) -> Array:
-    """Outward slope of the terrain minus that of the land at the edge nodes, smoothed along the edge."""
+    """Outward slope of the terrain minus that of the land at the edge nodes, smoothed over 2 m along the edge."""
     step = 0.6
     ux, uy = x / far, y / far
     own = (field.height_at(x, y) - field.height_at(x - step * ux, y - step * uy)) / step
     theirs = (land(x + step * ux, y + step * uy) - land(x, y)) / step
-    window = np.hanning(11)[1:-1] / np.hanning(11).sum()
-    around = np.concatenate([(own - theirs)[-4:], own - theirs, (own - theirs)[:4]])
-    return np.convolve(around, window, mode="valid").clip(-1.0, 1.0)
+    reach = max(1, round(1.0 / field.spacing))
+    window = np.hanning(2 * reach + 1)[1:-1] / np.hanning(2 * reach + 1).sum()
+    return np.convolve(np.pad(own - theirs, reach - 1, mode="wrap"), window, mode="valid").clip(-1.0, 1.0)
 
 
-def _net(count: int) -> Index:
-    """Triangles (f, 3) of the rings, whose vertices are numbered ring by ring; fans join inner and outer rings."""
-    few = -(-count // COARSER)
-    starts = np.concatenate([count * np.arange(len(RINGS)), count * len(RINGS) + few * np.arange(len(FAR_RINGS))])
-    faces = []
-    for rings, n in ((starts[: len(RINGS)], count), (starts[len(RINGS) :], few)):
-        k = np.arange(n)
-        a, b = ((rings[:-1, None] + m).ravel() for m in (k, (k + 1) % n))
+def _net(levels: Sequence[tuple[int, ...]]) -> Index:
+    """Triangles (f, 3) of rings whose vertices are numbered ring by ring, given (rings, vertices of each) by level.
+
+    Fans join the last ring of a level with the first one of the next, which has fewer vertices.
+    """
+    faces, start = [], 0
+    for k, (rings, n) in enumerate(levels):
+        first = start + n * np.arange(rings)
+        a, b = ((first[:-1, None] + m).ravel() for m in (np.arange(n), np.roll(np.arange(n), -1)))
         faces += [np.stack([a, a + n, b + n], axis=-1), np.stack([a, b + n, b], axis=-1)]
-    inner, outer = starts[len(RINGS) - 1], starts[len(RINGS)]
-    k = np.arange(count)
-    near = np.minimum((k + COARSER // 2) // COARSER, few) % few
-    faces.append(np.stack([inner + k, outer + near, inner + (k + 1) % count], axis=-1))
+        start += rings * n
+        if k + 1 < len(levels):
+            faces += _fans(int(first[-1]), n, start, levels[k + 1][1])
+    return np.concatenate(faces)
+
+
+def _fans(inner: int, count: int, outer: int, few: int) -> list[Index]:
+    """Triangles between a ring of ``count`` vertices and one of ``few``, given the number of the first of each."""
+    k, step = np.arange(count), -(-count // few)
+    near = np.minimum((k + step // 2) // step, few) % few
+    fans = np.stack([inner + k, outer + near, inner + (k + 1) % count], axis=-1)
     turn = np.flatnonzero(near != np.roll(near, -1))  # the next node has the next outer vertex
     following = (turn + 1) % count
-    faces.append(np.stack([inner + following, outer + near[turn], outer + near[following]], axis=-1))
-    return np.concatenate(faces)
+    return [fans, np.stack([inner + following, outer + near[turn], outer + near[following]], axis=-1)]
 
 
 def _with_materials(vertices: Array, normals: Array, faces: Index, rows: Index, names: tuple[str, ...]) -> Mesh:

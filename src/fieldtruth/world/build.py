@@ -2,44 +2,59 @@
 # SPDX-License-Identifier: Apache-2.0
 """Worlds by name and seed, built by rules or read from the cache."""
 
-import contextlib
 from collections.abc import Mapping
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
 from pydantic import ValidationError
 
-from fieldtruth.core.cache import cache_folder as default_cache_folder
-from fieldtruth.core.cache import cache_key, load_or_make
+from fieldtruth.core.cache import cache_key
+from fieldtruth.core.cache_folder import cache_folder as default_cache_folder
+from fieldtruth.core.cache_folder import load_or_make
 from fieldtruth.core.errors import UnknownNameError
+from fieldtruth.core.memory import check_memory
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.problems import configuration_error
 from fieldtruth.experiment.rig import Frozen
+from fieldtruth.world.edge import cut_at_edge
 from fieldtruth.world.environments import ENVIRONMENTS
+from fieldtruth.world.environments.layout import GroundConfig
 from fieldtruth.world.library import data_files
 from fieldtruth.world.model import World
-from fieldtruth.world.store import DamagedWorldError, read_world, save_world
+from fieldtruth.world.store import read_world, save_world
 from fieldtruth.world.trails import Line
 
 _LIBRARIES: Final = ("numpy", "scipy", "numba")
+_BASE: Final = 4e8
+"""Memory [byte] for building a world, besides its terrain's nodes."""
+_PER_NODE: Final = 60
+"""Memory [byte] per node of the terrain while it is built."""
 
 
 def build_world(environment: str, seed: int = 0, layout: Mapping[str, Any] | None = None) -> World:
     """Build an environment. The same name, seed and layout give the same world.
 
     ``layout`` changes its configuration, for example ``{"old_trees": 60}``; docs/environments.md lists the keys. The
-    corridors of the environment stay free of obstacles in every layout.
+    corridors of the environment stay free of obstacles in every layout. ``{"beyond": False}`` ends the world at its
+    edge; what is inside stays the same.
 
     Raises:
         UnknownNameError: unknown environment.
         ConfigurationError: a key or value that the layout does not allow.
         CrowdedWorldError: the layout has more objects than fit into the world.
+        OutputError: its terrain needs more memory than there is.
     """
     check_layout(environment, layout)
-    config = layout_model(environment).model_validate(dict(layout or {}))
+    config: Any = layout_model(environment).model_validate(dict(layout or {}))
+    if isinstance(config, GroundConfig):  # environments of other packages may have another layout
+        nodes = config.size[0] * config.size[1] / config.grid**2
+        task = f"a terrain of {config.size[0]:g} m x {config.size[1]:g} m with nodes every {config.grid:g} m"
+        check_memory(int(_BASE + _PER_NODE * nodes), task, "make layout.grid larger, or layout.size smaller")
     world: World = _module(environment, "build").build(seed, reserved_corridors(environment), config)
-    return world
+    world = replace(world, layout=dict(layout or {}))
+    return cut_at_edge(world) if getattr(config, "beyond", True) is False else world
 
 
 def check_experiment(experiment: Experiment, source: str = "") -> None:
@@ -84,7 +99,7 @@ def load_world(
         environment: a name from ``list_environments``.
         seed: of everything random.
         layout: changes to the environment's configuration.
-        cache_folder: by default ``fieldtruth.core.cache.cache_folder()``. File names contain a digest of the code, the
+        cache_folder: by default ``core.cache_folder.cache_folder()``. File names contain a digest of the code, the
             libraries' versions and the layout. A folder that cannot be written is ignored.
     """
     check_layout(environment, layout)
@@ -92,17 +107,13 @@ def load_world(
     stem = f"{environment}-{seed}" + (f"_{cache_key((), dict(sorted(layout.items())))[:12]}" if layout else "")
     path = folder / f"{stem}-{world_key(environment)}.npz"
 
-    def load(path: Path) -> World | None:
-        with contextlib.suppress(OSError, DamagedWorldError):
-            return read_world(path)
-        return None
+    def make() -> World:
+        world = build_world(environment, seed, layout)
+        for stale in folder.glob(f"{stem}-*.npz"):
+            stale.unlink(missing_ok=True)
+        return world
 
-    def save(path: Path, world: World) -> None:
-        save_world(path, world)
-        for stale in set(folder.glob(f"{stem}-*.npz")) - {path}:
-            stale.unlink()
-
-    return load_or_make(path, load, lambda: build_world(environment, seed, layout), save)
+    return load_or_make(path, read_world, make, save_world)
 
 
 def world_key(environment: str) -> str:

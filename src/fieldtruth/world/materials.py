@@ -10,13 +10,14 @@ from typing import Final
 
 from fieldtruth.core.classes import Label
 from fieldtruth.core.errors import ConfigurationError, suggestion
+from fieldtruth.world.ground_types import GROUND_TYPES
 from fieldtruth.world.library import Entry, Section, validated
 from fieldtruth.world.model import Material
 from fieldtruth.world.textures import TEXTURES
 
 _FIRST: Final = """
     lawn lawn_dry soil mulch bed_edge litter meadow rough_grass mud pebbles water turf_dry soil_stony scree rock_face
-    hillslope garrigue crags gravel setts needles moss path path_edge canopy
+    hillslope heath crags gravel setts needles moss path path_edge canopy
     bark_lime bark_birch bark_oak bark_beech bark_alder bark_willow bark_spruce bark_pine bark_pine_upper bark_dead
     bark_moss bark_soil bark_torn
     leaf_lime leaf_birch leaf_oak leaf_beech leaf_alder leaf_willow leaf_spruce leaf_pine
@@ -37,6 +38,9 @@ def _material(name: str, entry: Entry, source: str) -> Material:
     material = validated(Material, {"texture": name, **entry, "name": name, "label": Label[label]}, source)
     if material.texture not in TEXTURES:
         raise ConfigurationError(f"{source}: unknown texture {material.texture!r}; {suggestion(name, TEXTURES)}")
+    if material.ground_type not in ("", *GROUND_TYPES):
+        hint = suggestion(material.ground_type, GROUND_TYPES)
+        raise ConfigurationError(f"{source}: unknown ground type {material.ground_type!r}; {hint}")
     return material
 
 

@@ -6,8 +6,9 @@ A triangle's class is its material's; the terrain's class follows from the signe
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Final, Literal
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,6 +39,8 @@ class Material:
     """Reflectance of a slightly rippled surface at normal incidence (water: 0.02); 0 turns reflections off."""
     repeat: float = 1.0
     """Length [m] of the ground that one repeat of the texture covers; meshes have uv coordinates instead."""
+    ground_type: str = ""
+    """What kind of ground it is, a name in ``world.ground_types``; empty for anything else."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,9 +142,9 @@ class Heightfield:
         v = np.clip((np.asarray(y, np.float64) - self.y0) / self.spacing, 0, ny - 1)
         i, j = np.minimum(u.astype(int), nx - 2), np.minimum(v.astype(int), ny - 2)
         fu, fv = u - i, v - j
-        h = self.heights.astype(np.float64)
-        h00, h11 = h[i, j], h[i + 1, j + 1]
-        corner = np.where(fu >= fv, h[i + 1, j], h[i, j + 1])
+        h = self.heights  # picked before it is widened: a copy of two million nodes costs more than the lookup
+        h00, h11 = h[i, j].astype(np.float64), h[i + 1, j + 1].astype(np.float64)
+        corner = np.where(fu >= fv, h[i + 1, j], h[i, j + 1]).astype(np.float64)
         first, second = np.where(fu >= fv, fu, fv), np.where(fu >= fv, fv, fu)
         return np.asarray(h00 + first * (corner - h00) + second * (h11 - corner))
 
@@ -171,7 +174,7 @@ class Raster:
         fu, fv = u - i, v - j
         if self.values.ndim == 3:
             fu, fv = fu[..., None], fv[..., None]
-        g = self.values.astype(np.float64)
+        g = self.values  # weights are float64, so is the sum
         low = g[i, j] * (1 - fv) + g[i, j + 1] * fv
         high = g[i + 1, j] * (1 - fv) + g[i + 1, j + 1] * fv
         return np.asarray(low * (1 - fu) + high * fu)
@@ -180,6 +183,9 @@ class Raster:
 @dataclass(frozen=True, kw_only=True)
 class Terrain:
     """The ground. ``trail_distance`` [m] is signed: below 0 inside a trail. The class is trail there, ground elsewhere.
+
+    ``field`` is soil, paving and rock: what bears wheels and objects. ``layer`` (nx, ny) [m] is the height of short
+    grass and litter above it at the field's nodes, at least 0; it bends under a wheel; None without one.
 
     ``cover`` has one channel per name in ``ground_materials``: the weights with which they are mixed outside trails.
     """
@@ -191,6 +197,12 @@ class Terrain:
     trail_material: str
     border_material: str
     border_width: float = 0.0  # [m], measured inwards from the trail's edge
+    layer: NDArray[np.float32] | None = None
+
+    @cached_property
+    def surface(self) -> Heightfield:
+        """What rays meet, cameras show and exports contain: the field with its layer."""
+        return self.field if self.layer is None else replace(self.field, heights=self.field.heights + self.layer)
 
     def label_at(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.uint8]:
         """Class id of the ground at world x, y [m]."""
@@ -214,5 +226,7 @@ class World:
     """Height [m] of the water's surface, which is an instance of kind "water"; lower ground is under water."""
     backdrop: Mesh | None = None
     """Land outside the world's edge down to the horizon, class ground, visible to cameras and LiDAR."""
+    layout: Mapping[str, Any] = field(default_factory=dict)
+    """Changes to the environment's layout with which it was built."""
     object_names: tuple[str, ...] = field(default=())
     """Name of each instance id; 0 is the robot, 1 the ground."""

@@ -188,13 +188,10 @@ class WorldBuilder:
         allowed: Callable[[Array], Mask],
         *,
         tries: int = 4000,
-        quarter_turns: bool = False,
     ) -> list[Instance]:
         """Scatter upright objects where ``allowed`` is true for positions (n, 2).
 
         Draws ``tries`` positions at first; then for each candidate a scale, and for a placed object yaw and tint.
-        ``quarter_turns`` keeps the bounding box of a tall tree, which each passing ray enters, as narrow as the tree
-        (7 to 11 % of the time for an image of a dense forest).
 
         Raises:
             CrowdedWorldError: too few candidates are free even at half the spacing.
@@ -205,7 +202,7 @@ class WorldBuilder:
             mesh, scale = group.mesh(number), float(rng.uniform(*group.scales))
             if not apart or not self.is_free(xy, mesh.footprint * scale):
                 return None
-            yaw = float(rng.integers(4)) * np.pi / 2 if quarter_turns else float(rng.uniform(0.0, 2.0 * np.pi))
+            yaw = float(rng.uniform(0.0, 2.0 * np.pi))
             return self.add_upright(group.kind, mesh, xy, yaw=yaw, scale=scale, tint=random_tint(rng, group.tint))
 
         hits = darts[allowed(darts)]
@@ -259,8 +256,9 @@ class WorldBuilder:
         """
         xy = jittered_grid(np.array(self.size), spec.per_m2, rng, density)
         xy = xy[self._off_solids(xy, spec.clear)]
-        for line in self.corridors if spec.clear > 0 else ():
-            xy = xy[line.distance(xy) > spec.clear]
+        beside = max(spec.clear, spec.aside)
+        for line in self.corridors if beside > 0 else ():
+            xy = xy[line.distance(xy) > beside]
         n = len(xy)
         if n == 0:
             return

@@ -1,13 +1,14 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Worlds on disk: one uncompressed ``.npz`` of plain arrays and a JSON text, which loads in a second."""
+"""Worlds on disk: one uncompressed ``.npz`` of plain arrays and a JSON text, which loads in a second.
+
+The layer of grass and litter is kept in half precision (15 um at 3 cm).
+"""
 
 import json
-import zlib
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +22,6 @@ _SWARM_ARRAYS = ("mesh", "world_from_object", "tint")
 Arrays = dict[str, NDArray[Any]]
 
 
-class DamagedWorldError(Exception):
-    """A stored world that is cut short, altered, or another file."""
-
-
 def save_world(path: Path, world: World) -> None:
     """Write a world atomically; missing folders are created."""
     arrays: Arrays = {}
@@ -33,6 +30,7 @@ def save_world(path: Path, world: World) -> None:
         "name": world.name,
         "seed": world.seed,
         "size": world.size,
+        "layout": dict(world.layout),
         "backdrop": world.backdrop.name if world.backdrop is not None else None,
         "object_names": world.object_names,
         "materials": [asdict(m) for m in world.materials.values()],
@@ -57,6 +55,8 @@ def save_world(path: Path, world: World) -> None:
         arrays |= {f"swarm_{k}_{name}": getattr(swarm, name) for name in _SWARM_ARRAYS}
     terrain = world.terrain
     arrays |= {"heights": terrain.field.heights, "trail": terrain.trail_distance.values, "cover": terrain.cover.values}
+    if terrain.layer is not None:
+        arrays["layer"] = terrain.layer.astype(np.float16)
     arrays["text"] = np.frombuffer(json.dumps(text).encode(), np.uint8)
     path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_output(path) as part, part.open("wb") as stream:
@@ -64,19 +64,7 @@ def save_world(path: Path, world: World) -> None:
 
 
 def read_world(path: Path) -> World:
-    """Read a file that ``save_world`` wrote.
-
-    Raises:
-        OSError: the file cannot be opened.
-        DamagedWorldError: it is cut short, altered, or not a world.
-    """
-    try:
-        return _read(path)
-    except (ValueError, KeyError, EOFError, TypeError, NotImplementedError, BadZipFile, zlib.error) as error:
-        raise DamagedWorldError(f"{path} is not a stored world: {error}") from error
-
-
-def _read(path: Path) -> World:
+    """Read a file that ``save_world`` wrote; what damage raises is not defined."""
     with np.load(path, allow_pickle=False) as arrays:
         text = json.loads(arrays["text"].tobytes())
         meshes = {m["name"]: _mesh(m, k, arrays) for k, m in enumerate(text["meshes"])}
@@ -86,6 +74,7 @@ def _read(path: Path) -> World:
             name=text["name"],
             seed=text["seed"],
             size=tuple(text["size"]),
+            layout=text["layout"],
             terrain=_terrain(text["terrain"], arrays),
             meshes=meshes,
             instances=tuple(
@@ -159,4 +148,5 @@ def _terrain(text: dict[str, Any], arrays: Any) -> Terrain:
         trail_material=text["trail_material"],
         border_material=text["border_material"],
         border_width=text["border_width"],
+        layer=arrays["layer"].astype(np.float32) if "layer" in arrays else None,
     )

@@ -38,6 +38,8 @@ class SwarmSpec:
     """Depth [m] below the ground, times the scale."""
     clear: float = 0.0
     """Distance [m] kept from obstacles and from the corridors' centre lines, inside the world only."""
+    aside: float = 0.0
+    """Distance [m] kept from the corridors' centre lines by stones that a robot cannot drive over."""
 
 
 def jittered_grid(

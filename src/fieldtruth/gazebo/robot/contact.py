@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Contact of a tyre in Gazebo's ODE."""
+"""Contact of a tyre in Gazebo's ODE: rigid, because a soft one sways on a cylinder's changing contact points.
+
+Our own physics has elastic tyres that envelop the ground (``drive.tyre``); only the friction is the same in both.
+"""
 
 from typing import Final
 

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A package of ROS around a world and the robot: launch files, waypoints, the nodes that drive and record, RViz."""
 
+import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
@@ -93,22 +94,8 @@ def write_ros_package(
         return
     configs = {experiment.name: _config(experiment, world, rig) for experiment in chosen}
     ros = 1 if flavour == "classic" else 2
-    values = {
-        "environment": world.name,
-        "version": fieldtruth.__version__,
-        "dependencies": _DEPENDENCIES[ros],
-        "experiments": list(configs),
-        "start": next(iter(configs.values()))["start"],
-        "world": world.name,
-        "seed": world.seed,
-        "plain_world": f"{world.name}_plain",
-        "rig": rig,
-        "ros": ros,
-        "topics": topics,
-        "names": [topic.name for topic in topics.topics_of(rig)],
-        "wheels": dict(zip(WHEELS, topics.WHEEL_SPEEDS, strict=True)) if rig.tachometers.enabled else {},
-        "images": image_topics(rig),
-    }
+    values = _values(world, rig, ros, configs)
+    launch = "world.launch" if ros == 1 else "world.launch.py"
     for path, template in {
         "package.xml": f"package_ros{ros}.xml.jinja",
         "CMakeLists.txt": f"CMakeLists_ros{ros}.txt.jinja",
@@ -116,9 +103,7 @@ def write_ros_package(
         "scripts/waypoints.py": f"waypoints_ros{ros}.py.jinja",
         "scripts/relay.py": f"relay_ros{ros}.py.jinja",
         "scripts/record.sh": "record.sh.jinja",
-        "launch/world.launch" if ros == 1 else "launch/world.launch.py": (
-            "world.launch.jinja" if ros == 1 else "world.launch.py.jinja"
-        ),
+        f"launch/{launch}": f"{launch}.jinja",
     }.items():
         write(folder / path, render("ros", template, **values))
     for script in ("waypoints.py", "relay.py", "record.sh"):
@@ -128,11 +113,35 @@ def write_ros_package(
         if ros == 1:
             text = render("ros", "experiment.launch.jinja", name=name, arguments=_DEFAULTS, **values | config)
             write(folder / "launch" / f"{name}.launch", text)
+    if world.layout:
+        layout = json.loads(json.dumps(dict(world.layout)))  # lists instead of tuples
+        write(folder / "config" / "layout.yaml", _yaml(layout, f"Changes to the layout of {world.name}."))
     write(folder / "config" / "cameras.yaml", _yaml(_cameras(rig), "Calibration of the cameras, as in CameraInfo."))
     if ros == 2:
         text = yaml.safe_dump(bridge_table(rig), sort_keys=False)
         write(folder / "config" / "bridge.yaml", "# Table of ros_gz_bridge.\n" + text)
     write(folder / "rviz" / "fieldtruth.rviz", _rviz(ros))
+
+
+def _values(world: World, rig: Rig, ros: int, configs: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what the templates of a package ask for; ``configs`` are those of its experiments by name."""
+    return {
+        "environment": world.name,
+        "version": fieldtruth.__version__,
+        "dependencies": _DEPENDENCIES[ros],
+        "experiments": list(configs),
+        "start": next(iter(configs.values()))["start"],
+        "world": world.name,
+        "seed": world.seed,
+        "layout": world.layout,
+        "plain_world": f"{world.name}_plain",
+        "rig": rig,
+        "ros": ros,
+        "topics": topics,
+        "names": [topic.name for topic in topics.topics_of(rig)],
+        "wheels": dict(zip(WHEELS, topics.WHEEL_SPEEDS, strict=True)) if rig.tachometers.enabled else {},
+        "images": image_topics(rig),
+    }
 
 
 def _config(experiment: Experiment, world: World, rig: Rig) -> dict[str, Any]:

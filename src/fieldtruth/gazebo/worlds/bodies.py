@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
+from fieldtruth.drive.bearing import HARD
 from fieldtruth.interchange.ground import ground_tiles
 from fieldtruth.interchange.surfaces import Surface, mesh_surfaces
 from fieldtruth.interchange.swarms import beyond_edge, merged_swarms
@@ -20,11 +21,12 @@ SOFT: Final = frozenset({Label.TREETOP, Label.BUSH, Label.HIGH_GRASS, Label.CABL
 """Classes that a robot passes through. LiDAR rays hit them: water hides the ground below, and its class marks such a
 point as none, because Gazebo knows no surface that swallows a ray.
 """
+UP: Final = np.array([0, 0, 1], np.float32)
 LIDAR_RANGE: Final = 120.0
 """Distance [m] from the world's edge beyond which nothing returns a ray."""
-SMALL: Final = 500
-"""Triangles of a member, on average, below which members beyond the edge are merged: thousands of small meshes take
-Gazebo minutes to load, and sharing their files saves little."""
+SMALL: Final = {"inside": 1000, "beyond": 500}
+"""Triangles of a member, on average, below which members of a swarm are merged: thousands of small meshes take Gazebo
+minutes to load, and sharing their files saves little."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +47,8 @@ class Part:
     """Whether wheels and chassis touch it."""
     returns: bool = True
     """Whether rays of a LiDAR hit it."""
+    visible: bool = True
+    """Whether cameras see it."""
 
 
 AddMesh = Callable[[Part, Surface], None]
@@ -80,16 +84,17 @@ def world_bodies(world: World, add: AddMesh, *, beyond: bool) -> Iterator[Body]:
         mesh, (pose, scale) = world.meshes[instance.mesh], pose_and_scale(instance.world_from_object)
         parts = tuple(replace(part, scale=scale) for part in parts_of(mesh))
         yield Body(name=instance.name, parts=parts, pose=pose, colliders=mesh.colliders, scale=scale)
-    yield from _merged(world, add, beyond=False)
-    if beyond:
-        if world.backdrop is not None:
-            yield Body(name=f"{world.name}_backdrop", parts=parts_of(world.backdrop))
-        small = tuple(swarm for swarm in world.swarms if _mean_faces(world, swarm) < SMALL)
-        yield from _merged(replace(world, swarms=small), add, beyond=True)
+    if beyond and world.backdrop is not None:
+        yield Body(name=f"{world.name}_backdrop", parts=parts_of(world.backdrop))
+    for outside in (False, True) if beyond else (False,):
+        least = SMALL["beyond" if outside else "inside"]
+        small = tuple(swarm for swarm in world.swarms if _mean_faces(world, swarm) < least)
+        yield from _merged(replace(world, swarms=small), add, beyond=outside)
         for swarm in world.swarms:
-            if _mean_faces(world, swarm) >= SMALL and (members := np.flatnonzero(beyond_edge(world, swarm))).size:
+            members = np.flatnonzero(beyond_edge(world, swarm) == outside)
+            if _mean_faces(world, swarm) >= least and len(members):
                 meshes = {row: parts_of(world.meshes[swarm.meshes[row]]) for row in set(swarm.mesh[members].tolist())}
-                yield _members(world, swarm, members.tolist(), meshes)
+                yield _members(world, swarm, members.tolist(), meshes, beyond=outside)
 
 
 def pose_and_scale(matrix: Array) -> tuple[tuple[float, ...], float]:
@@ -117,12 +122,23 @@ def _part(
 
 
 def _ground(world: World, add: AddMesh) -> Body:
-    """The terrain. The material of a tile's surfaces has the name of the tile: they share an image."""
-    name = world.object_names[GROUND_ID]
+    """The terrain. The material of a tile's surfaces has the name of the tile: they share an image.
+
+    Rays and cameras meet grass and litter, which are not solid, and wheels the soil below.
+    """
+    name, layer = world.object_names[GROUND_ID], world.terrain.layer
     parts = []
     for tile in ground_tiles(world):
         for surface in tile.surfaces:
-            parts.append(_part(add, name, surface, mesh=surface.material, material=tile.name))
+            part = _part(add, name, surface, mesh=surface.material, material=tile.name, solid=layer is None)
+            parts.append(part)
+    if layer is not None:
+        soil = replace(world, terrain=replace(world.terrain, layer=None))
+        for tile in ground_tiles(soil):
+            for surface in tile.surfaces:
+                bare = replace(surface, uv=np.zeros_like(surface.uv), normals=surface.normals * 0 + UP)
+                part = _part(add, name, bare, mesh=f"{surface.material}_soil", material=tile.name)
+                parts.append(replace(part, visible=False))
     return Body(name=name, parts=tuple(parts))
 
 
@@ -132,7 +148,8 @@ def _merged(world: World, add: AddMesh, *, beyond: bool) -> Iterator[Body]:
     for tile in merged_swarms(world, beyond=beyond):
         if tile.beyond == beyond:
             for surface in tile.surfaces:
-                part = _part(add, tile.swarm.name, surface, mesh=f"{tile.name}_{surface.material}", solid=False)
+                solid = surface.label in HARD and not beyond
+                part = _part(add, tile.swarm.name, surface, mesh=f"{tile.name}_{surface.material}", solid=solid)
                 parts.setdefault(_body_name(world, tile.swarm, beyond=beyond), []).append(part)
     for name, found in parts.items():
         yield Body(name=name, parts=tuple(found))
@@ -148,8 +165,10 @@ def _mean_faces(world: World, swarm: Swarm) -> float:
     return float(faces[swarm.mesh].mean())
 
 
-def _members(world: World, swarm: Swarm, members: list[int], meshes: dict[int, tuple[Part, ...]]) -> Body:
-    """Body of the members of a swarm beyond the edge, which share mesh files because they are many."""
+def _members(
+    world: World, swarm: Swarm, members: list[int], meshes: dict[int, tuple[Part, ...]], *, beyond: bool
+) -> Body:
+    """Body of the members of a swarm inside the world or beyond its edge, which share mesh files."""
     parts = []
     for member in members:
         pose, scale = pose_and_scale(swarm.world_from_object[member])
@@ -158,5 +177,6 @@ def _members(world: World, swarm: Swarm, members: list[int], meshes: dict[int, t
         for part in meshes[int(swarm.mesh[member])]:
             returns = part.returns and near
             name = f"{part.name}_{member}"
-            parts.append(replace(part, name=name, pose=pose, scale=scale, solid=False, returns=returns))
-    return Body(name=_body_name(world, swarm, beyond=True), parts=tuple(parts))
+            solid = part.label in HARD and not beyond
+            parts.append(replace(part, name=name, pose=pose, scale=scale, solid=solid, returns=returns))
+    return Body(name=_body_name(world, swarm, beyond=beyond), parts=tuple(parts))

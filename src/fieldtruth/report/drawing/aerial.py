@@ -47,7 +47,7 @@ class Aerial:
 
 def render_aerial(baked: BakedScene, width: int) -> Aerial:
     """Render the whole world from above, ``width`` pixels along x."""
-    field = baked.scene.world.terrain.field
+    field = baked.scene.world.terrain.surface
     length, breadth = (side / 2 + MARGIN for side in baked.scene.world.size)
     wide = 8 * max(1, round(width * _SAMPLES / 8))
     high = 8 * max(1, round(wide * breadth / length / 8))

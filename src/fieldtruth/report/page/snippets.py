@@ -18,6 +18,9 @@ FORMATS: Final = {
     "mcap": "ROS 2 messages (CDR), for ROS 2 and Foxglove",
     "coco": "COCO panoptic and detection JSON with images",
     "pcd": "a PCD file per cloud with labels and colours",
+    "webdataset": "tar files of frames, for training from a stream",
+    "huggingface": "Parquet tables with a card and Croissant metadata",
+    "mmseg": "images and train ids in MMSegmentation's layout",
 }
 """Export formats and their content. Exporters are a higher layer; a test compares the names."""
 

@@ -102,7 +102,9 @@ def about(run: Run, summary: BagSummary) -> dict[str, str]:
             "Made by": f"fieldtruth {shortened(str(_version(run)))}",
             "Sun": f"azimuth {light.sun_azimuth_deg:g}°, elevation {light.sun_elevation_deg:g}°",
         }
-        if experiment.drive is None:
+        if experiment.frames is not None:
+            found["Motion"] = f"none: {experiment.frames.count} separate frames"
+        elif experiment.drive is None:
             found["Commanded speed"] = f"{experiment.control.speed:g} m/s"
         else:
             found["Motion"] = f"along the poses of a track file, {TRACK}"

@@ -9,7 +9,7 @@ import numpy as np
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.decode import matrix
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.bag.robot_messages import rig_transforms
+from fieldtruth.bag.robot_messages import fixed_transforms
 from fieldtruth.bag.sensor_messages import camera_matrix, optical_frame, projection_matrix
 from fieldtruth.core import frames
 from fieldtruth.core.errors import FieldtruthError
@@ -61,7 +61,7 @@ class Calibration(Checker):
         if self._context.experiment is not None and table.TF_STATIC in self.topics:
             self._tally[ONCE].see(self._published == 1, f"{self._published} messages of {table.TF_STATIC}")
         if parents := self._context.parents:
-            for (parent, child), true in rig_transforms(self._context.rig).items():
+            for (parent, child), true in fixed_transforms(self._context.rig).items():
                 found_parent, found = parents.get(child, ("", true))
                 residual = float(np.abs(found - true).max()) if found_parent == parent else np.nan
                 self._tally[MOUNTS].measure(residual, f"{child!r} in {parent!r}")

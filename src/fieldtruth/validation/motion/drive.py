@@ -12,8 +12,8 @@ from fieldtruth.bag.track_file import read_track_file
 from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.experiment.config import Experiment
+from fieldtruth.core.errors import FieldtruthError, RouteError
+from fieldtruth.experiment.config import FRAME_RATE, Experiment
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import STEP_NS, Checker, Context
@@ -65,9 +65,11 @@ class Drive(Checker):
         if experiment is None or self._first is None:
             return
         try:
+            if experiment.frames is not None:
+                raise RouteError("frames do not begin at the start of a route")
             corners = metres_from_route(experiment.route)
         except FieldtruthError:
-            pass  # a random route has no waypoints before it is planned, a track file has none
+            pass  # a random route has no waypoints before it is planned, a track file and frames have none
         else:
             away, goal = float(np.linalg.norm(self._first[:2] - corners[0])), corners[-1]
             self._tally[START].measure(away, f"the first pose is {away:.2f} m from the start")
@@ -92,10 +94,12 @@ class Drive(Checker):
     def _check_end(self, experiment: Experiment, goal: Any) -> None:
         seconds, asked, end = self._last_ns / 1e9, experiment.seconds, self._tally[END]
         due = None if asked is None else max(1, round(asked * 1e9 / STEP_NS)) * STEP_NS
+        if experiment.frames is not None:
+            due = round(experiment.frames.count * 1e9 / FRAME_RATE)
         if self._given is not None:
             over = int(self._given.stamps_ns[-1]) // STEP_NS * STEP_NS
             due = over if due is None else min(due, over)
-        if due is not None and (self._last_ns >= due or self._given is not None):
+        if due is not None and (self._last_ns >= due or self._given is not None or experiment.frames is not None):
             end.see(self._last_ns == due, f"{seconds:g} s instead of {due / 1e9:g} s")
             self._tally.note = f"{seconds:g} s as in the experiment"
         elif goal is not None:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.base_messages import WHEEL_FRAMES
 from fieldtruth.bag.model_states import ROBOT, ModelStatesReader
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core import frames
@@ -56,6 +57,8 @@ class ModelStates(Checker):
         self._context = context
         self._reader = ModelStatesReader()
         self._static, self._motion = context.tally(STATIC_OBJECTS), context.tally(MOTION)
+        if context.is_frames:
+            self._motion.skipped = "separate frames: the robot does not move from one to the next"
         self.tallies = [self._static, self._motion]
         self._first: tuple[tuple[str, ...], Array] | None = None
         self._stamps: list[int] = []
@@ -145,6 +148,8 @@ class Poses(Checker):
         """Process a message."""
         if raw.topic == table.TF:
             for each in message.transforms:
+                if each.child_frame_id in WHEEL_FRAMES:
+                    continue
                 pose = _row(each.transform.translation, each.transform.rotation)
                 self._motion.when_known(raw.stamp_ns, partial(self._compare, raw, pose, TF_POSE))
             return

@@ -163,11 +163,16 @@ class RetracedClouds(Checker):
     def _submit(self, raw: RawMessage, message: Any) -> None:
         state, base_from_lidar = self._context.motion.state, self._context.rig.lidar.mount.base_from_sensor
         poses = np.stack([state(raw.stamp_ns + t).world_from_base @ base_from_lidar for t in self._times_ns])
+        # The last scan of a spinning LiDAR is completed after the end of the bag, where no pose is known.
+        known = np.searchsorted(
+            np.add(self._times_ns, raw.stamp_ns), self._context.motion.motion.stamps_ns[-1], "right"
+        )
         seed = raw.stamp_ns if self._sampler.takes(raw.stamp_ns) else None
-        self._context.jobs.append(lambda: self._compare(raw, message, poses, seed))
+        columns = known if len(poses) > 1 else self._context.rig.lidar.columns
+        self._context.jobs.append(lambda: self._compare(raw, message, poses, columns, seed))
 
-    def _compare(self, raw: RawMessage, message: Any, poses: Array, seed: int | None) -> list[Tally]:
-        """Scan again from a pose for each column (columns, 4, 4), or from one for all (1, 4, 4)."""
+    def _compare(self, raw: RawMessage, message: Any, poses: Array, columns: int, seed: int | None) -> list[Tally]:
+        """Scan again from a pose for each column (n, 4, 4), or from one for all (1, 4, 4); compare some columns."""
         config = self._context.rig.lidar
         try:
             cloud = read.points(message)
@@ -179,6 +184,7 @@ class RetracedClouds(Checker):
             self._lidars.own = Lidar(config, self._rebuilt.scene)
         scan = self._lidars.own.scan(poses if len(poses) > 1 else poses[0])
         own = _Dense.of(config, scan.column, scan.ring, scan.xyz, scan.label, scan.instance)
+        bag, own = bag.first(columns * config.rings), own.first(columns * config.rings)
         same = (bag.label == own.label) & (bag.instance == own.instance)
         equal = bool(same.all()) and np.array_equal(bag.xyz, own.xyz)
         same &= close(bag.xyz, own.xyz).all(axis=1)
@@ -217,3 +223,7 @@ class _Dense(NamedTuple):
         for part, value in zip(parts, values, strict=True):
             part[number[inside]] = value[inside]
         return cls(*parts)
+
+    def first(self, count: int) -> "_Dense":
+        """The values of the first ``count`` rays."""
+        return _Dense(self.xyz[:count], self.label[:count], self.instance[:count])

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
 from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.sensor_messages import photograph_jpeg
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.core.errors import FieldtruthError
@@ -242,7 +243,7 @@ def _same(bag: _Pixels, own: LabelImages) -> tuple[Mask, bool]:
 
 def _difference(bag: NDArray[np.uint8], own: NDArray[np.uint8], quality: int) -> float:
     """Largest mean difference of a block of two photographs (h, w, 3), the second one compressed as the first was."""
-    packed = simplejpeg.encode_jpeg(np.ascontiguousarray(own), quality, "RGB", "420")
+    packed = photograph_jpeg(own, quality)
     difference = np.abs(bag.astype(np.int16) - simplejpeg.decode_jpeg(packed, "RGB")).mean(axis=2)
     rows, columns = (length // _BLOCK for length in difference.shape)
     blocks = difference[: rows * _BLOCK, : columns * _BLOCK].reshape(rows, _BLOCK, columns, _BLOCK)

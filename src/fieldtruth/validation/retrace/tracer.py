@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A second ray tracer: double precision, NumPy, no Embree and no tree. It serves a few thousand rays, not images.
 
-Bounding boxes of objects, then of groups of triangles, then the triangles themselves are tested by brute force. Every
-triangle that a ray hits, or misses by less than single precision resolves, is returned.
+Bounding boxes of objects, then of groups of triangles, then the triangles themselves are tested by brute force (those
+of the ground in ``ground``). Every triangle that a ray hits, or misses by less than single precision resolves, is
+returned.
 """
 
 from typing import Final, NamedTuple
@@ -11,15 +12,14 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array, Index, Mask
-from fieldtruth.world.model import GROUND_ID, Heightfield, Mesh, World
+from fieldtruth.core.arrays import Array, Index
+from fieldtruth.validation.retrace.ground import SKIN, Ground, blocks, meets
+from fieldtruth.world.model import GROUND_ID, Mesh, World
 
 TERRAIN: Final = 0
 """Label of triangles of the terrain, whose class depends on where they are hit."""
 _GROUP: Final = 32  # triangles per box
 _RAYS: Final = 32  # at once against all objects
-_PAIRS: Final = 200_000  # of rays and triangles at once
-_SKIN: Final = 0.001  # [m] by which boxes are larger
 _PARALLEL: Final = 2e-5
 """Cosine between ray and normal below which a triangle is seen edge-on and skipped."""
 
@@ -61,8 +61,9 @@ class ReferenceTracer:
     def __init__(self, world: World) -> None:
         self.world = world
         labels = {name: int(material.label) for name, material in world.materials.items()}
-        meshes: dict[str, tuple[Array, NDArray[np.uint8]]] = {"terrain": terrain_corners(world.terrain.field)}
-        poses: dict[str, list[tuple[Array, int]]] = {"terrain": [(np.eye(4), GROUND_ID)]}
+        self._ground = Ground(world.terrain.surface)
+        meshes: dict[str, tuple[Array, NDArray[np.uint8]]] = {}
+        poses: dict[str, list[tuple[Array, int]]] = {}
 
         def place(mesh: Mesh, pose: Array, instance: int) -> None:
             name = f"mesh {mesh.name}"
@@ -85,17 +86,21 @@ class ReferenceTracer:
     @property
     def triangles(self) -> int:
         """Number of triangles in the world, those of each object counted."""
-        return sum(len(solid.corners) * len(self._placed[name].instance) for name, solid in self._solids.items())
+        objects = (len(solid.corners) * len(self._placed[name].instance) for name, solid in self._solids.items())
+        return self._ground.triangles + sum(objects)
 
     def hits(self, origins: Array, directions: Array, limit: Array) -> Hits:
         """Trace rays (n, 3), directions of unit length, each up to its limit (n,) [m]."""
         nothing = np.zeros(0)
         found = [Hits(nothing.astype(int), nothing, nothing.astype(np.uint8), nothing.astype(int), nothing, nothing)]
+        for ray, corners in self._ground.near(origins, directions, limit):
+            label, instance = np.full(len(ray), TERRAIN, np.uint8), np.full(len(ray), GROUND_ID)
+            found.append(_hits_on(corners, label, instance, ray, origins[ray], directions[ray], limit[ray]))
         for first in range(0, len(origins), _RAYS):
             rays = np.arange(first, min(first + _RAYS, len(origins)))
             start, ahead, end = origins[rays, None], directions[rays, None], limit[rays, None]
             for name, placed in self._placed.items():
-                ray, row = np.nonzero(_meets(placed.low, placed.high, start, ahead, end))
+                ray, row = np.nonzero(meets(placed.low, placed.high, start, ahead, end))
                 if len(ray):
                     found += self._hits_of(name, rays[ray], row, origins, directions, limit)
         hits = Hits._make(np.concatenate(parts) for parts in zip(*found, strict=True))
@@ -110,23 +115,19 @@ class ReferenceTracer:
         inverse = placed.inverse[row]
         start = np.einsum("nij,nj->ni", inverse[:, :3, :3], origins[ray]) + inverse[:, :3, 3]
         ahead = np.einsum("nij,nj->ni", inverse[:, :3, :3], directions[ray])
-        scale = np.linalg.norm(ahead, axis=1)  # of a metre in the object's frame
-        low, high = solid.low - _SKIN, solid.high + _SKIN
-        for pairs in _blocks(len(ray), len(low)):
-            near = _meets(low, high, start[pairs, None], ahead[pairs, None], limit[ray[pairs], None])
+        low, high = solid.low - SKIN, solid.high + SKIN
+        for pairs in blocks(len(ray), len(low)):
+            near = meets(low, high, start[pairs, None], ahead[pairs, None], limit[ray[pairs], None])
             pair, group = np.nonzero(near)
             pair += pairs.start
-            for part in _blocks(len(pair), _GROUP):
+            for part in blocks(len(pair), _GROUP):
                 face = group[part, None] * _GROUP + np.arange(_GROUP)
                 inside = face < len(solid.corners)
                 face, pair_of = face[inside], np.repeat(pair[part], inside.sum(axis=1))
-                range_m, margin, cosine = _intersect(solid.corners[face], start[pair_of], ahead[pair_of])
-                margin /= scale[pair_of]
-                hit = (range_m > 0) & (range_m <= limit[ray[pair_of]]) & (cosine > _PARALLEL)
-                hit &= margin > -resolution(range_m) / np.maximum(cosine, _PARALLEL)
-                pair_of, face = pair_of[hit], face[hit]
-                instance = placed.instance[row[pair_of]]
-                found.append(Hits(ray[pair_of], range_m[hit], solid.label[face], instance, margin[hit], cosine[hit]))
+                of, label, instance = ray[pair_of], solid.label[face], placed.instance[row[pair_of]]
+                found.append(
+                    _hits_on(solid.corners[face], label, instance, of, start[pair_of], ahead[pair_of], limit[of])
+                )
         return found
 
 
@@ -139,16 +140,15 @@ def resolution(range_m: Array) -> Array:
     return np.asarray(3e-5 + 2.4e-7 * range_m)
 
 
-def terrain_corners(field: Heightfield) -> tuple[Array, NDArray[np.uint8]]:
-    """Triangles (t, 3, 3) of a heightfield as its docstring defines them, cells divided from (i, j) to (i + 1, j + 1).
-
-    It does not use the triangulation of the sensors' scene.
-    """
-    i, j = np.meshgrid(*(np.arange(n) for n in field.heights.shape), indexing="ij")
-    nodes = np.stack([field.x0 + field.spacing * i, field.y0 + field.spacing * j, field.heights], axis=-1)
-    a, b, c, d = nodes[:-1, :-1], nodes[1:, :-1], nodes[1:, 1:], nodes[:-1, 1:]
-    corners = np.stack([np.stack([a, b, c], axis=-2), np.stack([a, c, d], axis=-2)]).reshape(-1, 3, 3)
-    return corners.astype(np.float64), np.full(len(corners), TERRAIN, np.uint8)
+def _hits_on(
+    corners: Array, label: NDArray[np.uint8], instance: Index, ray: Index, start: Array, ahead: Array, limit: Array
+) -> Hits:
+    """Hits of rays on triangles (n, 3, 3), pair by pair; rays are given in the triangles' frame."""
+    range_m, margin, cosine = _intersect(corners, start, ahead)
+    margin /= np.linalg.norm(ahead, axis=1)  # a metre in the frame
+    hit = (range_m > 0) & (range_m <= limit) & (cosine > _PARALLEL)
+    hit &= margin > -resolution(range_m) / np.maximum(cosine, _PARALLEL)
+    return Hits(ray[hit], range_m[hit], label[hit], instance[hit], margin[hit], cosine[hit])
 
 
 def _grouped(corners: Array, label: NDArray[np.uint8]) -> _Solid:
@@ -172,18 +172,7 @@ def _placed(solid: _Solid, poses: list[tuple[Array, int]]) -> _Placed:
     corners = np.array([[bounds[i, 0], bounds[j, 1], bounds[k, 2]] for i, j, k in np.ndindex(2, 2, 2)])
     moved = np.einsum("nij,cj->nci", pose[:, :3, :3], corners) + pose[:, None, :3, 3]
     inverse = np.asarray(np.linalg.inv(pose), np.float64)
-    return _Placed(inverse, instance, moved.min(axis=1) - _SKIN, moved.max(axis=1) + _SKIN)
-
-
-def _meets(low: Array, high: Array, start: Array, ahead: Array, limit: Array) -> Mask:
-    """Whether rays up to their limits meet boxes."""
-    near, far = np.zeros(()), limit
-    for axis in range(3):
-        along = ahead[..., axis]
-        along = np.where(np.abs(along) < 1e-12, 1e-12, along)
-        first, second = (low[..., axis] - start[..., axis]) / along, (high[..., axis] - start[..., axis]) / along
-        near, far = np.maximum(near, np.minimum(first, second)), np.minimum(far, np.maximum(first, second))
-    return np.asarray(near <= far)
+    return _Placed(inverse, instance, moved.min(axis=1) - SKIN, moved.max(axis=1) + SKIN)
 
 
 def _intersect(corners: Array, start: Array, ahead: Array) -> tuple[Array, Array, Array]:
@@ -204,9 +193,3 @@ def _intersect(corners: Array, start: Array, ahead: Array) -> tuple[Array, Array
         inside = np.einsum("nki,nki->nk", inwards, point[:, None] - corners) / np.linalg.norm(inwards, axis=-1)
     flat = ~(area > 0)
     return np.where(flat, -1.0, range_m), np.where(flat, -np.inf, inside.min(axis=1)), np.where(flat, 0.0, cosine)
-
-
-def _blocks(count: int, each: int) -> list[slice]:
-    """Slices of ``count`` items that hold at most ``_PAIRS`` pairs of ``each``."""
-    step = max(1, _PAIRS // max(1, each))
-    return [slice(first, min(first + step, count)) for first in range(0, count, step)]

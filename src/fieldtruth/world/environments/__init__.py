@@ -23,7 +23,7 @@ def _builtin(name: str, description: str) -> tuple[str, Environment]:
 ENVIRONMENTS: Final[dict[str, Environment]] = dict(
     [
         _builtin("forest", "dense forest: 350 trees and more, two trails, fallen trunks, stones, bushes, high grass"),
-        _builtin("hillside", "rugged hillside: a mountain's flank, rocks, dry high grass, bushes, few trees"),
+        _builtin("hillside", "rugged hillside: granite flank with heath, rocks, dry high grass, bushes, few trees"),
         _builtin("lake", "lake's shore: water, beaches and scarps, reeds, high grass, bushes, trees, a power line"),
         _builtin("park", "urban park: lawn, two trails, trees, bushes, lamp posts, benches, tables, trash bins"),
     ]

@@ -9,6 +9,7 @@ from fieldtruth.world.plants.grass_species import GrassSpecies
 from fieldtruth.world.plants.plant import grow_bush, grow_tree
 from fieldtruth.world.plants.species import GrownIn, Species
 from fieldtruth.world.plants.tufts import grow_tuft
+from fieldtruth.world.plants.twigs import grow_twigs
 
 __all__ = [
     "BUSHES",
@@ -25,4 +26,5 @@ __all__ = [
     "grow_stump",
     "grow_tree",
     "grow_tuft",
+    "grow_twigs",
 ]

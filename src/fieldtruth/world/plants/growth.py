@@ -36,6 +36,14 @@ class Stems:
         """Some of the stems."""
         return Stems(**{key: value[rows] for key, value in vars(self).items()})
 
+    def thinned(self, segments: int) -> "Stems":
+        """The stems with at most ``segments`` segments, through the nearest of their nodes."""
+        count = self.axis.shape[1] - 1
+        if segments >= count:
+            return self
+        nodes = np.rint(np.linspace(0, count, segments + 1)).astype(np.intp)
+        return replace(self, axis=self.axis[:, nodes], radius=self.radius[:, nodes])
+
     def at(self, row: Index, fraction: Array) -> tuple[Array, Array, Array]:
         """Position [m], unit tangent and radius [m] of stem ``row`` at a fraction of its length (all of shape (m,))."""
         segments = self.axis.shape[1] - 1
@@ -84,6 +92,7 @@ def grow_trunks(habit: Habit, height: float, rng: np.random.Generator) -> Stems:
         wander=habit.trunk_wander,
         segments=habit.trunk_segments,
         collar=0,
+        taper=habit.trunk_taper,
     )
     axis = extend(foot, direction, length, form, rng)
     if n == 1:
@@ -230,10 +239,10 @@ def extend(base: Array, direction: Array, length: Array, order: Order, rng: np.r
 
 
 def taper(radius: Array, order: Order) -> Array:
-    """Radii (n, k + 1) [m]: a collar at the base, then linear to the tip (Weber and Penn's taper 1)."""
+    """Radii (n, k + 1) [m]: a collar at the base, then as a power of the distance from the tip (``Order.taper``)."""
     s = np.linspace(0, 1, order.segments + 1)
     tip = np.minimum(TIP_RADIUS, 0.9 * radius)[:, None]
-    shape = (1 - s) * (1 + order.collar * np.exp(-10 * s)) / (1 + order.collar)
+    shape = (1 - s) ** order.taper * (1 + order.collar * np.exp(-10 * s)) / (1 + order.collar)
     return np.asarray(tip + (radius[:, None] - tip) * shape)
 
 

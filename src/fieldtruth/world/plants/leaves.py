@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Leaves: single blades on stalks along the twigs, each of two or four triangles, and sprays of needles.
 
-A real tree of ten metres has about 200,000 leaves of 6 cm; here they are fewer and larger, of the same form. A blade
-turns its upper side up and outwards to the light and droops a little. Shading normals are the blade's own, blended with
-the outward normals of the crown and of the limb's leaves, so that a crown looks like lit volumes and not like noise
-(Luft, Balzer and Deussen, "Expressive Illumination of Foliage Based on Implicit Surfaces", Natural Phenomena 2007, with
+At full detail leaves have their real size and number: 60,000 to 100,000 on a large tree. With less detail they are
+fewer and larger, of the same form and total area, each in the middle of those that it stands for. A blade turns its
+upper side up and outwards to the light and droops a little. Shading normals are the blade's own, blended with the
+outward normals of the crown and of the limb's leaves, so that a crown looks like lit volumes and not like noise (Luft,
+Balzer and Deussen, "Expressive Illumination of Foliage Based on Implicit Surfaces", Natural Phenomena 2007, with
 ellipsoids instead of their implicit surfaces).
 """
 
@@ -14,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array, Index, Mask
+from fieldtruth.core.arrays import Array, Index
 from fieldtruth.world.plants.growth import Stems, sideways, spread_along, unit
 from fieldtruth.world.plants.species import Habit, Leaf, Order
 from fieldtruth.world.plants.variation import SIDE_PRONG, outline_corners
@@ -37,26 +38,23 @@ class Leaves:
 def place_leaves(skeleton: tuple[Stems, ...], habit: Habit, height: float, rng: np.random.Generator) -> Leaves:
     """Leaves along the twigs of all orders with foliage, above the clear height."""
     leafy = [(s, o) for s, o in zip(skeleton[1:], habit.orders, strict=True) if o.foliage > 0 and len(s.length)]
+    limbs = int(skeleton[1].limb.max(initial=-1)) + 1
+    live = rng.random(limbs) >= habit.dead_limbs  # first, so that the same limbs are alive at each detail
+    number = habit.leaf.number * height / habit.height
     shares = np.array([o.foliage * (1 - o.leaf_start) * s.length.sum() for s, o in leafy])
     parts = [
         _along(stems, order, habit.leaf, share, rng)
-        for (stems, order), share in zip(leafy, habit.leaf.number * shares / shares.sum(), strict=True)
+        for (stems, order), share in zip(leafy, number * shares / shares.sum(), strict=True)
     ]
     twig, tangent, side = (np.concatenate([part[k] for part in parts]) for k in range(3))
     limb = np.concatenate([part[3] for part in parts])
-    alive = _on_live_limb(limb, habit.dead_limbs, rng)
+    alive = live[limb]
     twig, tangent, side, limb = twig[alive], tangent[alive], side[alive], limb[alive]
-    leaves = _oriented(habit.leaf, np.sqrt(height / habit.height), twig, tangent, side, limb, rng)
+    leaves = _oriented(habit.leaf, twig, tangent, side, limb, rng)
     half = 0.5 * habit.leaf.width * leaves.length
     lowest = np.minimum(leaves.base[:, 2], leaves.base[:, 2] + leaves.midrib[:, 2] * leaves.length) - half
     rows = np.flatnonzero(lowest > habit.clear)
     return Leaves(**{key: value[rows] for key, value in vars(leaves).items()})
-
-
-def _on_live_limb(limb: Index, dead: float, rng: np.random.Generator) -> Mask:
-    """Whether each leaf's limb is alive."""
-    count = int(limb.max()) + 1 if len(limb) else 0
-    return np.asarray((rng.random(count) >= dead)[limb])
 
 
 def _along(
@@ -69,9 +67,7 @@ def _along(
     return position, tangent, sideways(tangent, parent, rank, form.arrangement, 40.0, rng), stems.limb[parent]
 
 
-def _oriented(
-    form: Leaf, scale: float, twig: Array, tangent: Array, side: Array, limb: Index, rng: np.random.Generator
-) -> Leaves:
+def _oriented(form: Leaf, twig: Array, tangent: Array, side: Array, limb: Index, rng: np.random.Generator) -> Leaves:
     """Leaves with their upper sides turned to the light."""
     n = len(twig)
     outward = _outward(twig, limb)
@@ -79,10 +75,10 @@ def _oriented(
     midrib = unit(stalk + 0.35 * outward - [0, 0, form.droop] + rng.normal(0, 0.25, (n, 3)))
     light = form.flatness * np.array([0, 0, 1.0]) + outward + rng.normal(0, 0.45, (n, 3))
     normal = unit(light - (light * midrib).sum(1, keepdims=True) * midrib)
-    length = scale * form.length * np.exp(rng.normal(0, form.size_spread, n).clip(-0.5, 0.4))
-    return Leaves(
-        twig=twig, base=twig + form.stalk * stalk, midrib=midrib, normal=normal, length=length, outward=outward
-    )
+    length = form.length * np.exp(rng.normal(0, form.size_spread, n).clip(-0.5, 0.4))
+    # A leaf that stands for several has its middle where theirs would be.
+    base = twig + form.stalk * stalk - 0.5 * (1 - form.stands_for**-0.5) * length[:, None] * midrib
+    return Leaves(twig=twig, base=base, midrib=midrib, normal=normal, length=length, outward=outward)
 
 
 def _outward(points: Array, limb: Index) -> Array:

@@ -12,11 +12,11 @@ from fieldtruth.world.plants.bloom import in_bloom
 from fieldtruth.world.plants.growth import ROOT_DEPTH, Stems, dry_branches, grow_skeleton
 from fieldtruth.world.plants.leaves import leaf_mesh, place_leaves
 from fieldtruth.world.plants.meshing import Surface, merged, trunk, tubes
-from fieldtruth.world.plants.species import GrownIn, Habit, Species
+from fieldtruth.world.plants.species import GrownIn, Habit, Order, Species
 from fieldtruth.world.plants.variation import at_detail, individual
 
 WOOD, FOLIAGE, UPPER_WOOD = 0, 1, 2
-LEAST_DETAIL: Final = 0.03
+LEAST_DETAIL: Final = 0.005
 LOW: Final = 1.4  # [m], height below which branches can touch a robot
 TREE_COLLIDER_HEIGHT: Final = 2.0  # [m]
 
@@ -33,9 +33,8 @@ def grow_tree(
     """A tree of the given height [m]; below ``species.young_below`` it grows as a young tree.
 
     Trees grown in a "stand" have a long clear trunk and a narrow crown, "exposed" ones are stunted, if the species has
-    such habits. ``detail`` (0.03 to 1) is about the share of the triangles (1: about 60,000 for a large tree, 20,000
-    for a young one): leaves become fewer and larger, with the same total area. The same ``rng`` gives different
-    individuals at different details.
+    such habits. ``detail`` (0.005 to 1) is the share of the leaves (1: up to 100,000, of real size, with two triangles
+    each); the fewer are larger, with the same total area. The same ``rng`` gives the same stems at each detail.
 
     The collider is the trunk, 2 m high, with 1.1 times the radius at breast height. The footprint [m] is 0.3 m more, or
     the extent of branches below 1.4 m, and in the open at least a third of the crown's radius: furniture may be below a
@@ -44,12 +43,13 @@ def grow_tree(
     Raises ValueError for a height below half or above twice that of the habit.
     """
     _check_detail(detail)
-    habit = at_detail(individual(_habit(species, height, grown_in), rng), detail)
+    habit = individual(_habit(species, height, grown_in), rng)
+    drawn = at_detail(habit, detail)
     skeleton = grow_skeleton(habit, height, rng)
-    surfaces = _surfaces(skeleton, habit, height, rng)
     dry = dry_branches(skeleton[0], habit, height, rng)
-    if dry is not None and len(dry.length) and habit.dead is not None:
-        surfaces.insert(-1, (tubes(_thickest(dry, habit.dead.drawn), habit.dead.sides), WOOD))
+    surfaces = _surfaces(skeleton, drawn, height, rng)
+    if dry is not None and len(dry.length) and drawn.dead is not None:
+        surfaces.insert(-1, (_tubes(dry, drawn.dead), WOOD))
     stem = skeleton[0]
     _, _, radius = stem.at(np.zeros(1, np.intp), (1.3 + ROOT_DEPTH) / stem.length[:1])
     breast = 1.1 * float(radius[0])
@@ -71,15 +71,15 @@ def _low_extent(surfaces: list[tuple[Surface, int]]) -> float:
 def grow_bush(species: Species, *, name: str, height: float, rng: np.random.Generator, detail: float = 1.0) -> Mesh:
     """A bush of the given height [m] with foliage down to the ground.
 
-    ``detail`` is as in `grow_tree` (1: 8,000 to 40,000 triangles, by species). If the species blooms, the share
+    ``detail`` is as in `grow_tree`. If the species blooms, the share
     ``species.bloom_share`` of the leaves, mostly on the outside, are flowers.
 
     The footprint [m] is the radius around 98 % of the leaf corners. The collider is a cylinder of 0.7 of that radius,
     so that a wheel may brush the outer twigs.
     """
     _check_detail(detail)
-    habit = at_detail(_habit(species, height), detail)
-    surfaces = _surfaces(grow_skeleton(habit, height, rng), habit, height, rng)
+    habit = _habit(species, height)
+    surfaces = _surfaces(grow_skeleton(habit, height, rng), at_detail(habit, detail), height, rng)
     (foliage, *_), _ = surfaces[-1]
     radius = float(np.quantile(np.hypot(foliage[:, 0], foliage[:, 1]), 0.98))
     collider = Collider(shape="cylinder", size=(0.7 * radius, 0.9 * height))
@@ -105,13 +105,18 @@ def _surfaces(
     skeleton: tuple[Stems, ...], habit: Habit, height: float, rng: np.random.Generator
 ) -> list[tuple[Surface, int]]:
     """Surfaces of all stems and leaves, each with its row in the materials."""
-    base = skeleton[0]
+    base = skeleton[0].thinned(habit.trunk_segments)
     single = habit.stems == 1
     surfaces = [(trunk(base, habit.trunk_sides, habit.flare, rng) if single else tubes(base, habit.trunk_sides), WOOD)]
     for stems, order in zip(skeleton[1:], habit.orders, strict=True):
-        surfaces.append((tubes(_thickest(stems, order.drawn), order.sides), WOOD))
+        surfaces.append((_tubes(stems, order), WOOD))
     surfaces.append((leaf_mesh(place_leaves(skeleton, habit, height, rng), habit.leaf, rng), FOLIAGE))
     return surfaces
+
+
+def _tubes(stems: Stems, order: Order) -> Surface:
+    """The surface of the stems of one order that are drawn."""
+    return tubes(_thickest(stems, order.drawn).thinned(order.segments), order.sides)
 
 
 def _thickest(stems: Stems, share: float) -> Stems:

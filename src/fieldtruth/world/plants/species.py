@@ -5,7 +5,7 @@
 The parameters are those of Weber and Penn, "Creation and Rendering of Realistic Trees" (SIGGRAPH 1995), reduced to what
 these plants need. They count branches per stem; here, counts are of the whole plant, and each stem gets a share by its
 length, so that the number of triangles hardly differs between individuals. Forms follow field guides; the numbers were
-set by eye. Leaves are up to twice as long as in nature, see `leaves`.
+set by eye. Leaves have their real size.
 """
 
 from collections.abc import Callable, Mapping
@@ -62,6 +62,7 @@ class Order:
     wander: float = 0.2  # [rad per stem length] standard deviation of the random walk of the direction
     thickness: float = 1.1  # radius relative to the parent's is the length relative to the parent's to this power
     collar: float = 0.25  # widening at the base relative to the rest
+    taper: float = 1.0  # radius as this power of the distance from the tip: 1 is a cone, 0.5 a paraboloid
     segments: int = 4  # per stem
     sides: int = 4  # of the tube
     foliage: float = 0.0  # leaves per length relative to other orders; 0: none
@@ -77,8 +78,8 @@ class Leaf:
     triangles.
     """
 
-    number: int  # on the whole plant before pruning
-    length: float  # [m] of the blade, at ``Habit.height``
+    number: int  # on a plant of ``Habit.height`` before pruning; in proportion to the height on others
+    length: float  # [m] of the blade
     width: float  # relative to the length
     size_spread: float = 0.18  # standard deviation of the logarithm
     widest: float = 0.4  # position of the greatest width, fraction of the length
@@ -91,6 +92,7 @@ class Leaf:
     rounded: bool = False  # six corners instead of a kite's four
     prongs: int = 0  # of a spray of needles, each a pointed triangle; 0: a blade
     splay: float = 40.0  # [deg] between the prongs
+    stands_for: float = 1.0  # real leaves that one of these replaces, where there is less detail
     stagger: float = 0.0  # where the outer prongs leave the middle one, fraction of the length
 
 
@@ -98,7 +100,7 @@ class Leaf:
 class Habit:
     """The form of a plant at one age in one kind of surroundings."""
 
-    height: float  # [m] of an individual with leaves of ``leaf.length``; they grow with the root of the height
+    height: float  # [m] of an individual with ``leaf.number`` leaves
     trunk_radius: float  # relative to the plant's height, at the ground without the root flare
     leader: float = 0.9  # length of the trunk relative to the plant's height
     clear: float  # [m] height of the bare trunk: lower branches are pruned
@@ -111,6 +113,7 @@ class Habit:
     trunk_lean: float = 2.0  # [deg] standard deviation
     lean_limit: float = 6.0  # [deg] greatest angle between the vertical and the line from the base to the top
     trunk_wander: float = 0.12  # [rad per length]
+    trunk_taper: float = 1.0  # as ``Order.taper``
     trunk_segments: int = 20
     trunk_sides: int = 14
     flare: float = 0.6  # widening at the ground relative to the trunk's radius
@@ -125,11 +128,16 @@ class Habit:
 
 @dataclass(frozen=True, kw_only=True)
 class Stand:
-    """How a tree in a forest stand differs from one in the open; the last three replace values of the habit."""
+    """How a tree in a forest stand differs from one in the open; the last three replace values of the habit.
+
+    ``slim`` and ``reach`` were set so that the trees have a height of 65 to 95 diameters, as in yield tables for dense
+    stands, and crowns as narrow as there (tests/world/test_forest_inventory.py has ranges and sources).
+    """
 
     crown_base: float  # height of the lowest limb's base relative to the tree's height
     reach: float  # of the limbs, relative
-    slim: float  # radius of the trunk, relative
+    slim: float  # radius of the trunk at the ground, relative
+    taper: float = 0.65  # of the trunk, as ``Order.taper``: form factor 0.49, between cone and cylinder
     leaves: float  # number of leaves, relative
     clear: float  # [m], as in `Habit`
     height: float = 13.0  # [m], as in `Habit`

@@ -10,8 +10,8 @@ import numpy as np
 from fieldtruth.world.plants.species import Habit, Leaf, Order, Stand
 
 SIDE_PRONG: Final = 0.8  # length of a spray's outer prongs relative to the middle one
-LARGEST_GROWTH: Final = 5.5  # longest leaf of a coarse plant relative to that of a fine one
 FINE_LEAVES: Final = 0.6  # detail below which a leaf is a kite
+SIMPLE_LEAVES: Final = 0.3  # detail below which it is a triangle, and there are twice as many
 
 
 def individual(habit: Habit, rng: np.random.Generator) -> Habit:
@@ -44,6 +44,7 @@ def in_stand(habit: Habit, stand: Stand) -> Habit:
         habit,
         height=stand.height,
         trunk_radius=habit.trunk_radius * stand.slim,
+        trunk_taper=stand.taper,
         leader=max(habit.leader, 0.93),
         clear=stand.clear,
         crown_base=stand.crown_base,
@@ -62,35 +63,38 @@ def in_stand(habit: Habit, stand: Stand) -> Habit:
 
 
 def at_detail(habit: Habit, detail: float) -> Habit:
-    """The habit with about ``detail`` times the triangles (0.03 to 1) and the same leaf area.
+    """The habit to draw with: about ``detail`` times the triangles of leaves, which are larger, of the same total area.
 
-    Leaves become fewer and larger, most of the thinnest twigs have leaves but no surface, tubes have fewer sides.
+    Stems get fewer sides and segments, trunk and limbs only below a detail of 0.4, and most of the thinnest twigs have
+    leaves but no surface. What grows is the same at each detail.
     """
-    if detail == 1:
-        return habit
     *others, last = habit.orders
+    thick = min(1.0, 2.5 * detail)
     middle = [_coarser(order, detail, min(1.0, 2.5 * detail**0.7)) for order in others[1:]]
     return replace(
         habit,
-        trunk_sides=max(5, round(habit.trunk_sides * detail**0.3)),
-        trunk_segments=max(6, round(habit.trunk_segments * detail**0.3)),
+        trunk_sides=max(5, round(habit.trunk_sides * thick**0.3)),
+        trunk_segments=max(6, round(habit.trunk_segments * thick**0.3)),
         leaf=_fewer(habit.leaf, detail),
-        orders=(_coarser(others[0], detail, 1.0), *middle, _sparser(last, detail)),
+        orders=(_coarser(others[0], thick, 1.0), *middle, _coarser(last, detail, detail if detail > 0.12 else 0.0)),
         dead=None if habit.dead is None else _coarser(habit.dead, detail, min(1.0, 1.5 * detail**0.5)),
     )
 
 
 def _fewer(leaf: Leaf, detail: float) -> Leaf:
     """Fewer leaves with the same total area."""
-    coarse = replace(leaf, rounded=leaf.rounded and detail > FINE_LEAVES)
-    number = leaf.number * detail * (0.6 + 0.4 * detail**0.3) * leaf_triangles(leaf) / leaf_triangles(coarse)
-    growth = np.sqrt(leaf.number * outline_area(leaf) / (number * outline_area(coarse)))
-    return replace(coarse, number=max(1, round(number)), length=leaf.length * min(float(growth), LARGEST_GROWTH))
+    share = leaf_share(leaf, detail)
+    simple = not leaf.prongs and detail < SIMPLE_LEAVES
+    prongs = 1 if simple else leaf.prongs
+    coarse = replace(leaf, rounded=leaf.rounded and detail > FINE_LEAVES, prongs=prongs)
+    growth = np.sqrt(outline_area(leaf) / outline_area(coarse) / share)
+    number = max(1, round(leaf.number * share))
+    return replace(coarse, number=number, length=leaf.length * float(growth), stands_for=1 / share)
 
 
-def leaf_triangles(leaf: Leaf) -> int:
-    """Triangles of one leaf."""
-    return leaf.prongs or (4 if leaf.rounded else 2)
+def leaf_share(leaf: Leaf, detail: float) -> float:
+    """Share of the leaves that there are with a detail."""
+    return detail if leaf.prongs or detail >= SIMPLE_LEAVES else 2 * detail
 
 
 def _coarser(order: Order, detail: float, drawn: float) -> Order:
@@ -98,15 +102,7 @@ def _coarser(order: Order, detail: float, drawn: float) -> Order:
         order,
         segments=max(1, round(order.segments * detail**0.3)),
         sides=max(3, round(order.sides * detail**0.25)),
-        drawn=drawn,
-    )
-
-
-def _sparser(order: Order, detail: float) -> Order:
-    """Fewer twigs, and fewer of them drawn, by about the same factor."""
-    share = detail**0.5
-    return replace(
-        _coarser(order, detail, share if detail > 0.12 else 0.0), number=max(1, round(order.number * max(share, 0.3)))
+        drawn=order.drawn * drawn,
     )
 
 

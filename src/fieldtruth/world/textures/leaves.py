@@ -17,21 +17,15 @@ BLADE = 128
 
 
 def _grid(n: int) -> tuple[Image, Image]:
-    """Coordinates u and v of each pixel (n, n); v is 0 in the first row."""
+    """Coordinates u and v of each pixel (n, n); v is 0 in the last row, as in the sampling of textures."""
     grid = ((np.arange(n) + 0.5) / n).astype(np.float32)
-    return np.broadcast_to(grid, (n, n)), np.broadcast_to(grid[:, None], (n, n))
-
-
-def _leaf_grid() -> tuple[Image, Image]:
-    """Coordinates u and v of each pixel; v is 0 in the last row, as in the sampling of textures."""
-    u, v = _grid(LEAF)
-    return u, np.asarray(1 - v, np.float32)
+    return np.broadcast_to(grid, (n, n)), np.broadcast_to(grid[::-1, None], (n, n))
 
 
 @drawing
 def veined_leaf(rng: Rng, *, pairs: float, slope: float, vein: float, tones: Tones) -> Image:
     """Pinnate leaf: ``pairs`` of side veins leave the midrib with ``slope`` towards the margin."""
-    u, v = _leaf_grid()
+    u, v = _grid(LEAF)
     side = np.abs(u - 0.5)
     phase = pairs * (v - slope * side - 0.5 * side**2) + np.where(u > 0.5, 0.12, 0.0)
     gap = np.abs(phase - np.round(phase)) / pairs
@@ -56,7 +50,7 @@ def _between_veins(rng: Rng, ribs: Image, gap: Image, vein: float, tones: Tones)
 @drawing
 def needle_twig(rng: Rng, *, rows: int, slope: float, twig: float, tones: Tones) -> Image:
     """Twig with its needles: ``rows`` on each side of the axis (half width ``twig``) that point forwards."""
-    u, v = _leaf_grid()
+    u, v = _grid(LEAF)
     side = np.abs(u - 0.5)
     wave = 0.12 * noise(rng, LEAF, 2, 10)
     phase = rows * (v - slope * side) + np.where(u > 0.5, 0.5, 0.0) + wave

@@ -100,31 +100,32 @@ def dry_turf(rng: Rng) -> Image:
     )
     relief = settle(FINE, [strewn_stones(rng, 500, (2.0, 11.0), power=1.7, rise=(0.3, 0.9))])
     tone = rng.random(500).astype(np.float32)[relief.owner]
-    stone = mix([(96, 86, 72), (130, 120, 104), (148, 138, 122)], tone) * (0.6 + 0.4 * dome(relief))[..., None]
+    stone = mix([(94, 88, 80), (130, 123, 114), (150, 143, 133)], tone) * (0.6 + 0.4 * dome(relief))[..., None]
     bare = np.clip(noise(rng, FINE, 3, 40, slope=0.8) * 1.5 - 0.2, 0, 1)
     shown = halve(((relief.owner >= 0) * bare)[..., None].astype(np.float32))
     return even_out(np.asarray(grass * (1 - shown) + halve(stone) * shown, np.float32))
 
 
-_OCHRE = [(108, 84, 58), (148, 120, 86), (176, 148, 110)]
+_GRUS = [(88, 72, 55), (126, 108, 86), (160, 144, 122)]
+"""Soil of weathered granite: humus, coarse sand."""
 
 
 @drawing
 def stony_soil(rng: Rng) -> Image:
-    """Thin dry soil of a hillside: ochre dust with many angular stones of up to 8 cm."""
+    """Thin dry soil of a hillside: coarse sand of granite with many angular stones of up to 8 cm."""
     count = 9_000
     relief = settle(FINE, [_shards(rng, count, (1.5, 26.0), power=1.75)])
-    dust = mix(_OCHRE, 0.5 + 0.2 * noise(rng, FINE, 4, 60, slope=0.9) + 0.12 * noise(rng, FINE, 60, 500, slope=0.2))
+    dust = mix(_GRUS, 0.5 + 0.2 * noise(rng, FINE, 4, 60, slope=0.9) + 0.12 * noise(rng, FINE, 60, 500, slope=0.2))
     colour = np.where((relief.owner < 0)[..., None], dust, _shard_colour(rng, relief, count))
     return even_out(halve(np.asarray(colour * crevices(relief.height, 3.0, 0.6)[..., None], np.float32)))
 
 
 @drawing
 def scree(rng: Rng) -> Image:
-    """Broken limestone: overlapping splinters of 1 to 20 cm."""
+    """Broken granite: overlapping pieces of 1 to 20 cm."""
     count = 30_000
     relief = settle(FINE, [_shards(rng, count, (2.0, 42.0), power=1.9)])
-    dust = mix(_OCHRE, 0.35 + 0.2 * noise(rng, FINE, 4, 60, slope=0.9)) * np.float32(0.7)
+    dust = mix(_GRUS, 0.35 + 0.2 * noise(rng, FINE, 4, 60, slope=0.9)) * np.float32(0.7)
     colour = np.where((relief.owner < 0)[..., None], dust, _shard_colour(rng, relief, count))
     light = (0.55 + 0.45 * relief.height) * crevices(relief.height, 5.0, 0.7)
     return even_out(halve(np.asarray(colour * light[..., None], np.float32)))
@@ -153,17 +154,17 @@ def _shard_colour(rng: Rng, relief: Relief, count: int) -> Image:
     across = np.cos(turn)[relief.owner] * relief.a + np.sin(turn)[relief.owner] * relief.b
     light = 1 + lean[relief.owner] * across + 0.07 * noise(rng, FINE, 40, 400, slope=0.4)
     stone = mix(
-        [(118, 102, 82), (154, 138, 114), (182, 167, 142), (164, 132, 96)], tone.astype(np.float32)[relief.owner]
+        [(110, 103, 95), (150, 142, 132), (180, 171, 159), (160, 140, 120)], tone.astype(np.float32)[relief.owner]
     )
     return np.asarray(stone * light[..., None], np.float32)
 
 
 @drawing
 def far_hillslope(rng: Rng) -> Image:
-    """Dry slope at some distance: straw on ochre soil, tufts, scattered stones; one pixel is 2.3 cm."""
+    """Dry slope at some distance: straw on sandy soil, tufts, scattered stones; one pixel is 2.3 cm."""
     patch, fine = noise(rng, N, 3, 30, slope=0.8), noise(rng, N, 30, 256, slope=0.35)
     straw = mix([(126, 108, 72), (160, 142, 98), (182, 166, 122)], 0.5 + 0.2 * fine)
-    soil = mix(_OCHRE, 0.45 + 0.16 * fine)
+    soil = mix(_GRUS, 0.45 + 0.16 * fine)
     share = np.clip(0.55 + 0.9 * patch + 0.5 * fine, 0, 1)[..., None]
     count = 2_400
     size = (1.2**-1.8 + rng.random(count) * (13.0**-1.8 - 1.2**-1.8)) ** (-1 / 1.8)
@@ -173,24 +174,24 @@ def far_hillslope(rng: Rng) -> Image:
     )
     kind = rng.random(count).astype(np.float32)[pieces.owner]
     tuft = mix([(96, 92, 56), (136, 124, 78), (168, 150, 102)], kind / 0.5 + 0.1 * fine)
-    stone = mix([(130, 116, 96), (164, 150, 128), (184, 170, 148)], (kind - 0.5) / 0.5)
+    stone = mix([(124, 117, 108), (160, 152, 141), (182, 174, 163)], (kind - 0.5) / 0.5)
     piece = np.where((kind < 0.5)[..., None], tuft, stone) * (0.66 + 0.34 * pieces.height)[..., None]
     ground = (straw * share + soil * (1 - share)) * crevices(pieces.height, 1.5, 0.45)[..., None]
     return even_out(np.asarray(np.where((pieces.owner >= 0)[..., None], piece, ground), np.float32), cycles=5)
 
 
 @drawing
-def far_garrigue(rng: Rng) -> Image:
-    """Distant dry mountainside: straw and bare ochre, pale rocks, dark shrubs; one pixel is 8 cm."""
+def far_heath(rng: Rng) -> Image:
+    """Distant heath of a mountain: brown heather and straw, gorse, grey rocks; one pixel is 8 cm."""
     patch, fine = noise(rng, N, 4, 50, slope=0.9), noise(rng, N, 40, 256, slope=0.3)
-    colour = mix([(128, 108, 76), (160, 142, 100), (176, 160, 118), (188, 174, 138)], 0.5 + 0.16 * patch + 0.08 * fine)
+    colour = mix([(84, 66, 54), (116, 96, 70), (150, 132, 92), (172, 156, 114)], 0.5 + 0.16 * patch + 0.08 * fine)
     count = 1_500
     size = rng.gamma(3.0, 1.0, count).clip(1.2, 8)
     width, lumps = size * rng.uniform(0.7, 1, count), rng.uniform(0, 2 * np.pi, (count, 4)).astype(np.float32)
     shrubs = settle(N, [stamps(rng, N, size, width, stone_profile(lumps), rng.uniform(0.3, 1, count))])
     kind = rng.random(count).astype(np.float32)[shrubs.owner]
-    green = mix([(58, 64, 38), (84, 88, 52), (110, 108, 70)], kind / 0.72) * (0.6 + 0.4 * shrubs.height)[..., None]
-    stone = mix([(150, 144, 132), (190, 184, 172)], (kind - 0.72) / 0.28) * (0.7 + 0.3 * shrubs.height)[..., None]
+    green = mix([(50, 58, 34), (74, 84, 44), (112, 82, 84)], kind / 0.72) * (0.6 + 0.4 * shrubs.height)[..., None]
+    stone = mix([(138, 132, 124), (178, 171, 162)], (kind - 0.72) / 0.28) * (0.7 + 0.3 * shrubs.height)[..., None]
     piece = np.where((kind < 0.72)[..., None], green, stone)
     colour = np.where((shrubs.owner >= 0)[..., None], piece, colour * crevices(shrubs.height, 2.0, 0.5)[..., None])
     return even_out(np.asarray(colour, np.float32), cycles=5)
@@ -198,11 +199,10 @@ def far_garrigue(rng: Rng) -> Image:
 
 @drawing
 def far_crags(rng: Rng) -> Image:
-    """Distant bare rock with ledges and gullies; one pixel is 8 cm."""
+    """Distant bare granite with joints and ledges; one pixel is 8 cm."""
     grain, patch = noise(rng, N, 20, 256, slope=0.6), noise(rng, N, 4, 60, slope=1.0)
-    beds = noise(rng, N, 6, 120, slope=0.9, stretch=0.25)
     crack = sum(np.exp(-((noise(rng, N, low, 8 * low, slope=0.9) / 0.12) ** 2)) for low in (5, 12))
-    rock = mix([(112, 104, 92), (150, 142, 128), (182, 174, 160)], 0.5 + 0.13 * grain + 0.13 * patch + 0.1 * beds)
+    rock = mix([(112, 106, 99), (150, 143, 134), (182, 175, 166)], 0.5 + 0.15 * grain + 0.15 * patch)
     rock *= (1 - 0.3 * np.minimum(crack, 1))[..., None]
     ledge = np.clip(noise(rng, N, 8, 90, slope=0.7) - 0.9, 0, 1)[..., None]
     return even_out(np.asarray(rock * (1 - ledge) + linear((122, 112, 74)) * ledge, np.float32), cycles=5)

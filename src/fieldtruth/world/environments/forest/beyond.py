@@ -15,13 +15,13 @@ from fieldtruth.world.placement import WorldBuilder
 from fieldtruth.world.plants import TREES, grow_tree
 from fieldtruth.world.swarms import FarSwarm, SwarmSpec
 
-FAR_DETAIL: Final = 0.05
+FAR_DETAIL: Final = 0.015
 FAR_TREES: Final = 12.0
 """Distance [m] from the edge within which single trees stand; behind them the canopy closes the view."""
 
 
 def canopy(size: tuple[float, float], rng: np.random.Generator) -> Land:
-    """Level ground below the trees, then a step of 10 m up to the canopy, over hills that rise to the horizon."""
+    """Level ground below the trees, then a step of 14 m up to the canopy, over hills that rise to the horizon."""
     hills = rolling_hills(size, rng, height=16.0)
     waves = [
         (*rng.normal(0.0, 0.5 / length, 2), rng.uniform(0, 6.3), 0.16 * length**0.7)
@@ -31,7 +31,7 @@ def canopy(size: tuple[float, float], rng: np.random.Generator) -> Land:
     def land(x: Array, y: Array) -> Array:
         outside = distance_beyond(size, x, y)
         bumps = sum(height * np.cos(6.3 * (kx * x + ky * y) + phase) for kx, ky, phase, height in waves)
-        roof = 9.0 + 0.25 * np.minimum(outside - FAR_TREES, 40.0) + bumps
+        roof = 13.0 + 0.25 * np.minimum(outside - FAR_TREES, 40.0) + bumps
         return np.asarray(hills(x, y) + np.where(outside > FAR_TREES + 1.0, roof, 0.0))
 
     return land
@@ -54,7 +54,7 @@ def scatter_far_trees(
         grow_tree(
             TREES[name],
             name=f"far_{name}_{k}",
-            height=float(growth.uniform(9.0, 20.0)),
+            height=float(growth.uniform(13.0, 24.0)),
             rng=growth,
             detail=FAR_DETAIL,
             grown_in="stand",
@@ -67,9 +67,9 @@ def scatter_far_trees(
         for name in ("spruce", "beech")
     ]
     ground = height_beyond(builder.field, config.size, backdrop)
-    old_spec = SwarmSpec(name="far_trees", kind="tree", meshes=trees, per_m2=0.06)
-    young_spec = SwarmSpec(name="far_young_trees", kind="tree", meshes=young, per_m2=0.05, scales=(0.5, 1.3))
+    old_spec = SwarmSpec(name="far_trees", kind="tree", meshes=trees, per_m2=0.065)
+    young_spec = SwarmSpec(name="far_young_trees", kind="tree", meshes=young, per_m2=0.055, scales=(0.5, 1.4))
     return [
         scatter_beyond(config.size, ground, old_spec, rng, within=FAR_TREES, margin=0.8),
-        scatter_beyond(config.size, ground, young_spec, rng, within=9.0, margin=0.8),
+        scatter_beyond(config.size, ground, young_spec, rng, within=10.0, margin=0.8),
     ]

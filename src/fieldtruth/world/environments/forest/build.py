@@ -11,9 +11,11 @@ from fieldtruth.world.backdrop import make_backdrop
 from fieldtruth.world.environments.forest.beyond import canopy, far_cover, scatter_far_trees
 from fieldtruth.world.environments.forest.config import Config
 from fieldtruth.world.environments.forest.deadwood import place_deadwood
-from fieldtruth.world.environments.forest.ground import cover_ground, make_glades, make_heights
+from fieldtruth.world.environments.forest.ground import cover_ground, make_glades, make_heights, raise_roots
 from fieldtruth.world.environments.forest.plants import plant_bushes, plant_herbs, plant_trees
 from fieldtruth.world.environments.forest.rocks import place_rocks
+from fieldtruth.world.environments.forest.understorey import plant_understorey
+from fieldtruth.world.ground_layer import with_layer
 from fieldtruth.world.model import World
 from fieldtruth.world.placement import WorldBuilder
 from fieldtruth.world.trails import Line, Trail
@@ -26,16 +28,19 @@ def build(seed: int, corridors: Sequence[Line], config: Config | None = None) ->
         CrowdedWorldError: the layout has more objects than fit into the world.
     """
     config = config if config is not None else Config()
-    seeds = np.random.SeedSequence(seed).spawn(10)
-    relief, growth, trees, dead, bushes, stones, herbs, cover, land = (np.random.default_rng(s) for s in seeds[:-1])
+    seeds = np.random.SeedSequence(seed).spawn(12)
+    relief, growth, trees, dead, bushes, stones, herbs, cover, land = (np.random.default_rng(s) for s in seeds[:9])
+    microrelief, layer, roots = (np.random.default_rng(s) for s in seeds[10].spawn(3))
     trails = [Trail(Line.through(corners), config.trail_width) for corners in config.trails]
-    builder = WorldBuilder(make_heights(config, trails, relief), config.size, trails, corridors)
+    builder = WorldBuilder(make_heights(config, trails, relief, microrelief), config.size, trails, corridors)
     place_deadwood(builder, config, dead)
     plant_trees(builder, config, growth, trees)
+    raise_roots(builder, roots)
     place_rocks(builder, config, stones)
     plant_bushes(builder, config, bushes)
     glades = make_glades(config.size, herbs)
     plant_herbs(builder, config, glades, herbs)
+    plant_understorey(builder, config, glades, np.random.default_rng(seeds[11]))
     backdrop = make_backdrop(
         builder.field,
         config.size,
@@ -46,10 +51,10 @@ def build(seed: int, corridors: Sequence[Line], config: Config | None = None) ->
     )
     return assemble(
         builder,
-        cover_ground(builder, glades, cover),
+        with_layer(cover_ground(builder, glades, cover), layer),
         name="forest",
         seed=seed,
-        textures=seeds[-1],
+        textures=seeds[9],
         backdrop=backdrop,
         beyond=scatter_far_trees(builder, config, backdrop, growth, land),
     )

@@ -7,39 +7,45 @@ from collections.abc import Mapping
 from pydantic import Field, field_validator
 
 from fieldtruth.core.errors import suggestion
-from fieldtruth.experiment.rig import Frozen, Positive
-from fieldtruth.world.environments.layout import Count, Density, Individuals, Share, Size, Trails
+from fieldtruth.experiment.rig import Boolean, Positive
+from fieldtruth.world.environments.layout import Count, Density, GroundConfig, Individuals, Share, Trails
 from fieldtruth.world.plants import TREES
 
 
-class Config(Frozen):
+class Config(GroundConfig):
     """Layout of the forest; at most 500 objects have names, so that a message of all poses stays small."""
 
-    size: Size = (100.0, 50.0)  # [m] along x (north) and y (west)
-    grid: Positive = 0.2  # [m] between the terrain's nodes
+    grounds = ("trodden_earth", "forest_floor")
+
     relief: Positive = 0.55  # [m], standard deviation of the ground's height
     trails: Trails = (
         ((-60, -15), (-42, -9), (-31, -11), (-19, -4), (-8, -5), (4, 1), (15, 7), (27, 4), (38, 8), (60, 2)),
         ((-27, 36), (-19, 20), (-13, 13), (-9, 4), (-8, -5), (-1, -12), (10, -14), (21, -10), (29, -16), (34, -36)),
     )  # [m]
     trail_width: Positive = 1.7  # [m]
-    old_trees: Count = 102
-    grown_trees: Count = 140
-    young_trees: Count = 110
+    old_trees: Count = 205
+    grown_trees: Count = 100
+    young_trees: Count = 62
     snags: Count = 14
     fallen_trunks: Count = 13
-    stumps: Count = 8
+    stumps: Count = 16
     bushes: Count = 38
     rocks: Count = 36
     stones_per_m2: Density = 0.35
     grass_per_m2: Density = 5.0
     ferns_per_m2: Density = 0.75
+    seedlings_per_m2: Density = 0.6
+    saplings_per_m2: Density = 0.08
+    bilberries_per_m2: Density = 1.6
+    brambles_per_m2: Density = 0.03
+    twigs_per_m2: Density = 0.5
     individuals: Individuals = 4  # of each species and age
     species: Mapping[str, Share] = Field(
         default={"spruce": 0.36, "beech": 0.26, "pine": 0.16, "birch": 0.1, "oak": 0.12},
         description="shares by species, each from 0 up to 1",
     )
     """Shares of the trees."""
+    beyond: Boolean = True  # land and trees beyond the edge
 
     @field_validator("species")
     @classmethod

@@ -28,7 +28,7 @@ def place_deadwood(builder: WorldBuilder, config: Config, rng: np.random.Generat
             trees[k % len(trees)],
             name=f"log_{k}",
             length=float(rng.uniform(3.0, 10.0)),
-            radius=float(rng.uniform(0.11, 0.27)),
+            radius=float(rng.uniform(0.1, 0.21)),
             rng=rng,
             detail=0.6,
         )
@@ -43,7 +43,7 @@ def place_deadwood(builder: WorldBuilder, config: Config, rng: np.random.Generat
     group = ObjectGroup(kind="snag", meshes=snags, count=config.snags, spacing=5.0, tint=0.1)
     builder.scatter(group, rng, off_trails)
     stumps = [
-        grow_stump(trees[k % len(trees)], name=f"stump_{k}", radius=float(rng.uniform(0.12, 0.3)), rng=rng, detail=0.5)
+        grow_stump(trees[k % len(trees)], name=f"stump_{k}", radius=float(rng.uniform(0.1, 0.24)), rng=rng, detail=0.5)
         for k in range(min(config.stumps, 4))
     ]
     group = ObjectGroup(kind="stump", meshes=stumps, count=config.stumps, spacing=4.0, tint=0.1)

@@ -1,39 +1,81 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Ground of the forest: uneven soil, trodden flat along the trails; needles, leaves, moss and humus."""
+"""Ground of the forest: uneven soil, pits, mounds and roots, trodden and rutted trails; needles, leaves and moss."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.environments.forest.config import Config
+from fieldtruth.world.environments.layout import HILLS
 from fieldtruth.world.grids import grid_axes, make_heightfield, make_raster
 from fieldtruth.world.model import Heightfield, Raster, Terrain
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import WorldBuilder
-from fieldtruth.world.relief import limit_slope, slope_limit
+from fieldtruth.world.relief import Axes, limit_slope, pits_and_mounds, root_swells, slope_limit, with_microrelief
 from fieldtruth.world.trails import Trail, signed_distance
 
 CONIFERS = ("spruce", "pine")
 BROADLEAVES = ("beech", "birch", "oak")
 
+UPROOTED: Final = 0.006
+"""Density [1/m^2] of pits and mounds."""
+OFF_TRAIL: Final = 3.0
+"""Distance [m] of pits and mounds from a trail's edge."""
 
-def make_heights(config: Config, trails: Sequence[Trail], rng: np.random.Generator) -> Heightfield:
+RUT_OFF_CENTRE, RUT_WIDTH, RUT_DEPTH = 0.55, 0.12, 0.035
+"""Distance [m] of ruts from a trail's centre line, the deviation of their Gaussian profile, and mean depth."""
+
+
+def make_heights(
+    config: Config, trails: Sequence[Trail], rng: np.random.Generator, fine_rng: np.random.Generator
+) -> Heightfield:
     """Swells, hollows, and the pits and mounds of uprooted trees; trodden flat along the trails."""
-    x, y = grid_axes(config.size, config.grid)
+    (x, y), fine = grid_axes(config.size, HILLS), grid_axes(config.size, config.grid)
     swell = fractal_noise(x, y, wavelength=34.0, octaves=4, rng=rng, gain=0.45)
-    mounds = np.abs(fractal_noise(x, y, wavelength=6.5, octaves=3, rng=rng, gain=0.5))
-    bumps = fractal_noise(x, y, wavelength=1.7, octaves=3, rng=rng, gain=0.6)
-    heights = config.relief * swell + 0.17 * mounds
     off_trail = signed_distance(trails, x, y).astype(np.float64)
+    heights = config.relief * swell + _uprooted((x, y), off_trail, rng)
     on_trail = 1.0 / (1.0 + np.exp((off_trail - 0.5) / 0.35))
-    trodden = gaussian_filter(heights, 1.2 / config.grid) - 0.05
+    trodden = gaussian_filter(heights, 1.2 / HILLS) - 0.05
     heights = heights * (1.0 - on_trail) + trodden * on_trail
-    heights = limit_slope(heights, config.grid, slope_limit(off_trail, within=10.0, beyond=32.0, near=0.6, far=5.0))
-    heights += bumps * (0.028 - 0.018 * on_trail)
-    return make_heightfield(heights - heights.mean(), config.grid, x, y)
+    heights = limit_slope(heights, HILLS, slope_limit(off_trail, within=10.0, beyond=32.0, near=0.6, far=5.0))
+    bare = np.clip(0.5 - off_trail / 0.4, 0.0, 1.0)
+    cover = [(config.roughness_of("trodden_earth"), bare), (config.roughness_of("forest_floor"), 1.0 - bare)]
+    heights += _ruts((x, y), np.abs(off_trail + config.trail_width / 2), fine_rng)
+    heights = with_microrelief(heights - heights.mean(), (x, y), fine, cover, fine_rng)
+    return make_heightfield(heights, config.grid, *fine)
+
+
+def _uprooted(nodes: Axes, off_trail: Array, rng: np.random.Generator) -> Array:
+    """Heights [m] of pits and mounds that are ``UPROOTED`` per m^2, off the trails."""
+    count = round(UPROOTED * float(np.prod([np.ptp(axis) for axis in nodes])))
+    positions = rng.uniform([axis[0] for axis in nodes], [axis[-1] for axis in nodes], (count, 2))
+    apart = make_raster(off_trail, HILLS, *nodes).at(*positions.T) > OFF_TRAIL
+    return pits_and_mounds(*nodes, positions[apart], rng)
+
+
+def _ruts(nodes: Axes, off_centre: Array, rng: np.random.Generator) -> Array:
+    """Heights [m] of two ruts along each trail, deep in parts and elsewhere worn away."""
+    depth = RUT_DEPTH * np.clip(0.5 + 0.6 * fractal_noise(*nodes, wavelength=9.0, octaves=2, rng=rng), 0.0, 1.4)
+    return np.asarray(-depth * np.exp(-0.5 * ((off_centre - RUT_OFF_CENTRE) / RUT_WIDTH) ** 2))
+
+
+def raise_roots(builder: WorldBuilder, rng: np.random.Generator) -> None:
+    """Raise the ground over the roots of the trees, snags and stumps, on trails as in the litter."""
+    field = builder.field
+    trunks = []
+    for instance in builder.instances:
+        if instance.kind in (*CONIFERS, *BROADLEAVES, "snag", "stump"):
+            trunk = builder.meshes[instance.mesh].colliders[0]
+            scale = float(np.cbrt(np.linalg.det(instance.world_from_object[:3, :3])))
+            trunks.append((*instance.world_from_object[:2, 3], scale * trunk.size[0]))
+    x, y = grid_axes(builder.size, field.spacing)
+    heights = field.heights + root_swells(x, y, trunks, rng).astype(np.float32)
+    builder.field = replace(field, heights=heights)
 
 
 def make_glades(size: tuple[float, float], rng: np.random.Generator) -> Raster:

@@ -9,23 +9,23 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.world.environments.forest.config import Config
+from fieldtruth.world.environments.forest.stand import Stand
 from fieldtruth.world.model import Mesh, Raster
 from fieldtruth.world.placement import ObjectGroup, WorldBuilder
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_clump, grow_tree
 from fieldtruth.world.swarms import SwarmSpec
 
-AGES: Final[Mapping[str, tuple[float, float]]] = {"old": (15.0, 21.0), "grown": (9.0, 14.0), "young": (3.0, 6.0)}
+AGES: Final[Mapping[str, tuple[float, float]]] = {"old": (18.0, 25.0), "grown": (10.0, 16.0), "young": (3.0, 6.0)}
 """Heights [m]."""
-SPACING: Final = {"old": 3.0, "grown": 1.9, "young": 1.3}
-"""Distance [m] between trees of one species and age."""
-TREE_DETAIL: Final = {"old": 0.11, "grown": 0.11, "young": 0.35}
+TREE_DETAIL: Final = {"old": 0.09, "grown": 0.16, "young": 0.5}
 TUFTS_PER_M2: Final = 8.0
 """Density of tufts in a clump."""
 FERNS_PER_CLUMP: Final = 3
 
 
 def plant_trees(builder: WorldBuilder, config: Config, growth: np.random.Generator, rng: np.random.Generator) -> None:
-    """Plant old trees at crown's distance, then younger ones between them, none on a trail."""
+    """Plant old trees, then younger ones between them, each where some light is left, none on a trail."""
+    stand = Stand(builder)
     counts = {"old": config.old_trees, "grown": config.grown_trees, "young": config.young_trees}
     total = sum(config.species.values())
 
@@ -49,10 +49,8 @@ def plant_trees(builder: WorldBuilder, config: Config, growth: np.random.Generat
                 for n in range(min(config.individuals, count))
             ]
             if trees:
-                group = ObjectGroup(
-                    kind=name, meshes=trees, count=count, spacing=SPACING[age], scales=(0.88, 1.15), tint=0.1
-                )
-                builder.scatter(group, rng, off_trails, quarter_turns=True)
+                group = ObjectGroup(kind=name, meshes=trees, count=count, scales=(0.88, 1.15), tint=0.1)
+                stand.plant(group, rng, off_trails)
 
 
 def plant_bushes(builder: WorldBuilder, config: Config, rng: np.random.Generator) -> None:
@@ -79,8 +77,8 @@ def plant_herbs(builder: WorldBuilder, config: Config, glades: Raster, rng: np.r
 
     def grass(xy: Array) -> Array:
         away = builder.trail_distance(xy)
-        light = 0.75 * np.exp(-np.maximum(away, 0.0) / 1.6) + 0.28 * glades.at(*xy.T)
-        return np.asarray(np.clip(light, 0.02, 0.9) * (away > -0.1))
+        light = 0.75 * np.exp(-np.maximum(away, 0.0) / 1.6) + 0.42 * glades.at(*xy.T)
+        return np.asarray(np.clip(light, 0.06, 0.9) * (away > -0.1))
 
     def ferns(xy: Array) -> Array:
         shade = np.clip(0.55 - 0.9 * glades.at(*xy.T), 0.0, 1.0)

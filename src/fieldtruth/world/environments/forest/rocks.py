@@ -39,5 +39,6 @@ def place_rocks(builder: WorldBuilder, config: Config, rng: np.random.Generator)
         tint=0.12,
         tilt=1.0,
         clear=0.45,
+        aside=1.15,
     )
     builder.scatter_swarm(spec, rng, lambda xy: np.clip(1.4 * near_centres(xy), 0.0, 1.0))

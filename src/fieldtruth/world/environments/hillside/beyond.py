@@ -16,12 +16,12 @@ from fieldtruth.world.plants import BUSHES, TREES, grow_bush, grow_tree
 from fieldtruth.world.rocks import ROCK_TYPES, make_rock
 from fieldtruth.world.swarms import FarSwarm, SwarmSpec
 
-FAR_MATERIALS: Final = ("garrigue", "crags", "hillslope")
+FAR_MATERIALS: Final = ("heath", "crags", "hillslope")
 """Materials of the land beyond: the first two far away, the last near the edge."""
 
 
 def far_cover(size: tuple[float, float], rng: np.random.Generator) -> Cover:
-    """The world's own cover near its edge, garrigue and crags from about 25 m on."""
+    """The world's own cover near its edge, heath and crags from about 25 m on."""
     waves = rng.normal(0, 1, (12, 2)) * np.exp(rng.uniform(np.log(0.05), np.log(1.2), (12, 1)))
     phase = rng.uniform(0, 2 * np.pi, 12)
 
@@ -39,12 +39,12 @@ def scatter_far_plants(
 ) -> list[FarSwarm]:
     """Bushes, few trees and grass."""
     bushes = [
-        grow_bush(BUSHES[name], name=f"far_{name}_{k}", height=BUSHES[name].grown.height * share, rng=rng, detail=0.12)
+        grow_bush(BUSHES[name], name=f"far_{name}_{k}", height=BUSHES[name].grown.height * share, rng=rng, detail=0.1)
         for name in ("juniper", "gorse")
         for k, share in enumerate((0.7, 1.0))
     ]
     trees = [
-        grow_tree(TREES[name], name=f"far_{name}_{k}", height=float(rng.uniform(*heights)), rng=rng, detail=0.15)
+        grow_tree(TREES[name], name=f"far_{name}_{k}", height=float(rng.uniform(*heights)), rng=rng, detail=0.04)
         for name, heights in (("pine", (6.6, 9.5)), ("oak", (4.0, 6.0)))
         for k in range(2)
     ]
@@ -64,7 +64,7 @@ def scatter_far_rocks(builder: WorldBuilder, backdrop: Mesh, rng: np.random.Gene
     rocks = [
         make_rock(ROCK_TYPES[name], name=f"far_{name}_{k}", size=size, rng=rng, triangles=320, solid=False)
         for k, size in enumerate((0.7, 1.2, 2.2))
-        for name in ("limestone", "crag")
+        for name in ("granite", "crag")
     ]
     ground = height_beyond(builder.field, builder.size, backdrop)
     spec = SwarmSpec(name="far_rocks", kind="rock", meshes=rocks, per_m2=0.016, scales=(0.5, 1.4), tilt=0.75, sink=0.1)

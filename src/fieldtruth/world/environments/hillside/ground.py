@@ -16,9 +16,11 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.world.backdrop import Land
 from fieldtruth.world.environments.hillside.config import Config
 from fieldtruth.world.environments.hillside.mountain import make_mountain, smooth_corridors
+from fieldtruth.world.environments.layout import HILLS
 from fieldtruth.world.grids import grid_axes, make_heightfield, make_raster
 from fieldtruth.world.model import Heightfield, Raster, Terrain
 from fieldtruth.world.noise import fractal_noise
+from fieldtruth.world.relief import with_microrelief
 from fieldtruth.world.trails import Line
 
 _CELL: Final = 0.1  # [m] of the cover
@@ -54,15 +56,26 @@ class Ground(NamedTuple):
 
 
 def make_ground(
-    config: Config, corridors: Sequence[Line], relief: np.random.Generator, cover: np.random.Generator
+    config: Config,
+    corridors: Sequence[Line],
+    rngs: tuple[np.random.Generator, np.random.Generator, np.random.Generator],
 ) -> tuple[Ground, Land]:
-    """Ground of the world, and the height of the land beyond it."""
-    x, y = grid_axes(config.size, config.grid)
+    """Ground of the world, and the height of the land beyond it; generators of relief, cover and microrelief."""
+    x, y = grid_axes(config.size, HILLS)
     distance = _corridor_distance(corridors)
-    mountain = make_mountain(x, y, config, distance, relief)
-    heights = smooth_corridors(mountain.heights, distance(*np.meshgrid(x, y, indexing="ij")), config)
-    field = make_heightfield(heights, config.grid, x, y)
-    return cover_ground(field, mountain.drained, distance, cover), mountain.land
+    mountain = make_mountain(x, y, config, distance, rngs[0])
+    hills = smooth_corridors(mountain.heights, distance(*np.meshgrid(x, y, indexing="ij")), config)
+    ground = cover_ground(make_heightfield(hills, HILLS, x, y), mountain.drained, distance, rngs[1])
+    cover = list(zip(map(config.roughness_of, config.grounds), _smoothed_shares(ground.cover, x, y), strict=True))
+    fine = grid_axes(config.size, config.grid)
+    heights = with_microrelief(hills, (x, y), fine, cover, rngs[2])
+    return ground._replace(field=make_heightfield(heights, config.grid, *fine)), mountain.land
+
+
+def _smoothed_shares(cover: Raster, x: Array, y: Array) -> list[Array]:
+    """Share of each ground at nodes x, y, averaged over about a metre: relief does not change from stone to stone."""
+    shares = cover.at(*np.meshgrid(x, y, indexing="ij"))
+    return [gaussian_filter(shares[..., k], 0.4 / HILLS, mode="nearest") for k in range(shares.shape[-1])]
 
 
 def _corridor_distance(corridors: Sequence[Line]) -> Land:
@@ -93,9 +106,10 @@ def cover_ground(field: Heightfield, drained: Array, corridor_distance: Land, rn
     fine = fractal_noise(fine_x, fine_y, wavelength=1.3, octaves=4, rng=rng, gain=0.7)
     gx, gy = np.meshgrid(fine_x, fine_y, indexing="ij")
     steep, fallen, gully = (make_raster(v, field.spacing, x, y).at(gx, gy) for v in (steep, fallen, gully))
+    # Turf is worn off in the corridors, and loose stones are pressed into the soil: firm ground, as on mountain trails.
     trodden = np.clip(1.3 - corridor_distance(gx, gy) / 1.6, 0, 0.5)
     rock = np.clip((steep - 29) / 5 + 0.5 * patch + 0.45 * fine - 0.25, 0, 1)
-    scree = np.clip(1.5 * fallen + 0.7 * gully + 0.45 * patch + 0.35 * fine - 0.5, 0, 1)
+    scree = np.clip(1.5 * fallen + 0.7 * gully + 0.45 * patch + 0.35 * fine - 0.5 - 2 * trodden, 0, 1)
     turf = np.clip(0.52 - np.clip(steep - 18, 0, 30) / 30 - 0.38 * patch + 0.4 * fine - trodden, 0, 1)
     free = 1 - rock
     weights = [free * (1 - scree) * turf, free * (1 - scree) * (1 - turf), free * scree, rock]

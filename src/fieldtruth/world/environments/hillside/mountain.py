@@ -15,6 +15,7 @@ from scipy.ndimage import gaussian_filter
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.backdrop import Land
 from fieldtruth.world.environments.hillside.config import Config
+from fieldtruth.world.environments.layout import HILLS
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.relief import collapsed, eroded, limit_slope, slope_limit
 
@@ -47,7 +48,7 @@ def make_mountain(x: Array, y: Array, config: Config, corridor_distance: Land, r
     near_x, near_y = (np.arange(c[0] - MARGIN, c[-1] + MARGIN + 0.5) for c in (x, y))
     gx, gy = np.meshgrid(near_x, near_y, indexing="ij")
     distance = corridor_distance(gx, gy)
-    h = region(near_x, near_y) + config.roughness * fractal_noise(near_x, near_y, wavelength=26.0, octaves=5, rng=rng)
+    h = region(near_x, near_y) + config.ruggedness * fractal_noise(near_x, near_y, wavelength=26.0, octaves=5, rng=rng)
     steep = slope_limit(
         distance, within=0.9 * config.route_slope_deg, beyond=config.steepest_deg + 4, near=2.5, far=9.0
     )
@@ -64,11 +65,11 @@ def make_mountain(x: Array, y: Array, config: Config, corridor_distance: Land, r
 
 
 def smooth_corridors(heights: Array, distance: Array, config: Config) -> Array:
-    """Limit the slope of heights (nx, ny) [m] by the ``distance`` [m] from corridors; remove bumps inside them.
+    """Limit the slope of heights (nx, ny) [m] by the ``distance`` [m] from corridors; remove ribs and ledges there.
 
-    Bumps shorter than about 2 m are reduced to a few centimetres.
+    What is shorter than about 2 m is removed; the microrelief of the ground replaces it.
     """
-    spacing = config.grid
+    spacing = HILLS
     limit = slope_limit(distance, within=config.route_slope_deg, beyond=config.steepest_deg, near=1.3, far=6.0)
     h = collapsed(heights, spacing, repose_deg=config.steepest_deg, steps=10)
     h += (gaussian_filter(h, 0.6 / spacing) - h) * np.clip(1.5 - distance / 2.0, 0.0, 0.8)
@@ -96,13 +97,13 @@ def _region(rng: np.random.Generator) -> RectBivariateSpline:
 def _fine_relief(
     x: Array, y: Array, near: RectBivariateSpline, corridor_distance: Land, rng: np.random.Generator
 ) -> Array:
-    """Fine relief [m]: hummocks, rougher away from corridors; ribs and ledges of rock on steep slopes."""
+    """Hummocks away from corridors, and ribs and ledges of rock on steep slopes there [m]."""
     away = np.clip((corridor_distance(*np.meshgrid(x, y, indexing="ij")) - 0.8) / 5.0, 0.0, 1.0)
     hummocks = fractal_noise(x, y, wavelength=3.2, octaves=3, rng=rng)
     slope = np.hypot(near(x, y, dx=1), near(x, y, dy=1))
     rocky = np.clip((slope - 0.3) / 0.25 + 0.5 * fractal_noise(x, y, wavelength=9.0, octaves=2, rng=rng), 0.0, 1.0)
     ribs = 0.8 - np.abs(fractal_noise(x, y, wavelength=4.5, octaves=4, rng=rng, gain=0.55))
-    return np.asarray((0.012 + 0.05 * away) * hummocks + 0.34 * away * rocky * ribs)
+    return np.asarray(away * (0.05 * hummocks + 0.34 * rocky * ribs))
 
 
 def _blended(near: RectBivariateSpline, far: RectBivariateSpline, axes: tuple[Array, Array]) -> Land:

@@ -24,8 +24,10 @@ def plant_trees(builder: WorldBuilder, ground: Ground, config: Config, rng: np.r
         return _soil(ground, xy)
 
     few, uniform = config.individuals, rng.uniform
-    pines = [grow_tree(TREES["pine"], name=f"pine_{k}", height=uniform(6.6, 9.5), rng=rng) for k in range(few)]
-    oaks = [grow_tree(TREES["oak"], name=f"oak_{k}", height=uniform(4.0, 6.2), rng=rng, detail=0.8) for k in range(few)]
+    pines = [
+        grow_tree(TREES["pine"], name=f"pine_{k}", height=uniform(6.6, 9.5), rng=rng, detail=0.4) for k in range(few)
+    ]
+    oaks = [grow_tree(TREES["oak"], name=f"oak_{k}", height=uniform(4.0, 6.2), rng=rng, detail=0.6) for k in range(few)]
     snags = [
         grow_snag(TREES["pine"], name=f"snag_{k}", height=uniform(2.5, 5.5), rng=rng, detail=0.6)
         for k in range(min(few, 3))
@@ -106,8 +108,8 @@ def _stem_pose(field: Heightfield, xy: Array, yaw: float, scale: float, tilt: fl
 
 
 def plant_grass(builder: WorldBuilder, ground: Ground, config: Config, rng: np.random.Generator) -> list[Mesh]:
-    """Scatter tufts of dry high grass, dense in the turf and sparse elsewhere; return the meshes."""
-    species = GRASSES["dry"]
+    """Scatter tufts of bristle bent, dense in the turf and sparse elsewhere; return the meshes."""
+    species = GRASSES["bent"]
     low, high = species.height
     tufts = [
         grow_tuft(species, name=f"tuft_{k}", height=float(rng.uniform(0.8 * low, high)), rng=rng) for k in range(8)

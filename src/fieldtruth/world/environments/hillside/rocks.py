@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rocks of the hillside: outcrops on steep slopes, boulders below them, stones in scree and gullies."""
+"""Rocks of the hillside, all of granite: outcrops on steep slopes, boulders below them, stones in scree and gullies."""
 
 import numpy as np
 
@@ -24,8 +24,8 @@ def place_rocks(builder: WorldBuilder, ground: Ground, config: Config, rng: np.r
 
     few = config.individuals
     crags = _make_rocks("crag", "crag", (2.2, 3.0), 2400, 2 * few, rng)
-    boulders = _make_rocks("limestone granite", "boulder", (1.1, 1.8), 1600, few, rng)
-    blocks = _make_rocks("limestone scree granite", "block", (0.45, 0.85), 720, few, rng)
+    boulders = _make_rocks("granite", "boulder", (1.1, 1.8), 1600, 2 * few, rng)
+    blocks = _make_rocks("granite scree", "block", (0.45, 0.85), 720, 2 * few, rng)
     slabs = _make_rocks("slab", "slab", (0.7, 1.5), 900, few, rng)
     for kind, meshes, count, density, spacing, scales in (
         ("crag", crags, config.crags, steep, 2.6, (0.8, 1.25)),
@@ -46,8 +46,8 @@ def scatter_stones(builder: WorldBuilder, ground: Ground, config: Config, rng: n
     def gravel(xy: Array) -> Array:
         return np.clip(1 - 0.85 * ground.turf(xy) - 0.4 * ground.rock(xy), 0, 1)
 
-    stones = _make_rocks("scree limestone slab", "stone", (0.13, 0.2), 180, 4, rng)
-    pebbles = _make_rocks("scree limestone", "pebble", (0.04, 0.07), 80, 5, rng)
+    stones = _make_rocks("scree granite slab", "stone", (0.13, 0.2), 180, 4, rng)
+    pebbles = _make_rocks("scree granite", "pebble", (0.04, 0.07), 80, 5, rng)
     if config.stones:
         spec = SwarmSpec(
             name="stones",
@@ -58,6 +58,7 @@ def scatter_stones(builder: WorldBuilder, ground: Ground, config: Config, rng: n
             tilt=0.9,
             lean_deg=8,
             clear=0.9,
+            aside=1.45,
         )
         builder.scatter_swarm(spec, rng, loose)
     if config.pebbles:

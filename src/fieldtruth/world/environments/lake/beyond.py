@@ -18,8 +18,8 @@ from fieldtruth.world.plants import TREES, grow_tree
 from fieldtruth.world.poses import upright_poses
 from fieldtruth.world.swarms import Density, FarSwarm, SwarmSpec, make_swarm, random_scales
 
-FAR_DETAIL: Final = 0.06
-NEAR_DETAIL: Final = 0.25
+FAR_DETAIL: Final = 0.015
+NEAR_DETAIL: Final = 0.06
 WOODS_RADIUS: Final = 380.0  # [m] from the centre to the last trees
 AREA: Final = (900.0, 900.0)  # [m] over which groves and woods vary
 

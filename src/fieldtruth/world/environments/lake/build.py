@@ -19,6 +19,7 @@ from fieldtruth.world.environments.lake.ground import cover_ground
 from fieldtruth.world.environments.lake.plants import plant_bushes, plant_grass, plant_trees
 from fieldtruth.world.environments.lake.power_line import string_line
 from fieldtruth.world.environments.lake.shore import make_shore
+from fieldtruth.world.ground_layer import with_layer
 from fieldtruth.world.model import Mesh, World
 from fieldtruth.world.placement import WorldBuilder
 from fieldtruth.world.trails import Line
@@ -33,9 +34,10 @@ def build(seed: int, corridors: Sequence[Line], config: Config | None = None) ->
         CrowdedWorldError: the layout has more objects than fit into the world.
     """
     config = config if config is not None else Config()
-    seeds = np.random.SeedSequence(seed).spawn(9)
-    shape, wires, growth, trees, bushes, grass, cover, land = (np.random.default_rng(s) for s in seeds[:-1])
-    shore = make_shore(config, corridors, shape)
+    seeds = np.random.SeedSequence(seed).spawn(10)
+    shape, wires, growth, trees, bushes, grass, cover, land = (np.random.default_rng(s) for s in seeds[:8])
+    microrelief, layer = (np.random.default_rng(s) for s in seeds[9].spawn(2))
+    shore = make_shore(config, corridors, shape, microrelief)
     builder = WorldBuilder(shore.field, config.size, (), corridors)
     basin = basin_heights(config, land)
     backdrop = make_lake_backdrop(builder, basin, config.water_level, land)
@@ -46,10 +48,10 @@ def build(seed: int, corridors: Sequence[Line], config: Config | None = None) ->
     plant_grass(builder, shore, config, grass)
     return assemble(
         builder,
-        cover_ground(builder, shore, cover),
+        with_layer(cover_ground(builder, shore, cover), layer),
         name="lake",
         seed=seed,
-        textures=seeds[-1],
+        textures=seeds[8],
         backdrop=backdrop,
         beyond=[*line.beyond, *scatter_far_plants(builder, backdrop, basin, config.water_level, line, land)],
     )

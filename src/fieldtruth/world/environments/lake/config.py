@@ -6,15 +6,15 @@ from typing import Annotated
 
 from pydantic import Field
 
-from fieldtruth.experiment.rig import Frozen, Number, Positive
-from fieldtruth.world.environments.layout import Count, Individuals, Size
+from fieldtruth.experiment.rig import Boolean, Number
+from fieldtruth.world.environments.layout import Count, GroundConfig, Individuals
 
 
-class Config(Frozen):
+class Config(GroundConfig):
     """Layout of the lake's shore."""
 
-    size: Size = (100.0, 50.0)  # [m] along x (north) and y (west)
-    grid: Positive = 0.2  # [m] between the terrain's nodes
+    grounds = ("meadow", "earth", "mud")
+
     water_level: Number = -3.0  # [m]
     edge: Number = -13.5  # [m], mean y of the water's edge; the lake lies east of it
     bends: Annotated[Number, Field(ge=0, le=6)] = 3.0  # [m], deviation of its points and coves
@@ -29,3 +29,4 @@ class Config(Frozen):
     meadow_bushes: Count = 26
     individuals: Individuals = 3  # of each species
     grass: Annotated[Number, Field(ge=0, le=4)] = 1.0  # density of all high grass relative to the default
+    beyond: Boolean = True  # land, water, wires and plants beyond the edge

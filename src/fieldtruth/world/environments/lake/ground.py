@@ -3,6 +3,7 @@
 """Cover of the lake's shore: rough grass, bare earth on the scarps, mud and pebbles at the water."""
 
 import numpy as np
+from scipy.ndimage import gaussian_filter
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.environments.lake.shore import Shore
@@ -22,7 +23,7 @@ def cover_ground(builder: WorldBuilder, shore: Shore, rng: np.random.Generator) 
     fine = fractal_noise(x, y, wavelength=1.6, octaves=3, rng=rng, gain=0.7)
     stony = np.clip(0.5 + 1.6 * fractal_noise(x, y, wavelength=20.0, octaves=2, rng=rng) + 0.5 * fine, 0.0, 1.0)
     inland, height = shore.inland.at(*nodes), builder.field.height_at(*nodes)
-    steep = np.hypot(*np.gradient(height, NODE))
+    steep = np.hypot(*np.gradient(gaussian_filter(height, 0.3 / NODE, mode="nearest"), NODE))
     scarp = np.clip((steep - 0.5 + 0.12 * fine) / 0.2, 0.0, 1.0)
     wet = np.clip(1.0 - (inland - 0.9 - 1.6 * (1.0 - shore.scarp.at(*nodes)) + 0.55 * fine) / 0.7, 0.0, 1.0)
     litter = _below_crowns(builder, x, y, fine)
@@ -45,7 +46,7 @@ def cover_ground(builder: WorldBuilder, shore: Shore, rng: np.random.Generator) 
         field=builder.field,
         trail_distance=make_raster(no_trail, max(builder.size), x, y),
         cover=make_raster(cover, NODE, x, y),
-        ground_materials=("rough_grass", "lawn_dry", "soil", "litter", "mud", "pebbles"),
+        ground_materials=("rough_grass", "dry_grass", "soil", "litter", "mud", "pebbles"),
         trail_material="gravel",
         border_material="gravel",
     )

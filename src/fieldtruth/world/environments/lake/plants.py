@@ -23,7 +23,7 @@ WATERSIDE_BUSHES: Final = ("grey_willow",)
 MEADOW_BUSHES: Final = ("hazel", "bramble")
 
 BELOW_WIRES: Final = 3.4  # [m] from the power line to the nearest trunk
-TREE_DETAIL: Final = 0.6
+TREE_DETAIL: Final = 0.25
 TUFT_DETAIL: Final = 0.55
 TRIES: Final = 9000
 
@@ -48,7 +48,7 @@ def plant_trees(
                 name=f"{kind}_{name}_{k}",
                 height=float(growth.uniform(*heights)),
                 rng=growth,
-                detail=1.0 if name == "pine" else TREE_DETAIL,  # few sprays of needles would look like stars
+                detail=TREE_DETAIL,
             )
             for k in range(config.individuals)
             for name, heights in species.items()

@@ -16,9 +16,12 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.environments.lake.config import Config
+from fieldtruth.world.environments.layout import HILLS
 from fieldtruth.world.grids import grid_axes, make_heightfield, make_raster
+from fieldtruth.world.ground_types import Roughness
 from fieldtruth.world.model import Heightfield, Raster
 from fieldtruth.world.noise import fractal_noise
+from fieldtruth.world.relief import with_microrelief
 from fieldtruth.world.trails import Line
 
 DEPTH: Final = 3.5  # [m] of the lake's bed
@@ -38,9 +41,11 @@ class Shore:
     """0 at a beach, 1 where the bank ends in a scarp."""
 
 
-def make_shore(config: Config, corridors: Sequence[Line], rng: np.random.Generator) -> Shore:
+def make_shore(
+    config: Config, corridors: Sequence[Line], rng: np.random.Generator, fine_rng: np.random.Generator
+) -> Shore:
     """Shape a shore along x with the lake at negative y; ``corridors`` stay on land."""
-    x, y = grid_axes(config.size, config.grid)
+    x, y = grid_axes(config.size, HILLS)
     coves = fractal_noise(x, y, wavelength=34.0, octaves=4, rng=rng, gain=0.46)
     inland = y[None, :] - config.edge + config.bends * coves
     nodes = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -48,23 +53,31 @@ def make_shore(config: Config, corridors: Sequence[Line], rng: np.random.Generat
     for line in corridors:
         off_corridor = np.minimum(off_corridor, line.distance(nodes).reshape(inland.shape))
     inland = _smooth_max(inland, DRY - off_corridor, 1.0) if corridors else inland
-    inland = _signed_distance(inland > 0) * config.grid
+    inland = _signed_distance(inland > 0) * HILLS
     turns = fractal_noise(x, y, wavelength=30.0, octaves=2, rng=rng, gain=0.4)
     scarp = 1.0 / (1.0 + np.exp(-2.4 * (turns + 0.15)))
     slumps = fractal_noise(x, y, wavelength=4.5, octaves=3, rng=rng, gain=0.45)
     swell = fractal_noise(x, y, wavelength=30.0, octaves=3, rng=rng, gain=0.4)
-    bumps = fractal_noise(x, y, wavelength=2.6, octaves=3, rng=rng, gain=0.6)
     above = _above(inland, scarp, slumps, config.bank) + config.relief * swell * np.clip(inland / 18.0, 0.0, 1.0)
     height = np.where(inland > 0, above, -_below(-inland, scarp))
-    height += bumps * (0.012 + 0.014 * np.clip(np.abs(inland) / 4.0, 0.0, 1.0))
     # Along corridors the bank has an even slope.
     worn = np.exp(-((off_corridor / WORN) ** 2))
-    height += worn * (gaussian_filter(height, WORN / config.grid, mode="nearest") + 0.006 * bumps - height)
+    height += worn * (gaussian_filter(height, WORN / HILLS, mode="nearest") - height)
+    fine = grid_axes(config.size, config.grid)
+    heights = with_microrelief(height + config.water_level, (x, y), fine, _cover(config, inland, height), fine_rng)
     return Shore(
-        field=make_heightfield(height + config.water_level, config.grid, x, y),
-        inland=make_raster(inland, config.grid, x, y),
-        scarp=make_raster(scarp, config.grid, x, y),
+        field=make_heightfield(heights, config.grid, *fine),
+        inland=make_raster(inland, HILLS, x, y),
+        scarp=make_raster(scarp, HILLS, x, y),
     )
+
+
+def _cover(config: Config, inland: Array, height: Array) -> list[tuple[Roughness, Array]]:
+    """Mud at and under the water, earth on the scarps, meadow elsewhere, with their shares of the ground."""
+    mud = np.clip(1.5 - inland / 2.0, 0.0, 1.0)
+    scarp = (1.0 - mud) * np.clip((np.hypot(*np.gradient(height, HILLS)) - 0.4) / 0.2, 0.0, 1.0)
+    shares = {"mud": mud, "earth": scarp, "meadow": 1.0 - mud - scarp}
+    return [(config.roughness_of(ground), share) for ground, share in shares.items()]
 
 
 def _smooth_max(a: Array, b: Array, width: float) -> Array:

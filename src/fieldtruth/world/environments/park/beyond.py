@@ -27,7 +27,7 @@ EAVES, ROOF = 4.0, 10.5
 """Mean height [m] of a wood's canopy at its rim, where trees hide it, and inside."""
 NEAR: Final = 20.0
 """Distance [m] from the edge within which trees have more detail, because single leaves are visible."""
-NEAR_DETAIL, DETAIL, BUSH_DETAIL = 0.12, 0.045, 0.25
+NEAR_DETAIL, DETAIL, BUSH_DETAIL = 0.04, 0.012, 0.25
 SPECIES_BEYOND: Final = ("lime", "birch", "oak", "beech", "lime", "oak", "spruce", "pine")
 LIFT: Final = 0.015  # [m] of a trail above the land's triangles at the edge, plus 1 mm per metre
 STEP: Final = 0.05  # [m] between the points of a trail's line

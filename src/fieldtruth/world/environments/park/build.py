@@ -14,6 +14,7 @@ from fieldtruth.world.environments.park.furniture import furnish
 from fieldtruth.world.environments.park.ground import cover_ground, make_heights
 from fieldtruth.world.environments.park.herbs import plant_herbs
 from fieldtruth.world.environments.park.plants import plant_trees
+from fieldtruth.world.ground_layer import with_layer
 from fieldtruth.world.model import World
 from fieldtruth.world.placement import WorldBuilder
 from fieldtruth.world.trails import Line, Trail
@@ -26,15 +27,16 @@ def build(seed: int, corridors: Sequence[Line], config: Config | None = None) ->
         CrowdedWorldError: the layout has more objects than fit into the world.
     """
     config = config if config is not None else Config()
-    seeds = np.random.SeedSequence(seed).spawn(9)
-    relief, plants, trees, bushes, furniture, cover, land, herbs = (np.random.default_rng(s) for s in seeds[:-1])
+    seeds = np.random.SeedSequence(seed).spawn(10)
+    relief, plants, trees, bushes, furniture, cover, land, herbs = (np.random.default_rng(s) for s in seeds[:8])
+    microrelief, layer = (np.random.default_rng(s) for s in seeds[9].spawn(2))
     trails = [Trail(Line.through(corners), config.trail_width) for corners in config.trails]
-    builder = WorldBuilder(make_heights(config, relief), config.size, trails, corridors)
+    builder = WorldBuilder(make_heights(config, trails, relief, microrelief), config.size, trails, corridors)
     furnish(builder, config, furniture)
     plant_trees(builder, config, trees, plants)
     beds = lay_beds(builder, config.bushes, bushes)
     edge_beds(builder, beds, herbs)
     plant_herbs(builder, beds, config.herbs, herbs)
-    terrain = cover_ground(builder, beds, config.border_width, cover)
+    terrain = with_layer(cover_ground(builder, beds, config.border_width, cover), layer)
     backdrop, beyond = make_surroundings(builder, terrain, config.beyond, land)
-    return assemble(builder, terrain, name="park", seed=seed, textures=seeds[-1], backdrop=backdrop, beyond=beyond)
+    return assemble(builder, terrain, name="park", seed=seed, textures=seeds[8], backdrop=backdrop, beyond=beyond)

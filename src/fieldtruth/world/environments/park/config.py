@@ -2,15 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """Layout of the park."""
 
-from fieldtruth.experiment.rig import Frozen, Number, Positive
-from fieldtruth.world.environments.layout import Count, Individuals, Share, Size, Trails
+from typing import Annotated, Final
+
+from pydantic import Field, field_validator
+
+from fieldtruth.experiment.rig import Boolean, Number, Positive
+from fieldtruth.world.environments.layout import Count, GroundConfig, Individuals, Share, Trails
+
+PLANTED_BEYOND: Final = 0.7
 
 
-class Config(Frozen):
+class Config(GroundConfig):
     """Layout of the park; the counts are those of the published world."""
 
-    size: Size = (100.0, 50.0)  # [m] along x (north) and y (west)
-    grid: Positive = 0.2  # [m] between the terrain's nodes
+    grounds = ("gravel", "lawn")
+
     relief: Number = 0.21  # [m], standard deviation of the ground's height
     trails: Trails = (
         ((-58, -7), (-33, -6), (-17, -3), (0, 3.5), (12, 8.5), (26, 12), (40, 14.5), (58, 20)),
@@ -27,4 +33,10 @@ class Config(Frozen):
     trash_bins: Count = 11
     individuals: Individuals = 4  # of each common species and size
     herbs: Share = 1.0  # of the flowers and the long grass
-    beyond: Share = 0.7  # of the trees and bushes beyond the edge
+    beyond: Annotated[Share | Boolean, Field(description="a number between 0 and 1, or false")] = PLANTED_BEYOND
+    """Share of the trees and bushes beyond the edge; False: nothing is there, no land either."""
+
+    @field_validator("beyond")
+    @classmethod
+    def _with_land(cls, beyond: float | bool) -> float | bool:
+        return PLANTED_BEYOND if beyond is True else beyond

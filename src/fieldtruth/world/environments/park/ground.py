@@ -6,22 +6,27 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fieldtruth.world.environments.layout import HILLS
 from fieldtruth.world.environments.park.beds import Bed, bed_distance
 from fieldtruth.world.environments.park.config import Config
 from fieldtruth.world.grids import grid_axes, make_heightfield, make_raster
 from fieldtruth.world.model import Heightfield, Terrain
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import WorldBuilder
-from fieldtruth.world.trails import signed_distance
+from fieldtruth.world.relief import with_microrelief
+from fieldtruth.world.trails import Trail, signed_distance
 
 
-def make_heights(config: Config, rng: np.random.Generator) -> Heightfield:
-    """Low swells and small bumps."""
-    x, y = grid_axes(config.size, config.grid)
-    swell = fractal_noise(x, y, wavelength=46.0, octaves=3, rng=rng, gain=0.35)
-    bumps = fractal_noise(x, y, wavelength=2.4, octaves=2, rng=rng)
-    heights = config.relief * swell + 0.008 * bumps
-    return make_heightfield(heights - heights.mean(), config.grid, x, y)
+def make_heights(
+    config: Config, trails: Sequence[Trail], rng: np.random.Generator, fine_rng: np.random.Generator
+) -> Heightfield:
+    """Low swells; fine gravel on the trails, lawn elsewhere."""
+    hills, fine = grid_axes(config.size, HILLS), grid_axes(config.size, config.grid)
+    swell = config.relief * fractal_noise(*hills, wavelength=46.0, octaves=3, rng=rng, gain=0.35)
+    on_trail = np.clip(0.5 - signed_distance(trails, *hills) / 0.2, 0.0, 1.0)
+    cover = [(config.roughness_of("gravel"), on_trail), (config.roughness_of("lawn"), 1.0 - on_trail)]
+    heights = with_microrelief(swell - swell.mean(), hills, fine, cover, fine_rng)
+    return make_heightfield(heights, config.grid, *fine)
 
 
 def cover_ground(builder: WorldBuilder, beds: Sequence[Bed], border_width: float, rng: np.random.Generator) -> Terrain:
@@ -60,7 +65,7 @@ def cover_ground(builder: WorldBuilder, beds: Sequence[Bed], border_width: float
         field=builder.field,
         trail_distance=make_raster(distance, 0.1, x, y),
         cover=make_raster(cover, 0.1, x, y),
-        ground_materials=("lawn", "lawn_dry", "soil", "mulch", "litter"),
+        ground_materials=("lawn", "lawn_dry", "soil", "mulch", "leaves_on_lawn"),
         trail_material="gravel",
         border_material="setts",
         border_width=border_width,

@@ -27,15 +27,21 @@ TRIES: Final = 6000
 def plant_trees(builder: WorldBuilder, config: Config, growth: np.random.Generator, rng: np.random.Generator) -> None:
     """Plant large trees, then small ones between them, none on a trail."""
     few = config.individuals
-    for kind, heights, count, spacing in (
-        ("large_tree", (9.5, 14.5), config.large_trees, 7.0),
-        ("small_tree", (3.2, 5.0), config.small_trees, 4.0),
+    for kind, heights, count, spacing, detail in (
+        ("large_tree", (9.5, 14.5), config.large_trees, 7.0, 0.4),
+        ("small_tree", (3.2, 5.0), config.small_trees, 4.0, 0.6),
     ):
         # The rare ones come second, so that each is planted even if there are few trees.
         names = [(name, 0) for name in COMMON] + [(name, 0) for name in RARE[kind] if few > 1]
         names += [(name, k) for k in range(1, few) for name in COMMON]
         trees = [
-            grow_tree(TREES[name], name=f"{kind}_{name}_{k}", height=float(growth.uniform(*heights)), rng=growth)
+            grow_tree(
+                TREES[name],
+                name=f"{kind}_{name}_{k}",
+                height=float(growth.uniform(*heights)),
+                rng=growth,
+                detail=detail,
+            )
             for name, k in names
         ]
         group = ObjectGroup(kind=kind, meshes=trees, count=count, spacing=spacing, scales=(0.9, 1.12), tint=0.07)

@@ -1,0 +1,104 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Campaigns as YAML files: recognise, load, override, and write the effective one."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from pydantic import ValidationError
+
+import fieldtruth
+from fieldtruth.campaign.config import Campaign
+from fieldtruth.core.errors import FieldtruthError
+from fieldtruth.experiment.catalogue import experiment_names
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.files import VERSION_KEY, check_version, load_experiment, read_text
+from fieldtruth.experiment.problems import configuration_error
+from fieldtruth.experiment.yaml_io import parse_mapping, write_mapping
+
+ALL: Final = "all"
+"""Name of the campaign of the built-in experiments."""
+CAMPAIGN: Final = "campaign.yaml"
+"""The effective campaign in the folder of its runs."""
+HEADER: Final = """\
+# The whole input of these data sets. What is missing, and the rest:
+#   fieldtruth status FOLDER
+#   fieldtruth generate FOLDER/campaign.yaml --out FOLDER
+"""
+_OWN_KEYS: Final = frozenset(Campaign.model_fields) - frozenset(Experiment.model_fields)
+
+
+def is_campaign(name_or_path: str) -> bool:
+    """Whether this is the campaign "all", or a YAML file with a key that campaigns have and experiments do not."""
+    if name_or_path == ALL:
+        return True
+    path = Path(name_or_path)
+    if name_or_path in experiment_names() or not path.is_file():
+        return False
+    try:
+        return not _OWN_KEYS.isdisjoint(parse_mapping(read_text(path), name_or_path))
+    except FieldtruthError:
+        return False  # loading it as an experiment says why
+
+
+def load_campaign(name_or_path: str | Path) -> Campaign:
+    """Load a campaign from a YAML file, or the built-in one named ``all``.
+
+    Paths of experiments and track files may be relative to the file.
+
+    Raises:
+        ConfigurationError: unreadable or invalid file, unknown key, value that is not allowed.
+        UnknownNameError: an unknown experiment.
+    """
+    if str(name_or_path) == ALL:
+        experiments = tuple(load_experiment(name) for name in experiment_names())
+        return Campaign(name=ALL, description="the built-in experiments", experiments=experiments)
+    path = Path(name_or_path)
+    data = parse_mapping(read_text(path), str(path))
+    check_version(data.pop(VERSION_KEY, None), str(path))
+    listed = data.get("experiments")
+    if isinstance(listed, list):
+        data["experiments"] = [_experiment(entry, path.parent) for entry in listed]
+    return _validated(data, str(path))
+
+
+def dump_campaign(campaign: Campaign) -> str:
+    """Return the campaign as YAML with the version that wrote it; listed experiments are written in full."""
+    values = campaign.model_dump(mode="json", exclude_defaults=True)
+    return HEADER + write_mapping({VERSION_KEY: fieldtruth.__version__, **values})
+
+
+def with_changes(
+    campaign: Campaign,
+    *,
+    seconds: float | None = None,
+    seed: int | None = None,
+    cameras: bool | None = None,
+    lidar: bool | None = None,
+    extras: Sequence[str] | None = None,
+) -> Campaign:
+    """Return a copy whose runs have other values; None keeps those of the campaign.
+
+    ``seed`` is the root of what is drawn, or the seed of every listed experiment.
+    """
+    changes = {"seconds": seconds, "cameras": cameras, "lidar": lidar, "extras": extras}
+    changes["seeds" if campaign.experiments else "seed"] = seed
+    values: dict[str, Any] = {name: getattr(campaign, name) for name in campaign.model_fields_set}
+    return _validated(values | {key: value for key, value in changes.items() if value is not None}, "")
+
+
+def _experiment(entry: object, folder: Path) -> object:
+    if not isinstance(entry, str):
+        return entry  # in full
+    path = folder / entry
+    if entry in experiment_names() or not entry.endswith((".yaml", ".yml")):
+        return load_experiment(entry)
+    return load_experiment(path)
+
+
+def _validated(data: dict[str, Any], source: str) -> Campaign:
+    try:
+        return Campaign.model_validate(data)
+    except ValidationError as report:
+        raise configuration_error(Campaign, report, source) from report

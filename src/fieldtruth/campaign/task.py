@@ -1,0 +1,146 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A whole campaign: check, draw, estimate, make what is left, and say what became of it."""
+
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import closing
+from pathlib import Path
+from time import monotonic
+from typing import NamedTuple
+
+from fieldtruth.campaign.amounts import clock, size
+from fieldtruth.campaign.bar import Shows, run_bar, silent
+from fieldtruth.campaign.config import Campaign
+from fieldtruth.campaign.draw import PlannedRun, draw
+from fieldtruth.campaign.estimate import check_resources, estimate, free_bytes
+from fieldtruth.campaign.folder import check_folder, write_campaign
+from fieldtruth.campaign.jobs import Outcome, make_runs
+from fieldtruth.campaign.manifest import Failure, Manifest
+from fieldtruth.campaign.run import STOPPING, Generate, run_one
+from fieldtruth.campaign.shard import Shard
+from fieldtruth.campaign.state import Kind, State, counts, state_of
+from fieldtruth.core.parallel import cpu_count
+from fieldtruth.core.progress import Progress, Silent
+from fieldtruth.record.folder import new_folder
+
+Say = Callable[[str], None]
+"""Receives lines for the user."""
+
+
+class Options(NamedTuple):
+    """How a campaign is made; the bytes do not depend on it."""
+
+    jobs: int = 1
+    workers: int | None = None
+    """Threads of each job; None shares the cores."""
+    shard: Shard = Shard(1, 1)
+    overwrite: bool = False
+    """Replace another campaign and finished runs."""
+    measure: bool = True
+    """Whether to estimate time, bytes and memory first."""
+    generate: Generate | None = None
+    """Makes a run elsewhere, in place of ``fieldtruth.generate``; jobs are then threads of this process."""
+
+
+def generate_campaign(
+    campaign: Campaign, out: Path, options: Options, *, shows: Shows = silent, say: Say = print
+) -> list[State]:
+    """Make the runs of a campaign that are left in OUT, or those of a shard, and return the state of each.
+
+    Runs that fail do not stop the others. Runs that other processes are making are left to them. ``shows`` displays the
+    progress of measurements, and of runs that are made one after the other.
+
+    Raises:
+        ConfigurationError: a drawn value that is not allowed, or a split without a world.
+        OutputError: the folder holds another campaign, cannot be written, or disk or memory cannot hold the runs.
+        KeyboardInterrupt: finished runs and slices are kept.
+    """
+    everything = draw(campaign)
+    if not options.overwrite:
+        check_folder(campaign, everything, out)
+    runs = options.shard.of(everything)
+    states = [state_of(run, out) for run in runs]
+    left = runs if options.overwrite else [state.run for state in states if state.is_left]
+    say(f"{out}: {counts(states)}")
+    workers = max(1, cpu_count() // options.jobs) if options.workers is None else options.workers
+    with new_folder(out):
+        if left and options.measure:
+            _announce(left, out, options.jobs, workers, shows, say)
+        write_campaign(campaign, out)
+        if left:
+            _make(left, out, options, workers, shows, say)
+            states = [state_of(run, out) for run in runs]
+            say(f"{out}: {counts(states)}")
+    return states
+
+
+def _announce(left: list[PlannedRun], out: Path, jobs: int, workers: int, shows: Shows, say: Say) -> None:
+    with shows() as progress:
+        expected = estimate(left, out, jobs=jobs, workers=workers, progress=progress)
+    but = f"; {expected.unknown} runs could not be measured" if expected.unknown else ""
+    say(
+        f"{len(left)} runs: about {clock(expected.time_s)} with {jobs} x {workers} workers, "
+        f"{size(expected.bytes)} of {size(free_bytes(out))} free, {size(expected.memory)} of memory{but}"
+    )
+    check_resources(expected, out)
+
+
+def _make(left: list[PlannedRun], out: Path, options: Options, workers: int, shows: Shows, say: Say) -> None:
+    start = monotonic()
+    if options.jobs == 1:
+        ended = _one_by_one(left, out, options, workers, shows)
+    elif options.generate is not None:
+        ended = _in_threads(left, out, options, workers)
+    else:
+        ended = make_runs(left, out, jobs=options.jobs, workers=workers, overwrite=options.overwrite)
+    with closing(ended):
+        for k, (run, outcome) in enumerate(ended, 1):
+            took = monotonic() - start
+            more = f"; about {clock(took * (len(left) - k) / k)} left" if k < len(left) else ""
+            say(f"{k} of {len(left)}: {_line(run, outcome, out)}{more}")
+
+
+def _one_by_one(
+    left: Sequence[PlannedRun], out: Path, options: Options, workers: int, shows: Shows
+) -> Generator[tuple[PlannedRun, Outcome], None, None]:
+    for run in left:
+        with run_bar(shows, run.name) as progress:
+            outcome = _outcome(run, out, options, workers, progress)
+        yield run, outcome
+
+
+def _in_threads(
+    left: Sequence[PlannedRun], out: Path, options: Options, workers: int
+) -> Generator[tuple[PlannedRun, Outcome], None, None]:
+    """Make runs side by side where threads only wait, because ``options.generate`` has them made elsewhere."""
+    pool = ThreadPoolExecutor(options.jobs, thread_name_prefix="run")
+    try:
+        waiting = {pool.submit(_outcome, run, out, options, workers, Silent()): run for run in left}
+        for ended in as_completed(waiting):
+            yield waiting[ended], ended.result()
+    finally:  # runs that still wait end when the connection to the cluster does
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _outcome(run: PlannedRun, out: Path, options: Options, workers: int, progress: Progress) -> Outcome:
+    generate = {} if options.generate is None else {"generate": options.generate}
+    try:
+        return run_one(run, out, workers=workers, overwrite=options.overwrite, progress=progress, **generate)
+    except STOPPING as error:
+        return error
+
+
+def _line(run: PlannedRun, outcome: Outcome, out: Path) -> str:
+    """Say how a run ended.
+
+    Raises:
+        FieldtruthError: an error that the others would meet, too, such as a full disk.
+    """
+    if isinstance(outcome, Manifest):
+        return f"{run.name}: {size(outcome.bytes)} in {clock(outcome.took_s)}"
+    if isinstance(outcome, Failure):
+        return f"{run.name} failed: {outcome.reason}"
+    if state_of(run, out).kind in (Kind.RUNNING, Kind.DONE):
+        return f"{run.name} is made by another process"
+    raise outcome

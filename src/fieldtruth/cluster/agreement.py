@@ -1,0 +1,31 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""What client and workers must have in common, so that their slices have the same bytes."""
+
+import platform
+from collections.abc import Mapping
+from importlib.metadata import version
+from typing import Final
+
+import fieldtruth
+from fieldtruth.record.slices import LIBRARIES, slices_key
+
+Facts = Mapping[str, str]
+
+_KEY: Final = "key of the code"
+
+
+def facts() -> Facts:
+    """Versions of this process, and the key of its code; see ``slices_key``."""
+    libraries = {name: version(name) for name in LIBRARIES}
+    python = ".".join(platform.python_version_tuple()[:2])
+    own = {"fieldtruth": fieldtruth.__version__, "Python": python, "processor": platform.machine()}
+    return own | libraries | {_KEY: slices_key()}
+
+
+def difference(there: Facts, here: Facts) -> str:
+    """Say in what a worker differs from the client; empty if it does not."""
+    different = [f"{name} {there.get(name)} instead of {here[name]}" for name in here if there.get(name) != here[name]]
+    if len(different) > 1:  # the key follows from the versions
+        different = [text for text in different if not text.startswith(_KEY)]
+    return ", ".join(different)

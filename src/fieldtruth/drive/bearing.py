@@ -1,0 +1,190 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Ground that bears wheels and hull: the soil with every hard object on it that has no collider.
+
+Objects with colliders are obstacles of the physics; swarms have none. What is hard in a swarm (stones, pebbles, edging
+stones) is part of the height that the robot feels; what bends or breaks (grass, herbs, leaves, stems of saplings,
+fallen twigs of less than 3 cm) is not. The foot of a trunk, whose roots spread beyond the collider, is part of it, too:
+up to ``FOOT`` above the soil.
+
+A node carries the highest visible point of all these in the square of one spacing around it. So no stone is lost
+between two nodes, and none is higher than it is; its outline grows by half a spacing at most. On stones of 3 and 5 cm
+height the envelope of a rolling wheel keeps its peak to 0.4 mm; the bump is 2.5 cm longer than over the mesh itself.
+"""
+
+import dataclasses
+import weakref
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.core.classes import Label
+from fieldtruth.world.model import Heightfield, Mesh, World
+
+BEARING_SPACING: Final = 0.05
+"""Greatest spacing [m] of the nodes in a world with stones."""
+FOOT: Final = 0.165
+"""Height [m] of a wheel's axle: above it the collider of an object stops the robot, not the ground."""
+HARD: Final = frozenset({Label.GROUND, Label.TRAIL, Label.ROCK})
+"""Classes of the surfaces of a swarm that bear; blades, leaves and stems of herbs have others."""
+_FEET: Final = frozenset({Label.TRUNK})
+"""Classes of the surfaces of objects with colliders that reach beyond these near the ground."""
+
+_known: Final[dict[int, Heightfield]] = {}
+
+
+class HardSurface(NamedTuple):
+    """Upper surfaces that bear: a mesh at poses (n, 4, 4), with the name of each; nothing above ``reach`` counts."""
+
+    names: tuple[str, ...]
+    vertices: Array  # (v, 3) [m]
+    faces: NDArray[np.int32]  # (f, 3)
+    poses: Array
+    reach: float  # [m] above the soil
+
+
+def bearing_field(world: World) -> Heightfield:
+    """Heights of soil and stones; without stones the terrain's own field. It is computed once per world.
+
+    Nodes are at most ``BEARING_SPACING`` apart. They divide the terrain's cells evenly, so that where no stone lies the
+    surface is exactly that of ``world.terrain.field``.
+    """
+    key = id(world)
+    if key not in _known:
+        _known[key] = _with_stones(world)
+        weakref.finalize(world, _known.pop, key, None)
+    return _known[key]
+
+
+def hard_surfaces(world: World) -> Iterator[HardSurface]:
+    """Yield what is hard and has no collider inside the world: stones of swarms, and the feet of trunks."""
+    for swarm in world.swarms:
+        inside = (np.abs(swarm.world_from_object[:, :2, 3]) <= np.array(world.size) / 2).all(axis=1)
+        for row, name in enumerate(swarm.meshes):
+            faces = _faces_of(world, world.meshes[name], HARD)
+            poses = swarm.world_from_object[inside & (swarm.mesh == row)]
+            if len(faces) and len(poses):
+                names = (f"an object of swarm {swarm.name}",) * len(poses)
+                yield HardSurface(names, world.meshes[name].vertices.astype(np.float64), faces, poses, np.inf)
+    for name in dict.fromkeys(instance.mesh for instance in world.instances):
+        mesh, copies = world.meshes[name], [i for i in world.instances if i.mesh == name]
+        faces = _faces_of(world, mesh, _FEET)
+        faces = faces[mesh.vertices[faces, 2].min(axis=1, initial=np.inf) < 2 * FOOT]
+        if len(faces):
+            poses = np.array([i.world_from_object for i in copies])
+            yield HardSurface(tuple(i.name for i in copies), mesh.vertices.astype(np.float64), faces, poses, FOOT)
+
+
+def _faces_of(world: World, mesh: Mesh, labels: frozenset[Label]) -> NDArray[np.int32]:
+    rows = [k for k, name in enumerate(mesh.materials) if world.materials[name].label in labels]
+    return np.ascontiguousarray(mesh.faces[np.isin(mesh.material, rows)])
+
+
+def _with_stones(world: World) -> Heightfield:
+    surfaces = list(hard_surfaces(world))
+    if not surfaces:
+        return world.terrain.field
+    soil = divided(world.terrain.field)
+    heights = soil.heights.copy()
+    for surface in surfaces:
+        poses = np.ascontiguousarray(surface.poses, np.float64)
+        grid = (soil.x0, soil.y0, soil.spacing, surface.reach)
+        _lay_stones(heights, soil.heights, grid, surface.vertices, surface.faces, poses)
+    return dataclasses.replace(soil, heights=heights)
+
+
+def divided(field: Heightfield) -> Heightfield:
+    """The same surface on nodes at most ``BEARING_SPACING`` apart."""
+    parts = int(np.ceil(field.spacing / BEARING_SPACING - 1e-9))
+    if parts == 1:
+        return field
+    spacing = field.spacing / parts
+    x, y = (
+        start + spacing * np.arange(parts * (count - 1) + 1)
+        for start, count in zip((field.x0, field.y0), field.heights.shape, strict=True)
+    )
+    heights = np.stack([field.height_at(at, y).astype(np.float32) for at in x])
+    return Heightfield(heights=heights, spacing=spacing, x0=field.x0, y0=field.y0)
+
+
+@njit(nogil=True, cache=True)
+def _lay_stones(
+    heights: Float32Array,
+    soil: Float32Array,
+    grid: tuple[float, float, float, float],
+    vertices: Array,
+    faces: NDArray[np.int32],
+    poses: Array,
+) -> None:
+    """Raise ``heights`` to copies of a mesh at ``poses`` (n, 4, 4); ``grid`` is x0, y0, spacing and reach [m].
+
+    Positions are in spacings from the first node.
+    """
+    x0, y0, spacing, reach = grid
+    nx, ny = soil.shape
+    placed = np.empty_like(vertices)
+    polygon, spare = np.empty((8, 3)), np.empty((8, 3))
+    for pose in poses:
+        for k in range(len(vertices)):
+            x, y, z = vertices[k]
+            placed[k, 0] = (pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3] - x0) / spacing
+            placed[k, 1] = (pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3] - y0) / spacing
+            placed[k, 2] = pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z + pose[2, 3]
+        for a, b, c in faces:
+            p, q, r = placed[a], placed[b], placed[c]
+            if (q[0] - p[0]) * (r[1] - p[1]) <= (q[1] - p[1]) * (r[0] - p[0]):
+                continue  # it faces down; the highest points belong to faces that face up
+            first_i = max(0, int(np.floor(min(p[0], q[0], r[0]) + 0.5)))
+            last_i = min(nx - 1, int(np.floor(max(p[0], q[0], r[0]) + 0.5)))
+            first_j = max(0, int(np.floor(min(p[1], q[1], r[1]) + 0.5)))
+            last_j = min(ny - 1, int(np.floor(max(p[1], q[1], r[1]) + 0.5)))
+            for i in range(first_i, last_i + 1):
+                for j in range(first_j, last_j + 1):
+                    polygon[0], polygon[1], polygon[2] = p, q, r
+                    count = _cut(polygon, 3, spare, 0, 1.0, i + 0.5)
+                    count = _cut(spare, count, polygon, 0, -1.0, 0.5 - i)
+                    count = _cut(polygon, count, spare, 1, 1.0, j + 0.5)
+                    count = _cut(spare, count, polygon, 1, -1.0, 0.5 - j)
+                    for k in range(count):
+                        below = _height(soil, polygon[k, 0], polygon[k, 1])
+                        if below < polygon[k, 2] <= below + reach:
+                            # Uphill of the node the soil itself is higher than there.
+                            top = polygon[k, 2] - max(0.0, below - soil[i, j])
+                            heights[i, j] = max(heights[i, j], np.float32(top))
+
+
+# (float64[:, ::1], int64, float64[:, ::1], int64, float64, float64) -> int64
+@njit(nogil=True, cache=True)
+def _cut(corners: Array, count: int, kept: Array, axis: int, sign: float, limit: float) -> int:
+    """Write to ``kept`` the part of a convex polygon where sign * coordinate <= limit; return its corner count."""
+    n = 0
+    for k in range(count):
+        a, b = corners[k], corners[(k + 1) % count]
+        over_a, over_b = sign * a[axis] - limit, sign * b[axis] - limit
+        if over_a <= 0.0:
+            kept[n] = a
+            n += 1
+        if (over_a < 0.0 < over_b) or (over_b < 0.0 < over_a):
+            share = over_a / (over_a - over_b)
+            for m in range(3):
+                kept[n, m] = a[m] + share * (b[m] - a[m])
+            n += 1
+    return n
+
+
+# (float32[:, ::1], float64, float64) -> float64
+@njit(nogil=True, cache=True)
+def _height(soil: Float32Array, u: float, v: float) -> float:
+    """Height [m] of the triangles of ``soil`` at ``u``, ``v`` in spacings from the first node."""
+    nx, ny = soil.shape
+    u, v = min(max(u, 0.0), nx - 1.0), min(max(v, 0.0), ny - 1.0)
+    i, j = min(int(u), nx - 2), min(int(v), ny - 2)
+    u, v = u - i, v - j
+    low, high = soil[i, j], soil[i + 1, j + 1]
+    if u >= v:
+        return float(low + u * (soil[i + 1, j] - low) + v * (high - soil[i + 1, j]))
+    return float(low + v * (soil[i, j + 1] - low) + u * (high - soil[i, j + 1]))

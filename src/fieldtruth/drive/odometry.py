@@ -1,0 +1,43 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Wheel odometry: dead reckoning from the angles of the wheels with the model of a skid-steered robot.
+
+Like ``diff_drive_controller``, the driver of a real Husky: a side's advance is the mean of its two wheels, the robot
+turns by the difference of the sides over the effective track, and moves on an arc from one reading to the next. Slip is
+what it does not see, so its error is that of a real robot.
+"""
+
+import numpy as np
+
+from fieldtruth.core.arrays import Array
+from fieldtruth.drive.husky import skid_compensation
+from fieldtruth.drive.sensors import steps_at_rate
+from fieldtruth.drive.track import Stamps, WheelMotion, WheelOdometry
+from fieldtruth.experiment.rig import Rig, WheelConfig
+
+
+def effective_track(wheels: WheelConfig) -> float:
+    """Distance [m] between the wheels of a robot that turns without skidding as fast as this one."""
+    return 2 * wheels.half_track * skid_compensation(wheels)
+
+
+def advance(turned: Array, wheels: WheelConfig) -> tuple[Array, Array]:
+    """Advance (n,) [m] and turn (n,) [rad] of the robot for the angles (n, 4) [rad] by which its wheels turn."""
+    left, right = (wheels.radius * turned[:, side::2].mean(axis=1) for side in (0, 1))
+    return (left + right) / 2, (right - left) / effective_track(wheels)
+
+
+def read_odometry(stamps_ns: Stamps, wheels: WheelMotion, rig: Rig) -> WheelOdometry:
+    """Return wheel odometry for the rotation of the wheels at every physics step, which has these stamps [ns]."""
+    rows = steps_at_rate(rig.odometry.rate_hz, int(stamps_ns[-1])) - 1
+    stamps, angle = stamps_ns[rows], wheels.angle[rows]
+    forward, turn = advance(np.diff(angle, axis=0, prepend=np.zeros((1, 4))), rig.wheels)
+    yaw = np.cumsum(turn)
+    middle, chord = yaw - turn / 2, forward * np.sinc(turn / (2 * np.pi))
+    seconds = np.diff(stamps, prepend=0) / 1e9
+    return WheelOdometry(
+        stamps_ns=stamps,
+        wheels=WheelMotion(angle=angle, speed=wheels.speed[rows]),
+        pose=np.column_stack([np.cumsum(chord * np.cos(middle)), np.cumsum(chord * np.sin(middle)), yaw]),
+        twist=np.column_stack([forward, turn]) / seconds[:, None],
+    )

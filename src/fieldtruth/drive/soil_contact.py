@@ -1,0 +1,86 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The soil under the four wheels of a driving robot: what it does to each contact in each step.
+
+The ground types are mixed by the weights that the renderer mixes their colours by; across the edges of trails and of
+their borders they change within a tyre's width, so that no force jumps. What is mixed is the result of the law, not its
+parameters, as stiffness with different exponents has no mean. Stones that rise above the soil by more than ``PRESSED``
+bear the wheel as rock; smaller ones are pressed into it.
+"""
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+
+from fieldtruth.core.errors import ConfigurationError, suggestion
+from fieldtruth.drive.bearing import bearing_field
+from fieldtruth.drive.husky import wheel_width
+from fieldtruth.drive.physics import STEP_S
+from fieldtruth.drive.soil import SOILS, soil_rows
+from fieldtruth.drive.soil_law import Grid, Tyre, step_soil
+from fieldtruth.drive.tyre import STIFFNESS
+from fieldtruth.drive.wheel_contacts import Wheels
+from fieldtruth.experiment.rig import WheelConfig
+from fieldtruth.world.model import Raster, World
+
+PRESSED: Final = 0.02  # [m]
+UNNAMED: Final = "trodden_earth"
+"""The ground type of materials that name none."""
+
+
+class SoilContact:
+    """The soil of a world; call it before every step of the physics.
+
+    Args:
+        world: supplies ground types, trails and stones.
+        wheels: supplies the size of the tyres.
+        replaced: soils, by name, that replace those of ground types of the world.
+
+    Raises:
+        ConfigurationError: a name in ``replaced`` that is no ground type of the world, or no soil.
+    """
+
+    def __init__(self, world: World, wheels: WheelConfig, replaced: Mapping[str, str]) -> None:
+        self._soils = soil_rows((*_soil_names(world, replaced), "rock"))
+        terrain = world.terrain
+        grids = _grid(terrain.cover), _grid(terrain.trail_distance), _grid(_stones(world))
+        self._ground = *grids, terrain.border_width
+        self._tyre: Tyre = (wheel_width(wheels), 2 * wheels.radius, STIFFNESS)
+        self._state = np.zeros((4, 3))
+
+    def __call__(self, wheels: Wheels) -> None:
+        """Set friction, drag, torque and sinkage of the wheels for the next step."""
+        step_soil(self._soils, self._ground, self._tyre, wheels, self._state, STEP_S)
+
+
+def _soil_names(world: World, replaced: Mapping[str, str]) -> tuple[str, ...]:
+    """Name of the soil of each material of the cover, of the trail and of its border."""
+    terrain = world.terrain
+    names = (*terrain.ground_materials, terrain.trail_material, terrain.border_material)
+    types = [world.materials[name].ground_type or UNNAMED if name in world.materials else UNNAMED for name in names]
+    for ground_type, soil in replaced.items():
+        if ground_type not in types:
+            hint = suggestion(ground_type, sorted(set(types)))
+            raise ConfigurationError(f"soil: {world.name} has no ground type {ground_type!r}; {hint}")
+        if soil not in SOILS:
+            raise ConfigurationError(f"soil.{ground_type}: unknown soil {soil!r}; {suggestion(soil, SOILS)}")
+    return tuple(replaced.get(name, name) for name in types)
+
+
+def _stones(world: World) -> Raster:
+    """1 where a stone bears the wheels, 0 on the soil."""
+    bearing, soil = bearing_field(world), world.terrain.field
+    if bearing is soil:
+        return Raster(values=np.zeros((2, 2), np.float32), spacing=1.0, x0=0.0, y0=0.0)
+    x, y = (
+        start + bearing.spacing * np.arange(count)
+        for start, count in zip((bearing.x0, bearing.y0), bearing.heights.shape, strict=True)
+    )
+    high = np.stack([row > soil.height_at(at, y) + PRESSED for at, row in zip(x, bearing.heights, strict=True)])
+    return Raster(values=high.astype(np.float32), spacing=bearing.spacing, x0=bearing.x0, y0=bearing.y0)
+
+
+def _grid(raster: Raster) -> Grid:
+    values = raster.values if raster.values.ndim == 3 else raster.values[..., None]
+    return np.ascontiguousarray(values), raster.x0, raster.y0, 1 / raster.spacing

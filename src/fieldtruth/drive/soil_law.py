@@ -1,0 +1,155 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Traction, rolling resistance and sinkage of a wheel: the law in closed form, and a step of it on mixed ground.
+
+``tyre`` is (width [m], diameter [m], stiffness [N/m]); ``soil`` is a row of ``drive.soil.soil_rows``.
+
+- Sinkage at rest: Bekker's pressure p = (k_c / b + k_phi) z^n below a rigid wheel,
+  z = (3 W / ((3 - n) b (k_c / b + k_phi) sqrt(D)))^(2 / (2 n + 1)) (Bekker 1969; Wong, Theory of Ground Vehicles). The
+  tyre stays round: soils in which it sinks by more than 1 mm press it by less than its own 100 kPa.
+- Slip-sinkage: z (1 + i) / (1 - 0.5 i) at slip i (Lyasko, Journal of Terramechanics 47, 2010).
+- Resistance of compaction: b (k_c / b + k_phi) z^(n + 1) / (n + 1). With the formula above it is
+  3 / ((3 - n) (n + 1)) W sqrt(z / D), which also holds in a rut that slip deepens: the load stays the same.
+- Traction: (A c + W tan phi) (1 - (K / (i l)) (1 - exp(-i l / K))), Wong's integral of Janosi and Hanamoto's law over a
+  patch of length l and area A = b l. The slip i may have any direction; the force is opposite to it.
+- Length of the patch: the wheel is lowered by its sinkage z and the tyre's deflection d; it touches soil ahead over
+  sqrt(D (z + d)) and behind over sqrt(D d).
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+from numba import njit
+
+from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.drive.wheel_contacts import Wheels
+
+Tyre = tuple[float, float, float]
+Grid = tuple[Float32Array, float, float, float]
+"""Values (nx, ny, channels) at nodes, x and y [m] of the first node, nodes per metre."""
+Ground = tuple[Grid, Grid, Grid, float]
+"""Weights of the cover's soils, signed distance to the nearest trail's edge [m], share of stones; width of borders."""
+
+EDGE: Final = 0.1
+"""Distance [m] across the edge of a trail or border over which one soil replaces the other: a tyre's width."""
+STANDING: Final = 0.05
+"""Speed [m/s] of tread or axle below which a contact holds like one at rest, in proportion."""
+RUT: Final = 0.1  # [m] of travel in which sinkage follows slip and ground: the patch that presses the rut is as long
+SETTLING: Final = 0.1  # [s] in which a standing wheel sinks
+LOAD_SECONDS: Final = 0.02  # [s]: the soil feels the mean load of this time, not the ringing of the contact
+_SMALL: Final = 0.02  # [m/s] at which resistance changes its sign
+
+_MEAN_LOAD, _MEAN_SLIP, _DEPTH = range(3)  # columns of the state
+
+
+@njit(nogil=True)
+def sinkage(load: float, tyre: Tyre, soil: Array) -> float:
+    """Sinkage [m] of a wheel at rest that carries ``load`` [N]."""
+    width, diameter, _ = tyre
+    k_c, k_phi, n = soil[0], soil[1], soil[2]
+    return float((3.0 * load / ((3.0 - n) * (k_c + width * k_phi) * math.sqrt(diameter))) ** (2.0 / (2.0 * n + 1.0)))
+
+
+@njit(nogil=True)
+def slip_factor(slip: float) -> float:
+    """Sinkage of a driven wheel over its sinkage at rest; ``slip`` in [0, 1]."""
+    return (1.0 + slip) / (1.0 - 0.5 * slip)
+
+
+@njit(nogil=True)
+def compaction(load: float, depth: float, tyre: Tyre, soil: Array) -> float:
+    """Resistance [N] of soil that a wheel compacts to ``depth`` [m]."""
+    n = soil[2]
+    return float(3.0 / ((3.0 - n) * (n + 1.0)) * load * math.sqrt(depth / tyre[1]))
+
+
+@njit(nogil=True)
+def patch_length(load: float, depth: float, tyre: Tyre) -> float:
+    """Length [m] of the contact of a wheel at ``depth`` [m]."""
+    _, diameter, stiffness = tyre
+    deflection = max(load, 0.0) / stiffness
+    return math.sqrt(diameter * (depth + deflection)) + math.sqrt(diameter * deflection)
+
+
+@njit(nogil=True)
+def strength(load: float, depth: float, tyre: Tyre, soil: Array) -> float:
+    """Traction [N] when all soil of the patch is sheared off."""
+    return float(soil[3] * tyre[0] * patch_length(load, depth, tyre) + soil[4] * load)
+
+
+@njit(nogil=True)
+def mobilized(slip: float, load: float, depth: float, tyre: Tyre, soil: Array) -> float:
+    """Share of the strength that acts at ``slip`` >= 0: 0 without slip, 1 far beyond K / l."""
+    x = slip * patch_length(load, depth, tyre) / soil[5]
+    return float(0.5 * x if x < 1e-6 else 1.0 + math.expm1(-x) / x)
+
+
+@njit(nogil=True)
+def traction(slip: float, load: float, depth: float, tyre: Tyre, soil: Array) -> float:
+    """Traction [N] at ``slip`` >= 0."""
+    return strength(load, depth, tyre, soil) * mobilized(slip, load, depth, tyre, soil)
+
+
+@njit(nogil=True)
+def _bilinear(grid: Grid, x: float, y: float, channel: int) -> float:
+    """Value at x, y [m]; outside the grid that of its edge."""
+    values, x0, y0, per_metre = grid
+    u = min(max((x - x0) * per_metre, 0.0), values.shape[0] - 1.0)
+    v = min(max((y - y0) * per_metre, 0.0), values.shape[1] - 1.0)
+    i, j = min(int(u), values.shape[0] - 2), min(int(v), values.shape[1] - 2)
+    u, v = u - i, v - j
+    low = values[i, j, channel] * (1.0 - v) + values[i, j + 1, channel] * v
+    high = values[i + 1, j, channel] * (1.0 - v) + values[i + 1, j + 1, channel] * v
+    return float(low * (1.0 - u) + high * u)
+
+
+@njit(nogil=True)
+def mix_soils(ground: Ground, x: float, y: float, weights: Array) -> None:
+    """Fill ``weights`` (n,) with the shares of soils at x, y [m]: the cover's, the trail's, its border's, stones."""
+    cover, edge, stones, border_width = ground
+    distance, stone = _bilinear(edge, x, y, 0), _bilinear(stones, x, y, 0)
+    on_trail = min(max(0.5 - distance / EDGE, 0.0), 1.0)
+    inside = min(max(0.5 - (distance + border_width) / EDGE, 0.0), 1.0)
+    count = cover[0].shape[2]
+    for m in range(count):
+        weights[m] = _bilinear(cover, x, y, m) * (1.0 - on_trail) * (1.0 - stone)
+    weights[count], weights[count + 1] = inside * (1.0 - stone), (on_trail - inside) * (1.0 - stone)
+    weights[count + 2] = stone
+
+
+@njit(nogil=True, cache=True)
+def step_soil(soils: Array, ground: Ground, tyre: Tyre, wheels: Wheels, state: Array, dt: float) -> None:
+    """Advance ``state`` (4, 3) of the soil by ``dt`` [s] and set friction, drag, torque and sinkage of the wheels."""
+    weights = np.empty(len(soils))
+    for k in range(4):
+        state[k, _MEAN_LOAD] += (wheels.load[k] - state[k, _MEAN_LOAD]) * min(dt / LOAD_SECONDS, 1.0)
+    # How a stiff chassis divides its weight between the two diagonals depends on tenths of a millimetre of the ground.
+    # Soil that yields evens it out, so the sinkage is that of the loads without this part.
+    twist = 0.25 * (state[0, _MEAN_LOAD] - state[1, _MEAN_LOAD] - state[2, _MEAN_LOAD] + state[3, _MEAN_LOAD])
+    for k in range(4):
+        mix_soils(ground, wheels.position[k, 0], wheels.position[k, 1], weights)
+        forward, tread, mean = wheels.velocity[k, 0], wheels.rolling[k], state[k]
+        pace = max(abs(forward), abs(tread))
+        moving, travel = min(pace / STANDING, 1.0), min(pace * dt / RUT, 1.0)
+        driven = max(abs(tread) - (forward if tread > 0 else -forward), 0.0) / max(abs(tread), STANDING)
+        slip = math.hypot(tread - forward, wheels.velocity[k, 1]) / max(pace, STANDING)
+        mean[_MEAN_SLIP] += (min(driven, 1.0) - mean[_MEAN_SLIP]) * travel
+        load = max(mean[_MEAN_LOAD], 1.0)
+        even = max(mean[_MEAN_LOAD] - (twist if k == 0 or k == 3 else -twist), 1.0)
+        friction, resistance, rolling, depth = 0.0, 0.0, 0.0, 0.0
+        for m in range(len(soils)):
+            if weights[m] > 0.0:
+                soil, share = soils[m], weights[m]
+                z = sinkage(even, tyre, soil) * slip_factor(mean[_MEAN_SLIP])
+                held = 1.0 - moving * (1.0 - mobilized(slip, load, z, tyre, soil))
+                friction += share * held * strength(load, z, tyre, soil) / load
+                resistance += share * compaction(load, z, tyre, soil)
+                rolling += share * soil[6] * load
+                depth += share * z
+        sinking = max(depth - mean[_DEPTH], 0.0) * (1.0 - moving) * min(dt / SETTLING, 1.0)
+        mean[_DEPTH] += (depth - mean[_DEPTH]) * travel + sinking
+        wheels.friction[k, :] = friction
+        wheels.drag[k] = -resistance * math.tanh(forward / _SMALL)
+        wheels.torque[k] = -rolling * math.tanh(tread / _SMALL) * 0.5 * tyre[1]
+        wheels.sinkage[k] = mean[_DEPTH]

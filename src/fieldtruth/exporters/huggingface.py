@@ -1,0 +1,173 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Export runs as a folder for Hugging Face's ``datasets``: Parquet files, a card, and Croissant metadata.
+
+There are two tables, configurations in the words of that library: ``images``, a row per photograph, and ``clouds``, a
+row per cloud. Both have a split each.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.calibration import first_message
+from fieldtruth.bag.run import Run
+from fieldtruth.core.parallel import in_order
+from fieldtruth.core.png import encode_png
+from fieldtruth.exporters import Options
+from fieldtruth.exporters.croissant import CROISSANT, croissant_text
+from fieldtruth.exporters.frames import Frame, Frames, sides_of
+from fieldtruth.exporters.huggingface_card import CARD, card_text
+from fieldtruth.exporters.parquet import Column, ParquetFiles, Table, Written
+from fieldtruth.exporters.splits import SPLITS, Member
+from fieldtruth.exporters.tiff import encode_tiff
+from fieldtruth.ontology.label_map import OWN, LabelMap
+
+_CLASSES: Final = Column("classes", "classes", "the classes that occur")
+_RUN: Final = Column("run", "string", "name of the run")
+_STAMP: Final = Column("stamp_ns", "int64", "simulated time [ns]")
+
+_IMAGE_COLUMNS: Final = (
+    Column("image", "image", "photograph, JPEG, byte for byte as recorded"),
+    Column("mask", "image", "class id of each pixel, PNG, grey, 8 bits"),
+    _CLASSES,
+    _RUN,
+    Column("camera", "string", "left or right"),
+    _STAMP,
+    Column("K", "float64[]", "pinhole matrix (3, 3) [pixel], row by row"),
+    Column("world_from_camera", "float64[]", "true pose (4, 4) of the optical frame, row by row"),
+    Column("base_from_camera", "float64[]", "mount (4, 4) of the optical frame, row by row"),
+)
+_EXTRA_COLUMNS: Final = {
+    "depth": Column("depth", "image", "depth [m] along the optical axis, TIFF, 32-bit float; infinite in the sky"),
+    "instances": Column("instances", "image", "instance id of each pixel, PNG, grey, 16 bits; 0 is the sky"),
+}
+_CLOUD_COLUMNS: Final = (
+    *(Column(axis, "float32[]", f"{axis} [m] of the returns in the LiDAR's frame") for axis in "xyz"),
+    Column("label", "uint8[]", "class id of each return"),
+    _CLASSES,
+    _RUN,
+    _STAMP,
+    Column("world_from_lidar", "float64[]", "true pose (4, 4) of the LiDAR's frame, row by row"),
+    Column("base_from_lidar", "float64[]", "mount (4, 4) of the LiDAR's frame, row by row"),
+)
+_FIELD_COLUMNS: Final = {
+    "instance": Column("instance", "int32[]", "instance id of each return, as in the images"),
+    "ring": Column("ring", "int32[]", "row of the LiDAR's ray"),
+    "column": Column("column", "int32[]", "column of the LiDAR's ray"),
+    "t": Column("t", "int64[]", "time [ns] of each return after stamp_ns"),
+}
+
+
+def write(runs: Sequence[Run], target: Path, options: Options) -> None:
+    """Write the folder: ``images/``, ``clouds/``, README.md and croissant.json.
+
+    Raises:
+        BagError: a run has neither images with labels nor clouds, or is damaged.
+    """
+    target.mkdir(parents=True)
+    labels, members = options.label_map or OWN, options.members
+    names = class_names(labels)
+    tables = []
+    for name, columns, rows in (
+        ("images", _image_columns(members), _images),
+        ("clouds", _cloud_columns(members), _clouds),
+    ):
+        splits: dict[str, Written] = {}
+        for split in SPLITS if columns else ():
+            with ParquetFiles(target / name, split, columns, names, options.shard_bytes) as files:
+                for member in members:
+                    if member.split == split:
+                        for row, size in rows(member, labels, options):
+                            files.add(row, size)
+            if files.written.rows:
+                splits[split] = files.written
+        if splits:
+            tables.append(Table(name, columns, splits))
+    (target / CARD).write_text(card_text(tables, members, labels, names), encoding="utf-8")
+    with options.progress.stage("checksums"):
+        (target / CROISSANT).write_text(croissant_text(target, tables, members, labels), encoding="utf-8")
+
+
+def class_names(labels: LabelMap) -> list[str]:
+    """Names by class id from 0 without gaps, as ``ClassLabel`` needs them."""
+    return [labels.classes[k].name if k in labels.classes else f"unused {k}" for k in range(max(labels.classes) + 1)]
+
+
+def _image_columns(members: Sequence[Member]) -> tuple[Column, ...]:
+    """Columns of the images: depth and instance ids, if any run has them; nothing without photographs."""
+    counts = [member.run.counts for member in members if sides_of(member.run)]
+    found = [
+        column
+        for name, column in _EXTRA_COLUMNS.items()
+        if any(getattr(table, name)(side) in have for have in counts for side in table.SIDES)
+    ]
+    return (*_IMAGE_COLUMNS[:2], *found, *_IMAGE_COLUMNS[2:]) if counts else ()
+
+
+def _cloud_columns(members: Sequence[Member]) -> tuple[Column, ...]:
+    """Columns of the clouds: further fields of the points, if any run has them; nothing without clouds."""
+    runs = [member.run for member in members if table.POINTS in member.run.counts]
+    fields = {field.name for run in runs for field in first_message(run, table.POINTS).fields}
+    found = [column for name, column in _FIELD_COLUMNS.items() if name in fields]
+    return (*_CLOUD_COLUMNS[:4], *found, *_CLOUD_COLUMNS[4:]) if runs else ()
+
+
+def _images(member: Member, labels: LabelMap, options: Options) -> Iterator[tuple[dict[str, Any], int]]:
+    """Rows of a run's images with their sizes [byte], in time order."""
+    if not sides_of(member.run):
+        return
+    frames = Frames(member.run, labels, items=("depth", "instances"))
+    for rows in _read(member, "images", frames, _image_rows, options):
+        yield from rows
+
+
+def _clouds(member: Member, labels: LabelMap, options: Options) -> Iterator[tuple[dict[str, Any], int]]:
+    """Rows of a run's clouds with their sizes [byte], in time order."""
+    if table.POINTS not in member.run.counts:
+        return
+    frames = Frames(member.run, labels, items=("cloud",), images=False)
+    for rows in _read(member, "clouds", frames, _cloud_rows, options):
+        yield from rows
+
+
+def _read(member: Member, what: str, frames: Frames, rows_of: Any, options: Options) -> Iterator[list[Any]]:
+    step = member.run.duration_s / len(frames)
+    with options.progress.stage(f"{member.name}: {what}", member.run.duration_s) as advance:
+        for rows in in_order(range(len(frames)), lambda i: rows_of(member, frames[i]), options.workers):
+            yield rows
+            advance(step)
+
+
+def _image_rows(member: Member, frame: Frame) -> list[tuple[dict[str, Any], int]]:
+    rows = []
+    for side, view in frame.views.items():
+        name = f"{member.name}_{side}_{frame.stamp_ns:019d}"
+        images = {"image": (view.jpeg, ".jpg"), "mask": (encode_png(view.mask), ".png")}
+        if "depth" in view.extras:
+            images["depth"] = encode_tiff(view.extras["depth"]), ".tif"
+        if "instances" in view.extras:
+            images["instances"] = encode_png(view.extras["instances"]), ".png"
+        camera = frame.about["cameras"].get(side, {})
+        row: dict[str, Any] = {key: {"bytes": data, "path": name + end} for key, (data, end) in images.items()}
+        row |= {"classes": np.unique(view.mask).tolist(), "run": member.name, "camera": side}
+        row |= {"stamp_ns": frame.stamp_ns} | _flat(camera, "K", "world_from_camera", "base_from_camera")
+        rows.append((row, sum(len(data) for data, _ in images.values())))
+    return rows
+
+
+def _cloud_rows(member: Member, frame: Frame) -> list[tuple[dict[str, Any], int]]:
+    cloud = frame.cloud or {}
+    row: dict[str, Any] = {axis: cloud["xyz"][:, k] for k, axis in enumerate("xyz")}
+    row |= {name: values for name, values in cloud.items() if name != "xyz"}
+    size = sum(values.nbytes for values in row.values())
+    row |= {"classes": np.unique(cloud["label"]).tolist(), "run": member.name, "stamp_ns": frame.stamp_ns}
+    return [(row | _flat(frame.about["lidar"], "world_from_lidar", "base_from_lidar"), size)]
+
+
+def _flat(sensor: Mapping[str, Any], *keys: str) -> dict[str, list[float]]:
+    """Matrices row by row, as far as they are known."""
+    return {key: np.ravel(sensor[key]).tolist() for key in keys if key in sensor}

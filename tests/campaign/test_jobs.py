@@ -1,0 +1,124 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Real runs in processes side by side: the bytes of one process, also after kills at random moments."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from fieldtruth.bag.run import open_run
+from fieldtruth.campaign import jobs
+from fieldtruth.campaign.config import Campaign
+from fieldtruth.campaign.draw import draw
+from fieldtruth.campaign.estimate import estimate
+from fieldtruth.campaign.files import dump_campaign, load_campaign, with_changes
+from fieldtruth.campaign.manifest import Failure, Manifest
+from fieldtruth.campaign.state import Kind, state_of
+from fieldtruth.campaign.task import Options, generate_campaign
+from fieldtruth.core.progress import Silent
+from fieldtruth.experiment.files import load_experiment, with_overrides
+from fieldtruth.pipeline import generate
+
+
+def park(seconds: float, count: int = 2) -> Campaign:
+    """Runs of the park without cameras, whose world other tests have built."""
+    experiments = [with_overrides(load_experiment("park_1"), seconds=seconds, cameras=False)] * count
+    named = [e.model_copy(update={"name": f"p{k}", "seconds": seconds - 0.1 * k}) for k, e in enumerate(experiments)]
+    return Campaign(name="parks", experiments=tuple(named))
+
+
+def files(out: Path) -> dict[str, bytes]:
+    """Everything of the runs but the manifests, which have times in them."""
+    found = (p for p in out.rglob("*") if p.is_file() and p.name != "manifest.json")
+    return {str(p.relative_to(out)): p.read_bytes() for p in found}
+
+
+def test_two_jobs_make_two_runs(tmp_path: Path) -> None:
+    said: list[str] = []
+    states = generate_campaign(park(0.6), tmp_path, Options(jobs=2, measure=False), say=said.append)
+    assert [state.kind for state in states] == [Kind.DONE, Kind.DONE]
+    assert sorted(line.split(":")[1].strip() for line in said[1:-1]) == ["p0", "p1"]
+    assert [open_run(tmp_path / name).counts["/os1_cloud_node/points"] for name in ("p0", "p1")] == [6, 5]
+
+
+@pytest.mark.slow
+def test_a_killed_job_costs_its_run_only(tmp_path: Path) -> None:
+    runs = draw(park(0.5, 3))
+    ended = jobs.make_runs(runs, tmp_path, jobs=1, workers=1)
+    outcomes = [next(ended)[1]]
+    time.sleep(1.0)  # the second run has begun
+    [child] = [p for p in _children() if "resource_tracker" not in p[1]]
+    os.kill(child[0], signal.SIGKILL)
+    outcomes += [outcome for _, outcome in ended]
+    assert [type(outcome) for outcome in outcomes] == [Manifest, Failure, Manifest]
+    assert "its process ended early (signal 9, perhaps for lack of memory" in str(outcomes[1])
+    state = state_of(runs[1], tmp_path)
+    assert (state.kind, state.is_left) == (Kind.FAILED, True)
+
+
+def _children() -> list[tuple[int, str]]:
+    lines = subprocess.run(["ps", "-o", "pid=,args=", "--ppid", str(os.getpid())], capture_output=True, text=True)
+    rows = [line.split(None, 1) for line in lines.stdout.splitlines()]
+    return [(int(pid), command) for pid, command in rows if "spawn_main" in command or "resource_tracker" in command]
+
+
+def start(campaign: Path, out: Path) -> "subprocess.Popen[str]":
+    command = [sys.executable, "-m", "fieldtruth.cli", "generate", str(campaign), "--out", str(out)]
+    command += ["--jobs", "2", "--no-estimate"]
+    return subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+    )
+
+
+@pytest.mark.slow
+def test_kills_at_random_moments_leave_the_bytes_of_an_undisturbed_campaign(tmp_path: Path) -> None:
+    file = tmp_path / "campaign.yaml"
+    file.write_text(dump_campaign(park(2.0, 4)))
+    whole = start(file, tmp_path / "whole")
+    begun = time.monotonic()
+    assert whole.wait() == 0, whole.communicate()[0]
+    took = time.monotonic() - begun
+    rng = random.Random(11)
+    for k in range(6):
+        process = start(file, tmp_path / "out")
+        time.sleep(rng.uniform(0.05, 0.6) * took)
+        if k % 3 == 0:  # the parent alone: its jobs end with it
+            os.kill(process.pid, signal.SIGKILL)
+        elif k % 3 == 1:
+            os.killpg(process.pid, signal.SIGKILL)
+        else:  # Ctrl-C
+            os.killpg(process.pid, signal.SIGINT)
+        text, _ = process.communicate()  # until the last job has ended
+        if k % 3 == 2 and process.returncode != 0:
+            assert process.returncode == 130
+            assert text.count("error:") == 1, text
+            assert "Traceback" not in text
+        states = [state_of(run, tmp_path / "out") for run in draw(load_campaign(file))]
+        assert {state.kind for state in states} <= {Kind.DONE, Kind.MISSING}
+    last = start(file, tmp_path / "out")
+    assert last.wait() == 0, last.communicate()[0]
+    assert files(tmp_path / "out") == files(tmp_path / "whole")
+    alone = generate(load_campaign(file).experiments[1], tmp_path / "alone", workers=1)
+    assert (tmp_path / "out" / "p1" / "p1.bag").read_bytes() == alone.read_bytes()
+
+
+@pytest.mark.slow
+def test_an_estimate_is_near_the_truth(tmp_path: Path) -> None:
+    planned = with_changes(park(10.0), seconds=8.0)
+    runs = draw(planned)
+    expected = estimate(runs, tmp_path / "out", jobs=1, workers=1, progress=Silent())
+    assert list((tmp_path / "out").iterdir()) == []
+    begun = time.monotonic()
+    states = generate_campaign(planned, tmp_path / "out", Options(workers=1, measure=False), say=lambda _: None)
+    took = time.monotonic() - begun
+    size = sum(state.manifest.bytes for state in states if state.manifest is not None)
+    assert expected.bytes == pytest.approx(size, rel=0.1)
+    assert took / 2.5 < expected.time_s < took * 2.5  # other tests run beside it
+    assert 2e8 < expected.memory < 3e9
+    assert expected.unknown == 0

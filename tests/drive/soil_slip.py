@@ -1,0 +1,30 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Slip of a wheel of the robot that climbs, in closed form: the root of traction less weight and resistance."""
+
+import math
+
+from scipy.optimize import brentq
+
+from fieldtruth.drive.husky import MASS, wheel_width
+from fieldtruth.drive.physics import GRAVITY
+from fieldtruth.drive.soil import soil_rows
+from fieldtruth.drive.soil_law import Tyre, compaction, sinkage, slip_factor, traction
+from fieldtruth.drive.tyre import STIFFNESS
+from fieldtruth.experiment.rig import WheelConfig
+
+LOAD = MASS * GRAVITY / 4  # [N]
+TYRE: Tyre = (wheel_width(WheelConfig()), 2 * WheelConfig().radius, STIFFNESS)
+
+
+def climbing_slip(ground_type: str, slope_deg: float) -> float:
+    """Slip of a quarter of the robot at constant speed straight uphill; ValueError: it does not get up."""
+    soil = soil_rows((ground_type,))[0]
+    slope = math.radians(slope_deg)
+    normal, demand = LOAD * math.cos(slope), LOAD * math.sin(slope)
+
+    def surplus(slip: float) -> float:
+        depth = sinkage(normal, TYRE, soil) * slip_factor(slip)
+        return traction(slip, normal, depth, TYRE, soil) - demand - compaction(normal, depth, TYRE, soil)
+
+    return float(brentq(surplus, 0.0, 1.0))

@@ -1,0 +1,87 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Poses of frames: on free ground, evenly spread, at rest on the ground before they are tilted and raised."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from drive_worlds import make_experiment, make_world, obstacle, tilted
+
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.errors import RouteError
+from fieldtruth.core.frames import rotation_from_quaternion_wxyz
+from fieldtruth.drive.standing import standing_robot
+from fieldtruth.drive.track import Motion
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.world.model import World
+
+HEIGHT = 0.13228  # of base_link on level ground
+RADIUS = np.hypot(0.99, 0.67) / 2  # of the robot
+
+
+def standing(world: World, **frames: Any) -> Motion:
+    values = {"name": "test", "environment": "test", "frames": {"count": 400, **frames}}
+    track = standing_robot(world, Experiment.model_validate(values))
+    assert track.is_frames
+    assert len(track.imu.stamps_ns) == len(track.gnss.stamps_ns) == 0
+    return track.motion
+
+
+def angles(motion: Motion) -> tuple[Array, Array, Array]:
+    """Heading [rad], pitch down and roll [deg] of a robot on level ground."""
+    x, y, _ = np.moveaxis(rotation_from_quaternion_wxyz(motion.quaternion_wxyz), 2, 0)
+    pitch = np.arcsin(-x[:, 2])
+    return np.arctan2(x[:, 1], x[:, 0]), np.degrees(pitch), np.degrees(np.arcsin(y[:, 2] / np.cos(pitch)))
+
+
+def test_poses_are_free_even_and_within_their_limits() -> None:
+    trunk = obstacle("trunk", "cylinder", (0.3, 2.0), 4.0, -3.0)
+    motion = standing(make_world(obstacles=[trunk]))
+    xy, z = motion.position[:, :2], motion.position[:, 2]
+    assert np.linalg.norm(xy - (4.0, -3.0), axis=1).min() > RADIUS + 0.3
+    assert (np.abs(xy) < np.array([20.0, 10.0]) - 1.4).all()
+    counts, _, _ = np.histogram2d(xy[:, 0], xy[:, 1], bins=(8, 4), range=((-18.5, 18.5), (-8.5, 8.5)))
+    free = counts[counts > 8]  # 12.5 in each; the trunk takes a fifth of one
+    assert len(free) == 32
+    assert free.std() < 2.0  # 3.5 if they were drawn one by one
+    assert z.min() > HEIGHT - 1e-6
+    assert z.max() < HEIGHT + 0.3 + 1e-6
+    assert np.ptp(z) > 0.28
+    heading, pitch, roll = angles(motion)
+    assert abs(np.exp(1j * heading).mean()) < 0.15
+    for angle, limit in ((pitch, 8.0), (roll, 4.0)):
+        assert 0.95 * limit < np.abs(angle).max() < limit + 1e-6
+        assert abs(angle.mean()) < 0.15 * limit
+    np.testing.assert_array_equal(motion.stamps_ns, np.arange(1, 401) * 100_000_000)
+    assert not motion.linear_velocity.any()
+
+
+def test_without_tilt_the_robot_rests_on_the_ground() -> None:
+    slope = np.tan(np.radians(10.0))
+    motion = standing(make_world(tilted(10.0, 0.0)), pitch_deg=0, roll_deg=0, raised_m=0)
+    normal = np.array([-slope, 0.0, 1.0]) / np.hypot(slope, 1.0)
+    np.testing.assert_allclose(motion.position @ normal, HEIGHT, atol=1e-5)
+    up = rotation_from_quaternion_wxyz(motion.quaternion_wxyz)[:, :, 2]
+    np.testing.assert_allclose(up, np.tile(normal, (400, 1)), atol=1e-5)
+
+
+def test_fewer_frames_are_the_beginning_of_more_and_another_seed_gives_others(flat_world: World) -> None:
+    many, few, other = standing(flat_world), standing(flat_world, count=7), standing(flat_world, count=7, seed=1)
+    np.testing.assert_array_equal(many.position[:7], few.position)
+    np.testing.assert_array_equal(many.quaternion_wxyz[:7], few.quaternion_wxyz)
+    assert np.linalg.norm(few.position - other.position, axis=1).min() > 0.1
+
+
+def test_with_a_route_they_are_beside_it(flat_world: World) -> None:
+    experiment = make_experiment([(5.0, 0.0), (5.0, 6.0)], start=(-10.0, 0.0), frames={"count": 300, "aside_m": 1.5})
+    x, y, _ = standing_robot(flat_world, experiment).motion.position.T
+    beside_first = np.hypot(x - x.clip(-10.0, 5.0), y)
+    beside_second = np.hypot(x - 5.0, y - y.clip(0.0, 6.0))
+    assert np.minimum(beside_first, beside_second).max() < 1.5 + 1e-6
+    assert (beside_first < 1.5).mean() == pytest.approx(15 / 21, abs=0.1)
+
+
+def test_a_world_without_free_ground_is_refused() -> None:
+    with pytest.raises(RouteError, match=r"^test \(seed 0\) has no free ground where the robot could stand$"):
+        standing(make_world(tilted(30.0, 0.0)))

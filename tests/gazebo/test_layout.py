@@ -1,0 +1,37 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A package says from which layout its world was built, so that a bag recorded there is annotated in the same world."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.gazebo.ros import write_ros_package
+from fieldtruth.world.build import load_world
+from fieldtruth.world.ground_types import GROUND_TYPES
+from fieldtruth.world.relief.roughness import with_microrelief
+
+
+def test_the_layout_is_written_and_named_in_the_readme(tmp_path: Path) -> None:
+    world = replace(load_world("park"), layout={"grid": 0.2, "benches": 3})
+    write_ros_package(tmp_path, world, Rig(), "classic")
+    assert yaml.safe_load((tmp_path / "config/layout.yaml").read_text()) == {"grid": 0.2, "benches": 3}
+    assert "--world park --seed 0 --layout config/layout.yaml --lidar" in (tmp_path / "README.md").read_text()
+    write_ros_package(tmp_path / "default", load_world("park"), Rig(), "classic")
+    assert not (tmp_path / "default/config/layout.yaml").exists()
+
+
+def test_a_coarser_ground_is_a_sample_of_the_finer() -> None:
+    coarse = np.linspace(0, 8, 41), np.linspace(-3, 3, 31)
+    hills = np.sin(coarse[0])[:, None] * coarse[1]
+    cover = [(GROUND_TYPES["lawn"].roughness, np.ones(hills.shape)), (GROUND_TYPES["mud"].roughness, hills * 0 + 0.5)]
+    made = {}
+    for cells in (160, 80, 40):
+        fine = np.linspace(0, 8, cells + 1), np.linspace(-3, 3, cells * 6 // 8 + 1)
+        made[cells] = with_microrelief(hills, coarse, fine, cover, np.random.default_rng(5))
+    np.testing.assert_allclose(made[80], made[160][::2, ::2], atol=1e-12)
+    np.testing.assert_allclose(made[40], made[160][::4, ::4], atol=1e-12)
+    assert np.std(made[160] - np.asarray(hills).mean()) > 1e-3

@@ -1,0 +1,21 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Forests for tests: the full layout, but with one individual of each species and age and without textures."""
+
+from functools import cache
+
+from sense_worlds import without_textures
+
+from fieldtruth.world.build import reserved_corridors
+from fieldtruth.world.environments.forest.build import build as build_forest
+from fieldtruth.world.environments.forest.config import Config as ForestConfig
+from fieldtruth.world.model import World
+
+
+@cache
+def forest_variant(seed: int, **changes: float) -> World:
+    """A quick forest; textures do not change its layout."""
+    with without_textures():
+        return build_forest(
+            seed, reserved_corridors("forest"), ForestConfig.model_validate({"individuals": 1, **changes})
+        )
