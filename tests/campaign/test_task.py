@@ -128,6 +128,18 @@ def test_a_full_disk_stops_the_campaign(tmp_path: Path, monkeypatch: pytest.Monk
     assert not list(tmp_path.rglob("failure.json"))
 
 
+def test_what_a_kill_leaves_beside_a_finished_bag_is_removed(tmp_path: Path) -> None:
+    run(campaign(), tmp_path)
+    whole = sorted(path.name for path in (tmp_path / "a").rglob("*"))
+    (tmp_path / "a" / MANIFEST).unlink()
+    for left in (".slices/key/000000.bag", f".{MANIFEST}.host.1.part", ".lock.owner", "..lock.owner.host.1.part"):
+        (tmp_path / "a" / left).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "a" / left).write_bytes(b"x")
+    states, _ = run(campaign(), tmp_path)
+    assert kinds(states) == ["done"] * 3
+    assert sorted(path.name for path in (tmp_path / "a").rglob("*")) == whole
+
+
 def test_broken_runs_are_reported_and_made_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run(campaign(), tmp_path)
     whole = bags(tmp_path)

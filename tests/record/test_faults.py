@@ -13,6 +13,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from hashlib import sha256
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
@@ -33,7 +34,8 @@ pytestmark = pytest.mark.slow
 SECONDS = 3.2
 FILES = ["DATASET.md", "SHA256SUMS", "experiment.yaml", "tiny.bag"]
 ROOT = os.geteuid() == 0
-Content = dict[str, bytes]
+Content = dict[str, str]
+"""Digest of each file by its name."""
 
 
 @pytest.fixture(autouse=True)
@@ -46,7 +48,11 @@ def _fakes(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 def content(out: Path) -> Content:
     """Every file of the run, hidden ones too."""
-    return {str(p.relative_to(out / "tiny")): p.read_bytes() for p in (out / "tiny").rglob("*") if p.is_file()}
+    return digests(out / "tiny")
+
+
+def digests(folder: Path) -> Content:
+    return {str(p.relative_to(folder)): sha256(p.read_bytes()).hexdigest() for p in folder.rglob("*") if p.is_file()}
 
 
 @pytest.fixture(scope="module")
@@ -142,8 +148,7 @@ def test_kills_of_a_campaign(tmp_path: Path) -> None:
         return 0
 
     def files(out: Path) -> Content:
-        found = {str(p.relative_to(out)): p.read_bytes() for p in out.rglob("*") if p.is_file()}
-        return {name: data for name, data in found.items() if not name.endswith(MANIFEST)}  # it has the time taken
+        return {name: d for name, d in digests(out).items() if not name.endswith(MANIFEST)}  # it has the time taken
 
     begin = time.monotonic()
     make(tmp_path / "whole")

@@ -29,6 +29,7 @@ from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.pipeline import generate
+from fieldtruth.record.folder import clean_finished
 from fieldtruth.record.following import without_wheels
 
 STOPPING: Final = (ClusterError, EngineError, OutputError)
@@ -67,6 +68,7 @@ def run_one(
             return done
         if not overwrite and _holds(folder, run.experiment):
             if _is_sound(folder, run.experiment):
+                clean_finished(folder)
                 return write_manifest(run, out, monotonic() - start)
             overwrite = True
         (folder / MANIFEST).unlink(missing_ok=True)

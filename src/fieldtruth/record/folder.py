@@ -4,7 +4,7 @@
 
 OUT/NAME/experiment.yaml is written as soon as the robot has reached its goal, and track.csv beside it if the robot
 followed a track file; OUT/NAME/.slices holds the finished time slices; OUT/NAME/NAME.bag appears last, after the data
-card and the checksums. No other file is touched. A run that
+card and the checksums. No other file is touched, except temporary ones, which are hidden and end in .part. A run that
 fails before it senses anything (its route leads through a tree) leaves the folder as it was.
 """
 
@@ -17,12 +17,13 @@ from typing import Final, NamedTuple
 from fieldtruth.bag.checksums import CHECKSUMS, checksum_lines, sha256_of
 from fieldtruth.bag.run import CARD, EXPERIMENT, TRACK
 from fieldtruth.core.errors import FieldtruthError, OutputError
-from fieldtruth.core.files import LOCK_OWNER, locked, output_errors, remove, replace_synced, write_atomically
+from fieldtruth.core.files import locked, output_errors, remove, replace_synced, write_atomically
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
 
 _SLICES: Final = ".slices"
-_WRITTEN: Final = (EXPERIMENT, TRACK, CARD, CHECKSUMS, LOCK_OWNER)
+_PARTS: Final = ".*.part"
+"""Temporary files, which a killed run leaves behind."""
 
 
 class RunFolder(NamedTuple):
@@ -39,15 +40,11 @@ class RunFolder(NamedTuple):
         with output_errors(self.path):
             if overwrite:
                 self.clean()
-            for path in (self.bag, self.path / CARD, self.path / CHECKSUMS, *self._unfinished()):
+            for path in (self.bag, self.path / CARD, self.path / CHECKSUMS, *self.path.glob(_PARTS)):
                 remove(path)
             if track is not None:
                 write_atomically(self.path / TRACK, track)
             write_atomically(self.path / EXPERIMENT, dump_experiment(experiment))
-
-    def _unfinished(self) -> list[Path]:
-        """Temporary files that a killed run has left."""
-        return [path for name in _WRITTEN for path in self.path.glob(f".{name}.*.part")]
 
     def slices(self, key: str) -> Path:
         """Create the folder for the slices of one input, named by its key; slices of other inputs are removed."""
@@ -70,8 +67,10 @@ class RunFolder(NamedTuple):
         self.clean()
 
     def clean(self) -> None:
-        """Remove the slices."""
+        """Remove the slices and temporary files."""
         shutil.rmtree(self.path / _SLICES, ignore_errors=True)
+        for part in self.path.glob(_PARTS):
+            remove(part)
 
 
 @contextmanager
@@ -93,6 +92,16 @@ def run_folder(
             if not overwrite:
                 _refuse_occupied(run, experiment, track)
             yield run
+
+
+def clean_finished(path: Path) -> None:
+    """Remove what is left beside a finished bag by a process that was killed just then.
+
+    Raises:
+        OutputError: the folder is in use, or cannot be written.
+    """
+    with locked(path), output_errors(path):
+        RunFolder(path, path).clean()
 
 
 def is_in_use(path: Path) -> bool:
