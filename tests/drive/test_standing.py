@@ -11,6 +11,7 @@ from drive_worlds import make_experiment, make_world, obstacle, tilted
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import RouteError
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz
+from fieldtruth.drive.outlines import distance_to, obstacle_outlines
 from fieldtruth.drive.standing import standing_robot
 from fieldtruth.drive.track import Motion
 from fieldtruth.experiment.config import Experiment
@@ -55,6 +56,17 @@ def test_poses_are_free_even_and_within_their_limits() -> None:
         assert abs(angle.mean()) < 0.15 * limit
     np.testing.assert_array_equal(motion.stamps_ns, np.arange(1, 401) * 100_000_000)
     assert not motion.linear_velocity.any()
+
+
+def test_no_pose_touches_a_pole_between_the_cells_of_the_map() -> None:
+    """Poles of 1 cm, anywhere within their cells, so dense that much of the free ground is close to one."""
+    rows = np.arange(-3.5, 3.6, 1.28)
+    xy = np.stack(np.meshgrid(rows, rows), axis=-1).reshape(-1, 2)
+    xy += np.random.default_rng(1).uniform(-0.05, 0.05, xy.shape)
+    poles = [obstacle(f"pole_{k}", "cylinder", (0.005, 2.0), x, y) for k, (x, y) in enumerate(xy)]
+    world = make_world(obstacles=poles, size=(10.0, 10.0))
+    positions = standing(world, count=200).position[:, :2]
+    assert min(distance_to(pole, positions).min() for pole in obstacle_outlines(world)) > RADIUS
 
 
 def test_without_tilt_the_robot_rests_on_the_ground() -> None:

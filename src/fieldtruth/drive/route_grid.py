@@ -16,7 +16,7 @@ from fieldtruth.drive.traversability import CELL, Traversability
 
 STRIDE: Final = 3  # cells of the traversability map per node
 NODE: Final = STRIDE * CELL  # [m] between nodes
-NODE_CLEARANCE: Final = 0.1  # [m] of every node
+NODE_CLEARANCE: Final = 0.1  # [m] of every node; the map, in cells, may promise 0.09 m too much
 PATH_CLEARANCE: Final = 0.4  # [m] of the simulated robot, wherever there is that much
 MIN_DISTANCE: Final = 8.0  # [m] from the robot to the end of a path
 NEW_GROUND: Final = 25.0  # [m]; no node is preferred for being farther from driven ground

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Separate poses of a robot that stands on free ground, for frames without a drive.
 
-Positions are free for the robot at any heading, by the map that routes are planned on. They are a low-discrepancy
+Positions are free for the robot at any heading, by the map and the margin of planned routes. They are a low-discrepancy
 sequence (multiples of the inverse plastic number; Roberts 2018, The unreasonable effectiveness of quasirandom
 sequences, quoted from memory): any number of them is spread evenly, and fewer frames are the beginning of more.
 """
@@ -19,6 +19,7 @@ from fieldtruth.core.errors import RouteError
 from fieldtruth.core.frames import quaternion_wxyz_from_rotation, rotation_from_quaternion_wxyz
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.drive.plan import plan_route
+from fieldtruth.drive.route_grid import NODE_CLEARANCE
 from fieldtruth.drive.track import GnssReadings, ImuReadings, Motion, Track
 from fieldtruth.drive.traversability import traversability
 from fieldtruth.experiment.config import FRAME_RATE, Experiment, FramesConfig
@@ -46,7 +47,7 @@ def standing_robot(world: World, experiment: Experiment) -> Track:
 
     def free(points: Array) -> Mask:
         near = True if corners is None else _distance_to_line(points, corners) <= config.aside_m
-        return np.asarray((ground.clearance_at(points) > 0.0) & near)
+        return np.asarray((ground.clearance_at(points) >= NODE_CLEARANCE) & near)
 
     positions = _spread(world.size, free, config.count, rng)
     if len(positions) < config.count:
