@@ -63,7 +63,7 @@ def test_a_second_process_cannot_lock_a_folder_until_the_first_ends(tmp_path: Pa
 @pytest.mark.parametrize(
     ("number", "reason"),
     [
-        (errno.ENOSPC, "no space left; free some space and run the same command again: it resumes"),
+        (errno.ENOSPC, "no space left; free some space and run the same command again"),
         (errno.EROFS, "the file system is read-only"),
         (errno.EACCES, "permission denied"),
     ],
@@ -72,6 +72,13 @@ def test_errors_of_the_operating_system_become_one_line(tmp_path: Path, number: 
     with pytest.raises(OutputError) as caught, output_errors(tmp_path / "x"):
         raise OSError(number, "raw")
     assert str(caught.value) == f"cannot write {tmp_path / 'x'}: {reason}"
+
+
+def test_only_work_that_resumes_says_so(tmp_path: Path) -> None:
+    for number, expected in ((errno.EDQUOT, True), (errno.EROFS, False)):
+        with pytest.raises(OutputError) as caught, output_errors(tmp_path, resumes=True):
+            raise OSError(number, "raw")
+        assert str(caught.value).endswith("run the same command again: it resumes") is expected
 
 
 WITHOUT_FLOCK = """

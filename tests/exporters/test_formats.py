@@ -129,11 +129,31 @@ def test_missing_library_is_one_line_and_writes_nothing(
 
 
 def test_leftovers_of_a_killed_export_are_removed(small_run: Path, tmp_path: Path) -> None:
-    stale = tmp_path / ".t.tum.part"
-    stale.mkdir()
+    stale = tmp_path / ".t.tum.part" / "t.tum"
+    stale.mkdir(parents=True)
     (stale / "x").write_text("old")
     assert export(small_run, "tum", out=tmp_path / "t.tum").is_file()
     assert [path.name for path in tmp_path.iterdir()] == ["t.tum"]
+
+
+def test_a_second_export_to_the_same_output_says_who_makes_it(
+    small_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The second begins when the first has written half; another output is not in its way."""
+    out = tmp_path / "t.tum"
+
+    def half(runs: Any, target: Path, options: Options) -> None:
+        target.write_text("half")
+        with pytest.raises(OutputError, match=rf"t\.tum\.part is in use by process {os.getpid()} on "):
+            export(small_run, "tum", out=out)
+        assert target.read_text() == "half"
+        monkeypatch.undo()
+        export(small_run, "tum", out=tmp_path / "other.tum")
+
+    monkeypatch.setattr("fieldtruth.exporters.tum.write", half)
+    export(small_run, "tum", out=out)
+    assert out.read_text() == "half"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["other.tum", "t.tum"]
 
 
 def test_failed_export_removes_only_its_own_files(

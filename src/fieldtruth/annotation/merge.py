@@ -51,7 +51,7 @@ def merge_bags(
     """
     once = [topic for topic in table.TOPICS if topic.name in latched]
     with (
-        output_errors(target),
+        output_errors(target, resumes=True),
         open_bag(run.bag, own_names=True) as source,
         BagWriter(target, [*once, *slices.topics]) as bag,
     ):

@@ -79,7 +79,7 @@ class ClusterSlices(SliceFolder):
             self._dismiss(error)
             return False
         if content is not None:
-            with output_errors(self.path(k)):
+            with output_errors(self.path(k), resumes=True):
                 write_atomically(self.path(k), content)
         end = time.monotonic() + _VISIBLE_S
         while not self._is_here(k):

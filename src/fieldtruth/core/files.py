@@ -38,11 +38,15 @@ _PATIENCE: Final = 0.3  # [s]
 
 
 @contextmanager
-def output_errors(path: Path) -> Iterator[None]:
+def output_errors(path: Path, *, resumes: bool = False) -> Iterator[None]:
     """Turn errors of the operating system while writing below ``path`` into one clear line.
 
+    Args:
+        path: what the line names.
+        resumes: whether the same command goes on where this one stopped; the line of a full disk says so.
+
     Raises:
-        OutputError: the path and the reason; for a full disk, that the same command resumes.
+        OutputError: the path and the reason.
     """
     try:
         yield
@@ -52,8 +56,8 @@ def output_errors(path: Path) -> Iterator[None]:
             reason = error.strerror.lower()
         if reason is None:
             raise
-        hint = "; free some space and run the same command again: it resumes" if "space" in reason else ""
-        raise OutputError(f"cannot write {path}: {reason}{hint}") from error
+        hint = "; free some space and run the same command again" + ": it resumes" * resumes
+        raise OutputError(f"cannot write {path}: {reason}{hint * ('space' in reason)}") from error
 
 
 @contextmanager

@@ -8,17 +8,19 @@ complete; existing files are never overwritten.
 
 import os
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.core.errors import OutputError, UnknownNameError
-from fieldtruth.core.files import output_errors, remove, replace_synced
+from fieldtruth.core.files import locked, output_errors, remove, replace_synced
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.exporters.splits import Member, find_members
 from fieldtruth.ontology.label_map import LabelMap, label_map_of
+from fieldtruth.record.folder import new_folder
 
 DEFAULT_SHARD_MB: Final = 500
 
@@ -148,20 +150,26 @@ def export(
 
 
 def _write(to: str, runs: Sequence[Run], target: Path, options: Options) -> None:
-    """Write the output under a temporary name, and rename it when it is complete."""
-    part = target.with_name(f".{target.name}.part")
+    """Write the output in a hidden folder that no other process uses, and move it when it is complete."""
+    folder = target.with_name(f".{target.name}.part")
+    part = folder / target.name
     write = _writer(to)
     with output_errors(target):
         if os.path.lexists(target):
             raise OutputError(f"{target} already exists; remove it, or choose another --out")
-        target.parent.mkdir(parents=True, exist_ok=True)
-        remove(part)
-    try:
+    with new_folder(folder, target), ExitStack() as stack:
+        stack.callback(_remove_empty, folder)
+        stack.enter_context(locked(folder))
+        stack.callback(remove, part)
         with output_errors(target):
+            remove(part)  # of a process that was killed
             write(runs, part, options)
             replace_synced(part, target)
-    finally:
-        remove(part)
+
+
+def _remove_empty(folder: Path) -> None:
+    with suppress(OSError):  # another process has just begun to use it
+        folder.rmdir()
 
 
 def _default_output(to: str, path: Path, run: Run) -> Path:

@@ -37,7 +37,7 @@ class RunFolder(NamedTuple):
 
         ``track`` is the text of track.csv, in an experiment with a track file.
         """
-        with output_errors(self.path):
+        with output_errors(self.path, resumes=True):
             if overwrite:
                 self.clean()
             for path in (self.bag, self.path / CARD, self.path / CHECKSUMS, *self.path.glob(_PARTS)):
@@ -49,7 +49,7 @@ class RunFolder(NamedTuple):
     def slices(self, key: str) -> Path:
         """Create the folder for the slices of one input, named by its key; slices of other inputs are removed."""
         folder = self.path / _SLICES / key
-        with output_errors(folder):
+        with output_errors(folder, resumes=True):
             folder.mkdir(parents=True, exist_ok=True)
             for other in folder.parent.iterdir():
                 if other != folder:
@@ -58,7 +58,7 @@ class RunFolder(NamedTuple):
 
     def finish(self, bag: Path, card: str) -> None:
         """Write data card and checksums, move the finished bag to its name, and remove the slices."""
-        with output_errors(self.path):
+        with output_errors(self.path, resumes=True):
             write_atomically(self.path / CARD, card)
             stored = [TRACK] * (self.path / TRACK).exists()
             sums = f"{sha256_of(bag)}  {self.bag.name}\n" + checksum_lines(self.path, [EXPERIMENT, *stored, CARD])
@@ -130,8 +130,8 @@ def new_folder(path: Path, output: Path | None = None) -> Iterator[None]:
     try:
         yield
     except BaseException:
-        with suppress(OSError):
-            for folder in new:
+        for folder in new:
+            with suppress(OSError):
                 folder.rmdir()
         raise
 

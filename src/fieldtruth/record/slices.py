@@ -89,7 +89,7 @@ class SliceFolder(ABC):
 
     def record(self, path: Path, workers: int, progress: Progress) -> None:
         """Make the missing slices and join all to one bag; after an interruption, go on. Raises as ``made``."""
-        with output_errors(path), GrowingBag(path, self.topics) as bag:
+        with output_errors(path, resumes=True), GrowingBag(path, self.topics) as bag:
             self.joined = bag.added
             self.remove_damaged()
             seconds = (self.end_ns - self.start_ns) / 1e9
@@ -194,7 +194,7 @@ class Slices(SliceFolder):
     def make_one(self, k: int, advance: Advance = ignore) -> None:
         """Make slice ``k`` with the sensors of the calling thread; raises as ``made``."""
         try:
-            with output_errors(self.path(k)):
+            with output_errors(self.path(k), resumes=True):
                 self._write(k, advance)
         except (FieldtruthError, _StoppedError):
             raise
