@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Protocol
 
 from fieldtruth.bag.decode import count_messages
-from fieldtruth.bag.topics import topics_of_run
+from fieldtruth.bag.topics import latches_objects, topics_of_run
 from fieldtruth.bag.track_file import TrackFile, read_track_file
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
@@ -66,11 +66,17 @@ class PreparedHere:
         """Key of its slices."""
         return slices_key(dump_experiment(self.experiment), self.world, self.track)
 
+    @property
+    def latched(self) -> bool:
+        """Whether static objects are published once."""
+        return latches_objects(self.experiment, len(self.world.instances))
+
     def slices(self, folder: Path) -> Slices:
         """Build the scene and bake its light for the slices in a folder."""
-        rig = self.experiment.rig
+        rig, latched = self.experiment.rig, self.latched
         sensors = sensor_factory(self.world, rig, self.experiment.light)
-        return Slices(folder, streams_of(self.world, self.track, rig), topics_of_run(self.experiment), sensors)
+        topics = topics_of_run(self.experiment, latched=latched)
+        return Slices(folder, streams_of(self.world, self.track, rig, latched=latched), topics, sensors)
 
     def card(self, counts: Mapping[str, int]) -> str:
         """Return the data card."""

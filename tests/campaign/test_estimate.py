@@ -15,7 +15,7 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import LidarConfig, Rig
 from fieldtruth.experiment.route import random_route
 
-FIGURES = Figures(world_s=100, fixed_s=10, drive_s_per_s=0.5, sense_s_per_s=4, bytes_per_s=1000, memory=3)
+FIGURES = Figures(world_s=100, fixed_s=10, drive_s_per_s=0.5, sense_s_per_s=4, bytes_once=7, bytes_per_s=1000, memory=3)
 
 
 def experiment(seconds: float | None = 20, **values: Any) -> Experiment:
@@ -25,10 +25,10 @@ def experiment(seconds: float | None = 20, **values: Any) -> Experiment:
 def test_time_bytes_and_memory_are_sums() -> None:
     group = [experiment(20), experiment(30, seed=1), experiment(10)]
     found = combined([group], [FIGURES], jobs=1, workers=2)
-    # one world apart from the measured one, three runs, 60 s at 0.5 + 4 / 2
-    assert found == (100 + 3 * 10 + 60 * 2.5, 60_000, 3, 0)
-    assert combined([group], [FIGURES], jobs=2, workers=2) == (280 / 2, 60_000, 6, 0)
-    assert combined([group], [FIGURES], jobs=8, workers=2) == (280 / 3, 60_000, 9, 0)
+    # one world apart from the measured one, three runs with 7 B of their own, 60 s at 0.5 + 4 / 2
+    assert found == (100 + 3 * 10 + 60 * 2.5, 60_021, 3, 0)
+    assert combined([group], [FIGURES], jobs=2, workers=2) == (280 / 2, 60_021, 6, 0)
+    assert combined([group], [FIGURES], jobs=8, workers=2) == (280 / 3, 60_021, 9, 0)
 
 
 def test_runs_that_cannot_be_measured_are_counted() -> None:

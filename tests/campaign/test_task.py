@@ -230,7 +230,9 @@ def test_an_unreadable_stored_campaign_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_disk_that_cannot_hold_it_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    figures = Figures(world_s=1, fixed_s=1, drive_s_per_s=0, sense_s_per_s=1, bytes_per_s=10e9, memory=10**6)
+    figures = Figures(
+        world_s=1, fixed_s=1, drive_s_per_s=0, sense_s_per_s=1, bytes_once=0, bytes_per_s=10e9, memory=10**6
+    )
     monkeypatch.setattr(estimate, "figures_of", lambda *_: figures)
     monkeypatch.setattr(estimate, "free_bytes", lambda _: 2e9)
     calls = count_calls(monkeypatch, lambda _: None)

@@ -108,7 +108,7 @@ def test_extras_have_topics_if_enabled() -> None:
     assert {t.name for t in topics.topics_of(rig)} - plain == {
         f"/stereo/camera/{side}/{extra}" for side in SIDES for extra in ("depth", "instances")
     }
-    assert topics.topics_of(rig) == TOPICS
+    assert topics.topics_of(rig, latched=True) == TOPICS
     blind = Rig(cameras=CameraConfig(enabled=False, depth=True, instances=True))
     assert not any("camera" in t.name for t in topics.topics_of(blind))
 

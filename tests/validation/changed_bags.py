@@ -22,8 +22,8 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 from fieldtruth.validation import Check, validate
 
-Change = Callable[[RawMessage, int], RawMessage | None]
-"""Takes a message and its number in its topic, from 0; returns its replacement, or None to leave it out."""
+Change = Callable[[RawMessage, int], RawMessage | list[RawMessage] | None]
+"""Takes a message and its number in its topic, from 0; returns its replacement, several, or None to leave it out."""
 Edit = Callable[[bytearray], object]
 Edits = dict[tuple[str, int], Edit]
 """Edits by topic and number of the message."""
@@ -46,20 +46,39 @@ def rewritten(run: Path, target: Path, change: Change, experiment: Experiment | 
             shutil.copy(path, folder)
     if experiment is not None:
         (folder / "experiment.yaml").write_text(dump_experiment(experiment))
-    rig = load_experiment(folder / "experiment.yaml").rig
+    written = load_experiment(folder / "experiment.yaml")
+    topics = topics_of(written.rig, latched=written.static_objects == "latched")
     counts: dict[str, int] = {}
     changes = 0
-    with open_bag(bag_in(run)) as source, BagWriter(folder / bag_in(run).name, topics_of(rig)) as bag:
+    with open_bag(bag_in(run)) as source, BagWriter(folder / bag_in(run).name, topics) as bag:
         for raw in source.messages():
             k = counts[raw.topic] = counts.get(raw.topic, -1) + 1
             changed = change(raw, k)
             changes += changed != raw
-            if changed is not None:
-                bag.write(changed.topic, changed.stamp_ns, changed.data)
+            for each in changed if isinstance(changed, list) else [changed]:
+                if each is not None:
+                    bag.write(each.topic, each.stamp_ns, each.data)
     assert changes, "nothing was changed"
     names = sorted(path.name for path in folder.iterdir() if path.name != CHECKSUMS)
     (folder / CHECKSUMS).write_text(checksum_lines(folder, names))
     return folder
+
+
+def in_latched_form(run: Path, target: Path, until_ns: int | None = None) -> Path:
+    """Copy a run, or its beginning, as if its static objects had been published once."""
+
+    def change(raw: RawMessage, k: int) -> RawMessage | list[RawMessage] | None:
+        if until_ns is not None and raw.stamp_ns > until_ns:
+            return None
+        if raw.topic != table.MODEL_STATES:
+            return raw
+        states = ros.STORE.deserialize_ros1(raw.data, raw.msgtype)
+        first_two = ros.ModelStates(states.name[:2], states.pose[:2], states.twist[:2])
+        moving = raw._replace(data=ros.serialize(first_two, raw.msgtype))
+        return [raw._replace(topic=table.STATIC_MODEL_STATES), moving] if k == 0 else moving
+
+    latched = load_experiment(run / "experiment.yaml").model_copy(update={"static_objects": "latched"})
+    return rewritten(run, target, change, latched)
 
 
 def edited(edits: Edits) -> Change:

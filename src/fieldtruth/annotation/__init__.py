@@ -144,7 +144,7 @@ def _work_folder(target: Path) -> Iterator[RunFolder]:
 
 
 def _added_topics(run: Run, rig: Rig) -> list[table.Topic]:
-    added = [topic for topic in table.topics_of(rig) if topic.sensor not in ("robot", "wheels")]
+    added = [topic for topic in table.topics_of(rig) if topic.sensor not in ("robot", "objects", "wheels")]
     if not added:
         raise ConfigurationError("nothing to add: the rig has neither cameras nor a LiDAR that is enabled")
     if present := [topic.name for topic in added if topic.name in run.counts]:

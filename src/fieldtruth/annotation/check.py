@@ -91,10 +91,11 @@ def check_objects(run: Run, world: World) -> None:
     Raises:
         BagError: one differs, so the bag was recorded in another world.
     """
-    if table.MODEL_STATES not in run.counts:
+    topic = table.objects_topic(run.counts)
+    if topic not in run.counts:
         return
-    with _defined_as_usual(run, table.MODEL_STATES):
-        states = first_message(run, table.MODEL_STATES)
+    with _defined_as_usual(run, topic):
+        states = first_message(run, topic)
         positions = [np.array([pose.position.x, pose.position.y, pose.position.z]) for pose in states.pose]
         theirs = dict(zip(states.name, positions, strict=True))
     for instance in (each for each in world.instances if each.name in theirs):

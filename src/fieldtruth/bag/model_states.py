@@ -8,9 +8,27 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.reader import open_bag
+from fieldtruth.bag.run import Run
+from fieldtruth.bag.topics import objects_topic
 from fieldtruth.core.arrays import Array
 
 ROBOT: Final = "husky"
+
+
+def read_objects(run: Run) -> tuple[tuple[str, ...], Array]:
+    """Return names and poses (n, 7) of all objects by instance id, as the run's first message has them; none without.
+
+    Raises:
+        BagError: the bag is damaged.
+    """
+    topic = objects_topic(run.counts)
+    if run.msgtypes.get(topic) != "gazebo_msgs/msg/ModelStates" or topic not in run.counts:
+        return (), np.zeros((0, 7))
+    reader = ModelStatesReader()
+    with open_bag(run.bag) as bag:
+        poses = reader.poses(next(bag.messages([topic])).data)
+    return reader.names, poses
 
 
 class ModelStatesReader:

@@ -115,17 +115,18 @@ def navsat(k: int, readings: GnssReadings) -> bytes:
 class ModelStatesWriter:
     """Writes gazebo_msgs/ModelStates at the physics rate: only the robot moves, so 104 bytes of a template are patched.
 
-    Row i is the object with id i, as in the cloud's ``instance``: first the robot, then the ground, then the rest.
-    The twist is that of base_link's origin in the world frame, as in Gazebo.
+    Row i is the object with id i, as in the cloud's ``instance``: first the robot, then the ground, then the rest, or
+    only the first ``rows``. The twist is that of base_link's origin in the world frame, as in Gazebo.
     """
 
-    def __init__(self, world: World) -> None:
-        names = [ROBOT, *world.object_names[1:]]
+    def __init__(self, world: World, rows: int | None = None) -> None:
+        names = [ROBOT, *world.object_names[1:]][:rows]
         origin = ros.Pose(ros.Point(0.0, 0.0, 0.0), ros.Quaternion(0.0, 0.0, 0.0, 1.0))
         still = ros.Twist(ros.Vector3(0.0, 0.0, 0.0), ros.Vector3(0.0, 0.0, 0.0))
         poses = [origin] * len(names)
         for instance in world.instances:
-            poses[instance.object_id] = _pose(instance.world_from_object)
+            if instance.object_id < len(names):
+                poses[instance.object_id] = _pose(instance.world_from_object)
         message = ros.ModelStates(names, poses, [still] * len(names))
         self.template = ros.serialize(message, "gazebo_msgs/msg/ModelStates")
         self._pose_at = 4 + sum(4 + len(name.encode()) for name in names) + 4

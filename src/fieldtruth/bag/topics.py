@@ -5,19 +5,23 @@
 The table's order is that of connection numbers, and of messages with the same stamp.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from typing import Final, Literal, NamedTuple
 
 from fieldtruth.experiment.config import FRAME_RATE, Experiment
 from fieldtruth.experiment.rig import WHEELS, Rig
 
 TRUTH_RATE: Final = 1000.0  # [Hz]; the physics rate
+MOST_REPEATED: Final = 500
+"""Named objects that ``static_objects: auto`` repeats in every /gazebo/model_states. Each takes some 120 bytes; below
+64 kB LZ4 finds the previous message, which is nearly the same."""
 POSE_RATE: Final = 50.0  # [Hz]; /tf and odometry have a pose at every default stamp of IMU, cameras and LiDAR
 SIDES: Final = ("left", "right")
 
 CLOCK: Final = "/clock"
 TF_STATIC: Final = "/tf_static"
 MODEL_STATES: Final = "/gazebo/model_states"
+STATIC_MODEL_STATES: Final = "/gazebo/static_model_states"
 ODOMETRY: Final = "/ground_truth/odom"
 TF: Final = "/tf"
 IMU: Final = "/imu/data"
@@ -35,7 +39,7 @@ class Topic(NamedTuple):
     name: str
     msgtype: str
     rate_hz: Callable[[Rig], float] | None
-    sensor: Literal["robot", "wheels", "lidar", "cameras", "depth", "instances"] = "robot"
+    sensor: Literal["robot", "objects", "wheels", "lidar", "cameras", "depth", "instances"] = "robot"
 
     @property
     def latched(self) -> bool:
@@ -47,6 +51,7 @@ class Topic(NamedTuple):
         cameras = rig.cameras
         return {
             "robot": True,
+            "objects": True,
             "wheels": rig.tachometers.enabled,
             "lidar": rig.lidar.enabled,
             "cameras": cameras.enabled,
@@ -76,7 +81,7 @@ def depth(side: str) -> str:
 
 
 def instances(side: str) -> str:
-    """Topic of a camera's instance ids, 16UC1: rows of /gazebo/model_states, as the cloud's ``instance``."""
+    """Topic of a camera's instance ids, 16UC1: rows of ``objects_topic``, as the cloud's ``instance``."""
     return f"/stereo/camera/{side}/instances"
 
 
@@ -97,6 +102,7 @@ def _camera_topics(side: str) -> tuple[Topic, ...]:
 TOPICS: Final[tuple[Topic, ...]] = (
     Topic(CLOCK, "rosgraph_msgs/msg/Clock", lambda rig: TRUTH_RATE),
     Topic(TF_STATIC, "tf2_msgs/msg/TFMessage", None),
+    Topic(STATIC_MODEL_STATES, "gazebo_msgs/msg/ModelStates", None, "objects"),
     Topic(MODEL_STATES, "gazebo_msgs/msg/ModelStates", lambda rig: TRUTH_RATE),
     Topic(ODOMETRY, "nav_msgs/msg/Odometry", lambda rig: POSE_RATE),
     Topic(TF, "tf2_msgs/msg/TFMessage", lambda rig: POSE_RATE),
@@ -127,14 +133,25 @@ def standard_name(topic: str) -> str:
     return name if any(row.name == name for row in TOPICS) else topic
 
 
-def topics_of(rig: Rig) -> tuple[Topic, ...]:
-    """Rows that this rig publishes, in the table's order."""
-    return tuple(topic for topic in TOPICS if topic.exists(rig))
+def objects_topic(present: Container[str]) -> str:
+    """Return the topic of a bag, which has the topics ``present``, whose rows are the instance ids."""
+    return STATIC_MODEL_STATES if STATIC_MODEL_STATES in present else MODEL_STATES
 
 
-def topics_of_run(experiment: Experiment) -> tuple[Topic, ...]:
+def latches_objects(experiment: Experiment, objects: int) -> bool:
+    """Whether a run publishes its static objects once, by its option and the number of named objects in its world."""
+    option = experiment.static_objects
+    return objects > MOST_REPEATED if option == "auto" else option == "latched"
+
+
+def topics_of(rig: Rig, *, latched: bool = False) -> tuple[Topic, ...]:
+    """Rows that this rig publishes, in the table's order; ``latched``: static objects have a topic of their own."""
+    return tuple(row for row in TOPICS if row.exists(rig) and (latched or row.sensor != "objects"))
+
+
+def topics_of_run(experiment: Experiment, *, latched: bool) -> tuple[Topic, ...]:
     """Rows that a run of this experiment publishes: frames have all that has a meaning at one pose, at one rate."""
-    rows = topics_of(experiment.rig)
+    rows = topics_of(experiment.rig, latched=latched)
     if experiment.frames is None:
         return rows
     still = (row for row in rows if row.sensor != "wheels" and row.name not in (IMU, NAVSAT))

@@ -71,7 +71,7 @@ class BagWriter:
         self._connections: dict[str, Connection] = {}
         self._writer = Writer(file)
         self._writer.set_compression(Writer.CompressionFormat.LZ4)
-        self._writer.compressor = _compress
+        self._writer.compressor = compressed
         self._writer.chunk_threshold = CHUNK_SIZE
 
     def __enter__(self) -> Self:
@@ -170,7 +170,7 @@ def _counts(messages: Mapping[int, int]) -> dict[int, list[tuple[int, int]]]:
     return {number: cast(list[tuple[int, int]], range(count)) for number, count in messages.items()}
 
 
-def _compress(data: bytes) -> bytes:
+def compressed(data: bytes) -> bytes:
     """Compress with LZ4 as ROS's reader expects it: independent blocks, a checksum of the content, no stored size."""
     packed: bytes = lz4.frame.compress(
         data, block_linked=False, content_checksum=True, store_size=False, block_size=lz4.frame.BLOCKSIZE_MAX4MB

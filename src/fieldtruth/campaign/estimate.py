@@ -72,7 +72,7 @@ def combined(
         worlds = len({(e.seed, str(e.layout)) for e in experiments})
         per_second = found.drive_s_per_s + found.sense_s_per_s / workers
         time_s += found.world_s * (worlds - 1) + found.fixed_s * len(experiments) + per_second * simulated
-        count += found.bytes_per_s * simulated
+        count += found.bytes_once * len(experiments) + found.bytes_per_s * simulated
         memory = max(memory, found.memory)
     at_once = max(1, min(jobs, sum(map(len, groups))))
     return Estimate(time_s / at_once, count, memory * at_once, unknown)

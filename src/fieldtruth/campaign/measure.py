@@ -14,6 +14,9 @@ from pathlib import Path
 from time import monotonic
 from typing import Final
 
+from fieldtruth.bag.reader import open_bag
+from fieldtruth.bag.topics import TOPICS
+from fieldtruth.bag.writer import compressed
 from fieldtruth.campaign.duration import motion_of, simulated_s
 from fieldtruth.campaign.ends import end_with_parent
 from fieldtruth.core.cache import cache_key
@@ -53,6 +56,8 @@ class Figures(Frozen):
     """Time of the drive per simulated second."""
     sense_s_per_s: float
     """Core-seconds of sensing and writing per simulated second."""
+    bytes_once: float
+    """Of each run, for what it publishes once."""
     bytes_per_s: float
     memory: int
     """Peak memory [byte] of the process."""
@@ -137,15 +142,24 @@ def measured(experiment: Experiment, folder: Path) -> Figures:
     else:
         drive_s_per_s = _slope(lambda seconds: drive(world, short.model_copy(update={"seconds": seconds})))
     fixed = sum(seconds for name, seconds in took.items() if name not in (_WORLD, *stages.timed))
+    once = _bytes_once(bag)
     sensing = sum(took[name] for name in stages.timed) * workers
     return Figures(
         world_s=took[_WORLD],
         fixed_s=load_s + fixed,
         drive_s_per_s=drive_s_per_s,
         sense_s_per_s=sensing / simulated_s(short),
-        bytes_per_s=bag.stat().st_size / simulated_s(short),
+        bytes_once=once,
+        bytes_per_s=(bag.stat().st_size - once) / simulated_s(short),
         memory=memory,
     )
+
+
+def _bytes_once(path: Path) -> float:
+    """Size [byte] in a bag of what is published once, which in a large world are its objects."""
+    once = [topic.name for topic in TOPICS if topic.latched]
+    with open_bag(path) as bag:
+        return sum(len(compressed(raw.data)) for raw in bag.messages([name for name in once if name in bag.counts]))
 
 
 def _shortened(experiment: Experiment, seconds: float) -> Experiment:

@@ -69,9 +69,9 @@ class PreparedThere:
         self._client = client
         self._priority = priority
         self._text = dump_experiment(experiment)
-        self._topics = topics_of_run(experiment)
         self._track = self._task(worker.drive_track, given)
         self._facts = self._task(worker.run_facts, self._track).result()
+        self._topics = topics_of_run(experiment, latched=self._facts.latched)
 
     @property
     def key(self) -> str:

@@ -38,6 +38,8 @@ class RunFacts(NamedTuple):
 
     key: str
     end_ns: int
+    latched: bool
+    """Whether static objects are published once."""
 
 
 class Order(NamedTuple):
@@ -62,7 +64,8 @@ def drive_track(text: str, given: TrackFile | None) -> Track:
 
 def run_facts(text: str, track: Track) -> RunFacts:
     """Return key and end of a run whose drive is done."""
-    return RunFacts(_prepared(text, track).key, int(track.motion.stamps_ns[-1]))
+    prepared = _prepared(text, track)
+    return RunFacts(prepared.key, int(track.motion.stamps_ns[-1]), prepared.latched)
 
 
 def card(text: str, track: Track, counts: Mapping[str, int]) -> str:

@@ -3,7 +3,7 @@
 """Configuration of an experiment: environment, route or track file, rig, light and seed, as frozen data."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Final, Self
+from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -139,6 +139,11 @@ class FramesConfig(Frozen):
     """Greatest height [m] above that of a robot that stands on the ground."""
 
 
+StaticObjects = Annotated[Literal["auto", "repeated", "latched"], Field(description="auto, repeated or latched")]
+"""How a bag has the objects that do not move: in every /gazebo/model_states, as Gazebo publishes them, or once, in
+/gazebo/static_model_states. auto: once in worlds of more than 500 named objects."""
+
+
 class Experiment(Frozen):
     """One drive through one environment: the complete input of a data set. Same experiment, same bytes."""
 
@@ -161,6 +166,7 @@ class Experiment(Frozen):
     control: ControlConfig = ControlConfig()
     rig: Rig = Rig()
     light: LightConfig = LightConfig()
+    static_objects: StaticObjects = "auto"
 
     @model_validator(mode="after")
     def _one_motion(self) -> Self:

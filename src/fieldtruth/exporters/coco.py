@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from fieldtruth.bag import decode as read
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.calibration import first_message, read_static_frames
+from fieldtruth.bag.model_states import read_objects
 from fieldtruth.bag.reader import BagError, BagReader, Decoder, RawMessage, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory, read_trajectory
@@ -75,7 +76,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         (target / "images" / side).mkdir(parents=True)
         (target / "panoptic" / side).mkdir(parents=True)
     with open_bag(run.bag) as bag, options.progress.stage("images", run.duration_s) as advance:
-        names = _object_names(bag)
+        names, _ = read_objects(run)
         numbering = Numbering(categories, options.label_map, names)
         source = _Source(_cameras(run, sides), read_trajectory(run), numbering, decoder(bag))
         with coco_files(run, target, options.label_map, categories, names) as files:
@@ -165,12 +166,6 @@ def _write_frame(target: Path, source: _Source, frame: Frame) -> Picture:
 def _rgb(ids: NDArray[np.uint32]) -> NDArray[np.uint8]:
     """Segment ids (h, w) as in COCO's panoptic images: R + 256 G + 65536 B."""
     return np.ascontiguousarray(ids.astype("<u4", copy=False)).view(np.uint8).reshape(*ids.shape, 4)[..., :3]
-
-
-def _object_names(bag: BagReader) -> list[str]:
-    """Names of the objects, by instance id."""
-    first = next(bag.messages([table.MODEL_STATES]))
-    return [*decoder(bag)(first).name]
 
 
 def _cameras(run: Run, sides: Sequence[str]) -> dict[str, Camera]:

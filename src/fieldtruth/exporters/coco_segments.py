@@ -103,12 +103,12 @@ class Numbering:
         """Return the segment id of each pixel (h, w).
 
         Raises:
-            BagError: labels and instance ids differ in shape, or an instance id is no row of /gazebo/model_states.
+            BagError: labels and instance ids differ in shape, or an instance id is that of no object.
         """
         if label.shape != instance.shape:
             raise BagError(f"the tag image has {_size(label)} pixels, but the instance image {_size(instance)}")
         if (largest := int(instance.max(initial=0))) >= len(self._single):
-            raise BagError(f"instance id {largest} must be below {len(self._single)}, the rows of /gazebo/model_states")
+            raise BagError(f"instance id {largest} must be below {len(self._single)}, the number of objects")
         objects = np.take(self._mask, label) & np.take(self._single, instance)
         numbers: NDArray[np.uint32] = np.take(self._base, label) | objects
         return numbers

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.decode import depth, image, instances, labels, reading_stamp, stamp_ns
-from fieldtruth.bag.model_states import ModelStatesReader
+from fieldtruth.bag.model_states import read_objects
 from fieldtruth.bag.reader import BagError, BagReader, RawMessage, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.core.arrays import Counts
@@ -238,10 +238,7 @@ def _write_per_run(
 
 
 def _objects(run: Run) -> str:
-    """CSV of the ids and names of all objects, which are the rows of /gazebo/model_states."""
-    with open_bag(run.bag) as bag:
-        states, first = ModelStatesReader(), next(bag.messages([table.MODEL_STATES]))
-        states.poses(first.data)
+    """CSV of the ids and names of all objects, which are the rows of the topic with the objects."""
     text = StringIO()
-    csv.writer(text, lineterminator="\n").writerows(enumerate(states.names))
+    csv.writer(text, lineterminator="\n").writerows(enumerate(read_objects(run)[0]))
     return text.getvalue()

@@ -16,7 +16,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.drive.state import state_at
 from fieldtruth.drive.track import Base, Stamps, Track, stamps_at_rate
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, LidarConfig, Rig
-from fieldtruth.world.model import World
+from fieldtruth.world.model import GROUND_ID, World
 
 PoseAt = Callable[[int], Array]
 """``world_from_base`` (4, 4) at a stamp [ns]."""
@@ -66,8 +66,8 @@ class Stream(NamedTuple):
     messages: Callable[[int, Sensors], Iterable[bytes]]
 
 
-def streams_of(world: World, track: Track, rig: Rig) -> list[Stream]:
-    """Return every stream of a recording, in the order of the topic table."""
+def streams_of(world: World, track: Track, rig: Rig, *, latched: bool = False) -> list[Stream]:
+    """Return every stream of a recording, in the order of the topic table; ``latched``: static objects come once."""
 
     def stamps_at(rate_hz: float) -> Stamps:
         stamps = track.motion.stamps_ns
@@ -76,7 +76,7 @@ def streams_of(world: World, track: Track, rig: Rig) -> list[Stream]:
     def world_from_base(stamp_ns: int) -> Array:
         return state_at(track.swept, stamp_ns).world_from_base
 
-    streams = _truth(world, track, rig, stamps_at(topics.POSE_RATE))
+    streams = _truth(world, track, rig, stamps_at(topics.POSE_RATE), latched=latched)
     if not track.is_frames:
         streams += _measured(track)
     if rig.lidar.enabled:
@@ -87,9 +87,10 @@ def streams_of(world: World, track: Track, rig: Rig) -> list[Stream]:
     return streams
 
 
-def _truth(world: World, track: Track, rig: Rig, poses: Stamps) -> list[Stream]:
+def _truth(world: World, track: Track, rig: Rig, poses: Stamps, *, latched: bool) -> list[Stream]:
     motion, base = track.motion, track.base
-    states = robot_messages.ModelStatesWriter(world)
+    objects = robot_messages.ModelStatesWriter(world)
+    states = robot_messages.ModelStatesWriter(world, rows=GROUND_ID + 1) if latched else objects
     fixed = robot_messages.fixed_transforms(rig)
     every_step = motion.stamps_ns
     rows = np.searchsorted(every_step, poses)
@@ -101,6 +102,7 @@ def _truth(world: World, track: Track, rig: Rig, poses: Stamps) -> list[Stream]:
     return [
         Stream((topics.CLOCK,), every_step, lambda k, _: [robot_messages.clock(every_step[k])]),
         Stream((topics.TF_STATIC,), every_step[:1], lambda k, _: [robot_messages.tf_static(every_step[k], fixed)]),
+        *[Stream((topics.STATIC_MODEL_STATES,), every_step[:1], lambda k, _: [objects.message(k, motion)])] * latched,
         Stream((topics.MODEL_STATES,), every_step, lambda k, _: [states.message(k, motion)]),
         Stream(
             (topics.ODOMETRY,),

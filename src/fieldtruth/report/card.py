@@ -12,7 +12,7 @@ import numpy as np
 import fieldtruth
 from fieldtruth.bag.robot_messages import fixed_transforms
 from fieldtruth.bag.run import TRACK
-from fieldtruth.bag.topics import topics_of_run
+from fieldtruth.bag.topics import latches_objects, objects_topic, topics_of_run
 from fieldtruth.core import frames
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
 from fieldtruth.drive.track import Track
@@ -60,7 +60,8 @@ def data_card(experiment: Experiment, world: World, track: Track, counts: Mappin
         objects=len(world.instances),
         version=fieldtruth.__version__,
         seed=experiment.seed,
-        topics="\n".join(_topics(experiment, counts)),
+        topics="\n".join(_topics(experiment, counts, latches_objects(experiment, len(world.instances)))),
+        objects_topic=objects_topic(counts),
         sensors="\n".join(_sensors(rig)),
         classes="\n".join(_classes()),
         frames="\n".join(_frames(rig)),
@@ -100,9 +101,9 @@ def _physics(experiment: Experiment) -> str:
     return _template("card_physics.md").substitute(imu=imu).rstrip()
 
 
-def _topics(experiment: Experiment, counts: Mapping[str, int]) -> list[str]:
+def _topics(experiment: Experiment, counts: Mapping[str, int], latched: bool) -> list[str]:
     rows = ["| topic | type | Hz | messages |", "|---|---|---|---|"]
-    for topic in topics_of_run(experiment):
+    for topic in topics_of_run(experiment, latched=latched):
         rate = "once" if topic.rate_hz is None else f"{topic.rate_hz(experiment.rig):g}"
         rows.append(
             f"| `{topic.name}` | {topic.msgtype.replace('/msg/', '/')} | {rate} | {counts.get(topic.name, 0)} |"

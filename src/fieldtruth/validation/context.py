@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 from fieldtruth.bag.calibration import StaticFrames
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.topics import TOPICS, Topic, topics_of_run
+from fieldtruth.bag.topics import STATIC_MODEL_STATES, TOPICS, Topic, topics_of_run
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
@@ -44,7 +44,7 @@ class Context:
     parents: dict[str, tuple[str, Array]] = field(default_factory=dict)
     """Fixed frames of /tf_static: parent and parent_from_child (4, 4) by child."""
     names: tuple[str, ...] = ()
-    """Objects of /gazebo/model_states; the row is the object's id."""
+    """Objects of ``objects_topic``; the row is the object's id."""
     jobs: deque[Callable[[], Sequence[Tally]]] = field(default_factory=deque)
     """Work for threads, in order; each job returns the partial tallies that it has filled."""
 
@@ -66,7 +66,10 @@ class Context:
     @property
     def topics(self) -> tuple[Topic, ...]:
         """Rows of the topic table with the rates of this run; all rows for a bag from elsewhere."""
-        return TOPICS if self.experiment is None else topics_of_run(self.experiment)
+        if self.experiment is None:
+            return TOPICS
+        latched = self.experiment.static_objects == "latched" or STATIC_MODEL_STATES in self.run.counts
+        return topics_of_run(self.experiment, latched=latched)
 
     @property
     def frames(self) -> StaticFrames:
@@ -85,7 +88,7 @@ class Checker:
     tallies: Sequence[Tally] = ()
 
     def see(self, raw: RawMessage, message: Any) -> None:
-        """Process a message, decoded except on /clock and /gazebo/model_states (None), whose rate is too high."""
+        """Process a message, decoded except on /clock and of model states (None), which are too many."""
 
     def finish(self) -> None:
         """Finish the checks after the last message."""

@@ -38,7 +38,7 @@ SPECS: Final[tuple[Spec, ...]] = (
 )  # fmt: skip
 """All checks, in the order of the output."""
 
-_DECODED_BY_HAND: Final = (table.CLOCK, table.MODEL_STATES)
+_DECODED_BY_HAND: Final = (table.CLOCK, table.MODEL_STATES, table.STATIC_MODEL_STATES)
 
 
 def validate(

@@ -6,9 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from fieldtruth.bag import topics as table
-from fieldtruth.bag.model_states import ROBOT, ModelStatesReader
-from fieldtruth.bag.reader import open_bag
+from fieldtruth.bag.model_states import ROBOT, read_objects
 from fieldtruth.bag.run import Run
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.progress import Progress
@@ -44,12 +42,11 @@ def view_world(run: Run, progress: Progress) -> tuple[Aerial | None, str]:
 
 def _same_objects(run: Run, world: World) -> bool:
     """Whether the objects in the bag, if it has any, have the names and positions of the world's."""
-    if run.msgtypes.get(table.MODEL_STATES) != "gazebo_msgs/msg/ModelStates" or table.MODEL_STATES not in run.counts:
-        return True
-    reader = ModelStatesReader()
-    with open_bag(run.bag) as bag:
-        poses = reader.poses(next(bag.messages([table.MODEL_STATES])).data)
-    return reader.names == (ROBOT, *world.object_names[1:]) and all(
-        np.allclose(poses[each.object_id, :3], each.world_from_object[:3, 3], rtol=0.0, atol=_TOLERANCE)
-        for each in world.instances
+    names, poses = read_objects(run)
+    return not names or (
+        names == (ROBOT, *world.object_names[1:])
+        and all(
+            np.allclose(poses[each.object_id, :3], each.world_from_object[:3, 3], rtol=0.0, atol=_TOLERANCE)
+            for each in world.instances
+        )
     )

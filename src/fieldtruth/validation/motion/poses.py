@@ -51,7 +51,7 @@ _BLOCK: Final = 500
 class ModelStates(Checker):
     """Static objects and the motion of the robot in /gazebo/model_states."""
 
-    topics = (table.MODEL_STATES,)
+    topics = (table.STATIC_MODEL_STATES, table.MODEL_STATES)
 
     def __init__(self, context: Context) -> None:
         self._context = context
@@ -73,7 +73,7 @@ class ModelStates(Checker):
             self._context.names = names
             twice = sorted({name for name in names if names.count(name) > 1})
             self._static[UNIQUE].see(not twice, f"{at(raw)}: {', '.join(twice)}")
-        if ROBOT not in names:
+        if raw.topic == table.STATIC_MODEL_STATES or ROBOT not in names:
             return
         row = names.index(ROBOT)
         others = np.concatenate([poses, twists], axis=1)

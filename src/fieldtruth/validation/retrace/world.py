@@ -79,14 +79,13 @@ def rebuild(run: Run, *, quick: bool, full: bool, progress: Progress) -> tuple[R
 
 
 class WorldObjects(Checker):
-    """Names and poses of the first /gazebo/model_states; the others are equal to it."""
-
-    topics = (table.MODEL_STATES,)
+    """Names and poses of the first message with all objects; the others are equal to it."""
 
     def __init__(self, context: Context) -> None:
         self._context, self._tally = context, context.tally(WORLD)
         self._tally.skipped = context.no_world or WORLD.skipped
         self.tallies = [self._tally]
+        self.topics = [table.objects_topic(context.run.counts)]
 
     def see(self, raw: RawMessage, message: Any) -> None:
         """Process a message."""
