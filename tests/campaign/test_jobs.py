@@ -21,6 +21,7 @@ from fieldtruth.campaign.files import dump_campaign, load_campaign, with_changes
 from fieldtruth.campaign.manifest import Failure, Manifest
 from fieldtruth.campaign.state import Kind, state_of
 from fieldtruth.campaign.task import Options, generate_campaign
+from fieldtruth.core.files import LOCK_OWNER
 from fieldtruth.core.progress import Silent
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.pipeline import generate
@@ -52,20 +53,15 @@ def test_a_killed_job_costs_its_run_only(tmp_path: Path) -> None:
     runs = draw(park(0.5, 3))
     ended = jobs.make_runs(runs, tmp_path, jobs=1, workers=1)
     outcomes = [next(ended)[1]]
-    time.sleep(1.0)  # the second run has begun
-    [child] = [p for p in _children() if "resource_tracker" not in p[1]]
-    os.kill(child[0], signal.SIGKILL)
+    owner = tmp_path / "p1" / LOCK_OWNER
+    while not owner.exists():  # until the second run has begun
+        time.sleep(0.001)
+    os.kill(int(owner.read_text().split()[1]), signal.SIGKILL)
     outcomes += [outcome for _, outcome in ended]
     assert [type(outcome) for outcome in outcomes] == [Manifest, Failure, Manifest]
     assert "its process ended early (signal 9, perhaps for lack of memory" in str(outcomes[1])
     state = state_of(runs[1], tmp_path)
     assert (state.kind, state.is_left) == (Kind.FAILED, True)
-
-
-def _children() -> list[tuple[int, str]]:
-    lines = subprocess.run(["ps", "-o", "pid=,args=", "--ppid", str(os.getpid())], capture_output=True, text=True)
-    rows = [line.split(None, 1) for line in lines.stdout.splitlines()]
-    return [(int(pid), command) for pid, command in rows if "spawn_main" in command or "resource_tracker" in command]
 
 
 def start(campaign: Path, out: Path) -> "subprocess.Popen[str]":
