@@ -139,7 +139,7 @@ def test_leftovers_of_a_killed_export_are_removed(small_run: Path, tmp_path: Pat
 def test_a_second_export_to_the_same_output_says_who_makes_it(
     small_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The second begins when the first has written half; another output is not in its way."""
+    """The second begins when the first has written half; another output does not wait."""
     out = tmp_path / "t.tum"
 
     def half(runs: Any, target: Path, options: Options) -> None:

@@ -84,6 +84,17 @@ def test_exports_have_every_frame(frames_run: Path, form: str, suffix: str, coun
     assert sum(path.suffix == suffix for path in (tmp_path / "out").rglob("*")) == count
 
 
+@pytest.mark.parametrize("form", ["kitti", "tum"])
+def test_formats_of_a_motion_refuse_them(
+    frames_run: Path, form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["export", str(frames_run), "--to", form, "--out", str(tmp_path / "out")]) == 2
+    *_, error = capsys.readouterr().err.splitlines()
+    expected = f"frames.bag has separate frames, and format '{form}' is a motion; data sets of frames: webdataset, "
+    assert expected in error
+    assert not any(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize(
     ("values", "expected"),
     [

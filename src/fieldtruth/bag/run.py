@@ -52,6 +52,11 @@ class Run(NamedTuple):
         return json.dumps(parts, sort_keys=True)
 
     @property
+    def is_frames(self) -> bool:
+        """Whether each pose stands for itself, so that nothing moves from one to the next."""
+        return self.experiment is not None and self.experiment.frames is not None
+
+    @property
     def duration_s(self) -> float:
         """Time [s] from the first to the last stamp."""
         return (self.end_ns - self.start_ns) / 1e9

@@ -9,8 +9,9 @@ from pydantic import ValidationError
 
 from fieldtruth.campaign.config import BUILT_IN, ROUTES, Campaign, axis, entries
 from fieldtruth.campaign.distributions import Integers, Tree, extremes
-from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.files import EXTRAS
 from fieldtruth.experiment.problems import configuration_error, shortened
 from fieldtruth.world.build import check_experiment, check_layout
 
@@ -19,7 +20,7 @@ def check_campaign(campaign: Campaign, source: str) -> None:
     """Check names, layouts and the ends of distributions; ``source``, a file for example, is put in front of errors.
 
     Raises:
-        UnknownNameError: unknown environment.
+        UnknownNameError: unknown environment or extra.
         ConfigurationError: a value that is not allowed.
     """
     for experiment in campaign.experiments:
@@ -33,6 +34,9 @@ def check_campaign(campaign: Campaign, source: str) -> None:
     for key, name in (("seeds", "seed"), ("lights", "light"), ("rigs", "rig")):
         for position, end in _ends(key, getattr(campaign, key)):
             _check_values({name: end}, f"{source}: {position}")
+    for name in campaign.extras or ():
+        if name not in EXTRAS:
+            raise UnknownNameError("extra", name, EXTRAS, source)
     for end in extremes(campaign.seconds):
         _check_values({"seconds": end}, source)
 

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 import fieldtruth
 from fieldtruth.campaign.config import Campaign
-from fieldtruth.core.errors import FieldtruthError
+from fieldtruth.core.errors import FieldtruthError, UnknownNameError
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import VERSION_KEY, check_version, load_experiment, read_text
@@ -59,7 +59,7 @@ def load_campaign(name_or_path: str | Path) -> Campaign:
     check_version(data.pop(VERSION_KEY, None), str(path))
     listed = data.get("experiments")
     if isinstance(listed, list):
-        data["experiments"] = [_experiment(entry, path.parent) for entry in listed]
+        data["experiments"] = [_experiment(entry, path) for entry in listed]
     return _validated(data, str(path))
 
 
@@ -88,13 +88,15 @@ def with_changes(
     return _validated(values | {key: value for key, value in changes.items() if value is not None}, "")
 
 
-def _experiment(entry: object, folder: Path) -> object:
+def _experiment(entry: object, file: Path) -> object:
     if not isinstance(entry, str):
         return entry  # in full
-    path = folder / entry
-    if entry in experiment_names() or not entry.endswith((".yaml", ".yml")):
+    if entry not in experiment_names() and entry.endswith((".yaml", ".yml")):
+        return load_experiment(file.parent / entry)
+    try:
         return load_experiment(entry)
-    return load_experiment(path)
+    except UnknownNameError:
+        raise UnknownNameError("experiment", entry, experiment_names(), str(file)) from None
 
 
 def _validated(data: dict[str, Any], source: str) -> Campaign:

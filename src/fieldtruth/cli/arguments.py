@@ -84,6 +84,7 @@ def checked_layout(environment: str, path: Path) -> dict[str, Any]:
     from fieldtruth.experiment.files import load_layout
     from fieldtruth.world.build import check_layout
 
+    check_layout(environment, None)  # the file does not name it
     layout = load_layout(path)
     check_layout(environment, layout, str(path))
     return layout

@@ -26,10 +26,11 @@ class FieldtruthWarning(UserWarning):
 
 
 class UnknownNameError(FieldtruthError):
-    """A name that does not exist; the text suggests the closest one and lists all."""
+    """A name that does not exist; the text suggests the closest one, lists all, and starts with the ``source``."""
 
-    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
-        super().__init__(f"unknown {kind} {name!r}; {suggestion(name, known)}")
+    def __init__(self, kind: str, name: str, known: Iterable[str], source: str = "") -> None:
+        where = f"{source}: " if source else ""
+        super().__init__(f"{where}unknown {kind} {name!r}; {suggestion(name, known)}")
 
 
 class ConfigurationError(FieldtruthError):

@@ -35,6 +35,8 @@ class Format(NamedTuple):
     description: str
     relabels: bool = False
     """Whether it has labels, which can be mapped to another ontology."""
+    moves: bool = False
+    """Whether it is read as a motion, so that separate frames have no place in it."""
     joins: bool = False
     """Whether several runs can become one output, a sequence each."""
     publishes: bool = False
@@ -51,8 +53,8 @@ FORMATS: Final[dict[str, Format]] = {
     "semantickitti": Format(
         "semantickitti", "_semantickitti", "clouds with labels, poses, calibration", relabels=True, joins=True
     ),
-    "kitti": Format("kitti", "_kitti", "KITTI odometry: images, clouds, poses, calibration", joins=True),
-    "tum": Format("tum", ".tum", "the true trajectory as a text file"),
+    "kitti": Format("kitti", "_kitti", "KITTI odometry: images, clouds, poses, calibration", moves=True, joins=True),
+    "tum": Format("tum", ".tum", "the true trajectory as a text file", moves=True),
     "mcap": Format("mcap", ".mcap", "ROS 2 messages (CDR), for ROS 2 and Foxglove", library="mcap"),
     "coco": Format("coco", "_coco", "COCO panoptic and detection JSON with images", relabels=True),
     "pcd": Format("pcd", "_pcd", "a PCD file per cloud with labels and colours", relabels=True),
@@ -205,6 +207,11 @@ def _runs_for(to: str, paths: Sequence[Path | str]) -> list[Run]:
         able = ", ".join(name for name, row in FORMATS.items() if row.joins)
         raise OutputError(f"format {to!r} takes one run, got {len(paths)}; formats that join several: {able}")
     runs = [open_run(path) for path in paths]
+    if FORMATS[to].moves and (still := next((run for run in runs if run.is_frames), None)):
+        able = ", ".join(name for name, row in FORMATS.items() if row.publishes)
+        raise OutputError(
+            f"{still.bag} has separate frames, and format {to!r} is a motion; data sets of frames: {able}"
+        )
     bags = [run.bag.resolve() for run in runs]
     if twice := next((run.bag for run, bag in zip(runs, bags, strict=True) if bags.count(bag) > 1), None):
         raise OutputError(f"{twice} is given twice; each run can be one sequence")

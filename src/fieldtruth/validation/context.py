@@ -59,11 +59,6 @@ class Context:
         return Rig() if self.experiment is None else self.experiment.rig
 
     @property
-    def is_frames(self) -> bool:
-        """Whether each pose stands for itself, so that nothing moves from one to the next."""
-        return self.experiment is not None and self.experiment.frames is not None
-
-    @property
     def topics(self) -> tuple[Topic, ...]:
         """Rows of the topic table with the rates of this run; all rows for a bag from elsewhere."""
         if self.experiment is None:

@@ -61,9 +61,8 @@ def check_experiment(experiment: Experiment, source: str = "") -> None:
     """Check that an experiment's environment exists and that its layout is allowed there.
 
     Raises:
-        UnknownNameError: unknown environment.
-        ConfigurationError: a key or value that the environment's layout does not allow; the text starts with
-            ``source``, a file's name for example.
+        UnknownNameError: unknown environment; the text starts with ``source``, a file's name for example.
+        ConfigurationError: a key or value that the environment's layout does not allow; the text starts likewise.
     """
     check_layout(experiment.environment, experiment.layout, source)
 
@@ -71,7 +70,7 @@ def check_experiment(experiment: Experiment, source: str = "") -> None:
 def check_layout(environment: str, layout: Mapping[str, Any] | None, source: str = "") -> None:
     """Check an environment's name and a layout for it; raises as ``check_experiment``."""
     if environment not in ENVIRONMENTS:
-        raise UnknownNameError("environment", environment, ENVIRONMENTS)
+        raise UnknownNameError("environment", environment, ENVIRONMENTS, source)
     try:
         layout_model(environment).model_validate(dict(layout or {}))
     except ValidationError as report:

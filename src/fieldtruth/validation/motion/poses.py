@@ -57,7 +57,7 @@ class ModelStates(Checker):
         self._context = context
         self._reader = ModelStatesReader()
         self._static, self._motion = context.tally(STATIC_OBJECTS), context.tally(MOTION)
-        if context.is_frames:
+        if context.run.is_frames:
             self._motion.skipped = "separate frames: the robot does not move from one to the next"
         self.tallies = [self._static, self._motion]
         self._first: tuple[tuple[str, ...], Array] | None = None
