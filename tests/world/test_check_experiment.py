@@ -39,7 +39,7 @@ def test_value_of_one_of_two_types_is_one_error_and_names_both(park: Experiment)
 def test_grid_is_limited_and_its_memory_is_checked_before_it_is_made() -> None:
     with pytest.raises(ConfigurationError, match=r"^layout: grid must be a number between 0\.01 and 1, got 0\.001$"):
         build_world("park", 0, {"grid": 0.001})
-    with pytest.raises(OutputError, match=r"^a terrain of 90000 m x 90000 m .*; make layout\.grid larger"):
+    with pytest.raises(OutputError, match=r"^a world of 90000 m x 90000 m .*; make layout\.grid larger"):
         build_world("park", 0, {"size": [90000, 90000]})
 
 

@@ -14,12 +14,10 @@ from pydantic import ValidationError
 from scipy.ndimage import gaussian_filter
 
 from fieldtruth.core.classes import Label
-from fieldtruth.world.assembly import assemble
 from fieldtruth.world.build import reserved_corridors
 from fieldtruth.world.environments.forest.config import Config as ForestConfig
 from fieldtruth.world.environments.forest.plants import AGES
 from fieldtruth.world.model import Instance, World
-from fieldtruth.world.placement import CrowdedWorldError, WorldBuilder
 from fieldtruth.world.plants import TREES
 from fieldtruth.world.trails import Line
 
@@ -68,7 +66,6 @@ def test_counts_species_and_ages(world: World) -> None:
         "bush": CONFIG.bushes,
         "rock": CONFIG.rocks,
     }
-    assert len(world.object_names) <= 500
 
 
 def test_far_trees_are_outside_the_world(world: World) -> None:
@@ -169,11 +166,3 @@ def test_layout_changes_only_its_keys() -> None:
 def test_unknown_species_are_errors() -> None:
     with pytest.raises(ValidationError, match=r"unknown species 'palm'.*Available: alder"):
         ForestConfig.model_validate({"species": {"palm": 1.0}})
-
-
-def test_too_many_objects_are_an_error(world: World) -> None:
-    builder = WorldBuilder(world.terrain.field, world.size, (), ())
-    builder.instances = [world.instances[0]] * 501
-    land = next(iter(world.meshes.values()))
-    with pytest.raises(CrowdedWorldError, match="has 501 named objects; the maximum is 500"):
-        assemble(builder, world.terrain, name="", seed=0, textures=np.random.SeedSequence(0), backdrop=land)

@@ -4,18 +4,14 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import GROUND_ID, Mesh, Terrain, World
-from fieldtruth.world.placement import CrowdedWorldError, WorldBuilder
+from fieldtruth.world.placement import WorldBuilder
 from fieldtruth.world.swarms import FarSwarm
 from fieldtruth.world.textures import make_textures
-
-MOST_OBJECTS: Final = 500
-"""Each takes some 120 bytes of every /gazebo/model_states message; below 64 kB LZ4 finds the previous message."""
 
 
 def assemble(
@@ -31,15 +27,10 @@ def assemble(
     """Make a world of a builder's objects and swarms, and of the swarms ``beyond`` its edge.
 
     Instance ids of swarms follow those of the named objects, so that each id is a row of /gazebo/model_states.
-
-    Raises:
-        CrowdedWorldError: more than ``MOST_OBJECTS`` named objects.
     """
     meshes = dict(builder.meshes)
     for _, own in beyond:
         meshes |= {mesh.name: mesh for mesh in own}
-    if len(builder.instances) > MOST_OBJECTS:
-        raise CrowdedWorldError(f"the layout has {len(builder.instances)} named objects; the maximum is {MOST_OBJECTS}")
     first = GROUND_ID + 1 + len(builder.instances)
     swarms = [replace(s, object_id=first + k) for k, s in enumerate([*builder.swarms, *(s for s, _ in beyond)])]
     used = {n for mesh in (*meshes.values(), backdrop) for n in mesh.materials}

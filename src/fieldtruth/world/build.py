@@ -28,9 +28,11 @@ from fieldtruth.world.trails import Line
 
 _LIBRARIES: Final = ("numpy", "scipy", "numba")
 _BASE: Final = 4e8
-"""Memory [byte] for building a world, besides its terrain's nodes."""
+"""Memory [byte] for building a world, besides what grows with its terrain's nodes and with its area."""
 _PER_NODE: Final = 60
 """Memory [byte] per node of the terrain while it is built."""
+_PER_M2: Final = 1000
+"""Memory [byte] for the objects on a square metre."""
 
 
 def build_world(environment: str, seed: int = 0, layout: Mapping[str, Any] | None = None) -> World:
@@ -49,9 +51,11 @@ def build_world(environment: str, seed: int = 0, layout: Mapping[str, Any] | Non
     check_layout(environment, layout)
     config: Any = layout_model(environment).model_validate(dict(layout or {}))
     if isinstance(config, GroundConfig):  # environments of other packages may have another layout
-        nodes = config.size[0] * config.size[1] / config.grid**2
-        task = f"a terrain of {config.size[0]:g} m x {config.size[1]:g} m with nodes every {config.grid:g} m"
-        check_memory(int(_BASE + _PER_NODE * nodes), task, "make layout.grid larger, or layout.size smaller")
+        (length, width), spacing = config.size, config.spacing
+        task = f"a world of {length:g} m x {width:g} m with nodes every {spacing:g} m"
+        needed = _BASE + length * width * (_PER_NODE / spacing**2 + _PER_M2)
+        check_memory(int(needed), task, "make layout.grid larger, or layout.size smaller")
+        config = config.for_size()
     world: World = _module(environment, "build").build(seed, reserved_corridors(environment), config)
     world = replace(world, layout=dict(layout or {}))
     return cut_at_edge(world) if getattr(config, "beyond", True) is False else world

@@ -2,11 +2,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """Grids over a world, and the distance from its edge."""
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.model import Heightfield, Raster
+
+BUILT_IN: Final = (100.0, 50.0)
+"""Length and width [m] of the built-in worlds, for which the default counts are."""
+FINE_AREA: Final = 40_000.0
+"""Area [m^2] up to which grids have their full resolution: 16 million nodes of the terrain."""
+
+COVER: Final = 0.1
+"""Spacing [m] of the grid of a world's cover at full resolution."""
+
+
+def coarseness(size: tuple[float, float]) -> int:
+    """By how much the spacing of grids over a world of a size [m] is larger, so that their nodes stay about as many."""
+    return max(1, int(np.ceil(np.sqrt(size[0] * size[1] / FINE_AREA))))
 
 
 def grid_axes(size: tuple[float, float], spacing: float) -> tuple[Array, Array]:

@@ -17,7 +17,7 @@ from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.world.ground_types import GROUND_TYPES, Layer
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Terrain
-from fieldtruth.world.relief.roughness import SPACING, relief_axes
+from fieldtruth.world.relief.roughness import relief_axes, relief_spacing
 
 EDGE: Final = 0.12
 """Distance [m] from a trail's edge, or from its border, at which the layer has its full height."""
@@ -46,7 +46,7 @@ def _noise(terrain: Terrain, correlation: float, rng: np.random.Generator) -> Ar
     """Normal numbers of unit deviation whose correlation falls to 1/e over ``correlation`` [m] (Gaussian)."""
     x, y = _axes(terrain)
     own = relief_axes(x, y)
-    width = correlation / SPACING / 2.0
+    width = correlation / relief_spacing(x, y) / 2.0
     kernel = np.zeros(2 * int(4 * width + 1) + 1)
     kernel[len(kernel) // 2] = 1.0
     gain = (gaussian_filter(kernel, width, mode="constant") ** 2).sum()  # along one axis; the square of the amplitude

@@ -4,6 +4,7 @@
 
 import dataclasses
 from collections.abc import Callable, Iterable, Sequence
+from math import hypot
 from typing import Final
 
 import numpy as np
@@ -11,6 +12,8 @@ from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import FieldtruthError
+from fieldtruth.world.circles import Circles
+from fieldtruth.world.grids import BUILT_IN
 from fieldtruth.world.model import GROUND_ID, Heightfield, Instance, Mesh, Swarm
 from fieldtruth.world.poses import random_tint, rotations_to, upright_pose, upright_poses
 from fieldtruth.world.swarms import Density, SwarmSpec, jittered_grid, make_swarm, random_scales
@@ -71,16 +74,16 @@ def place_until_count(
     Returns the objects, fewer than ``count`` if all candidates were tried with every spacing.
     """
     placed: list[Instance] = []
-    taken = np.zeros((count, 2))
+    taken = Circles(max(*spacings, 1.0))
     if count == 0:
         return placed
     for spacing in spacings:
         for candidate in candidates:
-            n = len(placed)
-            apart = n == 0 or bool(np.hypot(*(taken[:n] - candidate[:2]).T).min() >= spacing)
-            instance = attempt(candidate, n, apart)
+            x, y = candidate[:2].tolist()
+            apart = all(hypot(a - x, b - y) >= spacing for a, b, _ in taken.about(x, y, spacing))
+            instance = attempt(candidate, len(placed), apart)
             if instance is not None:
-                taken[n] = candidate[:2]
+                taken.add(x, y)
                 placed.append(instance)
                 if len(placed) == count:
                     return placed
@@ -106,7 +109,7 @@ class WorldBuilder:
     meshes: dict[str, Mesh] = dataclasses.field(default_factory=dict, init=False)
     instances: list[Instance] = dataclasses.field(default_factory=list, init=False)
     swarms: list[Swarm] = dataclasses.field(default_factory=list, init=False)
-    _circles: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 3)), init=False)
+    taken: Circles = dataclasses.field(default_factory=lambda: Circles(4.0), init=False)
     _solids: list[tuple[float, float, float]] = dataclasses.field(default_factory=list, init=False)
     _counts: dict[str, int] = dataclasses.field(default_factory=dict, init=False)
 
@@ -120,16 +123,22 @@ class WorldBuilder:
         """Positions (count, 2), uniform over the world."""
         return np.asarray(rng.uniform(-0.5, 0.5, (count, 2)) * self.size)
 
+    def tries(self, count: int) -> int:
+        """Number of positions to try: ``count`` in a world as large as the built-in ones, in a larger one more."""
+        return round(count * max(1.0, self.size[0] * self.size[1] / (BUILT_IN[0] * BUILT_IN[1])))
+
     def is_free(self, xy: Sequence[float] | Array, radius: float) -> bool:
         """Whether a circle around xy [m] is in the world, outside all corridors, and overlaps no object."""
-        x, y = xy
+        x, y = float(xy[0]), float(xy[1])
         length, width = self.size
         if abs(x) + radius > length / 2 - 0.5 or abs(y) + radius > width / 2 - 0.5:
             return False
-        a, b, r = self._circles.T
-        if ((x - a) ** 2 + (y - b) ** 2 < (radius + r) ** 2).any():
-            return False
-        return all(line.distance([[x, y]])[0] >= radius + self.corridor_width / 2 for line in self.corridors)
+        for a, b, r in self.taken.about(x, y, radius):
+            if (x - a) * (x - a) + (y - b) * (y - b) < (radius + r) * (radius + r):
+                return False
+        least = radius + self.corridor_width / 2
+        near = (line for line in self.corridors if line.may_be_within(least, x, y))
+        return all(line.distance([[x, y]])[0] >= least for line in near)
 
     def add(
         self,
@@ -152,7 +161,8 @@ class WorldBuilder:
         )
         self.meshes.setdefault(mesh.name, mesh)
         self.instances.append(instance)
-        self._circles = np.concatenate([self._circles, np.array([*circles], np.float64).reshape(-1, 3)])
+        for circle in circles:
+            self.taken.add(*circle)
         scale = float(np.cbrt(np.linalg.det(world_from_object[:3, :3])))
         for collider in mesh.colliders:
             x, y = (world_from_object @ [*collider.position, 1.0])[:2]
@@ -196,7 +206,7 @@ class WorldBuilder:
         Raises:
             CrowdedWorldError: too few candidates are free even at half the spacing.
         """
-        darts = self.random_positions(tries, rng)
+        darts = self.random_positions(self.tries(tries), rng)
 
         def attempt(xy: Array, number: int, apart: bool) -> Instance | None:
             mesh, scale = group.mesh(number), float(rng.uniform(*group.scales))

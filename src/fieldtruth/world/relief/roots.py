@@ -18,12 +18,15 @@ STEP: Final = 0.04
 """Distance [m] between the points of a root."""
 
 
-def root_swells(x: Array, y: Array, trunks: Iterable[tuple[float, float, float]], rng: np.random.Generator) -> Array:
-    """Heights [m] at the nodes of axes x, y [m] of the roots of ``trunks`` (x, y, radius) [m]."""
+def root_swells(
+    x: Array, y: Array, trunks: Iterable[tuple[float, float, float]], rng: np.random.Generator | None
+) -> Array:
+    """Heights [m] at the nodes of axes x, y [m] of the roots of ``trunks`` (x, y, radius) [m]; None: only swells."""
     total = np.zeros((len(x), len(y)))
     for tx, ty, radius in trunks:
-        points = np.concatenate([_root(radius, turn, rng) for turn in _directions(rng)])
-        reach = max(float(np.abs(points[:, :2]).max()) + 0.2, 6.0 * radius)
+        roots = [_root(radius, turn, rng) for turn in _directions(rng)] if rng is not None else []
+        points = np.concatenate([np.zeros((0, 4)), *roots])
+        reach = max(float(np.abs(points[:, :2]).max(initial=0.0)) + 0.2, 6.0 * radius)
         i, j = (np.flatnonzero(np.abs(axis - at) < reach) for axis, at in ((x, tx), (y, ty)))
         if len(i) and len(j):
             dx, dy = x[i] - tx, y[j] - ty

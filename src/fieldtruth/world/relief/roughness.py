@@ -23,6 +23,7 @@ from scipy.interpolate import RectBivariateSpline
 from scipy.special import beta
 
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.world.grids import coarseness
 from fieldtruth.world.ground_types import REFERENCE_FREQUENCY, Roughness
 
 BAND: Final = (0.125, 10.0)
@@ -37,8 +38,14 @@ Axes = tuple[Array, Array]
 
 def relief_axes(x: Array, y: Array) -> Axes:
     """Coordinates [m] of the microrelief's nodes between the ends of two axes."""
-    x, y = (np.linspace(axis[0], axis[-1], round((axis[-1] - axis[0]) / SPACING) + 1) for axis in (x, y))
+    spacing = relief_spacing(x, y)
+    x, y = (np.linspace(axis[0], axis[-1], round((axis[-1] - axis[0]) / spacing) + 1) for axis in (x, y))
     return x, y
+
+
+def relief_spacing(x: Array, y: Array) -> float:
+    """Distance [m] between the nodes of the microrelief over two axes: ``SPACING``, more in a large world."""
+    return SPACING * coarseness((float(x[-1] - x[0]), float(y[-1] - y[0])))
 
 
 def with_microrelief(
@@ -61,7 +68,7 @@ def with_microrelief(
         for roughness, share in cover:
             if roughness.waviness == waviness:
                 amplitude += np.sqrt(roughness.unevenness) * np.asarray(share, np.float64)
-        noise = shaped(white, SPACING, waviness)[: relief.shape[0], : relief.shape[1]]
+        noise = shaped(white, relief_spacing(*coarse), waviness)[: relief.shape[0], : relief.shape[1]]
         relief += RectBivariateSpline(*coarse, amplitude, kx=1, ky=1)(*own) * noise
     heights = RectBivariateSpline(*coarse, hills)(*fine)
     return np.asarray(heights + RectBivariateSpline(*own, relief, kx=1, ky=1)(*fine))

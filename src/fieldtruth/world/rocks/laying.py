@@ -74,8 +74,8 @@ def scatter_rocks(
     Raises:
         CrowdedWorldError: too few candidates are free even at a fifth of the spacing.
     """
-    darts = builder.random_positions(tries, rng)
-    hits = darts[rng.random(tries) < density(darts)]
+    darts = builder.random_positions(builder.tries(tries), rng)
+    hits = darts[rng.random(len(darts)) < density(darts)]
 
     def attempt(xy: Array, number: int, apart: bool) -> Instance | None:
         if not apart:

@@ -18,7 +18,7 @@ from fieldtruth.world.environments.forest.understorey import plant_understorey
 from fieldtruth.world.ground_layer import with_layer
 from fieldtruth.world.model import World
 from fieldtruth.world.placement import WorldBuilder
-from fieldtruth.world.trails import Line, Trail
+from fieldtruth.world.trails import Line, make_trails
 
 
 def build(seed: int, corridors: Sequence[Line], config: Config | None = None) -> World:
@@ -31,7 +31,7 @@ def build(seed: int, corridors: Sequence[Line], config: Config | None = None) ->
     seeds = np.random.SeedSequence(seed).spawn(12)
     relief, growth, trees, dead, bushes, stones, herbs, cover, land = (np.random.default_rng(s) for s in seeds[:9])
     microrelief, layer, roots = (np.random.default_rng(s) for s in seeds[10].spawn(3))
-    trails = [Trail(Line.through(corners), config.trail_width) for corners in config.trails]
+    trails = make_trails(config.trails, config.trail_width)
     builder = WorldBuilder(make_heights(config, trails, relief, microrelief), config.size, trails, corridors)
     place_deadwood(builder, config, dead)
     plant_trees(builder, config, growth, trees)

@@ -13,7 +13,7 @@ from fieldtruth.world.plants import TREES
 
 
 class Config(GroundConfig):
-    """Layout of the forest; at most 500 objects have names, so that a message of all poses stays small."""
+    """Layout of the forest."""
 
     grounds = ("trodden_earth", "forest_floor")
 

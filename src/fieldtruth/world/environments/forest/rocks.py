@@ -2,7 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rocks of the forest: field stones in groups, small stones scattered around them."""
 
+from typing import Final
+
 import numpy as np
+from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.environments.forest.config import Config
@@ -10,13 +13,15 @@ from fieldtruth.world.placement import ObjectGroup, WorldBuilder
 from fieldtruth.world.rocks import ROCK_TYPES, make_rock, scatter_rocks
 from fieldtruth.world.swarms import SwarmSpec
 
+GROUPS: Final = 14 / 5000  # per m^2
+
 
 def place_rocks(builder: WorldBuilder, config: Config, rng: np.random.Generator) -> None:
     """Add field stones with colliders and a swarm of small stones."""
-    centres = rng.uniform(-0.5, 0.5, (14, 2)) * builder.size
+    groups = cKDTree(builder.random_positions(round(builder.size[0] * builder.size[1] * GROUPS), rng))
 
     def near_centres(xy: Array) -> Array:
-        away = np.min(np.linalg.norm(xy[:, None] - centres, axis=2), axis=1)
+        away, _ = groups.query(xy)
         return np.asarray((0.12 + 0.88 * np.exp(-((away / 2.6) ** 2))) * (builder.trail_distance(xy) > 0.3))
 
     fieldstone = ROCK_TYPES["fieldstone"]

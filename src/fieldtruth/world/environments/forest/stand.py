@@ -44,16 +44,17 @@ class Stand:
         Raises:
             CrowdedWorldError: too few positions are free.
         """
-        turned = {mesh.name: [np.rot90(_shade(mesh, self._margin), k) for k in range(4)] for mesh in group.meshes}
+        turned = {mesh.name: _turned(_shade(mesh, self._margin)) for mesh in group.meshes}
         placed = []
         for number in range(group.count):
             mesh, scale = group.mesh(number), float(rng.uniform(*group.scales))
             free = self._free(mesh.footprint * scale, rng, allowed)
             if not len(free):
                 break
-            gains = np.array([[self._caught(xy, shade) for shade in turned[mesh.name]] for xy in free])
+            shades = turned[mesh.name]
+            gains = np.stack([(self._window(xy) * shades).reshape(4, -1).sum(axis=1) for xy in free])
             best, turn = np.unravel_index(int(gains.argmax()), gains.shape)
-            self._window(free[best])[...] *= 1.0 - turned[mesh.name][turn]
+            self._window(free[best])[...] *= 1.0 - shades[turn]
             tint = random_tint(rng, group.tint)
             pose = {"yaw": float(turn) * np.pi / 2, "scale": scale}
             placed.append(self._builder.add_upright(group.kind, mesh, free[best], **pose, tint=tint))
@@ -64,18 +65,22 @@ class Stand:
         found: list[Array] = []
         for _ in range(ROUNDS):
             darts = self._builder.random_positions(2 * CHOICES, rng)
-            found += [xy for xy in darts[allowed(darts)] if self._builder.is_free(xy, radius)]
-            if len(found) >= CHOICES:
-                break
-        return np.array(found[:CHOICES]).reshape(-1, 2)
-
-    def _caught(self, xy: Array, shade: Array) -> float:
-        return float((self._window(xy) * shade).sum())
+            for xy in darts[allowed(darts)]:
+                if self._builder.is_free(xy, radius):
+                    found.append(xy)
+                    if len(found) == CHOICES:
+                        return np.array(found)
+        return np.array(found).reshape(-1, 2)
 
     def _window(self, xy: Array) -> Array:
         """The light about a position, as wide as the shade of a crown."""
         i, j = np.rint((xy + np.array(self._builder.size) / 2) / CELL).astype(int)
         return self._light[i : i + 2 * self._margin, j : j + 2 * self._margin]
+
+
+def _turned(shade: Array) -> Array:
+    """The shade in the four steps of 90 deg (4, 2 half, 2 half)."""
+    return np.stack([np.rot90(shade, k) for k in range(4)])
 
 
 def _shade(mesh: Mesh, half: int) -> Array:

@@ -16,14 +16,13 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.world.backdrop import Land
 from fieldtruth.world.environments.hillside.config import Config
 from fieldtruth.world.environments.hillside.mountain import make_mountain, smooth_corridors
-from fieldtruth.world.environments.layout import HILLS
-from fieldtruth.world.grids import grid_axes, make_heightfield, make_raster
+from fieldtruth.world.environments.layout import hills_spacing
+from fieldtruth.world.grids import COVER, coarseness, grid_axes, make_heightfield, make_raster
 from fieldtruth.world.model import Heightfield, Raster, Terrain
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.relief import with_microrelief
 from fieldtruth.world.trails import Line
 
-_CELL: Final = 0.1  # [m] of the cover
 _TURF, _SOIL, _SCREE, _ROCK = range(4)
 _MATERIALS: Final = ("turf_dry", "soil_stony", "scree", "rock_face")
 
@@ -61,21 +60,23 @@ def make_ground(
     rngs: tuple[np.random.Generator, np.random.Generator, np.random.Generator],
 ) -> tuple[Ground, Land]:
     """Ground of the world, and the height of the land beyond it; generators of relief, cover and microrelief."""
-    x, y = grid_axes(config.size, HILLS)
+    x, y = grid_axes(config.size, spacing := hills_spacing(config.size))
     distance = _corridor_distance(corridors)
     mountain = make_mountain(x, y, config, distance, rngs[0])
     hills = smooth_corridors(mountain.heights, distance(*np.meshgrid(x, y, indexing="ij")), config)
-    ground = cover_ground(make_heightfield(hills, HILLS, x, y), mountain.drained, distance, rngs[1])
-    cover = list(zip(map(config.roughness_of, config.grounds), _smoothed_shares(ground.cover, x, y), strict=True))
+    ground = cover_ground(make_heightfield(hills, spacing, x, y), mountain.drained, distance, rngs[1])
+    cover = list(
+        zip(map(config.roughness_of, config.grounds), _smoothed_shares(ground.cover, x, y, spacing), strict=True)
+    )
     fine = grid_axes(config.size, config.grid)
     heights = with_microrelief(hills, (x, y), fine, cover, rngs[2])
     return ground._replace(field=make_heightfield(heights, config.grid, *fine)), mountain.land
 
 
-def _smoothed_shares(cover: Raster, x: Array, y: Array) -> list[Array]:
+def _smoothed_shares(cover: Raster, x: Array, y: Array, spacing: float) -> list[Array]:
     """Share of each ground at nodes x, y, averaged over about a metre: relief does not change from stone to stone."""
     shares = cover.at(*np.meshgrid(x, y, indexing="ij"))
-    return [gaussian_filter(shares[..., k], 0.4 / HILLS, mode="nearest") for k in range(shares.shape[-1])]
+    return [gaussian_filter(shares[..., k], 0.4 / spacing, mode="nearest") for k in range(shares.shape[-1])]
 
 
 def _corridor_distance(corridors: Sequence[Line]) -> Land:
@@ -94,7 +95,8 @@ def cover_ground(field: Heightfield, drained: Array, corridor_distance: Land, rn
     """Cover a heightfield by slope, by the area ``drained`` (nx, ny) [m^2] through its nodes, and by noise."""
     nx, ny = field.heights.shape
     x, y = field.x0 + field.spacing * np.arange(nx, dtype=float), field.y0 + field.spacing * np.arange(ny, dtype=float)
-    fine_x, fine_y = (np.asarray(np.arange(c[0], c[-1] + _CELL / 2, _CELL), np.float64) for c in (x, y))
+    cell = COVER * coarseness((field.spacing * nx, field.spacing * ny))
+    fine_x, fine_y = (np.asarray(np.arange(c[0], c[-1] + cell / 2, cell), np.float64) for c in (x, y))
     smooth = gaussian_filter(field.heights.astype(np.float64), 0.5 / field.spacing)
     steep = np.degrees(np.arctan(np.hypot(*np.gradient(smooth, field.spacing))))
     slope = make_raster(steep, field.spacing, x, y)
@@ -113,7 +115,7 @@ def cover_ground(field: Heightfield, drained: Array, corridor_distance: Land, rn
     turf = np.clip(0.52 - np.clip(steep - 18, 0, 30) / 30 - 0.38 * patch + 0.4 * fine - trodden, 0, 1)
     free = 1 - rock
     weights = [free * (1 - scree) * turf, free * (1 - scree) * (1 - turf), free * scree, rock]
-    return Ground(field, make_raster(np.stack(weights, axis=-1), _CELL, fine_x, fine_y), slope)
+    return Ground(field, make_raster(np.stack(weights, axis=-1), cell, fine_x, fine_y), slope)
 
 
 def as_terrain(ground: Ground, size: tuple[float, float]) -> Terrain:

@@ -15,7 +15,7 @@ from scipy.ndimage import gaussian_filter
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.backdrop import Land
 from fieldtruth.world.environments.hillside.config import Config
-from fieldtruth.world.environments.layout import HILLS
+from fieldtruth.world.environments.layout import hills_spacing
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.relief import collapsed, eroded, limit_slope, slope_limit
 
@@ -69,7 +69,7 @@ def smooth_corridors(heights: Array, distance: Array, config: Config) -> Array:
 
     What is shorter than about 2 m is removed; the microrelief of the ground replaces it.
     """
-    spacing = HILLS
+    spacing = hills_spacing(config.size)
     limit = slope_limit(distance, within=config.route_slope_deg, beyond=config.steepest_deg, near=1.3, far=6.0)
     h = collapsed(heights, spacing, repose_deg=config.steepest_deg, steps=10)
     h += (gaussian_filter(h, 0.6 / spacing) - h) * np.clip(1.5 - distance / 2.0, 0.0, 0.8)

@@ -7,23 +7,21 @@ from scipy.ndimage import gaussian_filter
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.environments.lake.shore import Shore
-from fieldtruth.world.grids import grid_axes, make_raster
+from fieldtruth.world.grids import COVER, coarseness, grid_axes, make_raster
 from fieldtruth.world.model import Terrain
 from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import WorldBuilder
 
-NODE = 0.1  # [m] between the cover's nodes
-
 
 def cover_ground(builder: WorldBuilder, shore: Shore, rng: np.random.Generator) -> Terrain:
     """Rough grass, drier on the swells, bare earth on the scarps; mud or pebbles at and under the water."""
-    x, y = grid_axes(builder.size, NODE)
+    x, y = grid_axes(builder.size, node := COVER * coarseness(builder.size))
     nodes = np.meshgrid(x, y, indexing="ij")
     patch = fractal_noise(x, y, wavelength=15.0, octaves=4, rng=rng, gain=0.6)
     fine = fractal_noise(x, y, wavelength=1.6, octaves=3, rng=rng, gain=0.7)
     stony = np.clip(0.5 + 1.6 * fractal_noise(x, y, wavelength=20.0, octaves=2, rng=rng) + 0.5 * fine, 0.0, 1.0)
     inland, height = shore.inland.at(*nodes), builder.field.height_at(*nodes)
-    steep = np.hypot(*np.gradient(gaussian_filter(height, 0.3 / NODE, mode="nearest"), NODE))
+    steep = np.hypot(*np.gradient(gaussian_filter(height, 0.3 / node, mode="nearest"), node))
     scarp = np.clip((steep - 0.5 + 0.12 * fine) / 0.2, 0.0, 1.0)
     wet = np.clip(1.0 - (inland - 0.9 - 1.6 * (1.0 - shore.scarp.at(*nodes)) + 0.55 * fine) / 0.7, 0.0, 1.0)
     litter = _below_crowns(builder, x, y, fine)
@@ -45,7 +43,7 @@ def cover_ground(builder: WorldBuilder, shore: Shore, rng: np.random.Generator) 
     return Terrain(
         field=builder.field,
         trail_distance=make_raster(no_trail, max(builder.size), x, y),
-        cover=make_raster(cover, NODE, x, y),
+        cover=make_raster(cover, node, x, y),
         ground_materials=("rough_grass", "dry_grass", "soil", "litter", "mud", "pebbles"),
         trail_material="gravel",
         border_material="gravel",

@@ -16,7 +16,7 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.environments.lake.config import Config
-from fieldtruth.world.environments.layout import HILLS
+from fieldtruth.world.environments.layout import hills_spacing
 from fieldtruth.world.grids import grid_axes, make_heightfield, make_raster
 from fieldtruth.world.ground_types import Roughness
 from fieldtruth.world.model import Heightfield, Raster
@@ -45,7 +45,7 @@ def make_shore(
     config: Config, corridors: Sequence[Line], rng: np.random.Generator, fine_rng: np.random.Generator
 ) -> Shore:
     """Shape a shore along x with the lake at negative y; ``corridors`` stay on land."""
-    x, y = grid_axes(config.size, HILLS)
+    x, y = grid_axes(config.size, spacing := hills_spacing(config.size))
     coves = fractal_noise(x, y, wavelength=34.0, octaves=4, rng=rng, gain=0.46)
     inland = y[None, :] - config.edge + config.bends * coves
     nodes = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -53,7 +53,7 @@ def make_shore(
     for line in corridors:
         off_corridor = np.minimum(off_corridor, line.distance(nodes).reshape(inland.shape))
     inland = _smooth_max(inland, DRY - off_corridor, 1.0) if corridors else inland
-    inland = _signed_distance(inland > 0) * HILLS
+    inland = _signed_distance(inland > 0) * spacing
     turns = fractal_noise(x, y, wavelength=30.0, octaves=2, rng=rng, gain=0.4)
     scarp = 1.0 / (1.0 + np.exp(-2.4 * (turns + 0.15)))
     slumps = fractal_noise(x, y, wavelength=4.5, octaves=3, rng=rng, gain=0.45)
@@ -62,20 +62,20 @@ def make_shore(
     height = np.where(inland > 0, above, -_below(-inland, scarp))
     # Along corridors the bank has an even slope.
     worn = np.exp(-((off_corridor / WORN) ** 2))
-    height += worn * (gaussian_filter(height, WORN / HILLS, mode="nearest") - height)
+    height += worn * (gaussian_filter(height, WORN / spacing, mode="nearest") - height)
     fine = grid_axes(config.size, config.grid)
     heights = with_microrelief(height + config.water_level, (x, y), fine, _cover(config, inland, height), fine_rng)
     return Shore(
         field=make_heightfield(heights, config.grid, *fine),
-        inland=make_raster(inland, HILLS, x, y),
-        scarp=make_raster(scarp, HILLS, x, y),
+        inland=make_raster(inland, spacing, x, y),
+        scarp=make_raster(scarp, spacing, x, y),
     )
 
 
 def _cover(config: Config, inland: Array, height: Array) -> list[tuple[Roughness, Array]]:
     """Mud at and under the water, earth on the scarps, meadow elsewhere, with their shares of the ground."""
     mud = np.clip(1.5 - inland / 2.0, 0.0, 1.0)
-    scarp = (1.0 - mud) * np.clip((np.hypot(*np.gradient(height, HILLS)) - 0.4) / 0.2, 0.0, 1.0)
+    scarp = (1.0 - mud) * np.clip((np.hypot(*np.gradient(height, hills_spacing(config.size))) - 0.4) / 0.2, 0.0, 1.0)
     shares = {"mud": mud, "earth": scarp, "meadow": 1.0 - mud - scarp}
     return [(config.roughness_of(ground), share) for ground, share in shares.items()]
 

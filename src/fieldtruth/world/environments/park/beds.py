@@ -105,11 +105,12 @@ def lay_beds(builder: WorldBuilder, count: int, rng: np.random.Generator) -> lis
     beds: list[Bed] = []
     remaining, names = count, list(bushes)
     length, width = builder.size
-    for attempt in range(3000):
+    tries = builder.tries(3000)
+    for attempt in range(tries):
         if remaining == 0:
             break
         name = names[len(beds) % len(names)]
-        few = min(remaining, int(rng.integers(3, 7 if attempt < 1500 else 4)))
+        few = min(remaining, int(rng.integers(3, 7 if attempt < tries / 2 else 4)))
         meshes = [bushes[name][k] for k in rng.permutation(max(few, INDIVIDUALS))[:few] % INDIVIDUALS]
         centre = rng.uniform(-0.5, 0.5, 2) * [length - 3.0, width - 3.0]
         if rng.random() > 0.3 + 0.7 * np.exp(-max(builder.trail_distance(centre[None])[0] - 2.0, 0.0) / 4.0):

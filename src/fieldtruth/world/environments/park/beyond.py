@@ -77,7 +77,8 @@ def make_surroundings(
         return ((inside > 0) | ((inside > -0.4) & (slope > 0.3))).astype(np.intp)
 
     backdrop = make_backdrop(builder.field, size, ("meadow", "canopy"), rng, land=wooded, cover=cover)
-    lines = [line for trail in builder.trails for line in _continued(trail, size, rng)]
+    trails = [Trail(part, trail.width) for trail in builder.trails for part in trail.line.parts()]
+    lines = [line for trail in trails for line in _continued(trail, size, rng)]
     ground = height_beyond(builder.field, size, backdrop)
     if lines:
         bands = _bands(builder.trails[0].width, terrain)

@@ -17,7 +17,7 @@ from fieldtruth.world.environments.park.plants import plant_trees
 from fieldtruth.world.ground_layer import with_layer
 from fieldtruth.world.model import World
 from fieldtruth.world.placement import WorldBuilder
-from fieldtruth.world.trails import Line, Trail
+from fieldtruth.world.trails import Line, make_trails
 
 
 def build(seed: int, corridors: Sequence[Line], config: Config | None = None) -> World:
@@ -30,7 +30,7 @@ def build(seed: int, corridors: Sequence[Line], config: Config | None = None) ->
     seeds = np.random.SeedSequence(seed).spawn(10)
     relief, plants, trees, bushes, furniture, cover, land, herbs = (np.random.default_rng(s) for s in seeds[:8])
     microrelief, layer = (np.random.default_rng(s) for s in seeds[9].spawn(2))
-    trails = [Trail(Line.through(corners), config.trail_width) for corners in config.trails]
+    trails = make_trails(config.trails, config.trail_width)
     builder = WorldBuilder(make_heights(config, trails, relief, microrelief), config.size, trails, corridors)
     furnish(builder, config, furniture)
     plant_trees(builder, config, trees, plants)

@@ -57,7 +57,7 @@ def _scatter_varied(builder: WorldBuilder, group: ObjectGroup, rng: np.random.Ge
     Raises:
         CrowdedWorldError: too few candidates are free even at about half the spacing.
     """
-    darts = builder.random_positions(TRIES, rng)
+    darts = builder.random_positions(builder.tries(TRIES), rng)
     hits = darts[builder.trail_distance(darts) > OFF_TRAIL]
     planted: list[tuple[Array, int]] = []
 
