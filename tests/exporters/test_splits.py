@@ -49,7 +49,7 @@ def test_a_world_in_two_splits_is_refused(campaign: Path, tmp_path: Path, brief_
 def test_campaign_becomes_one_folder_beside_it(campaign: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["export", str(campaign), "--to", "webdataset"]) == 0
     made = campaign.with_name(f"{campaign.name}_webdataset")
-    assert capsys.readouterr().out.startswith(f"{made}: 3 files, ")
+    assert capsys.readouterr().out.startswith(f"{made}: 5 files, ")
     described = json.loads((made / "dataset.json").read_text())
     assert [(row["name"], row["split"], row["seed"]) for row in described["runs"]] == [
         ("park_1", "train", 5),
@@ -57,8 +57,10 @@ def test_campaign_becomes_one_folder_beside_it(campaign: Path, capsys: pytest.Ca
         ("park_1-3", "val", 6),
     ]
     assert [(row["url"], row["samples"]) for row in described["shards"]] == [
-        ("train-000000.tar", 2 * described["runs"][0]["samples"]),
-        ("val-000000.tar", described["runs"][2]["samples"]),
+        ("train-000000.tar", 2 * described["runs"][0]["frames"]),
+        ("clouds-train-000000.tar", 2 * described["runs"][0]["clouds"]),
+        ("val-000000.tar", described["runs"][2]["frames"]),
+        ("clouds-val-000000.tar", described["runs"][2]["clouds"]),
     ]
 
 

@@ -63,24 +63,28 @@ def test_every_frame_is_a_sample_with_the_images_of_the_bag(folder: Path, truth:
             np.testing.assert_array_equal(sample[f"{side}.npz"]["instances"], picture.instances)
 
 
-def test_clouds_are_in_the_frames_of_their_stamp_and_the_others_are_counted(folder: Path, truth: Truth) -> None:
-    samples = {s["json"]["stamp_ns"]: s for s in read(sorted(folder.glob("*.tar")))}
-    with_cloud = {stamp for stamp, sample in samples.items() if len(sample["cloud.npz"]["xyz"])}
-    assert with_cloud == set(truth.clouds) & set(samples)
-    assert with_cloud
-    for stamp in with_cloud:
-        cloud, rows = samples[stamp]["cloud.npz"], truth.clouds[stamp]
+def test_every_cloud_has_a_sample_and_is_in_the_frame_of_its_stamp(folder: Path, truth: Truth) -> None:
+    frames = {s["json"]["stamp_ns"]: s for s in read(sorted(folder.glob("train-*.tar")))}
+    clouds = {s["json"]["stamp_ns"]: s for s in read(sorted(folder.glob("clouds-train-*.tar")))}
+    with_cloud = {stamp for stamp, frame in frames.items() if len(frame["cloud.npz"]["xyz"])}
+    assert with_cloud == set(truth.clouds) & set(frames) > set()
+    assert list(clouds) == sorted(truth.clouds)
+    assert set(clouds) > with_cloud
+    for stamp, sample in [*clouds.items(), *((stamp, frames[stamp]) for stamp in with_cloud)]:
+        cloud, rows = sample["cloud.npz"], truth.clouds[stamp]
+        assert sample["json"]["lidar"] == clouds[stamp]["json"]["lidar"]
         np.testing.assert_array_equal(cloud["xyz"], np.stack([rows["x"], rows["y"], rows["z"]], axis=1))
         for name in ("label", "instance", "ring", "column"):
             np.testing.assert_array_equal(cloud[name], rows[name])
     described = json.loads((folder / "dataset.json").read_text())
-    assert described["runs"][0]["clouds_without_images"] == len(truth.clouds) - len(with_cloud) > 0
+    (row,) = described["runs"]
+    assert (row["frames"], row["clouds"]) == (len(frames), len(clouds))
 
 
 def test_poses_take_points_to_the_pixels_of_their_class(folder: Path) -> None:
     """Points of the cloud, through the poses in JSON and K, fall on pixels of the same class, but at silhouettes."""
     agree = []
-    for sample in read(sorted(folder.glob("*.tar"))):
+    for sample in read(sorted(folder.glob("train-*.tar"))):
         if "lidar" not in sample["json"]:
             continue
         about, cloud = sample["json"], sample["cloud.npz"]
@@ -100,8 +104,9 @@ def test_poses_take_points_to_the_pixels_of_their_class(folder: Path) -> None:
 
 def test_shards_are_small_plain_tar_files_and_their_list_is_true(folder: Path, truth: Truth) -> None:
     described = json.loads((folder / "dataset.json").read_text())
-    paths = sorted(folder.glob("*.tar"))
-    assert len(paths) > 2
+    paths = [*sorted(folder.glob("train-*.tar")), *sorted(folder.glob("clouds-train-*.tar"))]
+    assert len(paths) > 3
+    assert len(paths) == len(list(folder.glob("*.tar")))
     assert [shard["url"] for shard in described["shards"]] == [path.name for path in paths]
     for shard, path in zip(described["shards"], paths, strict=True):
         assert (shard["bytes"], shard["sha256"]) == (path.stat().st_size, sha256_of(path))
@@ -112,11 +117,12 @@ def test_shards_are_small_plain_tar_files_and_their_list_is_true(folder: Path, t
         assert {(m.mtime, m.uid, m.gid, m.uname, m.mode) for m in members} == {(0, 0, 0, "", 0o644)}
         assert [m.name for m in members] == sorted(m.name for m in members)
         assert shard["samples"] == len({m.name.split(".")[0] for m in members})
-    assert sum(shard["samples"] for shard in described["shards"]) == len(truth.pictures) / 2
+    for content, count in (("frames", len(truth.pictures) / 2), ("clouds", len(truth.clouds))):
+        assert sum(shard["samples"] for shard in described["shards"] if shard["content"] == content) == count
 
 
 def test_a_shuffled_loop_counts_the_pixels_of_the_bag(folder: Path, truth: Truth) -> None:
-    urls = [str(path) for path in folder.glob("*.tar")]
+    urls = [str(path) for path in folder.glob("train-*.tar")]
     shuffled = webdataset.WebDataset(urls, shardshuffle=4, seed=1).shuffle(5)
     decoded = shuffled.decode(webdataset.handle_extension("mask.png", image), "rgb8").to_tuple(
         "left.jpg", "left.mask.png", "right.mask.png", "__key__"
@@ -147,14 +153,14 @@ def test_run_without_cameras_has_a_sample_per_cloud(brief_run: Path, tmp_path: P
     bag = next(brief_run.glob("*.bag"))
     topics = [f"/stereo/camera/{side}/real/compressed" for side in SIDES]
     folder = export(without(bag, tmp_path / "blind.bag", *topics), "webdataset")
-    samples = read([folder / "train-000000.tar"])
+    samples = read(list(folder.glob("*.tar")))
     assert [sample["json"]["stamp_ns"] for sample in samples] == sorted(truth.clouds)
     assert all({"cloud.npz", "json"} == {key for key in sample if "__" not in key} for sample in samples)
 
 
 def test_loader_of_pytorch_reads_it_with_two_workers(folder: Path, truth: Truth) -> None:
     torch = pytest.importorskip("torch")
-    urls = [str(path) for path in sorted(folder.glob("*.tar"))]
+    urls = [str(path) for path in sorted(folder.glob("train-*.tar"))]
     frames = webdataset.WebDataset(urls, shardshuffle=4).shuffle(5)
     decoded = frames.decode(webdataset.handle_extension("mask.png", image), "torchrgb8")
     loader = torch.utils.data.DataLoader(

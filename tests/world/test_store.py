@@ -99,6 +99,15 @@ def test_world_is_read_from_the_cache(builds: list[tuple[str, int]], tmp_path: P
     assert builds == [("park", 3), ("park", 4)]
 
 
+def test_two_versions_of_the_code_keep_their_worlds(
+    builds: list[tuple[str, int]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for version in ("old", "new", "old", "new"):
+        monkeypatch.setattr(build, "world_key", lambda environment, version=version: version)
+        load_world("park", 3, cache_folder=tmp_path)
+    assert builds == [("park", 3)] * 2
+
+
 @pytest.mark.parametrize("keep", [0, 1, 100, 0.5, 0.999])
 def test_truncated_file_is_rebuilt(builds: list[tuple[str, int]], tmp_path: Path, keep: float) -> None:
     whole = load_world("park", 0, cache_folder=tmp_path)

@@ -56,6 +56,8 @@ class Manifest(_Record):
     simulated_s: float
     took_s: float
     """Time [s] of the process that finished the run; what interrupted ones did before is not in it."""
+    world_s: float = 0.0
+    """Of it, time [s] for the world and its light, which later runs in the same light find in the cache."""
 
 
 class Failure(_Record):

@@ -7,8 +7,7 @@ import multiprocessing
 import resource
 import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
 from time import monotonic
@@ -19,11 +18,12 @@ from fieldtruth.bag.topics import TOPICS
 from fieldtruth.bag.writer import compressed
 from fieldtruth.campaign.duration import motion_of, simulated_s
 from fieldtruth.campaign.ends import end_with_parent
+from fieldtruth.campaign.stages import DRIVE, WORLD, Stages
 from fieldtruth.core.cache import cache_key
 from fieldtruth.core.cache_folder import cache_folder, load_or_make
 from fieldtruth.core.files import output_errors, remove
 from fieldtruth.core.parallel import cpu_count
-from fieldtruth.core.progress import Advance, Progress
+from fieldtruth.core.progress import Progress
 from fieldtruth.core.seal import SEAL_SIZE
 from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.config import FRAME_RATE, Experiment, RandomRouteConfig
@@ -36,8 +36,6 @@ MEASURED_S: Final = 2.0
 """Simulated time [s]: two slices."""
 _TRIES: Final = 3
 """Experiments that are tried; in some, no route may be found."""
-_WORLD: Final = "build the world"
-_DRIVE: Final = "drive"
 _DRIVES_S: Final = (1.0, 5.0)
 
 
@@ -126,7 +124,7 @@ def _send_figures(channel: Connection, experiment: Experiment, folder: Path) -> 
 
 def measured(experiment: Experiment, folder: Path) -> Figures:
     """Measure the beginning of a run in this process; raises as ``generate``."""
-    stages = _Stages()
+    stages = Stages()
     workers = min(int(MEASURED_S), cpu_count())
     short = _shortened(experiment, min(MEASURED_S, simulated_s(experiment)))
     bag = generate(short, folder, workers=workers, progress=stages)
@@ -138,14 +136,14 @@ def measured(experiment: Experiment, folder: Path) -> Figures:
     if experiment.frames is not None or experiment.drive is not None:
         drive_s_per_s = 0.0
     elif isinstance(experiment.route, RandomRouteConfig):  # it was driven to its end when it was planned
-        drive_s_per_s = took[_DRIVE] / simulated_s(experiment.model_copy(update={"seconds": None}))
+        drive_s_per_s = took[DRIVE] / simulated_s(experiment.model_copy(update={"seconds": None}))
     else:
         drive_s_per_s = _slope(lambda seconds: drive(world, short.model_copy(update={"seconds": seconds})))
-    fixed = sum(seconds for name, seconds in took.items() if name not in (_WORLD, *stages.timed))
+    fixed = sum(seconds for name, seconds in took.items() if name not in (WORLD, *stages.timed))
     once = _bytes_once(bag)
     sensing = sum(took[name] for name in stages.timed) * workers
     return Figures(
-        world_s=took[_WORLD],
+        world_s=took[WORLD],
         fixed_s=load_s + fixed,
         drive_s_per_s=drive_s_per_s,
         sense_s_per_s=sensing / simulated_s(short),
@@ -176,19 +174,3 @@ def _slope(work: Callable[[float], object]) -> float:
         work(seconds)
         times.append(monotonic() - start)
     return max(0.0, times[1] - times[0]) / (_DRIVES_S[1] - _DRIVES_S[0])
-
-
-class _Stages:
-    """Progress that keeps the time [s] of each stage, and which of them count simulated time."""
-
-    def __init__(self) -> None:
-        self.took_s: dict[str, float] = {}
-        self.timed: set[str] = set()
-
-    @contextmanager
-    def stage(self, name: str, total: float | None = None, done: float = 0.0) -> Iterator[Advance]:
-        start = monotonic()
-        if total is not None:
-            self.timed.add(name)
-        yield lambda amount: None
-        self.took_s[name] = self.took_s.get(name, 0.0) + monotonic() - start

@@ -13,6 +13,7 @@ from fieldtruth.bag.decode import count_messages
 from fieldtruth.bag.run import EXPERIMENT, open_run
 from fieldtruth.campaign.draw import PlannedRun
 from fieldtruth.campaign.manifest import FAILURE, MANIFEST, Failure, Manifest, digest_of, failure_of
+from fieldtruth.campaign.stages import CACHED, Stages
 from fieldtruth.campaign.state import state_of
 from fieldtruth.core.errors import (
     ClusterError,
@@ -60,7 +61,7 @@ def run_one(
         ClusterError, EngineError: no run can be made with this cluster or this machine's Embree.
         KeyboardInterrupt: finished slices are kept.
     """
-    start = monotonic()
+    start, stages = monotonic(), Stages(progress)
     folder = run.folder(out)
     try:
         done = None if overwrite else state_of(run, out).manifest
@@ -69,10 +70,10 @@ def run_one(
         if not overwrite and _holds(folder, run.experiment):
             if _is_sound(folder, run.experiment):
                 clean_finished(folder)
-                return write_manifest(run, out, monotonic() - start)
+                return write_manifest(run, out, monotonic() - start, 0.0)
             overwrite = True
         (folder / MANIFEST).unlink(missing_ok=True)
-        generate(run.experiment, folder.parent, workers=workers, overwrite=overwrite, progress=progress)
+        generate(run.experiment, folder.parent, workers=workers, overwrite=overwrite, progress=stages)
     except STOPPING:
         raise
     except Exception as error:  # one run must not stop the others
@@ -81,10 +82,10 @@ def run_one(
         failure = failure_of(run.experiment, reason, final=isinstance(error, FINAL))
         failure.write(folder / FAILURE)
         return failure
-    return write_manifest(run, out, monotonic() - start)
+    return write_manifest(run, out, monotonic() - start, sum(stages.took_s.get(name, 0.0) for name in CACHED))
 
 
-def write_manifest(run: PlannedRun, out: Path, took_s: float) -> Manifest:
+def write_manifest(run: PlannedRun, out: Path, took_s: float, world_s: float) -> Manifest:
     """Record a finished run, and remove an earlier failure.
 
     Raises:
@@ -102,6 +103,7 @@ def write_manifest(run: PlannedRun, out: Path, took_s: float) -> Manifest:
         messages=count_messages(found.bag),
         simulated_s=found.end_ns / 1e9,
         took_s=round(took_s, 3),
+        world_s=round(world_s, 3),
     )
     manifest.write(folder / MANIFEST)
     (folder / FAILURE).unlink(missing_ok=True)

@@ -14,7 +14,10 @@ from fieldtruth.bag.reader import BagError, open_bag
 from fieldtruth.campaign.draw import PlannedRun
 from fieldtruth.campaign.duration import simulated_s
 from fieldtruth.campaign.manifest import FAILURE, MANIFEST, Failure, Manifest, digest_of
+from fieldtruth.experiment.config import Experiment
 from fieldtruth.record.folder import is_in_use
+
+Scene = tuple[str, int, str, str]
 
 
 class Kind(StrEnum):
@@ -89,16 +92,27 @@ def counts(states: Sequence[State]) -> str:
 def time_left_s(states: Sequence[State], jobs: int) -> float | None:
     """Estimate the time [s] that ``jobs`` processes need for the rest, from the finished runs of each environment.
 
-    None while no run is done.
+    Building a world and baking its light count once for each world and light that is left. None while no run is done.
     """
-    done = [(state.run.experiment.environment, state.manifest) for state in states if state.manifest is not None]
+    done = [(state.run.experiment, state.manifest) for state in states if state.manifest is not None]
+    left = [state.run.experiment for state in states if state.is_left or state.kind is Kind.RUNNING]
     if not done:
         return None
+    time_s = 0.0
+    for environment in sorted({experiment.environment for experiment in left}):
+        own = [(e, m) for e, m in done if e.environment == environment] or done
+        longest: dict[Scene, float] = {}
+        for experiment, manifest in own:
+            scene = _scene(experiment)
+            longest[scene] = max(longest.get(scene, 0.0), manifest.world_s)
+        worlds_s = sum(longest.values())
+        per_second = (sum(m.took_s for _, m in own) - worlds_s) / sum(m.simulated_s for _, m in own)
+        rest = [experiment for experiment in left if experiment.environment == environment]
+        new = {_scene(experiment) for experiment in rest} - longest.keys()
+        time_s += per_second * sum(map(simulated_s, rest)) + worlds_s / len(longest) * len(new)
+    return time_s / min(max(1, jobs), max(1, len(left)))
 
-    def speed(environment: str) -> float:
-        own = [m for name, m in done if name == environment] or [m for _, m in done]
-        return sum(m.took_s for m in own) / sum(m.simulated_s for m in own)
 
-    left = [state.run.experiment for state in states if state.is_left or state.kind is Kind.RUNNING]
-    speeds = {e.environment: speed(e.environment) for e in left}
-    return sum(speeds[e.environment] * simulated_s(e) for e in left) / max(1, jobs)
+def _scene(experiment: Experiment) -> Scene:
+    """What the world and its light depend on."""
+    return experiment.environment, experiment.seed, str(experiment.layout), str(experiment.light)

@@ -6,7 +6,6 @@ from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import closing
 from pathlib import Path
-from time import monotonic
 from typing import NamedTuple
 
 from fieldtruth.campaign.amounts import clock, size
@@ -19,7 +18,7 @@ from fieldtruth.campaign.jobs import Outcome, make_runs
 from fieldtruth.campaign.manifest import Failure, Manifest
 from fieldtruth.campaign.run import STOPPING, Generate, run_one
 from fieldtruth.campaign.shard import Shard
-from fieldtruth.campaign.state import Kind, State, counts, state_of
+from fieldtruth.campaign.state import Kind, State, counts, state_of, time_left_s
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.record.folder import new_folder
@@ -69,7 +68,8 @@ def generate_campaign(
             _announce(left, out, options.jobs, workers, shows, say)
         write_campaign(campaign, out)
         if left:
-            _make(left, out, options, workers, shows, say)
+            done = [] if options.overwrite else [state for state in states if state.kind is Kind.DONE]
+            _make(done, left, out, options, workers, shows, say)
             states = [state_of(run, out) for run in runs]
             say(f"{out}: {counts(states)}")
     return states
@@ -86,8 +86,9 @@ def _announce(left: list[PlannedRun], out: Path, jobs: int, workers: int, shows:
     check_resources(expected, out)
 
 
-def _make(left: list[PlannedRun], out: Path, options: Options, workers: int, shows: Shows, say: Say) -> None:
-    start = monotonic()
+def _make(
+    done: list[State], left: list[PlannedRun], out: Path, options: Options, workers: int, shows: Shows, say: Say
+) -> None:
     if options.jobs == 1:
         ended = _one_by_one(left, out, options, workers, shows)
     elif options.generate is not None:
@@ -95,9 +96,13 @@ def _make(left: list[PlannedRun], out: Path, options: Options, workers: int, sho
     else:
         ended = make_runs(left, out, jobs=options.jobs, workers=workers, overwrite=options.overwrite)
     with closing(ended):
+        waiting = {run.name: State(run, Kind.MISSING) for run in left}
         for k, (run, outcome) in enumerate(ended, 1):
-            took = monotonic() - start
-            more = f"; about {clock(took * (len(left) - k) / k)} left" if k < len(left) else ""
+            del waiting[run.name]
+            if isinstance(outcome, Manifest):
+                done.append(State(run, Kind.DONE, manifest=outcome))
+            left_s = time_left_s([*done, *waiting.values()], options.jobs)
+            more = f"; about {clock(left_s)} left" if left_s else ""
             say(f"{k} of {len(left)}: {_line(run, outcome, out)}{more}")
 
 

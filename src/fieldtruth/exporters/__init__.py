@@ -36,7 +36,7 @@ class Format(NamedTuple):
     relabels: bool = False
     """Whether it has labels, which can be mapped to another ontology."""
     moves: bool = False
-    """Whether it is read as a motion, so that separate frames have no place in it."""
+    """Whether it is read as a motion, so that it refuses separate frames."""
     joins: bool = False
     """Whether several runs can become one output, a sequence each."""
     publishes: bool = False

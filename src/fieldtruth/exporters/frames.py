@@ -84,8 +84,6 @@ class Frames:
         self._streams = {stream.topic: stream for stream in chosen}
         self._clouds = {int(stamp): k for k, stamp in enumerate(streams[table.POINTS].stamps_ns)} if points else {}
         self._cloud_stream = streams.get(table.POINTS)
-        self.clouds_left_out = len(set(self._clouds) - {*self.stamps_ns.tolist()})
-        """Number of clouds without images of the same stamp."""
         self._geometry = _Geometry(run, self.sides)
 
     def __len__(self) -> int:

@@ -4,7 +4,8 @@
 
 The members of a sample have the same name up to the first dot, ``RUN_STAMP``: ``left.jpg``, ``left.mask.png``,
 ``left.npz``, those of the right camera, ``cloud.npz`` and ``json``. Depth and instance ids are arrays in ``npz``,
-because the library's decoders convert every image to 8 bits.
+because the library's decoders convert every image to 8 bits. Images and clouds have other rates, so that some clouds
+are in no frame: files of their own have every cloud.
 """
 
 import io
@@ -12,6 +13,7 @@ import json
 import tarfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from itertools import product
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 from zipfile import ZipFile
@@ -19,12 +21,13 @@ from zipfile import ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.bag import topics as table
 from fieldtruth.bag.checksums import sha256_of
 from fieldtruth.bag.run import Run
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.frames import Frames
+from fieldtruth.exporters.frames import Frames, sides_of
 from fieldtruth.exporters.splits import SPLITS, Member
 from fieldtruth.exporters.zipped import add_member
 from fieldtruth.ontology.label_map import OWN, LabelMap
@@ -36,7 +39,7 @@ _END: Final = tarfile.RECORDSIZE  # [byte]; at most this is written after the la
 
 
 class Sample(NamedTuple):
-    """A frame as the members of a tar file."""
+    """A frame, or a cloud, as the members of a tar file."""
 
     key: str
     parts: dict[str, bytes]
@@ -49,7 +52,7 @@ class Sample(NamedTuple):
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
-    """Write the folder: shards ``SPLIT-000000.tar``, and ``dataset.json`` with classes, runs and checksums.
+    """Write the folder: shards ``SPLIT-000000.tar`` of frames and ``clouds-SPLIT-000000.tar``, and ``dataset.json``.
 
     Raises:
         BagError: a run has neither images with labels nor clouds, or is damaged.
@@ -57,24 +60,30 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     target.mkdir(parents=True)
     labels = options.label_map or OWN
     shards: list[dict[str, Any]] = []
-    described: list[dict[str, Any]] = []
-    for split in SPLITS:
-        members = [member for member in options.members if member.split == split]
-        with _Shards(target, split, options.shard_bytes) as files:
-            for member in members:
-                frames = Frames(member.run, labels)
-                described.append(_run_row(member, frames))
-                for sample in _samples(member, frames, options):
-                    files.add(sample)
-        shards += [{"url": name, "split": split, "samples": n} for name, n in files.samples.items()]
+    described = {member.name: _run_row(member) for member in options.members}
+    for split, content in product(SPLITS, ("frames", "clouds")):
+        with _Shards(target, split if content == "frames" else f"clouds-{split}", options.shard_bytes) as files:
+            for member in options.members:
+                if member.split == split and content in _contents(member.run):
+                    frames = Frames(member.run, labels, images=content == "frames")
+                    described[member.name][content] = len(frames)
+                    for sample in _samples(member, frames, content, options):
+                        files.add(sample)
+        shards += [{"url": name, "split": split, "content": content, "samples": n} for name, n in files.samples.items()]
     with options.progress.stage("checksums"):
         for shard in shards:
             path = target / shard["url"]
             shard |= {"bytes": path.stat().st_size, "sha256": sha256_of(path)}
-    (target / DATASET).write_text(_text(labels, described, shards), encoding="utf-8")
+    (target / DATASET).write_text(_text(labels, list(described.values()), shards), encoding="utf-8")
 
 
-def _samples(member: Member, frames: Frames, options: Options) -> Iterator[Sample]:
+def _contents(run: Run) -> list[str]:
+    """What a run has; one with neither is refused as having no frames."""
+    has_clouds = table.POINTS in run.counts
+    return ["frames"] * (bool(sides_of(run)) or not has_clouds) + ["clouds"] * has_clouds
+
+
+def _samples(member: Member, frames: Frames, content: str, options: Options) -> Iterator[Sample]:
     """Encode the frames of a run, in time order, all with the same parts: a frame may have an empty cloud."""
     empty = frames.empty_cloud()
 
@@ -92,7 +101,7 @@ def _samples(member: Member, frames: Frames, options: Options) -> Iterator[Sampl
         return Sample(f"{member.name}_{frame.stamp_ns:019d}", dict(sorted(parts.items())))
 
     step = member.run.duration_s / len(frames)
-    with options.progress.stage(f"{member.name}: frames", member.run.duration_s) as advance:
+    with options.progress.stage(f"{member.name}: {content}", member.run.duration_s) as advance:
         for sample in in_order(range(len(frames)), encode, options.workers):
             yield sample
             advance(step)
@@ -133,11 +142,11 @@ def npz(arrays: Mapping[str, NDArray[Any]]) -> bytes:
     return stream.getvalue()
 
 
-def _run_row(member: Member, frames: Frames) -> dict[str, Any]:
-    row: dict[str, Any] = {"name": member.name, "split": member.split, "samples": len(frames)}
+def _run_row(member: Member) -> dict[str, Any]:
+    row: dict[str, Any] = {"name": member.name, "split": member.split}
     if (made_by := member.run.experiment) is not None:
         row |= {"environment": made_by.environment, "seed": made_by.seed}
-    return row | {"cameras": frames.sides, "clouds_without_images": frames.clouds_left_out}
+    return row | {"cameras": sides_of(member.run), "frames": 0, "clouds": 0}
 
 
 def _text(labels: LabelMap, runs: list[dict[str, Any]], shards: list[dict[str, Any]]) -> str:

@@ -109,14 +109,7 @@ def load_world(
     folder = default_cache_folder() if cache_folder is None else cache_folder
     stem = f"{environment}-{seed}" + (f"_{cache_key((), dict(sorted(layout.items())))[:12]}" if layout else "")
     path = folder / f"{stem}-{world_key(environment)}.npz"
-
-    def make() -> World:
-        world = build_world(environment, seed, layout)
-        for stale in folder.glob(f"{stem}-*.npz"):
-            stale.unlink(missing_ok=True)
-        return world
-
-    return load_or_make(path, read_world, make, save_world)
+    return load_or_make(path, read_world, lambda: build_world(environment, seed, layout), save_world)
 
 
 def world_key(environment: str) -> str:
