@@ -27,7 +27,7 @@ from fieldtruth.gazebo.worlds import bodies, write_world
 from fieldtruth.interchange import ground_image
 from fieldtruth.interchange.ground import ground_tiles
 from fieldtruth.world.build import load_world
-from fieldtruth.world.model import Collider, World
+from fieldtruth.world.model import GROUND_ID, Collider, World
 
 FILES = {"classic": ("small.world", "small_plain.world"), "gz": ("small.sdf", "small_plain.sdf")}
 POST = Collider(shape="cylinder", size=(0.1, 0.8), position=(0.02, 0.0, -0.1))
@@ -93,6 +93,21 @@ def test_visuals_are_the_triangles_of_the_world_class_by_class(
 ) -> None:
     for file in FILES[flavour]:
         check_triangles(world, packages[flavour], file)
+
+
+def test_rays_at_grazing_incidence_find_the_ground_where_it_is(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where grass, which no wheel feels, is the ground that rays meet."""
+    monkeypatch.setattr(ground_image, "GROUND_PIXELS", 64)
+    terrain = replace(world.terrain, layer=np.full(world.terrain.field.heights.shape, 0.0371234, np.float32))
+    write_world(tmp_path, replace(world, terrain=terrain, instances=(), swarms=()), "classic", beyond=False)
+    grounds = [shape for shape in shapes(tmp_path, "small.world") if shape.model == world.object_names[GROUND_ID]]
+    assert len(grounds) == 6  # ground and trail: seen, hit, and the soil below
+    for shape, field in zip(grounds, [*[terrain.surface] * 4, *[terrain.field] * 2], strict=True):
+        assert shape.corners is not None
+        x, y, z = shape.corners.reshape(-1, 3).T
+        assert np.abs(z - field.height_at(x, y)).max() < 1.2e-5
 
 
 def test_members_of_swarms_that_share_files_are_the_same_triangles(

@@ -53,7 +53,8 @@ def write_world(folder: Path, world: World, flavour: Flavour, *, beyond: bool) -
             write_glb(path.with_name(f"{path.name}.glb"), surface)
         else:
             texture = f"../../{materials}/materials/textures/{texture_file(world, part.material)}"
-            write_obj(path.with_name(f"{path.name}.obj"), surface, texture, FINE if part.solid else COARSE)
+            fine = part.solid or part.label in (Label.GROUND, Label.TRAIL)
+            write_obj(path.with_name(f"{path.name}.obj"), surface, texture, FINE if fine else COARSE)
 
     bodies = list(world_bodies(world, add, beyond=beyond))
     textures = {name: texture_file(world, name) for name in sorted({p.material for b in bodies for p in b.parts})}

@@ -16,7 +16,9 @@ from fieldtruth.interchange.glb import INDICES, VERTICES, Glb
 from fieldtruth.interchange.surfaces import Surface
 
 FINE: Final = (5, 3, 2)
-"""Decimals of positions [m], texture coordinates and normals: 10 um keep ranges at grazing incidence."""
+"""Decimals of positions [m], texture coordinates and normals: 10 um keep ranges at grazing incidence.
+
+A ray that meets the ground at 0.24 deg is 240 times as far off as the ground is high: 23 um make 5.5 mm."""
 COARSE: Final = (4, 3, 1)
 """For swarms and leaves, whose files are most of a package: normals turn by up to 4 deg."""
 Decimals = tuple[int, int, int]
