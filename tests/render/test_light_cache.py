@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Baked light is read back as it was made, and only for the same scene, sun and code."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,8 +13,9 @@ from sense_worlds import at, box, make_world
 import fieldtruth
 from fieldtruth.core.cache import import_closure
 from fieldtruth.experiment.config import LightConfig
-from fieldtruth.render.light import bake_light
+from fieldtruth.render.light import _leaf_sun, bake_light
 from fieldtruth.render.light_cache import cached_light, light_key
+from fieldtruth.render.sky import sun_direction
 from fieldtruth.render.tables import LightTable
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import World
@@ -87,3 +89,22 @@ def test_key_covers_sun_and_everything_that_lets_light_through(scene: Scene) -> 
 def test_key_covers_every_module_that_bakes(module: str) -> None:
     root = Path(fieldtruth.__file__).parents[1]
     assert root / "fieldtruth" / module in import_closure(["fieldtruth.render.light"], root)
+
+
+def test_many_copies_share_the_light_of_a_few_that_are_turned_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Twelve boxes of twelve faces, one of them turned: at 96 faces two of a direction have light of their own."""
+    crown, turned = box("crown", (0.5, 0.5, 0.5), "leaf"), at(0, 0, 2)
+    turned[:2, :2] = [[0.0, -1.0], [1.0, 0.0]]
+    scene = Scene(
+        replace(make_world([*((crown, at(3 * k, 0, 2)) for k in range(1, 12)), (crown, turned)]), size=(4.0, 4.0))
+    )
+    sun = sun_direction(SUN.sun_azimuth_deg, SUN.sun_elevation_deg)
+    with ThreadPoolExecutor(1) as pool:
+        assert len(_leaf_sun(scene, pool, sun)[0]) == 12 * 12
+        monkeypatch.setattr("fieldtruth.render.light._MOST_LEAVES", 96)
+        leaf_sun, top_leaf = _leaf_sun(scene, pool, sun)
+    assert len(leaf_sun) == 3 * 12
+    rows = top_leaf[top_leaf >= 0].tolist()
+    assert sorted(set(rows)) == [0, 12, 24]
+    assert rows.count(24) == 1  # the turned one
+    assert abs(rows.count(0) - rows.count(12)) <= 1

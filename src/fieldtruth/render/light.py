@@ -7,6 +7,7 @@ therefore traced in advance and costs nothing per frame. Only objects' own shado
 need more detail than a table can hold.
 """
 
+from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -23,6 +24,7 @@ from fieldtruth.render.tables import AIR_BASE, AIR_LAYER, AIR_TEXEL, NO_SHADOW, 
 from fieldtruth.render.visibility import hemisphere, sun_disc, visibility
 from fieldtruth.sense.hits import Grid
 from fieldtruth.sense.scene import Scene
+from fieldtruth.world.grids import coarseness
 from fieldtruth.world.model import Heightfield, Mesh
 
 SUN_RADIUS_DEG: Final = 0.27
@@ -38,6 +40,8 @@ _BLUR: Final = (0.25, 0.5, 0.25)
 _RELIEF: Final = 0.1  # [m]; bumps that are farther apart are the ground's shape and cast shadows
 _ROWS_AT_ONCE: Final = 50  # an even number
 _LEAVES_AT_ONCE: Final = 50_000
+_MOST_LEAVES: Final = 40_000_000
+"""Faces whose sunlight is kept; in a world with more, copies of a tree that are turned alike share that of a few."""
 _LEAF_OFFSET: Final = 0.012  # [m], so that a folded leaf does not shade itself
 
 
@@ -46,8 +50,9 @@ def bake_light(scene: Scene, light: LightConfig, workers: int) -> LightTable:
     sun = sun_direction(light.sun_azimuth_deg, light.sun_elevation_deg)
     disc = sun_disc(sun, SUN_RADIUS_DEG, 12)
     with ThreadPoolExecutor(workers) as pool:
-        ground_sun = _ground_grid(scene, pool, SUN_TEXEL, disc, facing=False)
-        ground_sky = _ground_grid(scene, pool, SKY_TEXEL, hemisphere(96), facing=True)
+        coarser = coarseness(scene.world.size)
+        ground_sun = _ground_grid(scene, pool, SUN_TEXEL * coarser, disc, facing=False)
+        ground_sky = _ground_grid(scene, pool, SKY_TEXEL * coarser, hemisphere(96), facing=True)
         vertex_sky = _vertex_sky(scene, pool)
         leaf_sun, top_leaf = _leaf_sun(scene, pool, sun)
         air_sky = _air_sky(scene, pool)
@@ -161,11 +166,18 @@ def _leaf_sun(scene: Scene, pool: ThreadPoolExecutor, sun: Array) -> tuple[NDArr
         0 or 1 for each face of each instance with leaves, and for each top-level geometry its first row.
     """
     top_leaf, end, leaves = [], 0, list[_Leaves]()
+    few = _copies(scene)
+    alike: dict[tuple[str, int], list[int]] = {}
     faces_of = {mesh.name: np.flatnonzero(_thin_faces(scene, mesh)) for mesh in scene.world.meshes.values()}
     for mesh, pose, *_ in scene.tops:
         if mesh is None or not len(faces_of.get(mesh.name, ())):
             top_leaf.append(NO_SHADOW if mesh is not None and mesh is scene.world.backdrop else -1)
             continue
+        known = alike.setdefault((mesh.name, _quarter(pose)), [])
+        if len(known) >= few:
+            top_leaf.append(known[len(top_leaf) % few])
+            continue
+        known.append(end)
         top_leaf.append(end)
         leaves.append(_Leaves(end, faces_of[mesh.name], mesh, pose))
         end += len(mesh.faces)
@@ -180,6 +192,20 @@ def _leaf_sun(scene: Scene, pool: ThreadPoolExecutor, sun: Array) -> tuple[NDArr
 
     list(pool.map(trace_leaves, _jobs(leaves)))
     return result, np.array(top_leaf, np.int64)
+
+
+def _quarter(pose: Array) -> int:
+    """Quarter turns about the vertical of a pose (4, 4), to the nearest."""
+    return round(float(np.arctan2(pose[1, 0], pose[0, 0])) / (np.pi / 2)) % 4
+
+
+def _copies(scene: Scene) -> int:
+    """Number of copies of a mesh, turned alike, whose leaves have light of their own: all in worlds of usual size."""
+    copies = Counter(top.mesh.name for top in scene.tops if top.mesh is not None)
+    faces = {mesh.name: len(mesh.faces) for mesh in scene.meshes if _thin_faces(scene, mesh).any()}
+    if sum(faces[name] * copies[name] for name in faces) <= _MOST_LEAVES:
+        return max(copies.values(), default=1)
+    return max(1, _MOST_LEAVES // (4 * sum(faces.values())))
 
 
 def _jobs(leaves: list[_Leaves]) -> Iterator[list[_Leaves]]:
