@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
-from fieldtruth.core.arrays import Array
+from fieldtruth.core.arrays import Array, Mask
 
 _STEP = 0.05  # [m] between the points of a line
 _FEW = 1000  # positions for which starting threads takes longer than the search
@@ -71,7 +71,7 @@ class Line:
             along = np.clip(((xy - a) * (b - a)).sum(1) / ((b - a) ** 2).sum(1), 0.0, 1.0)
             away = np.linalg.norm(xy - a - along[:, None] * (b - a), axis=1)
             if self.gaps:
-                away[np.isin(first, self.gaps)] = np.inf
+                away[self._gap[first]] = np.inf
             best = np.minimum(best, away)
         return best
 
@@ -84,6 +84,12 @@ class Line:
     def _corners(self) -> tuple[tuple[float, float], tuple[float, float]]:
         (low_x, low_y), (high_x, high_y) = self.points.min(axis=0).tolist(), self.points.max(axis=0).tolist()
         return (low_x, low_y), (high_x, high_y)
+
+    @cached_property
+    def _gap(self) -> Mask:
+        gap = np.zeros(len(self.points), np.bool_)
+        gap[list(self.gaps)] = True
+        return gap
 
     @cached_property
     def _tree(self) -> "cKDTree[None]":
