@@ -122,7 +122,7 @@ def make_track(world: World, experiment: Experiment) -> Track:
 class FakeScan:
     xyz: NDArray[np.float32]
     label: NDArray[np.uint8]
-    instance: NDArray[np.uint16]
+    instance: NDArray[np.uint32]
     ring: NDArray[np.uint16]
     column: NDArray[np.uint16]
     t_ns: NDArray[np.uint32]
@@ -132,7 +132,7 @@ class FakeScan:
 class FakeImages:
     photo: NDArray[np.uint8]
     label: NDArray[np.uint8]
-    instance: NDArray[np.uint16]
+    instance: NDArray[np.uint32]
     depth: NDArray[np.float32]
 
 
@@ -153,7 +153,7 @@ class FakeLidar:
         return FakeScan(
             xyz=frames.transform(world_from_lidar, np.stack([k, 2.0 * k, np.ones(n)], axis=-1)).astype(np.float32),
             label=(k % 13 + 1).astype(np.uint8),
-            instance=(k * 600).astype(np.uint16),
+            instance=(k * 600).astype(np.uint32),
             ring=(k % 64).astype(np.uint16),
             column=(k // 64).astype(np.uint16),
             t_ns=(k * 100_000_000).astype(np.uint32),
@@ -177,7 +177,7 @@ class FakeCamera:
         return FakeImages(
             photo=np.repeat((shade.astype(int) % 200).astype(np.uint8)[..., None], 3, axis=-1),
             label=np.broadcast_to(label, (height, width)),
-            instance=np.broadcast_to(label.astype(np.uint16) * 300, (height, width)),
+            instance=np.broadcast_to(label.astype(np.uint32) * 300, (height, width)),
             depth=(shade % 50).astype(np.float32),
         )
 

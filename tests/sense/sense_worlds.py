@@ -128,12 +128,12 @@ class Rays(NamedTuple):
 
     range_m: F8
     label: NDArray[np.uint8]
-    instance: NDArray[np.uint16]
+    instance: NDArray[np.uint32]
 
 
 def trace_rays(scene: Scene, origins: F8, directions: F8, *, max_range: float = 200.0) -> Rays:
     """Trace rays (n, 3) with a LiDAR of one ring, by giving each column the pose that aims it."""
-    out = Rays(np.zeros(len(origins)), np.zeros(len(origins), np.uint8), np.zeros(len(origins), np.uint16))
+    out = Rays(np.zeros(len(origins)), np.zeros(len(origins), np.uint8), np.zeros(len(origins), np.uint32))
     for first in range(0, len(origins), 4096):
         rows = slice(first, first + 4096)
         count = max(8, len(origins[rows]))

@@ -131,7 +131,7 @@ def test_depth_of_a_plane_normal_to_the_axis_is_constant() -> None:
     assert np.abs(seen.depth - 7.5).max() < 1e-5
     assert (seen.label.dtype, seen.instance.dtype, seen.depth.dtype) == (
         np.dtype(np.uint8),
-        np.dtype(np.uint16),
+        np.dtype(np.uint32),
         np.dtype(np.float32),
     )
 

@@ -13,7 +13,7 @@ import fieldtruth
 CLASSIFY_A_MISS = """
 import numpy as np
 from fieldtruth.sense.hits import Grid, HitTable, classify
-none = np.zeros(0, np.uint16), np.zeros(0, np.int32), np.zeros(0, np.int64), np.zeros(0, np.uint8)
+none = np.zeros(0, np.uint32), np.zeros(0, np.int32), np.zeros(0, np.int64), np.zeros(0, np.uint8)
 table = HitTable(*none, Grid(np.ones((2, 2), np.float32), 0.0, 0.0, 1.0))
 print(*classify(table, -1, 0, 0.0, 0.0))
 """

@@ -74,7 +74,7 @@ class Projected(NamedTuple):
     v: F8
     depth: F8
     label: NDArray[np.uint8]
-    instance: NDArray[np.uint16]
+    instance: NDArray[np.uint32]
     world: F8
 
 

@@ -6,12 +6,14 @@ import shutil
 import struct
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
+from fieldtruth.bag import sensor_messages
 from fieldtruth.bag import topics as table
 from fieldtruth.bag import types as ros
 from fieldtruth.bag.checksums import CHECKSUMS, checksum_lines
@@ -72,7 +74,7 @@ def in_latched_form(run: Path, target: Path, until_ns: int | None = None) -> Pat
             return None
         if raw.topic != table.MODEL_STATES:
             return raw
-        states = ros.STORE.deserialize_ros1(raw.data, raw.msgtype)
+        states: Any = ros.STORE.deserialize_ros1(raw.data, raw.msgtype)
         first_two = ros.ModelStates(states.name[:2], states.pose[:2], states.twist[:2])
         moving = raw._replace(data=ros.serialize(first_two, raw.msgtype))
         return [raw._replace(topic=table.STATIC_MODEL_STATES), moving] if k == 0 else moving
@@ -81,7 +83,52 @@ def in_latched_form(run: Path, target: Path, until_ns: int | None = None) -> Pat
     return rewritten(run, target, change, latched)
 
 
-def edited(edits: Edits) -> Change:
+FILLERS = 70_000
+"""Objects that ``with_wide_ids`` adds before those of the run."""
+
+
+def wide(ids: NDArray[Any]) -> NDArray[np.uint32]:
+    """Ids in ``with_wide_ids``: those of robot and ground stay, others are above 70,000."""
+    return np.where(ids >= 2, ids.astype(np.uint32) + FILLERS, ids).astype(np.uint32)
+
+
+def with_wide_ids(run: Path, target: Path, until_ns: int) -> Path:
+    """Copy the beginning of a run as if 70,000 other objects, which no sensor sees, were in its world."""
+
+    def change(raw: RawMessage, k: int) -> RawMessage | list[RawMessage] | None:
+        if raw.stamp_ns > until_ns:
+            return None
+        message: Any = ros.STORE.deserialize_ros1(raw.data, raw.msgtype) if raw.topic in changed else None
+        if raw.topic == table.MODEL_STATES:
+            names = [*message.name[:2], *(f"filler_{n}" for n in range(FILLERS)), *message.name[2:]]
+            pose, twist = ([part[0], *[part[1]] * (FILLERS + 1), *part[2:]] for part in (message.pose, message.twist))
+            first_two = ros.ModelStates(names[:2], pose[:2], twist[:2])
+            moving = raw._replace(data=ros.serialize(first_two, raw.msgtype))
+            if k:
+                return moving
+            whole = ros.serialize(ros.ModelStates(names, pose, twist), raw.msgtype)
+            return [raw._replace(topic=table.STATIC_MODEL_STATES, data=whole), moving]
+        if raw.topic == table.POINTS:
+            points = read.points(message)
+            scan = SimpleNamespace(**{name: points[name] for name in ("label", "ring", "column")})
+            scan.xyz = np.stack([points[axis] for axis in "xyz"], axis=-1)
+            scan.instance = wide(points["instance"])
+            stamp = read.stamp_ns(message.header)
+            data = sensor_messages.point_cloud(message.header.seq, stamp, scan, spinning=False, wide_ids=True)
+            return raw._replace(data=data)
+        if raw.topic in changed:
+            side: sensor_messages.Side = "left" if raw.topic == table.instances("left") else "right"
+            seq, stamp, ids = message.header.seq, read.stamp_ns(message.header), wide(read.instances(message))
+            return raw._replace(data=sensor_messages.instances(seq, stamp, side, ids, wide_ids=True))
+        return raw
+
+    changed = {table.MODEL_STATES, table.POINTS, *map(table.instances, table.SIDES)}
+    whole = load_experiment(run / "experiment.yaml")
+    seconds = {"static_objects": "latched", "seconds": until_ns / 1e9}
+    return rewritten(run, target, change, whole.model_copy(update=seconds))
+
+
+def edited(edits: Edits) -> Callable[[RawMessage, int], RawMessage]:
     """Edit the bytes of some messages."""
 
     def change(raw: RawMessage, k: int) -> RawMessage:

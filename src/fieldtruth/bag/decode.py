@@ -119,10 +119,12 @@ def depth(message: Any) -> NDArray[np.float32]:
     return metres
 
 
-def instances(message: Any) -> NDArray[np.uint16]:
-    """Return the instance ids (h, w) of a sensor_msgs/Image, 16UC1; 0 for no object."""
+def instances(message: Any) -> NDArray[np.uint16] | NDArray[np.uint32]:
+    """Return the instance ids (h, w) of a sensor_msgs/Image, 16UC1 or 32SC1; 0 for no object."""
+    if message.encoding == "32SC1":
+        return _pixels(message, np.dtype("<i4")).astype(np.uint32)
     if message.encoding not in ("16UC1", "mono16"):
-        raise BagError(f"encoding of an instance image must be 16UC1, got {message.encoding!r}")
+        raise BagError(f"encoding of an instance image must be 16UC1 or 32SC1, got {message.encoding!r}")
     ids: NDArray[np.uint16] = _pixels(message, np.dtype("<u2"))
     return ids
 

@@ -21,15 +21,7 @@ from fieldtruth.core.classes import PALETTE
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig
 
 _XYZI: Final = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
-_INDICES: Final = [("ring", "<u2"), ("column", "<u2"), ("label", "<u2"), ("instance", "<u2")]
-
-POINT: Final = np.dtype([*_XYZI, *_INDICES])
-"""24 bytes: x, y, z [m] in os1_lidar; intensity = label, as the paper's reflectivity; ring and column; ids.
-
-Instantaneous scans have no time field: programs scale it to 0..1 and divide by its range, which is 0 (KISS-ICP aborts).
-"""
-SWEPT_POINT: Final = np.dtype([*_XYZI, ("t", "<u4"), *_INDICES])
-"""28 bytes: a point of a spinning LiDAR; ``t`` is the time [ns] of its ray after the stamp."""
+_INDICES: Final = [("ring", "<u2"), ("column", "<u2"), ("label", "<u2")]
 
 _DATATYPES: Final = {"<f4": PointField.FLOAT32, "<u4": PointField.UINT32, "<u2": PointField.UINT16}
 
@@ -44,7 +36,7 @@ class Scan(Protocol):
     @property
     def label(self) -> NDArray[np.uint8]: ...  # noqa: D102
     @property
-    def instance(self) -> NDArray[np.uint16]: ...  # noqa: D102
+    def instance(self) -> NDArray[np.uint32]: ...  # noqa: D102
     @property
     def ring(self) -> NDArray[np.uint16]: ...  # noqa: D102
     @property
@@ -53,10 +45,20 @@ class Scan(Protocol):
     def t_ns(self) -> NDArray[np.uint32]: ...  # noqa: D102
 
 
-def point_cloud(seq: int, stamp_ns: int, scan: Scan, *, spinning: bool) -> bytes:
+def point_type(*, spinning: bool, wide_ids: bool) -> np.dtype[np.void]:
+    """Type of a point of 24 bytes: x, y, z [m] in os1_lidar; intensity = label, as the paper's reflectivity; ray; ids.
+
+    With ``spinning`` it has ``t`` [ns], the time of its ray after the stamp. Instantaneous scans have none: programs
+    scale it to 0..1 and divide by its range, which is 0 (KISS-ICP aborts). ``wide_ids``: ``instance`` has 32 bits.
+    """
+    time = [("t", "<u4")] if spinning else []
+    return np.dtype([*_XYZI, *time, *_INDICES, ("instance", "<u4" if wide_ids else "<u2")], align=True)
+
+
+def point_cloud(seq: int, stamp_ns: int, scan: Scan, *, spinning: bool, wide_ids: bool = False) -> bytes:
     """Serialise sensor_msgs/PointCloud2 of the returns, in the order of the scan; with ``t`` if the LiDAR spins."""
-    kind = SWEPT_POINT if spinning else POINT
-    points = np.empty(len(scan.xyz), kind)
+    kind = point_type(spinning=spinning, wide_ids=wide_ids)
+    points = np.zeros(len(scan.xyz), kind)
     points["x"], points["y"], points["z"] = scan.xyz.T
     points["intensity"] = scan.label
     if spinning:
@@ -117,9 +119,13 @@ def depth(seq: int, stamp_ns: int, side: Side, metres: NDArray[np.float32]) -> b
     return _image(seq, stamp_ns, side, "32FC1", far)
 
 
-def instances(seq: int, stamp_ns: int, side: Side, instance: NDArray[np.uint16]) -> bytes:
-    """Serialise sensor_msgs/Image, 16UC1: instance ids (h, w) as in the cloud's ``instance``; 0 for sky."""
-    return _image(seq, stamp_ns, side, "16UC1", instance.astype("<u2", copy=False))
+def instances(seq: int, stamp_ns: int, side: Side, instance: NDArray[np.uint32], *, wide_ids: bool = False) -> bytes:
+    """Serialise sensor_msgs/Image of instance ids (h, w) as in the cloud's ``instance``; 0 for sky.
+
+    It is 16UC1, with ``wide_ids`` 32SC1; ROS has no unsigned encoding of 32 bits.
+    """
+    encoding, kind = ("32SC1", "<i4") if wide_ids else ("16UC1", "<u2")
+    return _image(seq, stamp_ns, side, encoding, instance.astype(kind))
 
 
 def _image(seq: int, stamp_ns: int, side: Side, encoding: str, pixels: NDArray[Any]) -> bytes:

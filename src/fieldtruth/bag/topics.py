@@ -81,7 +81,7 @@ def depth(side: str) -> str:
 
 
 def instances(side: str) -> str:
-    """Topic of a camera's instance ids, 16UC1: rows of ``objects_topic``, as the cloud's ``instance``."""
+    """Topic of a camera's instance ids, 16UC1 or 32SC1: rows of ``objects_topic``, as the cloud's ``instance``."""
     return f"/stereo/camera/{side}/instances"
 
 

@@ -54,6 +54,19 @@ def encode_png(image: NDArray[np.uint8] | NDArray[np.uint16], *, palette: NDArra
     return b"".join((_SIGNATURE, header, colours, data, _chunk(b"IEND", b"")))
 
 
+def ids_png(ids: NDArray[np.uint16] | NDArray[np.uint32]) -> bytes:
+    """Encode ids (h, w): 16 bits as grey, 32 bits as RGB with id = R + 256 G + 65536 B, as in COCO's panoptic images.
+
+    Raises:
+        ValueError: an id has more than 24 bits.
+    """
+    if ids.itemsize == 2:
+        return encode_png(ids.astype(np.uint16, copy=False))
+    if (largest := int(ids.max(initial=0))) >> 24:
+        raise ValueError(f"ids must be below {1 << 24}, got {largest}")
+    return encode_png(np.ascontiguousarray(ids, "<u4").view(np.uint8).reshape(*ids.shape, 4)[..., :3])
+
+
 def _filtered(image: NDArray[Any]) -> NDArray[np.uint8]:
     """Rows (h, 1 + bytes of a row): the filter's number and the differences; samples of 16 bits are big-endian."""
     big_endian = np.ascontiguousarray(image, image.dtype.newbyteorder(">"))

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
 from fieldtruth.bag import topics as table
@@ -24,7 +23,7 @@ from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory, read_trajectory
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.parallel import in_order
-from fieldtruth.core.png import encode_png
+from fieldtruth.core.png import ids_png
 from fieldtruth.core.progress import timed
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.coco_json import Picture, coco_files
@@ -149,7 +148,7 @@ def _write_frame(target: Path, source: _Source, frame: Frame) -> Picture:
         raise BagError(f"{frame.side} camera at {frame.stamp_ns} ns: {error}") from error
     height, width = ids.shape
     (target / "images" / f"{name}.jpg").write_bytes(photo)
-    (target / "panoptic" / f"{name}.png").write_bytes(encode_png(_rgb(ids)))
+    (target / "panoptic" / f"{name}.png").write_bytes(ids_png(ids))
     world_from_optical = source.trajectory.world_from_base(frame.stamp_ns) @ camera.base_from_optical
     row = {
         "file_name": f"{name}.jpg",
@@ -161,11 +160,6 @@ def _write_frame(target: Path, source: _Source, frame: Frame) -> Picture:
         "world_from_camera": world_from_optical.tolist(),
     }
     return Picture(frame.stamp_ns, row, f"{name}.png", segments_of(ids))
-
-
-def _rgb(ids: NDArray[np.uint32]) -> NDArray[np.uint8]:
-    """Segment ids (h, w) as in COCO's panoptic images: R + 256 G + 65536 B."""
-    return np.ascontiguousarray(ids.astype("<u4", copy=False)).view(np.uint8).reshape(*ids.shape, 4)[..., :3]
 
 
 def _cameras(run: Run, sides: Sequence[str]) -> dict[str, Camera]:

@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple, TextIO
 
 import fieldtruth
 from fieldtruth.bag.run import Run
-from fieldtruth.exporters.coco_segments import Category, Segment
+from fieldtruth.exporters.coco_segments import Category, Segment, object_bits
 from fieldtruth.ontology.label_map import LabelMap
 
 _LICENCE: Final = {"id": 1, "name": "CC BY 4.0", "url": "https://creativecommons.org/licenses/by/4.0/"}
@@ -42,10 +42,13 @@ class _Rows:
 
 
 class CocoFiles:
-    """The rows of ``panoptic.json`` and ``instances.json``, image by image."""
+    """The rows of ``panoptic.json`` and ``instances.json``, by image; a segment id has ``bits`` for the object."""
 
-    def __init__(self, images: _Rows, panoptic: _Rows, instances: _Rows, countable: Set[int], *, own: bool) -> None:
-        self._images, self._panoptic, self._instances, self._countable = images, panoptic, instances, countable
+    def __init__(
+        self, images: _Rows, panoptic: _Rows, instances: _Rows, countable: Set[int], bits: int, *, own: bool
+    ) -> None:
+        self._images, self._panoptic, self._instances = images, panoptic, instances
+        self._countable, self._bits = countable, bits
         self._licence = {"license": _LICENCE["id"]} if own else {}
         self.image_count = self._annotation_count = 0
 
@@ -56,7 +59,7 @@ class CocoFiles:
         segments = []
         size = [picture.row["height"], picture.row["width"]]
         for segment in picture.segments:
-            category, object_id = divmod(segment.id, 1 << 16)
+            category, object_id = divmod(segment.id, 1 << self._bits)
             countable = category in self._countable
             known = {
                 "category_id": category,
@@ -91,7 +94,9 @@ def coco_files(
             for name, chosen in (("panoptic.json", categories), ("instances.json", countable))
         )
         images = _Rows(stack.enter_context(rows.open("w", encoding="utf-8")))
-        yield CocoFiles(images, panoptic, instances, {c.id for c in countable}, own=run.experiment is not None)
+        yield CocoFiles(
+            images, panoptic, instances, {c.id for c in countable}, object_bits(names), own=run.experiment is not None
+        )
 
 
 @contextmanager

@@ -38,6 +38,8 @@ _SUPERCATEGORIES: Final = {
 STUFF: Final = frozenset({Label.GROUND, Label.TRAIL, Label.HIGH_GRASS, Label.WATER, Label.SKY})
 """Classes that are not countable. A class of another ontology is countable if all of ours that it holds are."""
 
+_BITS: Final = 24
+"""Bits of a segment id in a panoptic image."""
 _SINGLE: Final = re.compile(r"_\d+$")
 """Names of single objects end in a number (``bench_3``); those of the ground and of countable swarms do not."""
 
@@ -84,22 +86,36 @@ def categories_of(label_map: LabelMap | None) -> list[Category]:
     return result
 
 
+def object_bits(names: Sequence[str]) -> int:
+    """Bits of a segment id that hold the object; the higher ones hold the category."""
+    return max(16, (len(names) - 1).bit_length())
+
+
 class Numbering:
     """Segment ids: 65536 times the category, plus the instance id where the segment is a single object.
 
-    An id has the same meaning in all images of a run. 0 is void: pixels without a class, in some ontologies only.
+    An id has the same meaning in all images of a run. 0 is void: pixels without a class, in some ontologies only. Ids
+    have 24 bits. With more than 65,536 objects the factor is a higher power of two, if the categories leave its bits.
+
+    Raises:
+        BagError: 24 bits do not hold categories and objects.
     """
 
     def __init__(self, categories: Sequence[Category], label_map: LabelMap | None, names: Sequence[str]) -> None:
         ids = np.arange(len(CLASSES)) if label_map is None else label_map.ids.astype(np.int64)
         known = {category.id: category for category in categories}
         countable = [int(number) in known and known[int(number)].isthing for number in ids]
-        self._base = np.array([number << 16 if int(number) in known else 0 for number in ids], np.uint32)
-        self._mask = np.where(countable, 0xFFFF, 0).astype(np.uint32)
+        bits = object_bits(names)
+        if (most := _BITS - max(known, default=0).bit_length()) < bits:
+            raise BagError(
+                f"COCO's panoptic images hold at most {1 << most} objects with these classes, got {len(names)}"
+            )
+        self._base = np.array([int(number) << bits if int(number) in known else 0 for number in ids], np.uint32)
+        self._mask = np.where(countable, (1 << bits) - 1, 0).astype(np.uint32)
         single = [number if _SINGLE.search(name) else 0 for number, name in enumerate(names)]
         self._single = np.array(single, np.uint32)
 
-    def number(self, label: NDArray[np.uint8], instance: NDArray[np.uint16]) -> NDArray[np.uint32]:
+    def number(self, label: NDArray[np.uint8], instance: NDArray[np.uint16] | NDArray[np.uint32]) -> NDArray[np.uint32]:
         """Return the segment id of each pixel (h, w).
 
         Raises:

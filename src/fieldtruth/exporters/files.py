@@ -24,7 +24,7 @@ from fieldtruth.bag.run import Run
 from fieldtruth.core.arrays import Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.parallel import in_order
-from fieldtruth.core.png import encode_png
+from fieldtruth.core.png import encode_png, ids_png
 from fieldtruth.core.progress import timed
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.files_layout import CALIBRATION, LIDAR, LIDAR_LABEL, OBJECTS, README, SHEET, folders, readme
@@ -201,7 +201,7 @@ def _depth(side: str, message: Any) -> _Encoded:
 
 
 def _instances(side: str, message: Any) -> _Encoded:
-    return _Encoded({f"instances_{side}": encode_png(instances(message))})
+    return _Encoded({f"instances_{side}": ids_png(instances(message))})
 
 
 def _cloud(run: Run, label_map: LabelMap | None, message: Any) -> _Encoded:

@@ -57,7 +57,10 @@ def folders(label_map: LabelMap | None) -> Iterator[Folder]:
             "depth in metres as in the bag, float32, infinite where no surface is: numpy.load(path)",
         )
         yield Folder(
-            table.instances(side), f"instances_{side}", ".png", "instance id of each pixel, grey, 16 bits; 0: no object"
+            table.instances(side),
+            f"instances_{side}",
+            ".png",
+            "instance id of each pixel, grey, 16 bits (beyond id 65,535: R + 256 G + 65536 B); 0: no object",
         )
     axes = "metres in os1_lidar (x forward, y left, z up), and the class id"
     yield Folder(table.POINTS, LIDAR, ".csv", f"columns x,y,z,reflectivity: {axes}")

@@ -16,7 +16,7 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.calibration import first_message
 from fieldtruth.bag.run import Run
 from fieldtruth.core.parallel import in_order
-from fieldtruth.core.png import encode_png
+from fieldtruth.core.png import encode_png, ids_png
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.croissant import CROISSANT, croissant_text
 from fieldtruth.exporters.frames import Frame, Frames, sides_of
@@ -43,7 +43,11 @@ _IMAGE_COLUMNS: Final = (
 )
 _EXTRA_COLUMNS: Final = {
     "depth": Column("depth", "image", "depth [m] along the optical axis, TIFF, 32-bit float; infinite in the sky"),
-    "instances": Column("instances", "image", "instance id of each pixel, PNG, grey, 16 bits; 0 is the sky"),
+    "instances": Column(
+        "instances",
+        "image",
+        "instance id of each pixel, PNG, grey, 16 bits (beyond id 65,535: R + 256 G + 65536 B); 0: sky",
+    ),
 }
 _CLOUD_COLUMNS: Final = (
     *(Column(axis, "float32[]", f"{axis} [m] of the returns in the LiDAR's frame") for axis in "xyz"),
@@ -150,7 +154,7 @@ def _image_rows(member: Member, frame: Frame) -> list[tuple[dict[str, Any], int]
         if "depth" in view.extras:
             images["depth"] = encode_tiff(view.extras["depth"]), ".tif"
         if "instances" in view.extras:
-            images["instances"] = encode_png(view.extras["instances"]), ".png"
+            images["instances"] = ids_png(view.extras["instances"]), ".png"
         camera = frame.about["cameras"].get(side, {})
         row: dict[str, Any] = {key: {"bytes": data, "path": name + end} for key, (data, end) in images.items()}
         row |= {"classes": np.unique(view.mask).tolist(), "run": member.name, "camera": side}

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.decode import image, reading_stamp, stamp_ns
+from fieldtruth.bag.model_states import read_objects
 from fieldtruth.bag.reader import BagError, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import read_trajectory
@@ -67,10 +68,14 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     """Write the folder ``target``: a sequence per run, and fieldtruth.yaml.
 
     Raises:
-        BagError: a bag has no clouds, true poses or /tf_static, or is damaged.
+        BagError: a bag has no clouds, true poses or /tf_static, too many objects, or is damaged.
     """
     for run in runs:
         run.require(table.POINTS)
+        if (most := len(read_objects(run)[0])) > _MAX_INSTANCE + 1:
+            raise BagError(
+                f"{run.bag} has {most} objects; instance ids of a label file have 16 bits, up to {_MAX_INSTANCE}"
+            )
     geometries = [read_geometry(run) for run in runs]
     written = [
         _write_sequence(run, geometry, target / "sequences" / f"{number:02d}", options)

@@ -17,11 +17,12 @@ from fieldtruth.world.model import World
 def sensor_factory(world: World, rig: Rig, light: LightConfig) -> Callable[[], Sensors]:
     """Build the scene and bake its light, and return the function that makes sensors in it."""
     scene = Scene(world)
+    wide_ids = world.has_wide_ids
     baked = bake(scene, light) if rig.cameras.enabled else None
 
     def make() -> Sensors:
         lidar = Lidar(rig.lidar, scene) if rig.lidar.enabled else None
         camera = Camera(rig.cameras, baked, reuse=True) if baked is not None else None
-        return Sensors(lidar, camera)
+        return Sensors(lidar, camera, wide_ids)
 
     return make

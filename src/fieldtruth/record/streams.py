@@ -30,7 +30,7 @@ class CameraImages(Protocol):
     @property
     def label(self) -> NDArray[np.uint8]: ...  # noqa: D102
     @property
-    def instance(self) -> NDArray[np.uint16]: ...  # noqa: D102
+    def instance(self) -> NDArray[np.uint32]: ...  # noqa: D102
     @property
     def depth(self) -> NDArray[np.float32]: ...  # noqa: D102
 
@@ -56,6 +56,8 @@ class Sensors(NamedTuple):
 
     lidar: Lidar | None = None
     camera: Camera | None = None
+    wide_ids: bool = False
+    """Whether instance ids of their world need more than 16 bits."""
 
 
 class Stream(NamedTuple):
@@ -148,7 +150,8 @@ def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt) -
         assert sensors.lidar is not None
         stamp = int(stamps[k])
         pose = np.stack([pose_at(stamp + int(t)) for t in sweep_ns]) if config.spinning else pose_at(stamp)
-        yield sensor_messages.point_cloud(k, stamp, sensors.lidar.scan(pose), spinning=config.spinning)
+        seen = sensors.lidar.scan(pose)
+        yield sensor_messages.point_cloud(k, stamp, seen, spinning=config.spinning, wide_ids=sensors.wide_ids)
 
     return Stream((topics.POINTS,), stamps, scan)
 
@@ -167,7 +170,7 @@ def camera_stream(config: CameraConfig, side: sensor_messages.Side, stamps: Stam
         if config.depth:
             yield sensor_messages.depth(k, stamps[k], side, picture.depth)
         if config.instances:
-            yield sensor_messages.instances(k, stamps[k], side, picture.instance)
+            yield sensor_messages.instances(k, stamps[k], side, picture.instance, wide_ids=sensors.wide_ids)
 
     names = [topics.camera_info(side), topics.photograph(side), topics.tag(side)]
     names += [topics.depth(side)] * config.depth + [topics.instances(side)] * config.instances

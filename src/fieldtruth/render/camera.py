@@ -46,7 +46,7 @@ class Camera(LabelCamera):
             h, w = self.config.height, self.config.width
             images = CameraImages(
                 label=np.empty((h, w), np.uint8),
-                instance=np.empty((h, w), np.uint16),
+                instance=np.empty((h, w), np.uint32),
                 depth=np.empty((h, w), np.float32),
                 photo=np.empty((h, w, 3), np.uint8),
             )

@@ -39,7 +39,7 @@ class HitTable(NamedTuple):
     A top-level geometry is the terrain (row 0), the backdrop if there is one, or one instance of a mesh.
     """
 
-    top_object: NDArray[np.uint16]  # (tops,) instance id
+    top_object: NDArray[np.uint32]  # (tops,) instance id
     top_mesh: NDArray[np.int32]  # (tops,) row of mesh_face; -1 for the terrain
     mesh_face: NDArray[np.int64]  # (meshes,) first row in face_label
     face_label: NDArray[np.uint8]  # (faces of all meshes,)
@@ -50,7 +50,7 @@ class LabelBuffers(NamedTuple):
     """Label, instance and depth images that a kernel fills, each (h, w)."""
 
     label: NDArray[np.uint8]
-    instance: NDArray[np.uint16]
+    instance: NDArray[np.uint32]
     depth: Float32Array
 
 

@@ -25,7 +25,7 @@ class LabelImages:
     """
 
     label: NDArray[np.uint8]
-    instance: NDArray[np.uint16]
+    instance: NDArray[np.uint32]
     depth: Float32Array
 
 
@@ -52,7 +52,7 @@ class LabelCamera:
         if images is None:
             shape = (self.config.height, self.config.width)
             images = LabelImages(
-                label=np.empty(shape, np.uint8), instance=np.empty(shape, np.uint16), depth=np.empty(shape, np.float32)
+                label=np.empty(shape, np.uint8), instance=np.empty(shape, np.uint32), depth=np.empty(shape, np.float32)
             )
         out = LabelBuffers(images.label, images.instance, images.depth)
         view = self._view(world_from_optical)

@@ -35,7 +35,7 @@ class Scan:
     xyz: Float32Array
     range_m: Float32Array
     label: NDArray[np.uint8]
-    instance: NDArray[np.uint16]
+    instance: NDArray[np.uint32]
     ring: NDArray[np.uint16]
     column: NDArray[np.uint16]
     t_ns: NDArray[np.uint32]
@@ -84,7 +84,7 @@ class Lidar:
         self._beams = _Beams(self.directions, config.min_range, config.max_range, returns)
         self._packet = new_packet(coherent=True)
         shape = (config.columns, config.rings)
-        self._out = LabelBuffers(np.zeros(shape, np.uint8), np.zeros(shape, np.uint16), np.zeros(shape, np.float32))
+        self._out = LabelBuffers(np.zeros(shape, np.uint8), np.zeros(shape, np.uint32), np.zeros(shape, np.float32))
 
     def scan(self, world_from_lidar: Array) -> Scan:
         """Scan from a pose (4, 4), or from a pose for each column (columns, 4, 4) of a sensor that moves meanwhile.

@@ -89,7 +89,7 @@ def _hit_table(world: World, meshes: list[Mesh], tops: list[TopLevel]) -> HitTab
     rows = {mesh.name: row for row, mesh in enumerate(meshes)}
     face_labels = [np.array([labels[n] for n in m.materials], np.uint8)[m.material] for m in meshes]
     return HitTable(
-        top_object=np.array([top.object_id for top in tops], np.uint16),
+        top_object=np.array([top.object_id for top in tops], np.uint32),
         top_mesh=np.array([-1 if top.mesh is None else rows[top.mesh.name] for top in tops], np.int32),
         mesh_face=np.cumsum([0, *(len(m.faces) for m in meshes)])[:-1].astype(np.int64),
         face_label=np.concatenate([*face_labels, np.zeros(0, np.uint8)]),

@@ -20,6 +20,10 @@ GROUND_ID: Final = 1
 """Instance id of the ground. Id 0 is the robot, which its own sensors do not see: 0 in an image is a miss."""
 
 
+WIDE_IDS: Final = 1 << 16
+"""Instance ids from here on do not fit into 16 bits."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Material:
     """Appearance and class of a surface.
@@ -230,3 +234,9 @@ class World:
     """Changes to the environment's layout with which it was built."""
     object_names: tuple[str, ...] = field(default=())
     """Name of each instance id; 0 is the robot, 1 the ground."""
+
+    @property
+    def has_wide_ids(self) -> bool:
+        """Whether an instance id needs more than 16 bits."""
+        ids = (*(each.object_id for each in self.instances), *(each.object_id for each in self.swarms))
+        return max(ids, default=0) >= WIDE_IDS

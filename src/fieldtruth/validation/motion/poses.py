@@ -7,6 +7,7 @@ the next the robot moves by ``v dt`` and turns by ``w dt`` exactly. The residual
 1e-9 leaves room for other mathematics libraries.
 """
 
+from collections import Counter
 from functools import partial
 from typing import Any, Final
 
@@ -71,7 +72,7 @@ class ModelStates(Checker):
         poses, twists, names = self._reader.poses(raw.data), self._reader.twists(raw.data), self._reader.names
         if not self._context.names:
             self._context.names = names
-            twice = sorted({name for name in names if names.count(name) > 1})
+            twice = sorted(name for name, count in Counter(names).items() if count > 1)
             self._static[UNIQUE].see(not twice, f"{at(raw)}: {', '.join(twice)}")
         if raw.topic == table.STATIC_MODEL_STATES or ROBOT not in names:
             return

@@ -49,7 +49,10 @@ FIELDS: Final = {
     "x": "<f4", "y": "<f4", "z": "<f4", "intensity": "<f4",
     "ring": "<u2", "column": "<u2", "label": "<u2", "instance": "<u2",
 }  # fmt: skip
-"""Fields of every point, with NumPy types; ``t`` ("<u4") [ns] follows the scan's stamp where a LiDAR spins."""
+"""Fields of every point, with NumPy types; ``t`` ("<u4") [ns] follows the scan's stamp where a LiDAR spins.
+
+In worlds whose ids do not fit into 16 bits ``instance`` is "<u4".
+"""
 _ROUNDING: Final = 1e-6
 """Share of a range by which single precision may exceed the limits."""
 _RETURNS: Final = np.array([c.label is not Label.VOID and c.label not in NO_RETURN for c in CLASSES])
@@ -86,7 +89,8 @@ def _check_cloud(
     cloud = read.points(message)
     kinds = {name: kind.str for name, (kind, *_) in (cloud.dtype.fields or {}).items()}
     timed = {"t": "<u4"} if config.spinning or "t" in kinds else {}
-    whole = kinds == FIELDS | timed and message.is_dense and not message.is_bigendian
+    wide = {"instance": "<u4"} if classes.has_wide_ids else {}
+    whole = kinds == FIELDS | timed | wide and message.is_dense and not message.is_bigendian
     tally[LAYOUT].see(bool(whole), f"{where}: fields {', '.join(kinds)}")
 
     def row(k: int) -> str:
@@ -208,7 +212,7 @@ class _Dense(NamedTuple):
 
     xyz: NDArray[np.float32]
     label: NDArray[np.uint16]
-    instance: NDArray[np.uint16]
+    instance: NDArray[np.uint32]
 
     @classmethod
     def of(cls, config: LidarConfig, column: Any, ring: Any, *values: Any) -> "_Dense":
@@ -218,7 +222,7 @@ class _Dense(NamedTuple):
         parts: list[NDArray[Any]] = [
             np.zeros((count, 3), np.float32),
             np.zeros(count, np.uint16),
-            np.zeros(count, np.uint16),
+            np.zeros(count, np.uint32),
         ]
         for part, value in zip(parts, values, strict=True):
             part[number[inside]] = value[inside]

@@ -49,6 +49,8 @@ PHOTOGRAPHS: Final[Spec] = Spec("photographs", (SAME_PHOTOGRAPH, EQUAL_PHOTOGRAP
 _BLOCK: Final = 8
 
 _ENCODINGS: Final = {"tag": "rgb8", "depth": "32FC1", "instances": "16UC1"}
+_WIDE: Final = _ENCODINGS | {"instances": "32SC1"}
+"""Where ids do not fit into 16 bits."""
 _DECODERS: Final[dict[str, Callable[[Any], NDArray[Any]]]] = {
     "photograph": read.image,
     "tag": read.image,
@@ -82,7 +84,8 @@ def _check_frame(
     frame: CameraFrame, size: tuple[int, int] | None, far: float, tallies: list[Tally], classes: ClassComparison
 ) -> None:
     images, colours, depths = tallies
-    parts = {part: _decoded(frame, part, size, images) for part in frame.parts}
+    encodings = _WIDE if classes.has_wide_ids else _ENCODINGS
+    parts = {part: _decoded(frame, part, encodings.get(part), size, images) for part in frame.parts}
     rgb, depth, instance = (parts.get(part) for part in ("tag", "depth", "instances"))
     if rgb is None:
         return
@@ -103,7 +106,9 @@ def _check_frame(
         classes.see(instance.reshape(-1), label, lambda k: pixel("instances", k))
 
 
-def _decoded(frame: CameraFrame, part: str, size: tuple[int, int] | None, tally: Tally) -> NDArray[Any] | None:
+def _decoded(
+    frame: CameraFrame, part: str, due: str | None, size: tuple[int, int] | None, tally: Tally
+) -> NDArray[Any] | None:
     """Pixels of a part, or None if they cannot be read."""
     message, where = frame.parts[part], frame.at(part)
     try:
@@ -114,7 +119,7 @@ def _decoded(frame: CameraFrame, part: str, size: tuple[int, int] | None, tally:
     if part == "photograph":
         tally[JPEG].see(True, "")
     encoding, shape = getattr(message, "encoding", None), (image.shape[1], image.shape[0])
-    right = encoding == _ENCODINGS.get(part) and not getattr(message, "is_bigendian", 0)
+    right = encoding == due and not getattr(message, "is_bigendian", 0)
     right = right and size in (None, shape) and image.size > 0
     tally[FORM].see(right, f"{where}: {shape[0]} x {shape[1]} {encoding or 'JPEG'}, CameraInfo has {size}")
     return image if image.size else None
@@ -137,7 +142,7 @@ class _Pixels(NamedTuple):
     """Decoded parts of a frame."""
 
     label: NDArray[np.uint8]
-    instance: NDArray[np.uint16] | None
+    instance: NDArray[np.uint16] | NDArray[np.uint32] | None
     depth: Array | None
     photograph: NDArray[np.uint8] | None
 

@@ -26,7 +26,7 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, RebuiltWorld, at
 from fieldtruth.world.build import world_of
-from fieldtruth.world.model import GROUND_ID, World
+from fieldtruth.world.model import GROUND_ID, WIDE_IDS, World
 
 NAMES: Final = Rule("objects have the names of the world's objects")
 # Worlds that are built on other processors differ in the last digit.
@@ -107,12 +107,18 @@ class ClassComparison(NamedTuple):
 
     tally: Tally
     allowed: Mask
-    """(65536, classes) whether an instance id can have a class."""
+    """(ids, classes) whether an instance id can have a class; the last row is for all higher ids."""
     names: tuple[str, ...]
+
+    @property
+    def has_wide_ids(self) -> bool:
+        """Whether the objects of the bag have ids of more than 16 bits."""
+        return len(self.names) > WIDE_IDS
 
     def see(self, instance: NDArray[Any], label: NDArray[Any], where: Callable[[int], str]) -> None:
         """Count points or pixels (n,); classes must exist."""
-        found = self.allowed.reshape(-1)[instance.astype(np.int32) * N_CLASSES + label]
+        known = np.minimum(instance.astype(np.int64), len(self.allowed) - 1)
+        found = self.allowed.reshape(-1)[known * N_CLASSES + label]
 
         def mismatch(k: int) -> str:
             number, name = int(instance[k]), CLASSES[label[k]].name
@@ -143,7 +149,7 @@ class ObjectClasses(Checker):
         names, rebuilt = self._context.names, self._context.rebuilt
         if names != self._names:
             own = allowed_by_name(names) if rebuilt is None else allowed_by_world(rebuilt.world)
-            allowed = np.full((1 << 16, N_CLASSES), not names)
+            allowed = np.full((len(own) + 2, N_CLASSES), not names)
             allowed[: len(own)] = own
             allowed[:, Label.SKY] = False
             allowed[0] = np.arange(N_CLASSES) == Label.SKY
