@@ -100,17 +100,6 @@ def _bilinear(grid: Float32Array, i: int, j: int, channel: int, weights: _Corner
 
 
 @inlined
-def _mean_ground(
-    ground: Float32Array, i: int, j: int, weights: _Corners, per_metre: float
-) -> tuple[np.float32, np.float32, np.float32]:
-    """Height of the ground without its relief, and its slope along x and y within the cell."""
-    near, left, ahead, far = ground[i, j, 3], ground[i, j + 1, 3], ground[i + 1, j, 3], ground[i + 1, j + 1, 3]
-    half = np.float32(0.5 * per_metre)
-    mean = near * weights[0] + left * weights[1] + ahead * weights[2] + far * weights[3]
-    return mean, half * (ahead + far - near - left), half * (left + far - near - ahead)
-
-
-@inlined
 def _between(values: Float32Array, u: np.float32, v: np.float32) -> np.float32:
     """Bilinear value at node u, v; beyond the border the border's value.
 
@@ -149,8 +138,8 @@ def _slope(surface: Grid, x: np.float32, y: np.float32, step: np.float32) -> tup
 @kernel
 def terrain_gbuffer(shading: Shading, batch: RayBatch, count: int, pixel: float, out: Float32Array) -> None:
     """Fill rows of ``out`` (n, FIELDS) for hits on the terrain; ``pixel`` is the angle [rad] of one pixel."""
-    tops, points, directions, distance, image = batch.top, batch.point, batch.direction, batch.distance, batch.image
-    materials, light = shading.materials, shading.light
+    tops, points, distance, image = batch.top, batch.point, batch.distance, batch.image
+    materials, light, foreshortening = shading.materials, shading.light, batch.foreshortening
     atlas, ground, grain, sizes = materials.atlas, materials.ground, materials.ground_material, materials.atlas.size
     textures, tints, repeats, glosses = materials.texture, materials.tint, materials.repeat, materials.gloss
     means, open_sky, sunlit, edge = atlas.mean, light.ground_sky, light.ground_sun, shading.hits.trail_distance
@@ -169,13 +158,11 @@ def terrain_gbuffer(shading: Shading, batch: RayBatch, count: int, pixel: float,
         i, j = int(u), int(v)
         fu, fv = np.float32(u - i), np.float32(v - j)
         weights = (one - fu) * (one - fv), (one - fu) * fv, fu * (one - fv), fu * fv
-        mean, sx, sy = _mean_ground(ground, i, j, weights, per_rgb)
-        grazing = (directions[0, k] * sx + directions[1, k] * sy - directions[2, k]) / np.sqrt(one + sx * sx + sy * sy)
-        footprint = distance[k] * np.float32(pixel) / np.sqrt(max(grazing, np.float32(0.05)))
+        footprint = distance[k] * np.float32(pixel) / np.sqrt(max(foreshortening[k], np.float32(0.05)))
         sx, sy = _slope(surface, x, y, max(half_cell, footprint))
         scale = one / np.sqrt(one + sx * sx + sy * sy)
         out[k, NX], out[k, NY], out[k, NZ] = -sx * scale, -sy * scale, scale
-        depth = max(mean - points[2, k], zero) * _PER_PIT
+        depth = max(_bilinear(ground, i, j, 3, weights) - points[2, k], zero) * _PER_PIT
         pit = one / (one + depth * depth)
         out[k, SKY] = (_AIR_MIN + (one - _AIR_MIN) * _shade_of(open_sky, x, y)) * pit
         out[k, SUN] = _shade_of(sunlit, x, y) * pit

@@ -13,10 +13,13 @@ from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.render.atlas import make_atlas
 from fieldtruth.render.tables import MaterialTable
 from fieldtruth.sense.scene import grid_of
-from fieldtruth.world.model import Terrain, World
+from fieldtruth.world.model import Heightfield, Terrain, World
 
 _FINER: Final = 2
 """Nodes of the grid of ground materials per node of the terrain's cover."""
+CRUMBS: Final = 0.015
+"""Height [m] below which a layer is grains and crumbs, which light shows. What is higher is blades and leaves: no solid
+surface, so that photographs shade the ground as if it ended there."""
 MEAN_OVER: Final = 0.1
 """Standard deviation [m] of the Gaussian that separates relief, whose pits are darker, from the ground's shape."""
 
@@ -31,6 +34,7 @@ def material_table(world: World) -> MaterialTable:
     tint = np.array([m.tint for m in materials], np.float32)
     rows = [names.index(n) for n in terrain.ground_materials]
     rgb, material = _ground(terrain, rows, atlas.mean[texture] * tint)
+    solid = solid_surface(terrain)
     return MaterialTable(
         atlas=atlas,
         texture=texture,
@@ -39,9 +43,9 @@ def material_table(world: World) -> MaterialTable:
         gloss=np.array([m.gloss for m in materials], np.float32),
         mirror=np.array([m.mirror for m in materials], np.float32),
         repeat=np.array([m.repeat for m in materials], np.float32),
-        ground=np.ascontiguousarray(np.concatenate([rgb, _mean_heights(terrain)], axis=-1), np.float32),
+        ground=np.ascontiguousarray(np.concatenate([rgb, _mean_heights(terrain, solid)], axis=-1), np.float32),
         ground_material=material,
-        surface=grid_of(terrain.surface),
+        surface=grid_of(solid),
         corner=(terrain.cover.x0, terrain.cover.y0),
         per_metre_rgb=1.0 / terrain.cover.spacing,
         per_metre_material=_FINER / terrain.cover.spacing,
@@ -51,9 +55,15 @@ def material_table(world: World) -> MaterialTable:
     )
 
 
-def _mean_heights(terrain: Terrain) -> Array:
-    """Height [m] of the surface without its relief, (nx, ny, 1) at the cover's nodes."""
-    field, cover = terrain.surface, terrain.cover
+def solid_surface(terrain: Terrain) -> Heightfield:
+    """The ground that photographs shade: the field with the crumbs of its layer, without grass and litter."""
+    field = terrain.field
+    return field if terrain.layer is None else replace(field, heights=field.heights + np.minimum(terrain.layer, CRUMBS))
+
+
+def _mean_heights(terrain: Terrain, field: Heightfield) -> Array:
+    """Height [m] of a field without its relief, (nx, ny, 1) at the cover's nodes."""
+    cover = terrain.cover
     smooth = replace(field, heights=gaussian_filter(field.heights, MEAN_OVER / field.spacing, mode="nearest"))
     nx, ny = cover.values.shape[:2]
     x, y = cover.x0 + cover.spacing * np.arange(nx), cover.y0 + cover.spacing * np.arange(ny)

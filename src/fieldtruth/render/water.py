@@ -15,7 +15,7 @@ from fieldtruth.render.gbuffer import FIELDS, MIRROR
 from fieldtruth.sense import embree
 from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import IntArray, Packet, set_ray
-from fieldtruth.sense.ray_batch import RayBatch, new_batch
+from fieldtruth.sense.ray_batch import RayBatch, new_batch, seen_over_map
 
 REFRACTION: Final = 1.0 / 1.333
 """Refractive index of air over that of water."""
@@ -143,7 +143,7 @@ def trace_secondary(scene: np.uint64, packet: Packet, second: SecondaryBatch, co
         for lane in range(min(_LANES, count - first)):
             k = first + lane
             t = ray[_FAR + lane]
-            batch.distance[k] = t
+            batch.distance[k], batch.foreshortening[k] = t, seen_over_map(ray, lane)
             for axis in range(3):
                 batch.point[axis, k] += t * batch.direction[axis, k]
             batch.barycentric[0, k], batch.barycentric[1, k] = ray[_U + lane], ray[_V + lane]

@@ -12,7 +12,7 @@ import numpy as np
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import HitTable, LabelBuffers, classify
-from fieldtruth.sense.kernel import kernel
+from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import IntArray, Packet, set_ray
 from fieldtruth.sense.pinhole import Pinhole
 
@@ -25,6 +25,8 @@ BLOCK: Final = BLOCK_WIDTH * BLOCK_HEIGHT
 _LANES, _WIDTH, _HEIGHT = embree.LANES, embree.TILE_WIDTH, embree.TILE_HEIGHT
 _DX, _DY, _DZ, _GEOM, _INST = embree.DIR_X, embree.DIR_Y, embree.DIR_Z, embree.GEOM_ID, embree.INST_ID
 _MISS = np.uint32(embree.MISS)
+_TINY = np.float32(1e-9)
+_NX, _NY, _NZ = embree.NG_X, embree.NG_Y, embree.NG_Z
 _FAR, _PRIM, _U, _V = embree.TFAR, embree.PRIM_ID, embree.HIT_U, embree.HIT_V
 _intersect: Any = embree.intersect
 
@@ -46,6 +48,7 @@ class RayBatch(NamedTuple):
     top: IntArray  # (n,) row of the top-level geometry, see HitTable
     primitive: IntArray  # (n,) triangle of its mesh
     barycentric: Float32Array  # (2, n) weights of the triangle's second and third vertex
+    foreshortening: Float32Array  # (n,) see seen_over_map
     distance: Float32Array  # (n,) [m] along the ray
     point: Float32Array  # (3, n) [m] world frame
 
@@ -60,6 +63,7 @@ def new_batch(count: int) -> RayBatch:
         top=np.zeros(n, np.int32),
         primitive=np.zeros(n, np.int32),
         barycentric=np.zeros((2, n), np.float32),
+        foreshortening=np.zeros(n, np.float32),
         distance=np.zeros(n, np.float32),
         point=np.zeros((3, n), np.float32),
     )
@@ -80,6 +84,14 @@ def set_pixel_block(top: int, left: int, height: int, width: int, image: Float32
     return k
 
 
+@inlined
+def seen_over_map(ray: Float32Array, lane: int) -> np.float32:
+    """Area of a small piece of the surface that was hit as the ray sees it, over its area on the map."""
+    nx, ny, nz = ray[_NX + lane], ray[_NY + lane], ray[_NZ + lane]
+    facing = nx * ray[_DX + lane] + ny * ray[_DY + lane] + nz * ray[_DZ + lane]
+    return abs(facing) / max(abs(nz), _TINY)  # type: ignore[no-any-return]
+
+
 @kernel
 def trace(scene: np.uint64, packet: Packet, view: View, batch: RayBatch, count: int) -> None:
     """Trace the rays through the first ``count`` image points of a batch, LANES neighbours at a time.
@@ -87,7 +99,7 @@ def trace(scene: np.uint64, packet: Packet, view: View, batch: RayBatch, count: 
     Each inner loop writes few fields of the packet, so that it is vectorized; what all rays share is set once.
     """
     ray, words, valid = packet.ray, packet.words, packet.valid
-    image, direction, cosine, top, primitive, barycentric, distance, point = batch
+    image, direction, cosine, top, primitive, barycentric, foreshortening, distance, point = batch
     pose, lens, far = view
     m00, m01, m02 = pose[0, 0], pose[0, 1], pose[0, 2]
     m10, m11, m12 = pose[1, 0], pose[1, 1], pose[1, 2]
@@ -122,6 +134,7 @@ def trace(scene: np.uint64, packet: Packet, view: View, batch: RayBatch, count: 
             point[1, k] = y0 + t * direction[1, k]
             point[2, k] = z0 + t * direction[2, k]
             barycentric[0, k], barycentric[1, k] = ray[_U + lane], ray[_V + lane]
+            foreshortening[k] = seen_over_map(ray, lane)
             primitive[k] = np.int32(words[_PRIM + lane])
             geometry, instance = words[_GEOM + lane], words[_INST + lane]
             top[k] = np.int32(geometry if instance == _MISS else instance)  # MISS for both becomes -1

@@ -1,0 +1,69 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Light on short grass and on crumbs: grass has no solid surface, so only crumbs shade the ground in photographs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sense_worlds import F8, make_world
+
+from fieldtruth.core import frames
+from fieldtruth.experiment.config import LightConfig
+from fieldtruth.experiment.rig import OPTICAL, CameraConfig
+from fieldtruth.render.bake import bake
+from fieldtruth.render.camera import Camera
+from fieldtruth.render.materials import CRUMBS
+from fieldtruth.sense.packets import new_packet
+from fieldtruth.sense.pinhole import Pinhole
+from fieldtruth.sense.ray_batch import View, new_batch, trace
+from fieldtruth.sense.scene import Scene
+from fieldtruth.world.ground_types import GROUND_TYPES
+from fieldtruth.world.model import World
+
+LOW_SUN = LightConfig(sun_azimuth_deg=0.0, sun_elevation_deg=20.0)
+
+
+def covered(name: str) -> World:
+    """Flat ground of one colour below the layer of a ground type, uncorrelated from node to node."""
+    layer = GROUND_TYPES[name].layer
+    assert layer is not None
+    world = make_world(side=3.0, spacing=0.05)
+    noise = np.random.default_rng(1).standard_normal(world.terrain.field.heights.shape)
+    heights = np.maximum(layer.mean + layer.deviation * noise, 0.0).astype(np.float32)
+    return replace(world, terrain=replace(world.terrain, layer=heights))
+
+
+def seen(world: World) -> F8:
+    """Brightness of the ground from straight above."""
+    config = CameraConfig(width=160, height=160, horizontal_fov_deg=50.0, vertical_fov_deg=50.0)
+    camera = Camera(config, bake(Scene(world), LOW_SUN))
+    return np.asarray(camera.render(frames.pose((0, 0, 2.0), (0, 90, 0)) @ OPTICAL).photo.mean(axis=2))
+
+
+def contrast(world: World) -> float:
+    """Standard deviation of the ground's brightness over that of bare ground."""
+    return float((seen(world) / seen(make_world(side=3.0, spacing=0.05))).std())
+
+
+@pytest.mark.parametrize("name", ["lawn", "dry_grass"])
+def test_short_grass_is_shaded_as_the_ground_without_it(name: str) -> None:
+    """Only where it is lower than ``CRUMBS``, at one node of twenty, are there facets that light shows."""
+    world = covered(name)
+    assert world.terrain.layer is not None
+    assert (world.terrain.layer < CRUMBS).mean() < 0.055
+    assert contrast(world) < 0.035
+
+
+def test_crumbs_of_earth_are_seen() -> None:
+    assert contrast(covered("earth")) > 0.035
+
+
+def test_texture_detail_follows_each_facet() -> None:
+    """A slope of 0.6 that rises to +x: a level ray towards +x sees 0.6 m^2 of it per square metre of the map."""
+    scene = Scene(make_world(height=lambda x, _: 0.6 * x, side=6.0, spacing=0.05))
+    batch, view = new_batch(1), View(frames.pose((-1.0, 0, 0)) @ OPTICAL, Pinhole(1.0, 1.0, 0.0, 0.0), 100.0)
+    for down, seen in ((0.0, 0.6), (1.0, 1.6 / np.sqrt(2.0))):
+        batch.image[:, 0] = 0.0, down
+        trace(scene.rays.handle, new_packet(coherent=False), view, batch, 1)
+        assert batch.foreshortening[0] == pytest.approx(seen, rel=1e-4)
