@@ -40,6 +40,7 @@ def files(out: Path) -> dict[str, bytes]:
     return {str(p.relative_to(out)): p.read_bytes() for p in found}
 
 
+@pytest.mark.slow
 def test_two_jobs_make_two_runs(tmp_path: Path) -> None:
     said: list[str] = []
     states = generate_campaign(park(0.6), tmp_path, Options(jobs=2, measure=False), say=said.append)

@@ -55,6 +55,14 @@ def test_reading_a_world_again_is_part_of_a_run() -> None:
     assert time_left_s([*made, *left(runs[0])], jobs=1) == pytest.approx(2 * (4 + 6) / 4)
 
 
+def test_a_run_that_was_found_finished_says_nothing() -> None:
+    run = planned("park", 0, 2.0)
+    found = done(run, 2.0, took_s=0.1, world_s=0.0)
+    assert time_left_s([found, *left(run)], jobs=1) is None
+    made = done(run, 2.0, took_s=14.0, world_s=10.0)
+    assert time_left_s([found, made, *left(run)], jobs=1) == pytest.approx(4)
+
+
 def test_environments_have_their_own_speed_and_one_without_a_run_that_of_all() -> None:
     made = [
         done(planned("park", 0, 1.0), 1.0, took_s=12.0, world_s=10.0),

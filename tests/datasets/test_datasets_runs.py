@@ -215,7 +215,7 @@ def test_a_batch_is_stacked_and_clouds_are_not_padded(small_run: Path) -> None:
     assert {key for key, value in batch.items() if isinstance(value, list)} == {"run", *RAGGED}
 
 
-@pytest.mark.parametrize("start", ["fork", "spawn"])
+@pytest.mark.parametrize("start", ["fork", pytest.param("spawn", marks=pytest.mark.slow)])
 def test_two_loader_workers_match_direct_access(small_run: Path, tmp_path: Path, start: str) -> None:
     torch = pytest.importorskip("torch")
     from torch.utils.data import DataLoader

@@ -26,6 +26,7 @@ def coco(path: Path) -> COCO:
         return COCO(str(path))
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_duration(short: Path, tmp_path: Path) -> None:
     pictures = [f"/stereo/camera/left/{kind}" for kind in ("real/compressed", "tag/img_raw", "instances")]
     once = ["/gazebo/model_states", "/tf_static", "/stereo/camera/left/camera_info"]

@@ -13,6 +13,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import NamedTuple, NoReturn
@@ -152,16 +153,22 @@ def test_kills_of_a_campaign(tmp_path: Path) -> None:
 
     begin = time.monotonic()
     make(tmp_path / "whole")
-    duration, moments, codes = time.monotonic() - begin, random.Random(7), [1]
-    while codes[-1] != 0 or len(codes) < 8:
-        child = start_function(lambda: make(tmp_path / "killed"))
-        time.sleep(moments.uniform(0.1, 0.6) * duration)
+    duration, moments, kills, finished = time.monotonic() - begin, random.Random(7), 0, 0
+    while kills < 6 or not finished:
+        out = tmp_path / f"killed_{finished}"
+        child = start_function(partial(make, out))
+        time.sleep(moments.uniform(0.0, 0.8) * duration)
         os.kill(child.pid, signal.SIGKILL)
-        codes.append(child.end()[0])
-    assert codes.count(-signal.SIGKILL) >= 2
-    states = [state_of(run, tmp_path / "killed", checksums=True) for run in draw(campaign)]
-    assert [state.kind for state in states] == [Kind.DONE] * 3
-    assert files(tmp_path / "killed") == files(tmp_path / "whole")
+        code, _ = child.end()
+        if code == -signal.SIGKILL:
+            kills += 1
+            if kills % 3 == 0:  # without a kill, so that a machine that has become slow ends, too
+                code = start_function(partial(make, out)).end()[0]
+        if code == 0:
+            states = [state_of(run, out, checksums=True) for run in draw(campaign)]
+            assert [state.kind for state in states] == [Kind.DONE] * 3
+            assert files(out) == files(tmp_path / "whole")
+            finished += 1
 
 
 @pytest.fixture

@@ -74,7 +74,7 @@ def start(out: Path) -> subprocess.Popen[bytes]:
     return process
 
 
-@pytest.mark.parametrize("sign", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("sign", [signal.SIGKILL, pytest.param(signal.SIGINT, marks=pytest.mark.slow)])
 def test_an_interrupted_run_resumes_and_ends_with_the_same_bytes(tmp_path: Path, sign: signal.Signals) -> None:
     whole = generate(make_experiment(4.0), tmp_path / "whole", workers=1).read_bytes()
     process = start(tmp_path)

@@ -92,9 +92,10 @@ def counts(states: Sequence[State]) -> str:
 def time_left_s(states: Sequence[State], jobs: int) -> float | None:
     """Estimate the time [s] that ``jobs`` processes need for the rest, from the finished runs of each environment.
 
-    Building a world and baking its light count once for each world and light that is left. None while no run is done.
+    Building a world and baking its light count once for each world and light that is left. A run that was found
+    finished, without its manifest, needed no world and says nothing about the time. None while no other run is done.
     """
-    done = [(state.run.experiment, state.manifest) for state in states if state.manifest is not None]
+    done = [(s.run.experiment, s.manifest) for s in states if s.manifest is not None and s.manifest.world_s > 0]
     left = [state.run.experiment for state in states if state.is_left or state.kind is Kind.RUNNING]
     if not done:
         return None
