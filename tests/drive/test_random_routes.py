@@ -12,10 +12,12 @@ from drive_worlds import F8, make_experiment, make_world, obstacle, tilted
 import fieldtruth
 from fieldtruth import pipeline
 from fieldtruth.core.errors import DriveError, RouteError
-from fieldtruth.drive import plan
+from fieldtruth.drive import plan, route_grid
 from fieldtruth.drive.kinematics import KinematicSimulator
 from fieldtruth.drive.plan import plan_route
+from fieldtruth.drive.route_grid import RouteGrid
 from fieldtruth.drive.simulate import drive
+from fieldtruth.drive.traversability import traversability
 from fieldtruth.experiment.config import ControlConfig, Experiment, RouteConfig
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route, random_route
@@ -177,3 +179,32 @@ def test_routes_that_fail_in_the_physics_simulation_are_rejected(monkeypatch: py
     assert route == tried[2].route
     assert route not in (tried[0].route, tried[1].route)
     assert {whole.seconds for whole in tried} == {None}
+
+
+def test_paths_of_a_part_end_within_its_reach_and_small_worlds_are_one_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    ground = traversability(forest())
+    grid, corner = RouteGrid(ground), np.array([-15.0, -7.0])
+    np.testing.assert_array_equal(grid.around(corner).nodes, grid.nodes)
+    np.testing.assert_array_equal(grid.around(corner).clearance, grid.clearance)
+    assert grid.around(corner) is grid.around(-corner)
+    monkeypatch.setattr(route_grid, "_REACH_NODES", 40)
+    part = grid.around(corner)
+    inside = (np.abs(grid.nodes - corner) <= 12.0 + 0.16).all(axis=1)
+    assert 0 < inside.sum() < len(grid.nodes)
+    assert abs(len(part.nodes) - inside.sum()) <= 0.05 * inside.sum()
+    assert {tuple(node) for node in part.nodes.round(6)} <= {tuple(node) for node in grid.nodes.round(6)}
+
+
+def test_a_route_can_be_much_longer_than_the_part_that_is_searched(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(route_grid, "_REACH_NODES", 40)
+    experiment = random_experiment(200.0, 1)
+    route = plan_route(make_world(), experiment, verify=False)
+    assert path_length(path_of(route, experiment)) == pytest.approx(200.0, rel=0.02)
+    assert np.ptp(metres_from_route(route)[:, 0]) > 24.0
+
+
+@pytest.mark.slow
+def test_two_kilometres_in_a_large_world() -> None:
+    experiment, world = random_experiment(2000.0, 3), make_world(size=(160.0, 120.0))
+    route = plan_route(world, experiment, verify=False)
+    assert path_length(path_of(route, experiment)) == pytest.approx(2000.0, rel=0.02)

@@ -148,7 +148,7 @@ def test_webdataset_and_huggingface(runs: tuple[Path, Path], tmp_path: Path) -> 
 
     def packed(member: str, name: str) -> Callable[[Path], NDArray[Any]]:
         def find(run: Path) -> NDArray[Any]:
-            with tarfile.open(next(tars[run].glob("*.tar"))) as tar:
+            with tarfile.open(next(tars[run].glob("train-*.tar"))) as tar:
                 files = [m for m in tar.getmembers() if m.name.endswith(member)]
                 contents = [tar.extractfile(each) for each in files]
                 return np.concatenate([np.load(io.BytesIO(each.read()))[name].ravel() for each in contents if each])

@@ -86,12 +86,14 @@ class RandomRoutePlanner:
             yield corners, min(self._length, longest)
 
     def _start(self, *, at_end_of_ground: bool) -> _Draft:
-        """Start at random where there is enough clearance, or at the free node that is farthest from there."""
+        """Start at random where there is enough clearance, or at the free node around that is farthest from there."""
         grid = self._grid
         clear = np.flatnonzero(grid.clearance >= min(0.6, float(grid.clearance.max())))
         start = grid.nodes[self._rng.choice(clear)]
         if at_end_of_ground:
-            start = grid.nodes[clear[grid.distances_from(start)[clear].argmax()]]
+            part = grid.around(start)
+            away = np.where(part.clearance >= min(0.6, float(grid.clearance.max())), part.distances_from(start), -1.0)
+            start = part.nodes[np.where(np.isfinite(away), away, -1.0).argmax()]
         return _Draft([start], [self._simulator.start(start, start + self._rng.normal(size=2))])
 
     def _extend(self, draft: _Draft) -> None:
@@ -99,7 +101,8 @@ class RandomRoutePlanner:
         longest, failures = draft.length, 0
         while draft.length < self._length and failures < MAX_FAILURES:
             driven = np.concatenate([draft.corners[0][None], *(poses[::10, :2] for poses in draft.paths)])
-            path = self._grid.random_path(draft.states[-1], driven, self._rng)
+            state = draft.states[-1]
+            path = self._grid.around(np.array([state.x, state.y])).random_path(state, driven, self._rng)
             if self._follow(draft, path):
                 failures = 0 if draft.length > longest else failures + 1
                 longest = max(longest, draft.length)

@@ -20,23 +20,48 @@ NODE_CLEARANCE: Final = 0.1  # [m] of every node; the map, in cells, may promise
 PATH_CLEARANCE: Final = 0.4  # [m] of the simulated robot, wherever there is that much
 MIN_DISTANCE: Final = 8.0  # [m] from the robot to the end of a path
 NEW_GROUND: Final = 25.0  # [m]; no node is preferred for being farther from driven ground
+REACH: Final = 100.0  # [m] from the robot along x and y to the end of a path
+_REACH_NODES: Final = round(REACH / NODE)
 
 
 class RouteGrid:
-    """Nodes of the largest connected free part of the ground, and the cost of moving between neighbours."""
+    """Nodes of the largest connected free part of the ground: ``nodes`` (n, 2) and ``clearance`` (n,) there, in m."""
 
     def __init__(self, ground: Traversability) -> None:
-        self._ground = ground
-        clearance = ground.clearance[::STRIDE, ::STRIDE]
-        parts, count = label(clearance >= NODE_CLEARANCE)
+        self._corner = np.array([ground.x0, ground.y0])
+        self._clearance = ground.clearance[::STRIDE, ::STRIDE]
+        parts, count = label(self._clearance >= NODE_CLEARANCE)
         sizes = np.bincount(parts.ravel(), minlength=count + 1)
         sizes[0] = 0
         self._free: Mask = (parts == sizes.argmax()) & (parts > 0)
-        cells = np.argwhere(self._free)
-        self.nodes: Array = (cells * NODE + (ground.x0, ground.y0)).astype(np.float64)
-        self.clearance = clearance[self._free].astype(np.float64)
-        number = np.full(np.add(self._free.shape, 2), -1)
-        number[1:-1, 1:-1][self._free] = np.arange(len(self.nodes))
+        self.nodes: Array = (np.argwhere(self._free) * NODE + self._corner).astype(np.float64)
+        self.clearance = self._clearance[self._free].astype(np.float64)
+        self._part: tuple[tuple[int, ...], RoutePart] | None = None
+
+    def around(self, point: Array) -> "RoutePart":
+        """Return the nodes within ``REACH`` of a point (2,) [m] along x and y: all in worlds of up to that size."""
+        middle = np.rint((point - self._corner) / NODE).astype(int)
+        low, high = np.clip([middle - _REACH_NODES, middle + _REACH_NODES + 1], 0, self._free.shape)
+        bounds = *low.tolist(), *high.tolist()
+        if self._part is None or self._part[0] != bounds:
+            rows = tuple(map(slice, low, high))
+            self._part = bounds, RoutePart(self._free[rows], self._clearance[rows], self._corner + low * NODE)
+        return self._part[1]
+
+
+class RoutePart:
+    """Free nodes of a part of the ground, and the cost of moving between neighbours.
+
+    Searching all nodes of a world for each path takes time and memory that grow with its area.
+    """
+
+    def __init__(self, free: Mask, clearance: NDArray[np.float32], corner: Array) -> None:
+        self._free, self._corner = free, corner
+        cells = np.argwhere(free)
+        self.nodes: Array = (cells * NODE + corner).astype(np.float64)
+        self.clearance = clearance[free].astype(np.float64)
+        number = np.full(np.add(free.shape, 2), -1)
+        number[1:-1, 1:-1][free] = np.arange(len(self.nodes))
         i, j = (cells + 1).T
         pairs, lengths = [], []
         for di, dj in ((1, 0), (0, 1), (1, 1), (1, -1)):
@@ -47,7 +72,7 @@ class RouteGrid:
         self._pairs, self._lengths = np.concatenate(pairs, axis=1), np.concatenate(lengths)
 
     def distances_from(self, point: Array) -> Array:
-        """Length [m] of the shortest path from ``point`` to each node."""
+        """Length [m] of the shortest path from ``point`` to each node; infinite where none is within this part."""
         return self._dijkstra(self._nearest(point), np.ones(len(self.nodes)))[0]
 
     def random_path(self, state: KinematicState, driven: Array, rng: np.random.Generator) -> Array:
@@ -72,8 +97,9 @@ class RouteGrid:
 
     def _distance_from(self, driven: Array) -> Array:
         fresh = np.ones(self._free.shape, bool)
-        cells = np.rint((driven - (self._ground.x0, self._ground.y0)) / NODE).astype(int)
-        fresh[tuple(np.clip(cells, 0, np.subtract(fresh.shape, 1)).T)] = False
+        cells = np.rint((driven - self._corner) / NODE).astype(int)
+        inside = ((cells >= 0) & (cells < fresh.shape)).all(axis=1)
+        fresh[tuple(cells[inside].T)] = False
         return np.asarray(distance_transform_edt(fresh)[self._free] * NODE)
 
     def _cost(self, state: KinematicState, to_driven: Array, rng: np.random.Generator) -> Array:
