@@ -191,7 +191,7 @@ def test_points_are_directions_times_ranges() -> None:
     scan = Lidar(config, room(7, 5, 3)).scan(frames.pose((1, 1, 1), (5, 6, 7)))
     expected = ray_directions(config)[scan.column, scan.ring] * scan.range_m[:, None]
     assert scan.xyz == pytest.approx(expected, abs=1e-6)
-    kinds = {"xyz": "f4", "range_m": "f4", "label": "u1", "instance": "u2", "ring": "u2", "column": "u2", "t_ns": "u4"}
+    kinds = {"xyz": "f4", "range_m": "f4", "label": "u1", "instance": "u4", "ring": "u2", "column": "u2", "t_ns": "u4"}
     assert all(getattr(scan, name).dtype == np.dtype(kind) for name, kind in kinds.items())
     assert np.all(scan.t_ns == 0)
 
