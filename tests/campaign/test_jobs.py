@@ -110,7 +110,7 @@ def test_an_estimate_of_bytes_is_near_the_truth(tmp_path: Path) -> None:
     planned = with_changes(park(10.0), seconds=8.0)
     runs = draw(planned)
     expected = estimate(runs, tmp_path / "out", jobs=1, workers=1, progress=Silent())
-    assert list((tmp_path / "out").iterdir()) == []
+    assert list((tmp_path / "out").glob("*")) == []  # there is no such folder if the figures were cached
     states = generate_campaign(planned, tmp_path / "out", Options(workers=1, measure=False), say=lambda _: None)
     size = sum(state.manifest.bytes for state in states if state.manifest is not None)
     assert expected.bytes == pytest.approx(size, rel=0.1)
