@@ -242,8 +242,8 @@ class RayScene:
 def arguments_block(*, coherent: bool) -> NDArray[np.uint64]:
     """RTCIntersectArguments (or RTCOccludedArguments) followed by its context, as one block for kernels.
 
-    ``coherent`` doubles the speed of neighbouring pixels' rays; a LiDAR's, in tiles of 4 x 4, are up to a tenth faster
-    among plants. The block contains its own address: keep it alive while it is used, and do not copy it.
+    ``coherent`` doubles the speed of neighbouring pixels' rays; those of a LiDAR are farther apart and faster without.
+    The block contains its own address: keep it alive while it is used, and do not copy it.
     """
     block = np.zeros(24, np.uint64)
     words = block.view(np.uint32)
