@@ -144,7 +144,7 @@ def make_robot(
     waypoints = geodetic_route(experiment.route).waypoints
     monitor = DriveMonitor(world, WaypointFollower(waypoints, experiment.control), experiment.control)
     robot = SimulatedHusky(world, Rig(), monitor, soil)
-    robot.spawn(world, np.array(start), ahead)
+    robot.spawn(np.array(start), ahead)
     return robot
 
 

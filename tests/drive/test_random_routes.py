@@ -12,12 +12,12 @@ from drive_worlds import F8, make_experiment, make_world, obstacle, tilted
 import fieldtruth
 from fieldtruth import pipeline
 from fieldtruth.core.errors import DriveError, RouteError
-from fieldtruth.drive import plan, route_grid
+from fieldtruth.drive import parts, plan, route_grid
 from fieldtruth.drive.kinematics import KinematicSimulator
-from fieldtruth.drive.plan import plan_route
+from fieldtruth.drive.plan import plan_and_drive, plan_route
 from fieldtruth.drive.route_grid import RouteGrid
 from fieldtruth.drive.simulate import drive
-from fieldtruth.drive.traversability import traversability
+from fieldtruth.drive.traversability import Traversability
 from fieldtruth.experiment.config import ControlConfig, Experiment, RouteConfig
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route, random_route
@@ -144,22 +144,36 @@ def test_random_route_in_the_park_is_driven_to_its_end(seed: int) -> None:
     assert away.max() < 0.15
 
 
-@pytest.mark.slow
-def test_run_drives_the_planned_route_and_writes_the_original_experiment(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("seconds", [None, 1.0])
+def test_a_random_route_is_driven_once_and_a_shorter_run_is_its_beginning(
+    monkeypatch: pytest.MonkeyPatch, seconds: float | None
 ) -> None:
     world, driven = make_world(), []
+    experiment = random_experiment(30.0, 3).model_copy(update={"seconds": seconds})
 
+    def note(world: World, one: Experiment) -> Experiment:
+        driven.append(one)
+        return one
+
+    monkeypatch.setattr(plan, "drive", note)
+    result: object = plan_and_drive(world, experiment)
+    assert result is driven[-1]
+    assert [one.seconds for one in driven] == [None, seconds][: 1 if seconds is None else 2]
+    assert {one.route for one in driven} == {plan_route(world, experiment, verify=False)}
+
+
+@pytest.mark.slow
+def test_a_run_with_a_random_route_keeps_the_original_experiment(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def no_scene(*_: object) -> None:
         raise DriveError("enough")
 
-    monkeypatch.setattr(pipeline, "world_of", lambda _: world)
-    monkeypatch.setattr(pipeline, "drive", lambda _, experiment: driven.append(experiment.route))
+    monkeypatch.setattr(pipeline, "world_of", lambda _: make_world())
     monkeypatch.setattr(pipeline, "sensor_factory", no_scene)
-    experiment = random_experiment(50.0, 3).model_copy(update={"environment": "park"})
+    experiment = random_experiment(20.0, 3).model_copy(update={"environment": "park"})
     with pytest.raises(DriveError, match="enough"):
         pipeline.generate(experiment, tmp_path)
-    assert driven == [plan_route(world, experiment, verify=False)]
     assert load_experiment(tmp_path / "test" / "experiment.yaml") == experiment
 
 
@@ -181,22 +195,27 @@ def test_routes_that_fail_in_the_physics_simulation_are_rejected(monkeypatch: py
     assert {whole.seconds for whole in tried} == {None}
 
 
+def short_reach(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(parts, "WHOLE", 20.0)
+    monkeypatch.setattr(route_grid, "REACH", 12.0)
+
+
 def test_paths_of_a_part_end_within_its_reach_and_small_worlds_are_one_part(monkeypatch: pytest.MonkeyPatch) -> None:
-    ground = traversability(forest())
+    ground = Traversability(forest())
     grid, corner = RouteGrid(ground), np.array([-15.0, -7.0])
-    np.testing.assert_array_equal(grid.around(corner).nodes, grid.nodes)
-    np.testing.assert_array_equal(grid.around(corner).clearance, grid.clearance)
-    assert grid.around(corner) is grid.around(-corner)
-    monkeypatch.setattr(route_grid, "_REACH_NODES", 40)
-    part = grid.around(corner)
-    inside = (np.abs(grid.nodes - corner) <= 12.0 + 0.16).all(axis=1)
-    assert 0 < inside.sum() < len(grid.nodes)
+    whole = grid.anywhere(np.random.default_rng(0))
+    assert grid.around(corner) is whole
+    assert grid.around(-corner) is whole
+    short_reach(monkeypatch)
+    part = RouteGrid(Traversability(forest())).around(corner)
+    inside = (np.abs(whole.nodes - corner) <= 12.0 + 0.16).all(axis=1)
+    assert 0 < inside.sum() < len(whole.nodes)
     assert abs(len(part.nodes) - inside.sum()) <= 0.05 * inside.sum()
-    assert {tuple(node) for node in part.nodes.round(6)} <= {tuple(node) for node in grid.nodes.round(6)}
+    assert {tuple(node) for node in part.nodes.round(6)} <= {tuple(node) for node in whole.nodes.round(6)}
 
 
 def test_a_route_can_be_much_longer_than_the_part_that_is_searched(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(route_grid, "_REACH_NODES", 40)
+    short_reach(monkeypatch)
     experiment = random_experiment(200.0, 1)
     route = plan_route(make_world(), experiment, verify=False)
     assert path_length(path_of(route, experiment)) == pytest.approx(200.0, rel=0.02)

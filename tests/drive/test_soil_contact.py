@@ -95,7 +95,7 @@ def test_coasting_robot_decelerates_by_its_resistance(ground_type: str) -> None:
     resistance = 4 * (compaction(LOAD, sinkage(LOAD, TYRE, soil), TYRE, soil) + soil[6] * LOAD)
     robot = robot_on(ground_type)
     robot.advance(Command(1.0, 0.0), 1500)
-    robot._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
+    robot.surroundings.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
     robot.advance(STOP, 200)  # until the slip of driving and its rut are behind
     speed = robot.advance(STOP, 200)[:, 7]
     expected = resistance / (MASS + 4 * (0.04411 + 0.1) / RADIUS**2)

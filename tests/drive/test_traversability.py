@@ -12,7 +12,7 @@ from sense_worlds import at, box, make_mesh
 from fieldtruth.core import frames
 from fieldtruth.drive.bearing import bearing_field
 from fieldtruth.drive.outlines import MAX_STEP, Outline, distance_to, gap_to, obstacle_outlines, stone_outlines
-from fieldtruth.drive.traversability import CELL, ROBOT_RADIUS, Blockage, traversability
+from fieldtruth.drive.traversability import CELL, ROBOT_RADIUS, Blockage, Traversability
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Collider, merge_meshes
 
@@ -60,7 +60,7 @@ def test_fallen_trunk_blocks_its_length_and_leaning_trunk_its_low_part() -> None
 
 
 def test_clearance_is_the_free_distance_around_the_robot() -> None:
-    ground = traversability(make_world(obstacles=[obstacle("post", "cylinder", (0.3, 2.0), 0.0, 0.0)]))
+    ground = Traversability(make_world(obstacles=[obstacle("post", "cylinder", (0.3, 2.0), 0.0, 0.0)]))
     for distance in (1.0, 1.5, 3.0):
         free = distance - 0.3 - ROBOT_RADIUS
         for angle in np.linspace(0, 2 * np.pi, 12):
@@ -70,7 +70,7 @@ def test_clearance_is_the_free_distance_around_the_robot() -> None:
 
 
 def test_cells_near_the_edge_are_blocked() -> None:
-    ground = traversability(make_world(size=(20.0, 12.0)))
+    ground = Traversability(make_world(size=(20.0, 12.0)))
     points = [(8.4, 0.0), (8.7, 0.0), (0.0, -4.4), (0.0, -4.7), (30.0, 0.0)]
     expected = [Blockage.NONE, Blockage.EDGE, Blockage.NONE, Blockage.EDGE, Blockage.EDGE]
     assert ground.blockage_at(points).tolist() == expected
@@ -83,7 +83,7 @@ def test_cells_near_the_edge_are_blocked() -> None:
 @pytest.mark.parametrize("spacing", [0.1, 0.2])
 def test_ramps_steeper_than_20_deg_are_blocked(slope: float, blockage: Blockage, spacing: float) -> None:
     for ramp in (tilted(slope, 0.0), tilted(0.0, -slope)):
-        ground = traversability(make_world(ramp, spacing=spacing))
+        ground = Traversability(make_world(ramp, spacing=spacing))
         assert (ground.blockage_at([(0.0, 0.0), (5.0, -3.0), (-12.0, 6.0)]) == blockage).all()
 
 
@@ -104,9 +104,9 @@ def boulder(x: F8, y: F8) -> F8:
 
 
 def test_steps_and_boulders_of_the_terrain_are_blocked() -> None:
-    assert traversability(make_world(step(0.05))).blockage_at([(0.0, 0.0)])[0] == Blockage.NONE
-    assert traversability(make_world(step(0.5))).blockage_at([(0.0, 0.0)])[0] in (Blockage.ROUGH, Blockage.STEEP)
-    ground = traversability(make_world(boulder))
+    assert Traversability(make_world(step(0.05))).blockage_at([(0.0, 0.0)])[0] == Blockage.NONE
+    assert Traversability(make_world(step(0.5))).blockage_at([(0.0, 0.0)])[0] in (Blockage.ROUGH, Blockage.STEEP)
+    ground = Traversability(make_world(boulder))
     assert ground.blockage_at([(0.0, 0.0)])[0] in (Blockage.ROUGH, Blockage.STEEP)
     assert ground.blockage_at([(2.0, 0.0), (0.0, -2.0)]).tolist() == [Blockage.NONE, Blockage.NONE]
 
@@ -122,7 +122,7 @@ def test_a_stone_higher_than_a_step_is_an_obstacle_and_a_lower_one_is_not() -> N
     np.testing.assert_allclose(
         [high.corners.min(axis=0), high.corners.max(axis=0)], [(2.9, 0.94), (3.1, 1.06)], atol=1e-6
     )
-    ground = traversability(world)
+    ground = Traversability(world)
     assert ground.blockage_at([(3.0, 1.0), (-3.0, 1.0)]).tolist() == [Blockage.OBSTACLE, Blockage.NONE]
     assert ground.clearance_at([(3.0, 1.4)])[0] < 0 < ground.clearance_at([(-3.0, 1.4)])[0]
 
@@ -160,16 +160,16 @@ def test_no_stone_on_a_ridge_is_lost_between_the_points_of_the_chassis() -> None
     poses = np.tile(np.eye(4), (15, 1, 1))
     poses[:, :2, 3], poses[:, 2, 3] = xy, ridge(*xy.T)
     bare = make_world(ridge, spacing=0.05)
-    assert (traversability(bare).blockage_at(xy) == Blockage.NONE).all()
-    assert (traversability(with_stones(bare, [stone], [0] * 15, poses)).blockage_at(xy) == Blockage.ROUGH).all()
+    assert (Traversability(bare).blockage_at(xy) == Blockage.NONE).all()
+    assert (Traversability(with_stones(bare, [stone], [0] * 15, poses)).blockage_at(xy) == Blockage.ROUGH).all()
     level = with_stones(
         make_world(), [stone], [0] * 15, poses - np.array([[0, 0, 0, 0]] * 2 + [[0, 0, 0, 0.05], [0, 0, 0, 0]])
     )
-    assert (traversability(level).blockage_at(xy) == Blockage.NONE).all()
+    assert (Traversability(level).blockage_at(xy) == Blockage.NONE).all()
 
 
 def test_water_is_blocked_and_its_bank_has_no_clearance() -> None:
-    ground = traversability(make_world(tilted(0.0, 10.0), water_level=0.0))
+    ground = Traversability(make_world(tilted(0.0, 10.0), water_level=0.0))
     assert ground.blockage_at([(0.0, -0.5), (0.0, 1.0)]).tolist() == [Blockage.WATER, Blockage.NONE]
     dry = 0.05 / np.tan(np.radians(10.0))  # [m] from the shoreline to ground 0.05 m above it
     assert ground.clearance_at([(0.0, dry + ROBOT_RADIUS - 0.1)])[0] < 0
@@ -177,6 +177,6 @@ def test_water_is_blocked_and_its_bank_has_no_clearance() -> None:
 
 
 def test_plane_is_free_except_for_its_edge() -> None:
-    ground = traversability(make_world())
-    assert (ground.clearance[20:-20, 20:-20] > 0).all()
+    ground = Traversability(make_world())
+    assert (ground.clearance_of(range(20, 381), range(20, 181)) > 0).all()
     assert ground.clearance_at([(0.0, 0.0)])[0] == pytest.approx(8.5, abs=CELL)

@@ -26,7 +26,7 @@ def robot_on(world: World, soil: Callable[[Wheels], None]) -> SimulatedHusky:
     experiment = make_experiment([(15.0, 0.0)])
     follower = WaypointFollower(geodetic_route(experiment.route).waypoints, experiment.control)
     robot = SimulatedHusky(world, Rig(), DriveMonitor(world, follower, experiment.control), soil)
-    robot.spawn(world, np.zeros(2), np.array([100.0, 0.0]))
+    robot.spawn(np.zeros(2), np.array([100.0, 0.0]))
     return robot
 
 

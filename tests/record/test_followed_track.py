@@ -21,7 +21,8 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.pipeline import generate
 from fieldtruth.validation import Check
-from fieldtruth.validation.context import RebuiltWorld
+
+pytestmark = pytest.mark.usefixtures("in_park")
 
 IMU, ODOMETRY = "/imu/data", "/ground_truth/odom"
 BARE = {"cameras": {"enabled": False}, "lidar": {"enabled": False}}
@@ -35,12 +36,6 @@ def written(folder: Path, text: str = LINE, name: str = "flight", **values: Any)
     data = {"name": name, "environment": "park", "rig": BARE, "drive": {"track": "line.tum"}, **values}
     (folder / f"{name}.yaml").write_text(yaml.safe_dump(data))
     return folder / f"{name}.yaml"
-
-
-@pytest.fixture(autouse=True)
-def built_park(park: RebuiltWorld, monkeypatch: pytest.MonkeyPatch) -> None:
-    """All runs are in the park with seed 0, which is built."""
-    monkeypatch.setattr("fieldtruth.pipeline.world_of", lambda experiment: park.world)
 
 
 def messages_of(run: Path, *topics: str) -> dict[str, list[tuple[int, Any]]]:

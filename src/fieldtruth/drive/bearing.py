@@ -35,6 +35,7 @@ _FEET: Final = frozenset({Label.TRUNK})
 """Classes of the surfaces of objects with colliders that reach beyond these near the ground."""
 
 _known: Final[dict[int, Heightfield]] = {}
+_faces: Final[dict[int, dict[frozenset[Label], NDArray[np.int32]]]] = {}
 
 
 class HardSurface(NamedTuple):
@@ -80,6 +81,17 @@ def hard_surfaces(world: World) -> Iterator[HardSurface]:
 
 
 def _faces_of(world: World, mesh: Mesh, labels: frozenset[Label]) -> NDArray[np.int32]:
+    """Faces (f, 3) of the materials of some classes; they are looked for once per mesh."""
+    known = _faces.get(id(mesh))
+    if known is None:
+        known = _faces[id(mesh)] = {}
+        weakref.finalize(mesh, _faces.pop, id(mesh), None)
+    if labels not in known:
+        known[labels] = _find_faces(world, mesh, labels)
+    return known[labels]
+
+
+def _find_faces(world: World, mesh: Mesh, labels: frozenset[Label]) -> NDArray[np.int32]:
     rows = [k for k, name in enumerate(mesh.materials) if world.materials[name].label in labels]
     return np.ascontiguousarray(mesh.faces[np.isin(mesh.material, rows)])
 

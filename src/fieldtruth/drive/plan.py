@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Route planning before the drive: check the given waypoints against the world, or find a random route."""
 
+import contextlib
+
 import numpy as np
 
 from fieldtruth.core.errors import DriveError, RouteError
@@ -9,7 +11,8 @@ from fieldtruth.drive.kinematics import KinematicSimulator
 from fieldtruth.drive.random_route import RandomRoutePlanner
 from fieldtruth.drive.route_check import check_route
 from fieldtruth.drive.simulate import drive
-from fieldtruth.drive.traversability import traversability
+from fieldtruth.drive.track import Track
+from fieldtruth.drive.traversability import Traversability
 from fieldtruth.experiment.config import Experiment, RandomRouteConfig, RouteConfig
 from fieldtruth.experiment.route import geodetic_route, metres_from_route, route_from_metres
 from fieldtruth.world.model import World
@@ -31,12 +34,33 @@ def plan_route(world: World, experiment: Experiment, *, verify: bool = True) -> 
         RouteError: a waypoint or a leg that the robot cannot take, with its number and the obstacle; or no free route
             of the requested length, with the longest that was found.
     """
-    ground, simulator = traversability(world), KinematicSimulator(experiment, world.terrain.field)
+    route, _ = _planned(world, experiment, verify=verify)
+    return route
+
+
+def plan_and_drive(world: World, experiment: Experiment) -> Track:
+    """Plan the route as ``plan_route`` does, and drive it for ``experiment.seconds``.
+
+    A random route is driven once: the drive that verifies it is the result.
+
+    Raises:
+        RouteError: as ``plan_route``.
+        DriveError: the robot cannot drive the given waypoints.
+    """
+    route, track = _planned(world, experiment, verify=True)
+    if track is None or experiment.seconds is not None:
+        return drive(world, experiment.model_copy(update={"route": route}))
+    return track
+
+
+def _planned(world: World, experiment: Experiment, *, verify: bool) -> tuple[RouteConfig, Track | None]:
+    """Return the route and, if it is a random one that was verified, the track of the whole of it."""
+    ground, simulator = Traversability(world), KinematicSimulator(experiment, world.terrain.field)
     route = experiment.route
     if not isinstance(route, RandomRouteConfig):
         planned = geodetic_route(route)
         check_route(ground, simulator, metres_from_route(planned))
-        return planned
+        return planned, None
     rng = np.random.default_rng(route.random.seed)
     longest = 0.0
     for corners, length in RandomRoutePlanner(ground, simulator, route.random.length_m, rng).proposals():
@@ -44,21 +68,11 @@ def plan_route(world: World, experiment: Experiment, *, verify: bool = True) -> 
         if corners is None:
             continue
         planned = route_from_metres(corners[0].tolist(), corners[1:].tolist())
-        try:
+        with contextlib.suppress(RouteError, DriveError):
             check_route(ground, simulator, metres_from_route(planned))
-        except RouteError:
-            continue
-        if not verify or _arrives(world, experiment, planned):
-            return planned
+            whole = experiment.model_copy(update={"route": planned, "seconds": None})
+            return planned, drive(world, whole) if verify else None
     raise RouteError(
         f"no free route of {route.random.length_m:g} m found in {world.name} (seed {world.seed}); "
         f"the longest that was found is {longest:.0f} m"
     )
-
-
-def _arrives(world: World, experiment: Experiment, route: RouteConfig) -> bool:
-    try:
-        drive(world, experiment.model_copy(update={"route": route, "seconds": None}))
-    except DriveError:
-        return False
-    return True

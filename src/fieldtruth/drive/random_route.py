@@ -71,44 +71,50 @@ class RandomRoutePlanner:
 
     def proposals(self) -> Iterator[tuple[Array | None, float]]:
         """Yield start and waypoints (1 + n, 2) [m], or None, with the length [m] that the attempt reached."""
-        if not len(self._grid.nodes):
-            return
         for attempt in range(ATTEMPTS):
             draft = self._start(at_end_of_ground=attempt % 2 == 1)
+            if draft is None:
+                yield None, 0.0
+                continue
             longest = 0.0
             for _ in range(ENDS):
-                self._extend(draft)
-                longest = max(longest, draft.length)
+                longest = max(longest, self._extend(draft))
                 corners = self._cut(draft)
                 if corners is not None or draft.length < self._length:
                     break
                 draft.drop(4)  # no free last waypoint; try another end
             yield corners, min(self._length, longest)
 
-    def _start(self, *, at_end_of_ground: bool) -> _Draft:
+    def _start(self, *, at_end_of_ground: bool) -> _Draft | None:
         """Start at random where there is enough clearance, or at the free node around that is farthest from there."""
-        grid = self._grid
-        clear = np.flatnonzero(grid.clearance >= min(0.6, float(grid.clearance.max())))
-        start = grid.nodes[self._rng.choice(clear)]
+        part = self._grid.anywhere(self._rng)
+        if not len(part.nodes):
+            return None
+        start = part.nodes[self._rng.choice(np.flatnonzero(part.is_clear))]
         if at_end_of_ground:
-            part = grid.around(start)
-            away = np.where(part.clearance >= min(0.6, float(grid.clearance.max())), part.distances_from(start), -1.0)
+            part = self._grid.around(start)
+            away = np.where(part.is_clear, part.distances_from(start), -1.0)
             start = part.nodes[np.where(np.isfinite(away), away, -1.0).argmax()]
         return _Draft([start], [self._simulator.start(start, start + self._rng.normal(size=2))])
 
-    def _extend(self, draft: _Draft) -> None:
-        """Add waypoints along random paths until the route is long enough or too many paths fail."""
+    def _extend(self, draft: _Draft) -> float:
+        """Add waypoints along random paths until the route is long enough or too many paths fail.
+
+        Returns:
+            The greatest length [m] that was reached; the draft may be shorter again.
+        """
         longest, failures = draft.length, 0
         while draft.length < self._length and failures < MAX_FAILURES:
             driven = np.concatenate([draft.corners[0][None], *(poses[::10, :2] for poses in draft.paths)])
             state = draft.states[-1]
             path = self._grid.around(np.array([state.x, state.y])).random_path(state, driven, self._rng)
             if self._follow(draft, path):
-                failures = 0 if draft.length > longest else failures + 1
+                failures = 0 if draft.length > longest else failures  # what was dropped has to be made up for first
                 longest = max(longest, draft.length)
             else:
                 failures += 1
                 draft.drop(failures // 3)
+        return longest
 
     def _follow(self, draft: _Draft, path: Array) -> bool:
         """Set waypoints on ``path`` by depth-first search, the widest spacing first; True if any was set."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import RouteError
-from fieldtruth.drive.ground import CHASSIS_CLEARANCE, bump_height_on_path
+from fieldtruth.drive.ground import CHASSIS_CLEARANCE
 from fieldtruth.drive.kinematics import KinematicSimulator
 from fieldtruth.drive.outlines import Outline, distance_to, gap_to
 from fieldtruth.drive.traversability import BLOCKAGE_TEXTS, ROBOT_RADIUS, Blockage, Traversability
@@ -43,7 +43,7 @@ def path_conflict(ground: Traversability, poses: Array, min_gap: float = PATH_GA
 def _first_conflict(
     ground: Traversability, path: Array, min_gap: float, gap_of: Callable[[Outline, Array], Array], *, margin: float
 ) -> Conflict | None:
-    for outline in _near(ground, path[:, :2], margin + min_gap):
+    for outline in ground.outlines_near(path[:, :2], margin + min_gap):
         gap = gap_of(outline, path)
         nearest = int(gap.argmin())
         if gap[nearest] < min_gap:
@@ -93,7 +93,7 @@ def _leg(row: int) -> str:
 
 
 def _check_waypoint(ground: Traversability, corners: Array, row: int) -> None:
-    for outline in _near(ground, corners[row : row + 1], 0.0):
+    for outline in ground.outlines_near(corners[row : row + 1], 0.0):
         if distance_to(outline, corners[row : row + 1])[0] <= 0:
             raise RouteError(f"{_waypoint(corners, row)} is in {outline.name}; move it to free ground")
     blockage = Blockage(ground.blockage_at(corners[row])[0])
@@ -128,7 +128,7 @@ def _check_path(ground: Traversability, row: int, poses: Array) -> None:
             f"at {_xy(conflict.point)}; it needs {PATH_GAP} m: set the waypoints closer together"
         )
     _check_terrain(ground, row, poses[:, :2])
-    rough = np.flatnonzero(bump_height_on_path(ground.bearing, ground.highest, poses) > CHASSIS_CLEARANCE)
+    rough = np.flatnonzero(ground.bumps_at(poses) > CHASSIS_CLEARANCE)
     if len(rough):
         raise RouteError(f"{_leg(row)} is {BLOCKAGE_TEXTS[Blockage.ROUGH]}, at {_xy(poses[rough[0]])}")
 
@@ -139,11 +139,3 @@ def _check_terrain(ground: Traversability, row: int, points: Array) -> None:
     if len(blocked):
         text = BLOCKAGE_TEXTS[Blockage(blockage[blocked[0]])]
         raise RouteError(f"{_leg(row)} is {text}, at {_xy(points[blocked[0]])}")
-
-
-def _near(ground: Traversability, points: Array, distance: float) -> list[Outline]:
-    """Outlines whose circle comes within ``distance`` [m] of the bounding box of points (n, 2)."""
-    x, y, radius = ground.circles.T
-    low, high = points.min(axis=0), points.max(axis=0)
-    gap = np.hypot(x - np.clip(x, low[0], high[0]), y - np.clip(y, low[1], high[1]))
-    return [ground.outlines[number] for number in np.flatnonzero(gap <= radius + distance)]

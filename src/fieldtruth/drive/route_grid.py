@@ -17,41 +17,57 @@ from fieldtruth.drive.traversability import CELL, Traversability
 STRIDE: Final = 3  # cells of the traversability map per node
 NODE: Final = STRIDE * CELL  # [m] between nodes
 NODE_CLEARANCE: Final = 0.1  # [m] of every node; the map, in cells, may promise 0.09 m too much
+START_CLEARANCE: Final = 0.6  # [m]
 PATH_CLEARANCE: Final = 0.4  # [m] of the simulated robot, wherever there is that much
 MIN_DISTANCE: Final = 8.0  # [m] from the robot to the end of a path
 NEW_GROUND: Final = 25.0  # [m]; no node is preferred for being farther from driven ground
-REACH: Final = 100.0  # [m] from the robot along x and y to the end of a path
-_REACH_NODES: Final = round(REACH / NODE)
+REACH: Final = 50.0  # [m] from the robot along x and y to the end of a path, in worlds of several parts
 
 
 class RouteGrid:
-    """Nodes of the largest connected free part of the ground: ``nodes`` (n, 2) and ``clearance`` (n,) there, in m."""
+    """Nodes of the free ground, every STRIDE cells of the map, part by part."""
 
     def __init__(self, ground: Traversability) -> None:
-        self._corner = np.array([ground.x0, ground.y0])
-        self._clearance = ground.clearance[::STRIDE, ::STRIDE]
-        parts, count = label(self._clearance >= NODE_CLEARANCE)
-        sizes = np.bincount(parts.ravel(), minlength=count + 1)
-        sizes[0] = 0
-        self._free: Mask = (parts == sizes.argmax()) & (parts > 0)
-        self.nodes: Array = (np.argwhere(self._free) * NODE + self._corner).astype(np.float64)
-        self.clearance = self._clearance[self._free].astype(np.float64)
-        self._part: tuple[tuple[int, ...], RoutePart] | None = None
+        self._ground = ground
+        self._shape = np.array([len(range(0, count, STRIDE)) for count in ground.shape])
+        self._reach = int(self._shape.max()) if ground.parts.is_one else round(REACH / NODE)
+        self._all: RoutePart | None = None
+
+    def anywhere(self, rng: np.random.Generator) -> "RoutePart":
+        """Return the largest connected free part around a random point; in a world of one part that of the world."""
+        share = 0.5 if self._ground.parts.is_one else rng.uniform(size=2)
+        return self._part(self._ground.corner + share * (self._shape - 1) * NODE, largest=True)
 
     def around(self, point: Array) -> "RoutePart":
-        """Return the nodes within ``REACH`` of a point (2,) [m] along x and y: all in worlds of up to that size."""
-        middle = np.rint((point - self._corner) / NODE).astype(int)
-        low, high = np.clip([middle - _REACH_NODES, middle + _REACH_NODES + 1], 0, self._free.shape)
-        bounds = *low.tolist(), *high.tolist()
-        if self._part is None or self._part[0] != bounds:
-            rows = tuple(map(slice, low, high))
-            self._part = bounds, RoutePart(self._free[rows], self._clearance[rows], self._corner + low * NODE)
-        return self._part[1]
+        """Return the free nodes within ``REACH`` of a point (2,) [m] along x and y that connect to the nearest one."""
+        return self._part(point, largest=False)
+
+    def _part(self, point: Array, *, largest: bool) -> "RoutePart":
+        middle = np.rint((point - self._ground.corner) / NODE).astype(int)
+        low, high = np.clip([middle - self._reach, middle + self._reach + 1], 0, self._shape)
+        is_all = bool((high - low == self._shape).all())
+        if is_all and self._all is not None:
+            return self._all
+        rows, columns = (range(a * STRIDE, b * STRIDE, STRIDE) for a, b in zip(low, high, strict=True))
+        clearance, corner = self._ground.clearance_of(rows, columns), self._ground.corner + low * NODE
+        parts, count = label(clearance >= NODE_CLEARANCE)
+        if largest or is_all:
+            sizes = np.bincount(parts.ravel(), minlength=count + 1)
+            sizes[0] = 0
+            number = int(sizes.argmax())
+        else:
+            cells = np.argwhere(parts)
+            distance = ((cells * NODE + corner - point) ** 2).sum(axis=1)
+            number = int(parts[tuple(cells[distance.argmin()])]) if len(cells) else 0
+        part = RoutePart((parts == number) & (parts > 0), clearance, corner)
+        self._all = part if is_all else None
+        return part
 
 
 class RoutePart:
-    """Free nodes of a part of the ground, and the cost of moving between neighbours.
+    """Connected free nodes of a part of the ground, and the cost of moving between neighbours.
 
+    ``nodes`` (n, 2) and ``clearance`` (n,) there are in m.
     Searching all nodes of a world for each path takes time and memory that grow with its area.
     """
 
@@ -70,6 +86,11 @@ class RoutePart:
             pairs.append(np.stack([node, neighbour[node]]))
             lengths.append(np.full(len(node), NODE * np.hypot(di, dj)))
         self._pairs, self._lengths = np.concatenate(pairs, axis=1), np.concatenate(lengths)
+
+    @property
+    def is_clear(self) -> Mask:
+        """Nodes (n,) with enough clearance to start at, if there are any."""
+        return np.asarray(self.clearance >= min(START_CLEARANCE, float(self.clearance.max())))
 
     def distances_from(self, point: Array) -> Array:
         """Length [m] of the shortest path from ``point`` to each node; infinite where none is within this part."""

@@ -12,20 +12,21 @@ from typing import Final
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz
 from fieldtruth.drive import sensors
-from fieldtruth.drive.bearing import bearing_field
 from fieldtruth.drive.controller import WaypointFollower, horizontal_from_geodetic
-from fieldtruth.drive.hull import EVERY, Hull
+from fieldtruth.drive.hull import EVERY
 from fieldtruth.drive.husky import CHASSIS_BIT, STOP, Command, ramp, wheel_speeds
 from fieldtruth.drive.monitor import DriveMonitor
 from fieldtruth.drive.odometry import read_odometry
-from fieldtruth.drive.physics import STEP_NS, STEP_S, build_physics, resting_pose
+from fieldtruth.drive.physics import STEP_NS, STEP_S, resting_pose
 from fieldtruth.drive.soil_contact import SoilContact
+from fieldtruth.drive.surroundings import Following, Surroundings
 from fieldtruth.drive.track import Base, Commands, Motion, Track, WheelMotion
-from fieldtruth.drive.wheel_contacts import Soil, WheelContacts
+from fieldtruth.drive.wheel_contacts import Soil
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route
@@ -35,6 +36,9 @@ STOP_SECONDS: Final = 0.5
 """From the fix that reaches the last waypoint to the end of the drive; braking from 0.3 m/s takes 0.1 s of it."""
 SETTLE_SECONDS: Final = 2.0
 """The robot rests this long before time 0, so that the contacts are settled at the first reading."""
+
+_MERGED: Final = 1000
+"""Blocks of states that become one array: a few large ones are handled faster than many small ones."""
 
 # A state is one row: base_link's position, quaternion, velocity in the world, turn rate in base_link; wheel speeds and
 # angles.
@@ -59,14 +63,14 @@ def drive(world: World, experiment: Experiment, *, progress: Callable[[float], N
     follower = WaypointFollower(route.waypoints, experiment.control)
     monitor = DriveMonitor(world, follower, experiment.control)
     robot = SimulatedHusky(world, rig, monitor, SoilContact(world, rig.wheels, experiment.soil))
-    state = robot.spawn(world, horizontal_from_geodetic(route.start), follower.waypoints_xy[0])
+    state = robot.spawn(horizontal_from_geodetic(route.start), follower.waypoints_xy[0])
     _read_fix(follower, state, rig)
 
     end = math.inf if experiment.seconds is None else max(1, round(experiment.seconds / STEP_S))
     imu_steps, gnss_steps = sensors.due_steps(rig.imu.rate_hz), sensors.due_steps(rig.gnss.rate_hz)
     next_fix, sweep = next(gnss_steps), sensors.sweep_steps(rig.lidar)
     arrived = False
-    blocks: list[Array] = []
+    blocks, recent = list[Array](), list[Array]()
     commands: list[Command] = []
     while True:
         if follower.finished and not arrived:
@@ -76,14 +80,16 @@ def drive(world: World, experiment: Experiment, *, progress: Callable[[float], N
             break
         began = robot.step
         block = robot.advance(commands[-1], int(min(next(imu_steps), end + sweep)) - began)
-        blocks.append(block)
+        recent.append(block)
+        if len(recent) == _MERGED:
+            blocks, recent = [*blocks, np.concatenate(recent)], []
         state = block[-1]
         while next_fix <= robot.step:
             _read_fix(follower, block[next_fix - began - 1], rig)
             next_fix = next(gnss_steps)
         if progress is not None and int(robot.seconds) > int(began * STEP_S):
             progress(robot.seconds)
-    return _track(np.concatenate(blocks), int(end), np.array(commands[1:]), rig)
+    return _track([*blocks, *recent], int(end), np.array(commands[1:]), rig)
 
 
 class SimulatedHusky:
@@ -91,52 +97,55 @@ class SimulatedHusky:
 
     def __init__(self, world: World, rig: Rig, monitor: DriveMonitor, soil: Soil | None = None) -> None:
         self.step = 0
-        self._model, self._obstacles = build_physics(world, rig)
-        self._data = mujoco.MjData(self._model)
-        self._contacts = WheelContacts(self._model, self._data, bearing_field(world), rig, soil)
-        self._ground, self._hull = self._model.geom("ground").id, Hull(bearing_field(world), rig)
-        self._wheels = rig.wheels
+        self._following = Following(world, rig, soil)
         self._rig = rig
         self._monitor = monitor
         self._command = STOP
+        self._xy = np.zeros(2)
 
     @property
     def seconds(self) -> float:
         """Simulated time [s]; 0 while the robot settles."""
         return max(0, self.step) * STEP_NS / 1e9
 
-    def spawn(self, world: World, start_xy: Array, ahead_xy: Array) -> Array:
+    def spawn(self, start_xy: Array, ahead_xy: Array) -> Array:
         """Put the robot at ``start_xy`` [m], facing ``ahead_xy``, let it settle, and return the state at time 0."""
         north, west = ahead_xy - start_xy
-        pose = resting_pose(bearing_field(world), start_xy, math.atan2(west, north), self._rig)
-        self._data.qpos[:3], self._data.qpos[3:7] = pose
+        self._xy = start_xy
+        here = self.surroundings
+        here.data.qpos[:3], here.data.qpos[3:7] = resting_pose(
+            here.bearing, start_xy, math.atan2(west, north), self._rig
+        )
         self.step = -round(SETTLE_SECONDS / STEP_S)
         settled: Array = self.advance(STOP, -self.step)[-1]
         return settled
 
+    @property
+    def surroundings(self) -> Surroundings:
+        """Physics of the part of the world around the robot."""
+        return self._following.at(self._xy)
+
     def advance(self, command: Command, count: int) -> Array:
         """Drive ``count`` physics steps towards ``command`` and return the state after each, (count, 21)."""
-        model, data = self._model, self._data
+        here = self.surroundings
+        model, data, contacts = here.model, here.data, here.contacts
         qpos, qvel, ctrl = data.qpos, data.qvel, data.ctrl
         commands = ramp(self._command, command, np.arange(1, count + 1) * STEP_S)
         states = np.empty((count, 21))
-        for state, speeds in zip(states, wheel_speeds(commands, self._wheels), strict=True):
+        for state, speeds in zip(states, wheel_speeds(commands, self._rig.wheels), strict=True):
             ctrl[:] = speeds
             if self.step % EVERY == 0:
-                near = self._hull.is_near_ground(qpos)
-                model.geom_conaffinity[self._ground] = CHASSIS_BIT if near else 0
-            self._contacts.update()
+                near = here.hull.is_near_ground(qpos)
+                model.geom_conaffinity[here.ground] = CHASSIS_BIT if near else 0
+            contacts.update()
             mujoco.mj_step(model, data)
             self.step += 1
             state[:7], state[7:17], state[17:] = qpos[:7], qvel, qpos[7:]
-            if self._contacts.read():
-                self._monitor.fail(f"touched {self._touched()}", self.seconds, *state[:2])
-        self._command = Command(*commands[-1])
-        self._monitor.check(self.seconds, state[_POSITION], state[_QUATERNION])
+            if contacts.read():
+                self._monitor.fail(f"touched {here.touched()}", self.seconds, *state[:2])
+        self._command, self._xy = Command(*commands[-1]), states[-1, :2]
+        self._monitor.check(self.seconds, states[-1, _POSITION], states[-1, _QUATERNION])
         return states
-
-    def _touched(self) -> str:
-        return next(self._obstacles[g] for g in self._data.contact.geom.ravel().tolist() if g in self._obstacles)
 
 
 def _read_fix(follower: WaypointFollower, state: Array, rig: Rig) -> None:
@@ -144,24 +153,31 @@ def _read_fix(follower: WaypointFollower, state: Array, rig: Rig) -> None:
     follower.update_fix(float(latitude), float(longitude))
 
 
-def _track(states: Array, count: int, commands: Array, rig: Rig) -> Track:
+def _track(blocks: list[Array], count: int, commands: Array, rig: Rig) -> Track:
     """Return the track of the first ``count`` states; those behind are the sweep of the last scan.
 
+    ``blocks`` are those of all states, (n, 21) each; each column is copied once, so that hours fit into memory.
     ``commands`` (n, 2) are those at all readings of the IMU, up to the end or later.
     """
-    quaternion = states[:, _QUATERNION]
-    turn_rate = np.einsum("nij,nj->ni", rotation_from_quaternion_wxyz(quaternion), states[:, _TURN_RATE])
+
+    def columns(which: NDArray[np.intp]) -> Array:
+        return np.concatenate([block[:, which] for block in blocks])
+
+    def turn_rate(block: Array) -> Array:
+        rates = np.einsum("nij,nj->ni", rotation_from_quaternion_wxyz(block[:, _QUATERNION]), block[:, _TURN_RATE])
+        return np.asarray(rates)
+
     swept = Motion(
-        stamps_ns=np.arange(1, len(states) + 1, dtype=np.int64) * STEP_NS,
-        position=states[:, _POSITION],
-        quaternion_wxyz=quaternion,
-        linear_velocity=states[:, _VELOCITY],
-        angular_velocity=turn_rate,
+        stamps_ns=np.arange(1, sum(map(len, blocks)) + 1, dtype=np.int64) * STEP_NS,
+        position=columns(_POSITION),
+        quaternion_wxyz=columns(_QUATERNION),
+        linear_velocity=columns(_VELOCITY),
+        angular_velocity=np.concatenate([turn_rate(block) for block in blocks]),
     )
     motion = swept.first(count)
     imu, wheels = (
         sensors.read_imu(motion, rig.imu),
-        WheelMotion(angle=states[:count, _ANGLES], speed=states[:count, _SPEEDS]),
+        WheelMotion(angle=columns(_ANGLES)[:count], speed=columns(_SPEEDS)[:count]),
     )
     base = Base(
         wheels=wheels,

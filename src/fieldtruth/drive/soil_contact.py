@@ -27,13 +27,14 @@ from fieldtruth.world.model import Raster, World
 PRESSED: Final = 0.02  # [m]
 UNNAMED: Final = "trodden_earth"
 """The ground type of materials that name none."""
+_NO_STONES: Final = Raster(values=np.zeros((2, 2), np.float32), spacing=1.0, x0=0.0, y0=0.0)
 
 
 class SoilContact:
-    """The soil of a world; call it before every step of the physics.
+    """The soil of a world, without stones until a part is entered; call it before every step of the physics.
 
     Args:
-        world: supplies ground types, trails and stones.
+        world: supplies ground types and trails.
         wheels: supplies the size of the tyres.
         replaced: soils, by name, that replace those of ground types of the world.
 
@@ -44,14 +45,20 @@ class SoilContact:
     def __init__(self, world: World, wheels: WheelConfig, replaced: Mapping[str, str]) -> None:
         self._soils = soil_rows((*_soil_names(world, replaced), "rock"))
         terrain = world.terrain
-        grids = _grid(terrain.cover), _grid(terrain.trail_distance), _grid(_stones(world))
-        self._ground = *grids, terrain.border_width
+        self._cover = _grid(terrain.cover), _grid(terrain.trail_distance)
+        self._stones = _grid(_NO_STONES)
+        self._border_width = terrain.border_width
         self._tyre: Tyre = (wheel_width(wheels), 2 * wheels.radius, STIFFNESS)
         self._state = np.zeros((4, 3))
 
+    def enter(self, part: World) -> None:
+        """Find the stones of the part of the world in which the wheels are from now on."""
+        self._stones = _grid(_stones(part))
+
     def __call__(self, wheels: Wheels) -> None:
         """Set friction, drag, torque and sinkage of the wheels for the next step."""
-        step_soil(self._soils, self._ground, self._tyre, wheels, self._state, STEP_S)
+        ground = *self._cover, self._stones, self._border_width
+        step_soil(self._soils, ground, self._tyre, wheels, self._state, STEP_S)
 
 
 def _soil_names(world: World, replaced: Mapping[str, str]) -> tuple[str, ...]:
@@ -72,7 +79,7 @@ def _stones(world: World) -> Raster:
     """1 where a stone bears the wheels, 0 on the soil."""
     bearing, soil = bearing_field(world), world.terrain.field
     if bearing is soil:
-        return Raster(values=np.zeros((2, 2), np.float32), spacing=1.0, x0=0.0, y0=0.0)
+        return _NO_STONES
     x, y = (
         start + bearing.spacing * np.arange(count)
         for start, count in zip((bearing.x0, bearing.y0), bearing.heights.shape, strict=True)

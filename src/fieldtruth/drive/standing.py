@@ -17,16 +17,21 @@ from scipy.spatial.transform import Rotation
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import RouteError
 from fieldtruth.core.frames import quaternion_wxyz_from_rotation, rotation_from_quaternion_wxyz
+from fieldtruth.drive.bearing import bearing_field
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.drive.plan import plan_route
 from fieldtruth.drive.route_grid import NODE_CLEARANCE
 from fieldtruth.drive.track import GnssReadings, ImuReadings, Motion, Track
-from fieldtruth.drive.traversability import traversability
+from fieldtruth.drive.traversability import Traversability
 from fieldtruth.experiment.config import FRAME_RATE, Experiment, FramesConfig
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.world.model import World
 
 _PLASTIC: Final = 1.32471795724474602596  # x^3 = x + 1
+_SIDE: Final = 4.0
+"""[m] of a tile of the map in a large world, where frames are far from each other."""
+_REACH: Final = 1.0
+"""[m] from the robot's middle; its wheels stand within."""
 _BLOCK: Final = 4096
 _TRIES: Final = 20_000_000
 """Points of the sequence before a world counts as having no free ground."""
@@ -40,7 +45,7 @@ def standing_robot(world: World, experiment: Experiment) -> Track:
     """
     config = experiment.frames
     assert config is not None
-    ground, rng = traversability(world), np.random.default_rng(config.seed)
+    ground, rng = Traversability(world, side=_SIDE, clear=1.0), np.random.default_rng(config.seed)
     corners = None
     if experiment.route is not None:
         corners = metres_from_route(plan_route(world, experiment, verify=False))
@@ -55,7 +60,11 @@ def standing_robot(world: World, experiment: Experiment) -> Track:
         raise RouteError(f"{world.name} (seed {world.seed}) has no free ground{where} where the robot could stand")
     random = rng.uniform(-1.0, 1.0, (config.count, 4))
     poses = [
-        _tilted(*resting_pose(ground.bearing, xy, np.pi * turn, experiment.rig), rest, config)
+        _tilted(
+            *resting_pose(bearing_field(ground.parts.around(xy, _REACH)), xy, np.pi * turn, experiment.rig),
+            rest,
+            config,
+        )
         for xy, (turn, *rest) in zip(positions, random.tolist(), strict=True)
     ]
     motion = Motion(
@@ -80,14 +89,15 @@ def _spread(size: tuple[float, float], free: Callable[[Array], Mask], count: int
     """Return the first ``count`` free points (n, 2) [m] of a sequence over the world; fewer if there are too few."""
     step = np.array([1 / _PLASTIC, 1 / _PLASTIC**2])
     start, found, number = rng.uniform(size=2), list[Array](), 0
-    for first in range(0, _TRIES, _BLOCK):
-        numbers = np.arange(first, first + _BLOCK)[:, None]
+    block = min(_BLOCK, 2 * count)
+    for first in range(0, _TRIES, block):
+        numbers = np.arange(first, first + block)[:, None]
         points = ((start + numbers * step) % 1.0 - 0.5) * size
         found.append(points[free(points)])
         number += len(found[-1])
         if number >= count:
             break
-        if number * 1000 < first:  # less than a thousandth of the world is free
+        if first >= _BLOCK and number * 1000 < first:  # less than a thousandth of the world is free
             return np.concatenate(found)
     return np.concatenate(found)[:count]
 

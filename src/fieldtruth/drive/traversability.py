@@ -3,9 +3,10 @@
 """Traversability map: a grid of what blocks the robot at any heading, and of the clearance around it."""
 
 import dataclasses
+import itertools
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -14,9 +15,17 @@ from scipy.ndimage import distance_transform_edt
 
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.drive.bearing import bearing_field, divided
-from fieldtruth.drive.ground import CHASSIS_CLEARANCE, highest_around, max_bump_height, mean_ground, slopes
+from fieldtruth.drive.ground import (
+    CHASSIS_CLEARANCE,
+    bump_height_on_path,
+    highest_around,
+    max_bump_height,
+    mean_ground,
+    slopes,
+)
 from fieldtruth.drive.husky import OUTLINE
 from fieldtruth.drive.outlines import MAX_STEP, Outline, distance_to, obstacle_outlines, stone_outlines
+from fieldtruth.drive.parts import WHOLE, WorldParts
 from fieldtruth.world.model import Heightfield, World
 
 ROBOT_RADIUS: Final = float(np.hypot(*OUTLINE[:2])) / 2
@@ -25,6 +34,12 @@ CELL: Final = 0.1  # [m]
 MAX_SLOPE_DEG: Final = 20.0
 MIN_CHASSIS_CLEARANCE: Final = 0.025  # [m] that remains below the chassis
 EDGE_MARGIN: Final = 1.5  # [m] from the robot's middle to the world's edge
+CLEAR: Final = 13.0
+"""[m]; what is farther away makes no difference to a route."""
+_BEYOND: Final = 1.0
+"""[m] beyond the margin of a tile: half the robot's length, and the nodes around a node."""
+_KEPT: Final = 16
+"""Tiles in memory, 45 MB each."""
 FREEBOARD: Final = 0.05  # [m]; ground less than this above the water level counts as water
 
 
@@ -49,14 +64,12 @@ BLOCKAGE_TEXTS: Final = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Traversability:
-    """``blockage[i, j]`` (nx, ny), values of ``Blockage``, is at x = x0 + i * CELL, y = y0 + j * CELL [m].
+class _Tile:
+    """Map of a rectangle; ``blockage[i, j]`` is that of its cell (i, j).
 
-    ``clearance`` (nx, ny) [m]: free distance around a robot at that cell, over all headings; negative where its outline
-    would touch an obstacle or water at some heading, or where the ground is too steep, too rough or too close to the
-    edge. ``terrain_clearance`` is the same without obstacles. ``bearing`` is the ground that bears the robot, stones
-    included, ``highest`` the highest of it around each node (see ``highest_around``), ``floor`` the soil's mean height
-    under the robot.
+    ``bearing`` is the ground that bears the robot, stones included, ``highest`` the highest of it around each node (see
+    ``highest_around``). Both reach beyond the tile by its greatest clearance, as do the ``outlines``; ``circles``
+    (n, 3) around these are x, y and radius [m].
     """
 
     blockage: NDArray[np.uint8]
@@ -64,75 +77,154 @@ class Traversability:
     terrain_clearance: NDArray[np.float32]
     bearing: Heightfield
     highest: Heightfield
-    floor: Heightfield
-    x0: float
-    y0: float
     outlines: tuple[Outline, ...]
+    circles: Array
+
+
+class Traversability:
+    """Map of a world: colliders, high stones, water, slope over the robot's length, bumps, the world's edge.
+
+    Cell (i, j) of ``shape`` is at ``corner`` + (i, j) * CELL [m]. The map is made of tiles when they are looked up; a
+    world up to ``WHOLE`` is one.
+
+    Clearance [m] is the free distance around a robot at a cell, over all headings, up to a limit; negative where
+    its outline would touch an obstacle or water at some heading, or where the ground is too steep, too rough or too
+    close to the edge; outside the world -inf. Terrain clearance is the same without obstacles.
+    """
+
+    def __init__(self, world: World, *, side: float = WHOLE, clear: float = CLEAR) -> None:
+        """Prepare the map of ``world``; its tiles have a ``side`` [m], and no clearance is above ``clear`` [m]."""
+        self._clear = clear
+        self._size = world.size
+        self._x, self._y = (np.linspace(-s / 2, s / 2, round(s / CELL) + 1) for s in world.size)
+        self.corner: Array = np.array([self._x[0], self._y[0]])
+        self.shape = (len(self._x), len(self._y))
+        self.parts = WorldParts(world)
+        self._side = max(self.shape) if self.parts.is_one else round(side / CELL)
+        self._tiles: dict[tuple[int, int], _Tile] = {}
+        self._terrain = _terrain_blockage(world, self._x, self._y)
+        field = world.terrain.field
+        self._floor = dataclasses.replace(field, heights=mean_ground(field, OUTLINE[0]).astype(np.float32))
 
     def clearance_at(self, points: ArrayLike) -> Array:
-        """Clearance [m], (n,), in the cells of points (n, 2); outside the grid -inf."""
-        return np.asarray(self._look_up(self.clearance, points, -np.inf))
+        """Clearance [m], (n,), in the cells of points (n, 2)."""
+        return self._look_up(lambda tile: tile.clearance, points, -np.inf)
 
     def terrain_clearance_at(self, points: ArrayLike) -> Array:
-        """Clearance [m], (n,), without obstacles, in the cells of points (n, 2); outside the grid -inf."""
-        return np.asarray(self._look_up(self.terrain_clearance, points, -np.inf))
+        """Clearance [m], (n,), without obstacles, in the cells of points (n, 2)."""
+        return self._look_up(lambda tile: tile.terrain_clearance, points, -np.inf)
 
     def blockage_at(self, points: ArrayLike) -> NDArray[np.uint8]:
-        """Blockage, (n,), in the cells of points (n, 2); outside the grid EDGE."""
-        return self._look_up(self.blockage, points, Blockage.EDGE).astype(np.uint8)
+        """Blockage, (n,), in the cells of points (n, 2); outside the world EDGE."""
+        return self._look_up(lambda tile: tile.blockage, points, Blockage.EDGE).astype(np.uint8)
+
+    def bumps_at(self, poses: Array) -> Array:
+        """Bump height [m], (n,), at poses (n, 3) of x, y [m] and heading [rad]; see ``bump_height_on_path``."""
+        bumps = np.empty(len(poses))
+        for tile, rows, _ in self._tiles_at(self._cells(poses[:, :2])[0]):
+            bumps[rows] = bump_height_on_path(tile.bearing, tile.highest, poses[rows])
+        return bumps
 
     def path_length(self, poses: Array) -> float:
-        """Length [m], slopes included, of a path through poses (n, 2 or 3)."""
+        """Length [m] of a path through poses (n, 2 or 3), slopes of the mean ground under the robot included."""
         arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1))])
         rows = np.unique(np.searchsorted(arc, np.arange(0.0, arc[-1] + 0.25, 0.25)).clip(max=len(arc) - 1))
-        heights = self.floor.height_at(poses[rows, 0], poses[rows, 1])
+        heights = self._floor.height_at(poses[rows, 0], poses[rows, 1])
         return float(np.hypot(np.diff(arc[rows]), np.diff(heights)).sum())
 
-    def _look_up(self, grid: NDArray[Any], points: ArrayLike, outside: float) -> NDArray[Any]:
-        points = np.asarray(points, np.float64).reshape(-1, 2)
-        cells = np.rint((points - (self.x0, self.y0)) / CELL).astype(np.intp)
-        inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
-        i, j = np.clip(cells, 0, np.subtract(grid.shape, 1)).T
-        return np.where(inside, grid[i, j], outside)
+    def outlines_near(self, points: Array, distance: float) -> list[Outline]:
+        """Outlines whose circle comes within ``distance``, CLEAR at most, of the bounding box of points (n, 2) [m].
 
-    @cached_property
-    def circles(self) -> Array:
-        """Circles (n, 3) around the outlines: x, y, radius [m]."""
-        return np.array([outline.circle for outline in self.outlines]).reshape(-1, 3)
+        At the edges of tiles some are found twice.
+        """
+        low, high = points.min(axis=0), points.max(axis=0)
+        found: list[Outline] = []
+        for key in _between(self._cells(np.stack([low, high]))[0] // self._side):
+            tile = self._tile(*key)
+            x, y, radius = tile.circles.T
+            gap = np.hypot(x - np.clip(x, low[0], high[0]), y - np.clip(y, low[1], high[1]))
+            found += [tile.outlines[number] for number in np.flatnonzero(gap <= radius + distance)]
+        return found
+
+    def clearance_of(self, rows: range, columns: range) -> NDArray[np.float32]:
+        """Clearance [m] (n, m) of the cells in rows (n) and columns (m)."""
+        cells = np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1).reshape(-1, 2)
+        clearance = np.empty(len(cells), np.float32)
+        for tile, own, (i, j) in self._tiles_at(cells):
+            clearance[own] = tile.clearance[i, j]
+        return clearance.reshape(len(rows), len(columns))
+
+    def _look_up(self, layer: Callable[[_Tile], NDArray[Any]], points: ArrayLike, outside: float) -> Array:
+        cells, inside = self._cells(np.asarray(points, np.float64).reshape(-1, 2))
+        values = np.full(len(cells), outside, np.float64)
+        for tile, rows, (i, j) in self._tiles_at(cells[inside]):
+            values[np.flatnonzero(inside)[rows]] = layer(tile)[i, j]
+        return values
+
+    def _cells(self, points: Array) -> tuple[NDArray[np.intp], Mask]:
+        """Cells (n, 2) of points (n, 2), those outside moved to the edge, and which are inside."""
+        cells = np.rint((points - self.corner) / CELL).astype(np.intp)
+        inside = np.asarray(((cells >= 0) & (cells < self.shape)).all(axis=1))
+        return np.clip(cells, 0, np.subtract(self.shape, 1)), inside
+
+    def _tiles_at(self, cells: NDArray[np.intp]) -> Iterator[tuple[_Tile, NDArray[np.intp], NDArray[np.intp]]]:
+        """Yield each tile of cells (n, 2) with their rows (m,) and their indices (2, m) in it."""
+        tiles = cells // self._side
+        for key in _between(tiles):
+            rows = np.flatnonzero((tiles == key).all(axis=1))
+            if len(rows):
+                yield self._tile(*key), rows, (cells[rows] - np.multiply(key, self._side)).T
+
+    def _tile(self, i: int, j: int) -> _Tile:
+        tile = self._tiles.pop((i, j), None) or self._make(i, j)
+        self._tiles[i, j] = tile  # the one that was looked up last is the last
+        if len(self._tiles) > _KEPT:
+            del self._tiles[next(iter(self._tiles))]
+        return tile
+
+    def _make(self, i: int, j: int) -> _Tile:
+        """Map a rectangle with a margin, beyond which nothing has an effect, and keep what is inside."""
+        margin = round(self._clear / CELL) + 1
+        own = [slice(k * self._side, min((k + 1) * self._side, n)) for k, n in zip((i, j), self.shape, strict=True)]
+        wide = [slice(max(0, s.start - margin), min(n, s.stop + margin)) for s, n in zip(own, self.shape, strict=True)]
+        cut = tuple(slice(s.start - w.start, s.stop - w.start) for s, w in zip(own, wide, strict=True))
+        x, y = self._x[wide[0]], self._y[wide[1]]
+        part = self.parts.within(np.array([x[0], y[0]]) - _BEYOND, np.array([x[-1], y[-1]]) + _BEYOND)
+        outlines = [*obstacle_outlines(part), *stone_outlines(part)]
+        bearing, soil = divided(bearing_field(part)), divided(part.terrain.field)
+        highest = highest_around(soil, (bearing.heights - soil.heights).astype(np.float32), MAX_STEP)
+        blockage = self._terrain[tuple(wide)].copy()
+        blockage[_rough(bearing, highest, x, y) & (blockage == Blockage.NONE)] = Blockage.ROUGH
+        blockage[_near_edge(x, y, self._size)] = Blockage.EDGE
+        on_terrain = np.minimum(
+            self._distance_from(blockage != Blockage.NONE),
+            self._distance_from(blockage == Blockage.WATER) - ROBOT_RADIUS,
+        )
+        solid = _outline_cells(outlines, x, y)
+        blockage[solid] = Blockage.OBSTACLE
+        return _Tile(
+            blockage=np.ascontiguousarray(blockage[cut]),
+            clearance=np.minimum(on_terrain, self._distance_from(solid) - ROBOT_RADIUS)[cut].astype(np.float32),
+            terrain_clearance=on_terrain[cut].astype(np.float32),
+            bearing=bearing,
+            highest=highest,
+            outlines=tuple(outlines),
+            circles=np.array([outline.circle for outline in outlines]).reshape(-1, 3),
+        )
+
+    def _distance_from(self, cells: Mask) -> Array:
+        """Distance [m] to the nearest of ``cells``, less half a cell, as positions are rounded to cells."""
+        if not cells.any():
+            return np.full(cells.shape, self._clear)
+        return np.minimum(distance_transform_edt(~cells) * CELL - CELL / 2, self._clear)
 
 
-def traversability(world: World) -> Traversability:
-    """Map a world: colliders, high stones, water, slope over the robot's length, bumps, the world's edge."""
-    x, y = (np.linspace(-s / 2, s / 2, round(s / CELL) + 1) for s in world.size)
-    outlines = [*obstacle_outlines(world), *stone_outlines(world)]
-    bearing, soil = divided(bearing_field(world)), divided(world.terrain.field)
-    highest = highest_around(soil, (bearing.heights - soil.heights).astype(np.float32), MAX_STEP)
-    blockage = _terrain_blockage(world, x, y)
-    blockage[_rough(bearing, highest, x, y) & (blockage == Blockage.NONE)] = Blockage.ROUGH
-    blockage[_near_edge(x, y, world.size)] = Blockage.EDGE
-    on_terrain = np.minimum(
-        _distance_from(blockage != Blockage.NONE), _distance_from(blockage == Blockage.WATER) - ROBOT_RADIUS
-    )
-    solid = _outline_cells(outlines, x, y)
-    blockage[solid] = Blockage.OBSTACLE
-    return Traversability(
-        blockage=blockage,
-        clearance=np.minimum(on_terrain, _distance_from(solid) - ROBOT_RADIUS).astype(np.float32),
-        terrain_clearance=on_terrain.astype(np.float32),
-        bearing=bearing,
-        highest=highest,
-        floor=dataclasses.replace(soil, heights=mean_ground(soil, OUTLINE[0]).astype(np.float32)),
-        x0=float(x[0]),
-        y0=float(y[0]),
-        outlines=tuple(outlines),
-    )
-
-
-def _distance_from(cells: Mask) -> Array:
-    """Distance [m] to the nearest of ``cells``, less half a cell, since positions are rounded to cells."""
-    if not cells.any():
-        return np.full(cells.shape, np.inf)
-    return np.asarray(distance_transform_edt(~cells) * CELL - CELL / 2)
+def _between(tiles: NDArray[np.intp]) -> list[tuple[int, int]]:
+    """Tiles between the lowest and the highest of (n, 2), n >= 0."""
+    if not len(tiles):
+        return []
+    (first_i, first_j), (last_i, last_j) = tiles.min(axis=0).tolist(), tiles.max(axis=0).tolist()
+    return list(itertools.product(range(first_i, last_i + 1), range(first_j, last_j + 1)))
 
 
 def _near_edge(x: Array, y: Array, size: tuple[float, float]) -> Mask:
