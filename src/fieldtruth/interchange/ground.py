@@ -4,8 +4,8 @@
 
 The ray tracer takes the class of the ground from ``Terrain.trail_distance`` at the point that was hit; other tools have
 one class per triangle. A triangle that a trail's edge crosses is divided down to the resolution of that raster and cut
-there. Where a divided triangle meets one that is not, vertices lie on its edge (T-junctions). They leave no gap beyond
-the rounding of float32, because every part stays in the plane of the same triangle.
+there. Its neighbours are divided so that each edge belongs to two triangles: a renderer sees through the gap that
+rounding opens where a vertex lies on another triangle's edge (T-junction), as Gazebo did in one of 2.8 million pixels.
 """
 
 from collections.abc import Iterator
@@ -15,6 +15,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import Label
@@ -63,7 +64,7 @@ def ground_tiles(world: World, size_m: float = 25.0) -> Iterator[GroundTile]:
     for i in range(0, nx - 1, side):
         for j in range(0, ny - 1, side):
             counts = min(side, nx - 1 - i), min(side, ny - 1 - j)
-            points, is_trail = _cut_cells(world.terrain, (i, j), counts)
+            points, is_trail = _cut_block(world.terrain, (i, j), counts)
             x0, y0 = field.x0 + field.spacing * i, field.y0 + field.spacing * j
             tile = GroundTile(
                 name=f"terrain_{i // side}_{j // side}", surfaces=(), x0=x0, y0=y0, size=side * field.spacing
@@ -82,12 +83,7 @@ def _slopes(field: Heightfield) -> Raster:
 
 def _surface(tile: GroundTile, label: Label, points: Array, field: Heightfield, slopes: Raster) -> Surface:
     """Share the vertices of triangles (n, 3, 2) [m], and lift them onto the heightfield."""
-    flat = points.reshape(-1, 2)
-    keys = np.rint((flat - (tile.x0, tile.y0)) / _WELD).astype(np.int64)
-    _, first, rows = np.unique(keys[:, 0] << 32 | keys[:, 1], return_index=True, return_inverse=True)
-    xy, faces = flat[first], rows.reshape(-1, 3).astype(np.int32)
-    (ax, ay), (bx, by), (cx, cy) = np.moveaxis(xy[faces], 0, -1)
-    area = ((bx - ax) * (cy - ay) - (by - ay) * (cx - ax)) / 2
+    xy, faces = _welded(points)
     slope = slopes.at(xy[:, 0], xy[:, 1])
     normals = np.column_stack([-slope, np.ones(len(xy))])
     return Surface(
@@ -96,12 +92,26 @@ def _surface(tile: GroundTile, label: Label, points: Array, field: Heightfield, 
         vertices=np.column_stack([xy, field.height_at(xy[:, 0], xy[:, 1])]).astype(np.float32),
         normals=(normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32),
         uv=((xy - (tile.x0, tile.y0)) / tile.size).astype(np.float32),
-        faces=faces[area > _SMALLEST],
+        faces=faces.astype(np.int32),
     )
 
 
 # ---------------------------------------------------------------------------------------------------------------------
 # The cut, seen from above
+
+
+def _cut_block(terrain: Terrain, start: tuple[int, int], counts: tuple[int, int]) -> tuple[Array, Mask]:
+    """Triangles (n, 3, 2) [m] of a block of cells, whose edges match each other and those of the cells around it, and
+    whether each is trail.
+    """
+    field = terrain.surface
+    first = [max(0, at - 1) for at in start]
+    last = [min(n - 1, at + count + 1) for n, at, count in zip(field.heights.shape, start, counts, strict=True)]
+    points, trail = _cut_cells(terrain, (first[0], first[1]), (last[0] - first[0], last[1] - first[1]))
+    points, trail = _without_junctions(points, trail)
+    at = (points.mean(axis=1) - (field.x0, field.y0)) / field.spacing - start
+    inside = ((at > 0) & (at < counts)).all(axis=1)
+    return points[inside], trail[inside]
 
 
 def _cut_cells(terrain: Terrain, start: tuple[int, int], counts: tuple[int, int]) -> tuple[Array, Mask]:
@@ -155,8 +165,54 @@ def _cut(points: Array, trail: Mask, distance: Raster, depth: int) -> tuple[Arra
     return np.concatenate(pieces), np.concatenate(classes)
 
 
+def _without_junctions(points: Array, trail: Mask) -> tuple[Array, Mask]:
+    """Divide triangles (n, 3, 2) that have other triangles' vertices on their edges, from their middle to each part."""
+    (ax, ay), (bx, by), (cx, cy) = np.moveaxis(points, 0, -1)
+    large = ((bx - ax) * (cy - ay) - (by - ay) * (cx - ax)) / 2 > _SMALLEST
+    points, trail = points[large], trail[large]
+    vertices, faces = _welded(points)
+    edges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1), axis=-1)
+    _, edge, count = np.unique(edges[..., 0] << 32 | edges[..., 1], return_inverse=True, return_counts=True)
+    lone = count[edge].reshape(faces.shape) == 1  # on the border of the block, or with a vertex on it, or a part of one
+    ends = vertices[np.unique(edges[lone])]
+    tree, divided, parts = cKDTree(ends), np.zeros(len(points), np.bool_), list[Array]()
+    for row in np.flatnonzero(lone.any(axis=1)).tolist():
+        corners = points[row]
+        sides = [
+            _with_vertices_between(corners[k], corners[(k + 1) % 3], ends, tree) if lone[row, k] else corners[k : k + 1]
+            for k in range(3)
+        ]
+        outline = np.concatenate(sides)
+        if len(outline) > 3:
+            middle = np.broadcast_to(corners.mean(axis=0), outline.shape)
+            parts.append(np.stack([middle, outline, np.roll(outline, -1, axis=0)], axis=1))
+            divided[row] = True
+    classes = np.repeat(trail[divided], [len(part) for part in parts])
+    return np.concatenate([points[~divided], *parts]), np.concatenate([trail[~divided], classes])
+
+
+def _with_vertices_between(a: Array, b: Array, vertices: Array, tree: cKDTree) -> Array:
+    """``a`` and those of the vertices (n, 2) that lie between it and ``b``, in this order (m, 2)."""
+    length = np.linalg.norm(b - a)
+    ux, uy = (b - a) / length
+    near = vertices[tree.query_ball_point((a + b) / 2, length / 2 - _WELD)]
+    x, y = (near - a).T
+    along, on_edge = x * ux + y * uy, np.abs(x * uy - y * ux) < _WELD
+    return np.concatenate([a[None], near[on_edge][np.argsort(along[on_edge])]])
+
+
+def _welded(points: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Vertices (v, 2) and faces (n, 3) of triangles (n, 3, 2) [m]."""
+    flat = points.reshape(-1, 2)
+    keys = np.rint(flat / _WELD).astype(np.int64)
+    _, first, rows = np.unique(keys[:, 0] << 32 ^ keys[:, 1], return_index=True, return_inverse=True)
+    return flat[first], rows.reshape(-1, 3)
+
+
 def _crossing(a: Array, b: Array, distance: Raster) -> Array:
     """Point between a and b (n, 2), on different sides of the contour, that lies on it (false position)."""
+    swap = (a[:, 0] > b[:, 0]) | ((a[:, 0] == b[:, 0]) & (a[:, 1] > b[:, 1]))  # the same for both triangles of an edge
+    a, b = np.where(swap[:, None], b, a), np.where(swap[:, None], a, b)
 
     def value(share: Array) -> Array:
         return distance.at(*(a + share[:, None] * (b - a)).T)
