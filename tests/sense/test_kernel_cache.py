@@ -13,7 +13,7 @@ import fieldtruth
 CLASSIFY_A_MISS = """
 import numpy as np
 from fieldtruth.sense.hits import Grid, HitTable, classify
-none = np.zeros(0, np.uint32), np.zeros(0, np.int32), np.zeros(0, np.int64), np.zeros(0, np.uint8)
+none = [np.zeros(0, kind) for kind in (np.int32, np.uint32, np.int32, np.int64, np.uint8)]
 table = HitTable(*none, Grid(np.ones((2, 2), np.float32), 0.0, 0.0, 1.0))
 print(*classify(table, -1, 0, 0.0, 0.0))
 """
@@ -25,10 +25,15 @@ def classify_a_miss(source: Path, cache: Path) -> str:
     return subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout.strip()
 
 
-def test_edited_class_ids_reach_compiled_kernels(tmp_path: Path) -> None:
-    source = tmp_path / "src"
-    shutil.copytree(Path(fieldtruth.__file__).parent, source / "fieldtruth")
+def test_kernels_are_shared_by_installations_and_edited_class_ids_reach_them(tmp_path: Path) -> None:
+    first, source = tmp_path / "first", tmp_path / "src"
+    shutil.copytree(Path(fieldtruth.__file__).parent, first / "fieldtruth")
+    assert classify_a_miss(first, tmp_path) == "15 0"
+    kernels = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.kernel")}
+    assert kernels
+    first.rename(source)
     assert classify_a_miss(source, tmp_path) == "15 0"
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.kernel")} == kernels
     classes = source / "fieldtruth" / "core" / "classes.py"
     classes.write_text(classes.read_text(encoding="utf-8").replace("SKY = 15", "SKY = 16"), encoding="utf-8")
     assert classify_a_miss(source, tmp_path) == "16 0"

@@ -33,6 +33,8 @@ class View(NamedTuple):
     scan: Scan
     left: LabelImages
     right: LabelImages
+    even_left: "Smooth"
+    even_right: "Smooth"
 
 
 def optical(side: str) -> F8:
@@ -56,14 +58,9 @@ def views(scene: Scene) -> list[View]:
         yaw = np.degrees(np.arctan2(*(end - start)[::-1]))
         z = float(scene.world.terrain.field.height_at(*start)) + BASE_HEIGHT
         base = frames.pose((*start, z), (roll, pitch, yaw))
-        found.append(
-            View(
-                base,
-                lidar.scan(base @ RIG.lidar.mount.base_from_sensor),
-                camera.label(base @ optical("left")),
-                camera.label(base @ optical("right")),
-            )
-        )
+        left, right = (camera.label(base @ optical(side)) for side in ("left", "right"))
+        scan = lidar.scan(base @ RIG.lidar.mount.base_from_sensor)
+        found.append(View(base, scan, left, right, smooth(left), smooth(right)))
     return found
 
 
@@ -149,8 +146,8 @@ def test_projected_points_land_on_pixels_of_their_class(scene: Scene, views: lis
     """Away from silhouettes, every point that is not occluded; and the depth image has its depth."""
     points = compared = 0
     for view in views:
-        image = view.left if side == "left" else view.right
-        seen, even = project(view, side), smooth(image)
+        image, even = (view.left, view.even_left) if side == "left" else (view.right, view.even_right)
+        seen = project(view, side)
         row, column = np.rint(seen.v).astype(int), np.rint(seen.u).astype(int)
         depth = depth_at(even, seen.u, seen.v)
         near = even.here[row, column]
@@ -178,8 +175,8 @@ def test_depth_agrees_to_1_cm_where_the_ground_is_near(views: list[View]) -> Non
     """Within 3 m the pixels are finer than the ground's relief, so that 1 cm suffices on every slope."""
     count = 0
     for view in views:
-        for side, image in (("left", view.left), ("right", view.right)):
-            seen, even = project(view, side), smooth(image)
+        for side, even in (("left", view.even_left), ("right", view.even_right)):
+            seen = project(view, side)
             row, column = np.rint(seen.v).astype(int), np.rint(seen.u).astype(int)
             ground = np.isin(seen.label, (Label.GROUND, Label.TRAIL)) & even.here[row, column] & (seen.depth < 3.0)
             difference = (depth_at(even, seen.u, seen.v) - seen.depth)[ground]
@@ -195,7 +192,7 @@ def test_stereo_pixels_show_the_same_object(views: list[View]) -> None:
     shift = LENS.fx * RIG.cameras.baseline
     pixels = compared = 0
     for view in views:
-        left, right = smooth(view.left), smooth(view.right)
+        left, right = view.even_left, view.even_right
         v, u = np.nonzero(left.here)
         moved = u - shift * left.inverse[v, u]
         inside = moved > 4

@@ -67,7 +67,7 @@ def test_a_run_without_cameras_passes(lean_run: Path, tmp_path: Path, validate_i
 
 
 @pytest.fixture(scope="module")
-def spinning_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def spinning_run(in_park: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Rates that divide neither a second nor each other, a LiDAR whose columns leave one by one, a slow receiver."""
     values = load_experiment("park_2").model_dump()
     values["seconds"] = 0.45
@@ -84,6 +84,7 @@ def test_run_with_odd_rates_and_a_spinning_lidar_passes(spinning_run: Path, vali
     assert passed(checks) == {name: None if name in skipped else True for name in NAMES}, failures(checks)
 
 
+@pytest.mark.usefixtures("in_park")
 @pytest.mark.parametrize(("rate", "sampling"), [(50.0, "instant"), (7.0, "mean")])
 def test_imu_of_any_rate_and_sampling_passes(rate: float, sampling: str, tmp_path: Path) -> None:
     values = load_experiment("park_2").model_dump()

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.sense.kernel import kernel
-from fieldtruth.sense.packets import Scalar
+from fieldtruth.sense.kernel import light_kernel
 
 LEVELS: Final = 10
 
@@ -65,18 +64,22 @@ def make_atlas(textures: Sequence[NDArray[np.uint8]]) -> Atlas:
     )
 
 
-@kernel
-def sample(atlas: Atlas, texture: int, u: Scalar, v: Scalar, level: int) -> tuple[float, float, float]:
+@light_kernel
+def sample(
+    atlas: Atlas, texture: int | np.uintp, u: np.float32, v: np.float32, level: int
+) -> tuple[float, float, float]:
     """Linear colour at (u, v) in repeats, bilinear within one mip level; u is to the right, v up."""
     level = min(max(level, 0), LEVELS - 1)
-    size, start = atlas.size[texture, level], atlas.start[texture, level]
-    x, y = u * size - 0.5, -v * size - 0.5
-    i, j = int(np.floor(x)), int(np.floor(y))
-    fx, fy = np.float32(x - i), np.float32(y - j)
-    mask = size - 1
-    i0, i1, j0, j1 = i & mask, (i + 1) & mask, (j & mask) * size, ((j + 1) & mask) * size
-    t00, t01 = atlas.texels[start + j0 + i0], atlas.texels[start + j0 + i1]
-    t10, t11 = atlas.texels[start + j1 + i0], atlas.texels[start + j1 + i1]
+    size, start = atlas.size[texture, level], np.uintp(atlas.start[texture, level])
+    half, side = np.float32(0.5), np.float32(size)
+    x, y = u * side - half, -v * side - half
+    left, top = np.floor(x), np.floor(y)
+    fx, fy = x - left, y - top
+    i, j, mask = int(left), int(top), size - 1
+    i0, i1 = np.uintp(i & mask), np.uintp((i + 1) & mask)
+    j0, j1 = start + np.uintp((j & mask) * size), start + np.uintp(((j + 1) & mask) * size)
+    texels = atlas.texels
+    t00, t01, t10, t11 = texels[j0 + i0], texels[j0 + i1], texels[j1 + i0], texels[j1 + i1]
     one = np.float32(1.0)
     w00, w01, w10, w11 = (one - fx) * (one - fy), fx * (one - fy), (one - fx) * fy, fx * fy
     table = atlas.linear

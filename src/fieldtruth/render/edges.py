@@ -5,10 +5,11 @@
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Float32Array, Mask
 from fieldtruth.sense.hits import LabelBuffers
-from fieldtruth.sense.kernel import kernel
+from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import IntArray
 
 EDGE_CONTRAST: Final = 0.27
@@ -52,22 +53,27 @@ def find_edges(linear: Float32Array, labels: LabelBuffers, out: EdgeBuffers) -> 
     return count
 
 
+@inlined
+def _apart(instance: NDArray[np.uint32], depth: Float32Array, v: int, u: int, row: int, column: int) -> bool:
+    """Whether pixel (v, u) shows another surface than its neighbour."""
+    here = depth[v, u]
+    return instance[v, u] != instance[row, column] or abs(here - depth[row, column]) > _STEP * here  # type: ignore[no-any-return]
+
+
 @kernel
 def _mark_edges(linear: Float32Array, labels: LabelBuffers, marked: Mask) -> None:
     _, instance, depth = labels
     height, width = instance.shape
-    bright = np.empty((2, width), np.float32)
+    bright, white = np.empty((2, width), np.float32), np.float32(1.0)
     marked[:] = False
     for v in range(height):
         row, above = v & 1, (v + 1) & 1
         for u in range(width):
             r, g, b = linear[v, u, 0], linear[v, u, 1], linear[v, u, 2]
-            value = np.sqrt(min(np.float32(0.2) * r + np.float32(0.7) * g + np.float32(0.1) * b, np.float32(1.0)))
-            bright[row, u] = value
-            here, own = depth[v, u], instance[v, u]
-            apart = u > 0 and (own != instance[v, u - 1] or abs(here - depth[v, u - 1]) > _STEP * here)
-            if apart and abs(value - bright[row, u - 1]) > _CONTRAST:
+            bright[row, u] = np.sqrt(min(np.float32(0.2) * r + np.float32(0.7) * g + np.float32(0.1) * b, white))
+        for u in range(1, width):  # contrast is the rarer of the two conditions
+            if abs(bright[row, u] - bright[row, u - 1]) > _CONTRAST and _apart(instance, depth, v, u, v, u - 1):
                 marked[v, u], marked[v, u - 1] = True, True
-            apart = v > 0 and (own != instance[v - 1, u] or abs(here - depth[v - 1, u]) > _STEP * here)
-            if apart and abs(value - bright[above, u]) > _CONTRAST:
+        for u in range(width if v > 0 else 0):
+            if abs(bright[row, u] - bright[above, u]) > _CONTRAST and _apart(instance, depth, v, u, v - 1, u):
                 marked[v, u], marked[v - 1, u] = True, True

@@ -25,7 +25,7 @@ from fieldtruth.render.visibility import hemisphere, sun_disc, visibility
 from fieldtruth.sense.hits import Grid
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.grids import coarseness
-from fieldtruth.world.model import Heightfield, Mesh
+from fieldtruth.world.model import Heightfield, Mesh, Raster
 
 SUN_RADIUS_DEG: Final = 0.27
 SUN_RGB: Final = np.array([1.0, 0.93, 0.80], np.float32)
@@ -55,7 +55,7 @@ def bake_light(scene: Scene, light: LightConfig, workers: int) -> LightTable:
         ground_sky = _ground_grid(scene, pool, SKY_TEXEL * coarser, hemisphere(96), facing=True)
         vertex_sky = _vertex_sky(scene, pool)
         leaf_sun, top_leaf = _leaf_sun(scene, pool, sun)
-        air_sky = _air_sky(scene, pool)
+        air_sky = _air_sky(scene, pool, AIR_TEXEL * coarser)
     return LightTable(
         sun=sun,
         sun_rgb=SUN_RGB,
@@ -117,6 +117,7 @@ def _thin_faces(scene: Scene, mesh: Mesh) -> Mask:
 def _vertex_sky(scene: Scene, pool: ThreadPoolExecutor) -> Float32Array:
     """Open sky at every vertex of every mesh on its own: objects share meshes, so neighbours cannot be considered."""
     wood_rays, leaf_rays = hemisphere(24), hemisphere(11)
+    alone = [scene.mesh_rays(mesh) for mesh in scene.meshes]
 
     def one_mesh(row: int) -> Float32Array:
         mesh = scene.meshes[row]
@@ -127,7 +128,7 @@ def _vertex_sky(scene: Scene, pool: ThreadPoolExecutor) -> Float32Array:
         leaf[mesh.faces[_thin_faces(scene, mesh)].ravel()] = True
         points = mesh.vertices + np.float32(0.004) * mesh.normals
         points[:, 2] = np.maximum(points[:, 2], 0.01)
-        rays = scene.mesh_rays[row].handle
+        rays = alone[row].handle
         open_sky[~leaf] = visibility(rays, points[~leaf], mesh.normals[~leaf], wood_rays, 0.004)
         # Light falls on, and shines through, both sides of a leaf: neither side has more weight.
         open_sky[leaf] = visibility(rays, points[leaf], None, leaf_rays, 0.004)
@@ -136,16 +137,22 @@ def _vertex_sky(scene: Scene, pool: ThreadPoolExecutor) -> Float32Array:
     return np.concatenate([*pool.map(one_mesh, range(len(scene.meshes))), np.zeros(0, np.float32)])
 
 
-def _air_sky(scene: Scene, pool: ThreadPoolExecutor) -> Float32Array:
-    """Open sky in the air over the ground, column by column, layer by layer."""
+def _air_sky(scene: Scene, pool: ThreadPoolExecutor, spacing: float) -> Float32Array:
+    """Open sky in the air over the ground, layer by layer: traced at nodes ``spacing`` [m] apart, and interpolated."""
     field, (length, width) = scene.world.terrain.surface, scene.world.size
-    x, y = np.arange(-length / 2, length / 2 + 0.5, AIR_TEXEL), np.arange(-width / 2, width / 2 + 0.5, AIR_TEXEL)
-    px, py = np.meshgrid(x, y, indexing="ij")
-    ground, rays = field.height_at(px, py), hemisphere(20)
+    rays = hemisphere(20)
+
+    def columns(step: float) -> Array:
+        x, y = (np.arange(-side / 2, side / 2 + step / 2, step) for side in (length, width))
+        return np.stack(np.meshgrid(x, y, indexing="ij"))
+
+    (px, py), texels = columns(spacing), columns(AIR_TEXEL)
+    ground = field.height_at(px, py)
 
     def layer(k: int) -> Float32Array:
         points = np.stack([px, py, ground + AIR_BASE + k * AIR_LAYER], axis=-1).reshape(-1, 3).astype(np.float32)
-        return visibility(scene.rays.handle, points, None, rays, 0.0).reshape(px.shape)
+        seen = visibility(scene.rays.handle, points, None, rays, 0.0).reshape(px.shape)
+        return Raster(values=seen, spacing=spacing, x0=-length / 2, y0=-width / 2).at(*texels).astype(np.float32)
 
     return np.ascontiguousarray(np.stack([*pool.map(layer, range(AIR_LAYERS))], axis=-1))
 

@@ -52,7 +52,7 @@ def render_image(
     for upper in range(0, height, BLOCK_HEIGHT):
         for left in range(0, width, BLOCK_WIDTH):
             count = set_pixel_block(upper, left, height, width, batch.image)
-            trace(shading.scene, buffers.packet, view, batch, count)
+            trace(shading.scene, shading.hits.geometry_top, buffers.packet, view, batch, count)
             label_pixels(shading.hits, batch, count, labels)
             shade_batch(shading, buffers, count, 1.0 / view.pinhole.fx)
             _store(batch.image, colour, count, linear)
@@ -86,7 +86,7 @@ def _refine(shading: Shading, framebuffer: Framebuffer, view: View, count: int) 
                 row = (turn + s * _TURNS // EXTRA_SAMPLES) % _TURNS
                 image[0, k * EXTRA_SAMPLES + s] = u + _OFFSETS[row, 0]
                 image[1, k * EXTRA_SAMPLES + s] = v + _OFFSETS[row, 1]
-        trace(shading.scene, buffers.packet, view, buffers.batch, pixels * EXTRA_SAMPLES)
+        trace(shading.scene, shading.hits.geometry_top, buffers.packet, view, buffers.batch, pixels * EXTRA_SAMPLES)
         shade_batch(shading, buffers, pixels * EXTRA_SAMPLES, 1.0 / view.pinhole.fx)
         for k in range(pixels):
             v, u = edges[first + k, 0], edges[first + k, 1]

@@ -18,9 +18,9 @@ from fieldtruth.render.gbuffer import (
     SUN,
     TRACE_SUN,
     TRANSLUCENCY,
-    mesh_gbuffer,
     terrain_gbuffer,
 )
+from fieldtruth.render.mesh_gbuffer import mesh_gbuffer
 from fieldtruth.render.sky import sky_radiance
 from fieldtruth.render.tables import LightTable, Shading
 from fieldtruth.render.visibility import SHADOW_RANGE
@@ -34,7 +34,7 @@ from fieldtruth.render.water import (
 )
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import TERRAIN
-from fieldtruth.sense.kernel import inlined, kernel
+from fieldtruth.sense.kernel import inlined, kernel, light_kernel
 from fieldtruth.sense.packets import IntArray, Packet, new_packet, set_shadow_ray
 from fieldtruth.sense.ray_batch import RayBatch, new_batch
 
@@ -47,7 +47,7 @@ _OFFSET = 0.002  # [m] between a surface and the origin of its shadow ray
 
 _Vector = tuple[np.float32, np.float32, np.float32]
 
-_LANES, _FAR = embree.LANES, embree.TFAR
+_LANES, _FAR, _OX, _OY, _OZ = embree.LANES, embree.TFAR, embree.ORG_X, embree.ORG_Y, embree.ORG_Z
 _occluded: Any = embree.occluded
 
 
@@ -84,11 +84,11 @@ def shade_batch(shading: Shading, buffers: ShadingBuffers, count: int, pixel: fl
         return
     second = buffers.secondary
     found = water_rays(buffers.batch, buffers.gbuffer, count, pixel, False, second)
-    trace_secondary(shading.scene, buffers.packet, second, found)
+    trace_secondary(shading.scene, shading.hits.geometry_top, buffers.packet, second, found)
     _shade(shading, buffers, second.batch, found, pixel, second.gbuffer, second.colour)
     blend_bottom(second, found, buffers.colour)
     found = water_rays(buffers.batch, buffers.gbuffer, count, pixel, True, second)
-    trace_secondary(shading.scene, buffers.packet, second, found)
+    trace_secondary(shading.scene, shading.hits.geometry_top, buffers.packet, second, found)
     _shade(shading, buffers, second.batch, found, pixel, second.gbuffer, second.colour)
     blend_reflection(second, found, buffers.colour)
 
@@ -113,28 +113,28 @@ def _shade(
 def _trace_sun(
     scene: np.uint64, shadow: Packet, rows: IntArray, sun: Array, batch: RayBatch, count: int, gbuffer: Float32Array
 ) -> None:
-    """Trace a shadow ray for each hit whose SUN requests it."""
-    sx, sy, sz, filled = sun[0], sun[1], sun[2], 0
-    top, point, far = batch.top, batch.point, shadow.ray
+    """Trace a shadow ray for each hit whose SUN requests it. What all of them share is set once."""
+    sx, sy, sz, filled = np.float32(sun[0]), np.float32(sun[1]), np.float32(sun[2]), 0
+    top, point, ray, offset, zero = batch.top, batch.point, shadow.ray, np.float32(_OFFSET), np.float32(0.0)
+    for lane in range(_LANES):
+        set_shadow_ray(shadow, lane, (zero, zero, zero), (sx, sy, sz), _OFFSET, SHADOW_RANGE)
     for k in range(count):
         if top[k] > TERRAIN and gbuffer[k, SUN] == TRACE_SUN:
-            facing = gbuffer[k, NX] * sx + gbuffer[k, NY] * sy + gbuffer[k, NZ] * sz
-            gbuffer[k, SUN] = 0.0
-            if facing > 0.0:
-                origin = (
-                    point[0, k] + _OFFSET * gbuffer[k, NX],
-                    point[1, k] + _OFFSET * gbuffer[k, NY],
-                    point[2, k] + _OFFSET * gbuffer[k, NZ],
-                )
-                set_shadow_ray(shadow, filled, origin, (sx, sy, sz), _OFFSET, SHADOW_RANGE)
+            nx, ny, nz = gbuffer[k, NX], gbuffer[k, NY], gbuffer[k, NZ]
+            gbuffer[k, SUN] = zero
+            if nx * sx + ny * sy + nz * sz > zero:
+                ray[_OX + filled] = point[0, k] + offset * nx
+                ray[_OY + filled] = point[1, k] + offset * ny
+                ray[_OZ + filled] = point[2, k] + offset * nz
+                ray[_FAR + filled] = SHADOW_RANGE
                 rows[filled] = k
                 filled += 1
         if filled == _LANES or (k == count - 1 and filled > 0):
             for lane in range(filled, _LANES):
                 shadow.valid[lane] = 0
-            _occluded(shadow.valid.ctypes, scene, shadow.ray.ctypes, shadow.arguments.ctypes)
+            _occluded(shadow.valid.ctypes, scene, ray.ctypes, shadow.arguments.ctypes)
             for lane in range(filled):
-                if far[_FAR + lane] >= 0.0:
+                if ray[_FAR + lane] >= zero:
                     gbuffer[rows[lane], SUN] = 1.0
             filled = 0
 
@@ -147,7 +147,7 @@ def _half_vector_cosine(normal: _Vector, sun: _Vector, view: _Vector) -> np.floa
     return max(dot / np.sqrt(hx * hx + hy * hy + hz * hz), np.float32(0.0))
 
 
-@kernel
+@light_kernel
 def _illuminate(
     batch: RayBatch, count: int, gbuffer: Float32Array, light: LightTable, exposure: np.float32, colour: Float32Array
 ) -> None:

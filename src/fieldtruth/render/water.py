@@ -13,6 +13,7 @@ import numpy as np
 from fieldtruth.core.arrays import Float32Array
 from fieldtruth.render.gbuffer import FIELDS, MIRROR
 from fieldtruth.sense import embree
+from fieldtruth.sense.hits import hit_top
 from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import IntArray, Packet, set_ray
 from fieldtruth.sense.ray_batch import RayBatch, new_batch, seen_over_map
@@ -26,8 +27,7 @@ _WAVES: Final = 14
 _FARTHEST: Final = 400.0  # [m]
 
 _LANES, _FAR = embree.LANES, embree.TFAR
-_GEOM, _INST, _PRIM, _U, _V = embree.GEOM_ID, embree.INST_ID, embree.PRIM_ID, embree.HIT_U, embree.HIT_V
-_MISS = np.uint32(embree.MISS)
+_PRIM, _U, _V = embree.PRIM_ID, embree.HIT_U, embree.HIT_V
 _intersect: Any = embree.intersect
 
 
@@ -127,8 +127,8 @@ def water_rays(
 
 
 @kernel
-def trace_secondary(scene: np.uint64, packet: Packet, second: SecondaryBatch, count: int) -> None:
-    """Trace the first ``count`` rays from ``point``, which becomes the position of their hit."""
+def trace_secondary(scene: np.uint64, tops: IntArray, packet: Packet, second: SecondaryBatch, count: int) -> None:
+    """Trace the first ``count`` rays from ``point``, which becomes that of the hit; ``tops`` as for ``trace``."""
     ray, words, valid, batch = packet.ray, packet.words, packet.valid, second.batch
     for first in range(0, count, _LANES):
         for lane in range(_LANES):
@@ -148,8 +148,7 @@ def trace_secondary(scene: np.uint64, packet: Packet, second: SecondaryBatch, co
                 batch.point[axis, k] += t * batch.direction[axis, k]
             batch.barycentric[0, k], batch.barycentric[1, k] = ray[_U + lane], ray[_V + lane]
             batch.primitive[k] = np.int32(words[_PRIM + lane])
-            geometry, instance = words[_GEOM + lane], words[_INST + lane]
-            batch.top[k] = np.int32(geometry if instance == _MISS else instance)
+            batch.top[k] = hit_top(tops, words, lane)
 
 
 @kernel

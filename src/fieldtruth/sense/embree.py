@@ -181,7 +181,7 @@ class RayScene:
         return np.uint64(self._pointer)
 
     def add_mesh(self, vertices: ArrayLike, faces: ArrayLike) -> int:
-        """Attach triangles: vertices (v, 3) [m], faces (f, 3). Returns the geometry id."""
+        """Attach triangles: vertices (v, 3) [m], faces (f, 3); those of MISS are left out. Returns the geometry id."""
         geometry = self._api.rtcNewGeometry(self._engine.device, _TRIANGLES)
         self._set_buffer(geometry, _VERTEX, _FLOAT3, np.ascontiguousarray(vertices, np.float32))
         self._set_buffer(geometry, _INDEX, _UINT3, np.ascontiguousarray(faces, np.uint32))

@@ -39,6 +39,7 @@ class HitTable(NamedTuple):
     A top-level geometry is the terrain (row 0), the backdrop if there is one, or one instance of a mesh.
     """
 
+    geometry_top: NDArray[np.int32]  # (geometries of the Embree scene,) row of the top-level geometry it belongs to
     top_object: NDArray[np.uint32]  # (tops,) instance id
     top_mesh: NDArray[np.int32]  # (tops,) row of mesh_face; -1 for the terrain
     mesh_face: NDArray[np.int64]  # (meshes,) first row in face_label
@@ -68,13 +69,13 @@ def read_grid(grid: Grid, x: float, y: float) -> float:
 
 
 @inlined
-def hit_top(words: NDArray[np.uint32], lane: int) -> int:
+def hit_top(tops: NDArray[np.int32], words: NDArray[np.uint32], lane: int) -> int:
     """Row of the top-level geometry that a lane hit, -1 for none. ``words`` is the packet viewed as uint32."""
     instance = words[_INST + lane]
     geometry = words[_GEOM + lane]
     if geometry == _MISS:
         return -1
-    return np.int64(geometry) if instance == _MISS else np.int64(instance)  # type: ignore[return-value]
+    return np.int64(tops[geometry if instance == _MISS else instance])  # type: ignore[return-value]
 
 
 @inlined

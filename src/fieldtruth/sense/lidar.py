@@ -58,6 +58,28 @@ def ray_directions(config: LidarConfig) -> Array:
     return directions
 
 
+class _Returns(NamedTuple):
+    """Fields of ``Scan`` that a kernel fills."""
+
+    xyz: Float32Array
+    range_m: Float32Array
+    label: NDArray[np.uint8]
+    instance: NDArray[np.uint32]
+    ring: NDArray[np.uint16]
+    column: NDArray[np.uint16]
+
+
+def _new_returns(count: int) -> _Returns:
+    return _Returns(
+        xyz=np.empty((count, 3), np.float32),
+        range_m=np.empty(count, np.float32),
+        label=np.empty(count, np.uint8),
+        instance=np.empty(count, np.uint32),
+        ring=np.empty(count, np.uint16),
+        column=np.empty(count, np.uint16),
+    )
+
+
 class _Beams(NamedTuple):
     """Directions (columns, rings, 3), limits of range [m], and which classes return a pulse (256,)."""
 
@@ -92,23 +114,16 @@ class Lidar:
         With poses by column, ``t_ns`` spreads the columns evenly over one period, and each point is in the frame of its
         own column's pose, as a real scanner reports it.
         """
-        config, (label, instance, ranges) = self.config, self._out
+        config = self.config
         moving = world_from_lidar.ndim == 3
         poses = np.ascontiguousarray(np.broadcast_to(world_from_lidar, (config.columns, 4, 4)))
         _scan(self.scene.rays.handle, self.scene.hits, self._packet, poses, self._beams, self._out)
-        column, ring = np.nonzero(ranges)
-        distance = ranges[column, ring]
-        period_ns = 1e9 / config.rate_hz
-        t_ns = np.rint(column * (period_ns / config.columns)) if moving else np.zeros(len(column))
-        return Scan(
-            xyz=(self.directions[column, ring] * distance[:, None]).astype(np.float32),
-            range_m=distance,
-            label=label[column, ring],
-            instance=instance[column, ring],
-            ring=ring.astype(np.uint16),
-            column=column.astype(np.uint16),
-            t_ns=t_ns.astype(np.uint32),
-        )
+        found = _new_returns(int(np.count_nonzero(self._out.depth)))
+        _collect(self.directions, self._out, found)
+        t_ns = np.zeros(len(found.column), np.uint32)
+        if moving:
+            t_ns = np.rint(found.column.astype(np.float64) * (1e9 / config.rate_hz / config.columns)).astype(np.uint32)
+        return Scan(**found._asdict(), t_ns=t_ns)
 
 
 @inlined
@@ -130,6 +145,7 @@ def _scan(scene: np.uint64, hits: HitTable, packet: Packet, poses: Array, beams:
     label, instance, distance = out
     directions, min_range, max_range, returns = beams
     ray, words, valid, arguments = packet
+    tops = hits.geometry_top
     columns, rings = distance.shape
     for lane in range(_LANES):
         set_ray(packet, lane, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.0, max_range)
@@ -151,7 +167,7 @@ def _scan(scene: np.uint64, hits: HitTable, packet: Packet, poses: Array, beams:
                     continue
                 column, ring = first_column + lane % _WIDTH, first_ring + lane // _WIDTH
                 distance[column, ring] = 0.0
-                top = hit_top(words, lane)
+                top = hit_top(tops, words, lane)
                 range_m = ray[_FAR + lane]
                 if top < 0 or range_m < min_range:
                     continue
@@ -161,3 +177,21 @@ def _scan(scene: np.uint64, hits: HitTable, packet: Packet, poses: Array, beams:
                 if returns[class_id]:
                     distance[column, ring] = range_m
                     label[column, ring], instance[column, ring] = class_id, object_id
+
+
+@kernel
+def _collect(directions: Array, out: LabelBuffers, found: _Returns) -> None:
+    """List the returns by column, then by ring; NumPy's indexing takes eight times as long (1.3 ms of a scan of 25)."""
+    labels, instances, distances = out
+    xyz, range_m, label, instance, rings, columns = found
+    k = 0
+    for column in range(distances.shape[0]):
+        for ring in range(distances.shape[1]):
+            distance = distances[column, ring]
+            if distance == 0.0:
+                continue
+            for axis in range(3):
+                xyz[k, axis] = directions[column, ring, axis] * distance
+            range_m[k], label[k], instance[k] = distance, labels[column, ring], instances[column, ring]
+            rings[k], columns[k] = ring, column
+            k += 1

@@ -11,7 +11,7 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.sense import embree
-from fieldtruth.sense.hits import HitTable, LabelBuffers, classify
+from fieldtruth.sense.hits import HitTable, LabelBuffers, classify, hit_top
 from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import IntArray, Packet, set_ray
 from fieldtruth.sense.pinhole import Pinhole
@@ -93,8 +93,10 @@ def seen_over_map(ray: Float32Array, lane: int) -> np.float32:
 
 
 @kernel
-def trace(scene: np.uint64, packet: Packet, view: View, batch: RayBatch, count: int) -> None:
+def trace(scene: np.uint64, tops: IntArray, packet: Packet, view: View, batch: RayBatch, count: int) -> None:
     """Trace the rays through the first ``count`` image points of a batch, LANES neighbours at a time.
+
+    ``tops`` is the ``geometry_top`` of a HitTable.
 
     Each inner loop writes few fields of the packet, so that it is vectorized; what all rays share is set once.
     """
@@ -136,8 +138,7 @@ def trace(scene: np.uint64, packet: Packet, view: View, batch: RayBatch, count: 
             barycentric[0, k], barycentric[1, k] = ray[_U + lane], ray[_V + lane]
             foreshortening[k] = seen_over_map(ray, lane)
             primitive[k] = np.int32(words[_PRIM + lane])
-            geometry, instance = words[_GEOM + lane], words[_INST + lane]
-            top[k] = np.int32(geometry if instance == _MISS else instance)  # MISS for both becomes -1
+            top[k] = hit_top(tops, words, lane)
 
 
 @kernel
@@ -161,5 +162,5 @@ def label_image(
     for upper in range(0, height, BLOCK_HEIGHT):
         for left in range(0, width, BLOCK_WIDTH):
             count = set_pixel_block(upper, left, height, width, batch.image)
-            trace(scene, packet, view, batch, count)
+            trace(scene, hits.geometry_top, packet, view, batch, count)
             label_pixels(hits, batch, count, out)

@@ -7,9 +7,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.sense.embree import CLEAR, SOLID, Engine, RayScene
+from fieldtruth.core.arrays import Array, Float32Array, Mask
+from fieldtruth.sense.embree import CLEAR, MISS, SOLID, Engine, RayScene
 from fieldtruth.sense.hits import Grid, HitTable
+from fieldtruth.sense.parts import parts_of
 from fieldtruth.world.model import GROUND_ID, Heightfield, Mesh, Raster, World
 
 _NO_TINT: Final = (1.0, 1.0, 1.0)
@@ -43,32 +44,34 @@ class TopLevel(NamedTuple):
 class Scene:
     """A world in the ray tracer. Threads may share it: it does not change after construction.
 
-    ``rays`` is the Embree scene, whose geometry ids are rows of ``tops``; ``hits`` gives class and instance id of a
-    hit; ``mesh_rays`` are the Embree scenes of single meshes.
+    ``rays`` is the Embree scene, in which an object is one geometry or two; ``hits`` gives the row of ``tops``
+    that a geometry belongs to, and class and instance id of a hit.
     """
 
     def __init__(self, world: World) -> None:
         self.world = world
         self.engine = Engine()
         self.meshes = [*world.meshes.values(), *([world.backdrop] if world.backdrop is not None else [])]
-        self.mesh_rays = [self._mesh_scene(mesh) for mesh in self.meshes]
         self.tops = list(_top_levels(world))
         self.rays = RayScene(self.engine)
-        rows = {mesh.name: row for row, mesh in enumerate(self.meshes)}
+        parts = {mesh.name: [self.mesh_rays(mesh, part) for part in parts_of(mesh)] for mesh in self.meshes}
         clear = {m.name for m in self.meshes if any(world.materials[name].mirror > 0 for name in m.materials)}
+        geometry_top = []
         for row, (mesh, pose, *_) in enumerate(self.tops):
             if mesh is None:
-                geometry_id = self.rays.add_grid(terrain_nodes(world.terrain.surface))
-            else:
-                mask = CLEAR if mesh.name in clear else SOLID
-                geometry_id = self.rays.add_instance(self.mesh_rays[rows[mesh.name]], pose, mask=mask)
-            assert geometry_id == row, "Embree numbers geometries in the order in which they are attached"
+                self.rays.add_grid(terrain_nodes(world.terrain.surface))
+                geometry_top.append(row)
+                continue
+            for part in parts[mesh.name]:
+                self.rays.add_instance(part, pose, mask=CLEAR if mesh.name in clear else SOLID)
+                geometry_top.append(row)
         self.rays.commit()
-        self.hits = _hit_table(world, self.meshes, self.tops)
+        self.hits = _hit_table(world, self.meshes, self.tops, geometry_top)
 
-    def _mesh_scene(self, mesh: Mesh) -> RayScene:
+    def mesh_rays(self, mesh: Mesh, part: Mask | None = None) -> RayScene:
+        """Build the Embree scene of a mesh in its own frame, of all faces or of a part (f,) of them."""
         scene = RayScene(self.engine)
-        scene.add_mesh(mesh.vertices, mesh.faces)
+        scene.add_mesh(mesh.vertices, mesh.faces if part is None else np.where(part[:, None], mesh.faces, MISS))
         return scene.commit()
 
 
@@ -83,12 +86,13 @@ def _top_levels(world: World) -> Iterator[TopLevel]:
             yield TopLevel(meshes[row], pose, swarm.object_id, tint)
 
 
-def _hit_table(world: World, meshes: list[Mesh], tops: list[TopLevel]) -> HitTable:
+def _hit_table(world: World, meshes: list[Mesh], tops: list[TopLevel], geometry_top: list[int]) -> HitTable:
     """Concatenate classes and instance ids into tables that kernels index."""
     labels = {name: int(material.label) for name, material in world.materials.items()}
     rows = {mesh.name: row for row, mesh in enumerate(meshes)}
     face_labels = [np.array([labels[n] for n in m.materials], np.uint8)[m.material] for m in meshes]
     return HitTable(
+        geometry_top=np.array(geometry_top, np.int32),
         top_object=np.array([top.object_id for top in tops], np.uint32),
         top_mesh=np.array([-1 if top.mesh is None else rows[top.mesh.name] for top in tops], np.int32),
         mesh_face=np.cumsum([0, *(len(m.faces) for m in meshes)])[:-1].astype(np.int64),

@@ -41,10 +41,12 @@ class Ground:
 
     def near(self, start: Array, ahead: Array, limit: Array) -> Iterator[tuple[Index, Array]]:
         """Rows of rays (n, 3) up to their limits (n,), and the corners (n, 3, 3) of triangles whose box they meet."""
-        for rays in blocks(len(start), len(self._low)):
+        near = near_all(self._low, self._high, start, ahead, limit)
+        for rays in blocks(len(start), len(near)):
             ray, square = np.nonzero(
-                meets(self._low, self._high, start[rays, None], ahead[rays, None], limit[rays, None])
+                meets(self._low[near], self._high[near], start[rays, None], ahead[rays, None], limit[rays, None])
             )
+            square = near[square]
             for part in blocks(len(ray), _SIDE * _SIDE):
                 row = np.repeat(ray[part] + rays.start, _SIDE * _SIDE)
                 cell = (self._first[square[part], None] + _OFFSETS).reshape(-1, 2)
@@ -80,6 +82,12 @@ def meets(low: Array, high: Array, start: Array, ahead: Array, limit: Array) -> 
         first, second = (low[..., axis] - start[..., axis]) / along, (high[..., axis] - start[..., axis]) / along
         near, far = np.maximum(near, np.minimum(first, second)), np.minimum(far, np.maximum(first, second))
     return np.asarray(near <= far)
+
+
+def near_all(low: Array, high: Array, start: Array, ahead: Array, limit: Array) -> Index:
+    """Rows of boxes (n, 3) that meet the one box around all rays (..., 3): in a large world few boxes are near."""
+    ends = np.stack([start, start + ahead * limit[..., None]]).reshape(-1, 3)
+    return np.flatnonzero(((low <= ends.max(axis=0)) & (high >= ends.min(axis=0))).all(axis=1))
 
 
 def blocks(count: int, each: int) -> list[slice]:

@@ -94,8 +94,8 @@ def mismatches(world: World, tracer: ReferenceTracer, readings: list[RayReading]
     known, far = np.array([r.range_m for r in readings]), np.array([r.far for r in readings]) * 1.001
     limit = np.where((known > 0) & np.isfinite(known), np.minimum(known * 1.001 + 0.01, far), far)
     hits = tracer.hits(origins, directions, limit)
-    tolerance = np.asarray(resolution(hits.range_m) / hits.cosine + 1e-6 * hits.range_m)
-    opaque = _opaque(hits, tolerance)
+    tolerance = np.asarray(resolution(hits.range_m, tracer.side) / hits.cosine + 1e-6 * hits.range_m)
+    opaque = _opaque(hits, tolerance, tracer.side)
     result: list[str | None] = []
     for ray, (first, last) in enumerate(pairwise(np.searchsorted(hits.ray, np.arange(len(readings) + 1)))):
         candidates: list[_Candidate] = []
@@ -116,9 +116,9 @@ def mismatches(world: World, tracer: ReferenceTracer, readings: list[RayReading]
     return result
 
 
-def _opaque(hits: Hits, tolerance: Array) -> Mask:
+def _opaque(hits: Hits, tolerance: Array, side: float) -> Mask:
     """Which triangles a ray cannot pass: it hits them far from an edge, or where a neighbour continues behind it."""
-    near_edge = hits.margin < resolution(hits.range_m) / hits.cosine
+    near_edge = hits.margin < resolution(hits.range_m, side) / hits.cosine
     joined = (np.diff(hits.ray) == 0) & (np.diff(hits.range_m) <= tolerance[:-1] + tolerance[1:])
     joined &= (hits.instance[:-1] == hits.instance[1:]) & (np.maximum(hits.margin[:-1], hits.margin[1:]) > 0.0)
     closed = np.zeros(len(near_edge), np.bool_)
@@ -130,7 +130,7 @@ def _opaque(hits: Hits, tolerance: Array) -> Mask:
 def _trail_labels(world: World, point: Array, range_m: float, cosine: float) -> set[int]:
     """Classes that the terrain may have at a point (3,) [m]: both near the edge of a trail."""
     distance = float(world.terrain.trail_distance.at(point[0], point[1]))
-    if abs(distance) < float(resolution(np.array(range_m))) / cosine:
+    if abs(distance) < float(resolution(np.array(range_m), max(world.size))) / cosine:
         return {int(Label.TRAIL), int(Label.GROUND)}
     return {int(Label.TRAIL if distance < 0 else Label.GROUND)}
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Index
-from fieldtruth.validation.retrace.ground import SKIN, Ground, blocks, meets
+from fieldtruth.validation.retrace.ground import SKIN, Ground, blocks, meets, near_all
 from fieldtruth.world.model import GROUND_ID, Mesh, World
 
 TERRAIN: Final = 0
@@ -55,11 +55,19 @@ class _Placed(NamedTuple):
     high: Array
 
 
+class _Triangles(NamedTuple):
+    """Corners (n, 3, 3), class and instance id (n,)."""
+
+    corners: Array
+    label: NDArray[np.uint8]
+    instance: Index
+
+
 class ReferenceTracer:
     """The triangles of a world. Threads may share it."""
 
     def __init__(self, world: World) -> None:
-        self.world = world
+        self.world, self.side = world, max(world.size)
         labels = {name: int(material.label) for name, material in world.materials.items()}
         self._ground = Ground(world.terrain.surface)
         meshes: dict[str, tuple[Array, NDArray[np.uint8]]] = {}
@@ -93,16 +101,19 @@ class ReferenceTracer:
         """Trace rays (n, 3), directions of unit length, each up to its limit (n,) [m]."""
         nothing = np.zeros(0)
         found = [Hits(nothing.astype(int), nothing, nothing.astype(np.uint8), nothing.astype(int), nothing, nothing)]
-        for ray, corners in self._ground.near(origins, directions, limit):
-            label, instance = np.full(len(ray), TERRAIN, np.uint8), np.full(len(ray), GROUND_ID)
-            found.append(_hits_on(corners, label, instance, ray, origins[ray], directions[ray], limit[ray]))
         for first in range(0, len(origins), _RAYS):
             rays = np.arange(first, min(first + _RAYS, len(origins)))
+            for row, corners in self._ground.near(origins[rays], directions[rays], limit[rays]):
+                ray = rays[row]
+                label, instance = np.full(len(ray), TERRAIN, np.uint8), np.full(len(ray), GROUND_ID)
+                triangles = _Triangles(corners, label, instance)
+                found.append(_hits_on(triangles, ray, origins[ray], directions[ray], limit[ray], self.side))
             start, ahead, end = origins[rays, None], directions[rays, None], limit[rays, None]
             for name, placed in self._placed.items():
-                ray, row = np.nonzero(meets(placed.low, placed.high, start, ahead, end))
+                near = near_all(placed.low, placed.high, start, ahead, end)
+                ray, row = np.nonzero(meets(placed.low[near], placed.high[near], start, ahead, end))
                 if len(ray):
-                    found += self._hits_of(name, rays[ray], row, origins, directions, limit)
+                    found += self._hits_of(name, rays[ray], near[row], origins, directions, limit)
         hits = Hits._make(np.concatenate(parts) for parts in zip(*found, strict=True))
         order = np.lexsort((hits.range_m, hits.ray))
         return Hits._make(part[order] for part in hits)
@@ -125,29 +136,27 @@ class ReferenceTracer:
                 inside = face < len(solid.corners)
                 face, pair_of = face[inside], np.repeat(pair[part], inside.sum(axis=1))
                 of, label, instance = ray[pair_of], solid.label[face], placed.instance[row[pair_of]]
-                found.append(
-                    _hits_on(solid.corners[face], label, instance, of, start[pair_of], ahead[pair_of], limit[of])
-                )
+                triangles = _Triangles(solid.corners[face], label, instance)
+                found.append(_hits_on(triangles, of, start[pair_of], ahead[pair_of], limit[of], self.side))
         return found
 
 
-def resolution(range_m: Array) -> Array:
-    """Distance [m] across the ray by which single precision may displace its end.
+def resolution(range_m: Array, side: float) -> Array:
+    """Distance [m] across the ray by which single precision may displace its end, in a world of a greatest side [m].
 
-    Coordinates of 64 m have a last digit of 8 um and are transformed to the frame of an object; the last digit of a
-    direction moves the end by 1.2e-7 of the range.
+    Coordinates of 64 m, half of 128 m, have a last digit of 8 um, larger ones one that grows with them, and are
+    transformed to the frame of an object; the last digit of a direction moves the end by 1.2e-7 of the range.
     """
-    return np.asarray(3e-5 + 2.4e-7 * range_m)
+    return np.asarray(3e-5 * max(1.0, side / 128.0) + 2.4e-7 * range_m)
 
 
-def _hits_on(
-    corners: Array, label: NDArray[np.uint8], instance: Index, ray: Index, start: Array, ahead: Array, limit: Array
-) -> Hits:
-    """Hits of rays on triangles (n, 3, 3), pair by pair; rays are given in the triangles' frame."""
+def _hits_on(triangles: _Triangles, ray: Index, start: Array, ahead: Array, limit: Array, side: float) -> Hits:
+    """Hits of rays on triangles, pair by pair; rays are given in their frame, in a world of a greatest side [m]."""
+    corners, label, instance = triangles
     range_m, margin, cosine = _intersect(corners, start, ahead)
     margin /= np.linalg.norm(ahead, axis=1)  # a metre in the frame
     hit = (range_m > 0) & (range_m <= limit) & (cosine > _PARALLEL)
-    hit &= margin > -resolution(range_m) / np.maximum(cosine, _PARALLEL)
+    hit &= margin > -resolution(range_m, side) / np.maximum(cosine, _PARALLEL)
     return Hits(ray[hit], range_m[hit], label[hit], instance[hit], margin[hit], cosine[hit])
 
 
