@@ -95,6 +95,26 @@ def park(small_run: Path) -> RebuiltWorld:
     return found
 
 
+@pytest.fixture(scope="module")
+def in_park(park: RebuiltWorld) -> Iterator[None]:
+    """Runs in park_1's world use it with its scene and light as they are built, because to load them takes seconds."""
+    from fieldtruth.render.bake import bake
+    from fieldtruth.sense.scene import Scene
+    from fieldtruth.world.build import world_of
+
+    light = load_experiment("park_1").light
+
+    def is_park(e: Experiment) -> bool:
+        return (e.environment, e.seed, e.layout) == ("park", 0, {})
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("fieldtruth.pipeline.world_of", lambda e: park.world if is_park(e) else world_of(e))
+        sensors = "fieldtruth.record.sensors"
+        patch.setattr(f"{sensors}.Scene", lambda world: park.scene if world is park.world else Scene(world))
+        patch.setattr(f"{sensors}.bake", lambda s, to: park.baked if (s, to) == (park.scene, light) else bake(s, to))
+        yield
+
+
 @pytest.fixture
 def validate_in_park(park: RebuiltWorld, monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Check]]:
     """``validate`` with the world already built."""

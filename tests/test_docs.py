@@ -188,6 +188,7 @@ def test_the_page_on_extending_can_be_followed(monkeypatch: pytest.MonkeyPatch, 
     assert sum(name.startswith("hazel") for name in world.object_names) == 5
 
 
+@pytest.mark.usefixtures("in_park")
 def test_the_page_on_tracks_can_be_followed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
     follow(ROOT / "docs/tracks.md")

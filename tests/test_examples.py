@@ -15,6 +15,8 @@ from rosbags.rosbag1 import Reader, Writer
 
 import fieldtruth as ft
 
+pytestmark = pytest.mark.usefixtures("in_park")
+
 EXAMPLES = Path(__file__).parents[1] / "examples"
 RunExample = Callable[..., list[str]]
 SCRIPTS = sorted(EXAMPLES.glob("*.py"))

@@ -16,8 +16,7 @@ from fieldtruth.bag.topics import latches_objects, topics_of_run
 from fieldtruth.bag.track_file import TrackFile, read_track_file
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
-from fieldtruth.drive.plan import plan_route
-from fieldtruth.drive.simulate import drive
+from fieldtruth.drive.plan import plan_and_drive
 from fieldtruth.drive.standing import standing_robot
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
@@ -97,7 +96,7 @@ def track_in(world: World, experiment: Experiment, given: TrackFile | None) -> T
         return follow_track(experiment, world, given)
     if experiment.frames is not None:
         return standing_robot(world, experiment)
-    return drive(world, experiment.model_copy(update={"route": plan_route(world, experiment)}))
+    return plan_and_drive(world, experiment)
 
 
 def generate(

@@ -165,8 +165,9 @@ def test_runs_of_frames_have_seeds_lights_and_a_length_of_their_own() -> None:
     assert len(frames) == len({each.seed for each in frames}) == 20
     assert len({experiment.light for experiment in runs}) == 20
     assert [simulated_s(experiment) for experiment in runs] == [each.count / 10 for each in frames]
-    with pytest.raises(ConfigurationError, match="frames exclude drive and seconds"):
-        draw(campaign(routes=routes, seconds=5))
+    mixed = [run.experiment for run in draw(campaign(routes=["built-in", routes], seconds=3))]
+    assert {e.seconds for e in mixed if e.frames is None} == {3}
+    assert {e.seconds for e in mixed if e.frames is not None} == {None}
 
 
 def test_all_is_the_built_in_experiments_as_they_are() -> None:

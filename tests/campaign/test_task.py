@@ -67,7 +67,7 @@ def count_calls(monkeypatch: pytest.MonkeyPatch, fail: Callable[[Experiment], Ba
             raise error
         return make_track(world, experiment)
 
-    monkeypatch.setattr(pipeline, "drive", drive)
+    monkeypatch.setattr(pipeline, "plan_and_drive", drive)
     return calls
 
 

@@ -35,7 +35,7 @@ def dask_setup(worker: Worker) -> None:
     if "FAKE_GATE" in os.environ:
         patch.setattr(record_fakes.FakeScene, "__init__", wait_for_gate)
     if "FAKE_ERROR" in os.environ:
-        patch.setattr(pipeline, "drive", refuse)
+        patch.setattr(pipeline, "plan_and_drive", refuse)
 
 
 def wait_for_gate(scene: record_fakes.FakeScene, world: World) -> None:

@@ -3,14 +3,20 @@
 import io
 import re
 import threading
+from itertools import count
 from types import SimpleNamespace
 
+import pytest
 from rich.console import Console
 
 from fieldtruth.core.progress import show_progress, timed
 
 
-def test_lines_for_a_log_file() -> None:
+@pytest.mark.parametrize(("step_s", "shown"), [(1.0, ["60", "70", "80", "90"]), (0.06, ["70", "90"]), (0.0, [])])
+def test_lines_for_a_log_file(step_s: float, shown: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """At each tenth, but not more often than once a second."""
+    clock = count(0.0, step_s)
+    monkeypatch.setattr("fieldtruth.core.progress.monotonic", lambda: next(clock))
     out = io.StringIO()
     with show_progress(Console(file=out)) as progress:
         with progress.stage("drive"):
@@ -20,8 +26,8 @@ def test_lines_for_a_log_file() -> None:
                 advance(0.1)
     lines = out.getvalue().splitlines()
     assert re.fullmatch(r"drive: done in \d+\.\d s", lines[0])
-    shares = [re.fullmatch(r"sense: (\d+) %, 0 s left", line) for line in lines[1:-1]]
-    assert [share and share[1] for share in shares] == ["60", "70", "80", "90"]
+    shares = [re.fullmatch(r"sense: (\d+) %, \d s left", line) for line in lines[1:-1]]
+    assert [share and share[1] for share in shares] == shown
     assert re.fullmatch(r"sense: done in \d+\.\d s", lines[-1])
     assert "\x1b" not in out.getvalue()
 

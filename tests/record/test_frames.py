@@ -32,10 +32,8 @@ def frames_experiment(**values: Any) -> Experiment:
 
 
 @pytest.fixture(scope="module")
-def frames_run(park: RebuiltWorld, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("fieldtruth.pipeline.world_of", lambda experiment: park.world)
-        return generate(frames_experiment(), tmp_path_factory.mktemp("frames")).parent
+def frames_run(in_park: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return generate(frames_experiment(), tmp_path_factory.mktemp("frames")).parent
 
 
 def test_every_frame_has_a_pair_and_a_cloud_and_nothing_that_needs_motion(frames_run: Path) -> None:
@@ -68,10 +66,7 @@ def test_validate_passes_and_says_what_does_not_apply(
 
 
 @pytest.mark.slow
-def test_the_frames_are_made_again_by_their_own_experiment(
-    frames_run: Path, park: RebuiltWorld, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("fieldtruth.pipeline.world_of", lambda experiment: park.world)
+def test_the_frames_are_made_again_by_their_own_experiment(frames_run: Path, tmp_path: Path) -> None:
     again = generate(load_experiment(frames_run / "experiment.yaml"), tmp_path)
     assert again.read_bytes() == open_run(frames_run).bag.read_bytes()
 

@@ -203,14 +203,14 @@ def test_a_failed_drive_leaves_the_folder_as_it_was(tmp_path: Path, monkeypatch:
         raise DriveError("stuck at 3 s before waypoint 1")
 
     with monkeypatch.context() as patch:
-        patch.setattr(pipeline, "drive", stuck)
+        patch.setattr(pipeline, "plan_and_drive", stuck)
         with pytest.raises(DriveError):
             generate(make_experiment(0.5), tmp_path / "new" / "folder", workers=1)
         assert list(tmp_path.iterdir()) == []  # nothing is written
     bag = generate(make_experiment(0.5), tmp_path, workers=1)
     content = bag.read_bytes()
     with monkeypatch.context() as patch:
-        patch.setattr(pipeline, "drive", stuck)
+        patch.setattr(pipeline, "plan_and_drive", stuck)
         with pytest.raises(DriveError):
             generate(make_experiment(1.5), tmp_path, workers=1, overwrite=True)
     assert bag.read_bytes() == content  # nothing is lost

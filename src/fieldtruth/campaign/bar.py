@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Progress of a run of a campaign: one bar, of its longest stage, with the name of the run."""
+"""Progress of a run of a campaign: a bar of its longest stage, with the name of the run."""
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -19,7 +19,7 @@ def silent() -> Iterator[Progress]:
 
 @contextmanager
 def run_bar(shows: Shows, name: str) -> Iterator[Progress]:
-    """Show the stages of a run that count simulated time as one bar with this name."""
+    """Show the stages of a run that count simulated time, each as a bar with the name of the run."""
     with shows() as progress:
         yield _Named(progress, name)
 
@@ -32,5 +32,5 @@ class _Named:
     @contextmanager
     def stage(self, name: str, total: float | None = None, done: float = 0.0) -> Iterator[Advance]:
         inner = Silent() if total is None else self._progress
-        with inner.stage(self._name, total, done) as advance:
+        with inner.stage(f"{self._name}: {name}", total, done) as advance:
             yield advance

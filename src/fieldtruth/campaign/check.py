@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Check of a campaign before it starts: names, and both ends of every distribution against what experiments allow."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pydantic import ValidationError
@@ -37,8 +37,15 @@ def check_campaign(campaign: Campaign, source: str) -> None:
     for name in campaign.extras or ():
         if name not in EXTRAS:
             raise UnknownNameError("extra", name, EXTRAS, source)
+    runs = campaign.experiments or (() if campaign.routes == BUILT_IN else entries(campaign.routes))
+    if campaign.seconds is not None and runs and all(map(_has_frames, runs)):
+        raise ConfigurationError(f"{source}: seconds is for drives; of frames, frames.count says how many there are")
     for end in extremes(campaign.seconds):
         _check_values({"seconds": end}, source)
+
+
+def _has_frames(run: Experiment | Tree) -> bool:
+    return run.frames is not None if isinstance(run, Experiment) else isinstance(run, Mapping) and "frames" in run
 
 
 def _check_routes(tree: Tree, source: str) -> None:

@@ -58,12 +58,19 @@ class Entries(NamedTuple):
     rig: Tree
 
 
-def draw(campaign: Campaign) -> tuple[PlannedRun, ...]:
-    """Draw the runs of a campaign.
+def draw(campaign: Campaign, source: str = "") -> tuple[PlannedRun, ...]:
+    """Draw the runs of a campaign; ``source``, a file for example, is put in front of errors.
 
     Raises:
-        ConfigurationError: a drawn value that is not allowed, or a split without a world.
+        ConfigurationError: a drawn value that is not allowed, too many runs, or a split without a world.
     """
+    try:
+        return _drawn(campaign)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{source}: {error}" if source else str(error)) from error
+
+
+def _drawn(campaign: Campaign) -> tuple[PlannedRun, ...]:
     if campaign.experiments:
         experiments = [_changed(campaign, experiment, k) for k, experiment in enumerate(campaign.experiments)]
     else:
@@ -153,7 +160,8 @@ def _changed(campaign: Campaign, experiment: Experiment, k: int) -> Experiment:
 def _finished(campaign: Campaign, values: dict[str, Any], k: int) -> Experiment:
     try:
         experiment = Experiment.model_validate(values)
-        seconds = drawn(campaign.seconds, _rng(campaign, _RUN, k, "seconds"))
+        frames = experiment.frames is not None  # as many as its count says
+        seconds = None if frames else drawn(campaign.seconds, _rng(campaign, _RUN, k, "seconds"))
         return with_overrides(
             experiment, seconds=seconds, cameras=campaign.cameras, lidar=campaign.lidar, extras=campaign.extras
         )

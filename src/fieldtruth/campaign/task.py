@@ -43,19 +43,20 @@ class Options(NamedTuple):
 
 
 def generate_campaign(
-    campaign: Campaign, out: Path, options: Options, *, shows: Shows = silent, say: Say = print
+    campaign: Campaign, out: Path, options: Options, *, source: str = "", shows: Shows = silent, say: Say = print
 ) -> list[State]:
     """Make the runs of a campaign that are left in OUT, or those of a shard, and return the state of each.
 
-    Runs that fail do not stop the others. Runs that other processes are making are left to them. ``shows`` displays the
-    progress of measurements, and of runs that are made one after the other.
+    Runs that fail do not stop the others. Runs that other processes are making are left to them. ``source``,
+    the campaign's file for example, is put in front of errors of the configuration. ``shows`` displays the progress of
+    measurements, and of runs that are made one after the other.
 
     Raises:
-        ConfigurationError: a drawn value that is not allowed, or a split without a world.
+        ConfigurationError: a drawn value that is not allowed, too many runs, or a split without a world.
         OutputError: the folder holds another campaign, cannot be written, or disk or memory cannot hold the runs.
         KeyboardInterrupt: finished runs and slices are kept.
     """
-    everything = draw(campaign)
+    everything = draw(campaign, source)
     if not options.overwrite:
         check_folder(campaign, everything, out)
     runs = options.shard.of(everything)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 Advance = Callable[[float], None]
 _STEP_NS: Final = 200_000_000
+_LINES_APART_S: Final = 1.0
 
 
 class Stamped(Protocol):
@@ -101,7 +102,7 @@ class _Bars:
 
 
 class _Lines:
-    """A line at each tenth of a stage, for log files."""
+    """A line at each tenth of a stage, at most one a second, for log files."""
 
     def __init__(self, console: "Console") -> None:
         self._console = console
@@ -109,17 +110,21 @@ class _Lines:
     @contextmanager
     def stage(self, name: str, total: float | None = None, done: float = 0.0) -> Iterator[Advance]:
         start, lock, made = monotonic(), Lock(), 0.0
+        last = start
         printed = int(10 * done / total) if total else 0
 
         def advance(amount: float) -> None:
-            nonlocal made, printed
+            nonlocal made, printed, last
             with lock:
                 made += amount
                 tenths = int(10 * (done + made) / total) if total else 0
                 if total is None or not printed < tenths < 10:
                     return
-                printed = tenths
-                left = (monotonic() - start) * max(0.0, total - done - made) / made
+                now = monotonic()
+                if now - last < _LINES_APART_S:
+                    return
+                printed, last = tenths, now
+                left = (now - start) * max(0.0, total - done - made) / made
                 self._console.print(f"{name}: {10 * printed} %, {left:.0f} s left", highlight=False)
 
         yield advance
