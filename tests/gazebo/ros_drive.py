@@ -14,9 +14,13 @@ import subprocess
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import yaml
 from gazebo_run import CHROOT, GazeboError, in_chroot, missing_chroot
+
+STEPS_PER_SECOND: Final = "400"
+"""Steps of the physics per second of wall time: at 1000, rosbag's queues overflow on a busy machine."""
 
 
 def add_robot(world: Path, out: Path, config: Path) -> Path:
@@ -41,6 +45,9 @@ def add_robot(world: Path, out: Path, config: Path) -> Path:
     pose = " ".join(repr(start[name]) for name in ("x", "y", "z", "roll", "pitch", "yaw"))
     for name, value in (("uri", "model://husky_ros"), ("name", "husky"), ("pose", pose)):
         ET.SubElement(include, name).text = value
+    rate = element.find("physics/real_time_update_rate")
+    assert rate is not None
+    rate.text = STEPS_PER_SECOND
     tree.write(out)
     return out
 

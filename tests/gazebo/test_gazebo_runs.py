@@ -55,7 +55,7 @@ def walls(tmp_path_factory: pytest.TempPathFactory) -> GazeboRun:
     folder = tmp_path_factory.mktemp("walls")
     world = write_world(folder / "walls.world", "".join(box(k, *where) for k, where in WALLS.items()))
     rigged = add_rig(world, folder / "rigged.world", RIG, lidar=True, camera=True)
-    return run_gazebo(rigged, folder / "run", readings=2, tour=tour(POSES), limit_s=120)
+    return run_gazebo(rigged, folder / "run", readings=2, tour=tour(POSES), limit_s=600)
 
 
 @pytest.mark.gazebo

@@ -159,7 +159,7 @@ def test_drives_and_turns_as_commanded(friction: str, tmp_path: Path) -> None:
 def test_every_sensor_reads_at_its_frame(tmp_path: Path) -> None:
     """At rest above red ground under a blue sky, with the default rig: ranges, horizon, attitude, gravity and fix."""
     rig = Rig()
-    run = run_gazebo(package(tmp_path / "package", rig), tmp_path / "run", readings=2, limit_s=230)
+    run = run_gazebo(package(tmp_path / "package", rig), tmp_path / "run", readings=2, limit_s=900)
     check_readings(run, rig)
 
 

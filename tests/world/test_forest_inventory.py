@@ -3,16 +3,13 @@
 """The forest measured as an inventory measures it, against published figures of dense Central European stands.
 
 Measured from meshes (``interchange.measures``), not from the layout. Sources of the ranges are at each test; those that
-are quoted from memory say so. One individual of each species and age makes the figures of the quick forest scatter
-more than those of the default one, which the slow tests measure.
+are quoted from memory say so.
 """
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 import pytest
-from forest_worlds import forest_variant
 from numpy.typing import NDArray
 from scipy.stats import kstest, weibull_min
 from sense_worlds import trace_rays
@@ -65,15 +62,10 @@ class Forest:
         return total
 
 
-@cache
-def measured(default: bool) -> Forest:
-    world = load_world("forest") if default else forest_variant(0, grid=0.2)
+@pytest.fixture(scope="module")
+def forest() -> Forest:
+    world = load_world("forest")
     return Forest(world, [dict(zip(COLUMNS, row, strict=True)) for row in inventory(world)])
-
-
-@pytest.fixture(params=[False, pytest.param(True, marks=pytest.mark.slow)], ids=["quick", "default"])
-def forest(request: pytest.FixtureRequest) -> Forest:
-    return measured(request.param)
 
 
 def test_stems_and_basal_area(forest: Forest) -> None:
@@ -169,11 +161,10 @@ def test_natural_regeneration(forest: Forest) -> None:
     assert np.mean(["beech" in name for name in names]) > np.mean(["spruce" in name for name in names]) > 0.1
 
 
-def test_cover_of_the_ground_vegetation() -> None:
+def test_cover_of_the_ground_vegetation(forest: Forest) -> None:
     """Woodrush beech forests have a sparse herb layer, 5 to 40 % with dwarf shrubs and ferns (Ellenberg and Leuschner
     2010; from memory): share of the ground outside trails that is hidden from above."""
-    world = forest_variant(0, grid=0.2)
-    rng = np.random.default_rng(5)
+    world, rng = forest.world, np.random.default_rng(5)
     xy = rng.uniform(-0.98, 0.98, (20_000, 2)) * np.array(world.size) / 2
     xy = xy[world.terrain.trail_distance.at(*xy.T) > 0.3]
     origins = np.column_stack([xy, world.terrain.field.height_at(*xy.T) + BREAST_HEIGHT])

@@ -21,7 +21,7 @@ def test_line_passes_its_corners_in_steps_of_5_cm() -> None:
         assert line.points[-1] == pytest.approx(corners[-1])
         for corner in corners:
             assert np.linalg.norm(line.points - corner, axis=1).min() < 0.06
-        assert np.linalg.norm(line.tangents, axis=1) == pytest.approx(np.ones(len(line.points)))
+        np.testing.assert_allclose(np.linalg.norm(line.tangents, axis=1), 1.0, rtol=1e-6)
     assert Line.through(corners, smooth=False).length == pytest.approx(5 + 6 + np.hypot(2, 8), rel=1e-3)
 
 
@@ -117,5 +117,5 @@ def test_backdrop_shares_the_edge_and_ends_above_the_horizon() -> None:
     assert len({(float(a), float(b)) for a, b in zip(x, y, strict=True)}) == count
     assert mesh.vertices[-few:, 2].min() > 5.0
     assert np.all(mesh.normals[:, 2] > 0)
-    assert np.linalg.norm(mesh.normals, axis=1) == pytest.approx(np.ones(len(mesh.normals)), abs=1e-5)
+    np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, rtol=0.0, atol=1e-5)
     assert mesh.materials == ("meadow",)
