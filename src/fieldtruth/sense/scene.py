@@ -71,7 +71,10 @@ class Scene:
     def mesh_rays(self, mesh: Mesh, part: Mask | None = None) -> RayScene:
         """Build the Embree scene of a mesh in its own frame, of all faces or of a part (f,) of them."""
         scene = RayScene(self.engine)
-        scene.add_mesh(mesh.vertices, mesh.faces if part is None else np.where(part[:, None], mesh.faces, MISS))
+        faces = mesh.faces.astype(np.uint32)
+        if part is not None:
+            faces[~part] = MISS
+        scene.add_mesh(mesh.vertices, faces)
         return scene.commit()
 
 
