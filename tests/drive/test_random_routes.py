@@ -12,12 +12,13 @@ from drive_worlds import F8, make_experiment, make_world, obstacle, tilted
 import fieldtruth
 from fieldtruth import pipeline
 from fieldtruth.core.errors import DriveError, RouteError
-from fieldtruth.drive import parts, plan, route_grid
+from fieldtruth.drive import parts, route_grid
 from fieldtruth.drive.kinematics import KinematicSimulator
 from fieldtruth.drive.plan import plan_and_drive, plan_route
 from fieldtruth.drive.route_grid import RouteGrid
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.traversability import Traversability
+from fieldtruth.drive.trial import TrialDrive
 from fieldtruth.experiment.config import ControlConfig, Experiment, RouteConfig
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route, random_route
@@ -145,21 +146,13 @@ def test_random_route_in_the_park_is_driven_to_its_end(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seconds", [None, 1.0])
-def test_a_random_route_is_driven_once_and_a_shorter_run_is_its_beginning(
-    monkeypatch: pytest.MonkeyPatch, seconds: float | None
-) -> None:
-    world, driven = make_world(), []
-    experiment = random_experiment(30.0, 3).model_copy(update={"seconds": seconds})
-
-    def note(world: World, one: Experiment) -> Experiment:
-        driven.append(one)
-        return one
-
-    monkeypatch.setattr(plan, "drive", note)
-    result: object = plan_and_drive(world, experiment)
-    assert result is driven[-1]
-    assert [one.seconds for one in driven] == [None, seconds][: 1 if seconds is None else 2]
-    assert {one.route for one in driven} == {plan_route(world, experiment, verify=False)}
+def test_the_drive_of_the_planning_is_the_result_and_a_shorter_run_is_its_beginning(seconds: float | None) -> None:
+    world = make_world()
+    experiment = random_experiment(20.0, 3).model_copy(update={"seconds": seconds})
+    route = plan_route(world, experiment, verify=False)
+    expected = drive(world, experiment.model_copy(update={"route": route}))
+    track = plan_and_drive(world, experiment)
+    np.testing.assert_array_equal(track.motion.position, expected.motion.position)
 
 
 @pytest.mark.slow
@@ -177,22 +170,43 @@ def test_a_run_with_a_random_route_keeps_the_original_experiment(
     assert load_experiment(tmp_path / "test" / "experiment.yaml") == experiment
 
 
-def test_routes_that_fail_in_the_physics_simulation_are_rejected(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_waypoints_that_are_not_reached_are_planned_anew_and_those_before_are_kept(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """The whole route is driven, even if the experiment ends earlier."""
-    world, tried = make_world(), []
-    experiment = random_experiment(50.0, 3).model_copy(update={"seconds": 1.0})
+    world, tried = make_world(), list[F8]()
+    experiment = random_experiment(80.0, 3).model_copy(update={"seconds": 1.0})
+    first = metres_from_route(plan_route(world, experiment, verify=False))
 
-    def fails_twice(_: World, whole: Experiment) -> None:
-        tried.append(whole)
-        if len(tried) < 3:
-            raise DriveError("touched a tree")
+    def all_but_the_third_at_first(_: TrialDrive, corners: F8) -> int:
+        tried.append(corners)
+        return 2 if len(tried) == 1 else len(corners) - 1
 
-    monkeypatch.setattr(plan, "drive", fails_twice)
-    route = plan_route(world, experiment)
-    assert len(tried) == 3
-    assert route == tried[2].route
-    assert route not in (tried[0].route, tried[1].route)
-    assert {whole.seconds for whole in tried} == {None}
+    monkeypatch.setattr(TrialDrive, "reached", all_but_the_third_at_first)
+    monkeypatch.setattr(TrialDrive, "finish", lambda _: None)
+    route = metres_from_route(plan_route(world, experiment))
+    assert len(tried[0]) == 4
+    np.testing.assert_allclose(route, tried[-1], atol=1e-3)
+    np.testing.assert_allclose(route[:3], first[:3], atol=1e-3)
+    assert np.abs(route[3] - first[3]).max() > 0.1
+    assert path_length(path_of(plan_route(world, experiment), experiment)) == pytest.approx(80.0, rel=0.02)
+
+
+def test_a_last_waypoint_that_is_not_reached_is_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+    world, tried = make_world(), list[F8]()
+    experiment = random_experiment(50.0, 3)
+    first = metres_from_route(plan_route(world, experiment, verify=False))
+
+    def all_but_this_end(_: TrialDrive, corners: F8) -> int:
+        tried.append(corners)
+        return len(corners) - 1 - int(np.allclose(corners[-1], first[-1], atol=1e-3))
+
+    monkeypatch.setattr(TrialDrive, "reached", all_but_this_end)
+    monkeypatch.setattr(TrialDrive, "finish", lambda _: None)
+    route = metres_from_route(plan_route(world, experiment))
+    assert any(np.allclose(corners[-1], first[-1], atol=1e-3) for corners in tried)
+    np.testing.assert_allclose(route, tried[-1], atol=1e-3)
+    assert np.abs(route[-1] - first[-1]).max() > 0.1
 
 
 def short_reach(monkeypatch: pytest.MonkeyPatch) -> None:

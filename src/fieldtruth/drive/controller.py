@@ -21,14 +21,15 @@ class WaypointFollower:
     """Drives to each waypoint in turn and stops at the last one.
 
     ``waypoints`` (n, 2) are latitude and longitude [deg]. ``target`` is the row of the current waypoint, and the number
-    of waypoints once the last one is reached.
+    of waypoints once the last one is reached. ``antenna_xy`` [m] is the last fix.
     """
 
     def __init__(self, waypoints: ArrayLike, control: ControlConfig) -> None:
-        self.waypoints_xy: Array = horizontal_from_geodetic(waypoints)  # (n, 2) [m]
+        # Each by itself: of many at once, the last digit can depend on how many there are.
+        self.waypoints_xy: Array = np.array([horizontal_from_geodetic(w) for w in np.asarray(waypoints)])  # (n, 2) [m]
         self.target = 0
         self._control = control
-        self._antenna_xy = self.waypoints_xy[0]
+        self.antenna_xy = self.waypoints_xy[0]
 
     @property
     def finished(self) -> bool:
@@ -37,20 +38,32 @@ class WaypointFollower:
 
     def update_fix(self, latitude_deg: float, longitude_deg: float) -> None:
         """Take a GNSS fix; below the arrival distance the next waypoint becomes the target."""
-        self._antenna_xy = horizontal_from_geodetic((latitude_deg, longitude_deg))
+        self._arrive(horizontal_from_geodetic((latitude_deg, longitude_deg)))
+
+    def add(self, waypoint: ArrayLike) -> None:
+        """Drive on to a waypoint (2,) after those that there are."""
+        self.waypoints_xy = np.vstack([self.waypoints_xy, horizontal_from_geodetic(waypoint)])
+        self._arrive(self.antenna_xy)
+
+    def go_back(self, waypoints: int, antenna_xy: Array) -> None:
+        """Return to the fix that reached the last of the first so many waypoints, and forget the others."""
+        self.waypoints_xy, self.target, self.antenna_xy = self.waypoints_xy[:waypoints], waypoints, antenna_xy
+
+    def _arrive(self, antenna_xy: Array) -> None:
+        self.antenna_xy = antenna_xy
         while not self.finished and self.distance < self._control.arrival_distance:
             self.target += 1
 
     @property
     def distance(self) -> float:
         """Distance [m] from the last fix to the target."""
-        return math.dist(self._antenna_xy, self.waypoints_xy[self.target])
+        return math.dist(self.antenna_xy, self.waypoints_xy[self.target])
 
     def command(self, heading: float) -> Command:
         """Command at this ``heading`` [rad]: 0 is north, positive towards west."""
         if self.finished:
             return STOP
-        north, west = self.waypoints_xy[self.target] - self._antenna_xy
+        north, west = self.waypoints_xy[self.target] - self.antenna_xy
         return Command(self._control.speed, turn_rate(math.atan2(west, north) - heading, self._control))
 
 

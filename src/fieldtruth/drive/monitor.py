@@ -3,7 +3,7 @@
 """Ends a drive that cannot succeed, with the cause, the time, the position and the waypoint."""
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import DriveError
@@ -17,8 +17,18 @@ STUCK_SHARE: Final = 0.2  # of the distance that the commanded speed makes in th
 TIMEOUT_SECONDS: Final = 30.0  # without getting closer to the waypoint, in addition to the time for one full turn
 
 
+class Nearing(NamedTuple):
+    """How the robot gets on: when [s] it was where, when it came nearer to its target, and to which [m]."""
+
+    moved_at: float
+    moved_from: tuple[float, float]
+    nearer_at: float
+    nearest: float
+    target: int
+
+
 class DriveMonitor:
-    """Checks the state once per control step, and raises ``DriveError``."""
+    """Checks the state once per control step, and raises ``DriveError``. ``progress`` is all that changes."""
 
     def __init__(self, world: World, follower: WaypointFollower, control: ControlConfig) -> None:
         self._half_size = (world.size[0] / 2, world.size[1] / 2)
@@ -27,8 +37,7 @@ class DriveMonitor:
         self._follower = follower
         self._min_distance = STUCK_SHARE * control.speed * STUCK_SECONDS
         self._timeout = TIMEOUT_SECONDS + math.tau / control.max_turn_rate
-        self._moved_at, self._moved_from = 0.0, (math.inf, math.inf)
-        self._nearer_at, self._nearest, self._target = 0.0, math.inf, -1
+        self.progress = Nearing(0.0, (math.inf, math.inf), 0.0, math.inf, -1)
 
     def check(self, time_s: float, position: Array, quaternion_wxyz: Array) -> None:
         """Raise if the robot at this pose of base_link has left the world, is in water, tipped over or stuck."""
@@ -49,15 +58,17 @@ class DriveMonitor:
         return round((x - field.x0) / field.spacing), round((y - field.y0) / field.spacing)
 
     def _check_progress(self, time_s: float, x: float, y: float) -> None:
-        if math.dist((x, y), self._moved_from) > self._min_distance:
-            self._moved_at, self._moved_from = time_s, (x, y)
-        elif time_s - self._moved_at > STUCK_SECONDS:
+        seen, target = self.progress, self._follower.target
+        if math.dist((x, y), seen.moved_from) > self._min_distance:
+            seen = seen._replace(moved_at=time_s, moved_from=(x, y))
+        elif time_s - seen.moved_at > STUCK_SECONDS:
             self.fail(f"stuck (moved less than {self._min_distance:.2g} m in {STUCK_SECONDS:.0f} s)", time_s, x, y)
-        distance = math.dist((x, y), self._follower.waypoints_xy[self._follower.target])
-        if self._follower.target != self._target or distance < self._nearest - 0.1:
-            self._nearer_at, self._nearest, self._target = time_s, distance, self._follower.target
-        elif time_s - self._nearer_at > self._timeout:
+        distance = math.dist((x, y), self._follower.waypoints_xy[target])
+        if target != seen.target or distance < seen.nearest - 0.1:
+            seen = seen._replace(nearer_at=time_s, nearest=distance, target=target)
+        elif time_s - seen.nearer_at > self._timeout:
             self.fail(f"stuck (no closer to its waypoint for {self._timeout:.0f} s)", time_s, x, y)
+        self.progress = seen
 
     def fail(self, what: str, time_s: float, x: float, y: float) -> None:
         """Raise ``DriveError``: the robot is ``what`` at this time [s] and position [m]."""

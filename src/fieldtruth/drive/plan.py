@@ -13,6 +13,7 @@ from fieldtruth.drive.route_check import check_route
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import Track
 from fieldtruth.drive.traversability import Traversability
+from fieldtruth.drive.trial import TrialDrive
 from fieldtruth.experiment.config import Experiment, RandomRouteConfig, RouteConfig
 from fieldtruth.experiment.route import geodetic_route, metres_from_route, route_from_metres
 from fieldtruth.world.model import World
@@ -27,8 +28,8 @@ def plan_route(world: World, experiment: Experiment, *, verify: bool = True) -> 
     Args:
         world: the world to drive in.
         experiment: supplies route, control and rig.
-        verify: drive a random route to its end in the physics simulation before returning it (some 20 s for 150 m): on
-            rough ground the robot skids farther from the expected path than the kinematic simulation predicts.
+        verify: drive a random route in the physics simulation while it is planned (some 20 s for 150 m): on rough
+            ground the robot skids farther from the expected path than the kinematic simulation predicts.
 
     Raises:
         RouteError: a waypoint or a leg that the robot cannot take, with its number and the obstacle; or no free route
@@ -41,7 +42,7 @@ def plan_route(world: World, experiment: Experiment, *, verify: bool = True) -> 
 def plan_and_drive(world: World, experiment: Experiment) -> Track:
     """Plan the route as ``plan_route`` does, and drive it for ``experiment.seconds``.
 
-    A random route is driven once: the drive that verifies it is the result.
+    A random route is driven while it is planned, and that drive is the result.
 
     Raises:
         RouteError: as ``plan_route``.
@@ -62,16 +63,16 @@ def _planned(world: World, experiment: Experiment, *, verify: bool) -> tuple[Rou
         check_route(ground, simulator, metres_from_route(planned))
         return planned, None
     rng = np.random.default_rng(route.random.seed)
-    longest = 0.0
-    for corners, length in RandomRoutePlanner(ground, simulator, route.random.length_m, rng).proposals():
+    trial, longest = TrialDrive(world, experiment) if verify else None, 0.0
+    reached = None if trial is None else trial.reached
+    for corners, length in RandomRoutePlanner(ground, simulator, route.random.length_m, rng, reached).proposals():
         longest = max(longest, length)
         if corners is None:
             continue
         planned = route_from_metres(corners[0].tolist(), corners[1:].tolist())
         with contextlib.suppress(RouteError, DriveError):
             check_route(ground, simulator, metres_from_route(planned))
-            whole = experiment.model_copy(update={"route": planned, "seconds": None})
-            return planned, drive(world, whole) if verify else None
+            return planned, None if trial is None else trial.finish()
     raise RouteError(
         f"no free route of {route.random.length_m:g} m found in {world.name} (seed {world.seed}); "
         f"the longest that was found is {longest:.0f} m"

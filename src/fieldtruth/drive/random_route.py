@@ -6,7 +6,7 @@ Waypoints are set as far apart as the simulated robot can follow: it cuts corner
 together.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -58,15 +58,25 @@ class _Draft:
 
 
 class RandomRoutePlanner:
-    """Proposes routes of ``length_m`` [m] on free ground; all randomness comes from ``rng``."""
+    """Proposes routes of ``length_m`` [m] on free ground; all randomness comes from ``rng``.
+
+    ``reached`` tells how many waypoints of a route (1 + n, 2) [m] the robot really reaches; None to rely on
+    ``simulator``.
+    """
 
     def __init__(
-        self, ground: Traversability, simulator: KinematicSimulator, length_m: float, rng: np.random.Generator
+        self,
+        ground: Traversability,
+        simulator: KinematicSimulator,
+        length_m: float,
+        rng: np.random.Generator,
+        reached: Callable[[Array], int] | None = None,
     ) -> None:
         self._ground = ground
         self._simulator = simulator
         self._length = length_m
         self._rng = rng
+        self._reached = reached
         self._grid = RouteGrid(ground)
 
     def proposals(self) -> Iterator[tuple[Array | None, float]]:
@@ -80,6 +90,8 @@ class RandomRoutePlanner:
             for _ in range(ENDS):
                 longest = max(longest, self._extend(draft))
                 corners = self._cut(draft)
+                if corners is not None and self._missed(corners):
+                    corners = None
                 if corners is not None or draft.length < self._length:
                     break
                 draft.drop(4)  # no free last waypoint; try another end
@@ -108,13 +120,24 @@ class RandomRoutePlanner:
             driven = np.concatenate([draft.corners[0][None], *(poses[::10, :2] for poses in draft.paths)])
             state = draft.states[-1]
             path = self._grid.around(np.array([state.x, state.y])).random_path(state, driven, self._rng)
-            if self._follow(draft, path):
+            if self._follow(draft, path) and not self._drop_missed(draft):
                 failures = 0 if draft.length > longest else failures  # what was dropped has to be made up for first
                 longest = max(longest, draft.length)
             else:
                 failures += 1
                 draft.drop(failures // 3)
         return longest
+
+    def _missed(self, corners: Array) -> int:
+        """How many waypoints of start and waypoints (1 + n, 2) [m] the robot does not reach."""
+        return 0 if self._reached is None else len(corners) - 1 - self._reached(corners)
+
+    def _drop_missed(self, draft: _Draft) -> bool:
+        """Drop the waypoints that the robot does not reach; those beyond the wanted length are not tried."""
+        beyond = sum(length > self._length for length in draft.lengths)
+        missed = self._missed(np.array(draft.corners[: len(draft.corners) - beyond]))
+        draft.drop(beyond + missed if missed else 0)
+        return missed > 0
 
     def _follow(self, draft: _Draft, path: Array) -> bool:
         """Set waypoints on ``path`` by depth-first search, the widest spacing first; True if any was set."""

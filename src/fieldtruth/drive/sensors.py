@@ -10,9 +10,7 @@ Navigation Integration Algorithm Design, Journal of Guidance, Control, and Dynam
 the change of velocity of the interval contain both.
 """
 
-import itertools
 import math
-from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,9 +29,9 @@ def steps_at_rate(rate_hz: float, duration_ns: int) -> Counts:
     return np.rint(stamps_at_rate(rate_hz, duration_ns) / STEP_NS).astype(np.int64)
 
 
-def due_steps(rate_hz: float) -> Iterator[int]:
-    """Yield the physics steps of ``steps_at_rate`` one by one, without end."""
-    return (round(round(k * (1e9 / rate_hz)) / STEP_NS) for k in itertools.count(1))
+def due_step(rate_hz: float, number: int) -> int:
+    """Return the physics step of the reading with this number, from 1, as ``steps_at_rate`` has it."""
+    return round(round(number * (1e9 / rate_hz)) / STEP_NS)
 
 
 def sweep_steps(config: LidarConfig) -> int:

@@ -8,7 +8,7 @@ starts to move. The drive ends half a second after the fix that reaches the last
 
 import math
 from collections.abc import Callable
-from typing import Final
+from typing import Final, NamedTuple
 
 import mujoco
 import numpy as np
@@ -19,15 +19,15 @@ from fieldtruth.core.frames import rotation_from_quaternion_wxyz
 from fieldtruth.drive import sensors
 from fieldtruth.drive.controller import WaypointFollower, horizontal_from_geodetic
 from fieldtruth.drive.hull import EVERY
-from fieldtruth.drive.husky import CHASSIS_BIT, STOP, Command, ramp, wheel_speeds
-from fieldtruth.drive.monitor import DriveMonitor
+from fieldtruth.drive.husky import STOP, Command, ramp, wheel_speeds
+from fieldtruth.drive.monitor import DriveMonitor, Nearing
 from fieldtruth.drive.odometry import read_odometry
 from fieldtruth.drive.physics import STEP_NS, STEP_S, resting_pose
 from fieldtruth.drive.soil_contact import SoilContact
-from fieldtruth.drive.surroundings import Following, Surroundings
+from fieldtruth.drive.surroundings import Following, FollowingState, Surroundings
 from fieldtruth.drive.track import Base, Commands, Motion, Track, WheelMotion
 from fieldtruth.drive.wheel_contacts import Soil
-from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route
 from fieldtruth.world.model import World
@@ -38,7 +38,7 @@ SETTLE_SECONDS: Final = 2.0
 """The robot rests this long before time 0, so that the contacts are settled at the first reading."""
 
 _MERGED: Final = 1000
-"""Blocks of states that become one array: a few large ones are handled faster than many small ones."""
+"""Blocks of states that become one array for a track: a few large ones are handled faster than many small ones."""
 
 # A state is one row: base_link's position, quaternion, velocity in the world, turn rate in base_link; wheel speeds and
 # angles.
@@ -59,37 +59,124 @@ def drive(world: World, experiment: Experiment, *, progress: Callable[[float], N
         DriveError: the robot gets stuck, tips over, touches an obstacle, drives into water or leaves the world.
         RouteError: a random route that was not planned.
     """
-    rig, route = experiment.rig, geodetic_route(experiment.route)
-    follower = WaypointFollower(route.waypoints, experiment.control)
-    monitor = DriveMonitor(world, follower, experiment.control)
-    robot = SimulatedHusky(world, rig, monitor, SoilContact(world, rig.wheels, experiment.soil))
-    state = robot.spawn(horizontal_from_geodetic(route.start), follower.waypoints_xy[0])
-    _read_fix(follower, state, rig)
+    return Drive(world, experiment, geodetic_route(experiment.route), progress).finish(experiment.seconds)
 
-    end = math.inf if experiment.seconds is None else max(1, round(experiment.seconds / STEP_S))
-    imu_steps, gnss_steps = sensors.due_steps(rig.imu.rate_hz), sensors.due_steps(rig.gnss.rate_hz)
-    next_fix, sweep = next(gnss_steps), sensors.sweep_steps(rig.lidar)
-    arrived = False
-    blocks, recent = list[Array](), list[Array]()
-    commands: list[Command] = []
-    while True:
-        if follower.finished and not arrived:
-            arrived, end = True, min(end, robot.step + round(STOP_SECONDS / STEP_S))
-        commands.append(follower.command(sensors.heading(state[_QUATERNION])))
-        if robot.step >= end + sweep:
-            break
-        began = robot.step
-        block = robot.advance(commands[-1], int(min(next(imu_steps), end + sweep)) - began)
-        recent.append(block)
-        if len(recent) == _MERGED:
-            blocks, recent = [*blocks, np.concatenate(recent)], []
-        state = block[-1]
-        while next_fix <= robot.step:
-            _read_fix(follower, block[next_fix - began - 1], rig)
-            next_fix = next(gnss_steps)
-        if progress is not None and int(robot.seconds) > int(began * STEP_S):
-            progress(robot.seconds)
-    return _track([*blocks, *recent], int(end), np.array(commands[1:]), rig)
+
+class RobotState(NamedTuple):
+    """What ``SimulatedHusky`` needs to go on from here."""
+
+    step: int
+    command: Command
+    xy: Array
+    surroundings: FollowingState
+
+
+class Checkpoint(NamedTuple):
+    """A drive at the moment at which the fix that reaches a waypoint has been read."""
+
+    robot: RobotState
+    progress: Nearing
+    antenna_xy: Array
+    state: Array
+    blocks: int
+    commands: int
+    fixes: int
+
+
+class Drive:
+    """A drive along waypoints, to which others may be added while it goes on, and which can go back to a checkpoint.
+
+    Args:
+        world: the world to drive in.
+        experiment: supplies control, soil and rig.
+        route: start and first waypoints.
+        progress: called after every simulated second with the simulated time [s].
+    """
+
+    def __init__(
+        self,
+        world: World,
+        experiment: Experiment,
+        route: RouteConfig,
+        progress: Callable[[float], None] | None = None,
+    ) -> None:
+        self._rig, self._progress = experiment.rig, progress
+        self._follower = WaypointFollower(route.waypoints, experiment.control)
+        self._monitor = DriveMonitor(world, self._follower, experiment.control)
+        soil = SoilContact(world, self._rig.wheels, experiment.soil)
+        self._robot = SimulatedHusky(world, self._rig, self._monitor, soil)
+        self._state = self._robot.spawn(horizontal_from_geodetic(route.start), self._follower.waypoints_xy[0])
+        self._blocks, self._commands, self._fixes = list[Array](), list[Command](), 0
+        self._read_fix(self._state)
+
+    def add(self, waypoint: tuple[float, float]) -> None:
+        """Drive on to a waypoint, latitude and longitude [deg], after those that there are."""
+        self._follower.add(waypoint)
+
+    def reach_last(self) -> Checkpoint:
+        """Drive until the last waypoint is reached.
+
+        Raises:
+            DriveError: it cannot be.
+        """
+        while not self._follower.finished:
+            self._advance()
+        return Checkpoint(
+            self._robot.save(),
+            self._monitor.progress,
+            self._follower.antenna_xy,
+            self._state,
+            len(self._blocks),
+            len(self._commands),
+            self._fixes,
+        )
+
+    def go_back(self, checkpoint: Checkpoint, waypoints: int) -> None:
+        """Return to a checkpoint at the last of so many ``waypoints``, and forget the others."""
+        self._robot.restore(checkpoint.robot)
+        self._monitor.progress = checkpoint.progress
+        self._follower.go_back(waypoints, checkpoint.antenna_xy)
+        self._state, self._fixes = checkpoint.state, checkpoint.fixes
+        del self._blocks[checkpoint.blocks :], self._commands[checkpoint.commands :]
+
+    def finish(self, seconds: float | None = None) -> Track:
+        """Drive to the last waypoint and stop there, or for ``seconds``; return the whole track.
+
+        Raises:
+            DriveError: as ``drive``.
+        """
+        end = math.inf if seconds is None else max(1, round(seconds / STEP_S))
+        sweep, arrived = sensors.sweep_steps(self._rig.lidar), False
+        while True:
+            if self._follower.finished and not arrived:
+                arrived, end = True, min(end, self._robot.step + round(STOP_SECONDS / STEP_S))
+            if self._robot.step >= end + sweep:
+                break
+            self._advance(end + sweep)
+        # The reading of the IMU at the end has the command that follows it.
+        commands = [*self._commands, self._command()]
+        return _track(self._blocks, int(end), np.array(commands[1:]), self._rig)
+
+    def _command(self) -> Command:
+        return self._follower.command(sensors.heading(self._state[_QUATERNION]))
+
+    def _advance(self, end: float = math.inf) -> None:
+        """Drive to the next reading of the IMU, or to the step ``end``."""
+        robot, began = self._robot, self._robot.step
+        self._commands.append(self._command())
+        next_reading = sensors.due_step(self._rig.imu.rate_hz, len(self._commands))
+        block = robot.advance(self._commands[-1], int(min(next_reading, end)) - began)
+        self._blocks.append(block)
+        self._state = block[-1]
+        while (fix := sensors.due_step(self._rig.gnss.rate_hz, self._fixes + 1)) <= robot.step:
+            self._read_fix(block[fix - began - 1])
+            self._fixes += 1
+        if self._progress is not None and int(robot.seconds) > int(began * STEP_S):
+            self._progress(robot.seconds)
+
+    def _read_fix(self, state: Array) -> None:
+        latitude, longitude, _ = sensors.antenna_geodetic(state[_POSITION], state[_QUATERNION], self._rig.gnss.mount)
+        self._follower.update_fix(float(latitude), float(longitude))
 
 
 class SimulatedHusky:
@@ -107,6 +194,15 @@ class SimulatedHusky:
     def seconds(self) -> float:
         """Simulated time [s]; 0 while the robot settles."""
         return max(0, self.step) * STEP_NS / 1e9
+
+    def save(self) -> RobotState:
+        """Return what ``restore`` needs to go on from here."""
+        return RobotState(self.step, self._command, self._xy, self._following.save())
+
+    def restore(self, saved: RobotState) -> None:
+        """Go on from where ``save`` was called."""
+        self.step, self._command, self._xy = saved.step, saved.command, saved.xy
+        self._following.restore(saved.surroundings)
 
     def spawn(self, start_xy: Array, ahead_xy: Array) -> Array:
         """Put the robot at ``start_xy`` [m], facing ``ahead_xy``, let it settle, and return the state at time 0."""
@@ -135,8 +231,7 @@ class SimulatedHusky:
         for state, speeds in zip(states, wheel_speeds(commands, self._rig.wheels), strict=True):
             ctrl[:] = speeds
             if self.step % EVERY == 0:
-                near = here.hull.is_near_ground(qpos)
-                model.geom_conaffinity[here.ground] = CHASSIS_BIT if near else 0
+                here.is_near_ground = here.hull.is_near_ground(qpos)
             contacts.update()
             mujoco.mj_step(model, data)
             self.step += 1
@@ -148,31 +243,31 @@ class SimulatedHusky:
         return states
 
 
-def _read_fix(follower: WaypointFollower, state: Array, rig: Rig) -> None:
-    latitude, longitude, _ = sensors.antenna_geodetic(state[_POSITION], state[_QUATERNION], rig.gnss.mount)
-    follower.update_fix(float(latitude), float(longitude))
-
-
 def _track(blocks: list[Array], count: int, commands: Array, rig: Rig) -> Track:
     """Return the track of the first ``count`` states; those behind are the sweep of the last scan.
 
-    ``blocks`` are those of all states, (n, 21) each; each column is copied once, so that hours fit into memory.
+    ``blocks`` are those of all states, (n, 21) each, and are emptied; each column is copied once, so that hours fit
+    into memory.
     ``commands`` (n, 2) are those at all readings of the IMU, up to the end or later.
     """
+    merged = []
+    while blocks:
+        merged.append(np.concatenate(blocks[:_MERGED]))
+        del blocks[:_MERGED]
 
     def columns(which: NDArray[np.intp]) -> Array:
-        return np.concatenate([block[:, which] for block in blocks])
+        return np.concatenate([block[:, which] for block in merged])
 
     def turn_rate(block: Array) -> Array:
         rates = np.einsum("nij,nj->ni", rotation_from_quaternion_wxyz(block[:, _QUATERNION]), block[:, _TURN_RATE])
         return np.asarray(rates)
 
     swept = Motion(
-        stamps_ns=np.arange(1, sum(map(len, blocks)) + 1, dtype=np.int64) * STEP_NS,
+        stamps_ns=np.arange(1, sum(map(len, merged)) + 1, dtype=np.int64) * STEP_NS,
         position=columns(_POSITION),
         quaternion_wxyz=columns(_QUATERNION),
         linear_velocity=columns(_VELOCITY),
-        angular_velocity=np.concatenate([turn_rate(block) for block in blocks]),
+        angular_velocity=np.concatenate([turn_rate(block) for block in merged]),
     )
     motion = swept.first(count)
     imu, wheels = (

@@ -33,6 +33,8 @@ _NO_STONES: Final = Raster(values=np.zeros((2, 2), np.float32), spacing=1.0, x0=
 class SoilContact:
     """The soil of a world, without stones until a part is entered; call it before every step of the physics.
 
+    ``state`` (4, 3) is what it remembers of the wheels from one step to the next.
+
     Args:
         world: supplies ground types and trails.
         wheels: supplies the size of the tyres.
@@ -49,7 +51,7 @@ class SoilContact:
         self._stones = _grid(_NO_STONES)
         self._border_width = terrain.border_width
         self._tyre: Tyre = (wheel_width(wheels), 2 * wheels.radius, STIFFNESS)
-        self._state = np.zeros((4, 3))
+        self.state = np.zeros((4, 3))
 
     def enter(self, part: World) -> None:
         """Find the stones of the part of the world in which the wheels are from now on."""
@@ -58,7 +60,7 @@ class SoilContact:
     def __call__(self, wheels: Wheels) -> None:
         """Set friction, drag, torque and sinkage of the wheels for the next step."""
         ground = *self._cover, self._stones, self._border_width
-        step_soil(self._soils, ground, self._tyre, wheels, self._state, STEP_S)
+        step_soil(self._soils, ground, self._tyre, wheels, self.state, STEP_S)
 
 
 def _soil_names(world: World, replaced: Mapping[str, str]) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ positions are relative to a part's corner and its obstacles have other numbers, 
 differs from one in the whole world by rounding. Worlds up to ``parts.WHOLE`` have one part.
 """
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import mujoco
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.bearing import bearing_field
 from fieldtruth.drive.hull import Hull
+from fieldtruth.drive.husky import CHASSIS_BIT
 from fieldtruth.drive.parts import WorldParts
 from fieldtruth.drive.physics import build_physics
 from fieldtruth.drive.soil_contact import SoilContact
@@ -28,6 +29,9 @@ EDGE: Final = 4.0
 """[m] to its edge at which the next part is made: the robot is within 1.2 m, a node has no effect beyond 2 m."""
 
 
+_STATE: Final = mujoco.mjtState.mjSTATE_INTEGRATION
+
+
 class Surroundings:
     """Model and state in MuJoCo, the wheels' contacts and the hull of a robot in ``part`` of a world."""
 
@@ -39,21 +43,44 @@ class Surroundings:
             soil.enter(part)
         self.contacts = WheelContacts(self.model, self.data, self.bearing, rig, soil)
         self.hull = Hull(self.bearing, rig)
-        self.ground = self.model.geom("ground").id
+        self._ground = self.model.geom("ground").id
+
+    @property
+    def is_near_ground(self) -> bool:
+        """Whether MuJoCo looks for contacts between chassis and ground."""
+        return bool(self.model.geom_conaffinity[self._ground])
+
+    @is_near_ground.setter
+    def is_near_ground(self, near: bool) -> None:
+        self.model.geom_conaffinity[self._ground] = CHASSIS_BIT if near else 0
 
     def touched(self) -> str:
         """Name of the object that the robot touches."""
         geoms = self.data.contact.geom.ravel().tolist()
         return next(self._obstacles[geom] for geom in geoms if geom in self._obstacles)
 
-    def take_over(self, before: "Surroundings") -> None:
-        """Go on with the state of the part before."""
-        kind = mujoco.mjtState.mjSTATE_INTEGRATION
-        state = np.empty(mujoco.mj_stateSize(before.model, kind))
-        mujoco.mj_getState(before.model, before.data, state, kind)
-        mujoco.mj_setState(self.model, self.data, state, kind)
-        self.contacts.wheels.load[:] = before.contacts.wheels.load
-        self.contacts.wheels.sinkage[:] = before.contacts.wheels.sinkage
+    def save(self) -> Array:
+        """Return MuJoCo's state."""
+        state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
+        mujoco.mj_getState(self.model, self.data, state, _STATE)
+        return state
+
+    def restore(self, state: Array, load: Array, sinkage: Array) -> None:
+        """Go on with a state of ``save``, here or in another part, and the wheels' load [N] and sinkage [m]."""
+        mujoco.mj_setState(self.model, self.data, state, _STATE)
+        self.contacts.wheels.load[:] = load
+        self.contacts.wheels.sinkage[:] = sinkage
+
+
+class FollowingState(NamedTuple):
+    """Robot, wheels and soil at a moment, in the part around ``middle`` (2,) [m]."""
+
+    middle: Array
+    robot: Array
+    load: Array
+    sinkage: Array
+    is_near_ground: bool
+    soil: Array
 
 
 class Following:
@@ -69,8 +96,29 @@ class Following:
         before = self._here
         if before is not None and (self._parts.is_one or np.abs(xy - self._middle).max() <= REACH - EDGE):
             return before
-        here = Surroundings(self._parts.around(xy, REACH), self._rig, self._soil)
+        here = self._enter(xy)
         if before is not None:
-            here.take_over(before)
-        self._here, self._middle = here, xy.copy()
+            here.restore(before.save(), before.contacts.wheels.load, before.contacts.wheels.sinkage)
         return here
+
+    def _enter(self, xy: Array) -> Surroundings:
+        self._here, self._middle = Surroundings(self._parts.around(xy, REACH), self._rig, self._soil), xy.copy()
+        return self._here
+
+    def save(self) -> FollowingState:
+        """Return what ``restore`` needs to go on from here."""
+        here = self.at(self._middle)
+        wheels = here.contacts.wheels
+        soil = self._soil.state.copy() if isinstance(self._soil, SoilContact) else np.zeros((4, 3))
+        return FollowingState(
+            self._middle, here.save(), wheels.load.copy(), wheels.sinkage.copy(), here.is_near_ground, soil
+        )
+
+    def restore(self, saved: FollowingState) -> None:
+        """Go on from where ``save`` was called, in the part of that moment."""
+        is_there = self._here is not None and (self._middle == saved.middle).all()
+        here = self._here if is_there and self._here is not None else self._enter(saved.middle)
+        here.restore(saved.robot, saved.load, saved.sinkage)
+        here.is_near_ground = saved.is_near_ground
+        if isinstance(self._soil, SoilContact):
+            self._soil.state[:] = saved.soil
