@@ -199,7 +199,7 @@ def use_fakes(monkeypatch: pytest.MonkeyPatch) -> None:
     from fieldtruth.record import sensors
 
     monkeypatch.setattr(pipeline, "world_of", lambda experiment: make_world(experiment.environment, experiment.seed))
-    monkeypatch.setattr(pipeline, "plan_and_drive", make_track)
+    monkeypatch.setattr(pipeline, "plan_and_drive", lambda world, experiment, _: make_track(world, experiment))
     monkeypatch.setattr(sensors, "Scene", FakeScene)
     monkeypatch.setattr(sensors, "bake", lambda scene, light: scene)
     monkeypatch.setattr(sensors, "Lidar", FakeLidar)

@@ -15,8 +15,8 @@ from fieldtruth.bag.decode import count_messages
 from fieldtruth.bag.topics import latches_objects, topics_of_run
 from fieldtruth.bag.track_file import TrackFile, read_track_file
 from fieldtruth.core.parallel import cpu_count
-from fieldtruth.core.progress import Progress, Silent
-from fieldtruth.drive.plan import plan_and_drive
+from fieldtruth.core.progress import Advance, Progress, Silent
+from fieldtruth.drive.plan import expected_seconds, plan_and_drive
 from fieldtruth.drive.standing import standing_robot
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
@@ -86,17 +86,17 @@ def prepare(experiment: Experiment, given: TrackFile | None, progress: Progress)
     """Build the world and drive, or follow the poses of a track file, in this process."""
     with progress.stage("build the world"):
         world = world_of(experiment)
-    with progress.stage("drive"):
-        return PreparedHere(experiment, world, track_in(world, experiment, given))
+    with progress.stage("drive", None if given is not None else expected_seconds(experiment)) as advance:
+        return PreparedHere(experiment, world, track_in(world, experiment, given, advance))
 
 
-def track_in(world: World, experiment: Experiment, given: TrackFile | None) -> Track:
+def track_in(world: World, experiment: Experiment, given: TrackFile | None, advance: Advance | None = None) -> Track:
     """Plan the route and drive, follow the poses of a track file, or stand the robot where frames are taken."""
     if given is not None:
         return follow_track(experiment, world, given)
     if experiment.frames is not None:
         return standing_robot(world, experiment)
-    return plan_and_drive(world, experiment)
+    return plan_and_drive(world, experiment, advance)
 
 
 def generate(

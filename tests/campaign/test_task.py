@@ -60,7 +60,7 @@ def count_calls(monkeypatch: pytest.MonkeyPatch, fail: Callable[[Experiment], Ba
     """Names of the experiments that are driven; the drive raises what ``fail`` returns."""
     calls: list[str] = []
 
-    def drive(world: World, experiment: Experiment) -> Track:
+    def drive(world: World, experiment: Experiment, _: object) -> Track:
         calls.append(experiment.name)
         error = fail(experiment)
         if error is not None:

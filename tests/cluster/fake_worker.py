@@ -44,7 +44,7 @@ def wait_for_gate(scene: record_fakes.FakeScene, world: World) -> None:
         time.sleep(0.05)
 
 
-def refuse(world: World, experiment: Experiment) -> Track:
+def refuse(world: World, experiment: Experiment, _: object) -> Track:
     raise RouteError(os.environ["FAKE_ERROR"])
 
 

@@ -14,7 +14,7 @@ from fieldtruth import pipeline
 from fieldtruth.core.errors import DriveError, RouteError
 from fieldtruth.drive import parts, route_grid
 from fieldtruth.drive.kinematics import KinematicSimulator
-from fieldtruth.drive.plan import plan_and_drive, plan_route
+from fieldtruth.drive.plan import expected_seconds, plan_and_drive, plan_route
 from fieldtruth.drive.route_grid import RouteGrid
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.traversability import Traversability
@@ -151,8 +151,12 @@ def test_the_drive_of_the_planning_is_the_result_and_a_shorter_run_is_its_beginn
     experiment = random_experiment(20.0, 3).model_copy(update={"seconds": seconds})
     route = plan_route(world, experiment, verify=False)
     expected = drive(world, experiment.model_copy(update={"route": route}))
-    track = plan_and_drive(world, experiment)
+    advanced = list[float]()
+    track = plan_and_drive(world, experiment, advanced.append)
     np.testing.assert_array_equal(track.motion.position, expected.motion.position)
+    assert min(advanced) >= 0.0
+    assert sum(advanced) == pytest.approx(20.0 / experiment.control.speed, abs=2.0)
+    assert expected_seconds(experiment) == (seconds or 20.0 / experiment.control.speed)
 
 
 @pytest.mark.slow

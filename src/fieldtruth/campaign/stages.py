@@ -16,7 +16,7 @@ CACHED: Final = (WORLD, "prepare the scene", "wait for workers", "world and driv
 
 
 class Stages:
-    """Progress that keeps the time [s] of each stage, and which of them count simulated time."""
+    """Progress that keeps the time [s] of each stage, and which of them, other than the drive, count simulated time."""
 
     def __init__(self, shown: Progress | None = None) -> None:
         self.took_s: dict[str, float] = {}
@@ -27,7 +27,7 @@ class Stages:
     def stage(self, name: str, total: float | None = None, done: float = 0.0) -> Iterator[Advance]:
         """Enter a stage, and show it."""
         start = monotonic()
-        if total is not None:
+        if total is not None and name != DRIVE:
             self.timed.add(name)
         with self._shown.stage(name, total, done) as advance:
             yield advance

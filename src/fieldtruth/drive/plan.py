@@ -3,10 +3,12 @@
 """Route planning before the drive: check the given waypoints against the world, or find a random route."""
 
 import contextlib
+from collections.abc import Callable
 
 import numpy as np
 
 from fieldtruth.core.errors import DriveError, RouteError
+from fieldtruth.core.progress import Advance
 from fieldtruth.drive.kinematics import KinematicSimulator
 from fieldtruth.drive.random_route import RandomRoutePlanner
 from fieldtruth.drive.route_check import check_route
@@ -39,22 +41,50 @@ def plan_route(world: World, experiment: Experiment, *, verify: bool = True) -> 
     return route
 
 
-def plan_and_drive(world: World, experiment: Experiment) -> Track:
+def expected_seconds(experiment: Experiment) -> float | None:
+    """Return the simulated time [s] of a drive at full speed along straight legs; None without a route."""
+    if experiment.route is None or experiment.seconds is not None:
+        return experiment.seconds
+    if isinstance(experiment.route, RandomRouteConfig):
+        length = experiment.route.random.length_m
+    else:
+        corners = metres_from_route(geodetic_route(experiment.route))
+        length = float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum())
+    return length / experiment.control.speed
+
+
+def plan_and_drive(world: World, experiment: Experiment, advance: Advance | None = None) -> Track:
     """Plan the route as ``plan_route`` does, and drive it for ``experiment.seconds``.
 
-    A random route is driven while it is planned, and that drive is the result.
+    A random route is driven while it is planned, and that drive is the result. ``advance`` receives the simulated time
+    [s] that was driven.
 
     Raises:
         RouteError: as ``plan_route``.
         DriveError: the robot cannot drive the given waypoints.
     """
-    route, track = _planned(world, experiment, verify=True)
+    done = None if advance is None else _increments(advance)
+    route, track = _planned(world, experiment, verify=True, progress=done)
     if track is None or experiment.seconds is not None:
-        return drive(world, experiment.model_copy(update={"route": route}))
+        return drive(world, experiment.model_copy(update={"route": route}), progress=done)
     return track
 
 
-def _planned(world: World, experiment: Experiment, *, verify: bool) -> tuple[RouteConfig, Track | None]:
+def _increments(advance: Advance) -> Callable[[float], None]:
+    """Report the time that was reached, of drives that go back, as what is new of it."""
+    reached = 0.0
+
+    def report(time_s: float) -> None:
+        nonlocal reached
+        advance(max(0.0, time_s - reached))
+        reached = max(reached, time_s)
+
+    return report
+
+
+def _planned(
+    world: World, experiment: Experiment, *, verify: bool, progress: Callable[[float], None] | None = None
+) -> tuple[RouteConfig, Track | None]:
     """Return the route and, if it is a random one that was verified, the track of the whole of it."""
     ground, simulator = Traversability(world), KinematicSimulator(experiment, world.terrain.field)
     route = experiment.route
@@ -63,7 +93,7 @@ def _planned(world: World, experiment: Experiment, *, verify: bool) -> tuple[Rou
         check_route(ground, simulator, metres_from_route(planned))
         return planned, None
     rng = np.random.default_rng(route.random.seed)
-    trial, longest = TrialDrive(world, experiment) if verify else None, 0.0
+    trial, longest = TrialDrive(world, experiment, progress) if verify else None, 0.0
     reached = None if trial is None else trial.reached
     for corners, length in RandomRoutePlanner(ground, simulator, route.random.length_m, rng, reached).proposals():
         longest = max(longest, length)

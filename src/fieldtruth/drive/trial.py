@@ -6,6 +6,7 @@ What the robot does up to a waypoint depends on no later one, so a route that fa
 the drive goes back to the last waypoint that is kept.
 """
 
+from collections.abc import Callable
 from contextlib import suppress
 
 from fieldtruth.core.arrays import Array
@@ -18,10 +19,13 @@ from fieldtruth.world.model import World
 
 
 class TrialDrive:
-    """The drive in ``world`` of a route that changes; ``experiment`` supplies control, soil and rig."""
+    """The drive in ``world`` of a route that changes; ``experiment`` supplies control, soil and rig.
 
-    def __init__(self, world: World, experiment: Experiment) -> None:
-        self._world, self._experiment = world, experiment
+    ``progress`` is called after every simulated second with the simulated time [s].
+    """
+
+    def __init__(self, world: World, experiment: Experiment, progress: Callable[[float], None] | None = None) -> None:
+        self._world, self._experiment, self._progress = world, experiment, progress
         self._drive: Drive | None = None
         self._start: tuple[float, float] | None = None
         self._waypoints: list[tuple[float, float]] = []
@@ -60,7 +64,6 @@ class TrialDrive:
             self._drive.go_back(self._checkpoints[-1], common)
         else:
             self._start = route.start
-            self._drive = Drive(
-                self._world, self._experiment, RouteConfig(start=route.start, waypoints=route.waypoints[:1])
-            )
+            first = RouteConfig(start=route.start, waypoints=route.waypoints[:1])
+            self._drive = Drive(self._world, self._experiment, first, self._progress)
         return self._drive
