@@ -27,9 +27,10 @@ SHARP_TURN: Final = 1.2  # [rad] of turning from which the whole TURN_GAP is add
 AFTER_TURN: Final = 1.5  # [m] of path after a turn for which TURN_GAP is kept
 MIN_SPACING: Final = 6.25  # [m] of path; eight tenths of it in a straight line
 MAX_SPACING: Final = 20.0  # [m]
-ATTEMPTS: Final = 10
-MAX_FAILURES: Final = 15  # random paths in a row on which no waypoint can be set
-ENDS: Final = 6  # last waypoints tried per attempt
+ATTEMPTS: Final = 30
+MAX_FAILURES: Final = 15  # random paths in a row on which no waypoint can be set, on a route without waypoints
+TRIES_PER_WAYPOINT: Final = 0.5  # such paths more for each waypoint: a long route is worth more of them
+ENDS: Final = 20  # last waypoints tried per attempt, each farther back
 
 
 @dataclass
@@ -60,7 +61,7 @@ class _Draft:
 class RandomRoutePlanner:
     """Proposes routes of ``length_m`` [m] on free ground; all randomness comes from ``rng``.
 
-    ``reached`` tells how many waypoints of a route (1 + n, 2) [m] the robot really reaches; None to rely on
+    ``reached`` returns how many waypoints of a route (1 + n, 2) [m] the robot really reaches; None to rely on
     ``simulator``.
     """
 
@@ -116,7 +117,7 @@ class RandomRoutePlanner:
             The greatest length [m] that was reached; the draft may be shorter again.
         """
         longest, failures = draft.length, 0
-        while draft.length < self._length and failures < MAX_FAILURES:
+        while draft.length < self._length and failures < MAX_FAILURES + TRIES_PER_WAYPOINT * len(draft.paths):
             driven = np.concatenate([draft.corners[0][None], *(poses[::10, :2] for poses in draft.paths)])
             state = draft.states[-1]
             path = self._grid.around(np.array([state.x, state.y])).random_path(state, driven, self._rng)
