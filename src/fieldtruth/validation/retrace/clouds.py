@@ -16,6 +16,7 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
 from fieldtruth.experiment.rig import LidarConfig
+from fieldtruth.sense.beams import column_times_ns, ray_times_ns
 from fieldtruth.sense.lidar import Lidar, ray_directions
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, RebuiltWorld, at
@@ -32,7 +33,7 @@ LABELS: Final[Spec] = Spec("labels", (LAYOUT, FINITE, INTENSITY, RETURNING), "po
 
 INDICES: Final = Rule("ring and column exist")
 ORDER: Final = Rule("points are ordered by column and ring, without repetition")
-TIME: Final = Rule("t, where present, is the time at which the column's rays leave")
+TIME: Final = Rule("t, where present, is the time at which the ray leaves")
 RANGE: Final = Rule("ranges are within the LiDAR's limits")
 # A point is a direction times a range, each coordinate rounded to 24 bits: it is within 1.2e-7 of its ray.
 DIRECTION: Final = Rule("points lie on the rays of their ring and column", 2.4e-7, "rad")
@@ -122,7 +123,7 @@ def _check_rays(
     rising = np.diff(column * config.rings + ring) > 0
     tally[ORDER].see_all(rising, lambda k: f"{row(k + 1)}: column {column[k + 1]}, ring {ring[k + 1]}")
     if "t" in (cloud.dtype.names or ()):
-        due = _column_times(config)[np.where(inside, column, 0)]
+        due = _times(config)[np.where(inside, column * config.rings + ring, 0)]
         tally[TIME].see_all(cloud["t"] == due, lambda k: f"{row(k)}: {cloud['t'][k]} ns, due at {due[k]} ns")
     range_m: Array = np.linalg.norm(xyz, axis=-1)
     least, most = config.min_range * (1 - _ROUNDING), config.max_range * (1 + _ROUNDING)
@@ -142,10 +143,11 @@ def _directions(config: LidarConfig) -> Array:
     return ray_directions(config).reshape(-1, 3)
 
 
-def _column_times(config: LidarConfig) -> NDArray[np.int64]:
-    """Time [ns] after the scan's stamp at which the rays of each column leave."""
-    step = 1e9 / config.rate_hz / config.columns if config.spinning else 0.0
-    return np.asarray(np.rint(np.arange(config.columns) * step), np.int64)
+@cache
+def _times(config: LidarConfig) -> NDArray[np.int64]:
+    """Time [ns] after the scan's stamp at which each ray leaves, by number of the ray."""
+    count = config.columns * config.rings
+    return ray_times_ns(config).reshape(-1) if config.spinning else np.zeros(count, np.int64)
 
 
 class RetracedClouds(Checker):
@@ -158,7 +160,8 @@ class RetracedClouds(Checker):
         self._tally = context.tally(RETRACED_CLOUDS)
         self.tallies = [self._tally]
         self._lidars = threading.local()
-        self._times_ns = [int(t) for t in _column_times(context.rig.lidar)] if context.rig.lidar.spinning else [0]
+        lidar = context.rig.lidar
+        self._times_ns = [int(t) for t in column_times_ns(lidar)] if lidar.spinning else [0]
 
     def see(self, raw: RawMessage, message: Any) -> None:
         """Process a message."""
