@@ -26,6 +26,7 @@ MOST_RINGS: Final = 256
 Elevation = Annotated[Number, Field(gt=-90, lt=90)]
 Turn = Annotated[Number, Field(ge=-180, le=180)]
 Delay = Annotated[Integer, Field(ge=0, le=100_000_000)]
+TimeField = Literal["time", "timestamp"]
 _PER_RING: Final = {"min_length": 1, "max_length": MOST_RINGS}
 
 WHEELS: Final = ("front_left", "front_right", "rear_left", "rear_right")
@@ -148,6 +149,8 @@ class LidarConfig(Frozen):
     max_range: Range = 120.0  # [m]; data sheet of the OS1
     spinning: Boolean = False
     """False: all rays are cast at the stamp, as in the paper (Gazebo). True: columns are swept over one period."""
+    time_field: Annotated[TimeField, Field(description="time or timestamp")] | None = None
+    """Of points of a spinning LiDAR, beside ``t`` [ns]: time [s] after the stamp, or timestamp [s], the sum of both."""
     mount: Mount = Mount(xyz=(0.09, 0.0, 0.826))
 
     @model_validator(mode="before")

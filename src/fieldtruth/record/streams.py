@@ -152,7 +152,10 @@ def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt) -
         stamp = int(stamps[k])
         pose = np.stack([pose_at(stamp + int(t)) for t in sweep_ns]) if config.spinning else pose_at(stamp)
         seen = sensors.lidar.scan(pose)
-        yield sensor_messages.point_cloud(k, stamp, seen, spinning=config.spinning, wide_ids=sensors.wide_ids)
+        clock = config.time_field
+        yield sensor_messages.point_cloud(
+            k, stamp, seen, spinning=config.spinning, wide_ids=sensors.wide_ids, clock=clock
+        )
 
     return Stream((topics.POINTS,), stamps, scan)
 

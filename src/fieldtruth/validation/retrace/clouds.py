@@ -56,6 +56,9 @@ In worlds whose ids do not fit into 16 bits ``instance`` is "<u4".
 """
 _ROUNDING: Final = 1e-6
 """Share of a range by which single precision may exceed the limits."""
+_CLOCKS: Final = {"time": "<f4", "timestamp": "<f8"}
+_CLOCK_ROUNDING: Final = 1e-6
+"""[s], which a double resolves for stamps of today, and single precision within a scan."""
 _RETURNS: Final = np.array([c.label is not Label.VOID and c.label not in NO_RETURN for c in CLASSES])
 
 
@@ -90,6 +93,8 @@ def _check_cloud(
     cloud = read.points(message)
     kinds = {name: kind.str for name, (kind, *_) in (cloud.dtype.fields or {}).items()}
     timed = {"t": "<u4"} if config.spinning or "t" in kinds else {}
+    clock = config.time_field if config.spinning else None
+    timed |= {clock: _CLOCKS[clock]} if clock else {}
     wide = {"instance": "<u4"} if classes.has_wide_ids else {}
     whole = kinds == FIELDS | timed | wide and message.is_dense and not message.is_bigendian
     tally[LAYOUT].see(bool(whole), f"{where}: fields {', '.join(kinds)}")
@@ -109,6 +114,11 @@ def _check_cloud(
         tally[FINITE].see_all(np.asarray(np.isfinite(xyz).all(axis=-1)), lambda k: f"{row(k)}: {xyz[k]} m")
         if {"ring", "column"} <= kinds.keys():
             _check_rays(cloud, xyz, config, rays, row)
+    if whole and clock:
+        start = read.stamp_ns(message.header) if clock == "timestamp" else 0
+        due = (start + cloud["t"].astype(np.int64)) / 1e9
+        late = np.abs(cloud[clock] - due) > _CLOCK_ROUNDING
+        rays[TIME].see_all(~late, lambda k: f"{row(k)}: {clock} {cloud[clock][k]} s, due at {due[k]} s")
     if whole:
         real = np.flatnonzero(cloud["label"] < N_CLASSES)
         classes.see(cloud["instance"][real], cloud["label"][real], lambda k: row(int(real[k])))
