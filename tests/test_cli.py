@@ -20,6 +20,7 @@ import fieldtruth
 from fieldtruth import cli
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.parallel import cpu_count
+from fieldtruth.experiment.lidar_models import list_lidars
 
 CLOCK = "rosgraph_msgs/msg/Clock"
 
@@ -80,7 +81,9 @@ ERRORS = [
     (["shares", "park1"], "unknown experiment 'park1'; did you mean 'park_1'? Available: forest_1, "),
     (["shares", "--all", "--seed", "x"], "--seed must be an integer between 0 and "),
     (["bench", "--env", "prak"], "unknown environment 'prak'; did you mean 'park'? Available: "),
-    (["list", "park_1"], "unexpected argument 'park_1'"),
+    (["list", "park_1"], "unknown list 'park_1'; Available: experiments, environments, sensors"),
+    (["list", "sensor"], "unknown list 'sensor'; did you mean 'sensors'? Available: experiments, environments, "),
+    (["list", "sensors", "lidar"], "unexpected argument 'lidar'"),
     (["generate"], "the following arguments are required: EXPERIMENT"),
     (["generate", "park1"], "unknown experiment 'park1'; did you mean 'park_1'? Available: forest_1, "),
     (["generate", "park_1", "park_2"], "unexpected argument 'park_2'"),
@@ -230,6 +233,14 @@ def test_list_shows_every_experiment_and_environment(capsys: pytest.CaptureFixtu
     assert all(len(words) > 1 for words in lines if words[0] in fieldtruth.list_experiments())
 
 
+def test_list_sensors_shows_every_lidar_model(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["list", "sensors"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "LiDARs (rig.lidar.model):"
+    assert [line.split()[0] for line in lines[1:]] == list(list_lidars())
+    assert {"vlp_16", "os1_64_gen1", "pandar64"} < set(list_lidars())
+
+
 @pytest.mark.parametrize("argv", [["--help"], ["generate", "--help"]])
 def test_examples_of_the_help_parse(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:
@@ -263,6 +274,7 @@ def modules_after(*argv: str) -> set[str]:
 def test_light_commands_import_no_heavy_modules() -> None:
     assert modules_after("nonsense").isdisjoint({"numpy", "scipy", "pydantic", "numba", "mujoco"})
     assert modules_after("preview", "prak").isdisjoint({"numba", "mujoco", "rosbags", "rich", "matplotlib"})
+    assert modules_after("list", "sensors").isdisjoint({"pydantic", "numba", "mujoco", "rosbags", "rich", "matplotlib"})
     assert modules_after("list").isdisjoint({"pydantic", "numba", "mujoco", "rosbags", "rich", "matplotlib"})
 
 

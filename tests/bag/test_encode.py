@@ -13,7 +13,7 @@ from fieldtruth.bag.topics import TOPICS
 from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.drive.state import State, state_at
-from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, Mount, Rig
+from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, Mount, Rig, TimeField
 
 MD5 = {  # as rosmsg prints them
     "gazebo_msgs/msg/ModelStates": "48c080191eb15c41858319b4d8a609c2",
@@ -167,6 +167,24 @@ def test_only_the_points_of_a_spinning_lidar_have_times(spinning: bool, size: in
         "instance": (size - 2, 4),
     }
     assert (message.point_step, message.row_step) == (size, size * 300)
+
+
+@pytest.mark.parametrize(("clock", "datatype", "start_ns"), [("time", 7, 0), ("timestamp", 8, STAMP)])
+def test_the_time_of_a_point_as_its_makers_driver_has_it(clock: TimeField, datatype: int, start_ns: int) -> None:
+    """Seconds after the stamp (32 bits) or in all (64 bits), beside t; none without a spinning LiDAR."""
+    scan = fake_scan(30)
+    message = back(
+        sensor_messages.point_cloud(5, STAMP, scan, spinning=True, clock=clock), "sensor_msgs/msg/PointCloud2"
+    )
+    assert {f.name: f.datatype for f in message.fields}[clock] == datatype
+    seconds = read.points(message)[clock].astype(np.float64)
+    due = (start_ns + np.arange(30) * 10_000_000) * 1e-9
+    np.testing.assert_allclose(seconds, due, rtol=6e-8 if clock == "time" else 2e-16, atol=0)
+    np.testing.assert_array_equal(read.points(message)["t"], scan.t_ns)
+    still = back(
+        sensor_messages.point_cloud(5, STAMP, scan, spinning=False, clock=clock), "sensor_msgs/msg/PointCloud2"
+    )
+    assert not {clock, "t"} & {f.name for f in still.fields}
 
 
 def test_empty_cloud() -> None:

@@ -129,6 +129,14 @@ def test_the_product_has_every_combination_once() -> None:
     assert all(names[f"{e.environment}_1"].environment == e.environment for e in (run.experiment for run in runs))
 
 
+def test_a_listed_experiment_takes_a_lidar_by_its_model() -> None:
+    """Values that the experiment does not set are the model's, not the defaults."""
+    listed = {"name": "c", "experiments": [load_experiment("park_1")], "rigs": {"lidar": {"model": "vlp_16"}}}
+    [run] = draw(Campaign.model_validate(listed))
+    lidar = run.experiment.rig.lidar
+    assert (lidar.model, lidar.rings, lidar.columns, lidar.spinning) == ("vlp_16", 16, 1808, True)
+
+
 def test_draws_follow_their_distributions() -> None:
     runs = draw(
         campaign(

@@ -184,9 +184,9 @@ BAD_VALUES = [
     (
         "rings",
         "ring: 64",
-        r"unknown key 'rig\.lidar\.ring'; did you mean 'rig\.lidar\.rings'\? Available: enabled, rate_hz, ",
+        r"unknown key 'rig\.lidar\.ring'; did you mean 'rig\.lidar\.rings'\? Available: enabled, model, ",
     ),
-    ("rings", "zzz: 64", r"unknown key 'rig\.lidar\.zzz'; Available: enabled, rate_hz, "),
+    ("rings", "zzz: 64", r"unknown key 'rig\.lidar\.zzz'; Available: enabled, model, "),
     ("name", "nme: park_1", r"unknown key 'nme'; did you mean 'name'\? Available: name, .* \(and 1 more\)"),
     ("light", "lights:", r"unknown key 'lights'; did you mean 'light'\? Available: name, "),
 ]

@@ -17,6 +17,7 @@ import yourdfpy
 from fieldtruth.bag.robot_messages import rig_transforms
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.drive import husky
 from fieldtruth.experiment.rig import (
     CAMERA_FROM_OPTICAL,
@@ -119,6 +120,28 @@ def test_rays_are_ours(rig: Rig, flavour: Flavour, tmp_path: Path) -> None:
     n = rig.lidar.columns
     ours = ray_directions(rig.lidar)[(n // 2 - np.arange(n)) % n][:, ::-1]
     np.testing.assert_allclose(directions, ours, rtol=0, atol=1e-12)
+
+
+def test_even_beams_of_a_table_are_ours(tmp_path: Path) -> None:
+    """Whether ring 0 is the highest or the lowest."""
+    for angles in ((15.0, 4.0, -7.0), (-7.0, 4.0, 15.0)):
+        scan = next(sdf(Rig(lidar=LidarConfig(elevations_deg=angles)), "gz", tmp_path).iter("scan"))
+        low, high = (values(scan, f"vertical/{end}_angle")[0] for end in ("min", "max"))
+        assert np.degrees(np.linspace(low, high, 3)) == pytest.approx([-7.0, 4.0, 15.0])
+
+
+@pytest.mark.parametrize(
+    ("lidar", "key"),
+    [
+        (LidarConfig(elevations_deg=(2.0, 1.0, -1.0)), "elevations_deg"),
+        (LidarConfig(model="pandar64"), "elevations_deg"),
+        (LidarConfig(rings=2, azimuth_offsets_deg=(0.0, 1.0)), "azimuth_offsets_deg"),
+    ],
+)
+def test_beams_that_gazebo_cannot_have_are_an_error(lidar: LidarConfig, key: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=rf"^rig\.lidar\.{key}: the beams of Gazebo's scanner are even "):
+        write_robot(tmp_path, Rig(lidar=lidar), "gz")
+    write_robot(tmp_path, Rig(lidar=lidar.model_copy(update={"enabled": False})), "gz")
 
 
 @RIGS

@@ -107,7 +107,7 @@ def test_column_time_of_one_point_is_found(spinning_run: Path, tmp_path: Path) -
         points_in(data)["t"][500] += 1
 
     text = failures_of(spinning_run, tmp_path, {(table.POINTS, 0): edit})["rays"]
-    assert text.startswith("t, where present, is the time at which the column's rays leave: 1 of")
+    assert text.startswith("t, where present, is the time at which the ray leaves: 1 of")
 
 
 def test_text_and_json_have_the_same_checks() -> None:

@@ -18,12 +18,18 @@ from fieldtruth.bag import types as ros
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import PALETTE
-from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig
+from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, TimeField
 
 _XYZI: Final = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
 _INDICES: Final = [("ring", "<u2"), ("column", "<u2"), ("label", "<u2")]
 
-_DATATYPES: Final = {"<f4": PointField.FLOAT32, "<u4": PointField.UINT32, "<u2": PointField.UINT16}
+_CLOCKS: Final = {"time": "<f4", "timestamp": "<f8"}
+_DATATYPES: Final = {
+    "<f4": PointField.FLOAT32,
+    "<f8": PointField.FLOAT64,
+    "<u4": PointField.UINT32,
+    "<u2": PointField.UINT16,
+}
 
 Side = Literal["left", "right"]
 
@@ -45,24 +51,29 @@ class Scan(Protocol):
     def t_ns(self) -> NDArray[np.uint32]: ...  # noqa: D102
 
 
-def point_type(*, spinning: bool, wide_ids: bool) -> np.dtype[np.void]:
+def point_type(*, spinning: bool, wide_ids: bool, clock: TimeField | None = None) -> np.dtype[np.void]:
     """Type of a point of 24 bytes: x, y, z [m] in os1_lidar; intensity = label, as the paper's reflectivity; ray; ids.
 
     With ``spinning`` it has ``t`` [ns], the time of its ray after the stamp. Instantaneous scans have none: programs
     scale it to 0..1 and divide by its range, which is 0 (KISS-ICP aborts). ``wide_ids``: ``instance`` has 32 bits.
+    ``clock`` follows ``t``: ``time`` [s] after the stamp, or ``timestamp`` [s], the sum.
     """
-    time = [("t", "<u4")] if spinning else []
+    time = [("t", "<u4"), *([(clock, _CLOCKS[clock])] if clock else [])] if spinning else []
     return np.dtype([*_XYZI, *time, *_INDICES, ("instance", "<u4" if wide_ids else "<u2")], align=True)
 
 
-def point_cloud(seq: int, stamp_ns: int, scan: Scan, *, spinning: bool, wide_ids: bool = False) -> bytes:
+def point_cloud(
+    seq: int, stamp_ns: int, scan: Scan, *, spinning: bool, wide_ids: bool = False, clock: TimeField | None = None
+) -> bytes:
     """Serialise sensor_msgs/PointCloud2 of the returns, in the order of the scan; with ``t`` if the LiDAR spins."""
-    kind = point_type(spinning=spinning, wide_ids=wide_ids)
+    kind = point_type(spinning=spinning, wide_ids=wide_ids, clock=clock)
     points = np.zeros(len(scan.xyz), kind)
     points["x"], points["y"], points["z"] = scan.xyz.T
     points["intensity"] = scan.label
     if spinning:
         points["t"] = scan.t_ns
+    if spinning and clock:
+        points[clock] = (scan.t_ns.astype(np.int64) + (stamp_ns if clock == "timestamp" else 0)) / 1e9
     points["ring"], points["column"] = scan.ring, scan.column
     points["label"], points["instance"] = scan.label, scan.instance
     message = PointCloud2(

@@ -154,7 +154,7 @@ def _changed(campaign: Campaign, experiment: Experiment, k: int) -> Experiment:
     if layout is not None:
         seed = changes.get("seed", experiment.seed)
         changes["layout"] = axis(layout).draw(_rng(campaign, _LAYOUT, experiment.environment, seed))
-    return _finished(campaign, merged(experiment.model_dump(), changes), k)
+    return _finished(campaign, merged(experiment.model_dump(exclude_unset=True), changes), k)
 
 
 def _finished(campaign: Campaign, values: dict[str, Any], k: int) -> Experiment:

@@ -93,9 +93,18 @@ def _engine(options: argparse.Namespace) -> "Iterator[ClusterEngine | None]":
 
 def _list(options: argparse.Namespace) -> None:
     from fieldtruth.experiment.catalogue import list_experiments
+    from fieldtruth.experiment.lidar_models import list_lidars
     from fieldtruth.world.environments import list_environments
 
-    for title, entries in (("experiments", list_experiments()), ("environments", list_environments())):
+    lists = {
+        "experiments": {"experiments": list_experiments},
+        "environments": {"environments": list_environments},
+        "sensors": {"LiDARs (rig.lidar.model)": list_lidars},
+    }
+    if options.what not in (None, *lists):
+        raise UnknownNameError("list", options.what, lists)
+    chosen = lists["experiments"] | lists["environments"] if options.what is None else lists[options.what]
+    for title, entries in ((title, list_entries()) for title, list_entries in chosen.items()):
         width = max(map(len, entries), default=0)
         print(f"{title}:")
         for name, description in entries.items():
@@ -183,7 +192,8 @@ def add_commands(command: AddCommand) -> None:
 
     _add_preview(command("preview", _preview, "Draw an overview sheet of an environment."))
     _add_shares(command("shares", _shares, "Count the pixels and points of each class."))
-    command("list", _list, "List the experiments and environments.")
+    lists = command("list", _list, "List the experiments and environments, or the sensors that have a name.")
+    lists.add_argument("what", metavar="LIST", nargs="?", help="experiments, environments or sensors (the first two)")
     bench = command("bench", _bench, "Measure the speed of this machine.")
     bench.add_argument("--env", metavar="NAME", default="park", help="environment (park)")
     bench.add_argument("--json", action="store_true", help="JSON instead of a table")

@@ -16,6 +16,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.drive.state import state_at
 from fieldtruth.drive.track import Base, Stamps, Track, stamps_at_rate
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, LidarConfig, Rig
+from fieldtruth.sense.beams import column_times_ns
 from fieldtruth.world.model import GROUND_ID, World
 
 PoseAt = Callable[[int], Array]
@@ -141,7 +142,7 @@ def _of_base(base: Base) -> list[Stream]:
 def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt) -> Stream:
     """Clouds at ``stamps`` [ns] of a LiDAR on a base that is at ``world_from_base(stamp_ns)``, (4, 4)."""
     base_from_lidar = config.mount.base_from_sensor
-    sweep_ns = np.rint(np.arange(config.columns) * (1e9 / config.rate_hz / config.columns))
+    sweep_ns = column_times_ns(config)
 
     def pose_at(stamp_ns: int) -> Array:
         return world_from_base(stamp_ns) @ base_from_lidar
@@ -151,7 +152,10 @@ def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt) -
         stamp = int(stamps[k])
         pose = np.stack([pose_at(stamp + int(t)) for t in sweep_ns]) if config.spinning else pose_at(stamp)
         seen = sensors.lidar.scan(pose)
-        yield sensor_messages.point_cloud(k, stamp, seen, spinning=config.spinning, wide_ids=sensors.wide_ids)
+        clock = config.time_field
+        yield sensor_messages.point_cloud(
+            k, stamp, seen, spinning=config.spinning, wide_ids=sensors.wide_ids, clock=clock
+        )
 
     return Stream((topics.POINTS,), stamps, scan)
 

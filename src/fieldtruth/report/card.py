@@ -122,8 +122,11 @@ def _sensors(rig: Rig) -> list[str]:
         )
     if lidar.enabled:
         timing = "columns are measured in turn over one period" if lidar.spinning else "all rays leave at the stamp"
+        angles = lidar.elevations_deg
+        model = f"LiDAR {lidar.model}" if lidar.model else "LiDAR"
+        beams = f" (elevations {min(angles):g} to {max(angles):g} deg)" if angles else ""
         lines.append(
-            f"- LiDAR: {lidar.columns} x {lidar.rings} rays, 360 x {lidar.vertical_fov_deg:g} deg, "
+            f"- {model}: {lidar.columns} x {lidar.rings} rays, 360 x {lidar.vertical_fov_deg:g} deg{beams}, "
             f"{lidar.min_range:g} to {lidar.max_range:g} m; {timing}; only returns are stored."
         )
     return lines or ["- Neither cameras nor LiDAR were enabled."]

@@ -12,6 +12,7 @@ from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.core.classes import NO_RETURN
 from fieldtruth.experiment.rig import LidarConfig
 from fieldtruth.sense import embree
+from fieldtruth.sense.beams import ray_times_ns, ring_elevations
 from fieldtruth.sense.hits import HitTable, LabelBuffers, classify, hit_top
 from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import Packet, new_packet, set_ray
@@ -44,16 +45,16 @@ class Scan:
 def ray_directions(config: LidarConfig) -> Array:
     """Unit directions (columns, rings, 3) in the LiDAR's frame (x forward, y left, z up).
 
-    Ring 0 is the highest beam, the last ring the lowest; they span the vertical field of view, both ends included
-    (+22.5 and -22.5 deg). Column 0 points along +x; columns are 360 deg / columns apart and advance clockwise seen from
-    above, as an Ouster rotates.
+    Column 0 points along +x; columns are 360 deg / columns apart and advance clockwise seen from above, as an Ouster
+    rotates. A ring leaves its column by its azimuth offset, and by what the head turns until it fires.
     """
-    azimuth = -2.0 * np.pi * np.arange(config.columns) / config.columns
-    half = np.radians(config.vertical_fov_deg) / 2.0
-    elevation = np.linspace(half, -half, config.rings) if config.rings > 1 else np.zeros(1)
+    ahead = np.radians(np.array(config.azimuth_offsets_deg or (0.0,)))  # (rings,) or (1,), clockwise
+    ahead = ahead + 2.0 * np.pi * config.rate_hz * 1e-9 * np.array(config.firing_offsets_ns or (0,))
+    azimuth = (-2.0 * np.pi * np.arange(config.columns) / config.columns)[:, None] - ahead
+    elevation = ring_elevations(config)
     directions = np.empty((config.columns, config.rings, 3))
-    directions[..., 0] = np.cos(azimuth)[:, None] * np.cos(elevation)
-    directions[..., 1] = np.sin(azimuth)[:, None] * np.cos(elevation)
+    directions[..., 0] = np.cos(azimuth) * np.cos(elevation)
+    directions[..., 1] = np.sin(azimuth) * np.cos(elevation)
     directions[..., 2] = np.sin(elevation)
     return directions
 
@@ -112,7 +113,8 @@ class Lidar:
         """Scan from a pose (4, 4), or from a pose for each column (columns, 4, 4) of a sensor that moves meanwhile.
 
         With poses by column, ``t_ns`` spreads the columns evenly over one period, and each point is in the frame of its
-        own column's pose, as a real scanner reports it.
+        own column's pose, as a real scanner reports it. Rings that fire later than their column begins have their own
+        ``t_ns`` and azimuth, but the pose of their column.
         """
         config = self.config
         moving = world_from_lidar.ndim == 3
@@ -122,7 +124,7 @@ class Lidar:
         _collect(self.directions, self._out, found)
         t_ns = np.zeros(len(found.column), np.uint32)
         if moving:
-            t_ns = np.rint(found.column.astype(np.float64) * (1e9 / config.rate_hz / config.columns)).astype(np.uint32)
+            t_ns = ray_times_ns(config)[found.column, found.ring].astype(np.uint32)
         return Scan(**found._asdict(), t_ns=t_ns)
 
 

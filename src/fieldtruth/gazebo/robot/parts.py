@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.drive import husky
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, OPTICAL, WHEELS, LidarConfig, Mount, Rig
 
@@ -26,6 +27,7 @@ _OS1: Final = (0.0425, 0.0735)  # [m] radius, height
 _ZED2: Final = (0.033, 0.175, 0.030)  # [m] along x, y, z
 _ANTENNA: Final = (0.045, 0.02)  # [m] radius, height
 _POLE: Final = 0.015  # [m] radius
+_EVEN: Final = 1e-6  # [deg] of which the steps between beams may differ
 
 YELLOW: Final = (0.8, 0.6, 0.05)
 BLACK: Final = (0.12, 0.12, 0.12)
@@ -90,12 +92,31 @@ def scan_angles(config: LidarConfig) -> Scan:
     """Return the angles of our rays, in Gazebo's order: from right to left, from the lowest ring to the highest.
 
     Gazebo's ray i of n has the angle min + i (max - min) / (n - 1). Its column i is our ``(n // 2 - i) % n``, because
-    ours begin ahead and advance clockwise; its ring j is our ``rings - 1 - j``.
+    ours begin ahead and advance clockwise; its ring j is our ``rings - 1 - j``, or j where our ring 0 is the lowest.
+    Its rays all leave at once: ``spinning`` and ``firing_offsets_ns`` have no counterpart.
+
+    Raises:
+        ConfigurationError: beams that are uneven or leave their column.
     """
     step = 2 * math.pi / config.columns
     first = -(config.columns // 2) * step
     half = math.radians(config.vertical_fov_deg) / 2 if config.rings > 1 else 0.0
-    return Scan(first, first + (config.columns - 1) * step, -half, half)
+    low, high = -half, half
+    if config.elevations_deg is not None:
+        low, high = math.radians(min(config.elevations_deg)), math.radians(max(config.elevations_deg))
+    if config.enabled:
+        _check_even(config)
+    return Scan(first, first + (config.columns - 1) * step, low, high)
+
+
+def _check_even(config: LidarConfig) -> None:
+    steps = np.diff(config.elevations_deg or ())
+    uneven = steps.size > 0 and np.ptp(steps) > _EVEN
+    if uneven or any(config.azimuth_offsets_deg or ()):
+        raise ConfigurationError(
+            f"rig.lidar.{'elevations_deg' if uneven else 'azimuth_offsets_deg'}: the beams of Gazebo's scanner are "
+            "even and straight above each other; give a LiDAR with such beams, or rig.lidar.enabled: false"
+        )
 
 
 def wheel_inertia() -> Array:
@@ -147,7 +168,9 @@ def _mast(rig: Rig, box: husky.Box, bottom: float) -> Shape | None:
     if rig.lidar.enabled:
         x, y, z = rig.lidar.mount.xyz
         corner = max(math.hypot(cx - x, cy - y) for cx in (low[0], high[0]) for cy in (low[1], high[1]))
-        drop = corner * math.tan(math.radians(min(rig.lidar.vertical_fov_deg / 2, 89.0)))
+        angles = rig.lidar.elevations_deg
+        below = rig.lidar.vertical_fov_deg / 2 if angles is None else max(-min(angles), 0.0)
+        drop = corner * math.tan(math.radians(min(below, 89.0)))
         high[2] = min(high[2], z - drop - 0.01)
     if high[2] <= bottom:
         return None

@@ -16,6 +16,7 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
 from fieldtruth.experiment.rig import LidarConfig
+from fieldtruth.sense.beams import column_times_ns, ray_times_ns
 from fieldtruth.sense.lidar import Lidar, ray_directions
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, RebuiltWorld, at
@@ -32,7 +33,7 @@ LABELS: Final[Spec] = Spec("labels", (LAYOUT, FINITE, INTENSITY, RETURNING), "po
 
 INDICES: Final = Rule("ring and column exist")
 ORDER: Final = Rule("points are ordered by column and ring, without repetition")
-TIME: Final = Rule("t, where present, is the time at which the column's rays leave")
+TIME: Final = Rule("t, where present, is the time at which the ray leaves")
 RANGE: Final = Rule("ranges are within the LiDAR's limits")
 # A point is a direction times a range, each coordinate rounded to 24 bits: it is within 1.2e-7 of its ray.
 DIRECTION: Final = Rule("points lie on the rays of their ring and column", 2.4e-7, "rad")
@@ -55,6 +56,9 @@ In worlds whose ids do not fit into 16 bits ``instance`` is "<u4".
 """
 _ROUNDING: Final = 1e-6
 """Share of a range by which single precision may exceed the limits."""
+_CLOCKS: Final = {"time": "<f4", "timestamp": "<f8"}
+_CLOCK_ROUNDING: Final = 1e-6
+"""[s], which a double resolves for stamps of today, and single precision within a scan."""
 _RETURNS: Final = np.array([c.label is not Label.VOID and c.label not in NO_RETURN for c in CLASSES])
 
 
@@ -89,6 +93,8 @@ def _check_cloud(
     cloud = read.points(message)
     kinds = {name: kind.str for name, (kind, *_) in (cloud.dtype.fields or {}).items()}
     timed = {"t": "<u4"} if config.spinning or "t" in kinds else {}
+    clock = config.time_field if config.spinning else None
+    timed |= {clock: _CLOCKS[clock]} if clock else {}
     wide = {"instance": "<u4"} if classes.has_wide_ids else {}
     whole = kinds == FIELDS | timed | wide and message.is_dense and not message.is_bigendian
     tally[LAYOUT].see(bool(whole), f"{where}: fields {', '.join(kinds)}")
@@ -108,6 +114,11 @@ def _check_cloud(
         tally[FINITE].see_all(np.asarray(np.isfinite(xyz).all(axis=-1)), lambda k: f"{row(k)}: {xyz[k]} m")
         if {"ring", "column"} <= kinds.keys():
             _check_rays(cloud, xyz, config, rays, row)
+    if whole and clock:
+        start = read.stamp_ns(message.header) if clock == "timestamp" else 0
+        due = (start + cloud["t"].astype(np.int64)) / 1e9
+        late = np.abs(cloud[clock] - due) > _CLOCK_ROUNDING
+        rays[TIME].see_all(~late, lambda k: f"{row(k)}: {clock} {cloud[clock][k]} s, due at {due[k]} s")
     if whole:
         real = np.flatnonzero(cloud["label"] < N_CLASSES)
         classes.see(cloud["instance"][real], cloud["label"][real], lambda k: row(int(real[k])))
@@ -122,7 +133,7 @@ def _check_rays(
     rising = np.diff(column * config.rings + ring) > 0
     tally[ORDER].see_all(rising, lambda k: f"{row(k + 1)}: column {column[k + 1]}, ring {ring[k + 1]}")
     if "t" in (cloud.dtype.names or ()):
-        due = _column_times(config)[np.where(inside, column, 0)]
+        due = _times(config)[np.where(inside, column * config.rings + ring, 0)]
         tally[TIME].see_all(cloud["t"] == due, lambda k: f"{row(k)}: {cloud['t'][k]} ns, due at {due[k]} ns")
     range_m: Array = np.linalg.norm(xyz, axis=-1)
     least, most = config.min_range * (1 - _ROUNDING), config.max_range * (1 + _ROUNDING)
@@ -142,10 +153,11 @@ def _directions(config: LidarConfig) -> Array:
     return ray_directions(config).reshape(-1, 3)
 
 
-def _column_times(config: LidarConfig) -> NDArray[np.int64]:
-    """Time [ns] after the scan's stamp at which the rays of each column leave."""
-    step = 1e9 / config.rate_hz / config.columns if config.spinning else 0.0
-    return np.asarray(np.rint(np.arange(config.columns) * step), np.int64)
+@cache
+def _times(config: LidarConfig) -> NDArray[np.int64]:
+    """Time [ns] after the scan's stamp at which each ray leaves, by number of the ray."""
+    count = config.columns * config.rings
+    return ray_times_ns(config).reshape(-1) if config.spinning else np.zeros(count, np.int64)
 
 
 class RetracedClouds(Checker):
@@ -158,7 +170,8 @@ class RetracedClouds(Checker):
         self._tally = context.tally(RETRACED_CLOUDS)
         self.tallies = [self._tally]
         self._lidars = threading.local()
-        self._times_ns = [int(t) for t in _column_times(context.rig.lidar)] if context.rig.lidar.spinning else [0]
+        lidar = context.rig.lidar
+        self._times_ns = [int(t) for t in column_times_ns(lidar)] if lidar.spinning else [0]
 
     def see(self, raw: RawMessage, message: Any) -> None:
         """Process a message."""

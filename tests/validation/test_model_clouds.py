@@ -1,0 +1,50 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Clouds of LiDAR models pass the checks of their rays, and one wrong time does not."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.typesys import Stores, get_typestore
+
+from fieldtruth.bag import decode as read
+from fieldtruth.bag import sensor_messages
+from fieldtruth.experiment.rig import LidarConfig
+from fieldtruth.sense.beams import ray_times_ns
+from fieldtruth.sense.lidar import ray_directions
+from fieldtruth.validation.check import Tally
+from fieldtruth.validation.retrace import clouds
+
+STAMP = 1_700_000_000_123_456_789
+
+
+def counts(message: Any, config: LidarConfig) -> dict[str, int]:
+    """Number of mistakes by rule."""
+    classes: Any = SimpleNamespace(has_wide_ids=False, see=lambda *_: None)
+    labels, rays = Tally(clouds.LABELS), Tally(clouds.RAYS)
+    clouds._check_cloud(message, config, labels, rays, classes, "here")
+    return {rule.text: tally[rule].wrong for tally in (labels, rays) for rule in tally.spec.rules}
+
+
+@pytest.mark.parametrize(("model", "field"), [("vlp_16", "time"), ("xt32", "timestamp"), ("os1_64_gen1", "t")])
+def test_one_wrong_time_of_a_model_is_found(model: str, field: str) -> None:
+    config = LidarConfig(model=model)
+    rays = ray_directions(config)
+    column, ring = (index.ravel().astype(np.uint16) for index in np.indices(rays.shape[:2]))
+    scan: Any = SimpleNamespace(
+        xyz=(rays * 10).reshape(-1, 3).astype(np.float32),
+        label=np.full(len(ring), 2, np.uint8),
+        instance=np.ones(len(ring), np.uint32),
+        ring=ring,
+        column=column,
+        t_ns=ray_times_ns(config).ravel().astype(np.uint32),
+    )
+    data = sensor_messages.point_cloud(1, STAMP, scan, spinning=True, clock=config.time_field)
+    message: Any = get_typestore(Stores.ROS1_NOETIC).deserialize_ros1(data, "sensor_msgs/msg/PointCloud2")
+    assert set(counts(message, config).values()) == {0}
+    points = read.points(message).copy()
+    points[field][5] += 1e-4 if field != "t" else 1
+    message.data = points.view(np.uint8).ravel()
+    assert counts(message, config)[clouds.TIME.text] >= 1
