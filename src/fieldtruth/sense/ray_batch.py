@@ -13,6 +13,7 @@ from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import HitTable, LabelBuffers, classify, hit_top
 from fieldtruth.sense.kernel import inlined, kernel
+from fieldtruth.sense.lens import NO_TABLE
 from fieldtruth.sense.packets import IntArray, Packet, set_ray
 from fieldtruth.sense.pinhole import Pinhole
 
@@ -37,14 +38,15 @@ class View(NamedTuple):
     pose: Array  # (4, 4) world_from_optical
     pinhole: Pinhole
     far: float  # [m] along the ray
+    table: Array = NO_TABLE  # (h, w, 4) see ray_table; empty for a pinhole, whose directions follow from ``pinhole``
 
 
 class RayBatch(NamedTuple):
     """n rays through image points and what they hit. Where ``top`` is -1 they hit nothing."""
 
     image: Float32Array  # (2, n) image point (u, v) [pixel]
-    direction: Float32Array  # (3, n) unit, world frame
-    cosine: Array  # (n,) of the angle to the optical axis
+    direction: Float32Array  # (3, n) unit, world frame; 0 where the lens has no ray
+    cosine: Array  # (n,) of the angle to the optical axis; for lenses whose depth is the range, 1
     top: IntArray  # (n,) row of the top-level geometry, see HitTable
     primitive: IntArray  # (n,) triangle of its mesh
     barycentric: Float32Array  # (2, n) weights of the triangle's second and third vertex
@@ -92,6 +94,49 @@ def seen_over_map(ray: Float32Array, lane: int) -> np.float32:
     return abs(facing) / max(abs(nz), _TINY)  # type: ignore[no-any-return]
 
 
+@inlined
+def _slope(table: Array, v: int, u: int, down: int, right: int) -> tuple[float, float, float]:
+    """Change of the direction from a pixel to the next one in a direction, or from the one before it.
+
+    It is 0 where the lens has neither.
+    """
+    for sign in (1, -1):
+        i, j = v + sign * down, u + sign * right
+        if 0 <= i < table.shape[0] and 0 <= j < table.shape[1] and table[i, j, 3] != 0.0:
+            x, y, z = table[i, j, 0] - table[v, u, 0], table[i, j, 1] - table[v, u, 1], table[i, j, 2] - table[v, u, 2]
+            return sign * x, sign * y, sign * z
+    return 0.0, 0.0, 0.0
+
+
+@kernel
+def set_directions(
+    pose: Array, table: Array, image: Float32Array, first: int, valid: IntArray, direction: Float32Array, cosine: Array
+) -> None:
+    """Set the directions of LANES rays from a table, and which of them exist.
+
+    Between pixel centres directions are interpolated linearly, with an error of at most an eighth of the second
+    difference of the table along rows and columns, and a quarter of the mixed one.
+    """
+    height, width, _ = table.shape
+    for lane in range(_LANES):
+        k = first + lane
+        u, v = min(max(int(image[0, k] + 0.5), 0), width - 1), min(max(int(image[1, k] + 0.5), 0), height - 1)
+        x, y, z = table[v, u, 0], table[v, u, 1], table[v, u, 2]
+        cosine[k] = table[v, u, 3]
+        valid[lane] = -1 if table[v, u, 3] != 0.0 else 0
+        du, dv = image[0, k] - u, image[1, k] - v
+        if valid[lane] != 0 and (du != 0.0 or dv != 0.0):
+            ax, ay, az = _slope(table, v, u, 0, 1 if du > 0.0 else -1)
+            bx, by, bz = _slope(table, v, u, 1 if dv > 0.0 else -1, 0)
+            du, dv = abs(du), abs(dv)
+            x, y, z = x + du * ax + dv * bx, y + du * ay + dv * by, z + du * az + dv * bz
+            scale = 1.0 / np.sqrt(x * x + y * y + z * z)
+            x, y, z = x * scale, y * scale, z * scale
+        direction[0, k] = pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z
+        direction[1, k] = pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z
+        direction[2, k] = pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z
+
+
 @kernel
 def trace(scene: np.uint64, tops: IntArray, packet: Packet, view: View, batch: RayBatch, count: int) -> None:
     """Trace the rays through the first ``count`` image points of a batch, LANES neighbours at a time.
@@ -102,7 +147,7 @@ def trace(scene: np.uint64, tops: IntArray, packet: Packet, view: View, batch: R
     """
     ray, words, valid = packet.ray, packet.words, packet.valid
     image, direction, cosine, top, primitive, barycentric, foreshortening, distance, point = batch
-    pose, lens, far = view
+    pose, lens, far, table = view
     m00, m01, m02 = pose[0, 0], pose[0, 1], pose[0, 2]
     m10, m11, m12 = pose[1, 0], pose[1, 1], pose[1, 2]
     m20, m21, m22 = pose[2, 0], pose[2, 1], pose[2, 2]
@@ -111,13 +156,16 @@ def trace(scene: np.uint64, tops: IntArray, packet: Packet, view: View, batch: R
     for lane in range(_LANES):
         set_ray(packet, lane, (x0, y0, z0), (0.0, 0.0, 1.0), 0.0, far)
     for first in range(0, count, _LANES):
-        for lane in range(_LANES):
-            a, b = (image[0, first + lane] - cx) * per_fx, (image[1, first + lane] - cy) * per_fy
-            scale = 1.0 / np.sqrt(1.0 + a * a + b * b)
-            cosine[first + lane] = scale
-            direction[0, first + lane] = (m00 * a + m01 * b + m02) * scale
-            direction[1, first + lane] = (m10 * a + m11 * b + m12) * scale
-            direction[2, first + lane] = (m20 * a + m21 * b + m22) * scale
+        if table.shape[0] > 0:
+            set_directions(pose, table, image, first, valid, direction, cosine)
+        else:
+            for lane in range(_LANES):
+                a, b = (image[0, first + lane] - cx) * per_fx, (image[1, first + lane] - cy) * per_fy
+                scale = 1.0 / np.sqrt(1.0 + a * a + b * b)
+                cosine[first + lane] = scale
+                direction[0, first + lane] = (m00 * a + m01 * b + m02) * scale
+                direction[1, first + lane] = (m10 * a + m11 * b + m12) * scale
+                direction[2, first + lane] = (m20 * a + m21 * b + m22) * scale
         for lane in range(_LANES):
             ray[_DX + lane] = direction[0, first + lane]
             ray[_DY + lane] = direction[1, first + lane]
