@@ -100,7 +100,7 @@ class CameraConfig(Frozen):
     """Stereo pair of identical cameras (ZED-2). Mounts are the paper's frames: z forward, x down, y left."""
 
     enabled: Boolean = True
-    model: Annotated[str, Field(description="a name of `fieldtruth list cameras`")] | None = None
+    model: Annotated[str, Field(description="a camera of docs/cameras.md")] | None = None
     """Its data are the defaults of the other keys."""
     rate_hz: Rate = 25.0
     width: Annotated[Integer, Field(ge=8, le=8192, multiple_of=8)] = 1280  # [pixel]
