@@ -38,7 +38,7 @@ class View(NamedTuple):
     pose: Array  # (4, 4) world_from_optical
     pinhole: Pinhole
     far: float  # [m] along the ray
-    table: Array = NO_TABLE  # (h, w, 4) see ray_table; empty for a pinhole, whose directions follow from ``pinhole``
+    table: Float32Array = NO_TABLE  # (h, w, 4) see ray_table; empty for a pinhole: ``pinhole`` has it all
 
 
 class RayBatch(NamedTuple):
@@ -95,46 +95,51 @@ def seen_over_map(ray: Float32Array, lane: int) -> np.float32:
 
 
 @inlined
-def _slope(table: Array, v: int, u: int, down: int, right: int) -> tuple[float, float, float]:
+def _slope(table: Float32Array, v: int, u: int, down: int, right: int) -> tuple[np.float32, np.float32, np.float32]:
     """Change of the direction from a pixel to the next one in a direction, or from the one before it.
 
     It is 0 where the lens has neither.
     """
     for sign in (1, -1):
         i, j = v + sign * down, u + sign * right
-        if 0 <= i < table.shape[0] and 0 <= j < table.shape[1] and table[i, j, 3] != 0.0:
+        if 0 <= i < table.shape[0] and 0 <= j < table.shape[1] and table[i, j, 3] != np.float32(0.0):
             x, y, z = table[i, j, 0] - table[v, u, 0], table[i, j, 1] - table[v, u, 1], table[i, j, 2] - table[v, u, 2]
-            return sign * x, sign * y, sign * z
-    return 0.0, 0.0, 0.0
+            turn = np.float32(sign)
+            return turn * x, turn * y, turn * z
+    return np.float32(0.0), np.float32(0.0), np.float32(0.0)
 
 
 @kernel
-def set_directions(
-    pose: Array, table: Array, image: Float32Array, first: int, valid: IntArray, direction: Float32Array, cosine: Array
-) -> None:
-    """Set the directions of LANES rays from a table, and which of them exist.
+def set_directions(pose: Array, table: Float32Array, count: int, batch: RayBatch) -> None:
+    """Set ``direction`` and ``cosine`` of a batch, in whole packets, from a table; 0 where the lens has no ray.
 
     Between pixel centres directions are interpolated linearly, with an error of at most an eighth of the second
     difference of the table along rows and columns, and a quarter of the mixed one.
     """
+    image, cosine, direction = batch.image, batch.cosine, batch.direction
     height, width, _ = table.shape
-    for lane in range(_LANES):
-        k = first + lane
-        u, v = min(max(int(image[0, k] + 0.5), 0), width - 1), min(max(int(image[1, k] + 0.5), 0), height - 1)
+    half, zero, n = np.float32(0.5), np.float32(0.0), -(-count // _LANES) * _LANES
+    for k in range(n):
+        u, v = min(max(int(image[0, k] + half), 0), width - 1), min(max(int(image[1, k] + half), 0), height - 1)
         x, y, z = table[v, u, 0], table[v, u, 1], table[v, u, 2]
         cosine[k] = table[v, u, 3]
-        valid[lane] = -1 if table[v, u, 3] != 0.0 else 0
-        du, dv = image[0, k] - u, image[1, k] - v
-        if valid[lane] != 0 and (du != 0.0 or dv != 0.0):
-            ax, ay, az = _slope(table, v, u, 0, 1 if du > 0.0 else -1)
-            bx, by, bz = _slope(table, v, u, 1 if dv > 0.0 else -1, 0)
+        du, dv = image[0, k] - np.float32(u), image[1, k] - np.float32(v)
+        if (du != zero or dv != zero) and table[v, u, 3] != zero:
+            ax, ay, az = _slope(table, v, u, 0, 1 if du > zero else -1)
+            bx, by, bz = _slope(table, v, u, 1 if dv > zero else -1, 0)
             du, dv = abs(du), abs(dv)
             x, y, z = x + du * ax + dv * bx, y + du * ay + dv * by, z + du * az + dv * bz
-            scale = 1.0 / np.sqrt(x * x + y * y + z * z)
+            scale = np.float32(1.0) / np.sqrt(x * x + y * y + z * z)
             x, y, z = x * scale, y * scale, z * scale
-        direction[0, k] = pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z
-        direction[1, k] = pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z
-        direction[2, k] = pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z
+        direction[0, k], direction[1, k], direction[2, k] = x, y, z
+    m00, m01, m02 = pose[0, 0], pose[0, 1], pose[0, 2]
+    m10, m11, m12 = pose[1, 0], pose[1, 1], pose[1, 2]
+    m20, m21, m22 = pose[2, 0], pose[2, 1], pose[2, 2]
+    for k in range(n):
+        a, b, c = np.float64(direction[0, k]), np.float64(direction[1, k]), np.float64(direction[2, k])
+        direction[0, k] = m00 * a + m01 * b + m02 * c
+        direction[1, k] = m10 * a + m11 * b + m12 * c
+        direction[2, k] = m20 * a + m21 * b + m22 * c
 
 
 @kernel
@@ -153,11 +158,15 @@ def trace(scene: np.uint64, tops: IntArray, packet: Packet, view: View, batch: R
     m20, m21, m22 = pose[2, 0], pose[2, 1], pose[2, 2]
     x0, y0, z0 = np.float32(pose[0, 3]), np.float32(pose[1, 3]), np.float32(pose[2, 3])
     per_fx, per_fy, cx, cy = 1.0 / lens.fx, 1.0 / lens.fy, lens.cx, lens.cy
+    has_table = table.shape[0] > 0
+    if has_table:
+        set_directions(pose, table, count, batch)
     for lane in range(_LANES):
         set_ray(packet, lane, (x0, y0, z0), (0.0, 0.0, 1.0), 0.0, far)
     for first in range(0, count, _LANES):
-        if table.shape[0] > 0:
-            set_directions(pose, table, image, first, valid, direction, cosine)
+        if has_table:
+            for lane in range(_LANES):
+                valid[lane] = -1 if cosine[first + lane] != 0.0 else 0
         else:
             for lane in range(_LANES):
                 a, b = (image[0, first + lane] - cx) * per_fx, (image[1, first + lane] - cy) * per_fy
