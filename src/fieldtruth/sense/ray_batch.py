@@ -146,9 +146,8 @@ def set_directions(pose: Array, table: Float32Array, count: int, batch: RayBatch
 def trace(scene: np.uint64, tops: IntArray, packet: Packet, view: View, batch: RayBatch, count: int) -> None:
     """Trace the rays through the first ``count`` image points of a batch, LANES neighbours at a time.
 
-    ``tops`` is the ``geometry_top`` of a HitTable.
-
-    Each inner loop writes few fields of the packet, so that it is vectorized; what all rays share is set once.
+    ``tops`` is the ``geometry_top`` of a HitTable. Each inner loop writes few fields of the packet, so that it is
+    vectorized; what all rays share is set once.
     """
     ray, words, valid = packet.ray, packet.words, packet.valid
     image, direction, cosine, top, primitive, barycentric, foreshortening, distance, point = batch
