@@ -157,7 +157,7 @@ def trace(scene: np.uint64, tops: IntArray, packet: Packet, view: View, batch: R
     m20, m21, m22 = pose[2, 0], pose[2, 1], pose[2, 2]
     x0, y0, z0 = np.float32(pose[0, 3]), np.float32(pose[1, 3]), np.float32(pose[2, 3])
     per_fx, per_fy, cx, cy = 1.0 / lens.fx, 1.0 / lens.fy, lens.cx, lens.cy
-    has_table = table.shape[0] > 0
+    has_table = len(table) > 0
     if has_table:
         set_directions(pose, table, count, batch)
     for lane in range(_LANES):
@@ -179,8 +179,7 @@ def trace(scene: np.uint64, tops: IntArray, packet: Packet, view: View, batch: R
             ray[_DY + lane] = direction[1, first + lane]
             ray[_DZ + lane] = direction[2, first + lane]
             ray[_FAR + lane] = far
-            words[_GEOM + lane] = _MISS
-            words[_INST + lane] = _MISS
+            words[_GEOM + lane], words[_INST + lane] = _MISS, _MISS
         for lane in range(count - first, _LANES):
             valid[lane] = 0
         _intersect(valid.ctypes, scene, ray.ctypes, packet.arguments.ctypes)
@@ -188,12 +187,10 @@ def trace(scene: np.uint64, tops: IntArray, packet: Packet, view: View, batch: R
             k = first + lane
             t = ray[_FAR + lane]
             distance[k] = t
-            point[0, k] = x0 + t * direction[0, k]
-            point[1, k] = y0 + t * direction[1, k]
+            point[0, k], point[1, k] = x0 + t * direction[0, k], y0 + t * direction[1, k]
             point[2, k] = z0 + t * direction[2, k]
             barycentric[0, k], barycentric[1, k] = ray[_U + lane], ray[_V + lane]
-            foreshortening[k] = seen_over_map(ray, lane)
-            primitive[k] = np.int32(words[_PRIM + lane])
+            foreshortening[k], primitive[k] = seen_over_map(ray, lane), np.int32(words[_PRIM + lane])
             top[k] = hit_top(tops, words, lane)
 
 
