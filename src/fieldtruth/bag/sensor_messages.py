@@ -148,14 +148,28 @@ def _image(seq: int, stamp_ns: int, side: Side, encoding: str, pixels: NDArray[A
 
 
 def camera_matrix(config: CameraConfig) -> Array:
-    """Return K (3, 3) [pixel]. ROS counts from the centre of the first pixel, so the principal point is (w - 1) / 2."""
-    fx = config.width / 2 / np.tan(np.radians(config.horizontal_fov_deg) / 2)
-    fy = config.height / 2 / np.tan(np.radians(config.vertical_fov_deg) / 2)
-    return np.array([[fx, 0.0, (config.width - 1) / 2], [0.0, fy, (config.height - 1) / 2], [0.0, 0.0, 1.0]])
+    """Return K (3, 3) [pixel]. ROS counts from the centre of the first pixel, so the principal point is (w - 1) / 2.
+
+    A panorama has no K: zeros, by which ROS says that a camera is not calibrated.
+    """
+    lens = config.projection
+    if lens.model == "equirectangular":
+        return np.zeros((3, 3))
+    return np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
+
+
+def distortion(config: CameraConfig) -> tuple[str, Array]:
+    """Return ``distortion_model`` and D: of a pinhole ``plumb_bob`` with five zeros, of a panorama no numbers."""
+    lens = config.projection
+    return ("plumb_bob", np.zeros(5)) if lens.model == "pinhole" else (lens.model, np.array(lens.coefficients))
 
 
 def projection_matrix(config: CameraConfig, side: Side) -> Array:
-    """Return P (3, 4) [pixel] for points in the left optical frame; Tx of the right one is -fx times the baseline."""
+    """Return P (3, 4) [pixel] for points in the left optical frame; Tx of the right one is -fx times the baseline.
+
+    P describes the rectified image. The two cameras are parallel, so that removing the distortion rectifies: with R the
+    identity and the focal lengths and centre of K, rectified and raw image meet in the middle.
+    """
     matrix = np.hstack([camera_matrix(config), np.zeros((3, 1))])
     if side == "right":
         left_from_right = frames.inverse(config.left.base_from_sensor) @ config.right.base_from_sensor
@@ -165,13 +179,14 @@ def projection_matrix(config: CameraConfig, side: Side) -> Array:
 
 
 def camera_info(seq: int, stamp_ns: int, side: Side, config: CameraConfig) -> bytes:
-    """Serialise sensor_msgs/CameraInfo of an ideal, rectified pinhole camera."""
+    """Serialise sensor_msgs/CameraInfo. The images are those of the lens, not rectified."""
+    model, coefficients = distortion(config)
     message = CameraInfo(
         ros.header(seq, stamp_ns, optical_frame(side)),
         height=config.height,
         width=config.width,
-        distortion_model="plumb_bob",
-        D=np.zeros(5),
+        distortion_model=model,
+        D=coefficients,
         K=camera_matrix(config).ravel(),
         R=np.eye(3).ravel(),
         P=projection_matrix(config, side).ravel(),

@@ -10,6 +10,7 @@ import numpy as np
 from fieldtruth.bench.bare import BareTracer, best_mode
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.core.lenses import directions
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.experiment.config import Route
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, Rig
@@ -17,7 +18,6 @@ from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.render.camera import Camera
 from fieldtruth.sense.lidar import Lidar, ray_directions
-from fieldtruth.sense.pinhole import pinhole
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import World
 
@@ -41,13 +41,8 @@ def poses_on_route(route: Route | None, world: World, rig: Rig, count: int) -> l
 
 def pixel_directions(config: CameraConfig) -> Float32Array:
     """Unit directions (h, w, 3) through the pixel centres in the optical frame."""
-    lens = pinhole(config)
-    rays = np.empty((config.height, config.width, 3), np.float32)
-    rays[..., 0] = (np.arange(config.width) - lens.cx) / lens.fx
-    rays[..., 1] = (np.arange(config.height)[:, None] - lens.cy) / lens.fy
-    rays[..., 2] = 1.0
-    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
-    return rays
+    u, v = np.arange(config.width), np.arange(config.height)[:, None]
+    return np.asarray(directions(config.projection, u, v), np.float32)
 
 
 def measure_lidar(scene: Scene, rig: Rig, poses: Sequence[Array], repeats: int) -> dict[str, float]:

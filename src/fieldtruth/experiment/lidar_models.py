@@ -40,7 +40,7 @@ def figures_of(name: str) -> dict[str, Any]:
     return {key: figure["value"] for key, figure in _models()[name]["figures"].items()}
 
 
-def with_model(given: Mapping[str, Any]) -> dict[str, Any]:
+def with_lidar_model(given: Mapping[str, Any]) -> dict[str, Any]:
     """Complete values of ``rig.lidar`` that name a model; what is given, other than None, stays.
 
     Raises:

@@ -8,10 +8,11 @@ from typing import Annotated, Any, Final, Literal, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, Strict, model_validator
 
-from fieldtruth.core import frames
+from fieldtruth.core import frames, lenses
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import UnknownNameError
-from fieldtruth.experiment.lidar_models import with_model, with_rings
+from fieldtruth.experiment.camera_models import with_camera_model
+from fieldtruth.experiment.lidar_models import with_lidar_model, with_rings
 
 # Strict: strings and booleans are not numbers.
 Number = Annotated[float, Strict()]
@@ -80,21 +81,80 @@ class GnssConfig(Frozen):
     mount: Mount = Mount(xyz=(0.10, 0.0, 0.890))
 
 
+LensModel = Literal["pinhole", "plumb_bob", "rational_polynomial", "equidistant", "equirectangular"]
+
+
+class LensConfig(Frozen):
+    """Lens of a camera: a model and coefficients as in ROS's CameraInfo, and where the image lies on them."""
+
+    model: Annotated[LensModel, Field(description=", ".join(lenses.COEFFICIENTS))] = "pinhole"
+    coefficients: Annotated[tuple[Number, ...], Field(description="the numbers that the model has")] = ()
+    fx: Positive | None = None  # [pixel]; None: from the horizontal field of view
+    fy: Positive | None = None  # [pixel]; None: fx if that is given, else from the vertical field of view
+    cx: Number | None = None  # [pixel] from the centre of the first pixel; None: the middle of the image
+    cy: Number | None = None
+    image_circle_deg: Annotated[Number, Field(gt=1, le=360)] | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        names = lenses.COEFFICIENTS[self.model].split()
+        if len(self.coefficients) != len(names):
+            needed = f"{len(names)} coefficients, {', '.join(names)}" if names else "no coefficients"
+            raise ValueError(f"coefficients: {self.model} has {needed}, got {len(self.coefficients)}")
+        if self.fy is not None and self.fx is None:
+            raise ValueError("fy needs fx")
+        return self
+
+
 class CameraConfig(Frozen):
-    """Stereo pair of identical pinhole cameras (ZED-2). Mounts are the paper's frames: z forward, x down, y left."""
+    """Stereo pair of identical cameras (ZED-2). Mounts are the paper's frames: z forward, x down, y left."""
 
     enabled: Boolean = True
+    model: Annotated[str, Field(description="a camera of docs/cameras.md")] | None = None
+    """Its data are the defaults of the other keys."""
     rate_hz: Rate = 25.0
     width: Annotated[Integer, Field(ge=8, le=8192, multiple_of=8)] = 1280  # [pixel]
     height: Annotated[Integer, Field(ge=8, le=8192, multiple_of=8)] = 720  # [pixel]
-    horizontal_fov_deg: Annotated[Number, Field(gt=1, lt=170)] = 69.0
-    vertical_fov_deg: Annotated[Number, Field(gt=1, lt=170)] = 42.0
+    horizontal_fov_deg: Annotated[Number, Field(gt=1, le=360)] = 69.0
+    vertical_fov_deg: Annotated[Number, Field(gt=1, le=360)] = 42.0
+    lens: LensConfig = LensConfig()
     far: Range = 2000.0  # [m]; beyond it is sky
     jpeg_quality: Annotated[Integer, Field(ge=1, le=100)] = 92
     depth: Boolean = False
     instances: Boolean = False
     left: Mount = Mount(xyz=(0.15, 0.06, 0.720), rpy_deg=(0.0, 90.0, 0.0))
     right: Mount = Mount(xyz=(0.15, -0.06, 0.720), rpy_deg=(0.0, 90.0, 0.0))
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_model(cls, values: Any) -> Any:
+        return with_camera_model(values) if isinstance(values, dict) else values
+
+    @model_validator(mode="after")
+    def _visible(self) -> Self:
+        flat, lens = self.lens.model in lenses.FLAT, self.lens
+        for key, most in (("horizontal_fov_deg", 360.0), ("vertical_fov_deg", 180.0)):
+            value = getattr(self, key)
+            if lens.fx is None and flat and value >= 170.0:
+                raise ValueError(f"{key} must be below 170 with the lens {lens.model}, got {value!r}")
+            if lens.fx is None and lens.model == "equirectangular" and value > most:
+                raise ValueError(f"{key} must be at most {most:g} with the lens equirectangular, got {value!r}")
+        if lens.model in ("pinhole", "equirectangular"):
+            return self
+        seen = np.degrees(lenses.greatest_angle(lens.model, lens.coefficients))
+        for key in ("horizontal_fov_deg", "vertical_fov_deg"):
+            if lens.fx is None and getattr(self, key) / 2.0 > seen:
+                raise ValueError(f"{key}: lens.coefficients can be inverted up to {seen:.2f} deg from the axis only")
+        u, v = np.arange(self.width), np.arange(self.height)
+        border = np.concatenate([[u, 0 * u], [u, 0 * u + v[-1]], [0 * v, v], [0 * v + u[-1], v]], axis=1)
+        whole = self.projection._replace(circle=np.pi)
+        lost = np.isnan(lenses.directions(whole, *border)[:, 0]).any()
+        if lost and 2.0 * seen < min(360.0, lens.image_circle_deg or 360.0):
+            raise ValueError(
+                f"lens.coefficients: the distortion is not monotonic within the image: it can be inverted up to "
+                f"{seen:.2f} deg from the axis; a smaller lens.image_circle_deg would cut the image there"
+            )
+        return self
 
     @model_validator(mode="after")
     def _rectified(self) -> Self:
@@ -111,6 +171,26 @@ class CameraConfig(Frozen):
     def baseline(self) -> float:
         """Distance between the cameras [m]."""
         return float(np.linalg.norm(np.subtract(self.left.xyz, self.right.xyz)))
+
+    @property
+    def projection(self) -> lenses.Lens:
+        """The lens. Fields of view end at the outer borders of the outermost pixels."""
+        lens = self.lens
+        fx, fy = (
+            float(side / 2.0 / lenses.image_height(lens.model, lens.coefficients, np.radians(angle) / 2.0))
+            for side, angle in ((self.width, self.horizontal_fov_deg), (self.height, self.vertical_fov_deg))
+        )
+        if lens.fx is not None:
+            fx, fy = lens.fx, lens.fx if lens.fy is None else lens.fy
+        return lenses.Lens(
+            model=lens.model,
+            fx=fx,
+            fy=fy,
+            cx=self.width / 2.0 - 0.5 if lens.cx is None else lens.cx,
+            cy=self.height / 2.0 - 0.5 if lens.cy is None else lens.cy,
+            coefficients=lens.coefficients,
+            circle=np.pi if lens.image_circle_deg is None else float(np.radians(lens.image_circle_deg / 2.0)),
+        )
 
 
 class LidarConfig(Frozen):
@@ -160,7 +240,7 @@ class LidarConfig(Frozen):
         if not isinstance(given, Mapping):
             return given
         try:
-            return with_rings(with_model(given) if isinstance(given.get("model"), str) else given)
+            return with_rings(with_lidar_model(given) if isinstance(given.get("model"), str) else given)
         except UnknownNameError as error:
             raise ValueError(str(error)) from error
 

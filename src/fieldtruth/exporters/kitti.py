@@ -28,6 +28,7 @@ from fieldtruth.exporters.sequences import (
     calib_text,
     poses_text,
     read_geometry,
+    require_pinholes,
     returned,
     times_text,
     xyz_and_zero,
@@ -63,10 +64,12 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     """Write the folder ``target``: a sequence per run, the poses, and a README.
 
     Raises:
-        BagError: a bag has no clouds, photographs, calibration or true poses, or is damaged.
+        BagError: a bag has no clouds, photographs, calibration or true poses, its cameras are no pinholes, or it is
+            damaged.
     """
     for run in runs:
         run.require(table.POINTS, *map(table.photograph, table.SIDES), *map(table.camera_info, table.SIDES))
+        require_pinholes(run, "KITTI")
     geometries = [read_geometry(run) for run in runs]
     (target / "poses").mkdir(parents=True)
     lines = []

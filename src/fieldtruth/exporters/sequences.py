@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.calibration import base_from_lidar, read_calibration, read_static_frames
+from fieldtruth.bag.calibration import base_from_lidar, first_message, read_calibration, read_static_frames
 from fieldtruth.bag.decode import points, stamp_ns
 from fieldtruth.bag.reader import BagError
 from fieldtruth.bag.run import Run
@@ -52,14 +52,36 @@ def has_cameras(run: Run) -> bool:
 def read_geometry(run: Run) -> Geometry:
     """Read the poses of the sensors; a run without cameras has cam0 in the LiDAR's centre, and [1 | 0] as projections.
 
+    So has a run with panoramas, which have no projection matrix.
+
     Raises:
         BagError: /tf_static or a camera's CameraInfo is missing or invalid.
     """
-    if has_cameras(run):
+    if has_cameras(run) and not _are_panoramas(run):
         calibration = read_calibration(run)
         return Geometry(calibration.projection, calibration.base_from_optical["left"], calibration.base_from_lidar)
     base_from_sensor = base_from_lidar(run, read_static_frames(run))
     return Geometry(dict.fromkeys(table.SIDES, np.eye(3, 4)), base_from_sensor @ OPTICAL, base_from_sensor)
+
+
+def require_pinholes(run: Run, form: str) -> None:
+    """Check that the photographs are rectified, as ``form`` has them.
+
+    Raises:
+        BagError: the cameras have another lens.
+    """
+    for topic in map(table.camera_info, table.SIDES):
+        info = first_message(run, topic)
+        if info.distortion_model not in ("", "plumb_bob") or np.any(info.D):
+            raise BagError(
+                f"{form} has rectified photographs, and those of {run.bag} have the lens {info.distortion_model!r}; "
+                f"rectify them with {topic}, or export as coco, webdataset or files, which keep the lens"
+            )
+
+
+def _are_panoramas(run: Run) -> bool:
+    topics = [topic for topic in map(table.camera_info, table.SIDES) if topic in run.counts]
+    return any(first_message(run, topic).distortion_model == "equirectangular" for topic in topics)
 
 
 # ---------------------------------------------------------------------------------------------------------------------

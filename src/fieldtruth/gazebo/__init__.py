@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from fieldtruth.core.errors import OutputError, UnknownNameError
+from fieldtruth.core.errors import ConfigurationError, OutputError, UnknownNameError
 from fieldtruth.core.files import atomic_output, output_errors, remove
 
 if TYPE_CHECKING:
@@ -46,15 +46,22 @@ def write_gazebo(
 
     Raises:
         UnknownNameError: an unknown flavour.
+        ConfigurationError: a lens that Gazebo's cameras do not have.
         OutputError: the folder already exists or cannot be written.
     """
     target = check_gazebo_output(out, flavour=flavour, overwrite=overwrite)
-    from fieldtruth.experiment.rig import Rig  # late, here and below: the command line checks its arguments first
+    from fieldtruth.experiment.rig import (  # late, here and below: the command line checks its arguments first
+        LensConfig,
+        Rig,
+    )
     from fieldtruth.gazebo.robot import write_robot
     from fieldtruth.gazebo.ros import write_ros_package
     from fieldtruth.gazebo.worlds import write_world
 
     chosen, sensors = FLAVOURS[flavour], Rig() if rig is None else rig
+    if sensors.cameras.enabled and sensors.cameras.lens != LensConfig():
+        model = sensors.cameras.lens.model
+        raise ConfigurationError(f"rig.cameras.lens: a Gazebo package has plain pinhole cameras only, got {model}")
     with output_errors(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         with atomic_output(target) as part:

@@ -160,6 +160,9 @@ def _illuminate(
     for k in range(count):
         dx, dy, dz = direction[0, k], direction[1, k], direction[2, k]
         if top[k] < 0:
+            if dx * dx + dy * dy + dz * dz < half:  # the lens has no ray here
+                colour[k, 0], colour[k, 1], colour[k, 2] = zero, zero, zero
+                continue
             r, g, b = sky_radiance(dome, dx, dy, dz)
             colour[k, 0], colour[k, 1], colour[k, 2] = scale * r, scale * g, scale * b
             continue

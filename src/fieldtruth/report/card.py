@@ -15,9 +15,10 @@ from fieldtruth.bag.run import TRACK
 from fieldtruth.bag.topics import latches_objects, objects_topic, topics_of_run
 from fieldtruth.core import frames
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
+from fieldtruth.core.lenses import fields_of_view
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import LensConfig, Rig
 from fieldtruth.world.model import World
 
 _FOLLOWED: Final = (
@@ -115,10 +116,14 @@ def _sensors(rig: Rig) -> list[str]:
     camera, lidar = rig.cameras, rig.lidar
     lines = []
     if camera.enabled:
+        lens = "" if camera.lens == LensConfig() else f" Their lens is `{camera.lens.model}`; CameraInfo describes it."
+        angles = camera.horizontal_fov_deg, camera.vertical_fov_deg
+        if camera.lens.fx is not None:
+            angles = fields_of_view(camera.projection, camera.width, camera.height)
         lines.append(
-            f"- Stereo camera: {camera.width} x {camera.height}, {camera.horizontal_fov_deg:g} x "
-            f"{camera.vertical_fov_deg:g} deg, baseline {camera.baseline:g} m. Photographs are JPEG (quality "
-            f"{camera.jpeg_quality}); tag, depth and instance images are lossless."
+            f"- Stereo camera: {camera.width} x {camera.height}, {angles[0]:g} x "
+            f"{angles[1]:g} deg, baseline {camera.baseline:g} m. Photographs are JPEG (quality "
+            f"{camera.jpeg_quality}); tag, depth and instance images are lossless.{lens}"
         )
     if lidar.enabled:
         timing = "columns are measured in turn over one period" if lidar.spinning else "all rays leave at the stamp"

@@ -162,6 +162,8 @@ class _Log:
         if entity in self._known:
             return
         self._known.add(entity)
+        if np.any(message.D) or not message.K[0]:  # rerun has pinholes only; other images are shown flat
+            return
         matrix = message.K.reshape(3, 3).copy()
         matrix[:2, 2] += 0.5  # rerun's origin is the corner of the first pixel, that of ROS its centre
         axes, size = self.rr.ViewCoordinates.RDF, {"width": message.width, "height": message.height}

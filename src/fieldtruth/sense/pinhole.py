@@ -4,8 +4,6 @@
 
 from typing import NamedTuple
 
-import numpy as np
-
 from fieldtruth.experiment.rig import CameraConfig
 
 
@@ -19,10 +17,6 @@ class Pinhole(NamedTuple):
 
 
 def pinhole(config: CameraConfig) -> Pinhole:
-    """Intrinsics of a camera whose fields of view end at the outer borders of the outermost pixels."""
-    return Pinhole(
-        fx=float(config.width / 2.0 / np.tan(np.radians(config.horizontal_fov_deg) / 2.0)),
-        fy=float(config.height / 2.0 / np.tan(np.radians(config.vertical_fov_deg) / 2.0)),
-        cx=config.width / 2.0 - 0.5,
-        cy=config.height / 2.0 - 0.5,
-    )
+    """Intrinsics of a camera, whatever its lens: ``lenses.Lens`` states what they mean for each model."""
+    lens = config.projection
+    return Pinhole(lens.fx, lens.fy, lens.cx, lens.cy)

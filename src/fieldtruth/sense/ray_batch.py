@@ -13,6 +13,7 @@ from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import HitTable, LabelBuffers, classify, hit_top
 from fieldtruth.sense.kernel import inlined, kernel
+from fieldtruth.sense.lens import NO_TABLE
 from fieldtruth.sense.packets import IntArray, Packet, set_ray
 from fieldtruth.sense.pinhole import Pinhole
 
@@ -37,14 +38,15 @@ class View(NamedTuple):
     pose: Array  # (4, 4) world_from_optical
     pinhole: Pinhole
     far: float  # [m] along the ray
+    table: Float32Array = NO_TABLE  # (h, w, 4) see ray_table; empty for a pinhole: ``pinhole`` has it all
 
 
 class RayBatch(NamedTuple):
     """n rays through image points and what they hit. Where ``top`` is -1 they hit nothing."""
 
     image: Float32Array  # (2, n) image point (u, v) [pixel]
-    direction: Float32Array  # (3, n) unit, world frame
-    cosine: Array  # (n,) of the angle to the optical axis
+    direction: Float32Array  # (3, n) unit, world frame; 0 where the lens has no ray
+    cosine: Array  # (n,) of the angle to the optical axis; for lenses whose depth is the range, 1
     top: IntArray  # (n,) row of the top-level geometry, see HitTable
     primitive: IntArray  # (n,) triangle of its mesh
     barycentric: Float32Array  # (2, n) weights of the triangle's second and third vertex
@@ -92,39 +94,92 @@ def seen_over_map(ray: Float32Array, lane: int) -> np.float32:
     return abs(facing) / max(abs(nz), _TINY)  # type: ignore[no-any-return]
 
 
+@inlined
+def _slope(table: Float32Array, v: int, u: int, down: int, right: int) -> tuple[np.float32, np.float32, np.float32]:
+    """Change of the direction from a pixel to the next one in a direction, or from the one before it.
+
+    It is 0 where the lens has neither.
+    """
+    for sign in (1, -1):
+        i, j = v + sign * down, u + sign * right
+        if 0 <= i < table.shape[0] and 0 <= j < table.shape[1] and table[i, j, 3] != np.float32(0.0):
+            x, y, z = table[i, j, 0] - table[v, u, 0], table[i, j, 1] - table[v, u, 1], table[i, j, 2] - table[v, u, 2]
+            turn = np.float32(sign)
+            return turn * x, turn * y, turn * z
+    return np.float32(0.0), np.float32(0.0), np.float32(0.0)
+
+
+@kernel
+def set_directions(pose: Array, table: Float32Array, count: int, batch: RayBatch) -> None:
+    """Set ``direction`` and ``cosine`` of a batch, in whole packets, from a table; 0 where the lens has no ray.
+
+    Between pixel centres directions are interpolated linearly, with an error of at most an eighth of the second
+    difference of the table along rows and columns, and a quarter of the mixed one.
+    """
+    image, cosine, direction = batch.image, batch.cosine, batch.direction
+    height, width, _ = table.shape
+    half, zero, n = np.float32(0.5), np.float32(0.0), -(-count // _LANES) * _LANES
+    for k in range(n):
+        u, v = min(max(int(image[0, k] + half), 0), width - 1), min(max(int(image[1, k] + half), 0), height - 1)
+        x, y, z = table[v, u, 0], table[v, u, 1], table[v, u, 2]
+        cosine[k] = table[v, u, 3]
+        du, dv = image[0, k] - np.float32(u), image[1, k] - np.float32(v)
+        if (du != zero or dv != zero) and table[v, u, 3] != zero:
+            ax, ay, az = _slope(table, v, u, 0, 1 if du > zero else -1)
+            bx, by, bz = _slope(table, v, u, 1 if dv > zero else -1, 0)
+            du, dv = abs(du), abs(dv)
+            x, y, z = x + du * ax + dv * bx, y + du * ay + dv * by, z + du * az + dv * bz
+            scale = np.float32(1.0) / np.sqrt(x * x + y * y + z * z)
+            x, y, z = x * scale, y * scale, z * scale
+        direction[0, k], direction[1, k], direction[2, k] = x, y, z
+    m00, m01, m02 = pose[0, 0], pose[0, 1], pose[0, 2]
+    m10, m11, m12 = pose[1, 0], pose[1, 1], pose[1, 2]
+    m20, m21, m22 = pose[2, 0], pose[2, 1], pose[2, 2]
+    for k in range(n):
+        a, b, c = np.float64(direction[0, k]), np.float64(direction[1, k]), np.float64(direction[2, k])
+        direction[0, k] = m00 * a + m01 * b + m02 * c
+        direction[1, k] = m10 * a + m11 * b + m12 * c
+        direction[2, k] = m20 * a + m21 * b + m22 * c
+
+
 @kernel
 def trace(scene: np.uint64, tops: IntArray, packet: Packet, view: View, batch: RayBatch, count: int) -> None:
     """Trace the rays through the first ``count`` image points of a batch, LANES neighbours at a time.
 
-    ``tops`` is the ``geometry_top`` of a HitTable.
-
-    Each inner loop writes few fields of the packet, so that it is vectorized; what all rays share is set once.
+    ``tops`` is the ``geometry_top`` of a HitTable. Each inner loop writes few fields of the packet, so that it is
+    vectorized; what all rays share is set once.
     """
     ray, words, valid = packet.ray, packet.words, packet.valid
     image, direction, cosine, top, primitive, barycentric, foreshortening, distance, point = batch
-    pose, lens, far = view
+    pose, lens, far, table = view
     m00, m01, m02 = pose[0, 0], pose[0, 1], pose[0, 2]
     m10, m11, m12 = pose[1, 0], pose[1, 1], pose[1, 2]
     m20, m21, m22 = pose[2, 0], pose[2, 1], pose[2, 2]
     x0, y0, z0 = np.float32(pose[0, 3]), np.float32(pose[1, 3]), np.float32(pose[2, 3])
     per_fx, per_fy, cx, cy = 1.0 / lens.fx, 1.0 / lens.fy, lens.cx, lens.cy
+    has_table = len(table) > 0
+    if has_table:
+        set_directions(pose, table, count, batch)
     for lane in range(_LANES):
         set_ray(packet, lane, (x0, y0, z0), (0.0, 0.0, 1.0), 0.0, far)
     for first in range(0, count, _LANES):
-        for lane in range(_LANES):
-            a, b = (image[0, first + lane] - cx) * per_fx, (image[1, first + lane] - cy) * per_fy
-            scale = 1.0 / np.sqrt(1.0 + a * a + b * b)
-            cosine[first + lane] = scale
-            direction[0, first + lane] = (m00 * a + m01 * b + m02) * scale
-            direction[1, first + lane] = (m10 * a + m11 * b + m12) * scale
-            direction[2, first + lane] = (m20 * a + m21 * b + m22) * scale
+        if has_table:
+            for lane in range(_LANES):
+                valid[lane] = -1 if cosine[first + lane] != 0.0 else 0
+        else:
+            for lane in range(_LANES):
+                a, b = (image[0, first + lane] - cx) * per_fx, (image[1, first + lane] - cy) * per_fy
+                scale = 1.0 / np.sqrt(1.0 + a * a + b * b)
+                cosine[first + lane] = scale
+                direction[0, first + lane] = (m00 * a + m01 * b + m02) * scale
+                direction[1, first + lane] = (m10 * a + m11 * b + m12) * scale
+                direction[2, first + lane] = (m20 * a + m21 * b + m22) * scale
         for lane in range(_LANES):
             ray[_DX + lane] = direction[0, first + lane]
             ray[_DY + lane] = direction[1, first + lane]
             ray[_DZ + lane] = direction[2, first + lane]
             ray[_FAR + lane] = far
-            words[_GEOM + lane] = _MISS
-            words[_INST + lane] = _MISS
+            words[_GEOM + lane], words[_INST + lane] = _MISS, _MISS
         for lane in range(count - first, _LANES):
             valid[lane] = 0
         _intersect(valid.ctypes, scene, ray.ctypes, packet.arguments.ctypes)
@@ -132,12 +187,10 @@ def trace(scene: np.uint64, tops: IntArray, packet: Packet, view: View, batch: R
             k = first + lane
             t = ray[_FAR + lane]
             distance[k] = t
-            point[0, k] = x0 + t * direction[0, k]
-            point[1, k] = y0 + t * direction[1, k]
+            point[0, k], point[1, k] = x0 + t * direction[0, k], y0 + t * direction[1, k]
             point[2, k] = z0 + t * direction[2, k]
             barycentric[0, k], barycentric[1, k] = ray[_U + lane], ray[_V + lane]
-            foreshortening[k] = seen_over_map(ray, lane)
-            primitive[k] = np.int32(words[_PRIM + lane])
+            foreshortening[k], primitive[k] = seen_over_map(ray, lane), np.int32(words[_PRIM + lane])
             top[k] = hit_top(tops, words, lane)
 
 

@@ -14,6 +14,7 @@ from fieldtruth.bag.reader import BagError
 from fieldtruth.bag.run import EXPERIMENT, TRACK, Run
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES
+from fieldtruth.core.lenses import COEFFICIENTS, Lens, fields_of_view
 from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.files import VERSION_KEY
 from fieldtruth.experiment.yaml_io import parse_mapping
@@ -155,8 +156,8 @@ def camera_rows(run: Run) -> tuple[list[CameraRow], str]:
         except UNEXPECTED:
             continue
         size = int(info.width), int(info.height)
+        angles = _fields_of_view(info, k, size)
         with np.errstate(divide="ignore", invalid="ignore"):
-            angles = np.degrees(2.0 * np.arctan(np.array(size) / (2.0 * np.array([k[0, 0], k[1, 1]]))))
             distance = -p[0, 3] / p[0, 0]
         coefficients = " ".join(f"{d:g}" for d in info.D[:12])
         rows.append(
@@ -174,6 +175,20 @@ def camera_rows(run: Run) -> tuple[list[CameraRow], str]:
         if side == "right" and math.isfinite(distance) and distance:
             baseline = f"{distance:.4f} m"
     return rows, baseline
+
+
+def _fields_of_view(info: Any, k: Array, size: tuple[int, int]) -> tuple[float, float]:
+    """Angles [deg] across the middle row and column; a panorama is taken for a whole one, as it has no K."""
+    if info.distortion_model == "equirectangular":
+        return 360.0, 180.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        plain = np.degrees(2.0 * np.arctan(np.array(size) / (2.0 * np.array([k[0, 0], k[1, 1]]))))
+    if not np.any(info.D) and info.distortion_model != "equidistant":
+        return float(plain[0]), float(plain[1])
+    if len(info.D) != len(COEFFICIENTS.get(info.distortion_model, "").split()) or not (k[0, 0] > 0 and k[1, 1] > 0):
+        return math.nan, math.nan
+    lens = Lens(info.distortion_model, k[0, 0], k[1, 1], k[0, 2], k[1, 2], tuple(float(d) for d in info.D))
+    return fields_of_view(lens, *size)
 
 
 def _matrix(values: Array) -> tuple[tuple[str, ...], ...]:

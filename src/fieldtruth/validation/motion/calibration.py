@@ -10,7 +10,7 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.decode import matrix
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.robot_messages import fixed_transforms
-from fieldtruth.bag.sensor_messages import camera_matrix, optical_frame, projection_matrix
+from fieldtruth.bag.sensor_messages import camera_matrix, distortion, optical_frame, projection_matrix
 from fieldtruth.core import frames
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.experiment.rig import CameraConfig
@@ -22,7 +22,7 @@ UNIT: Final = Rule("rotations of /tf_static are unit quaternions", 1e-6, "from l
 ONCE: Final = Rule("/tf_static is published once", minor=True)
 # Focal lengths, centres and the product with the baseline are up to some thousands of pixels.
 LENS: Final = Rule("size, K and P follow from the rig's image size and field of view", 1e-6, "pixel")
-PINHOLE: Final = Rule("cameras are rectified pinholes: R is the identity, D zero, P[:, :3] is K, no binning, no ROI")
+PINHOLE: Final = Rule("model and D are those of the rig's lens, R is the identity, P[:, :3] is K, no binning, no ROI")
 BASELINE: Final = Rule("the baseline in P is the one in /tf_static", 1e-6, "pixel")
 CONSTANT: Final = Rule("CameraInfo does not change")
 _RULES: Final = (MOUNTS, UNIT, ONCE, LENS, PINHOLE, BASELINE, CONSTANT)
@@ -71,8 +71,9 @@ class Calibration(Checker):
     def _check_lens(self, side: str, info: Any) -> None:
         k, p, roi = np.reshape(info.K, (3, 3)), np.reshape(info.P, (3, 4)), info.roi
         cut = (info.binning_x, info.binning_y, roi.x_offset, roi.y_offset, roi.height, roi.width, int(roi.do_rectify))
-        plain = np.array_equal(np.reshape(info.R, (3, 3)), np.eye(3)) and not np.any(info.D) and not any(cut)
-        plain = plain and info.distortion_model == "plumb_bob" and np.array_equal(p[:, :3], k)
+        model, coefficients = distortion(self._context.rig.cameras)
+        plain = np.array_equal(np.reshape(info.R, (3, 3)), np.eye(3)) and not any(cut) and np.array_equal(p[:, :3], k)
+        plain = plain and info.distortion_model == model and np.array_equal(info.D, coefficients)
         self._tally[PINHOLE].see(plain, f"camera {side}")
         config, size = self._context.rig.cameras, (info.width, info.height)
         if self._context.experiment is not None:

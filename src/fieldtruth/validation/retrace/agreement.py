@@ -63,6 +63,9 @@ class Agreement(CameraFrameChecker):
         cloud, lens = self._clouds.get(frame.stamp_ns), self.infos.get(frame.side)
         if cloud is None or lens is None or "tag" not in frame.parts or not self._sampler.takes(frame.stamp_ns):
             return
+        if (lens.distortion_model, any(lens.D)) != ("plumb_bob", False):
+            self._tally.skipped = f"the lens {lens.distortion_model} bends planes; its pixels are checked by retracing"
+            return
         if self.context.rig.lidar.spinning:
             self._tally.skipped = "the LiDAR spins while the robot moves; its points are checked by retracing"
             return

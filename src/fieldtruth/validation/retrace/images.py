@@ -19,10 +19,10 @@ from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL
 from fieldtruth.render.camera import Camera
 from fieldtruth.sense.label_camera import LabelCamera, LabelImages
-from fieldtruth.sense.pinhole import pinhole
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Context, RebuiltWorld
 from fieldtruth.validation.retrace.camera_frames import TOPIC_OF, CameraFrame, CameraFrameChecker, Sampler
+from fieldtruth.validation.retrace.lens import pixel_ray
 from fieldtruth.validation.retrace.reference import NOTHING, UNKNOWN, RayReading, RayReference, close
 from fieldtruth.validation.retrace.world import ClassComparison, ObjectClasses
 
@@ -47,6 +47,7 @@ SAME_PHOTOGRAPH: Final = Rule("photographs look the same when rendered again (wi
 EQUAL_PHOTOGRAPHS: Final = Rule("photographs rendered again are equal to the last digit", 0.0, "of 255", learned=True)
 PHOTOGRAPHS: Final[Spec] = Spec("photographs", (SAME_PHOTOGRAPH, EQUAL_PHOTOGRAPHS), "photographs", _NO_TAGS)
 _BLOCK: Final = 8
+_NO_RAY: Final = 1e-6  # [m]
 
 _ENCODINGS: Final = {"tag": "rgb8", "depth": "32FC1", "instances": "16UC1"}
 _WIDE: Final = _ENCODINGS | {"instances": "32SC1"}
@@ -176,7 +177,7 @@ class RetracedImages(CameraFrameChecker):
         self.context.jobs.append(lambda: self._compare(frame, pose, frame.stamp_ns if sampled else None))
 
     def _compare(self, frame: CameraFrame, pose: Array, seed: int | None) -> list[Tally]:
-        config, lens = self.context.rig.cameras, pinhole(self.context.rig.cameras)
+        config, lens = self.context.rig.cameras, self.context.rig.cameras.projection
         bag = _pixels(frame, (config.height, config.width))
         if bag is None:
             return []
@@ -184,13 +185,14 @@ class RetracedImages(CameraFrameChecker):
 
         def reading(k: int) -> RayReading:
             v, u = divmod(k, config.width)
-            ray = np.array([(u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy, 1.0])
-            length = float(np.linalg.norm(ray))
+            ray = pixel_ray(lens, u, v)
+            # Where the lens has no ray nothing may be seen, on a ray that is too short to hit anything.
+            along, length, far = ((0.0, 0.0, 1.0), 1.0, _NO_RAY) if ray is None else (*ray, config.far)
             range_m = float("nan") if bag.depth is None else float(bag.depth[v, u]) * length
             return RayReading(
-                f"{frame.at('tag')}, row {v}, column {u}", pose[:3, 3], pose[:3, :3] @ ray / length,
+                f"{frame.at('tag')}, row {v}, column {u}", pose[:3, 3], pose[:3, :3] @ along,
                 NOTHING if bag.label[v, u] == Label.SKY else range_m, int(bag.label[v, u]),
-                UNKNOWN if bag.instance is None else int(bag.instance[v, u]), 0.0, config.far, lidar=False,
+                UNKNOWN if bag.instance is None else int(bag.instance[v, u]), 0.0, far, lidar=False,
             )  # fmt: skip
 
         same, equal = _same(bag, own)
