@@ -20,7 +20,7 @@ from fieldtruth.bench import Settings, settings_of
 from fieldtruth.bench.sensors import poses_on_route
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
 from fieldtruth.render.bake import bake
 from fieldtruth.render.camera import Camera
 from fieldtruth.sense.scene import Scene

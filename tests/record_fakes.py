@@ -25,8 +25,10 @@ from fieldtruth.drive.track import (
     WheelMotion,
     stamps_at_rate,
 )
+from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.config import Experiment, RouteConfig
-from fieldtruth.experiment.rig import CameraConfig, LidarConfig, Rig
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.slices import Slices
 from fieldtruth.record.streams import Sensors, streams_of
 from fieldtruth.world.model import Heightfield, Instance, Raster, Terrain, World

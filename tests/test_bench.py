@@ -17,8 +17,10 @@ from fieldtruth.bench.measure import image_efficiency
 from fieldtruth.bench.sensors import pixel_directions, poses_on_route
 from fieldtruth.core import frames
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
+from fieldtruth.experiment.camera_config import OPTICAL, CameraConfig
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.rig import OPTICAL, CameraConfig, LidarConfig, Rig
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import metres_from_route, route_from_metres
 from fieldtruth.sense.embree import Engine, RayScene
 from fieldtruth.sense.label_camera import LabelCamera

@@ -20,6 +20,7 @@ import fieldtruth
 from fieldtruth import cli
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.parallel import cpu_count
+from fieldtruth.experiment.camera_models import list_cameras
 from fieldtruth.experiment.lidar_models import list_lidars
 
 CLOCK = "rosgraph_msgs/msg/Clock"
@@ -233,11 +234,12 @@ def test_list_shows_every_experiment_and_environment(capsys: pytest.CaptureFixtu
     assert all(len(words) > 1 for words in lines if words[0] in fieldtruth.list_experiments())
 
 
-def test_list_sensors_shows_every_lidar_model(capsys: pytest.CaptureFixture[str]) -> None:
+def test_list_sensors_shows_every_model(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["list", "sensors"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "LiDARs (rig.lidar.model):"
-    assert [line.split()[0] for line in lines[1:]] == list(list_lidars())
+    names = [line.split()[0] for line in lines[1:]]
+    assert names == [*list_lidars(), "cameras", *list_cameras()]
     assert {"vlp_16", "os1_64_gen1", "pandar64"} < set(list_lidars())
 
 

@@ -19,9 +19,10 @@ from fieldtruth import exporters
 from fieldtruth.cli import main
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import parse_experiment
 from fieldtruth.experiment.problems import condition_at, models_of
-from fieldtruth.experiment.rig import Mount, Rig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.build import layout_model
 from fieldtruth.world.environments import ENVIRONMENTS
 from fieldtruth.world.model import World

@@ -35,6 +35,8 @@ from .datasets import open_runs as open_runs
 from .datasets import split as split
 from .drive.plan import plan_route as plan_route
 from .drive.track import Track as Track
+from .experiment.camera_config import OPTICAL as OPTICAL
+from .experiment.camera_config import CameraConfig as CameraConfig
 from .experiment.catalogue import list_experiments as list_experiments
 from .experiment.config import ControlConfig as ControlConfig
 from .experiment.config import DriveConfig as DriveConfig
@@ -43,16 +45,14 @@ from .experiment.config import LightConfig as LightConfig
 from .experiment.config import MetresRouteConfig as MetresRouteConfig
 from .experiment.config import RandomRouteConfig as RandomRouteConfig
 from .experiment.config import RouteConfig as RouteConfig
+from .experiment.fields import Mount as Mount
 from .experiment.files import dump_experiment as dump_experiment
 from .experiment.files import load_experiment as load_experiment
 from .experiment.files import parse_experiment as parse_experiment
 from .experiment.files import with_overrides as with_overrides
-from .experiment.rig import OPTICAL as OPTICAL
-from .experiment.rig import CameraConfig as CameraConfig
+from .experiment.lidar_config import LidarConfig as LidarConfig
 from .experiment.rig import GnssConfig as GnssConfig
 from .experiment.rig import ImuConfig as ImuConfig
-from .experiment.rig import LidarConfig as LidarConfig
-from .experiment.rig import Mount as Mount
 from .experiment.rig import Rig as Rig
 from .experiment.rig import TachometerConfig as TachometerConfig
 from .experiment.rig import WheelConfig as WheelConfig

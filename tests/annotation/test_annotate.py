@@ -33,8 +33,9 @@ from fieldtruth.bag import decode as read
 from fieldtruth.bag.decode import image, read_bag, static_transforms
 from fieldtruth.bag.run import open_run
 from fieldtruth.core.errors import FieldtruthWarning
+from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.rig import CameraConfig, Rig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.render.camera import Camera
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.build import load_world

@@ -22,7 +22,9 @@ from fieldtruth.bag.sensor_messages import camera_matrix
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import PALETTE
-from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, LidarConfig, Rig
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, CameraConfig
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.gazebo import DEFAULT_LAYOUT
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.build import load_world

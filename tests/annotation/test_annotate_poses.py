@@ -18,7 +18,9 @@ from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, LidarConfig, Rig
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, CameraConfig
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World
 

@@ -13,7 +13,10 @@ from fieldtruth.bag.topics import TOPICS
 from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.drive.state import State, state_at
-from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, Mount, Rig, TimeField
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, CameraConfig
+from fieldtruth.experiment.fields import Mount
+from fieldtruth.experiment.lidar_config import TimeField
+from fieldtruth.experiment.rig import Rig
 
 MD5 = {  # as rosmsg prints them
     "gazebo_msgs/msg/ModelStates": "48c080191eb15c41858319b4d8a609c2",

@@ -12,7 +12,8 @@ from fieldtruth.campaign.duration import simulated_s
 from fieldtruth.campaign.estimate import combined, grouped
 from fieldtruth.campaign.measure import Figures
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.rig import LidarConfig, Rig
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import random_route
 
 FIGURES = Figures(world_s=100, fixed_s=10, drive_s_per_s=0.5, sense_s_per_s=4, bytes_once=7, bytes_per_s=1000, memory=3)

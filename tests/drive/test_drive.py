@@ -10,7 +10,8 @@ from fieldtruth.drive.sensors import due_step, steps_at_rate
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import ControlConfig
-from fieldtruth.experiment.rig import LidarConfig, Rig
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.model import World
 
 

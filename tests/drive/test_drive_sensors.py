@@ -14,7 +14,8 @@ from fieldtruth.drive.physics import STEP_NS
 from fieldtruth.drive.sensors import point_velocity, read_gnss, read_imu, read_tachometers, steps_at_rate
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import Motion, Track
-from fieldtruth.experiment.rig import GnssConfig, ImuConfig, Mount, Rig, TachometerConfig
+from fieldtruth.experiment.fields import Mount
+from fieldtruth.experiment.rig import GnssConfig, ImuConfig, Rig, TachometerConfig
 
 
 def made_motion(position: Array, rotation: Rotation, velocity: Array, turn_rate: Array) -> Motion:

@@ -12,7 +12,8 @@ from fieldtruth.core.errors import TrackError
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz, wxyz_from_xyzw, xyzw_from_wxyz
 from fieldtruth.drive.given_motion import motion_along, readings_along
 from fieldtruth.drive.track import Motion, Track
-from fieldtruth.experiment.rig import ImuConfig, Mount, Rig
+from fieldtruth.experiment.fields import Mount
+from fieldtruth.experiment.rig import ImuConfig, Rig
 
 GRAVITY = 9.81
 IN_MIDDLE = Rig(imu=ImuConfig(rate_hz=1000.0, mount=Mount(xyz=(0.0, 0.0, 0.0))))

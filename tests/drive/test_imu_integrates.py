@@ -13,8 +13,9 @@ from fieldtruth.drive.plan import plan_route
 from fieldtruth.drive.sensors import point_velocity, read_imu
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import ImuReadings, Motion, Track
+from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import load_experiment, with_overrides
-from fieldtruth.experiment.rig import ImuConfig, Mount
+from fieldtruth.experiment.rig import ImuConfig
 from fieldtruth.world.build import world_of
 
 UPRIGHT = Mount(xyz=(0.0, 0.0, 0.0))

@@ -9,7 +9,9 @@ from drive_worlds import make_world, obstacle
 from fieldtruth.core.errors import TrackError
 from fieldtruth.drive.given_motion import motion_along
 from fieldtruth.drive.inside import check_motion
-from fieldtruth.experiment.rig import CameraConfig, LidarConfig, Rig
+from fieldtruth.experiment.camera_config import CameraConfig
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.model import World
 
 BARE = Rig(cameras=CameraConfig(enabled=False), lidar=LidarConfig(enabled=False))

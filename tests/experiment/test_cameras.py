@@ -12,9 +12,10 @@ import pytest
 from fieldtruth.bag.sensor_messages import camera_matrix, distortion, projection_matrix
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.lenses import fields_of_view
+from fieldtruth.experiment.camera_config import CameraConfig, LensConfig
 from fieldtruth.experiment.camera_models import camera_data, camera_names
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
-from fieldtruth.experiment.rig import CameraConfig, LensConfig, Rig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.gazebo import write_gazebo
 
 PAGE = (Path(__file__).parents[2] / "docs" / "cameras.md").read_text(encoding="utf-8")

@@ -20,10 +20,11 @@ from fieldtruth import (
     RouteConfig,
     UnknownNameError,
 )
+from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.catalogue import experiment_names, list_experiments
 from fieldtruth.experiment.config import ControlConfig, LightConfig
 from fieldtruth.experiment.files import dump_experiment, load_experiment, parse_experiment, with_overrides
-from fieldtruth.experiment.rig import CameraConfig, Rig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.world.build import check_experiment
 

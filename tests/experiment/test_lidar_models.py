@@ -10,8 +10,8 @@ import yaml
 
 from fieldtruth import ConfigurationError
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
+from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.lidar_models import CYCLE, figures_of, list_lidars
-from fieldtruth.experiment.rig import LidarConfig
 
 FOLDER = files("fieldtruth.experiment") / "models" / "lidar"
 

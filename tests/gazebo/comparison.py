@@ -16,7 +16,8 @@ from scipy.ndimage import binary_dilation
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import NO_RETURN, PALETTE, Label
-from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, OPTICAL, CameraConfig, LidarConfig
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, OPTICAL, CameraConfig
+from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.sense.label_camera import LabelCamera, LabelImages
 from fieldtruth.sense.lidar import Lidar, ray_directions
 from fieldtruth.sense.pinhole import Pinhole, pinhole

@@ -15,7 +15,10 @@ from scipy.spatial.transform import Rotation
 
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, OPTICAL, LidarConfig, Mount, Rig
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, OPTICAL
+from fieldtruth.experiment.fields import Mount
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.pinhole import pinhole
 
 RATE_HZ = 10.0

@@ -11,7 +11,8 @@ from sense_worlds import at, box, make_world
 
 from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE, Label
-from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, LidarConfig
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, CameraConfig
+from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import Raster

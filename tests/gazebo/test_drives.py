@@ -21,8 +21,10 @@ from fieldtruth.bag.topics import POINTS, tag
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.drive.expected_path import experiments_in
 from fieldtruth.drive.simulate import drive
+from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.files import with_overrides
-from fieldtruth.experiment.rig import CameraConfig, LidarConfig, Rig
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.scene import Scene
 
 pytestmark = [pytest.mark.gazebo, pytest.mark.skipif(bool(missing_ros()), reason=missing_ros() or "-")]

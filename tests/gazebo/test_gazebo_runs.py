@@ -13,7 +13,8 @@ from rig_models import add_rig, beams, tour
 
 from fieldtruth.core import frames
 from fieldtruth.core.geodesy import geodetic_from_world
-from fieldtruth.experiment.rig import LidarConfig, Rig
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.lidar import ray_directions
 from fieldtruth.sense.pinhole import pinhole
 

@@ -25,7 +25,9 @@ from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.drive.physics import GRAVITY
-from fieldtruth.experiment.rig import CameraConfig, LidarConfig, Rig
+from fieldtruth.experiment.camera_config import CameraConfig
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.gazebo.robot import write_robot
 from fieldtruth.sense.lidar import ray_directions
 

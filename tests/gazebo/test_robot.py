@@ -19,15 +19,10 @@ from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.drive import husky
-from fieldtruth.experiment.rig import (
-    CAMERA_FROM_OPTICAL,
-    WHEELS,
-    CameraConfig,
-    ImuConfig,
-    LidarConfig,
-    Mount,
-    Rig,
-)
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, CameraConfig
+from fieldtruth.experiment.fields import Mount
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.rig import WHEELS, ImuConfig, Rig
 from fieldtruth.gazebo.robot import Flavour, parts, write_robot
 from fieldtruth.sense.lidar import ray_directions
 from fieldtruth.sense.pinhole import pinhole

@@ -21,8 +21,9 @@ from fieldtruth.bag import topics
 from fieldtruth.bag.sensor_messages import camera_matrix, projection_matrix
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.drive.controller import WaypointFollower
+from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import load_experiment, parse_experiment
-from fieldtruth.experiment.rig import ImuConfig, Mount, Rig
+from fieldtruth.experiment.rig import ImuConfig, Rig
 from fieldtruth.experiment.route import geodetic_route, metres_from_route
 from fieldtruth.gazebo.robot import write_robot
 from fieldtruth.gazebo.ros import builtin_experiments, write_ros_package

@@ -22,8 +22,8 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.state import state_at
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, CameraConfig
 from fieldtruth.experiment.files import load_experiment, with_overrides
-from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig
 from fieldtruth.interchange import write_scene
 from fieldtruth.sense.label_camera import LabelCamera, LabelImages
 from fieldtruth.sense.scene import Scene

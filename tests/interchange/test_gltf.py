@@ -15,7 +15,7 @@ from PIL import Image
 from scipy.spatial import cKDTree
 
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.rig import CameraConfig
+from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.interchange import write_scene
 from fieldtruth.interchange.gltf_materials import nearest_step
 from fieldtruth.interchange.ground import ground_tiles

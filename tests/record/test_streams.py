@@ -39,7 +39,9 @@ from fieldtruth.core.classes import PALETTE
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.progress import Silent
 from fieldtruth.drive.track import stamps_at_rate
-from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, LidarConfig, Rig
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, CameraConfig
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.streams import Sensors, streams_of
 
 SECONDS = 2.5

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from sense_worlds import F8, Placed, at, box, make_world, quad
 
 from fieldtruth.core import frames
+from fieldtruth.experiment.camera_config import OPTICAL, CameraConfig
 from fieldtruth.experiment.config import LightConfig
-from fieldtruth.experiment.rig import OPTICAL, CameraConfig
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.render.camera import Camera, CameraImages
 from fieldtruth.sense.scene import Scene

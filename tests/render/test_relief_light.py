@@ -7,8 +7,8 @@ import pytest
 from sense_worlds import F8, make_world
 
 from fieldtruth.core import frames
+from fieldtruth.experiment.camera_config import OPTICAL, CameraConfig
 from fieldtruth.experiment.config import LightConfig
-from fieldtruth.experiment.rig import OPTICAL, CameraConfig
 from fieldtruth.render.bake import bake
 from fieldtruth.render.camera import Camera
 from fieldtruth.render.light import bake_light

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from sense_worlds import at, box, make_world, quad
 
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.rig import OPTICAL, CameraConfig, LidarConfig
+from fieldtruth.experiment.camera_config import OPTICAL, CameraConfig
+from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.render.bake import bake
 from fieldtruth.render.camera import Camera
 from fieldtruth.render.gbuffer import FIELDS, MIRROR

@@ -7,8 +7,10 @@ from functools import cache
 
 import numpy as np
 
+from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.rig import CameraConfig, LidarConfig, Rig
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import route_from_metres
 from fieldtruth.world.environments.park.build import build as build_park
 from fieldtruth.world.environments.park.config import Config as ParkConfig

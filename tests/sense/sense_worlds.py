@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.rig import LidarConfig
+from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.sense.lidar import Lidar
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world import assembly

@@ -8,7 +8,8 @@ from sense_worlds import F8, Placed, at, box, floating, make_world, quad
 
 from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE, Label
-from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, OPTICAL, CameraConfig, Rig
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, OPTICAL, CameraConfig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.label_camera import LabelCamera, LabelImages, tag_image
 from fieldtruth.sense.pinhole import pinhole
 from fieldtruth.sense.scene import Scene

@@ -9,8 +9,9 @@ import pytest
 from sense_worlds import at, box, make_world
 
 from fieldtruth.core import frames
+from fieldtruth.experiment.camera_config import OPTICAL, CameraConfig
 from fieldtruth.experiment.config import LightConfig
-from fieldtruth.experiment.rig import OPTICAL, CameraConfig, LidarConfig
+from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.render.bake import bake
 from fieldtruth.render.camera import Camera
 from fieldtruth.sense.label_camera import LabelCamera

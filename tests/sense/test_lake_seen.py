@@ -11,9 +11,10 @@ from sense_worlds import built_scene, make_world, trace_rays
 
 from fieldtruth.core import frames
 from fieldtruth.core.classes import Label
+from fieldtruth.experiment.camera_config import OPTICAL, CameraConfig
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.rig import OPTICAL, CameraConfig, Rig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.lidar import Lidar

@@ -10,7 +10,7 @@ from sense_worlds import F8, Placed, at, box, floating, quad
 
 from fieldtruth.core.classes import Label
 from fieldtruth.core.lenses import FLAT, Lens, directions, fields_of_view, greatest_angle, project
-from fieldtruth.experiment.rig import CameraConfig, LensConfig
+from fieldtruth.experiment.camera_config import CameraConfig, LensConfig
 from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.lens import NO_TABLE, ray_table
 from fieldtruth.sense.pinhole import pinhole

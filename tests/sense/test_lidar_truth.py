@@ -11,7 +11,7 @@ from sense_worlds import BOX_CORNERS, BOX_FACES, F8, Placed, at, box, floating, 
 
 from fieldtruth.core import frames
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.rig import LidarConfig
+from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.sense.lidar import Lidar, Scan, ray_directions
 from fieldtruth.sense.scene import Scene
 

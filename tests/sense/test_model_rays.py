@@ -10,8 +10,8 @@ from sense_worlds import F8, at, box, floating
 
 from fieldtruth import cli
 from fieldtruth.core import frames
+from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.lidar_models import list_lidars
-from fieldtruth.experiment.rig import LidarConfig
 from fieldtruth.sense.beams import column_times_ns, ray_times_ns
 from fieldtruth.sense.lidar import Lidar, ray_directions
 from fieldtruth.sense.scene import Scene

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.frames import pose_from_quaternion_wxyz
 from fieldtruth.drive.physics import resting_pose
-from fieldtruth.experiment.rig import LidarConfig, Rig
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.lidar import Lidar
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.build import load_world, reserved_corridors

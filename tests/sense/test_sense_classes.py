@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sense_worlds import BOX_CORNERS, BOX_FACES, at, box, make_mesh, make_world, trace_rays
 
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.rig import CameraConfig
+from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import Raster

@@ -9,7 +9,7 @@ import pytest
 from sense_worlds import at, box, make_world, trace_rays
 
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.rig import OPTICAL, CameraConfig
+from fieldtruth.experiment.camera_config import OPTICAL, CameraConfig
 from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import Swarm, World

@@ -11,7 +11,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from fieldtruth.bag import decode as read
 from fieldtruth.bag import sensor_messages
-from fieldtruth.experiment.rig import LidarConfig
+from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.sense.beams import ray_times_ns
 from fieldtruth.sense.lidar import ray_directions
 from fieldtruth.validation.check import Tally

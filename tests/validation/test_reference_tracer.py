@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core import frames
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.rig import LidarConfig
+from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.sense.lidar import Lidar, Scan, ray_directions
 from fieldtruth.validation.context import RebuiltWorld
 from fieldtruth.validation.retrace.reference import NOTHING, RayReading, mismatches

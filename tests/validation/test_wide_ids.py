@@ -25,7 +25,8 @@ from fieldtruth.bag.reader import BagError, RawMessage
 from fieldtruth.bag.run import open_run
 from fieldtruth.core.png import ids_png
 from fieldtruth.datasets import RunDataset
-from fieldtruth.experiment.rig import CameraConfig, Rig
+from fieldtruth.experiment.camera_config import CameraConfig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.exporters import export
 from fieldtruth.exporters.coco_segments import Numbering, categories_of
 from fieldtruth.record import sensors

@@ -27,7 +27,8 @@ from fieldtruth.core.files import locked, output_errors
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.experiment.config import LightConfig
-from fieldtruth.experiment.rig import LidarConfig, Rig
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.folder import RunFolder, new_folder
 from fieldtruth.record.sensors import sensor_factory
 from fieldtruth.record.slices import Slices, slices_key

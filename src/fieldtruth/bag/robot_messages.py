@@ -25,7 +25,8 @@ from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.state import State
 from fieldtruth.drive.track import GnssReadings, ImuReadings, Motion
-from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, Rig
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.model import World
 
 WORLD: Final = "world"

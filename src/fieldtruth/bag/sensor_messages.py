@@ -18,7 +18,8 @@ from fieldtruth.bag import types as ros
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import PALETTE
-from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, TimeField
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, CameraConfig
+from fieldtruth.experiment.lidar_config import TimeField
 
 _XYZI: Final = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
 _INDICES: Final = [("ring", "<u2"), ("column", "<u2"), ("label", "<u2")]

@@ -12,8 +12,9 @@ from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.lenses import directions
 from fieldtruth.drive.physics import resting_pose
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, CameraConfig
 from fieldtruth.experiment.config import Route
-from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, Rig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.render.camera import Camera

@@ -13,8 +13,8 @@ from pydantic import AfterValidator, Field, model_validator
 
 from fieldtruth.campaign.distributions import Choice, Integers, Tree, check, distribution
 from fieldtruth.experiment.config import Experiment, OneLine
+from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Number
 from fieldtruth.experiment.problems import shortened
-from fieldtruth.experiment.rig import Boolean, Frozen, Integer, Number
 
 MOST_RUNS: Final = 100_000
 BUILT_IN: Final = "built-in"

@@ -14,8 +14,8 @@ from typing import Annotated, Any, Final, TypeVar
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
+from fieldtruth.experiment.fields import Frozen, Integer, Number, Positive
 from fieldtruth.experiment.problems import configuration_error, shortened
-from fieldtruth.experiment.rig import Frozen, Integer, Number, Positive
 
 Tree = Any
 """Plain values, lists and mappings as YAML has them, with distributions in them."""

@@ -15,7 +15,7 @@ from pydantic import Field, ValidationError
 import fieldtruth
 from fieldtruth.core.files import output_errors, write_atomically
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.rig import Frozen
+from fieldtruth.experiment.fields import Frozen
 
 MANIFEST: Final = "manifest.json"
 FAILURE: Final = "failure.json"

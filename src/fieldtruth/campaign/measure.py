@@ -27,8 +27,8 @@ from fieldtruth.core.progress import Progress
 from fieldtruth.core.seal import SEAL_SIZE
 from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.config import FRAME_RATE, Experiment, RandomRouteConfig
+from fieldtruth.experiment.fields import Frozen
 from fieldtruth.experiment.files import with_overrides
-from fieldtruth.experiment.rig import Frozen
 from fieldtruth.pipeline import generate
 from fieldtruth.world.build import world_key, world_of
 

@@ -92,6 +92,7 @@ def _engine(options: argparse.Namespace) -> "Iterator[ClusterEngine | None]":
 
 
 def _list(options: argparse.Namespace) -> None:
+    from fieldtruth.experiment.camera_models import list_cameras
     from fieldtruth.experiment.catalogue import list_experiments
     from fieldtruth.experiment.lidar_models import list_lidars
     from fieldtruth.world.environments import list_environments
@@ -99,7 +100,7 @@ def _list(options: argparse.Namespace) -> None:
     lists = {
         "experiments": {"experiments": list_experiments},
         "environments": {"environments": list_environments},
-        "sensors": {"LiDARs (rig.lidar.model)": list_lidars},
+        "sensors": {"LiDARs (rig.lidar.model)": list_lidars, "cameras (rig.cameras.model)": list_cameras},
     }
     if options.what not in (None, *lists):
         raise UnknownNameError("list", options.what, lists)

@@ -21,7 +21,9 @@ from fieldtruth.core.frames import quaternion_wxyz_from_rotation, rotation_from_
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.drive.physics import GRAVITY, STEP_NS, STEP_S
 from fieldtruth.drive.track import GnssReadings, ImuReadings, Motion, TachometerReadings, stamps_at_rate
-from fieldtruth.experiment.rig import GnssConfig, ImuConfig, LidarConfig, Mount, TachometerConfig
+from fieldtruth.experiment.fields import Mount
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.rig import GnssConfig, ImuConfig, TachometerConfig
 
 
 def steps_at_rate(rate_hz: float, duration_ns: int) -> Counts:

@@ -20,6 +20,11 @@ def camera_names() -> tuple[str, ...]:
     return tuple(sorted(file.name.removesuffix(".yaml") for file in folder.iterdir() if file.name.endswith(".yaml")))
 
 
+def list_cameras() -> dict[str, str]:
+    """Name and one-line description of each camera model."""
+    return {name: str(camera_data(name)["title"]) for name in camera_names()}
+
+
 @cache
 def camera_data(name: str) -> dict[str, Any]:
     """Data of a camera: ``title``, ``sources``, ``cameras`` (keys of rig.cameras) and ``baseline_m`` if it is a pair.

@@ -7,7 +7,8 @@ from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from fieldtruth.experiment.rig import Boolean, Frozen, Integer, Mount, Number, Positive, Rig
+from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Mount, Number, Positive
+from fieldtruth.experiment.rig import Rig
 
 Latitude = Annotated[Number, Field(ge=-90, le=90)]
 Longitude = Annotated[Number, Field(ge=-180, le=180)]

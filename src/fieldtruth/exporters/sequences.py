@@ -21,7 +21,7 @@ from fieldtruth.bag.trajectory import seconds
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES
-from fieldtruth.experiment.rig import OPTICAL
+from fieldtruth.experiment.camera_config import OPTICAL
 
 CLOUDS: Final = "velodyne"
 IMAGES: Final = {"left": "image_2", "right": "image_3"}

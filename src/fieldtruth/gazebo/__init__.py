@@ -50,10 +50,8 @@ def write_gazebo(
         OutputError: the folder already exists or cannot be written.
     """
     target = check_gazebo_output(out, flavour=flavour, overwrite=overwrite)
-    from fieldtruth.experiment.rig import (  # late, here and below: the command line checks its arguments first
-        LensConfig,
-        Rig,
-    )
+    from fieldtruth.experiment.camera_config import LensConfig  # late: the command line checks its arguments first
+    from fieldtruth.experiment.rig import Rig
     from fieldtruth.gazebo.robot import write_robot
     from fieldtruth.gazebo.ros import write_ros_package
     from fieldtruth.gazebo.worlds import write_world

@@ -15,7 +15,9 @@ from fieldtruth.bag import base_messages, robot_messages, sensor_messages, topic
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.state import state_at
 from fieldtruth.drive.track import Base, Stamps, Track, stamps_at_rate
-from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, CameraConfig, LidarConfig, Rig
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, CameraConfig
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.beams import column_times_ns
 from fieldtruth.world.model import GROUND_ID, World
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.rig import CameraConfig
+from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.render.photograph import new_framebuffer, render_image
 from fieldtruth.sense.hits import LabelBuffers

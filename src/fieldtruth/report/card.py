@@ -17,8 +17,9 @@ from fieldtruth.core import frames
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
 from fieldtruth.core.lenses import fields_of_view
 from fieldtruth.drive.track import Track
+from fieldtruth.experiment.camera_config import LensConfig
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.rig import LensConfig, Rig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.model import World
 
 _FOLLOWED: Final = (
@@ -127,9 +128,9 @@ def _sensors(rig: Rig) -> list[str]:
         )
     if lidar.enabled:
         timing = "columns are measured in turn over one period" if lidar.spinning else "all rays leave at the stamp"
-        angles = lidar.elevations_deg
+        elevations = lidar.elevations_deg
         model = f"LiDAR {lidar.model}" if lidar.model else "LiDAR"
-        beams = f" (elevations {min(angles):g} to {max(angles):g} deg)" if angles else ""
+        beams = f" (elevations {min(elevations):g} to {max(elevations):g} deg)" if elevations else ""
         lines.append(
             f"- {model}: {lidar.columns} x {lidar.rings} rays, 360 x {lidar.vertical_fov_deg:g} deg{beams}, "
             f"{lidar.min_range:g} to {lidar.max_range:g} m; {timing}; only returns are stored."

@@ -18,8 +18,9 @@ from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive.expected_path import expected_path, pose_on_ground, poses_along
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, Rig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.lidar import Lidar
 from fieldtruth.sense.scene import Scene

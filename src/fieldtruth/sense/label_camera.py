@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.classes import PALETTE
-from fieldtruth.experiment.rig import CameraConfig
+from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.sense.hits import LabelBuffers
 from fieldtruth.sense.lens import ray_table
 from fieldtruth.sense.packets import new_packet

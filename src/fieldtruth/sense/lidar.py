@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.core.classes import NO_RETURN
-from fieldtruth.experiment.rig import LidarConfig
+from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.sense import embree
 from fieldtruth.sense.beams import ray_times_ns, ring_elevations
 from fieldtruth.sense.hits import HitTable, LabelBuffers, classify, hit_top

@@ -4,7 +4,7 @@
 
 from typing import NamedTuple
 
-from fieldtruth.experiment.rig import CameraConfig
+from fieldtruth.experiment.camera_config import CameraConfig
 
 
 class Pinhole(NamedTuple):

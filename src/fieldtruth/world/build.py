@@ -16,8 +16,8 @@ from fieldtruth.core.cache_folder import load_or_make
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.memory import check_memory
 from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.fields import Frozen
 from fieldtruth.experiment.problems import configuration_error
-from fieldtruth.experiment.rig import Frozen
 from fieldtruth.world.edge import cut_at_edge
 from fieldtruth.world.environments import ENVIRONMENTS
 from fieldtruth.world.environments.layout import GroundConfig

@@ -17,7 +17,10 @@ from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.drive import husky
-from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, OPTICAL, WHEELS, LidarConfig, Mount, Rig
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, OPTICAL
+from fieldtruth.experiment.fields import Mount
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.rig import WHEELS, Rig
 
 GNSS_MASS: Final = 0.001  # [kg]; a link of its own in ROS 1, whose GNSS plugin reads a link's position
 GNSS_INERTIA: Final = 1e-6  # [kg m^2]

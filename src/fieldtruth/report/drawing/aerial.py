@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.rig import CameraConfig
+from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.render.camera import Camera
 from fieldtruth.report.drawing.images import downscaled

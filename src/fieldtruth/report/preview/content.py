@@ -12,7 +12,8 @@ from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.progress import Progress
 from fieldtruth.drive.expected_path import expected_path, experiments_in, pose_on_ground, poses_along
-from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL, Rig
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.render.bake import bake
 from fieldtruth.render.camera import Camera, CameraImages

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.patheffects import AbstractPathEffect, withStroke
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.rig import CameraConfig
+from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.report.drawing.aerial import Aerial
 from fieldtruth.report.drawing.geometry import arc, distance_along, sector
 from fieldtruth.report.drawing.style import FONT, INK, RED, ROUTES

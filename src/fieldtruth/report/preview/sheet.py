@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.rig import CameraConfig
+from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.report.drawing.cloud import draw_cloud, looking
 from fieldtruth.report.drawing.geometry import distance_along
 from fieldtruth.report.drawing.style import MUTED, PIXELS, POINTS

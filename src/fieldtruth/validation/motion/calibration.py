@@ -13,7 +13,7 @@ from fieldtruth.bag.robot_messages import fixed_transforms
 from fieldtruth.bag.sensor_messages import camera_matrix, distortion, optical_frame, projection_matrix
 from fieldtruth.core import frames
 from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.experiment.rig import CameraConfig
+from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import Checker, Context, at
 

@@ -15,7 +15,7 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
-from fieldtruth.experiment.rig import LidarConfig
+from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.sense.beams import column_times_ns, ray_times_ns
 from fieldtruth.sense.lidar import Lidar, ray_directions
 from fieldtruth.validation.check import Rule, Spec, Tally

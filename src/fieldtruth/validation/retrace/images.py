@@ -16,7 +16,7 @@ from fieldtruth.bag.sensor_messages import photograph_jpeg
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.experiment.rig import CAMERA_FROM_OPTICAL
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
 from fieldtruth.render.camera import Camera
 from fieldtruth.sense.label_camera import LabelCamera, LabelImages
 from fieldtruth.validation.check import Rule, Spec, Tally

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from fieldtruth.core.errors import suggestion
-from fieldtruth.experiment.rig import Frozen, Integer, Number, Positive
+from fieldtruth.experiment.fields import Frozen, Integer, Number, Positive
 from fieldtruth.world.grids import BUILT_IN, coarseness
 from fieldtruth.world.ground_types import ISO_CLASSES, Roughness, roughness_of
 from fieldtruth.world.trails import Line

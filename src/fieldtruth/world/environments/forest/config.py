@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pydantic import Field, field_validator
 
 from fieldtruth.core.errors import suggestion
-from fieldtruth.experiment.rig import Boolean, Positive
+from fieldtruth.experiment.fields import Boolean, Positive
 from fieldtruth.world.environments.layout import Count, Density, GroundConfig, Individuals, Share, Trails
 from fieldtruth.world.plants import TREES
 

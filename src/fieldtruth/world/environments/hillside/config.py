@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from fieldtruth.experiment.rig import Boolean, Number
+from fieldtruth.experiment.fields import Boolean, Number
 from fieldtruth.world.environments.layout import Count, Density, GroundConfig, Individuals
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Final
 
 from pydantic import Field, field_validator
 
-from fieldtruth.experiment.rig import Boolean, Number, Positive
+from fieldtruth.experiment.fields import Boolean, Number, Positive
 from fieldtruth.world.environments.layout import Count, GroundConfig, Individuals, Share, Trails
 
 PLANTED_BEYOND: Final = 0.7

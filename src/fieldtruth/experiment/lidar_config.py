@@ -1,0 +1,99 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Configuration of the LiDAR; defaults from the paper's Tables 1, 2 and 5."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, Literal, Self
+
+from pydantic import Field, model_validator
+
+from fieldtruth.core.errors import UnknownNameError
+from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Mount, Number, Range, Rate
+from fieldtruth.experiment.lidar_models import with_lidar_model, with_rings
+
+MOST_RINGS: Final = 256
+Elevation = Annotated[Number, Field(gt=-90, lt=90)]
+Turn = Annotated[Number, Field(ge=-180, le=180)]
+Delay = Annotated[Integer, Field(ge=0, le=100_000_000)]
+TimeField = Literal["time", "timestamp"]
+_PER_RING: Final = {"min_length": 1, "max_length": MOST_RINGS}
+
+
+class LidarConfig(Frozen):
+    """Rotating multi-beam LiDAR in os1_lidar; by default the paper's Ouster OS1-64."""
+
+    enabled: Boolean = True
+    model: Annotated[str, Field(description="a name from `fieldtruth list sensors`")] | None = None
+    """Gives every value below that is not set, from the model's data file. None: the defaults."""
+    rate_hz: Rate = 10.0
+    columns: Annotated[Integer, Field(ge=8, le=4096)] = 512
+    rings: Annotated[Integer, Field(ge=1, le=MOST_RINGS)] = 64
+    vertical_fov_deg: Annotated[Number, Field(gt=0, lt=180)] = 45.0
+    elevations_deg: (
+        Annotated[
+            tuple[Elevation, ...], Field(description="a list of angles between -90 and 90, one per ring", **_PER_RING)
+        ]
+        | None
+    ) = None
+    """Above the horizon, by number of the ring. None: rings are even over the field of view, ring 0 the highest."""
+    azimuth_offsets_deg: (
+        Annotated[
+            tuple[Turn, ...], Field(description="a list of angles between -180 and 180, one per ring", **_PER_RING)
+        ]
+        | None
+    ) = None
+    """Azimuth of each ring from that of its column, clockwise seen from above. None: zero."""
+    firing_offsets_ns: (
+        Annotated[
+            tuple[Delay, ...],
+            Field(description="a list of integers from 0 to 100000000, one per ring", **_PER_RING),
+        ]
+        | None
+    ) = None
+    """Time at which each ring fires, after the first of its column; the head turns meanwhile. None: zero."""
+    min_range: Annotated[Number, Field(ge=0)] = 0.3  # [m]; data sheet of the OS1
+    max_range: Range = 120.0  # [m]; data sheet of the OS1
+    spinning: Boolean = False
+    """False: all rays are cast at the stamp, as in the paper (Gazebo). True: columns are swept over one period."""
+    time_field: Annotated[TimeField, Field(description="time or timestamp")] | None = None
+    """Of points of a spinning LiDAR, beside ``t`` [ns]: time [s] after the stamp, or timestamp [s], the sum of both."""
+    mount: Mount = Mount(xyz=(0.09, 0.0, 0.826))
+
+    @model_validator(mode="before")
+    @classmethod
+    def _completed(cls, given: Any) -> Any:
+        """Take what is not given from the model and from the list of elevations."""
+        if not isinstance(given, Mapping):
+            return given
+        try:
+            return with_rings(with_lidar_model(given) if isinstance(given.get("model"), str) else given)
+        except UnknownNameError as error:
+            raise ValueError(str(error)) from error
+
+    @model_validator(mode="after")
+    def _valid_range(self) -> Self:
+        if self.min_range >= self.max_range:
+            raise ValueError(f"min_range must be below max_range {self.max_range!r}, got {self.min_range!r}")
+        return self
+
+    @model_validator(mode="after")
+    def _valid_beams(self) -> Self:
+        angles = self.elevations_deg
+        if angles is not None and len(angles) != self.rings:
+            raise ValueError(f"rings must be {len(angles)}, the number of elevations_deg, got {self.rings}")
+        span = round(max(angles) - min(angles), 9) if angles else 0.0
+        if angles is not None and len(angles) > 1 and span == 0:
+            raise ValueError(f"elevations_deg must differ, got {len(angles)} times {angles[0]!r}")
+        if span > 0 and abs(span - self.vertical_fov_deg) > 1e-6:
+            raise ValueError(f"vertical_fov_deg must be {span!r}, as of elevations_deg, got {self.vertical_fov_deg!r}")
+        for name in ("azimuth_offsets_deg", "firing_offsets_ns"):
+            values = getattr(self, name)
+            if values is not None and len(values) != self.rings:
+                raise ValueError(f"{name} must have a value for each of {self.rings} rings, got {len(values)}")
+        column_ns = 1e9 / self.rate_hz / self.columns
+        if self.firing_offsets_ns is not None and max(self.firing_offsets_ns) >= column_ns:
+            raise ValueError(
+                f"firing_offsets_ns must be below the time of a column, {column_ns:.0f} ns at {self.rate_hz:g} Hz and "
+                f"{self.columns} columns, got {max(self.firing_offsets_ns)}"
+            )
+        return self
