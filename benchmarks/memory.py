@@ -17,6 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from threading import Event, Thread
 from typing import Any, Final, NamedTuple
@@ -131,13 +132,8 @@ def in_child(row: Row, out: Path) -> tuple[dict[str, float], float, float]:
 
 def _watch(folder: Path, done: Event, peak: list[int]) -> None:
     while not done.wait(0.02):
-        size = 0
-        for path in folder.rglob("*.bag*"):
-            try:
-                size += path.stat().st_size
-            except OSError:  # joined just now
-                continue
-        peak[0] = max(peak[0], size)
+        with suppress(OSError):  # something was joined and removed just now: look again
+            peak[0] = max(peak[0], sum(path.stat().st_size for path in folder.rglob("*.bag*")))
 
 
 def main() -> None:
