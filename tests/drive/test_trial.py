@@ -66,6 +66,7 @@ def test_waypoints_that_are_added_one_by_one_make_the_same_drive(world: World) -
     assert_equal(trial.finish(), driven(world, ROUTE))
 
 
+@pytest.mark.slow
 def test_a_drive_goes_back_from_another_route_and_from_a_failure(world: World) -> None:
     trial = trial_of(world)
     assert trial.reached(ELSEWHERE) == 3
