@@ -128,6 +128,20 @@ def test_ray_that_grazes_an_edge_may_hit_or_miss(park: RebuiltWorld, shrunk: flo
     assert [answer is None for answer in mismatches(world, ReferenceTracer(world), readings)] == [True, True, False]
 
 
+def test_ray_that_clips_a_sharp_edge_may_hit_or_miss(park: RebuiltWorld) -> None:
+    """It enters and leaves within a micrometre, through two faces that both are behind their edge."""
+    world, half = plain(park), float(np.sqrt(0.5))
+    origin, far = (3.0, -4.0 - 3e-7, 20.4), float(np.sqrt(50.0))
+    readings = [
+        reading(origin, (half, half, 0), far, Label.TRUNK, 2),
+        reading(origin, (half, half, 0), NOTHING, Label.SKY, 0),
+        reading(origin, (half, half, 0), far, Label.ROCK, 2),
+        reading((3.0, -4.0002, 20.4), (half, half, 0), NOTHING, Label.SKY, 0),
+    ]
+    answers = mismatches(world, ReferenceTracer(world), readings)
+    assert [answer is None for answer in answers] == [True, True, False, False]
+
+
 @pytest.mark.parametrize("shrunk", [1.0, 10.0, 0.1])
 def test_ray_a_tenth_of_a_millimetre_from_an_edge_has_one_answer(park: RebuiltWorld, shrunk: float) -> None:
     world = plain(park, shrunk=shrunk)

@@ -117,10 +117,14 @@ def mismatches(world: World, tracer: ReferenceTracer, readings: list[RayReading]
 
 
 def _opaque(hits: Hits, tolerance: Array, side: float) -> Mask:
-    """Which triangles a ray cannot pass: it hits them far from an edge, or where a neighbour continues behind it."""
+    """Which triangles a ray cannot pass: it hits them far from an edge, or where a neighbour continues behind it.
+
+    A neighbour of which the ray meets the other side does not continue: the ray clips a sharp edge and may pass beside.
+    """
     near_edge = hits.margin < resolution(hits.range_m, side) / hits.cosine
     joined = (np.diff(hits.ray) == 0) & (np.diff(hits.range_m) <= tolerance[:-1] + tolerance[1:])
-    joined &= (hits.instance[:-1] == hits.instance[1:]) & (np.maximum(hits.margin[:-1], hits.margin[1:]) > 0.0)
+    joined &= (hits.instance[:-1] == hits.instance[1:]) & (hits.front[:-1] == hits.front[1:])
+    joined &= np.maximum(hits.margin[:-1], hits.margin[1:]) > 0.0
     closed = np.zeros(len(near_edge), np.bool_)
     closed[:-1] |= joined
     closed[1:] |= joined

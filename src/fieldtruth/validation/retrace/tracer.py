@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array, Index
+from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.validation.retrace.ground import SKIN, Ground, blocks, meets, near_all
 from fieldtruth.world.model import GROUND_ID, Mesh, World
 
@@ -35,6 +35,8 @@ class Hits(NamedTuple):
     """Distance [m] to the nearest edge of the triangle, in its plane; below 0 outside."""
     cosine: Array
     """Of the angle between ray and normal."""
+    front: Mask
+    """Whether the ray meets the side from which the corners run counterclockwise."""
 
 
 class _Solid(NamedTuple):
@@ -100,7 +102,8 @@ class ReferenceTracer:
     def hits(self, origins: Array, directions: Array, limit: Array) -> Hits:
         """Trace rays (n, 3), directions of unit length, each up to its limit (n,) [m]."""
         nothing = np.zeros(0)
-        found = [Hits(nothing.astype(int), nothing, nothing.astype(np.uint8), nothing.astype(int), nothing, nothing)]
+        index, flags = nothing.astype(int), nothing.astype(np.bool_)
+        found = [Hits(index, nothing, nothing.astype(np.uint8), index, nothing, nothing, flags)]
         for first in range(0, len(origins), _RAYS):
             rays = np.arange(first, min(first + _RAYS, len(origins)))
             for row, corners in self._ground.near(origins[rays], directions[rays], limit[rays]):
@@ -155,9 +158,10 @@ def _hits_on(triangles: _Triangles, ray: Index, start: Array, ahead: Array, limi
     corners, label, instance = triangles
     range_m, margin, cosine = _intersect(corners, start, ahead)
     margin /= np.linalg.norm(ahead, axis=1)  # a metre in the frame
+    front, cosine = cosine < 0, np.abs(cosine)
     hit = (range_m > 0) & (range_m <= limit) & (cosine > _PARALLEL)
     hit &= margin > -resolution(range_m, side) / np.maximum(cosine, _PARALLEL)
-    return Hits(ray[hit], range_m[hit], label[hit], instance[hit], margin[hit], cosine[hit])
+    return Hits(ray[hit], range_m[hit], label[hit], instance[hit], margin[hit], cosine[hit], front[hit])
 
 
 def _grouped(corners: Array, label: NDArray[np.uint8]) -> _Solid:
@@ -188,7 +192,8 @@ def _intersect(corners: Array, start: Array, ahead: Array) -> tuple[Array, Array
     """Intersect rays with the planes of triangles (n, 3, 3).
 
     Returns:
-        Range in lengths of ``ahead``, distance to the nearest edge (below 0 outside), cosine to the normal.
+        Range in lengths of ``ahead``, distance to the nearest edge (below 0 outside), cosine to the normal,
+        which is below 0 in front of it.
     """
     edges = np.roll(corners, -1, axis=1) - corners
     normal = np.cross(edges[:, 0], -edges[:, 2])
@@ -196,7 +201,7 @@ def _intersect(corners: Array, start: Array, ahead: Array) -> tuple[Array, Array
     towards = np.einsum("ni,ni->n", normal, ahead)
     with np.errstate(divide="ignore", invalid="ignore"):
         range_m = np.einsum("ni,ni->n", normal, corners[:, 0] - start) / towards
-        cosine = np.abs(towards) / (area * np.linalg.norm(ahead, axis=1))
+        cosine = towards / (area * np.linalg.norm(ahead, axis=1))
         point = start + range_m[:, None] * ahead
         inwards = np.cross(normal[:, None], edges)
         inside = np.einsum("nki,nki->nk", inwards, point[:, None] - corners) / np.linalg.norm(inwards, axis=-1)
