@@ -29,13 +29,14 @@ from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.topic import Topic
 from fieldtruth.record.folder import RunFolder, new_folder
 from fieldtruth.record.sensors import sensor_factory
 from fieldtruth.record.slices import Slices, slices_key
-from fieldtruth.record.streams import Stream, camera_stream, lidar_stream
+from fieldtruth.record.streams import Stream, imager_stream, lidar_stream
 from fieldtruth.world.build import check_layout, load_world
 
-CAMERAS_ONLY = Rig(lidar=LidarConfig(enabled=False))
+CAMERAS_ONLY = Rig().with_sensors(LidarConfig, enabled=False)
 """The paper's stereo camera."""
 
 
@@ -109,7 +110,7 @@ def _slices(
     config: WorldConfig,
     rig: Rig,
     poses: Poses,
-    added: list[table.Topic],
+    added: list[Topic],
     folder: RunFolder,
     progress: Progress,
 ) -> Slices:
@@ -144,8 +145,8 @@ def _work_folder(target: Path) -> Iterator[RunFolder]:
         path.rmdir()
 
 
-def _added_topics(run: Run, rig: Rig) -> list[table.Topic]:
-    added = [topic for topic in table.topics_of(rig) if topic.sensor not in ("robot", "objects", "wheels")]
+def _added_topics(run: Run, rig: Rig) -> list[Topic]:
+    added = [topic for topic in table.topics_of(rig) if topic.kind in ("lidar", "camera", "stereo")]
     if not added:
         raise ConfigurationError("nothing to add: the rig has neither cameras nor a LiDAR that is enabled")
     if present := [topic.name for topic in added if topic.name in run.counts]:
@@ -155,15 +156,15 @@ def _added_topics(run: Run, rig: Rig) -> list[table.Topic]:
 
 
 def _streams(poses: Poses, rig: Rig) -> list[Stream]:
-    """Streams at all multiples of a sensor's period for which there are poses, in the order of the topic table."""
+    """Streams at all multiples of a sensor's period for which there are poses, in the order of ``topics_of``."""
     pose_at = poses.trajectory.world_from_base
     streams: list[Stream] = []
-    if rig.lidar.enabled:
-        sweep_ns = round(1e9 / rig.lidar.rate_hz) if rig.lidar.spinning else 0
-        streams.append(lidar_stream(rig.lidar, poses.stamps("lidar", rig.lidar.rate_hz, sweep_ns), pose_at))
-    if rig.cameras.enabled:
-        stamps = poses.stamps("camera", rig.cameras.rate_hz)
-        streams += [camera_stream(rig.cameras, side, stamps, pose_at) for side in table.SIDES]
+    for lidar in rig.lidars:
+        sweep_ns = round(1e9 / lidar.rate_hz) if lidar.spinning else 0
+        streams.append(lidar_stream(lidar, poses.stamps(lidar.name, lidar.rate_hz, sweep_ns), pose_at))
+    for imager in rig.imagers:
+        stamps = poses.stamps(imager.config.name, imager.config.rate_hz)
+        streams.append(imager_stream(imager, stamps, pose_at))
     return streams
 
 

@@ -13,7 +13,6 @@ from fieldtruth.bag.calibration import StaticFrames, first_message, read_static_
 from fieldtruth.bag.errors import BagError, read_errors
 from fieldtruth.bag.robot_messages import rig_transforms
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.sensor_messages import optical_frame
 from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
@@ -33,7 +32,7 @@ def check_type(run: Run, topic: str) -> None:
     Raises:
         BagError: it has another type.
     """
-    expected = next(row.msgtype for row in table.TOPICS if row.name == topic)
+    expected = next(row.msgtype for row in table.PAPER_TOPICS if row.name == topic)
     if (found := run.msgtypes[topic]) != expected:
         found, expected = (name.replace("/msg/", "/") for name in (found, expected))
         raise BagError(f"{topic} of {run.bag} must be of type {expected}, got {found}")
@@ -68,8 +67,8 @@ def check_frames(run: Run, rig: Rig) -> dict[tuple[str, str], Array]:
     Raises:
         BagError: the bag has one of them at another pose.
     """
-    cameras = [frame for side in table.SIDES for frame in (f"{side}_camera", optical_frame(side))]
-    needed = cameras * rig.cameras.enabled + ["os1_lidar"] * rig.lidar.enabled
+    needed = [frame for imager in rig.imagers for frame in (imager.frame, imager.optical_frame)]
+    needed += [lidar.frame for lidar in rig.lidars]
     own = {(parent, child): matrix for (parent, child), matrix in rig_transforms(rig).items() if child in needed}
     ours = StaticFrames({child: (parent, matrix) for (parent, child), matrix in own.items()}, "the rig")
     theirs = static_frames(run)
@@ -113,7 +112,7 @@ def check_poses(trajectory: Trajectory, streams: Sequence[Stream], rig: Rig, wor
     Raises:
         BagError: with time and position.
     """
-    mounts = [rig.cameras.left, rig.cameras.right] * rig.cameras.enabled + [rig.lidar.mount] * rig.lidar.enabled
+    mounts = [imager.mount for imager in rig.imagers] + [lidar.mount for lidar in rig.lidars]
     half = np.array(world.size) / 2.0
     stamps = np.unique(np.concatenate([stream.stamps_ns for stream in streams]))
     for stamp in stamps.tolist():

@@ -163,9 +163,9 @@ class _Log:
     def __init__(self, source: str, rig: Rig) -> None:
         self.source = source
         self.stamps, self.recorded, self.values = array("q"), array("q"), array("d")
-        sensors = [sensor for sensor in (rig.lidar, rig.cameras) if sensor.enabled]
-        self._rates = [(Fraction(sensor.rate_hz) / 10**9).as_integer_ratio() for sensor in sensors]
-        self._every = rig.lidar.enabled and rig.lidar.spinning
+        rates = dict.fromkeys(sensor.rate_hz for sensor in (*rig.lidars, *rig.cameras))
+        self._rates = [(Fraction(rate_hz) / 10**9).as_integer_ratio() for rate_hz in rates]
+        self._every = any(lidar.spinning for lidar in rig.lidars)
         self._last: tuple[_Pose, int] | None = None
         self._kept = False
 

@@ -15,7 +15,8 @@ from fieldtruth.bag import types as ros
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.track import Commands, WheelOdometry
-from fieldtruth.experiment.rig import WHEELS, Rig
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.topic import WHEELS
 
 BASE: Final = "base_link"
 ODOM: Final = "odom"

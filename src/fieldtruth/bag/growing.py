@@ -15,9 +15,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, Final, NamedTuple, Self
 
-from fieldtruth.bag.topics import Topic
 from fieldtruth.bag.writer import COPY_SIZE, BagWriter, Chunk
 from fieldtruth.core.files import sync, write_atomically
+from fieldtruth.experiment.topic import Topic
 
 JOURNAL: Final = ".journal"
 """What follows the file's name in that of the journal."""

@@ -25,7 +25,6 @@ from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.state import State
 from fieldtruth.drive.track import GnssReadings, ImuReadings, Motion
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.model import World
 
@@ -38,15 +37,15 @@ def clock(stamp_ns: int) -> bytes:
 
 
 def rig_transforms(rig: Rig) -> dict[tuple[str, str], Array]:
-    """Return all fixed ``parent_from_child`` (4, 4) by (parent, child): the paper's Table 2 and the optical frames."""
+    """Return all fixed ``parent_from_child`` (4, 4) by (parent, child), with the optical frames."""
     result = {(BASE, name): mount.base_from_sensor for name, mount in rig.mounts().items()}
-    optical = {(f"{side}_camera", f"{side}_camera_optical"): CAMERA_FROM_OPTICAL for side in ("left", "right")}
-    return result | optical
+    optical = [frame for sensor in rig.sensors for frame in sensor.optical_frames().items()]
+    return result | {(parent, name): parent_from_optical for name, (parent, parent_from_optical) in optical}
 
 
 def fixed_transforms(rig: Rig) -> dict[tuple[str, str], Array]:
     """Return those of ``rig_transforms`` that belong to /tf_static: without the wheels if these turn."""
-    turning = WHEEL_FRAMES if rig.tachometers.enabled else ()
+    turning = () if rig.wheel_odometry is None else WHEEL_FRAMES
     return {pair: transform for pair, transform in rig_transforms(rig).items() if pair[1] not in turning}
 
 
@@ -83,11 +82,11 @@ def odometry(seq: int, stamp_ns: int, state: State) -> bytes:
     return ros.serialize(message, "nav_msgs/msg/Odometry")
 
 
-def imu(k: int, readings: ImuReadings) -> bytes:
-    """Serialise sensor_msgs/Imu, all of it in imu_link (REP-145); the orientation is world_from_imu."""
+def imu(k: int, readings: ImuReadings, frame: str) -> bytes:
+    """Serialise sensor_msgs/Imu, all of it in the IMU's frame (REP-145); the orientation is world_from_imu."""
     zeros = np.zeros(9)
     message = Imu(
-        ros.header(k, int(readings.stamps_ns[k]), "imu_link"),
+        ros.header(k, int(readings.stamps_ns[k]), frame),
         ros.quaternion(readings.quaternion_wxyz[k]),
         zeros,
         ros.vector(readings.angular_velocity[k]),
@@ -98,11 +97,11 @@ def imu(k: int, readings: ImuReadings) -> bytes:
     return ros.serialize(message, "sensor_msgs/msg/Imu")
 
 
-def navsat(k: int, readings: GnssReadings) -> bytes:
+def navsat(k: int, readings: GnssReadings, frame: str) -> bytes:
     """Serialise sensor_msgs/NavSatFix of the antenna: latitude and longitude [deg], ellipsoidal height [m]."""
     latitude, longitude, height = map(float, readings.geodetic[k])
     message = NavSatFix(
-        ros.header(k, int(readings.stamps_ns[k]), "GNSS_link"),
+        ros.header(k, int(readings.stamps_ns[k]), frame),
         NavSatStatus(NavSatStatus.STATUS_FIX, NavSatStatus.SERVICE_GPS),
         latitude,
         longitude,

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from fieldtruth.bag.reader import BagError, open_bag
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.rig import Rig
 
 EXPERIMENT: str = "experiment.yaml"
 """The experiment beside a bag."""
@@ -42,6 +43,11 @@ class Run(NamedTuple):
     def folder(self) -> Path:
         """The folder of the bag."""
         return self.bag.parent
+
+    @property
+    def rig(self) -> Rig:
+        """The rig that recorded it; of a bag from elsewhere the paper's."""
+        return Rig() if self.experiment is None else self.experiment.rig
 
     @property
     def world(self) -> str | None:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages of LiDAR and cameras: PointCloud2, CompressedImage, Image and CameraInfo."""
 
-from typing import Any, Final, Literal, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 import simplejpeg
@@ -15,10 +15,9 @@ from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointField as P
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__RegionOfInterest as RegionOfInterest
 
 from fieldtruth.bag import types as ros
-from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import PALETTE
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, CameraConfig
+from fieldtruth.experiment.camera_config import CameraConfig, Imager
 from fieldtruth.experiment.lidar_config import TimeField
 
 _XYZI: Final = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
@@ -31,8 +30,6 @@ _DATATYPES: Final = {
     "<u4": PointField.UINT32,
     "<u2": PointField.UINT16,
 }
-
-Side = Literal["left", "right"]
 
 
 class Scan(Protocol):
@@ -64,7 +61,14 @@ def point_type(*, spinning: bool, wide_ids: bool, clock: TimeField | None = None
 
 
 def point_cloud(
-    seq: int, stamp_ns: int, scan: Scan, *, spinning: bool, wide_ids: bool = False, clock: TimeField | None = None
+    seq: int,
+    stamp_ns: int,
+    scan: Scan,
+    *,
+    frame: str = "os1_lidar",
+    spinning: bool,
+    wide_ids: bool = False,
+    clock: TimeField | None = None,
 ) -> bytes:
     """Serialise sensor_msgs/PointCloud2 of the returns, in the order of the scan; with ``t`` if the LiDAR spins."""
     kind = point_type(spinning=spinning, wide_ids=wide_ids, clock=clock)
@@ -78,7 +82,7 @@ def point_cloud(
     points["ring"], points["column"] = scan.ring, scan.column
     points["label"], points["instance"] = scan.label, scan.instance
     message = PointCloud2(
-        ros.header(seq, stamp_ns, "os1_lidar"),
+        ros.header(seq, stamp_ns, frame),
         height=1,
         width=len(points),
         fields=[
@@ -94,15 +98,10 @@ def point_cloud(
     return ros.serialize(message, "sensor_msgs/msg/PointCloud2")
 
 
-def optical_frame(side: str) -> str:
-    """Return the frame of a camera's images (REP-103: x right, y down, z forward)."""
-    return f"{side}_camera_optical"
-
-
-def photograph(seq: int, stamp_ns: int, side: Side, photo: NDArray[np.uint8], quality: int) -> bytes:
+def photograph(seq: int, stamp_ns: int, frame: str, photo: NDArray[np.uint8], quality: int) -> bytes:
     """Serialise sensor_msgs/CompressedImage of a photograph (h, w, 3) RGB."""
     data = np.frombuffer(photograph_jpeg(photo, quality), np.uint8)
-    message = CompressedImage(ros.header(seq, stamp_ns, optical_frame(side)), "jpeg", data)
+    message = CompressedImage(ros.header(seq, stamp_ns, frame), "jpeg", data)
     return ros.serialize(message, "sensor_msgs/msg/CompressedImage")
 
 
@@ -116,33 +115,33 @@ def photograph_jpeg(photo: NDArray[np.uint8], quality: int) -> bytes:
     return jpeg
 
 
-def tag(seq: int, stamp_ns: int, side: Side, label: NDArray[np.uint8]) -> bytes:
+def tag(seq: int, stamp_ns: int, frame: str, label: NDArray[np.uint8]) -> bytes:
     """Serialise sensor_msgs/Image, rgb8: the flat colour of each label of (h, w)."""
     height, width = label.shape
-    head = ros.header(seq, stamp_ns, optical_frame(side))
+    head = ros.header(seq, stamp_ns, frame)
     flat = np.take(PALETTE, label, axis=0)  # five times as fast as PALETTE[label], which holds the GIL
     message = Image(head, height, width, "rgb8", 0, 3 * width, flat.reshape(-1))
     return ros.serialize(message, "sensor_msgs/msg/Image")
 
 
-def depth(seq: int, stamp_ns: int, side: Side, metres: NDArray[np.float32]) -> bytes:
+def depth(seq: int, stamp_ns: int, frame: str, metres: NDArray[np.float32]) -> bytes:
     """Serialise sensor_msgs/Image, 32FC1 (REP-118): depth (h, w) [m] along the optical axis; 0 becomes infinite."""
     far = np.where(metres > 0.0, metres, np.float32(np.inf)).astype("<f4", copy=False)
-    return _image(seq, stamp_ns, side, "32FC1", far)
+    return _image(seq, stamp_ns, frame, "32FC1", far)
 
 
-def instances(seq: int, stamp_ns: int, side: Side, instance: NDArray[np.uint32], *, wide_ids: bool = False) -> bytes:
+def instances(seq: int, stamp_ns: int, frame: str, instance: NDArray[np.uint32], *, wide_ids: bool = False) -> bytes:
     """Serialise sensor_msgs/Image of instance ids (h, w) as in the cloud's ``instance``; 0 for sky.
 
     It is 16UC1, with ``wide_ids`` 32SC1; ROS has no unsigned encoding of 32 bits.
     """
     encoding, kind = ("32SC1", "<i4") if wide_ids else ("16UC1", "<u2")
-    return _image(seq, stamp_ns, side, encoding, instance.astype(kind))
+    return _image(seq, stamp_ns, frame, encoding, instance.astype(kind))
 
 
-def _image(seq: int, stamp_ns: int, side: Side, encoding: str, pixels: NDArray[Any]) -> bytes:
+def _image(seq: int, stamp_ns: int, frame: str, encoding: str, pixels: NDArray[Any]) -> bytes:
     height, width = pixels.shape
-    head = ros.header(seq, stamp_ns, optical_frame(side))
+    head = ros.header(seq, stamp_ns, frame)
     data = np.ascontiguousarray(pixels).reshape(-1).view(np.uint8)
     message = Image(head, height, width, encoding, 0, pixels.itemsize * width, data)
     return ros.serialize(message, "sensor_msgs/msg/Image")
@@ -165,34 +164,38 @@ def distortion(config: CameraConfig) -> tuple[str, Array]:
     return ("plumb_bob", np.zeros(5)) if lens.model == "pinhole" else (lens.model, np.array(lens.coefficients))
 
 
-def projection_matrix(config: CameraConfig, side: Side) -> Array:
-    """Return P (3, 4) [pixel] for points in the left optical frame; Tx of the right one is -fx times the baseline.
+def projection_matrix(imager: Imager) -> Array:
+    """Return P (3, 4) [pixel]; of a pair for points in the left optical frame: Tx of the right one is -fx * baseline.
 
     P describes the rectified image. The two cameras are parallel, so that removing the distortion rectifies: with R the
     identity and the focal lengths and centre of K, rectified and raw image meet in the middle.
     """
-    matrix = np.hstack([camera_matrix(config), np.zeros((3, 1))])
-    if side == "right":
-        left_from_right = frames.inverse(config.left.base_from_sensor) @ config.right.base_from_sensor
-        baseline = (frames.inverse(CAMERA_FROM_OPTICAL) @ left_from_right)[0, 3]
-        matrix[0, 3] = -matrix[0, 0] * baseline
+    matrix = np.hstack([camera_matrix(imager.config), np.zeros((3, 1))])
+    if imager.baseline:
+        matrix[0, 3] = -matrix[0, 0] * imager.baseline
     return matrix
 
 
-def camera_info(seq: int, stamp_ns: int, side: Side, config: CameraConfig) -> bytes:
+def camera_info(seq: int, stamp_ns: int, imager: Imager) -> bytes:
     """Serialise sensor_msgs/CameraInfo. The images are those of the lens, not rectified."""
+    config = imager.config
     model, coefficients = distortion(config)
     message = CameraInfo(
-        ros.header(seq, stamp_ns, optical_frame(side)),
+        ros.header(seq, stamp_ns, imager.optical_frame),
         height=config.height,
         width=config.width,
         distortion_model=model,
         D=coefficients,
         K=camera_matrix(config).ravel(),
         R=np.eye(3).ravel(),
-        P=projection_matrix(config, side).ravel(),
+        P=projection_matrix(imager).ravel(),
         binning_x=0,
         binning_y=0,
         roi=RegionOfInterest(0, 0, 0, 0, do_rectify=False),
     )
     return ros.serialize(message, "sensor_msgs/msg/CameraInfo")
+
+
+def optical_frame(side: str) -> str:
+    """Optical frame of the paper's pair, for what does not follow the list of sensors yet."""
+    return f"{side}_camera_optical"

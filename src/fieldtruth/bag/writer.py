@@ -22,11 +22,11 @@ from rosbags.rosbag1 import Reader, Writer
 from rosbags.rosbag1.reader import Header, RecordType
 from rosbags.rosbag1.writer import MAXSIZE, WriteChunk
 
-from fieldtruth.bag.topics import Topic
 from fieldtruth.bag.types import STORE
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.files import replace_synced
 from fieldtruth.core.seal import add_seal
+from fieldtruth.experiment.topic import Topic
 
 CHUNK_SIZE: Final = 4 * 2**20  # [byte]; also LZ4's block size; larger blocks compress model states better
 COPY_SIZE: Final = 8 * 2**20  # [byte]

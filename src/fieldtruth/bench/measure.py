@@ -81,7 +81,7 @@ def measure(settings: Settings, progress: Progress | None = None) -> dict[str, f
         track = drive(world, with_overrides(experiment, seconds=SECONDS))
         rate = pairs_per_second(baked, track, rig, pairs=settings.pairs, workers=cpu_count())
     found["stereo_pairs_per_s"] = rate
-    pixels = rig.cameras.width * rig.cameras.height
+    pixels = rig.stereo.width * rig.stereo.height
     found["image_efficiency"] = image_efficiency(rate, cpu_count(), pixels, found["camera_bare_mrays_per_s"])
     return found | peak_memory()
 

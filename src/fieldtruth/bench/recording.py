@@ -24,9 +24,9 @@ SECONDS: Final = 4
 def pairs_per_second(baked: BakedScene, track: Track, rig: Rig, *, pairs: int, workers: int) -> float:
     """Stereo pairs per second that ``workers`` threads record, over about ``pairs`` pairs of the track's start."""
     seconds = min(SECONDS, track.duration_s)
-    cameras = rig.cameras.model_copy(update={"rate_hz": max(1.0, pairs / seconds)})
-    rig = rig.model_copy(update={"cameras": cameras})
-    topics = [topic for topic in topics_of(rig) if topic.sensor == "cameras"]
+    cameras = rig.stereo.model_copy(update={"rate_hz": max(1.0, pairs / seconds)})
+    rig = rig.model_copy(update={"sensors": (cameras,)})
+    topics = [topic for topic in topics_of(rig) if topic.kind == "stereo"]
     names = {topic.name for topic in topics}
     streams = [
         stream._replace(stamps_ns=stream.stamps_ns[stream.stamps_ns <= seconds * 1e9])
@@ -37,7 +37,7 @@ def pairs_per_second(baked: BakedScene, track: Track, rig: Rig, *, pairs: int, w
     for camera in ready:
         camera.render(np.eye(4))  # exclude the first use of each worker's memory, which a long run pays once
     with TemporaryDirectory() as folder:
-        slices = Slices(Path(folder), streams, topics, lambda: Sensors(camera=ready.pop()))
+        slices = Slices(Path(folder), streams, topics, lambda: Sensors(cameras={cameras.name: ready.pop()}))
         start = perf_counter()
         slices.make(workers)
         took = perf_counter() - start

@@ -62,7 +62,7 @@ def measure_lidar(scene: Scene, rig: Rig, poses: Sequence[Array], repeats: int) 
 
 def measure_cameras(baked: BakedScene, rig: Rig, poses: Sequence[Array], repeats: int) -> dict[str, float]:
     """Label images and photographs of both cameras against bare rays, from poses world_from_base."""
-    config = rig.cameras
+    config = rig.stereo
     camera, directions = Camera(config, baked, reuse=True), pixel_directions(config)
     mounts = [mount.base_from_sensor @ CAMERA_FROM_OPTICAL for mount in (config.left, config.right)]
     poses_of = [pose @ mount for pose in poses for mount in mounts]

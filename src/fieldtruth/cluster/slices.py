@@ -13,12 +13,12 @@ from typing import Final
 
 from distributed import Client, Future, as_completed
 
-from fieldtruth.bag.topics import Topic
 from fieldtruth.cluster.errors import OtherWorkerError, cluster_errors
 from fieldtruth.cluster.worker import Order, make_slice
 from fieldtruth.core.errors import ClusterError, FieldtruthWarning
 from fieldtruth.core.files import output_errors, write_atomically
 from fieldtruth.core.progress import Advance
+from fieldtruth.experiment.topic import Topic
 from fieldtruth.record.slices import SliceFolder
 
 _AHEAD: Final = 3

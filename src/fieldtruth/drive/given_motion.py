@@ -83,9 +83,9 @@ def readings_along(swept: Motion, rig: Rig) -> Track:
 
     What moves along given poses may have no wheels.
     """
-    motion = swept.first(len(swept.stamps_ns) - sensors.sweep_steps(rig.lidar))
-    imu, gnss = sensors.read_imu(motion, rig.imu), sensors.read_gnss(motion, rig.gnss)
-    return Track(motion=motion, swept=swept, imu=imu, gnss=gnss, base=None)
+    motion = swept.first(len(swept.stamps_ns) - sensors.sweep_steps(rig))
+    imus, fixes = sensors.read_imus(motion, rig), sensors.read_fixes(motion, rig)
+    return Track(motion=motion, swept=swept, imus=imus, fixes=fixes, base=None)
 
 
 def _attitudes(times: Array, quaternion_wxyz: Array, steps: Array) -> Array:

@@ -28,7 +28,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.rig import WHEELS, Rig, WheelConfig
+from fieldtruth.experiment.rig import Rig, WheelConfig
+from fieldtruth.experiment.topic import WHEELS
 
 MASS: Final = 50.0  # [kg]
 WHEEL_MASS: Final = 2.637  # [kg]

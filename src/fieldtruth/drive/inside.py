@@ -29,7 +29,7 @@ class _Found(NamedTuple):
 
 
 def check_motion(world: World, motion: Motion, rig: Rig, file: str, start_ns: int, *, allow_inside: bool) -> None:
-    """Check that base_link stays within the world, and that it, LiDAR and cameras stay out of everything solid.
+    """Check that base_link stays within the world, and that it, LiDARs and cameras stay out of everything solid.
 
     Args:
         world: the world.
@@ -74,12 +74,9 @@ def _first_inside(world: World, world_from_base: Array, rig: Rig) -> tuple[int, 
 
 def _points(rig: Rig) -> dict[str, tuple[float, float, float]]:
     """Checked points in base_link [m] by frame."""
-    points = {"base_link": (0.0, 0.0, 0.0)}
-    if rig.lidar.enabled:
-        points["os1_lidar"] = rig.lidar.mount.xyz
-    if rig.cameras.enabled:
-        points |= {"left_camera": rig.cameras.left.xyz, "right_camera": rig.cameras.right.xyz}
-    return points
+    eyes = {config.frame: config.mount.xyz for config in rig.lidars}
+    eyes |= {imager.frame: imager.mount.xyz for imager in rig.imagers}
+    return {"base_link": (0.0, 0.0, 0.0), **eyes}
 
 
 def _solids(world: World, points: Array) -> Iterator[_Found]:

@@ -13,7 +13,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.drive.husky import skid_compensation
 from fieldtruth.drive.sensors import steps_at_rate
 from fieldtruth.drive.track import Stamps, WheelMotion, WheelOdometry
-from fieldtruth.experiment.rig import Rig, WheelConfig
+from fieldtruth.experiment.rig import WheelConfig
 
 
 def effective_track(wheels: WheelConfig) -> float:
@@ -27,11 +27,11 @@ def advance(turned: Array, wheels: WheelConfig) -> tuple[Array, Array]:
     return (left + right) / 2, (right - left) / effective_track(wheels)
 
 
-def read_odometry(stamps_ns: Stamps, wheels: WheelMotion, rig: Rig) -> WheelOdometry:
+def read_odometry(stamps_ns: Stamps, wheels: WheelMotion, config: WheelConfig, rate_hz: float) -> WheelOdometry:
     """Return wheel odometry for the rotation of the wheels at every physics step, which has these stamps [ns]."""
-    rows = steps_at_rate(rig.odometry.rate_hz, int(stamps_ns[-1])) - 1
+    rows = steps_at_rate(rate_hz, int(stamps_ns[-1])) - 1
     stamps, angle = stamps_ns[rows], wheels.angle[rows]
-    forward, turn = advance(np.diff(angle, axis=0, prepend=np.zeros((1, 4))), rig.wheels)
+    forward, turn = advance(np.diff(angle, axis=0, prepend=np.zeros((1, 4))), config)
     yaw = np.cumsum(turn)
     middle, chord = yaw - turn / 2, forward * np.sinc(turn / (2 * np.pi))
     seconds = np.diff(stamps, prepend=0) / 1e9

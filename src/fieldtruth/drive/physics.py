@@ -25,7 +25,8 @@ from fieldtruth.core.frames import pose, quaternion_wxyz_from_rotation
 from fieldtruth.drive.bearing import bearing_field
 from fieldtruth.drive.husky import CHASSIS_BIT, MASS, OUTLINE_BIT, WHEEL_GEOMS, add_husky, plane_geom
 from fieldtruth.drive.tyre import DAMPING_RATIO, STIFFNESS
-from fieldtruth.experiment.rig import WHEELS, Rig
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.world.model import Collider, Heightfield, World
 
 STEP_NS: Final = 1_000_000  # [ns]

@@ -22,8 +22,9 @@ from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.drive.physics import GRAVITY, STEP_NS, STEP_S
 from fieldtruth.drive.track import GnssReadings, ImuReadings, Motion, TachometerReadings, stamps_at_rate
 from fieldtruth.experiment.fields import Mount
-from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.rig import GnssConfig, ImuConfig, TachometerConfig
+from fieldtruth.experiment.gnss_config import GnssConfig
+from fieldtruth.experiment.imu_config import ImuConfig
+from fieldtruth.experiment.rig import Rig
 
 
 def steps_at_rate(rate_hz: float, duration_ns: int) -> Counts:
@@ -36,9 +37,9 @@ def due_step(rate_hz: float, number: int) -> int:
     return round(round(number * (1e9 / rate_hz)) / STEP_NS)
 
 
-def sweep_steps(config: LidarConfig) -> int:
-    """Physics steps from the stamp of a scan until its last rays leave; 0 unless the LiDAR spins."""
-    return math.ceil(1e9 / config.rate_hz / STEP_NS) if config.enabled and config.spinning else 0
+def sweep_steps(rig: Rig) -> int:
+    """Physics steps from the stamp of a scan until its last rays leave; 0 unless a LiDAR spins."""
+    return max((math.ceil(1e9 / each.rate_hz / STEP_NS) for each in rig.lidars if each.spinning), default=0)
 
 
 def read_imu(motion: Motion, config: ImuConfig) -> ImuReadings:
@@ -84,9 +85,19 @@ def read_gnss(motion: Motion, config: GnssConfig) -> GnssReadings:
     return GnssReadings(stamps_ns=motion.stamps_ns[rows], geodetic=geodetic)
 
 
-def read_tachometers(motion: Motion, wheel_speed: Array, config: TachometerConfig) -> TachometerReadings:
+def read_imus(motion: Motion, rig: Rig) -> dict[str, ImuReadings]:
+    """Return the readings of every IMU by its name."""
+    return {config.name: read_imu(motion, config) for config in rig.imus}
+
+
+def read_fixes(motion: Motion, rig: Rig) -> dict[str, GnssReadings]:
+    """Return the readings of every GNSS receiver by its name."""
+    return {config.name: read_gnss(motion, config) for config in rig.antennas}
+
+
+def read_tachometers(motion: Motion, wheel_speed: Array, rate_hz: float) -> TachometerReadings:
     """Return the readings of ``wheel_speed`` (n, 4) [rad/s], given at every physics step."""
-    rows = steps_at_rate(config.rate_hz, int(motion.stamps_ns[-1])) - 1
+    rows = steps_at_rate(rate_hz, int(motion.stamps_ns[-1])) - 1
     return TachometerReadings(stamps_ns=motion.stamps_ns[rows], wheel_speed=wheel_speed[rows])
 
 

@@ -146,7 +146,7 @@ class Drive:
             DriveError: as ``drive``.
         """
         end = math.inf if seconds is None else max(1, round(seconds / STEP_S))
-        sweep, arrived = sensors.sweep_steps(self._rig.lidar), False
+        sweep, arrived = sensors.sweep_steps(self._rig), False
         while True:
             if self._follower.finished and not arrived:
                 arrived, end = True, min(end, self._robot.step + round(STOP_SECONDS / STEP_S))
@@ -270,15 +270,20 @@ def _track(blocks: list[Array], count: int, commands: Array, rig: Rig) -> Track:
         angular_velocity=np.concatenate([turn_rate(block) for block in merged]),
     )
     motion = swept.first(count)
-    imu, wheels = (
-        sensors.read_imu(motion, rig.imu),
-        WheelMotion(angle=columns(_ANGLES)[:count], speed=columns(_SPEEDS)[:count]),
-    )
-    base = Base(
+    wheels = WheelMotion(angle=columns(_ANGLES)[:count], speed=columns(_SPEEDS)[:count])
+    imus, fixes = sensors.read_imus(motion, rig), sensors.read_fixes(motion, rig)
+    base = _base(motion, wheels, commands, rig)
+    return Track(motion=motion, swept=swept, imus=imus, fixes=fixes, base=base)
+
+
+def _base(motion: Motion, wheels: WheelMotion, commands: Array, rig: Rig) -> Base | None:
+    config = rig.wheel_odometry
+    if config is None:
+        return None
+    stamps = motion.stamps_ns[sensors.steps_at_rate(rig.imu.rate_hz, int(motion.stamps_ns[-1])) - 1]
+    return Base(
         wheels=wheels,
-        tachometers=sensors.read_tachometers(motion, wheels.speed, rig.tachometers),
-        odometry=read_odometry(motion.stamps_ns, wheels, rig),
-        commands=Commands(stamps_ns=imu.stamps_ns, command=commands[: len(imu.stamps_ns)].reshape(-1, 2)),
+        tachometers=sensors.read_tachometers(motion, wheels.speed, config.tachometer_rate_hz),
+        odometry=read_odometry(motion.stamps_ns, wheels, rig.wheels, config.rate_hz),
+        commands=Commands(stamps_ns=stamps, command=commands[: len(stamps)].reshape(-1, 2)),
     )
-    gnss = sensors.read_gnss(motion, rig.gnss)
-    return Track(motion=motion, swept=swept, imu=imu, gnss=gnss, base=base if rig.tachometers.enabled else None)

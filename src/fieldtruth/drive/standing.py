@@ -21,7 +21,7 @@ from fieldtruth.drive.bearing import bearing_field
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.drive.plan import plan_route
 from fieldtruth.drive.route_grid import NODE_CLEARANCE
-from fieldtruth.drive.track import GnssReadings, ImuReadings, Motion, Track
+from fieldtruth.drive.track import Motion, Track
 from fieldtruth.drive.traversability import Traversability
 from fieldtruth.experiment.config import FRAME_RATE, Experiment, FramesConfig
 from fieldtruth.experiment.route import metres_from_route
@@ -74,15 +74,7 @@ def standing_robot(world: World, experiment: Experiment) -> Track:
         linear_velocity=np.zeros((config.count, 3)),
         angular_velocity=np.zeros((config.count, 3)),
     )
-    none, three, four = np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 4))
-    return Track(
-        motion=motion,
-        swept=motion,
-        imu=ImuReadings(stamps_ns=none, quaternion_wxyz=four, angular_velocity=three, linear_acceleration=three),
-        gnss=GnssReadings(stamps_ns=none, geodetic=three),
-        base=None,
-        is_frames=True,
-    )
+    return Track(motion=motion, swept=motion, imus={}, fixes={}, base=None, is_frames=True)
 
 
 def _spread(size: tuple[float, float], free: Callable[[Array], Mask], count: int, rng: np.random.Generator) -> Array:

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Result of a drive: the true motion at the physics rate, readings of the sensors, wheel odometry and commands."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,11 +43,11 @@ class WheelMotion:
 
 @dataclass(frozen=True, kw_only=True)
 class ImuReadings:
-    """Readings in imu_link (REP-145): orientation is world_from_imu; at rest the acceleration is +g upwards.
+    """Readings in the IMU's frame (REP-145): orientation is world_from_imu; at rest the acceleration is +g upwards.
 
     Reading k is the mean over the interval (begin, stamp k]: ``angular_velocity`` is the rotation vector from begin to
     the stamp divided by the interval, and ``linear_acceleration`` the change of velocity, less that of gravity, divided
-    by the interval and expressed in imu_link at the stamp. With ``sampling: mean`` the interval begins at the stamp
+    by the interval and expressed in its frame at the stamp. With ``sampling: mean`` the interval begins at the stamp
     before, so that with R the attitude (3, 3) these two lines integrate without error::
 
         R = R @ exp(angular_velocity * dt)
@@ -58,13 +59,13 @@ class ImuReadings:
 
     stamps_ns: Stamps
     quaternion_wxyz: Array  # (n, 4)
-    angular_velocity: Array  # (n, 3) [rad/s], in imu_link
-    linear_acceleration: Array  # (n, 3) [m/s^2], specific force in imu_link
+    angular_velocity: Array  # (n, 3) [rad/s], in the IMU's frame
+    linear_acceleration: Array  # (n, 3) [m/s^2], specific force in the IMU's frame
 
 
 @dataclass(frozen=True, kw_only=True)
 class GnssReadings:
-    """Position of the antenna (GNSS_link): ``geodetic`` (n, 3) latitude, longitude [deg], ellipsoidal height [m]."""
+    """Position of the antenna: ``geodetic`` (n, 3) latitude, longitude [deg], ellipsoidal height [m]."""
 
     stamps_ns: Stamps
     geodetic: Array
@@ -115,8 +116,9 @@ class Track:
     motion: Motion
     swept: Motion
     """The motion, continued beyond the end until the last scan of a spinning LiDAR is complete."""
-    imu: ImuReadings
-    gnss: GnssReadings
+    imus: Mapping[str, ImuReadings]
+    fixes: Mapping[str, GnssReadings]
+    """Readings of IMUs and GNSS receivers by the name of the sensor."""
     base: Base | None
     """None without wheels, as along a track file."""
     is_frames: bool = False

@@ -17,7 +17,8 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.drive.husky import WHEEL_GEOMS, plane_geom, wheel_width
 from fieldtruth.drive.physics import TYRE_DEFLECTION
 from fieldtruth.drive.tyre import Patches, Tread, press, smooth_ground
-from fieldtruth.experiment.rig import WHEELS, Rig
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.world.model import Heightfield
 
 

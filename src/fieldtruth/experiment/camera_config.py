@@ -1,15 +1,20 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Configuration of the cameras and their lenses; defaults from the paper's Tables 1, 2 and 5."""
+"""Configuration of a camera, and its views as the rest of the package knows them."""
 
-from typing import Annotated, Any, Literal, Self
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from fieldtruth.core import frames, lenses
+from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.camera_models import with_camera_model
-from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Mount, Number, Positive, Range, Rate
+from fieldtruth.experiment.fields import Boolean, Integer, Mount, Number, Range, Rate
+from fieldtruth.experiment.lens_config import LensConfig
+from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, SensorName, TopicName
+from fieldtruth.experiment.topic import Topic
 
 CAMERA_FROM_OPTICAL = frames.pose((0.0, 0.0, 0.0), (0.0, 0.0, -90.0))
 """The paper's camera frames (x down, y left, z forward) from REP-103 optical frames (x right, y down, z forward)."""
@@ -17,37 +22,23 @@ CAMERA_FROM_OPTICAL = frames.pose((0.0, 0.0, 0.0), (0.0, 0.0, -90.0))
 OPTICAL = frames.pose((0.0, 0.0, 0.0), (-90.0, 0.0, -90.0))
 """A body frame (x forward, y left, z up) from the optical frame of a camera that looks along the body's x."""
 
-LensModel = Literal["pinhole", "plumb_bob", "rational_polynomial", "equidistant", "equirectangular"]
+STREAMS: Final = {
+    "camera_info": ("camera_info", "sensor_msgs/msg/CameraInfo"),
+    "photograph": ("real/compressed", "sensor_msgs/msg/CompressedImage"),
+    "tag": ("tag/img_raw", "sensor_msgs/msg/Image"),
+    "depth": ("depth", "sensor_msgs/msg/Image"),
+    "instances": ("instances", "sensor_msgs/msg/Image"),
+}
+"""What a camera publishes: topic after that of the camera, and type, in the order of its messages."""
 
 
-class LensConfig(Frozen):
-    """Lens of a camera: a model and coefficients as in ROS's CameraInfo, and where the image lies on them."""
+class CameraConfig(MountedConfig):
+    """A camera, which looks along the x axis of its frame: x forward, y left, z up (REP-103)."""
 
-    model: Annotated[LensModel, Field(description=", ".join(lenses.COEFFICIENTS))] = "pinhole"
-    coefficients: Annotated[tuple[Number, ...], Field(description="the numbers that the model has")] = ()
-    fx: Positive | None = None  # [pixel]; None: from the horizontal field of view
-    fy: Positive | None = None  # [pixel]; None: fx if that is given, else from the vertical field of view
-    cx: Number | None = None  # [pixel] from the centre of the first pixel; None: the middle of the image
-    cy: Number | None = None
-    image_circle_deg: Annotated[Number, Field(gt=1, le=360)] | None = None
-
-    @model_validator(mode="after")
-    def _complete(self) -> Self:
-        names = lenses.COEFFICIENTS[self.model].split()
-        if len(self.coefficients) != len(names):
-            needed = f"{len(names)} coefficients, {', '.join(names)}" if names else "no coefficients"
-            raise ValueError(f"coefficients: {self.model} has {needed}, got {len(self.coefficients)}")
-        if self.fy is not None and self.fx is None:
-            raise ValueError("fy needs fx")
-        return self
-
-
-class CameraConfig(Frozen):
-    """Stereo pair of identical cameras (ZED-2). Mounts are the paper's frames: z forward, x down, y left."""
-
-    enabled: Boolean = True
-    model: Annotated[str, Field(description="a camera of docs/cameras.md")] | None = None
-    """Its data are the defaults of the other keys."""
+    kind: Literal["camera"] = "camera"
+    name: SensorName = "camera"
+    topic: TopicName = "/camera"
+    frame: FrameName = "camera_link"
     rate_hz: Rate = 25.0
     width: Annotated[Integer, Field(ge=8, le=8192, multiple_of=8)] = 1280  # [pixel]
     height: Annotated[Integer, Field(ge=8, le=8192, multiple_of=8)] = 720  # [pixel]
@@ -58,13 +49,11 @@ class CameraConfig(Frozen):
     jpeg_quality: Annotated[Integer, Field(ge=1, le=100)] = 92
     depth: Boolean = False
     instances: Boolean = False
-    left: Mount = Mount(xyz=(0.15, 0.06, 0.720), rpy_deg=(0.0, 90.0, 0.0))
-    right: Mount = Mount(xyz=(0.15, -0.06, 0.720), rpy_deg=(0.0, 90.0, 0.0))
 
     @model_validator(mode="before")
     @classmethod
-    def _of_model(cls, values: Any) -> Any:
-        return with_camera_model(values) if isinstance(values, dict) else values
+    def _of_model(cls, given: Any) -> Any:
+        return with_camera_model(given, "baseline" in cls.model_fields) if isinstance(given, Mapping) else given
 
     @model_validator(mode="after")
     def _visible(self) -> Self:
@@ -92,21 +81,25 @@ class CameraConfig(Frozen):
             )
         return self
 
-    @model_validator(mode="after")
-    def _rectified(self) -> Self:
-        left_from_right = frames.inverse(self.left.base_from_sensor) @ self.right.base_from_sensor
-        x, y, z = left_from_right[:3, 3]
-        # CameraInfo describes only a baseline along the image rows; y points left in the paper's frames.
-        if not np.allclose(left_from_right[:3, :3], np.eye(3), atol=1e-9) or abs(x) > 1e-9 or abs(z) > 1e-9 or y >= 0:
-            raise ValueError(
-                "left and right must have the same orientation, with right beside left along the image rows"
-            )
-        return self
+    def imagers(self) -> "tuple[Imager, ...]":
+        """Its views: one of a camera, two of a pair."""
+        return (Imager(self.name, self, self.frame, self.mount, OPTICAL, self.topic),)
 
-    @property
-    def baseline(self) -> float:
-        """Distance between the cameras [m]."""
-        return float(np.linalg.norm(np.subtract(self.left.xyz, self.right.xyz)))
+    def topics(self) -> tuple[Topic, ...]:
+        """Calibration and images of each view."""
+        return tuple(
+            self._topic(topic, STREAMS[stream][1])
+            for imager in self.imagers()
+            for stream, topic in imager.topics.items()
+        )
+
+    def frames(self) -> dict[str, Mount]:
+        """Frames of the views, right before left as in the paper's Table 2."""
+        return {imager.frame: imager.mount for imager in reversed(self.imagers())}
+
+    def optical_frames(self) -> dict[str, tuple[str, Array]]:
+        """Frames of the images: parent and (4, 4) ``parent_from_optical`` by name."""
+        return {each.optical_frame: (each.frame, each.frame_from_optical) for each in self.imagers()}
 
     @property
     def projection(self) -> lenses.Lens:
@@ -127,3 +120,40 @@ class CameraConfig(Frozen):
             coefficients=lens.coefficients,
             circle=np.pi if lens.image_circle_deg is None else float(np.radians(lens.image_circle_deg / 2.0)),
         )
+
+
+class Imager(NamedTuple):
+    """One view of a camera: that of a single camera, or the left or right one of a pair."""
+
+    name: str
+    """Unique in a rig: of the paper's pair left and right."""
+    config: CameraConfig
+    frame: str
+    mount: Mount
+    frame_from_optical: Array
+    """(4, 4) of the REP-103 optical frame in ``frame``."""
+    topic: str
+    side: Literal["", "left", "right"] = ""
+    """Of a pair."""
+    baseline: float = 0.0
+    """Distance [m] from the left camera of the pair; 0 but for the right one."""
+
+    @property
+    def optical_frame(self) -> str:
+        """Frame of the images (REP-103: x right, y down, z forward)."""
+        return f"{self.frame}_optical"
+
+    @property
+    def base_from_optical(self) -> Array:
+        """(4, 4)."""
+        return self.mount.base_from_sensor @ self.frame_from_optical
+
+    @property
+    def topics(self) -> dict[str, str]:
+        """Topic by stream, in the order of the messages."""
+        wanted = (key for key in STREAMS if key not in ("depth", "instances") or getattr(self.config, key))
+        return {key: self.topic_of(key) for key in wanted}
+
+    def topic_of(self, stream: str) -> str:
+        """Topic of a stream, one of ``STREAMS``, whether or not it is published."""
+        return f"{self.topic}/{STREAMS[stream][0]}"

@@ -2,15 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Cameras by name: ``models/camera/NAME.yaml`` has the data, with their source, that a user need not give."""
 
+from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
-from typing import Any, Final
+from typing import Any
 
 from fieldtruth.core.errors import suggestion
 from fieldtruth.experiment.yaml_io import parse_mapping
-
-_MOUNT: Final = {"xyz": [0.15, 0.0, 0.72], "rpy_deg": [0.0, 90.0, 0.0]}
-"""Middle of the pair, as in the paper."""
 
 
 @cache
@@ -38,23 +36,21 @@ def camera_data(name: str) -> dict[str, Any]:
     return parse_mapping(path.read_text(encoding="utf-8"), path.name)
 
 
-def with_camera_model(values: dict[str, Any]) -> dict[str, Any]:
-    """Return the keys of rig.cameras, with those of the named model where they are not given.
+def with_camera_model(given: Mapping[str, Any], is_pair: bool) -> dict[str, Any]:
+    """Complete the values of a camera that name a model, with its baseline if it is a pair; what is given stays.
 
     A panorama without fields of view has the whole sphere.
 
     Raises:
         ValueError: unknown model.
     """
-    name = values.get("model")
+    values, name = dict(given), given.get("model")
     if isinstance(name, str):
         data = camera_data(name)
-        values = {**data["cameras"], **values}
-        if "baseline_m" in data and not {"left", "right"} & values.keys():
-            (x, y, z), half = _MOUNT["xyz"], data["baseline_m"] / 2.0
-            values |= {"left": _MOUNT | {"xyz": [x, y + half, z]}, "right": _MOUNT | {"xyz": [x, y - half, z]}}
+        pair = {"baseline": data["baseline_m"]} if is_pair and "baseline_m" in data else {}
+        values = {**data["cameras"], **pair, **values}
     lens = values.get("lens")
-    model = lens.get("model") if isinstance(lens, dict) else getattr(lens, "model", None)
+    model = lens.get("model") if isinstance(lens, Mapping) else getattr(lens, "model", None)
     if model == "equirectangular":
         values = {"horizontal_fov_deg": 360.0, "vertical_fov_deg": 180.0, **values}
     return values

@@ -11,8 +11,10 @@ from pydantic import ValidationError
 
 import fieldtruth
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
+from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.catalogue import experiment_names, experiment_text
 from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.problems import configuration_error, shortened
 from fieldtruth.experiment.yaml_io import parse_mapping, write_mapping
 
@@ -89,9 +91,9 @@ def with_overrides(
         experiment: not changed.
         seconds: end after this simulated time [s].
         seed: root of all randomness.
-        cameras: whether the stereo pair is simulated.
-        lidar: whether the LiDAR is simulated.
-        extras: image streams of ``EXTRAS`` to publish besides photograph and tag; the others are off.
+        cameras: whether the cameras are simulated.
+        lidar: whether the LiDARs are simulated.
+        extras: image streams of ``EXTRAS`` that cameras publish besides photograph and tag; the others are off.
 
     Raises:
         ConfigurationError: a value that is not allowed.
@@ -99,15 +101,16 @@ def with_overrides(
     """
     values: dict[str, Any] = experiment.model_dump()
     values |= {key: value for key, value in (("seconds", seconds), ("seed", seed)) if value is not None}
-    for sensor, enabled in (("cameras", cameras), ("lidar", lidar)):
+    rig = experiment.rig
+    for config, enabled in ((CameraConfig, cameras), (LidarConfig, lidar)):
         if enabled is not None:
-            values["rig"][sensor]["enabled"] = enabled
+            rig = rig.with_sensors(config, enabled=enabled)
     if extras is not None:
         for name in extras:
             if name not in EXTRAS:
                 raise UnknownNameError("extra", name, EXTRAS)
-        values["rig"]["cameras"] |= {name: name in extras for name in EXTRAS}
-    return _validated(values, "")
+        rig = rig.with_sensors(CameraConfig, **{name: name in extras for name in EXTRAS})
+    return _validated(values | {"rig": rig.model_dump()}, "")
 
 
 def _beside(experiment: Experiment, folder: Path) -> Experiment:

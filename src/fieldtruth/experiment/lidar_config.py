@@ -8,8 +8,10 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import Field, model_validator
 
 from fieldtruth.core.errors import UnknownNameError
-from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Mount, Number, Range, Rate
+from fieldtruth.experiment.fields import Boolean, Integer, Mount, Number, Range, Rate
 from fieldtruth.experiment.lidar_models import with_lidar_model, with_rings
+from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, SensorName, TopicName
+from fieldtruth.experiment.topic import Topic
 
 MOST_RINGS: Final = 256
 Elevation = Annotated[Number, Field(gt=-90, lt=90)]
@@ -19,12 +21,14 @@ TimeField = Literal["time", "timestamp"]
 _PER_RING: Final = {"min_length": 1, "max_length": MOST_RINGS}
 
 
-class LidarConfig(Frozen):
-    """Rotating multi-beam LiDAR in os1_lidar; by default the paper's Ouster OS1-64."""
+class LidarConfig(MountedConfig):
+    """Rotating multi-beam LiDAR; by default the paper's Ouster OS1-64."""
 
-    enabled: Boolean = True
-    model: Annotated[str, Field(description="a name from `fieldtruth list sensors`")] | None = None
-    """Gives every value below that is not set, from the model's data file. None: the defaults."""
+    kind: Literal["lidar"] = "lidar"
+    name: SensorName = "lidar"
+    topic: TopicName = "/os1_cloud_node/points"
+    frame: FrameName = "os1_lidar"
+    mount: Mount = Mount(xyz=(0.09, 0.0, 0.826))
     rate_hz: Rate = 10.0
     columns: Annotated[Integer, Field(ge=8, le=4096)] = 512
     rings: Annotated[Integer, Field(ge=1, le=MOST_RINGS)] = 64
@@ -57,7 +61,15 @@ class LidarConfig(Frozen):
     """False: all rays are cast at the stamp, as in the paper (Gazebo). True: columns are swept over one period."""
     time_field: Annotated[TimeField, Field(description="time or timestamp")] | None = None
     """Of points of a spinning LiDAR, beside ``t`` [ns]: time [s] after the stamp, or timestamp [s], the sum of both."""
-    mount: Mount = Mount(xyz=(0.09, 0.0, 0.826))
+
+    @classmethod
+    def of_name(cls, name: str) -> dict[str, Any]:
+        """Topic and frame that a LiDAR has by its name."""
+        return {**super().of_name(name), "topic": f"/{name}/points"}
+
+    def topics(self) -> tuple[Topic, ...]:
+        """Its point clouds."""
+        return (self._topic(self.topic, "sensor_msgs/msg/PointCloud2"),)
 
     @model_validator(mode="before")
     @classmethod

@@ -2,13 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """One-line messages from pydantic's validation errors: key, condition, value."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from difflib import get_close_matches
 from types import NoneType, UnionType
-from typing import Annotated, Any, Final, Union, get_args, get_origin
+from typing import Annotated, Any, Final, NamedTuple, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
 
 from fieldtruth.core.errors import ConfigurationError
 
@@ -18,29 +19,72 @@ BOUNDS: Final = {"ge": "at least {}", "gt": "above {}", "le": "at most {}", "lt"
 MAX_VALUE_LENGTH: Final = 60  # characters
 
 
+class PartError(ValueError):
+    """A part of a configuration that is not allowed: its model, its errors, and its position in the whole."""
+
+    def __init__(self, model: type[BaseModel], report: ValidationError, at: Sequence[int | str] = ()) -> None:
+        super().__init__(str(report))
+        self.model, self.report, self.at = model, report, tuple(at)
+
+
+class LocatedError(ValueError):
+    """A rule between values that is broken; its text states the condition, ``at`` is the position of the value."""
+
+    def __init__(self, text: str, at: Sequence[int | str]) -> None:
+        super().__init__(text)
+        self.at = tuple(at)
+
+
+class _Problem(NamedTuple):
+    """One error of pydantic: its part of the configuration, the position of that part, and that within it."""
+
+    model: type[BaseModel]
+    at: tuple[int | str, ...]
+    loc: tuple[int | str, ...]
+    error: ErrorDetails
+
+    @property
+    def key(self) -> str:
+        """Position in the whole configuration."""
+        return dotted((*self.at, *self.loc))
+
+
+def _problems(model: type[BaseModel], report: ValidationError, at: tuple[int | str, ...] = ()) -> Iterator[_Problem]:
+    for error in report.errors():
+        loc = _without_tags(model, error["loc"])
+        cause = error.get("ctx", {}).get("error")
+        if isinstance(cause, PartError):
+            yield from _problems(cause.model, cause.report, (*at, *loc, *cause.at))
+        elif isinstance(cause, LocatedError):
+            yield _Problem(model, at, (*loc, *cause.at), error)
+        else:
+            yield _Problem(model, at, loc, error)
+
+
 def configuration_error(model: type[BaseModel], report: ValidationError, source: str = "") -> ConfigurationError:
     """Make one line of the first error of ``model``; ``source``, for example a file, is put in front."""
     # A misspelt key is also a missing one: report the cause, not its consequence.
-    errors = sorted(report.errors(), key=lambda e: e["type"] not in UNKNOWN_KEY)
-    first = errors[0]
-    where = {_without_tags(model, error["loc"]) for error in errors}  # one of several types: an error for each
+    problems = sorted(_problems(model, report), key=lambda each: each.error["type"] not in UNKNOWN_KEY)
+    where = {each.key for each in problems}  # one of several types: an error for each
     more = f" (and {len(where) - 1} more)" if len(where) > 1 else ""
-    line = _message(model, first["type"], _without_tags(model, first["loc"]), first["input"], first["msg"])
+    line = _message(problems[0])
     return ConfigurationError(f"{source}: {line}{more}" if source else f"{line}{more}")
 
 
-def _message(model: type[BaseModel], kind: str, loc: Sequence[int | str], value: object, message: str) -> str:
-    key = dotted(loc)
+def _message(problem: _Problem) -> str:
+    model, at, loc, error = problem
+    kind, key = error["type"], problem.key
     if kind == "missing":
         return f"{key} is required: {condition_at(model, loc)}"
     if kind in UNKNOWN_KEY:
         parent, _ = _field(model, loc[:-1])
-        known = [name for choice in models_of(parent) for name in choice.model_fields]
-        return _unknown_key(loc, known)
+        known = [name for choice in models_of(parent) for name in (*getattr(choice, "also", ()), *choice.model_fields)]
+        return _unknown_key((*at, *loc), known)
     if kind == "value_error":  # a rule across fields; its text states the condition
-        text = message.removeprefix("Value error, ")
-        return f"{key}: {text}" if key else text
-    return f"{key or 'the configuration'} must be {condition_at(model, loc)}, got {shortened(value)}"
+        text = error["msg"].removeprefix("Value error, ")
+        located = isinstance(error.get("ctx", {}).get("error"), LocatedError)
+        return f"{key}{'' if located else ':'} {text}" if key else text
+    return f"{key or 'the configuration'} must be {condition_at(model, loc)}, got {shortened(error['input'])}"
 
 
 def _unknown_key(loc: Sequence[int | str], known: Sequence[str]) -> str:

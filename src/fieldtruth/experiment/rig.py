@@ -1,46 +1,31 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Configuration of the robot and its sensors; defaults from the paper's Tables 1, 2 and 5."""
+"""Configuration of the robot and its sensors; by default the paper's (Tables 1, 2 and 5)."""
 
-from typing import Annotated, Final, Literal
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, ClassVar, Final, Self, TypeVar
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
 
-from fieldtruth.experiment.camera_config import CameraConfig
-from fieldtruth.experiment.fields import Boolean, Frozen, Mount, Number, Positive, Rate
+from fieldtruth.experiment.camera_config import CameraConfig, Imager
+from fieldtruth.experiment.fields import Frozen, Mount, Number, Positive
+from fieldtruth.experiment.gnss_config import GnssConfig
+from fieldtruth.experiment.imu_config import ImuConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.odometry_config import WheelOdometryConfig
+from fieldtruth.experiment.rig_check import check_sensors
+from fieldtruth.experiment.sections import PAPER_SENSORS, SECTIONS, with_sections
+from fieldtruth.experiment.sensor_config import SensorConfig, sensor_of
+from fieldtruth.experiment.stereo_config import StereoConfig
 
-WHEELS: Final = ("front_left", "front_right", "rear_left", "rear_right")
-
-
-class TachometerConfig(Frozen):
-    """Tachometers of the four wheels."""
-
-    enabled: Boolean = True
-    rate_hz: Rate = 10.0
-
-
-class OdometryConfig(Frozen):
-    """Wheel odometry and joint states, which the robot's driver computes from the angles of its wheels."""
-
-    rate_hz: Rate = 50.0  # husky_control, control.yaml
+_Config = TypeVar("_Config", bound=SensorConfig)
+Sensor = Annotated[SerializeAsAny[SensorConfig], BeforeValidator(sensor_of)]
 
 
-class ImuConfig(Frozen):
-    """Inertial measurement unit in imu_link."""
-
-    rate_hz: Rate = 50.0
-    sampling: Annotated[Literal["mean", "instant"], Field(description="mean or instant")] = "mean"
-    """mean: over the interval between two readings, so that integrating gives the motion; instant: over the physics
-    step that ends at the stamp, as in Gazebo."""
-    mount: Mount = Mount(xyz=(0.19, 0.0, 0.149), rpy_deg=(0.0, -90.0, 180.0))
-
-
-class GnssConfig(Frozen):
-    """GNSS receiver; the mount is that of the antenna, GNSS_link."""
-
-    rate_hz: Rate = 2.0
-    mount: Mount = Mount(xyz=(0.10, 0.0, 0.890))
+IN_BAG: Final = (ImuConfig, GnssConfig, WheelOdometryConfig, LidarConfig, CameraConfig)
+"""Order in which the topics of the sensors are in a bag: the paper's Table 5."""
+IN_TABLE_2: Final = (GnssConfig, LidarConfig, CameraConfig, ImuConfig)
+"""Order in which the frames of the sensors are in /tf_static: the paper's Table 2."""
 
 
 class WheelConfig(Frozen):
@@ -53,30 +38,116 @@ class WheelConfig(Frozen):
 
 
 class Rig(Frozen):
-    """The Husky with its sensors."""
+    """The robot with its sensors."""
+
+    also: ClassVar = tuple(SECTIONS)
 
     wheels: WheelConfig = WheelConfig()
     base_footprint: Mount = Mount(xyz=(0.0, 0.0, -0.13228))
-    tachometers: TachometerConfig = TachometerConfig()
-    odometry: OdometryConfig = OdometryConfig()
-    imu: ImuConfig = ImuConfig()
-    gnss: GnssConfig = GnssConfig()
-    cameras: CameraConfig = CameraConfig()
-    lidar: LidarConfig = LidarConfig()
+    sensors: Annotated[
+        tuple[Sensor, ...],
+        Field(max_length=64, description="a list of at most 64 sensors: mappings with the keys kind, name, ..."),
+    ] = PAPER_SENSORS
+
+    @model_validator(mode="before")
+    @classmethod
+    def _listed(cls, given: Any) -> Any:
+        return with_sections(given) if isinstance(given, Mapping) else given
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        check_sensors(self.sensors, self._own_frames())
+        return self
+
+    @property
+    def lidars(self) -> tuple[LidarConfig, ...]:
+        """The LiDARs that are enabled."""
+        return self.enabled(LidarConfig)
+
+    @property
+    def cameras(self) -> tuple[CameraConfig, ...]:
+        """The cameras and stereo pairs that are enabled."""
+        return self.enabled(CameraConfig)
+
+    @property
+    def imagers(self) -> tuple[Imager, ...]:
+        """The views of the cameras that are enabled."""
+        return tuple(imager for camera in self.cameras for imager in camera.imagers())
+
+    @property
+    def imus(self) -> tuple[ImuConfig, ...]:
+        """The inertial measurement units that are enabled."""
+        return self.enabled(ImuConfig)
+
+    @property
+    def antennas(self) -> tuple[GnssConfig, ...]:
+        """The GNSS receivers that are enabled."""
+        return self.enabled(GnssConfig)
+
+    @property
+    def wheel_odometry(self) -> WheelOdometryConfig | None:
+        """The wheel odometry, if it is enabled."""
+        return next(iter(self.enabled(WheelOdometryConfig)), None)
+
+    @property
+    def lidar(self) -> LidarConfig:
+        """The first LiDAR; of a rig without one the paper's, not enabled."""
+        return self._first(LidarConfig)
+
+    @property
+    def stereo(self) -> StereoConfig:
+        """The first stereo pair; of a rig without one the paper's, not enabled."""
+        return self._first(StereoConfig)
+
+    @property
+    def imu(self) -> ImuConfig:
+        """The IMU that steers the robot: the first; of a rig without one the paper's, not enabled."""
+        return self._first(ImuConfig)
+
+    @property
+    def gnss(self) -> GnssConfig:
+        """The receiver that steers the robot: the first; of a rig without one the paper's, not enabled."""
+        return self._first(GnssConfig)
+
+    def enabled(self, config: type[_Config]) -> tuple[_Config, ...]:
+        """The sensors of a class, or of one derived from it, that are enabled."""
+        return tuple(sensor for sensor in self.sensors if isinstance(sensor, config) and sensor.enabled)
+
+    def in_order(self) -> tuple[SensorConfig, ...]:
+        """The sensors that are enabled, in the order in which their topics are in a bag."""
+        return tuple(sorted((each for each in self.sensors if each.enabled), key=lambda each: _rank(each, IN_BAG)))
+
+    def with_sensors(self, config: type[SensorConfig], **values: Any) -> Self:
+        """Return a rig in which all sensors of a class, or of one derived from it, have other values."""
+        changed = tuple(s.model_copy(update=values) if isinstance(s, config) else s for s in self.sensors)
+        return self.model_copy(update={"sensors": changed})
 
     def mounts(self) -> dict[str, Mount]:
-        """Every frame of the paper's Table 2 by name, relative to base_link, in the table's order."""
+        """Every frame that is fixed in base_link by name: those of the sensors and of the robot."""
+        sensors = sorted(self.sensors, key=lambda sensor: _rank(sensor, IN_TABLE_2))
+        return dict(frame for sensor in sensors for frame in sensor.frames().items()) | self._own_frames()
+
+    def _own_frames(self) -> dict[str, Mount]:
         w = self.wheels
         x, y, z = w.half_wheelbase, w.half_track, w.axle_height
         return {
-            "GNSS_link": self.gnss.mount,
-            "os1_lidar": self.lidar.mount,
-            "right_camera": self.cameras.right,
-            "left_camera": self.cameras.left,
-            "imu_link": self.imu.mount,
             "front_right_wheel": Mount(xyz=(x, -y, z)),
             "rear_right_wheel": Mount(xyz=(-x, -y, z)),
             "front_left_wheel": Mount(xyz=(x, y, z)),
             "rear_left_wheel": Mount(xyz=(-x, y, z)),
             "base_footprint": self.base_footprint,
         }
+
+    def _first(self, config: type[_Config]) -> _Config:
+        enabled = self.enabled(config)
+        own = enabled or [sensor for sensor in self.sensors if isinstance(sensor, config)]
+        return own[0] if own else config.model_validate({"enabled": False})
+
+
+def _rank(sensor: SensorConfig, order: Sequence[type[SensorConfig]]) -> int:
+    return next((i for i, config in enumerate(order) if isinstance(sensor, config)), len(order))
+
+
+def paper_rig() -> Rig:
+    """The paper's rig with all that it can publish."""
+    return Rig().with_sensors(CameraConfig, depth=True, instances=True)

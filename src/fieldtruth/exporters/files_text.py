@@ -24,7 +24,7 @@ from fieldtruth.bag.reader import BagError, Decoder, RawMessage
 from fieldtruth.bag.run import Run
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.rig import WHEELS
+from fieldtruth.experiment.topic import WHEELS
 
 Numbers = tuple[float | np.float32, ...]
 Row = Callable[[RawMessage], tuple[int, Numbers]]

@@ -50,16 +50,16 @@ def write_gazebo(
         OutputError: the folder already exists or cannot be written.
     """
     target = check_gazebo_output(out, flavour=flavour, overwrite=overwrite)
-    from fieldtruth.experiment.camera_config import LensConfig  # late: the command line checks its arguments first
+    from fieldtruth.experiment.lens_config import LensConfig  # late: the command line checks its arguments first
     from fieldtruth.experiment.rig import Rig
     from fieldtruth.gazebo.robot import write_robot
     from fieldtruth.gazebo.ros import write_ros_package
     from fieldtruth.gazebo.worlds import write_world
 
     chosen, sensors = FLAVOURS[flavour], Rig() if rig is None else rig
-    if sensors.cameras.enabled and sensors.cameras.lens != LensConfig():
-        model = sensors.cameras.lens.model
-        raise ConfigurationError(f"rig.cameras.lens: a Gazebo package has plain pinhole cameras only, got {model}")
+    if sensors.stereo.enabled and sensors.stereo.lens != LensConfig():
+        model = sensors.stereo.lens.model
+        raise ConfigurationError(f"rig.stereo.lens: a Gazebo package has plain pinhole cameras only, got {model}")
     with output_errors(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         with atomic_output(target) as part:

@@ -12,13 +12,14 @@ from fieldtruth.drive.inside import check_motion
 from fieldtruth.drive.sensors import sweep_steps
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.odometry_config import WheelOdometryConfig
 from fieldtruth.world.model import World
 
 
 def with_stored_track(experiment: Experiment, file: TrackFile) -> Experiment:
     """Return the experiment as it is written beside the bag, where track.csv holds the poses of the track file.
 
-    What moves along a track file may have no wheels, so there are no tachometers.
+    What moves along a track file may have no wheels, so there is no wheel odometry.
     """
     assert experiment.drive is not None
     drive = experiment.drive.model_copy(update={"track": TRACK, "topic": None, "pose_of": file.frame})
@@ -26,9 +27,9 @@ def with_stored_track(experiment: Experiment, file: TrackFile) -> Experiment:
 
 
 def without_wheels(experiment: Experiment) -> Experiment:
-    """Return the experiment without tachometers and what depends on them."""
-    tachometers = experiment.rig.tachometers.model_copy(update={"enabled": False})
-    return experiment.model_copy(update={"rig": experiment.rig.model_copy(update={"tachometers": tachometers})})
+    """Return the experiment without wheel odometry."""
+    rig = experiment.rig.with_sensors(WheelOdometryConfig, enabled=False)
+    return experiment.model_copy(update={"rig": rig})
 
 
 def follow_track(experiment: Experiment, world: World, file: TrackFile) -> Track:
@@ -49,7 +50,7 @@ def follow_track(experiment: Experiment, world: World, file: TrackFile) -> Track
         poses.quaternion_wxyz,
         start_ns,
         experiment.seconds,
-        sweep_steps(rig.lidar),
+        sweep_steps(rig),
     )
     track = readings_along(swept, rig)
     check_motion(world, track.motion, rig, file.name, start_ns, allow_inside=config.allow_inside)

@@ -18,11 +18,11 @@ def sensor_factory(world: World, rig: Rig, light: LightConfig) -> Callable[[], S
     """Build the scene and bake its light, and return the function that makes sensors in it."""
     scene = Scene(world)
     wide_ids = world.has_wide_ids
-    baked = bake(scene, light) if rig.cameras.enabled else None
+    baked = bake(scene, light) if rig.cameras else None
 
     def make() -> Sensors:
-        lidar = Lidar(rig.lidar, scene) if rig.lidar.enabled else None
-        camera = Camera(rig.cameras, baked, reuse=True) if baked is not None else None
-        return Sensors(lidar, camera, wide_ids)
+        lidars = {config.name: Lidar(config, scene) for config in rig.lidars}
+        cameras = {} if baked is None else {c.name: Camera(c, baked, reuse=True) for c in rig.cameras}
+        return Sensors(lidars, cameras, wide_ids)
 
     return make

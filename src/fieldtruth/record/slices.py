@@ -19,13 +19,13 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.bag.growing import GrowingBag
-from fieldtruth.bag.topics import Topic
 from fieldtruth.bag.writer import BagWriter
 from fieldtruth.core.cache import cache_key
 from fieldtruth.core.errors import FieldtruthError, OutputError, SliceError
 from fieldtruth.core.files import output_errors, remove
 from fieldtruth.core.progress import Advance, Progress
 from fieldtruth.core.seal import is_sealed
+from fieldtruth.experiment.topic import Topic
 from fieldtruth.record.streams import Sensors, Stream
 
 SLICE_NS: Final = 10**9

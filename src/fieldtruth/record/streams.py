@@ -5,7 +5,8 @@
 A reading depends only on its number, so parts of a recording can be made in any order and by any thread.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -14,9 +15,12 @@ from numpy.typing import NDArray
 from fieldtruth.bag import base_messages, robot_messages, sensor_messages, topics
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.state import state_at
-from fieldtruth.drive.track import Base, Stamps, Track, stamps_at_rate
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, CameraConfig
+from fieldtruth.drive.track import Base, GnssReadings, ImuReadings, Stamps, Track, stamps_at_rate
+from fieldtruth.experiment.camera_config import Imager
+from fieldtruth.experiment.gnss_config import GnssConfig
+from fieldtruth.experiment.imu_config import ImuConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.odometry_config import JOINT_STATES, WHEEL_SPEEDS
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.beams import column_times_ns
 from fieldtruth.world.model import GROUND_ID, World
@@ -57,8 +61,9 @@ class Camera(Protocol):
 class Sensors(NamedTuple):
     """The sensors of one worker; they own buffers, so threads must not share them."""
 
-    lidar: Lidar | None = None
-    camera: Camera | None = None
+    lidars: Mapping[str, Lidar] = MappingProxyType({})
+    cameras: Mapping[str, Camera] = MappingProxyType({})
+    """By name of the sensor; both views of a pair have the same camera."""
     wide_ids: bool = False
     """Whether instance ids of their world need more than 16 bits."""
 
@@ -72,7 +77,7 @@ class Stream(NamedTuple):
 
 
 def streams_of(world: World, track: Track, rig: Rig, *, latched: bool = False) -> list[Stream]:
-    """Return every stream of a recording, in the order of the topic table; ``latched``: static objects come once."""
+    """Return every stream of a recording, in the order of ``topics_of``; ``latched``: static objects come once."""
 
     def stamps_at(rate_hz: float) -> Stamps:
         stamps = track.motion.stamps_ns
@@ -83,12 +88,9 @@ def streams_of(world: World, track: Track, rig: Rig, *, latched: bool = False) -
 
     streams = _truth(world, track, rig, stamps_at(topics.POSE_RATE), latched=latched)
     if not track.is_frames:
-        streams += _measured(track)
-    if rig.lidar.enabled:
-        streams.append(lidar_stream(rig.lidar, stamps_at(rig.lidar.rate_hz), world_from_base))
-    if rig.cameras.enabled:
-        stamps = stamps_at(rig.cameras.rate_hz)
-        streams += [camera_stream(rig.cameras, side, stamps, world_from_base) for side in topics.SIDES]
+        streams += _measured(track, rig)
+    streams += [lidar_stream(each, stamps_at(each.rate_hz), world_from_base) for each in rig.lidars]
+    streams += [imager_stream(each, stamps_at(each.config.rate_hz), world_from_base) for each in rig.imagers]
     return streams
 
 
@@ -118,22 +120,28 @@ def _truth(world: World, track: Track, rig: Rig, poses: Stamps, *, latched: bool
     ]
 
 
-def _measured(track: Track) -> list[Stream]:
-    imu, gnss = track.imu, track.gnss
-    streams = [
-        Stream((topics.IMU,), imu.stamps_ns, lambda k, _: [robot_messages.imu(k, imu)]),
-        Stream((topics.NAVSAT,), gnss.stamps_ns, lambda k, _: [robot_messages.navsat(k, gnss)]),
-    ]
-    return streams if track.base is None else streams + _of_base(track.base)
+def _measured(track: Track, rig: Rig) -> list[Stream]:
+    streams = [_imu_stream(config, track.imus[config.name]) for config in rig.imus]
+    streams += [_gnss_stream(config, track.fixes[config.name]) for config in rig.antennas]
+    return streams if track.base is None or rig.wheel_odometry is None else streams + _of_base(track.base, rig)
 
 
-def _of_base(base: Base) -> list[Stream]:
+def _imu_stream(config: ImuConfig, readings: ImuReadings) -> Stream:
+    return Stream((config.topic,), readings.stamps_ns, lambda k, _: [robot_messages.imu(k, readings, config.frame)])
+
+
+def _gnss_stream(config: GnssConfig, readings: GnssReadings) -> Stream:
+    return Stream((config.topic,), readings.stamps_ns, lambda k, _: [robot_messages.navsat(k, readings, config.frame)])
+
+
+def _of_base(base: Base, rig: Rig) -> list[Stream]:
     tachometers, odometry, commands = base.tachometers, base.odometry, base.commands
     speeds = tachometers.wheel_speed
+    assert rig.wheel_odometry is not None
     return [
-        Stream(topics.WHEEL_SPEEDS, tachometers.stamps_ns, lambda k, _: map(base_messages.wheel_speed, speeds[k])),
+        Stream(WHEEL_SPEEDS, tachometers.stamps_ns, lambda k, _: map(base_messages.wheel_speed, speeds[k])),
         Stream(
-            (topics.JOINT_STATES, topics.WHEEL_ODOMETRY),
+            (JOINT_STATES, rig.wheel_odometry.topic),
             odometry.stamps_ns,
             lambda k, _: [base_messages.joint_states(k, odometry), base_messages.wheel_odometry(k, odometry)],
         ),
@@ -150,34 +158,34 @@ def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt) -
         return world_from_base(stamp_ns) @ base_from_lidar
 
     def scan(k: int, sensors: Sensors) -> Iterable[bytes]:
-        assert sensors.lidar is not None
         stamp = int(stamps[k])
         pose = np.stack([pose_at(stamp + int(t)) for t in sweep_ns]) if config.spinning else pose_at(stamp)
-        seen = sensors.lidar.scan(pose)
-        clock = config.time_field
+        seen = sensors.lidars[config.name].scan(pose)
         yield sensor_messages.point_cloud(
-            k, stamp, seen, spinning=config.spinning, wide_ids=sensors.wide_ids, clock=clock
+            k,
+            stamp,
+            seen,
+            frame=config.frame,
+            spinning=config.spinning,
+            wide_ids=sensors.wide_ids,
+            clock=config.time_field,
         )
 
-    return Stream((topics.POINTS,), stamps, scan)
+    return Stream((config.topic,), stamps, scan)
 
 
-def camera_stream(config: CameraConfig, side: sensor_messages.Side, stamps: Stamps, world_from_base: PoseAt) -> Stream:
-    """Calibration and images at ``stamps`` [ns] of a camera on a base that is at ``world_from_base(stamp_ns)``."""
-    mount = config.left if side == "left" else config.right
-    base_from_optical = mount.base_from_sensor @ CAMERA_FROM_OPTICAL
+def imager_stream(imager: Imager, stamps: Stamps, world_from_base: PoseAt) -> Stream:
+    """Calibration and images at ``stamps`` [ns] of a view on a base that is at ``world_from_base(stamp_ns)``."""
+    config, frame, base_from_optical = imager.config, imager.optical_frame, imager.base_from_optical
 
     def capture(k: int, sensors: Sensors) -> Iterable[bytes]:
-        assert sensors.camera is not None
-        picture = sensors.camera.render(world_from_base(int(stamps[k])) @ base_from_optical)
-        yield sensor_messages.camera_info(k, stamps[k], side, config)
-        yield sensor_messages.photograph(k, stamps[k], side, picture.photo, config.jpeg_quality)
-        yield sensor_messages.tag(k, stamps[k], side, picture.label)
+        picture = sensors.cameras[config.name].render(world_from_base(int(stamps[k])) @ base_from_optical)
+        yield sensor_messages.camera_info(k, stamps[k], imager)
+        yield sensor_messages.photograph(k, stamps[k], frame, picture.photo, config.jpeg_quality)
+        yield sensor_messages.tag(k, stamps[k], frame, picture.label)
         if config.depth:
-            yield sensor_messages.depth(k, stamps[k], side, picture.depth)
+            yield sensor_messages.depth(k, stamps[k], frame, picture.depth)
         if config.instances:
-            yield sensor_messages.instances(k, stamps[k], side, picture.instance, wide_ids=sensors.wide_ids)
+            yield sensor_messages.instances(k, stamps[k], frame, picture.instance, wide_ids=sensors.wide_ids)
 
-    names = [topics.camera_info(side), topics.photograph(side), topics.tag(side)]
-    names += [topics.depth(side)] * config.depth + [topics.instances(side)] * config.instances
-    return Stream(tuple(names), stamps, capture)
+    return Stream(tuple(imager.topics.values()), stamps, capture)

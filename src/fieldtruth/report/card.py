@@ -17,8 +17,8 @@ from fieldtruth.core import frames
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
 from fieldtruth.core.lenses import fields_of_view
 from fieldtruth.drive.track import Track
-from fieldtruth.experiment.camera_config import LensConfig
 from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.lens_config import LensConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.model import World
 
@@ -54,7 +54,7 @@ def data_card(experiment: Experiment, world: World, track: Track, counts: Mappin
         name=experiment.name,
         description=f"{experiment.description}\n" if experiment.description else "",
         motion=_motion(experiment, track),
-        tf=_TURNING if rig.tachometers.enabled else _FIXED,
+        tf=_TURNING if rig.wheel_odometry is not None else _FIXED,
         physics=_physics(experiment),
         track="" if experiment.drive is None else f", with the poses in `{TRACK}`",
         environment=experiment.environment,
@@ -106,7 +106,7 @@ def _physics(experiment: Experiment) -> str:
 def _topics(experiment: Experiment, counts: Mapping[str, int], latched: bool) -> list[str]:
     rows = ["| topic | type | Hz | messages |", "|---|---|---|---|"]
     for topic in topics_of_run(experiment, latched=latched):
-        rate = "once" if topic.rate_hz is None else f"{topic.rate_hz(experiment.rig):g}"
+        rate = "once" if topic.rate_hz is None else f"{topic.rate_hz:g}"
         rows.append(
             f"| `{topic.name}` | {topic.msgtype.replace('/msg/', '/')} | {rate} | {counts.get(topic.name, 0)} |"
         )
@@ -114,7 +114,7 @@ def _topics(experiment: Experiment, counts: Mapping[str, int], latched: bool) ->
 
 
 def _sensors(rig: Rig) -> list[str]:
-    camera, lidar = rig.cameras, rig.lidar
+    camera, lidar = rig.stereo, rig.lidar
     lines = []
     if camera.enabled:
         lens = "" if camera.lens == LensConfig() else f" Their lens is `{camera.lens.model}`; CameraInfo describes it."

@@ -90,11 +90,11 @@ def shares_of(
 
 def count_classes(scene: Scene, rig: Rig, poses: Sequence[Array], *, workers: int = 1) -> ClassShares:
     """Count the classes that left camera and LiDAR see from poses world_from_base (4, 4), one row per pose."""
-    base_from_optical = rig.cameras.left.base_from_sensor @ CAMERA_FROM_OPTICAL
+    base_from_optical = rig.stereo.left.base_from_sensor @ CAMERA_FROM_OPTICAL
     pixels, points = (np.zeros((len(poses), len(CLASSES)), np.int64) for _ in range(2))
 
     def count(rows: range) -> None:
-        camera, lidar = LabelCamera(rig.cameras, scene, reuse=True), Lidar(rig.lidar, scene)
+        camera, lidar = LabelCamera(rig.stereo, scene, reuse=True), Lidar(rig.lidar, scene)
         for row in rows:
             image = camera.label(poses[row] @ base_from_optical)
             scan = lidar.scan(poses[row] @ rig.lidar.mount.base_from_sensor)

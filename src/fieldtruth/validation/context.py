@@ -10,10 +10,11 @@ from typing import Any, Final, NamedTuple
 from fieldtruth.bag.calibration import StaticFrames
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.topics import STATIC_MODEL_STATES, TOPICS, Topic, topics_of_run
+from fieldtruth.bag.topics import STATIC_MODEL_STATES, TOPICS, topics_of_run
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.topic import Topic
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.sense.scene import Scene
 from fieldtruth.validation.check import Spec, Tally

@@ -49,7 +49,7 @@ FRAMES: Final[Spec] = Spec("frames", (KNOWN_FRAME,), "frames", "neither /tf_stat
 
 _DRIVEN: Final = (table.JOINT_STATES, table.WHEEL_ODOMETRY)
 _ON_STEPS: Final = (table.IMU, table.NAVSAT, *table.WHEEL_SPEEDS, *_DRIVEN, table.COMMANDS)
-_CAMERAS: Final = tuple(topic.name for topic in table.TOPICS if topic.sensor in ("cameras", "depth", "instances"))
+_CAMERAS: Final = tuple(topic.name for topic in table.TOPICS if topic.kind == "stereo")
 _GROUPS: Final = (_CAMERAS, table.WHEEL_SPEEDS, _DRIVEN, (table.ODOMETRY, table.TF), (table.CLOCK, table.MODEL_STATES))
 _OPEN: Final = 500
 """Stamps for which further messages are awaited; an intact bag has a few."""
@@ -71,9 +71,9 @@ def check_topics(context: Context, digests: dict[str, tuple[str, str]]) -> Check
         context: the run.
         digests: by topic, the MD5 sum that the bag states for its type, and the one of its definition there.
     """
-    run, rig, tally = context.run, context.rig, context.tally(TOPICS)
+    run, tally = context.run, context.tally(TOPICS)
     if context.experiment is not None:  # a run that is shorter than a sensor's period has none of its messages
-        due = [t for t in context.topics if t.rate_hz is None or t.rate_hz(rig) * run.end_ns >= 1e9 - 1.0]
+        due = [t for t in context.topics if t.rate_hz is None or t.rate_hz * run.end_ns >= 1e9 - 1.0]
     else:
         due = [t for t in table.TOPICS if t.name in run.counts]
     for topic in due:
@@ -117,9 +117,7 @@ class Stamps(Checker):
         known = {topic.name: topic for topic in (*table.TOPICS, *context.topics)}
         self.topics = [name for name in known if name in run.counts]
         self._clocks = {
-            name: _Clock(rate(context.rig), name in _ON_STEPS)
-            for name in self.topics
-            if (rate := known[name].rate_hz) is not None
+            name: _Clock(rate, name in _ON_STEPS) for name in self.topics if (rate := known[name].rate_hz) is not None
         }
         self._on_rate = {
             name: Count(

@@ -9,7 +9,8 @@ from fieldtruth.bag import topics
 from fieldtruth.core import geodesy
 from fieldtruth.drive import husky
 from fieldtruth.drive.physics import FRICTION
-from fieldtruth.experiment.rig import WHEELS, Rig
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.gazebo.robot import contact, parts
 from fieldtruth.gazebo.templates import render, write
 from fieldtruth.sense.pinhole import pinhole
@@ -42,7 +43,7 @@ def write_robot(folder: Path, rig: Rig, flavour: Flavour) -> None:
 
 
 def _values(rig: Rig) -> dict[str, Any]:
-    mounts, cameras = rig.mounts(), {"left": rig.cameras.left, "right": rig.cameras.right}
+    mounts, cameras = rig.mounts(), {"left": rig.stereo.left, "right": rig.stereo.right}
     chassis_mass = husky.MASS - 4 * husky.WHEEL_MASS
     track = 2 * rig.wheels.half_track * husky.skid_compensation(rig.wheels)
     return {
@@ -67,7 +68,7 @@ def _values(rig: Rig) -> dict[str, Any]:
         "anchor": track / 2 - rig.wheels.half_track,
         "wheel_inertia": parts.wheel_inertia(),
         "angles": parts.scan_angles(rig.lidar),
-        "pinhole": pinhole(rig.cameras),
+        "pinhole": pinhole(rig.stereo),
         "lidar_pose": parts.mount_pose(rig.lidar.mount),
         "imu_pose": parts.mount_pose(rig.imu.mount),
         "gnss_pose": parts.mount_pose(rig.gnss.mount),

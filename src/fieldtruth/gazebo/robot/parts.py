@@ -20,7 +20,8 @@ from fieldtruth.drive import husky
 from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, OPTICAL
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.rig import WHEELS, Rig
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.topic import WHEELS
 
 GNSS_MASS: Final = 0.001  # [kg]; a link of its own in ROS 1, whose GNSS plugin reads a link's position
 GNSS_INERTIA: Final = 1e-6  # [kg m^2]
@@ -144,13 +145,13 @@ def body_shapes(rig: Rig) -> tuple[Shape, ...]:
     chassis = boxes["chassis"]
     top = float(chassis.size[2])
     x, y, z = rig.lidar.mount.xyz
-    low = min(z, rig.cameras.left.xyz[2]) - _OS1[1] / 2
-    (cx, _, cz), middle = rig.cameras.left.xyz, (rig.cameras.left.xyz[1] + rig.cameras.right.xyz[1]) / 2
+    low = min(z, rig.stereo.left.xyz[2]) - _OS1[1] / 2
+    (cx, _, cz), middle = rig.stereo.left.xyz, (rig.stereo.left.xyz[1] + rig.stereo.right.xyz[1]) / 2
     gx, gy, gz = rig.gnss.mount.xyz
     drawn = [
         Shape("pole", (_POLE, low - top), (x, y, (low + top) / 2)) if low > top else None,
         Shape("os1", _OS1, (x, y, z)) if rig.lidar.enabled else None,
-        Shape("zed2", _ZED2, (cx - _ZED2[0] / 2, middle, cz)) if rig.cameras.enabled else None,
+        Shape("zed2", _ZED2, (cx - _ZED2[0] / 2, middle, cz)) if rig.stereo.enabled else None,
         Shape("antenna", _ANTENNA, (gx, gy, gz)),
     ]
     shapes = [Shape("chassis", tuple(chassis.size.tolist()), _xyz(chassis.centre), YELLOW, solid=True)]

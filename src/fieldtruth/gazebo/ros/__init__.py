@@ -15,15 +15,16 @@ from scipy.spatial.transform import Rotation
 
 import fieldtruth
 from fieldtruth.bag import topics
-from fieldtruth.bag.sensor_messages import Side, camera_matrix, optical_frame, projection_matrix
+from fieldtruth.bag.sensor_messages import camera_matrix, optical_frame, projection_matrix
 from fieldtruth.core import geodesy
 from fieldtruth.core.frames import xyzw_from_wxyz
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.rig import WHEELS, Rig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route, metres_from_route
+from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.gazebo.robot import ARGUMENTS, Flavour
 from fieldtruth.gazebo.ros.bridge import bridge_table, image_topics
 from fieldtruth.gazebo.templates import render, write
@@ -139,7 +140,7 @@ def _values(world: World, rig: Rig, ros: int, configs: Mapping[str, Any]) -> dic
         "ros": ros,
         "topics": topics,
         "names": [topic.name for topic in topics.topics_of(rig)],
-        "wheels": dict(zip(WHEELS, topics.WHEEL_SPEEDS, strict=True)) if rig.tachometers.enabled else {},
+        "wheels": dict(zip(WHEELS, topics.WHEEL_SPEEDS, strict=True)) if rig.wheel_odometry is not None else {},
         "images": image_topics(rig),
     }
 
@@ -165,18 +166,18 @@ def _config(experiment: Experiment, world: World, rig: Rig) -> dict[str, Any]:
 
 
 def _cameras(rig: Rig) -> dict[str, Any]:
-    config, sides = rig.cameras, ("left", "right") if rig.cameras.enabled else ()
-    return {topics.camera_info(side): _calibration(config, side) for side in sides}  # type: ignore[arg-type]
+    config, sides = rig.stereo, ("left", "right") if rig.stereo.enabled else ()
+    return {topics.camera_info(side): _calibration(config, side) for side in sides}
 
 
-def _calibration(config: Any, side: Side) -> dict[str, Any]:
+def _calibration(config: Any, side: str) -> dict[str, Any]:
     return {
         "frame_id": optical_frame(side),
         "width": config.width,
         "height": config.height,
         "K": camera_matrix(config).ravel().tolist(),
         "R": np.eye(3).ravel().tolist(),
-        "P": projection_matrix(config, side).ravel().tolist(),
+        "P": projection_matrix(config.imagers()[side == "right"]).ravel().tolist(),
     }
 
 

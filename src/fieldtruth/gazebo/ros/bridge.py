@@ -21,7 +21,7 @@ def bridge_table(rig: Rig) -> list[dict[str, Any]]:
     ]
     if rig.lidar.enabled:
         rows.append(_row(topics.POINTS, "sensor_msgs/msg/PointCloud2", "PointCloudPacked"))
-    if rig.cameras.enabled:
+    if rig.stereo.enabled:
         infos = [topics.camera_info(side) for side in topics.SIDES]
         rows += [_row(f"{t}_gazebo", "sensor_msgs/msg/CameraInfo", "CameraInfo", gz=t) for t in infos]
     return rows
@@ -29,7 +29,7 @@ def bridge_table(rig: Rig) -> list[dict[str, Any]]:
 
 def image_topics(rig: Rig) -> list[str]:
     """Topics of images, the same in Gazebo and ROS; ROS's image transport adds the compressed ones."""
-    if not rig.cameras.enabled:
+    if not rig.stereo.enabled:
         return []
     photographs = [topics.photograph(side).removesuffix("/compressed") for side in topics.SIDES]
     kinds = ("labels_map", "colored_map")

@@ -20,7 +20,7 @@ from fieldtruth.core.arrays import Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.progress import Progress, timed
-from fieldtruth.experiment.rig import WHEELS
+from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.report.page.class_counts import count_pixels, count_points
 from fieldtruth.report.page.series import Collector, Fixes, Inertial, Lines, Motion, Wheel
 

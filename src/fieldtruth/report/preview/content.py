@@ -98,7 +98,7 @@ def collect_content(
         shares = count_classes(scene, rig, poses, workers=workers)
     with progress.stage("render images"):
         aerial = render_aerial(baked, aerial_width)
-        camera, base_from_optical = Camera(rig.cameras, baked), rig.cameras.left.base_from_sensor @ CAMERA_FROM_OPTICAL
+        camera, base_from_optical = Camera(rig.stereo, baked), rig.stereo.left.base_from_sensor @ CAMERA_FROM_OPTICAL
         views = tuple(
             View(viewpoints[row], camera.render(poses[row] @ base_from_optical))
             for row in most_informative(shares.pixels, viewpoints[:, :2], VIEWS)

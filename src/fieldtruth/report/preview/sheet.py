@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.camera_config import CameraConfig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.report.drawing.cloud import draw_cloud, looking
 from fieldtruth.report.drawing.geometry import distance_along
 from fieldtruth.report.drawing.style import MUTED, PIXELS, POINTS
@@ -44,7 +44,7 @@ def draw_sheet(content: SheetContent, pixels: int) -> NDArray[np.uint8]:
     paper = Paper(WIDTH, cloud_top + _CLOUD[1] + _EDGE, pixels)
     _write_title(paper, content.world)
     _write_heading(paper, _EDGE, _MAP_TOP, "Aerial view", _map_caption(content))
-    draw_map(paper.image_at(content.aerial.photo, _EDGE, _MAP_TOP, _INNER, aerial), content, CameraConfig())
+    draw_map(paper.image_at(content.aerial.photo, _EDGE, _MAP_TOP, _INNER, aerial), content, StereoConfig())
     _write_heading(paper, _EDGE, views_top, "Camera views", "left camera: photograph and class of each pixel")
     for number, view in enumerate(content.views, 1):
         left, photo = _EDGE + (number - 1) * (column + _GAP), view.images.photo

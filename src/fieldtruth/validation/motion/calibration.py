@@ -13,7 +13,7 @@ from fieldtruth.bag.robot_messages import fixed_transforms
 from fieldtruth.bag.sensor_messages import camera_matrix, distortion, optical_frame, projection_matrix
 from fieldtruth.core import frames
 from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.experiment.camera_config import CameraConfig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import Checker, Context, at
 
@@ -71,16 +71,16 @@ class Calibration(Checker):
     def _check_lens(self, side: str, info: Any) -> None:
         k, p, roi = np.reshape(info.K, (3, 3)), np.reshape(info.P, (3, 4)), info.roi
         cut = (info.binning_x, info.binning_y, roi.x_offset, roi.y_offset, roi.height, roi.width, int(roi.do_rectify))
-        model, coefficients = distortion(self._context.rig.cameras)
+        model, coefficients = distortion(self._context.rig.stereo)
         plain = np.array_equal(np.reshape(info.R, (3, 3)), np.eye(3)) and not any(cut) and np.array_equal(p[:, :3], k)
         plain = plain and info.distortion_model == model and np.array_equal(info.D, coefficients)
         self._tally[PINHOLE].see(plain, f"camera {side}")
-        config, size = self._context.rig.cameras, (info.width, info.height)
+        config, size = self._context.rig.stereo, (info.width, info.height)
         if self._context.experiment is not None:
             self._tally[LENS].see(size == (config.width, config.height), f"camera {side}: {size[0]} x {size[1]} pixels")
         else:  # the field of view of the default camera, at any size
-            config = CameraConfig.model_construct(**{**dict(config), "width": info.width, "height": info.height})
-        expected = camera_matrix(config), projection_matrix(config, "left" if side == "left" else "right")
+            config = StereoConfig.model_construct(**{**dict(config), "width": info.width, "height": info.height})
+        expected = camera_matrix(config), projection_matrix(config.imagers()[side == "right"])
         residual = max(float(np.abs(k - expected[0]).max()), float(np.abs(p - expected[1]).max()))
         self._tally[LENS].measure(residual, f"camera {side}")
 

@@ -71,7 +71,7 @@ class Images(CameraFrameChecker):
     def check_frame(self, frame: CameraFrame) -> None:
         """Check a frame."""
         tallies, classes = [tally.part() for tally in self.tallies], self._objects.comparison()
-        info, far = self.infos.get(frame.side), self.context.rig.cameras.far
+        info, far = self.infos.get(frame.side), self.context.rig.stereo.far
         size = None if info is None else (info.width, info.height)
 
         def work() -> list[Tally]:
@@ -171,13 +171,13 @@ class RetracedImages(CameraFrameChecker):
         sampled = self._sampler.takes(frame.stamp_ns)
         if not (sampled or self._full):
             return
-        cameras, state = self.context.rig.cameras, self.context.motion.state(frame.stamp_ns)
+        cameras, state = self.context.rig.stereo, self.context.motion.state(frame.stamp_ns)
         mount = cameras.left if frame.side == "left" else cameras.right
         pose = state.world_from_base @ (mount.base_from_sensor @ CAMERA_FROM_OPTICAL)
         self.context.jobs.append(lambda: self._compare(frame, pose, frame.stamp_ns if sampled else None))
 
     def _compare(self, frame: CameraFrame, pose: Array, seed: int | None) -> list[Tally]:
-        config, lens = self.context.rig.cameras, self.context.rig.cameras.projection
+        config, lens = self.context.rig.stereo, self.context.rig.stereo.projection
         bag = _pixels(frame, (config.height, config.width))
         if bag is None:
             return []
@@ -207,7 +207,7 @@ class RetracedImages(CameraFrameChecker):
 
     def _render(self, pose: Array, photograph: NDArray[np.uint8] | None) -> tuple[LabelImages, float | None]:
         """Render with this thread's camera; returns the images, and the difference of the photographs."""
-        config, baked = self.context.rig.cameras, self._rebuilt.baked
+        config, baked = self.context.rig.stereo, self._rebuilt.baked
         if photograph is None or baked is None:
             if not hasattr(self._cameras, "label"):
                 self._cameras.label = LabelCamera(config, self._rebuilt.scene, reuse=True)

@@ -1,0 +1,29 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Configuration of a GNSS receiver."""
+
+from typing import Any, Literal
+
+from fieldtruth.experiment.fields import Mount, Rate
+from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, SensorName, TopicName
+from fieldtruth.experiment.topic import Topic
+
+
+class GnssConfig(MountedConfig):
+    """GNSS receiver; the mount is that of its antenna, by default the paper's GNSS_link."""
+
+    kind: Literal["gnss"] = "gnss"
+    name: SensorName = "gnss"
+    topic: TopicName = "/navsat/fix"
+    frame: FrameName = "GNSS_link"
+    mount: Mount = Mount(xyz=(0.10, 0.0, 0.890))
+    rate_hz: Rate = 2.0
+
+    @classmethod
+    def of_name(cls, name: str) -> dict[str, Any]:
+        """Topic and frame that an antenna has by its name."""
+        return {**super().of_name(name), "topic": f"/{name}/fix"}
+
+    def topics(self) -> tuple[Topic, ...]:
+        """Its positions."""
+        return (self._topic(self.topic, "sensor_msgs/msg/NavSatFix"),)

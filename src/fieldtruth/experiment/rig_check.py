@@ -1,0 +1,75 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Rules that hold between the sensors of a rig: names, topics and frames differ, and no eye is inside the robot."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Final
+
+from fieldtruth.experiment.camera_config import CameraConfig
+from fieldtruth.experiment.fields import Mount
+from fieldtruth.experiment.odometry_config import WheelOdometryConfig
+from fieldtruth.experiment.problems import LocatedError
+from fieldtruth.experiment.sensor_config import SensorConfig
+
+OUTLINE: Final = (0.99, 0.67, 0.39)  # [m]; paper, section 2.1
+CHASSIS_WIDTH: Final = 0.5709  # [m], between the wheels; husky_description
+
+OWN_TOPICS: Final = (
+    "/clock",
+    "/tf",
+    "/tf_static",
+    "/gazebo/model_states",
+    "/gazebo/static_model_states",
+    "/ground_truth/odom",
+    "/cmd_vel",
+)
+OWN_FRAMES: Final = ("world", "odom", "base_link")
+
+
+def check_sensors(sensors: Sequence[SensorConfig], own_frames: Mapping[str, Mount]) -> None:
+    """Check the list of sensors of a robot with these frames of its own.
+
+    Raises:
+        LocatedError: the key of the sensor, and what it has in common with which other.
+    """
+    _differ(sensors, "name", [(sensor.name,) for sensor in sensors], {})
+    _differ(sensors, "name", [_views(sensor) for sensor in sensors], {}, "the name of a camera")
+    topics = [[topic.name for topic in sensor.topics()] for sensor in sensors]
+    _differ(sensors, "topic", topics, dict.fromkeys(OWN_TOPICS, "the robot"))
+    frames = [[*sensor.frames(), *sensor.optical_frames()] for sensor in sensors]
+    _differ(sensors, "frame", frames, dict.fromkeys((*OWN_FRAMES, *own_frames), "the robot"))
+    odometry = [i for i, sensor in enumerate(sensors) if isinstance(sensor, WheelOdometryConfig)]
+    if len(odometry) > 1:
+        raise LocatedError("must differ: a rig has at most one wheel_odometry", ("sensors", odometry[1], "kind"))
+    clearance = -own_frames["base_footprint"].xyz[2]
+    for i, sensor in enumerate(sensors):
+        if sensor.enabled and sensor.kind in ("lidar", "camera", "stereo", "gnss"):
+            for frame, mount in sensor.frames().items():
+                _check_outside(mount, frame, clearance, ("sensors", i, "mount"))
+
+
+def _views(sensor: SensorConfig) -> list[str]:
+    return [imager.name for imager in sensor.imagers()] if isinstance(sensor, CameraConfig) else []
+
+
+def _differ(
+    sensors: Sequence[SensorConfig], key: str, values: Sequence[Iterable[str]], taken: dict[str, str], what: str = ""
+) -> None:
+    what = what or f"a {key}"
+    for i, own in enumerate(values):
+        for value in own:
+            if value in taken:
+                raise LocatedError(f"{value!r} is already {what} of {taken[value]}", ("sensors", i, key))
+            taken[value] = f"sensors[{i}], {sensors[i].name!r}"
+
+
+def _check_outside(mount: Mount, frame: str, clearance: float, at: tuple[str | int, ...]) -> None:
+    """Check that a frame is not inside the chassis, which is ``clearance`` [m] above the ground."""
+    x, y, z = mount.xyz
+    length, top = OUTLINE[0], OUTLINE[2] - clearance
+    if abs(x) < length / 2 and abs(y) < CHASSIS_WIDTH / 2 and 0.0 < z < top:
+        raise LocatedError(
+            f"{frame} is inside the robot's hull at {list(mount.xyz)}: it spans x -{length / 2:g} to {length / 2:g} m, "
+            f"y -{CHASSIS_WIDTH / 2:g} to {CHASSIS_WIDTH / 2:g} m, z 0 to {top:g} m in base_link",
+            at,
+        )

@@ -1,0 +1,97 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The short form of a rig: a key for each sensor of the paper, such as ``lidar: {rate_hz: 20}``.
+
+A section changes the first sensor of its kind in ``sensors``, or adds the paper's.
+"""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from fieldtruth.experiment.fields import Boolean, Frozen, Rate
+from fieldtruth.experiment.gnss_config import GnssConfig
+from fieldtruth.experiment.imu_config import ImuConfig
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.odometry_config import WheelOdometryConfig
+from fieldtruth.experiment.sensor_config import KINDS, SensorConfig, part
+from fieldtruth.experiment.stereo_config import StereoConfig
+
+
+class TachometerConfig(Frozen):
+    """Tachometers of the four wheels."""
+
+    enabled: Boolean = True
+    rate_hz: Rate = 10.0
+
+
+class OdometryConfig(Frozen):
+    """Wheel odometry and joint states."""
+
+    rate_hz: Rate = 50.0
+
+
+PAPER_KINDS: Final = (ImuConfig, GnssConfig, WheelOdometryConfig, LidarConfig, StereoConfig)
+"""The sensors of the paper, in the order of the topics in a bag."""
+
+SECTIONS: Final[dict[str, type[Frozen]]] = {
+    "imu": ImuConfig,
+    "gnss": GnssConfig,
+    "tachometers": TachometerConfig,
+    "odometry": OdometryConfig,
+    "lidar": LidarConfig,
+    "cameras": StereoConfig,
+}
+
+
+_IDENTITY: Final = ("kind", "name", "enabled", "topic", "frame", "forward", "mount")
+"""What of a sensor its model does not say."""
+
+
+def with_sections(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of a rig with its sections as items of ``sensors``; without ``sensors`` these are the paper's.
+
+    Raises:
+        PartError: a value of a section that is not allowed.
+    """
+    rest = {key: value for key, value in given.items() if key not in SECTIONS}
+    sections = {key: given[key] for key in SECTIONS if key in given}
+    items = rest.get("sensors", [{"kind": config.model_fields["kind"].default} for config in PAPER_KINDS])
+    if not isinstance(items, list | tuple):
+        return rest  # the field reports it
+    for key, section in sections.items():
+        items = _changed(list(items), key, section)
+    return {**rest, "sensors": items}
+
+
+def _changed(items: list[Any], key: str, section: Any) -> list[Any]:
+    kind, change = _item(key, section)
+    at = next((i for i, item in enumerate(items) if _kind(item) == kind), None)
+    if at is None:
+        return [*items, part(KINDS[kind], {"kind": kind, **change}, key)]
+    if isinstance(section, SensorConfig):
+        return [*items[:at], section, *items[at + 1 :]]
+    own = items[at].model_dump(exclude_unset=True) if isinstance(items[at], SensorConfig) else items[at]
+    if change.get("model") is not None:  # its figures replace those of the item
+        own = {name: value for name, value in own.items() if name in _IDENTITY}
+    return [*items[:at], part(KINDS[kind], {**own, **change}, key), *items[at + 1 :]]
+
+
+def _item(key: str, section: Any) -> tuple[str, dict[str, Any]]:
+    """Kind of sensor that a section changes, and its values by the names that they have in an item."""
+    if key == "tachometers":
+        tachometers = part(TachometerConfig, section, key)
+        set_keys = {"enabled": "enabled", "rate_hz": "tachometer_rate_hz"}
+        return "wheel_odometry", {set_keys[name]: getattr(tachometers, name) for name in tachometers.model_fields_set}
+    if key == "odometry":
+        return "wheel_odometry", part(OdometryConfig, section, key).model_dump(exclude_unset=True)
+    config = SECTIONS[key]
+    if not isinstance(section, Mapping):
+        section = part(config, section, key).model_dump(exclude_unset=True)
+    return str(config.model_fields["kind"].default), dict(section)
+
+
+def _kind(item: Any) -> Any:
+    return item.get("kind") if isinstance(item, Mapping) else getattr(item, "kind", None)
+
+
+PAPER_SENSORS: Final[tuple[SensorConfig, ...]] = tuple(config.model_validate({}) for config in PAPER_KINDS)

@@ -1,0 +1,137 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the configurations of all sensors have in common; a subclass with a ``kind`` is a kind of sensor."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, TypeVar
+
+from pydantic import Field, ValidationError, model_validator
+
+from fieldtruth.core.errors import suggestion
+from fieldtruth.experiment.fields import Boolean, Frozen, Mount, Rate
+from fieldtruth.experiment.problems import LocatedError, PartError, condition_at, shortened
+from fieldtruth.experiment.topic import Topic
+
+_Config = TypeVar("_Config", bound=Frozen)
+
+SensorName = Annotated[
+    str,
+    Field(pattern=r"^[a-z][a-z0-9_]{0,31}$", description="a word of at most 32 lower-case letters, digits and _"),
+]
+TopicName = Annotated[
+    str, Field(pattern=r"^(/[A-Za-z][A-Za-z0-9_]{0,63}){1,8}$", description="the name of a ROS topic, like /imu/data")
+]
+FrameName = Annotated[
+    str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,63}$", description="the name of a frame: letters, digits and _")
+]
+
+KINDS: Final[dict[str, type["SensorConfig"]]] = {}
+"""Configuration of each kind of sensor, in the order in which their topics are in a bag."""
+
+
+class SensorConfig(Frozen):
+    """A sensor of a rig. A subclass that sets a default of ``kind`` is known in experiments.
+
+    Its other defaults are those of a sensor without a name of its own: the paper's.
+    """
+
+    kind: str
+    name: SensorName
+    enabled: Boolean = True
+    model: Annotated[str, Field(description="a name from `fieldtruth list sensors`")] | None = None
+    """Gives every value below that is not set, from the model's data file. None: the defaults."""
+    rate_hz: Rate
+    topic: TopicName
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        """Make the kind known."""
+        super().__pydantic_init_subclass__(**kwargs)
+        kind = cls.model_fields["kind"].default
+        if isinstance(kind, str):
+            KINDS[kind] = cls
+
+    @model_validator(mode="before")
+    @classmethod
+    def _named(cls, given: Any) -> Any:
+        name = given.get("name") if isinstance(given, Mapping) else None
+        if not isinstance(name, str) or name == cls.model_fields["name"].default:
+            return given
+        return {**cls.of_name(name), **given}
+
+    @classmethod
+    def of_name(cls, name: str) -> dict[str, Any]:
+        """Values that a sensor has by its name, if it is not that of the class."""
+        return {"topic": f"/{name}"}
+
+    def topics(self) -> tuple[Topic, ...]:
+        """Topics that it publishes, in the order of its messages."""
+        raise NotImplementedError
+
+    def frames(self) -> dict[str, Mount]:
+        """Its frames that have base_link as parent, by name."""
+        return {}
+
+    def optical_frames(self) -> dict[str, tuple[str, Any]]:
+        """Its REP-103 optical frames: parent and (4, 4) ``parent_from_optical`` by name."""
+        return {}
+
+    def _topic(self, name: str, msgtype: str, rate_hz: float | None = None) -> Topic:
+        return Topic(name, msgtype, self.rate_hz if rate_hz is None else rate_hz, self.kind, self.name)
+
+
+class MountedConfig(SensorConfig):
+    """A sensor in a frame of its own."""
+
+    mount: Mount
+    frame: FrameName
+
+    @model_validator(mode="before")
+    @classmethod
+    def _mounted(cls, given: Any) -> Any:
+        own = cls.model_fields["name"].default
+        if isinstance(given, Mapping) and "mount" not in given and given.get("name", own) != own:
+            raise LocatedError(f"is required: {condition_at(cls, ['mount'])}", ["mount"])
+        return given
+
+    @classmethod
+    def of_name(cls, name: str) -> dict[str, Any]:
+        """Topic and frame that a sensor has by its name."""
+        return {"topic": f"/{name}", "frame": f"{name}_link"}
+
+    def frames(self) -> dict[str, Mount]:
+        """Its frame."""
+        return {self.frame: self.mount}
+
+
+def sensor_of(value: Any) -> SensorConfig:
+    """Return the configuration that an item of ``rig.sensors`` describes.
+
+    Raises:
+        ValueError: not a mapping, or an unknown kind.
+        PartError: a value that is not allowed.
+    """
+    if isinstance(value, SensorConfig):
+        return value
+    if not isinstance(value, Mapping):
+        raise ValueError(f"must be a mapping with the keys kind, name, ..., got {shortened(value)}")
+    kind = value.get("kind")
+    if kind is None:
+        raise ValueError(f"kind is required: one of {', '.join(KINDS)}")
+    if kind not in KINDS:
+        raise ValueError(f"unknown kind {shortened(kind)}; {suggestion(str(kind), KINDS)}")
+    return part(KINDS[kind], value)
+
+
+def part(config: type[_Config], value: Any, *at: str | int) -> _Config:
+    """Validate a value that belongs at ``at`` of the value that is validated around it.
+
+    Raises:
+        PartError: it is not allowed.
+    """
+    if isinstance(value, config):
+        return value
+    try:
+        return config.model_validate(value)
+    except ValidationError as report:
+        raise PartError(config, report, at) from report
