@@ -12,6 +12,7 @@ from fieldtruth.experiment.config import FRAME_RATE, Experiment
 from fieldtruth.experiment.odometry_config import JOINT_STATES as JOINT_STATES_TOPIC
 from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS as WHEEL_SPEED_TOPICS
 from fieldtruth.experiment.rig import Rig, paper_rig
+from fieldtruth.experiment.sensor_config import KINDS
 from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.experiment.topic import Topic
 
@@ -37,8 +38,6 @@ _TRUTH: Final = (
     Topic(ODOMETRY, "nav_msgs/msg/Odometry", POSE_RATE),
     Topic(TF, "tf2_msgs/msg/TFMessage", POSE_RATE),
 )
-_AT_ONE_POSE: Final = ("robot", "objects", "lidar", "camera", "stereo")
-"""Kinds that have a meaning without motion."""
 
 
 def topics_of(rig: Rig, *, latched: bool = False) -> tuple[Topic, ...]:
@@ -57,7 +56,7 @@ def topics_of_run(experiment: Experiment, *, latched: bool) -> tuple[Topic, ...]
     rows = topics_of(experiment.rig, latched=latched)
     if experiment.frames is None:
         return rows
-    still = (row for row in rows if row.kind in _AT_ONE_POSE)
+    still = (row for row in rows if row.kind not in KINDS or KINDS[row.kind].sees)
     return tuple(row if row.latched else row._replace(rate_hz=FRAME_RATE) for row in still)
 
 

@@ -15,7 +15,7 @@ from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.odometry_config import WheelOdometryConfig
 from fieldtruth.experiment.rig_check import check_sensors
 from fieldtruth.experiment.sections import PAPER_SENSORS, SECTIONS, with_sections
-from fieldtruth.experiment.sensor_config import SensorConfig, sensor_of
+from fieldtruth.experiment.sensor_config import MountedConfig, SensorConfig, sensor_of
 from fieldtruth.experiment.stereo_config import StereoConfig
 
 _Config = TypeVar("_Config", bound=SensorConfig)
@@ -73,6 +73,11 @@ class Rig(Frozen):
     def imagers(self) -> tuple[Imager, ...]:
         """The views of the cameras that are enabled."""
         return tuple(imager for camera in self.cameras for imager in camera.imagers())
+
+    @property
+    def scene_sensors(self) -> tuple[MountedConfig, ...]:
+        """The sensors that are enabled, of kinds that another package has added (``sense.scene_sensor``)."""
+        return tuple(each for each in self.enabled(MountedConfig) if not isinstance(each, IN_BAG))
 
     @property
     def imus(self) -> tuple[ImuConfig, ...]:
