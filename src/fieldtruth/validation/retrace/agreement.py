@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import FieldtruthError
+from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Context
 from fieldtruth.validation.retrace.camera_frames import CameraFrame, CameraFrameChecker, Sampler
@@ -36,37 +36,44 @@ BEND: Final = 0.003
 FEW: Final = 200
 """Points below which the shares of a frame are not compared."""
 _NEAR: Final = 0.3  # [m] in front of the camera
-_KEPT: Final = 4  # clouds
+_KEPT: Final = 4  # clouds of each LiDAR
 _AROUND: Final = np.arange(-2, 3)
 
 
 class Agreement(CameraFrameChecker):
-    """Clouds against images on a sample of stamps."""
+    """Clouds of every LiDAR against images of every camera on a sample of their common stamps."""
 
     def __init__(self, context: Context, sampler: Sampler) -> None:
         super().__init__(context, ("tag", "depth", "instances"))
         self._sampler, self._tally = sampler, context.tally(LIDAR_AND_CAMERAS)
-        self.topics = [*self.topics, table.POINTS]
-        self._clouds: OrderedDict[int, Any] = OrderedDict()
+        self._lidars = {config.topic: config for config in context.rig.lidars}
+        self.topics = [*self.topics, *self._lidars]
+        self._clouds: OrderedDict[tuple[str, int], Any] = OrderedDict()
         self.tallies = [self._tally]
 
     def see(self, raw: RawMessage, message: Any) -> None:
         """Process a message."""
-        if raw.topic == table.POINTS:
-            self._clouds[raw.stamp_ns] = message
-            if len(self._clouds) > _KEPT:
+        if raw.topic in self._lidars:
+            self._clouds[raw.topic, raw.stamp_ns] = message
+            if len(self._clouds) > _KEPT * len(self._lidars):
                 self._clouds.popitem(last=False)
         super().see(raw, message)
 
     def check_frame(self, frame: CameraFrame) -> None:
         """Check a frame."""
-        cloud, lens = self._clouds.get(frame.stamp_ns), self.infos.get(frame.side)
-        if cloud is None or lens is None or "tag" not in frame.parts or not self._sampler.takes(frame.stamp_ns):
+        for lidar in self._lidars.values():
+            self._check_pair(frame, lidar)
+
+    def _check_pair(self, frame: CameraFrame, lidar: LidarConfig) -> None:
+        cloud, lens = self._clouds.get((lidar.topic, frame.stamp_ns)), self.infos.get(frame.imager.name)
+        if cloud is None or lens is None or "tag" not in frame.parts:
+            return
+        if not self._sampler.takes(frame.stamp_ns, lidar.name, frame.imager.config.name):
             return
         if (lens.distortion_model, any(lens.D)) != ("plumb_bob", False):
             self._tally.skipped = f"the lens {lens.distortion_model} bends planes; its pixels are checked by retracing"
             return
-        if self.context.rig.lidar.spinning:
+        if lidar.spinning:
             self._tally.skipped = "the LiDAR spins while the robot moves; its points are checked by retracing"
             return
         try:
@@ -75,11 +82,11 @@ class Agreement(CameraFrameChecker):
         except FieldtruthError:
             return
         optical_from_lidar, k = frames.inverse(base_from_optical) @ base_from_lidar, np.reshape(lens.K, (3, 3))
-        part = self._tally.part()
-        self.context.jobs.append(lambda: [_compare(part, frame, cloud, k, optical_from_lidar)])
+        part, where = self._tally.part(), f"{frame.at('tag')}, {lidar.topic}"
+        self.context.jobs.append(lambda: [_compare(part, frame, cloud, k, optical_from_lidar, where)])
 
 
-def _compare(tally: Tally, frame: CameraFrame, cloud: Any, k: Array, optical_from_lidar: Array) -> Tally:
+def _compare(tally: Tally, frame: CameraFrame, cloud: Any, k: Array, optical_from_lidar: Array, where: str) -> Tally:
     try:
         points = read.points(cloud)
         label = read.labels(read.image(frame.parts["tag"]))
@@ -102,7 +109,7 @@ def _compare(tally: Tally, frame: CameraFrame, cloud: Any, k: Array, optical_fro
     count, near = int(flat.sum()), int(at_depth.sum())
     if count < FEW:
         return tally
-    where = f"{frame.at('tag')}, {count:,} points"
+    where = f"{where}, {count:,} points"
     if depth is not None:
         tally[SAME_DEPTH].measure(1.0 - near / count, where)
     if near >= FEW:
