@@ -13,7 +13,7 @@ from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import PAPER_TOPICS, STATIC_MODEL_STATES, topics_of_run
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.rig import Rig, paper_rig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.topic import Topic
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.sense.scene import Scene
@@ -56,12 +56,12 @@ class Context:
 
     @property
     def rig(self) -> Rig:
-        """Rig of the run; of a bag from elsewhere the paper's, with all that it can publish."""
-        return paper_rig() if self.experiment is None else self.experiment.rig
+        """Rig of the run; of a bag from elsewhere the paper's."""
+        return self.run.rig
 
     @property
     def topics(self) -> tuple[Topic, ...]:
-        """Topics that the rig publishes, with the rates of this run."""
+        """Topics that the rig publishes, with the rates of this run; of a bag from elsewhere all that are known."""
         if self.experiment is None:
             return PAPER_TOPICS
         latched = self.experiment.static_objects == "latched" or STATIC_MODEL_STATES in self.run.counts

@@ -16,6 +16,7 @@ from fieldtruth.bag.base_messages import BASE, ODOM, WHEEL_FRAMES
 from fieldtruth.bag.decode import stamp_ns
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.robot_messages import WORLD
+from fieldtruth.experiment.camera_config import STREAMS
 from fieldtruth.experiment.odometry_config import JOINT_STATES, WHEEL_SPEEDS
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.validation.check import Check, Count, Rule, Spec
@@ -58,15 +59,15 @@ def _frame_of(rig: Rig) -> dict[str, str]:
     """Frame in the headers of each topic."""
     odometry = {} if rig.wheel_odometry is None else {JOINT_STATES: BASE, rig.wheel_odometry.topic: ODOM}
     mounted = {each.topic: each.frame for each in (*rig.imus, *rig.antennas, *rig.lidars)}
-    optical = {topic: imager.optical_frame for imager in rig.imagers for topic in imager.topics.values()}
+    optical = {topic: imager.optical_frame for imager in rig.imagers for topic in map(imager.topic_of, STREAMS)}
     return {table.ODOMETRY: WORLD, table.TF: WORLD} | odometry | mounted | optical
 
 
 def _groups(context: Context) -> list[tuple[str, ...]]:
     """Topics of the bag that have the same stamps: those of each camera, for example."""
-    odometry = context.rig.wheel_odometry
+    odometry, topics = context.rig.wheel_odometry, context.topics
     groups = [
-        *(tuple(topic.name for topic in camera.topics()) for camera in context.rig.cameras),
+        *(tuple(topic.name for topic in topics if topic.sensor == camera.name) for camera in context.rig.cameras),
         *([] if odometry is None else [WHEEL_SPEEDS, (JOINT_STATES, odometry.topic)]),
         (table.ODOMETRY, table.TF),
         (table.CLOCK, table.MODEL_STATES),
