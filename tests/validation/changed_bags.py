@@ -169,11 +169,11 @@ def points_in(data: bytearray) -> NDArray[np.void]:
     return np.frombuffer(data, points.dtype, len(points), len(data) - 1 - points.nbytes)
 
 
-def pixels_in(data: bytearray, kind: str, channels: int = 1) -> NDArray[Any]:
-    """Pixels (rows, columns, channels) of a serialised image of the small run, to be changed in place."""
-    count = SMALL[0] * SMALL[1] * channels
+def pixels_in(data: bytearray, kind: str, channels: int = 1, size: tuple[int, int] = SMALL) -> NDArray[Any]:
+    """Pixels (rows, columns, channels) of a serialised image, by default of the small run, to be changed in place."""
+    count = size[0] * size[1] * channels
     pixels = np.frombuffer(data, kind, count, len(data) - count * np.dtype(kind).itemsize)
-    return pixels.reshape(*SMALL, channels)
+    return pixels.reshape(*size, channels)
 
 
 def add(offset: int, amount: float) -> Edit:
