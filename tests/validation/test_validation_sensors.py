@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from changed_bags import (
+    GNSS,
     Edit,
     Edits,
     add,
@@ -27,6 +28,7 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.gnss_config import GnssConfig
 from fieldtruth.pipeline import generate
 from fieldtruth.validation import Check, validate
 
@@ -195,3 +197,14 @@ def test_steering_sensors_are_the_first_ones(many_run: Path, tmp_path: Path) -> 
     found = failures_of(many_run, tmp_path, change)
     assert "commands" not in found
     assert f"{IMU} is missing" in found["topics"]
+
+
+def test_commands_need_the_sensors_that_steer(lean_run: Path, tmp_path: Path) -> None:
+    """Without fixes in the bag the controller's commands cannot be computed again; they are not wrong."""
+    experiment = load_experiment(lean_run / "experiment.yaml")
+    without = experiment.model_copy(update={"rig": experiment.rig.with_sensors(GnssConfig, enabled=False)})
+    folder = rewritten(lean_run, tmp_path, lambda raw, k: None if raw.topic == GNSS else raw, without)
+    checks = {check.name: check for check in validate(folder, quick=True)}
+    assert failures(list(checks.values())) == {}
+    assert checks["gnss"].passed is checks["commands"].passed is None
+    assert checks["commands"].text == "the IMU or the GNSS receiver that steers the robot is not enabled"
