@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Frames, poses of the sensors, rays and masses of the robot for Gazebo, from the rig and the constants of the physics."""
+"""Frames, poses of sensors, rays and masses of the robot for Gazebo, from the rig and the constants of the physics."""
 
 import math
 import warnings

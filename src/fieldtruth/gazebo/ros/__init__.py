@@ -98,12 +98,7 @@ def write_ros_package(
     chosen = builtin_experiments(world.name) if experiments is None else tuple(experiments)
     if not chosen:
         return
-    for sensor in (rig.imu, rig.gnss):
-        if not sensor.enabled:
-            raise ConfigurationError(
-                f"rig.sensors: no {sensor.kind} is enabled; the waypoint node of a Gazebo package steers by an imu and a gnss: "
-                f"add {{kind: {sensor.kind}}}"
-            )
+    _check_steering(rig)
     configs = {experiment.name: _config(experiment, world, rig) for experiment in chosen}
     ros = 1 if flavour == "classic" else 2
     values = _values(world, rig, ros, configs)
@@ -136,6 +131,15 @@ def write_ros_package(
         text = yaml.safe_dump(bridge_table(rig), sort_keys=False)
         write(folder / "config" / "bridge.yaml", "# Table of ros_gz_bridge.\n" + text)
     write(folder / "rviz" / "fieldtruth.rviz", rviz_configuration(rig, ros))
+
+
+def _check_steering(rig: Rig) -> None:
+    for sensor in (rig.imu, rig.gnss):
+        if not sensor.enabled:
+            raise ConfigurationError(
+                f"rig.sensors: no {sensor.kind} is enabled; the waypoint node of a Gazebo package steers by the first "
+                f"imu and the first gnss; add {{kind: {sensor.kind}, name: {sensor.name}}}"
+            )
 
 
 def _values(world: World, rig: Rig, ros: int, configs: Mapping[str, Any]) -> dict[str, Any]:
