@@ -12,7 +12,7 @@ from fieldtruth.experiment.rig import Rig
 def rviz_configuration(rig: Rig, ros: int) -> str:
     """Return RViz's file for ROS 1 or 2: the cloud of each LiDAR, photograph and tag image of each camera or pair."""
     text = (files("fieldtruth.gazebo.ros") / "templates" / "fieldtruth.rviz").read_text(encoding="utf-8")
-    text = "".join(_displays(block, rig) for block in re.split(r"(?m)^(?=    - Class: )", text))
+    text = "".join(_displays(block, rig) for block in re.split(r"(?m)^(?=    - Class: |  \w)", text))
     text = _without_axes(text, rig)
     if ros == 1:
         return text
