@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A package for a rig with several sensors of each kind has each one's pose, frame, topic and rate in every file."""
 
+import subprocess
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,7 +14,7 @@ import xacro
 import yaml
 import yourdfpy
 from many_sensors import many_rig, many_sensors
-from test_robot import FLAVOURS, _canonical, pose, sdf, values
+from test_robot import FLAVOURS, _canonical, _tool, pose, sdf, values
 from test_ros_package import FakeRos, fake, package, small_park
 
 import fieldtruth.gazebo
@@ -112,6 +113,15 @@ def test_rays_and_lenses_are_those_of_each_sensor(flavour: Flavour, tmp_path: Pa
         ours = (*pinhole(imager.config)[:2], imager.config.width, imager.config.height)
         paths = ("lens/intrinsics/fx", "lens/intrinsics/fy", "image/width", "image/height")
         assert [values(camera, path)[0] for path in paths] == list(ours)
+
+
+def test_check_urdf_and_libsdformat_find_nothing(urdf_folder: Path) -> None:
+    checks = ([_tool("check_urdf"), "urdf/husky.urdf"], [_tool("ign"), "sdf", "-k", "models/husky/model.sdf"])
+    for command in checks:
+        result = subprocess.run(command, cwd=urdf_folder, capture_output=True, text=True)
+        assert result.returncode == 0, result.stderr
+        assert "Warning" not in result.stderr
+        assert "Error:" not in result.stderr
 
 
 def test_the_urdf_has_a_plugin_with_topic_and_frame_for_each_sensor(urdf_folder: Path) -> None:

@@ -22,6 +22,7 @@ from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.experiment.stereo_config import StereoConfig
+from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.gazebo.robot.parts import camera_pose, mount_pose, scan_angles
 from fieldtruth.sense.pinhole import pinhole
 
@@ -60,18 +61,30 @@ def body_shapes(rig: Rig) -> tuple[Shape, ...]:
     """Shapes of base_link: chassis and mast are solid, the housings of the sensors are only drawn."""
     boxes = husky.body_boxes(rig)
     chassis = boxes["chassis"]
-    shapes = [Shape("chassis", tuple(chassis.size.tolist()), tuple(chassis.centre.tolist()), YELLOW, solid=True)]
+    shapes = [_chassis(rig)]
     if "mast" in boxes and (mast := _mast(rig, boxes["mast"], float(chassis.size[2]))):
         shapes.append(mast)
     housings = [*_lidar_housings(rig, chassis), *_camera_housings(rig)]
     housings += [(each, _cylinder(_name(each), _ANTENNA, each.mount)) for each in rig.antennas]
-    return (*shapes, *(shape for owner, shape in housings if not _is_seen(rig, shape, owner)))
+    return (*shapes, *(shape for owner, shape in housings if not _observers(rig, shape, owner)))
 
 
 def wheel_shape(rig: Rig) -> Shape:
     """Return the cylinder of a wheel, whose axis is y."""
     size = (rig.wheels.radius, round(husky.wheel_width(rig.wheels), 9))
     return Shape("tread", size, (0.0, 0.0, 0.0), rpy=(math.pi / 2, 0.0, 0.0), solid=True)
+
+
+def observers(rig: Rig) -> list[str]:
+    """Names of the LiDARs and views that see the chassis or a wheel, which ours never do."""
+    mounts, tread = rig.mounts(), wheel_shape(rig)
+    wheels = [tread._replace(xyz=mounts[f"{wheel}_wheel"].xyz) for wheel in WHEELS]
+    return list(dict.fromkeys(name for shape in (_chassis(rig), *wheels) for name in _observers(rig, shape)))
+
+
+def _chassis(rig: Rig) -> Shape:
+    box = husky.body_boxes(rig)["chassis"]
+    return Shape("chassis", tuple(box.size.tolist()), tuple(box.centre.tolist()), YELLOW, solid=True)
 
 
 def _name(sensor: SensorConfig) -> str:
@@ -109,18 +122,18 @@ def _cylinder(name: str, size: tuple[float, float], mount: Mount) -> Shape:
     return Shape(name, size, pose[:3], rpy=pose[3:])
 
 
-def _is_seen(rig: Rig, shape: Shape, owner: SensorConfig | None) -> bool:
-    """Whether a sensor of the rig other than its ``owner`` would see a shape of base_link, by points within it."""
+def _observers(rig: Rig, shape: Shape, owner: SensorConfig | None = None) -> list[str]:
+    """Names of the sensors other than its ``owner`` that would see a shape of base_link, by points within it."""
     extent = shape.size if shape.is_box else (2 * shape.size[0], 2 * shape.size[0], shape.size[1])
     grid = np.stack(np.meshgrid(*[np.linspace(-0.5, 0.5, 7)] * 3), axis=-1).reshape(-1, 3) * extent
     points = frames.transform(frames.pose(shape.xyz, np.degrees(shape.rpy).tolist()), grid)
-    seen = [_hits(lidar, points) for lidar in rig.lidars if lidar != owner]
-    seen += [
-        _shows(imager.config, frames.transform(frames.inverse(imager.base_from_optical), points))
+    seen = {lidar.name: _hits(lidar, points) for lidar in rig.lidars if lidar != owner}
+    seen |= {
+        imager.name: _shows(imager.config, frames.transform(frames.inverse(imager.base_from_optical), points))
         for imager in rig.imagers
         if imager.config != owner
-    ]
-    return any(seen)
+    }
+    return [name for name, found in seen.items() if found]
 
 
 def _hits(lidar: LidarConfig, points: Array) -> bool:

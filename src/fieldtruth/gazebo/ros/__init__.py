@@ -27,9 +27,11 @@ from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route, metres_from_route
 from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.gazebo.robot import ARGUMENTS, Flavour
+from fieldtruth.gazebo.robot.shapes import observers
 from fieldtruth.gazebo.ros.bridge import bridge_table, image_topics
 from fieldtruth.gazebo.ros.rviz import rviz_configuration
 from fieldtruth.gazebo.templates import render, write
+from fieldtruth.sense.pinhole import pinhole
 from fieldtruth.world.model import World
 
 _DEPENDENCIES: Final = {
@@ -156,6 +158,8 @@ def _values(world: World, rig: Rig, ros: int, configs: Mapping[str, Any]) -> dic
         "plain_world": f"{world.name}_plain",
         "rig": rig,
         "other": rig != Rig(),
+        "observers": observers(rig),
+        "lenses": [pinhole(camera) for camera in rig.cameras],
         "ros": ros,
         "topics": topics,
         "names": [topic.name for topic in topics.topics_of(rig)],
