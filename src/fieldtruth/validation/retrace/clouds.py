@@ -15,7 +15,7 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.sense.beams import column_times_ns, ray_times_ns
+from fieldtruth.sense.beams import ray_times_ns, sweep_times_ns
 from fieldtruth.sense.lidar import Lidar, ray_directions
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, RebuiltWorld, at
@@ -160,9 +160,16 @@ def _times(config: LidarConfig) -> NDArray[np.int64]:
 
 
 @cache
-def _column_times(config: LidarConfig) -> list[int]:
-    """Times [ns] after a scan's stamp at which its columns leave; one for all if the LiDAR does not spin."""
-    return [int(t) for t in column_times_ns(config)] if config.spinning else [0]
+def _sweep_times(config: LidarConfig) -> list[int]:
+    """Times [ns] after a scan's stamp at which its columns begin and the last one ends; 0 if the LiDAR stands."""
+    return [int(t) for t in sweep_times_ns(config)] if config.spinning else [0]
+
+
+@cache
+def _lag(config: LidarConfig) -> Array:
+    """Share (rings,) of a column's time after which each ring fires."""
+    offsets = np.array(config.firing_offsets_ns or (0,) * config.rings)
+    return offsets * (1e-9 * config.rate_hz * config.columns)
 
 
 class RetracedClouds(Checker):
@@ -178,21 +185,21 @@ class RetracedClouds(Checker):
 
     def see(self, raw: RawMessage, message: Any) -> None:
         """Process a message."""
-        end = raw.stamp_ns + _column_times(self._configs[raw.topic])[-1]
+        end = raw.stamp_ns + _sweep_times(self._configs[raw.topic])[-1]
         self._context.motion.when_known(end, lambda: self._submit(raw, message))
 
     def _submit(self, raw: RawMessage, message: Any) -> None:
         config, state = self._configs[raw.topic], self._context.motion.state
-        base_from_lidar, stamps = config.mount.base_from_sensor, [raw.stamp_ns + t for t in _column_times(config)]
+        base_from_lidar, stamps = config.mount.base_from_sensor, [raw.stamp_ns + t for t in _sweep_times(config)]
         poses = np.stack([state(stamp).world_from_base @ base_from_lidar for stamp in stamps])
         # The last scan of a spinning LiDAR is completed after the end of the bag, where no pose is known.
         known = np.searchsorted(stamps, self._context.motion.motion.stamps_ns[-1], "right")
         seed = raw.stamp_ns if self._sampler.takes(raw.stamp_ns, config.name) else None
-        columns = known if len(poses) > 1 else config.columns
+        columns = min(known - 1, config.columns) if len(poses) > 1 else config.columns
         self._context.jobs.append(lambda: self._compare(raw, message, poses, columns, seed))
 
     def _compare(self, raw: RawMessage, message: Any, poses: Array, columns: int, seed: int | None) -> list[Tally]:
-        """Scan again from a pose for each column (n, 4, 4), or from one for all (1, 4, 4); compare some columns."""
+        """Scan again from poses as ``Lidar.scan`` takes them, or from one (1, 4, 4); compare the first ``columns``."""
         config = self._configs[raw.topic]
         try:
             cloud = read.points(message)
@@ -212,7 +219,9 @@ class RetracedClouds(Checker):
 
         def reading(k: int) -> RayReading:
             column, ring = divmod(k, config.rings)
-            pose = poses[column % len(poses)]
+            pose = poses[0]
+            if len(poses) > 1:
+                pose = poses[column] + _lag(config)[ring] * (poses[column + 1] - poses[column])
             range_m = float(np.linalg.norm(bag.xyz[k].astype(np.float64)))
             return RayReading(
                 f"{at(raw)}, column {column}, ring {ring}", pose[:3, 3], pose[:3, :3] @ _directions(config)[k],
