@@ -306,7 +306,7 @@ def test_what_gazebo_does_not_have_is_one_line(change: dict[str, Any] | None, li
 
 
 def test_many_rig_without_the_two_lenses_is_written(tmp_path: Path) -> None:
-    """``enabled: false`` is the way out that the error names."""
+    """As the error advises: ``enabled: false``."""
     off = [{**i, "enabled": False} if i.get("name") in ("fisheye", "panorama") else i for i in many_sensors()]
     for flavour in get_args(Flavour):
         model = sdf(Rig.model_validate({"sensors": off}), flavour, tmp_path)[0]
