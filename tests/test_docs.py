@@ -22,7 +22,6 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import parse_experiment
 from fieldtruth.experiment.problems import condition_at, models_of
-from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.build import layout_model
 from fieldtruth.world.environments import ENVIRONMENTS
 from fieldtruth.world.model import World
@@ -86,7 +85,7 @@ def test_the_reference_names_every_value_with_its_default_and_what_is_allowed() 
 def test_the_example_of_the_reference_is_an_experiment() -> None:
     [text] = re.findall(r"```yaml\n(.*?)```", EXPERIMENTS, flags=re.S)
     experiment = parse_experiment(text)
-    assert (experiment.seed, experiment.rig.lidar.columns, experiment.rig.cameras.enabled) == (7, 1024, False)
+    assert (experiment.seed, experiment.rig.lidar.columns, experiment.rig.stereo.enabled) == (7, 1024, False)
 
 
 @pytest.mark.parametrize("name", ENVIRONMENTS)
@@ -133,8 +132,8 @@ def test_the_readme_lists_the_topics_with_types_and_rates() -> None:
         for pattern, own_rate in zip(patterns, rates, strict=True):
             listed |= {name: (re.split(r"[:,]", kind)[0], own_rate) for name in expanded(pattern)}
     true = {
-        topic.name: (topic.msgtype.replace("/msg/", "/"), f"{topic.rate_hz(Rig()):g}" if topic.rate_hz else "once")
-        for topic in topics.TOPICS
+        topic.name: (topic.msgtype.replace("/msg/", "/"), f"{topic.rate_hz:g}" if topic.rate_hz else "once")
+        for topic in topics.PAPER_TOPICS
     }
     assert {name: (kind.partition(" ")[0], rate) for name, (kind, rate) in listed.items()} == true
 

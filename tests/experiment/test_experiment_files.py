@@ -5,6 +5,7 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from hypothesis import given, settings
@@ -20,12 +21,12 @@ from fieldtruth import (
     RouteConfig,
     UnknownNameError,
 )
-from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.catalogue import experiment_names, list_experiments
 from fieldtruth.experiment.config import ControlConfig, LightConfig
 from fieldtruth.experiment.files import dump_experiment, load_experiment, parse_experiment, with_overrides
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import metres_from_route
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.world.build import check_experiment
 
 SMALL = """\
@@ -65,8 +66,8 @@ def test_dump_has_every_value_and_loads_equal(park: Experiment) -> None:
 def test_defaults_match_the_paper() -> None:
     experiment = parse_experiment(SMALL)
     assert (experiment.seed, experiment.seconds, experiment.control.speed) == (0, None, 0.3)
-    assert (experiment.rig.cameras.width, experiment.rig.cameras.height) == (1280, 720)
-    assert experiment.rig.cameras.baseline == pytest.approx(0.12, abs=1e-12)
+    assert (experiment.rig.stereo.width, experiment.rig.stereo.height) == (1280, 720)
+    assert experiment.rig.stereo.baseline == pytest.approx(0.12, abs=1e-12)
 
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
@@ -111,7 +112,7 @@ def test_overrides_return_a_validated_copy(park: Experiment) -> None:
     before = dump_experiment(park)
     changed = with_overrides(park, seconds=5, seed=7, cameras=False, lidar=False)
     assert (changed.seconds, changed.seed) == (5.0, 7)
-    assert not changed.rig.cameras.enabled
+    assert not changed.rig.stereo.enabled
     assert not changed.rig.lidar.enabled
     assert dump_experiment(park) == before
     assert with_overrides(park) == park
@@ -213,13 +214,13 @@ def test_cameras_must_be_a_rectified_stereo_pair() -> None:
         Mount(xyz=(0.15, -0.06, 0.72), rpy_deg=(0, 90, 5)),  # other orientation
     ):
         with pytest.raises(ValueError, match="must have the same orientation"):
-            CameraConfig(left=left, right=right)
+            StereoConfig.model_validate({"left": left, "right": right})
     turned = (10, 80, 30)
     across = Mount(xyz=(0, 0, 0), rpy_deg=turned).base_from_sensor[:3, 1] * -0.2
     right = Mount(xyz=(float(across[0]), float(across[1]), float(across[2])), rpy_deg=turned)
-    assert CameraConfig(left=Mount(xyz=(0, 0, 0), rpy_deg=turned), right=right).baseline == pytest.approx(
-        0.2, abs=1e-12
-    )
+    pair = StereoConfig.model_validate({"left": Mount(xyz=(0, 0, 0), rpy_deg=turned), "right": right})
+    assert pair.baseline == pytest.approx(0.2, abs=1e-12)
+    np.testing.assert_allclose(pair.right.base_from_sensor, right.base_from_sensor, atol=1e-12)
 
 
 BROKEN_TEXTS = [

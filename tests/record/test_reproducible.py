@@ -28,7 +28,7 @@ pytestmark = pytest.mark.slow  # real worlds; tests/record/test_pipeline.py show
 def small(seed: int = 0) -> Experiment:
     """Three seconds of park_1 through small sensors."""
     plain = load_experiment("park_1")
-    cameras = plain.rig.cameras.model_copy(update={"width": 160, "height": 88})
+    cameras = plain.rig.stereo.model_copy(update={"width": 160, "height": 88})
     rig = plain.rig.model_copy(update={"cameras": cameras})
     return plain.model_copy(update={"seconds": 3.0, "seed": seed, "rig": rig})
 
