@@ -16,6 +16,7 @@ Elevation = Annotated[Number, Field(gt=-90, lt=90)]
 Turn = Annotated[Number, Field(ge=-180, le=180)]
 Delay = Annotated[Integer, Field(ge=0, le=100_000_000)]
 TimeField = Literal["time", "timestamp"]
+PointFields = Literal["ouster"]
 _PER_RING: Final = {"min_length": 1, "max_length": MOST_RINGS}
 
 
@@ -59,6 +60,8 @@ class LidarConfig(MountedConfig):
     """False: all rays are cast at the stamp, as in the paper (Gazebo). True: columns are swept over one period."""
     time_field: Annotated[TimeField, Field(description="time or timestamp")] | None = None
     """Of points of a spinning LiDAR, beside ``t`` [ns]: time [s] after the stamp, or timestamp [s], the sum of both."""
+    point_fields: Annotated[PointFields, Field(description="ouster")] | None = None
+    """Of the maker's driver, beside those of every cloud. ouster: reflectivity, ambient, range, and 8-bit ring."""
 
     @classmethod
     def of_name(cls, name: str) -> dict[str, Any]:
