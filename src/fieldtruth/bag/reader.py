@@ -21,7 +21,7 @@ from rosbags.typesys.store import Typestore
 
 from fieldtruth.bag.errors import BagError as BagError
 from fieldtruth.bag.errors import read_errors
-from fieldtruth.bag.topics import standard_name
+from fieldtruth.bag.topics import ODOMETRY, standard_name
 from fieldtruth.core.arrays import Counts
 from fieldtruth.core.errors import UnknownNameError
 
@@ -56,6 +56,7 @@ class BagReader:
     def __init__(self, path: Path, reader: "_LeanReader", *, own_names: bool) -> None:
         self.path = path
         self._reader = reader
+        own_names = own_names or ODOMETRY in reader.topics  # the paper's data set has none, ours always
         name = {topic: topic if own_names else _name(topic, reader.topics) for topic in reader.topics}
         self._by_id = {c.id: c._replace(topic=name[c.topic]) for c in reader.connections}
         self.counts: Mapping[str, int] = {name[topic]: info.msgcount for topic, info in reader.topics.items()}

@@ -186,7 +186,7 @@ def _record_set(table: "Table") -> dict[str, Any]:
         "source": files
         | {"extract": {"fileProperty": "filename"}, "transform": {"regex": f"^({'|'.join(SPLITS)})-.*$"}},
     }
-    keys = [column.name for column in table.columns if column.name in ("run", "camera", "stamp_ns")]
+    keys = [column.name for column in table.columns if column.name in ("run", "camera", "lidar", "stamp_ns")]
     return {
         "@type": "cr:RecordSet",
         "@id": table.name,
