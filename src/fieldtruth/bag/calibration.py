@@ -63,7 +63,7 @@ class Calibration:
     height: int
     """Size [pixel] of the images of all views."""
     projection: Mapping[str, Array]
-    """P (3, 4) [pixel] by view, of points [m] in the optical frame of the first; that of a right one holds the baseline."""
+    """P (3, 4) [pixel] by view, of points [m] in the optical frame of the first; the right one holds the baseline."""
     base_from_lidar: Array
     """(4, 4) from the frame of the clouds."""
     base_from_optical: Mapping[str, Array]

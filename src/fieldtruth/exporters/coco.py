@@ -3,7 +3,8 @@
 """Export a run as COCO: panoptic and detection annotations of the photographs of all cameras with instance ids.
 
 ``images/CAMERA/NS.jpg`` are the photographs, byte for byte as in the bag; ``panoptic.json`` with
-``panoptic/CAMERA/NS.png`` holds the segment of each pixel, ``instances.json`` a mask for each countable object and each crowd.
+``panoptic/CAMERA/NS.png`` holds the segment of each pixel, ``instances.json`` a mask for each countable object and each
+crowd.
 """
 
 import struct

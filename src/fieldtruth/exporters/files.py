@@ -27,7 +27,7 @@ from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png, ids_png
 from fieldtruth.core.progress import timed
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.files_layout import CALIBRATION, OBJECTS, README, SHEET, folders, readme
+from fieldtruth.exporters.files_layout import CALIBRATION, OBJECTS, README, SHEET, Folder, folders, readme
 from fieldtruth.exporters.files_sheet import write_sheet
 from fieldtruth.exporters.files_text import (
     TextFile,
@@ -66,10 +66,11 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     """
     (run,) = runs
     all_folders, all_texts = list(folders(run.rig, options.label_map)), list(text_files(run))
-    known = {each.topic: each.msgtype for each in (*all_folders, *all_texts)}
+    outputs: list[Folder | TextFile] = [*all_folders, *all_texts]
+    known = {each.topic: each.msgtype for each in outputs}
     topics = [topic for topic in known if topic in run.counts]
     _check(run, known)
-    _check_paths(run, [each.path for each in (*all_folders, *all_texts)])
+    _check_paths(run, [each.path for each in outputs])
     suffixes = {folder.path: folder.suffix for folder in all_folders if folder.topic in run.counts}
     for path in suffixes:
         (target / path).mkdir(parents=True)

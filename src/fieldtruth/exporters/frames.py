@@ -51,7 +51,7 @@ class Frame(NamedTuple):
     views: dict[str, View]
     """By name of the camera's view: left, right."""
     clouds: dict[str, dict[str, NDArray[Any]]]
-    """By LiDAR: ``xyz`` (n, 3) float32 [m] in its frame, ``label`` (n,) class ids, and other fields of the cloud (n,)."""
+    """By LiDAR: ``xyz`` (n, 3) float32 [m] in its frame, ``label`` (n,) class ids, and other fields (n,)."""
     about: dict[str, Any]
     """Poses (4, 4) and calibration, as JSON."""
 
@@ -200,10 +200,7 @@ class _Geometry:
         static = read_static_frames(run) if table.TF_STATIC in run.counts else None
         known = [imager for imager in imagers if imager.topic_of("camera_info") in run.counts]
         self.cameras = {imager.name: _camera(run, imager, static) for imager in known}
-        self.lidars: dict[str, dict[str, Any]] = {lidar.name: {} for lidar in lidars}
-        for lidar in lidars if static is not None else ():
-            frame = first_message(run, lidar.topic).header.frame_id
-            self.lidars[lidar.name] = {"frame_id": frame, "base_from_lidar": static.base_from(frame).tolist()}
+        self.lidars = {lidar.name: _lidar(run, lidar, static) for lidar in lidars}
 
     def at(self, stamp_ns: int, clouds: Collection[str]) -> dict[str, Any]:
         """Poses and calibration of the cameras, and of the LiDARs with clouds, at a stamp, as JSON."""
@@ -234,6 +231,13 @@ def _camera(run: Run, imager: Imager, static: StaticFrames | None) -> dict[str, 
         "D": np.asarray(info.D, np.float64).tolist(),
     }
     return camera if static is None else camera | {"base_from_camera": static.base_from(frame).tolist()}
+
+
+def _lidar(run: Run, lidar: LidarConfig, static: StaticFrames | None) -> dict[str, Any]:
+    if static is None:
+        return {}
+    frame = first_message(run, lidar.topic).header.frame_id
+    return {"frame_id": frame, "base_from_lidar": static.base_from(frame).tolist()}
 
 
 def checked_jpeg(message: Any, shape: tuple[int, ...]) -> bytes:

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Export runs as KITTI odometry: stereo photographs, clouds, poses, times and calibration, one sequence per run.
 
-A frame is a cloud, both photographs with the same stamp, and the pose at that stamp (see ``bag.pairing``). Of a rig with
-several sensors these are of the first LiDAR and the first stereo pair; without a pair image_2 is of the first camera.
+A frame is a cloud, both photographs with the same stamp, and the pose at that stamp (see ``bag.pairing``). In a rig
+with several sensors these are of the first LiDAR and the first stereo pair; without a pair image_2 is of the first
+camera.
 """
 
 from collections.abc import Sequence
