@@ -16,6 +16,7 @@ from fieldtruth.bag.calibration import first_message
 from fieldtruth.bag.run import Run
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png, ids_png
+from fieldtruth.experiment.camera_config import Imager
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.croissant import CROISSANT, croissant_text
 from fieldtruth.exporters.frames import LIDAR, Frame, Frames, cameras_of, lidars_of, require_frames
@@ -39,6 +40,10 @@ _IMAGE_COLUMNS: Final = (
     Column("K", "float64[]", "pinhole matrix (3, 3) [pixel], row by row"),
     Column("world_from_camera", "float64[]", "true pose (4, 4) of the optical frame, row by row"),
     Column("base_from_camera", "float64[]", "mount (4, 4) of the optical frame, row by row"),
+)
+_LENS_COLUMNS: Final = (
+    Column("distortion_model", "string", "model of the lens, as in ROS's CameraInfo"),
+    Column("D", "float64[]", "coefficients of the lens, as in ROS's CameraInfo"),
 )
 _EXTRA_COLUMNS: Final = {
     "depth": Column("depth", "image", "depth [m] along the optical axis, TIFF, 32-bit float; infinite in the sky"),
@@ -112,7 +117,15 @@ def _image_columns(members: Sequence[Member]) -> tuple[Column, ...]:
     ]
     names = " or ".join(dict.fromkeys(view.name for _, view in views))
     columns = (*_IMAGE_COLUMNS[:2], *found, *_IMAGE_COLUMNS[2:]) if views else ()
+    columns += _LENS_COLUMNS * any(_is_distorted(run, view) for run, view in views)
     return tuple(column._replace(about=column.about.replace("{cameras}", names)) for column in columns)
+
+
+def _is_distorted(run: Run, view: Imager) -> bool:
+    """Whether K alone does not describe a camera."""
+    topic = view.topic_of("camera_info")
+    info = first_message(run, topic) if topic in run.counts else None
+    return info is not None and (info.distortion_model not in ("", "plumb_bob") or bool(np.any(info.D)))
 
 
 def _cloud_columns(members: Sequence[Member]) -> tuple[Column, ...]:
@@ -162,7 +175,8 @@ def _image_rows(member: Member, frame: Frame) -> list[tuple[dict[str, Any], int]
         about = frame.about["cameras"].get(camera, {})
         row: dict[str, Any] = {key: {"bytes": data, "path": name + end} for key, (data, end) in images.items()}
         row |= {"classes": np.unique(view.mask).tolist(), "run": member.name, "camera": camera}
-        row |= {"stamp_ns": frame.stamp_ns} | _flat(about, "K", "world_from_camera", "base_from_camera")
+        row |= {"stamp_ns": frame.stamp_ns} | _flat(about, "K", "world_from_camera", "base_from_camera", "D")
+        row["distortion_model"] = about.get("distortion_model")
         rows.append((row, sum(len(data) for data, _ in images.values())))
     return rows
 

@@ -136,5 +136,5 @@ def _readme(run: Run, label_map: LabelMap | None) -> str:
         rows = [(number, other.name, other.rgb) for number, other in sorted(label_map.classes.items())]
     lines = [f"| {number} | {name} | {' '.join(map(str, rgb))} |\n" for number, name, rgb in rows]
     others = [f"`{lidar.name}/`" for lidar in lidars_of(run) if lidar.name != LIDAR]
-    folders = f"Clouds of the LiDARs of these names: {', '.join(others)}.\n" if others else ""
+    folders = f"Clouds of these LiDARs are in folders of their names: {', '.join(others)}.\n" if others else ""
     return _README.format(name=run.name, folders=folders) + "".join(lines)

@@ -68,10 +68,11 @@ def first_views(run: Run) -> list[Imager]:
 
 
 def chosen_of_many(run: Run) -> dict[str, Any]:
-    """Names of the LiDAR and of the cameras in a sequence; empty if the rig has no others."""
-    if len(run.rig.lidars) <= 1 and len(run.rig.cameras) <= 1:
+    """Names of LiDAR and cameras of a sequence; empty for a rig with one LiDAR, and one pair or no camera."""
+    views = [imager.name for imager in first_views(run)]
+    if len(run.rig.lidars) <= 1 and len(run.rig.cameras) <= 1 and len(views) != 1:
         return {}
-    return {"lidar": run.rig.lidar.name, "cameras": [imager.name for imager in first_views(run)]}
+    return {"lidar": run.rig.lidar.name, "cameras": views}
 
 
 def has_cameras(run: Run) -> bool:
