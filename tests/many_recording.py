@@ -41,7 +41,7 @@ def record_many(folder: Path) -> Path:
 
     given = {"name": "many", "environment": "park", "seconds": SECONDS, "rig": many_rig()}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pipeline, "world_of", lambda experiment: make_world())
+        patch.setattr(pipeline, "world_of", lambda experiment: replace(make_world(), object_names=("husky", "ground")))
         patch.setattr(sensors, "Scene", FakeScene)
         patch.setattr(sensors, "bake", lambda scene, light: scene)
         patch.setattr(sensors, "Lidar", _Lidar)

@@ -9,6 +9,7 @@ images in memory at once, and takes longer to read than a trajectory.
 import struct
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -252,9 +253,17 @@ def _fields(data: bytes, at: int, size: int) -> dict[bytes, bytes]:
 
 
 def types_of(definitions: Mapping[str, str]) -> Typestore:
-    """Return the message types with these names and definitions (ROS's .msg text)."""
+    """Return the message types with these names and definitions (ROS's .msg text); they are shared, not to be changed.
+
+    Their classes take 50 ms to make, and are needed for each of the sensors.
+    """
+    return _types(tuple(sorted(definitions.items())))
+
+
+@lru_cache(maxsize=16)
+def _types(definitions: tuple[tuple[str, str], ...]) -> Typestore:
     store = get_typestore(Stores.EMPTY)
-    for msgtype, definition in definitions.items():
+    for msgtype, definition in definitions:
         store.register(get_types_from_msg(definition, msgtype))
     return store
 

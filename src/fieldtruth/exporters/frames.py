@@ -7,6 +7,7 @@ Without cameras each cloud is a frame.
 """
 
 from collections.abc import Collection, Mapping, Sequence
+from functools import cached_property
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.calibration import StaticFrames, first_message, read_static_frames
 from fieldtruth.bag.reader import BagError, open_bag
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.trajectory import read_trajectory
+from fieldtruth.bag.trajectory import Trajectory, read_trajectory
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.datasets.association import Stream, matched, read_streams
 from fieldtruth.datasets.storage import Storage
@@ -56,6 +57,24 @@ class Frame(NamedTuple):
     """Poses (4, 4) and calibration, as JSON."""
 
 
+class Source:
+    """A run and an ontology, with what all frames share."""
+
+    def __init__(self, run: Run, label_map: LabelMap) -> None:
+        self.run, self.ids = run, label_map.ids
+
+    @cached_property
+    def trajectory(self) -> Trajectory | None:
+        """True poses, if the bag has them."""
+        has_pose = table.ODOMETRY in self.run.counts or table.MODEL_STATES in self.run.counts
+        return read_trajectory(self.run) if has_pose else None
+
+    @cached_property
+    def static(self) -> StaticFrames | None:
+        """Mounts, if the bag has them."""
+        return read_static_frames(self.run) if table.TF_STATIC in self.run.counts else None
+
+
 class Frames:
     """The frames of some views and LiDARs of a run, by index; may be read from several threads.
 
@@ -67,13 +86,13 @@ class Frames:
 
     def __init__(
         self,
-        run: Run,
-        label_map: LabelMap,
+        source: Source,
         imagers: Sequence[Imager],
         lidars: Sequence[LidarConfig] = (),
         extras: Collection[str] = EXTRAS,
     ) -> None:
-        self._run, self._ids = run, label_map.ids
+        run = source.run
+        self._run, self._ids = run, source.ids
         self._topics = {imager.name: _image_topics(run, imager, extras) for imager in imagers}
         images = [topic for topics in self._topics.values() for topic in topics.values()]
         clouds = {lidar.name: lidar.topic for lidar in lidars}
@@ -90,7 +109,7 @@ class Frames:
         self._row_at = {
             name: {int(stamp): k for k, stamp in enumerate(stream.stamps_ns)} for name, stream in self._clouds.items()
         }
-        self._geometry = _Geometry(run, imagers, lidars)
+        self._geometry = _Geometry(source, imagers, lidars)
 
     def __len__(self) -> int:
         return len(self.stamps_ns)
@@ -194,10 +213,9 @@ def _image_topics(run: Run, imager: Imager, extras: Collection[str]) -> dict[str
 class _Geometry:
     """Poses and calibration, as far as the bag has them."""
 
-    def __init__(self, run: Run, imagers: Sequence[Imager], lidars: Sequence[LidarConfig]) -> None:
-        has_pose = table.ODOMETRY in run.counts or table.MODEL_STATES in run.counts
-        self._trajectory = read_trajectory(run) if has_pose else None
-        static = read_static_frames(run) if table.TF_STATIC in run.counts else None
+    def __init__(self, source: Source, imagers: Sequence[Imager], lidars: Sequence[LidarConfig]) -> None:
+        run, static = source.run, source.static
+        self._trajectory = source.trajectory
         known = [imager for imager in imagers if imager.topic_of("camera_info") in run.counts]
         self.cameras = {imager.name: _camera(run, imager, static) for imager in known}
         self.lidars = {lidar.name: _lidar(run, lidar, static) for lidar in lidars}

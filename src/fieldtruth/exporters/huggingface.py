@@ -19,7 +19,7 @@ from fieldtruth.core.png import encode_png, ids_png
 from fieldtruth.experiment.camera_config import Imager
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.croissant import CROISSANT, croissant_text
-from fieldtruth.exporters.frames import LIDAR, Frame, Frames, cameras_of, lidars_of, require_frames
+from fieldtruth.exporters.frames import LIDAR, Frame, Frames, Source, cameras_of, lidars_of, require_frames
 from fieldtruth.exporters.huggingface_card import CARD, card_text
 from fieldtruth.exporters.parquet import Column, ParquetFiles, Table, Written
 from fieldtruth.exporters.splits import SPLITS, Member
@@ -143,15 +143,17 @@ def _cloud_columns(members: Sequence[Member]) -> tuple[Column, ...]:
 
 def _images(member: Member, labels: LabelMap, options: Options) -> Iterator[tuple[dict[str, Any], int]]:
     """Rows of a run's images with their sizes [byte], camera by camera in time order."""
+    source = Source(member.run, labels)
     for imagers in cameras_of(member.run).values():
-        for rows in _read(member, "images", Frames(member.run, labels, imagers), _image_rows, options):
+        for rows in _read(member, "images", Frames(source, imagers), _image_rows, options):
             yield from rows
 
 
 def _clouds(member: Member, labels: LabelMap, options: Options) -> Iterator[tuple[dict[str, Any], int]]:
     """Rows of a run's clouds with their sizes [byte], LiDAR by LiDAR in time order."""
+    source = Source(member.run, labels)
     for lidar in lidars_of(member.run):
-        for rows in _read(member, "clouds", Frames(member.run, labels, [], [lidar]), _cloud_rows, options):
+        for rows in _read(member, "clouds", Frames(source, [], [lidar]), _cloud_rows, options):
             yield from rows
 
 

@@ -14,6 +14,7 @@ import json
 import tarfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 from zipfile import ZipFile
@@ -28,7 +29,7 @@ from fieldtruth.core.png import encode_png
 from fieldtruth.experiment.camera_config import Imager
 from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.frames import LIDAR, Frames, cameras_of, count_common, lidars_of, require_frames
+from fieldtruth.exporters.frames import LIDAR, Frames, Source, cameras_of, count_common, lidars_of, require_frames
 from fieldtruth.exporters.splits import SPLITS, Member
 from fieldtruth.exporters.zipped import add_member
 from fieldtruth.ontology.label_map import OWN, LabelMap
@@ -70,12 +71,14 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     contents = {member.name: _contents(member.run) for member in options.members}
     described = {member.name: _run_row(member, contents[member.name]) for member in options.members}
     names = sorted({name for own in contents.values() for name in own}, key=_rank)
+    run_of = {member.name: member.run for member in options.members}
+    source_of = lru_cache(maxsize=1)(lambda name: Source(run_of[name], labels))
     shards: list[dict[str, Any]] = []
     for split, name in ((split, name) for split in SPLITS for name in names):
         with _Shards(target, split if name == "frames" else f"{name}-{split}", options.shard_bytes) as files:
             for member in options.members:
                 if member.split == split and name in contents[member.name]:
-                    frames = Frames(member.run, labels, *contents[member.name][name])
+                    frames = Frames(source_of(member.name), *contents[member.name][name])
                     described[member.name][name] = len(frames)
                     for sample in _samples(member, frames, name, options):
                         files.add(sample)
