@@ -93,7 +93,7 @@ def _imagers_of(run: Run) -> list[Imager]:
     """Views that took photographs, of the cameras with instance images.
 
     Raises:
-        BagError: there are none, or a view lacks tag or instance images; the text states how to make those.
+        BagError: the rig has no camera, or a view lacks tag or instance images; the text states how to make those.
     """
     if not run.rig.imagers:
         raise BagError(f"the rig of {run.bag} has no camera, and COCO is made of photographs")

@@ -117,5 +117,6 @@ def _write_frames(run: Run, folder: Path, options: Options) -> _Written:
         frames = enumerate(timed(paired_frames(bag, first_lidar(run).topic, topics), advance, run.start_ns))
         saved = list(in_order(frames, save, options.workers))
     if not saved:
-        raise BagError(f"{run.bag} has no cloud with a photograph of each camera within {WINDOW_NS / 1e9} s")
+        what = "photographs of both cameras" if len(topics) > 1 else "a photograph"
+        raise BagError(f"{run.bag} has no cloud with {what} within {WINDOW_NS / 1e9} s")
     return _Written([stamp for stamp, _ in saved], max(apart for _, apart in saved))
