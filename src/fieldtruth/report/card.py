@@ -18,7 +18,14 @@ from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.report.card_sensors import cloud_frames, frame_content, imu_lines, odometry_lines, sensor_lines
+from fieldtruth.report.card_sensors import (
+    cloud_frames,
+    frame_content,
+    imu_lines,
+    odometry_lines,
+    ray_depths,
+    sensor_lines,
+)
 from fieldtruth.world.model import World
 
 _FOLLOWED: Final = (
@@ -58,6 +65,7 @@ def data_card(experiment: Experiment, world: World, track: Track, counts: Mappin
         topics="\n".join(_topics(experiment, counts, latches_objects(experiment, len(world.instances)))),
         objects_topic=objects_topic(counts),
         sensors="\n".join(sensor_lines(rig)),
+        rays=ray_depths(rig),
         clouds=cloud_frames(rig),
         classes="\n".join(_classes()),
         frames="\n".join(_frames(rig)),

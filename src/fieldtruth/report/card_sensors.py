@@ -5,7 +5,7 @@
 from collections.abc import Sequence
 from typing import Final
 
-from fieldtruth.core.lenses import fields_of_view
+from fieldtruth.core.lenses import FLAT, fields_of_view
 from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.lens_config import LensConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
@@ -46,9 +46,9 @@ def odometry_lines(rig: Rig) -> list[str]:
     if rig.wheel_odometry is None:
         return []
     return [
-        f"- Wheel odometry (`{rig.wheel_odometry.topic}`) is exact in what it measures, the angles of the wheels: all of"
-        " its error is slip and\n  skidding. Its covariances are the constants of a real Husky's driver. The frame `odom`"
-        " is not in `/tf`."
+        f"- Wheel odometry (`{rig.wheel_odometry.topic}`) is exact in what it measures, the angles of the wheels: all "
+        "of its error is slip and\n  skidding. Its covariances are the constants of a real Husky's driver. The frame "
+        "`odom` is not in `/tf`."
     ]
 
 
@@ -58,6 +58,12 @@ def cloud_frames(rig: Rig) -> str:
     if not frames:
         return ""
     return f"{', '.join(frames)}: frame{'s' * (len(frames) > 1)} of the points, x forward, y left, z up. "
+
+
+def ray_depths(rig: Rig) -> str:
+    """Phrase about the cameras whose depth is along the ray: those that can see beyond 180 degrees."""
+    names = [f"`{camera.name}`" for camera in rig.cameras if camera.lens.model not in FLAT]
+    return f", of {', '.join(names)} along the ray" if names else ""
 
 
 def frame_content(rig: Rig) -> str:
