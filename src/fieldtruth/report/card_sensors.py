@@ -85,12 +85,13 @@ def _camera(camera: CameraConfig, rig: Rig) -> str:
     angles = camera.horizontal_fov_deg, camera.vertical_fov_deg
     if camera.lens.fx is not None:
         angles = fields_of_view(camera.projection, camera.width, camera.height)
-    stereo = isinstance(camera, StereoConfig)
-    whose = "Their" if stereo else "Its"
+    kind, whose, baseline = "Camera", "Its", ""
+    if isinstance(camera, StereoConfig):
+        kind, whose, baseline = "Stereo camera", "Their", f", baseline {camera.baseline:g} m"
     lens = "" if camera.lens == LensConfig() else f" {whose} lens is `{camera.lens.model}`; CameraInfo describes it."
     return (
-        f"- {_named('Stereo camera' if stereo else 'Camera', camera, rig.cameras)}: {camera.width} x {camera.height}, "
-        f"{angles[0]:g} x {angles[1]:g} deg{f', baseline {camera.baseline:g} m' if stereo else ''}. "
+        f"- {_named(kind, camera, rig.cameras)}: {camera.width} x {camera.height}, "
+        f"{angles[0]:g} x {angles[1]:g} deg{baseline}. "
         f"Photographs are JPEG (quality {camera.jpeg_quality}); tag, depth and instance images are lossless.{lens}"
     )
 
