@@ -44,7 +44,8 @@ class CloudView:
     data: bytes
     """n rows of three int16, little endian, followed by n labels of one byte."""
     settings: dict[str, Any]
-    """For the script: scale of the rows, first view, colours; of several LiDARs, first row and number of points of each."""
+    """For the script: scale of the rows, first view, colours;
+    of several LiDARs, and of the path after them, the first row and the number of rows."""
     legend: tuple[LegendRow, ...]
     poster: bytes
     """JPEG of the first view."""

@@ -172,6 +172,7 @@ def camera_rows(run: Run) -> list[CameraRow]:
         angles = _fields_of_view(info, k, size)
         with np.errstate(divide="ignore", invalid="ignore"):
             distance = -p[0, 3] / p[0, 0]
+        known = imager.side == "right" and math.isfinite(distance) and distance
         coefficients = " ".join(f"{d:g}" for d in info.D[:12])
         rows.append(
             CameraRow(
@@ -185,7 +186,7 @@ def camera_rows(run: Run) -> list[CameraRow]:
                 distortion=shortened(f"{info.distortion_model}, D = {coefficients}"),
                 k=_matrix(k),
                 p=_matrix(p),
-                baseline=f"{distance:.4f} m" * (imager.side == "right" and math.isfinite(distance) and distance != 0),
+                baseline=f"{distance:.4f} m" if known else "",
             )
         )
     return rows
