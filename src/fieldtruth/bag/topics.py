@@ -12,6 +12,7 @@ from fieldtruth.experiment.config import FRAME_RATE, Experiment
 from fieldtruth.experiment.odometry_config import JOINT_STATES as JOINT_STATES_TOPIC
 from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS as WHEEL_SPEED_TOPICS
 from fieldtruth.experiment.rig import Rig, paper_rig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.experiment.topic import Topic
 
 TRUTH_RATE: Final = 1000.0  # [Hz]; the physics rate
@@ -60,7 +61,7 @@ def topics_of_run(experiment: Experiment, *, latched: bool) -> tuple[Topic, ...]
     return tuple(row if row.latched else row._replace(rate_hz=FRAME_RATE) for row in still)
 
 
-PAPER_TOPICS: Final = topics_of(paper_rig(), latched=True)
+PAPER_TOPICS: Final = topics_of(paper_rig(stereo=StereoConfig(depth=True, instances=True)), latched=True)
 """Topics of the paper's rig, with depth and instances."""
 
 _PUBLISHED: Final = {

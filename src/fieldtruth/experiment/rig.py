@@ -148,6 +148,14 @@ def _rank(sensor: SensorConfig, order: Sequence[type[SensorConfig]]) -> int:
     return next((i for i, config in enumerate(order) if isinstance(sensor, config)), len(order))
 
 
-def paper_rig() -> Rig:
-    """The paper's rig with all that it can publish."""
-    return Rig().with_sensors(CameraConfig, depth=True, instances=True)
+def paper_rig(
+    *,
+    imu: ImuConfig | None = None,
+    gnss: GnssConfig | None = None,
+    wheel_odometry: WheelOdometryConfig | None = None,
+    lidar: LidarConfig | None = None,
+    stereo: StereoConfig | None = None,
+) -> Rig:
+    """Return the paper's rig, with other settings of the sensors that are given."""
+    given = (imu, gnss, wheel_odometry, lidar, stereo)
+    return Rig(sensors=tuple(own or paper for own, paper in zip(given, PAPER_SENSORS, strict=True)))

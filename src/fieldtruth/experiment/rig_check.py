@@ -32,15 +32,15 @@ def check_sensors(sensors: Sequence[SensorConfig], own_frames: Mapping[str, Moun
     Raises:
         LocatedError: the key of the sensor, and what it has in common with which other.
     """
+    odometry = [i for i, sensor in enumerate(sensors) if isinstance(sensor, WheelOdometryConfig)]
+    if len(odometry) > 1:
+        raise LocatedError("must differ: a rig has at most one wheel_odometry", ("sensors", odometry[1], "kind"))
     _differ(sensors, "name", [(sensor.name,) for sensor in sensors], {})
     _differ(sensors, "name", [_views(sensor) for sensor in sensors], {}, "the name of a camera")
     topics = [[topic.name for topic in sensor.topics()] for sensor in sensors]
     _differ(sensors, "topic", topics, dict.fromkeys(OWN_TOPICS, "the robot"))
     frames = [[*sensor.frames(), *sensor.optical_frames()] for sensor in sensors]
     _differ(sensors, "frame", frames, dict.fromkeys((*OWN_FRAMES, *own_frames), "the robot"))
-    odometry = [i for i, sensor in enumerate(sensors) if isinstance(sensor, WheelOdometryConfig)]
-    if len(odometry) > 1:
-        raise LocatedError("must differ: a rig has at most one wheel_odometry", ("sensors", odometry[1], "kind"))
     clearance = -own_frames["base_footprint"].xyz[2]
     for i, sensor in enumerate(sensors):
         if sensor.enabled and sensor.kind in ("lidar", "camera", "stereo", "gnss"):
@@ -60,7 +60,7 @@ def _differ(
         for value in own:
             if value in taken:
                 raise LocatedError(f"{value!r} is already {what} of {taken[value]}", ("sensors", i, key))
-            taken[value] = f"sensors[{i}], {sensors[i].name!r}"
+            taken[value] = f"sensors[{i}]"
 
 
 def _check_outside(mount: Mount, frame: str, clearance: float, at: tuple[str | int, ...]) -> None:

@@ -3,7 +3,7 @@
 """What the configurations of all sensors have in common; a subclass with a ``kind`` is a kind of sensor."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Final, TypeVar
+from typing import Annotated, Any, ClassVar, Final, TypeVar
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -34,6 +34,9 @@ class SensorConfig(Frozen):
 
     Its other defaults are those of a sensor without a name of its own: the paper's.
     """
+
+    needs_mount: ClassVar[bool] = False
+    """Whether the default of ``mount`` is none of a robot, but for a sensor that is used on its own."""
 
     kind: str
     name: SensorName
@@ -117,10 +120,13 @@ def sensor_of(value: Any) -> SensorConfig:
         raise ValueError(f"must be a mapping with the keys kind, name, ..., got {shortened(value)}")
     kind = value.get("kind")
     if kind is None:
-        raise ValueError(f"kind is required: one of {', '.join(KINDS)}")
+        raise LocatedError(f"is required: one of {', '.join(sorted(KINDS))}", ["kind"])
     if kind not in KINDS:
-        raise ValueError(f"unknown kind {shortened(kind)}; {suggestion(str(kind), KINDS)}")
-    return part(KINDS[kind], value)
+        raise LocatedError(f"{shortened(kind)} is unknown; {suggestion(str(kind), sorted(KINDS))}", ["kind"])
+    config = KINDS[kind]
+    if config.needs_mount and "mount" not in value:
+        raise LocatedError(f"is required: {condition_at(config, ['mount'])}", ["mount"])
+    return part(config, value)
 
 
 def part(config: type[_Config], value: Any, *at: str | int) -> _Config:
