@@ -17,11 +17,11 @@ from fieldtruth.bench.measure import image_efficiency
 from fieldtruth.bench.sensors import pixel_directions, poses_on_route
 from fieldtruth.core import frames
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
-from fieldtruth.experiment.camera_config import OPTICAL, CameraConfig
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.experiment.route import metres_from_route, route_from_metres
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.sense.embree import Engine, RayScene
 from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.lidar import Lidar, ray_directions
@@ -31,7 +31,7 @@ from fieldtruth.world.environments.park.build import build as build_park
 from fieldtruth.world.environments.park.config import Config as ParkConfig
 from fieldtruth.world.model import World
 
-RIG = Rig(cameras=CameraConfig(width=64, height=48), lidar=LidarConfig(columns=64, rings=16))
+RIG = paper_rig(stereo=StereoConfig(width=64, height=48), lidar=LidarConfig(columns=64, rings=16))
 EXPERIMENT = Experiment(
     name="small", environment="park", rig=RIG, route=route_from_metres((-6.0, 0.0), [(2.0, 0.0), (2.0, 8.0)])
 )
@@ -87,7 +87,7 @@ def test_best_mode_and_size_of_tiles() -> None:
 def test_bare_rays_equal_those_of_camera_and_lidar(world: World) -> None:
     scene = Scene(world)
     pose = poses_on_route(EXPERIMENT.route, world, RIG, 3)[1]
-    camera, world_from_optical = RIG.cameras, pose @ RIG.cameras.left.base_from_sensor @ OPTICAL
+    camera, world_from_optical = RIG.stereo, pose @ RIG.imagers[0].base_from_optical
     directions = pixel_directions(camera)
     bare = BareTracer(scene.rays.handle, directions, camera.far, Mode(8, 2, True))
     bare.trace(world_from_optical)

@@ -25,7 +25,7 @@ from fieldtruth.experiment.config import RandomRouteConfig
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import Rig, paper_rig
 
 ENVIRONMENTS = ["forest", "hillside", "lake", "park"]
 
@@ -256,7 +256,7 @@ def test_a_written_campaign_keeps_sensors_whose_values_are_defaults_of_others() 
         {"kind": "lidar", "name": "top", "topic": "/os1_cloud_node/points", "mount": {"xyz": [0, 0, 1]}},
         {"kind": "lidar", "model": "vlp_16", "name": "low", "mount": {"xyz": [0.6, 0, 0.2]}, "spinning": False},
     ]
-    rigs = [many_rig(), Rig.model_validate({"sensors": sensors}), Rig(lidar=LidarConfig(rings=16))]
+    rigs = [many_rig(), Rig.model_validate({"sensors": sensors}), paper_rig(lidar=LidarConfig(rings=16))]
     listed = [make_experiment(rig=rig, name=f"e_{k}") for k, rig in enumerate(rigs)]
     planned = Campaign.model_validate({"name": "c", "experiments": listed})
     text = yaml.safe_load(dump_campaign(planned))
