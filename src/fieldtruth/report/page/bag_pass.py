@@ -23,10 +23,13 @@ from fieldtruth.core.progress import Progress, timed
 from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS
 from fieldtruth.experiment.topic import WHEELS, Topic
 from fieldtruth.report.page.class_counts import count_pixels, count_points
+from fieldtruth.report.page.decimate import BUCKETS, CHANNELS
 from fieldtruth.report.page.series import Collector, Fixes, Inertial, Lines, Motion, Wheel
 
 UNEXPECTED: Final = (BagError, AttributeError, KeyError, TypeError, ValueError, IndexError)
 """Exceptions from a message that differs from what its topic promises."""
+_OTHER_CHANNELS: Final = 9
+"""Curves of motion and wheels."""
 _OTHER_CLOCK: Final = 10_000_000_000  # [ns]
 
 
@@ -121,14 +124,15 @@ def summarize_bag(run: Run, workers: int, progress: Progress) -> BagSummary:
 
 def _collectors(run: Run, topics: set[str]) -> dict[str, Collector]:
     """Collectors of the small messages by topic; Odometry replaces ModelStates, whose rate is 20 times as high."""
-    span = run.start_ns, run.end_ns
     poses = table.ODOMETRY if table.ODOMETRY in topics else table.MODEL_STATES
     imus, antennas = run.rig.imus, run.rig.antennas
+    channels = _OTHER_CHANNELS + 6 * len(imus) + 3 * len(antennas)
+    time = run.start_ns, run.end_ns, min(BUCKETS, BUCKETS * CHANNELS // channels)
     made: Mapping[str, Collector] = {
-        poses: Motion(*span, from_model_states=poses == table.MODEL_STATES),
-        **{imu.topic: Inertial(*span, imu.name * (len(imus) > 1)) for imu in imus},
-        **{each.topic: Fixes(*span, each.name * (len(antennas) > 1)) for each in antennas},
-        **{t: Wheel(*span, name.replace("_", " ")) for t, name in zip(WHEEL_SPEEDS, WHEELS, strict=True)},
+        poses: Motion(time, from_model_states=poses == table.MODEL_STATES),
+        **{imu.topic: Inertial(time, imu.name * (len(imus) > 1)) for imu in imus},
+        **{each.topic: Fixes(time, each.name * (len(antennas) > 1)) for each in antennas},
+        **{t: Wheel(time, name.replace("_", " ")) for t, name in zip(WHEEL_SPEEDS, WHEELS, strict=True)},
     }
     return {topic: collector for topic, collector in made.items() if topic in topics}
 
