@@ -128,7 +128,7 @@ def test_table_shows_value_and_unit() -> None:
 
 def test_image_efficiency_is_bare_time_over_core_seconds() -> None:
     """0.1 s of bare rays per image; 4 images per second on two cores are 0.5 core-seconds each."""
-    assert image_efficiency(2.0, 2, 1_000_000, 10.0) == pytest.approx(0.1 / 0.5)
+    assert image_efficiency(4.0, 2, 1_000_000, 10.0) == pytest.approx(0.1 / 0.5)
 
 
 @pytest.mark.usefixtures("_small_park")
@@ -137,7 +137,7 @@ def test_reduced_run_gives_every_figure(
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
-    figures = measure(Settings(experiment=EXPERIMENT, views=2, repeats=1, pairs=2))
+    figures = measure(Settings(experiment=EXPERIMENT, views=2, repeats=1, images=2))
     assert list(json.loads(json.dumps(figures))) == list(UNITS)
     assert all(type(value) is float and math.isfinite(value) and value > 0 for value in figures.values())
     assert capfd.readouterr() == ("", "")
