@@ -50,7 +50,7 @@ def record(baked: BakedScene, track: Track, rig: Rig, *, workers: int, seconds: 
         for stream in streams_of(baked.scene.world, track, rig)
         if names.issuperset(stream.topics)
     ]
-    ready = [_used(sensors_of(baked, rig)) for _ in range(workers)]
+    ready = [sensors_of(baked, rig, used=True) for _ in range(workers)]
     with TemporaryDirectory() as folder:
         slices = Slices(Path(folder), streams, topics, ready.pop)
         start = perf_counter()
@@ -61,19 +61,16 @@ def record(baked: BakedScene, track: Track, rig: Rig, *, workers: int, seconds: 
     return Recorded(took, sum(len(stream.stamps_ns) for stream in streams) - scans, scans)
 
 
-def sensors_of(baked: BakedScene, rig: Rig) -> Sensors:
-    """The cameras and LiDARs of one worker in a scene that all share."""
-    return Sensors(
-        lidars={config.name: Lidar(config, baked.scene) for config in rig.lidars},
-        cameras={config.name: Camera(config, baked, reuse=True) for config in rig.cameras},
-        wide_ids=baked.scene.world.has_wide_ids,
-    )
+def sensors_of(baked: BakedScene, rig: Rig, *, used: bool = False) -> Sensors:
+    """The cameras and LiDARs of one worker in a scene that all share.
 
-
-def _used(sensors: Sensors) -> Sensors:
-    """Sensors after the first use of their memory, which a long run pays once."""
-    for camera in sensors.cameras.values():
-        camera.render(np.eye(4))
-    for lidar in sensors.lidars.values():
-        lidar.scan(np.eye(4))
-    return sensors
+    ``used``: after the first use of their memory, which a long run pays once.
+    """
+    lidars = {config.name: Lidar(config, baked.scene) for config in rig.lidars}
+    cameras = {config.name: Camera(config, baked, reuse=True) for config in rig.cameras}
+    if used:
+        for camera in cameras.values():
+            camera.render(np.eye(4))
+        for lidar in lidars.values():
+            lidar.scan(np.eye(4))
+    return Sensors(lidars, cameras, baked.scene.world.has_wide_ids)

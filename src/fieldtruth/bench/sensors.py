@@ -47,7 +47,7 @@ def pixel_directions(config: CameraConfig) -> Float32Array:
     """
     u, v = np.arange(config.width), np.arange(config.height)[:, None]
     found = np.asarray(directions(config.projection, u, v), np.float32)
-    return np.where(np.isnan(found), np.float32((0.0, 0.0, 1.0)), found)
+    return np.where(np.isnan(found), np.array([0.0, 0.0, 1.0], np.float32), found)
 
 
 def measure_lidars(scene: Scene, rig: Rig, poses: Sequence[Array], repeats: int) -> dict[str, float]:
@@ -69,7 +69,7 @@ def measure_lidars(scene: Scene, rig: Rig, poses: Sequence[Array], repeats: int)
 
 
 def measure_cameras(baked: BakedScene, rig: Rig, poses: Sequence[Array], repeats: int) -> dict[str, float]:
-    """Label images and photographs of all cameras against bare rays from poses world_from_base; empty without camera."""
+    """Label images and photographs of all cameras against bare rays from poses world_from_base; empty without one."""
     mrays, total = 0.0, np.zeros(3)
     for config in rig.cameras:
         camera, directions = Camera(config, baked, reuse=True), pixel_directions(config)
