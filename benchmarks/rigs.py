@@ -7,11 +7,12 @@ Run: python benchmarks/rigs.py [--env NAME] [--seconds S] [--tries N] [--workers
 - rigs: images and scans per second, each over the time of the whole recording; rigs take turns, the best try counts.
 - sensors: time of recording a LiDAR and one more sensor, minus that of the LiDAR alone, over the time of that sensor
   alone. 1 means that sensors share the scene and nothing else. They take turns, too.
-- memory: what the process holds more after the scene, and after the sensors of each rig in it.
+- memory: what the process holds more after the scene, which is in it once, and the arrays of each rig's sensors in it.
 """
 
 import argparse
 import os
+import tracemalloc
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Final
@@ -87,15 +88,16 @@ def added(tries: int, work: Work) -> Iterator[Row]:
 
 
 def memory(world: World, light: LightConfig) -> Iterator[Row]:
-    """What the process holds more after the scene, and after the sensors of each rig in it have been used."""
+    """What the process holds more after the scene, and the arrays of the sensors of each rig in it, one worker's."""
     before = held_mb()
     baked = ft.bake(ft.Scene(world), light)
     yield {"part": "scene and light", "MB": held_mb() - before}
-    kept = []
     for name, rig in RIGS.items():
-        before = held_mb()
-        kept.append(sensors_of(baked, rig, used=True))
-        yield {"part": f"sensors of the rig: {name}", "MB": held_mb() - before}
+        tracemalloc.start()
+        kept = sensors_of(baked, rig, used=True)
+        yield {"part": f"sensors of the rig: {name}", "MB": tracemalloc.get_traced_memory()[0] / 1e6}
+        tracemalloc.stop()
+        del kept
 
 
 def show(rows: Iterable[Row]) -> None:
@@ -116,7 +118,6 @@ def main() -> None:
     options = parser.parse_args()
     experiment = with_overrides(settings_of(options.env).experiment, seconds=options.seconds)
     world = world_of(experiment)
-    ft.bake(ft.Scene(world), experiment.light)  # into the cache, so that its threads hold no memory of their own below
     show(memory(world, experiment.light))
     baked, track = ft.bake(ft.Scene(world), experiment.light), drive(world, experiment)
 
