@@ -8,20 +8,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from many_sensors import many_rig
 from numpy.typing import NDArray
 from scaling import image_time_ratio, is_tree, with_trees_around
 
 from fieldtruth.bench import UNITS, Settings, measure, settings_of, table
 from fieldtruth.bench.bare import MODES, BareTracer, Mode, best_mode
 from fieldtruth.bench.measure import image_efficiency
+from fieldtruth.bench.recording import record
 from fieldtruth.bench.sensors import pixel_directions, poses_on_route
 from fieldtruth.core import frames
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
+from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.rig import paper_rig
+from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.route import metres_from_route, route_from_metres
 from fieldtruth.experiment.stereo_config import StereoConfig
+from fieldtruth.render.bake import bake
 from fieldtruth.sense.embree import Engine, RayScene
 from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.lidar import Lidar, ray_directions
@@ -141,6 +145,42 @@ def test_reduced_run_gives_every_figure(
     assert list(json.loads(json.dumps(figures))) == list(UNITS)
     assert all(type(value) is float and math.isfinite(value) and value > 0 for value in figures.values())
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.usefixtures("_small_park")
+@pytest.mark.parametrize("kinds", [("lidar", "stereo", "camera"), ("lidar",)])
+def test_figures_are_those_of_the_sensors_that_a_rig_has(
+    kinds: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    sensors = [sensor for sensor in many_rig().sensors if sensor.kind in kinds]
+    experiment = EXPERIMENT.model_copy(update={"rig": Rig(sensors=tuple(sensors))})
+    figures = measure(Settings(experiment=experiment, views=1, repeats=1, images=2))
+    lacking = {"stereo_pairs_per_s"}
+    if "camera" not in kinds:
+        lacking |= {key for key in UNITS if "image" in key or "camera" in key or "photograph" in key}
+    assert figures.keys() == UNITS.keys() - lacking
+    assert all(math.isfinite(value) and value > 0 for value in figures.values())
+
+
+def test_pixels_outside_the_image_circle_have_finite_bare_rays() -> None:
+    fisheye = next(camera for camera in many_rig().cameras if camera.name == "fisheye")
+    rays = pixel_directions(fisheye)
+    np.testing.assert_allclose(np.linalg.norm(rays, axis=-1), 1.0, rtol=1e-5)
+    assert rays[0, 0].tolist() == [0.0, 0.0, 1.0]
+    assert (rays[48, :, 2] < 0).any()  # beyond 180 deg
+
+
+@pytest.mark.usefixtures("_small_park")
+def test_a_recording_has_the_readings_of_every_sensor(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    track, baked = drive(world, EXPERIMENT.model_copy(update={"seconds": 0.4})), bake(Scene(world), EXPERIMENT.light)
+    found = record(baked, track, many_rig(), workers=2, seconds=0.4)
+    assert found.images == 5 * 2 + 4  # five views at 5 Hz, one at 10 Hz
+    assert found.scans == 4 + 8
+    assert found.took_s > 0
 
 
 def test_environment_is_measured_with_its_first_experiment() -> None:
