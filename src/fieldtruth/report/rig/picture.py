@@ -42,7 +42,7 @@ _EYES: Final = (
 )
 _GROUND: Final = {
     "blind": "#f4c7c3",
-    "only through the robot": "#d9a6c9",
+    "behind the robot": "#d9a6c9",
     "LiDAR only": "#cfe0fb",
     "camera only": "#fbe6b8",
     "LiDAR and camera": "#cdebcf",
@@ -119,7 +119,7 @@ def _write_legend(paper: Paper, rig: Rig, coverage: Coverage, colours: Sequence[
     for name, mask in ground_classes(coverage).items():
         if mask.any():
             paper.box(left, _LEGEND_TOP, 0.17, 0.13, _GROUND[name], edgecolor=HAIRLINE, linewidth=0.5)
-            left += 0.24 + paper.text(left + 0.23, _LEGEND_TOP + 0.115, f"{name} {percent(mask.mean(), 0)}", 7.4) + 0.16
+            left += 0.35 + paper.text(left + 0.22, _LEGEND_TOP + 0.115, f"{name} {percent(mask.mean(), 0)}", 7.2)
     ground = body.ground_height(rig)
     for k, (eye, colour) in enumerate(list(zip(coverage.eyes, colours, strict=True))[:_ROWS]):
         left, top = _PLAN_LEFT + 3.1 * (k % 2), _LEGEND_TOP + 0.34 + 0.36 * (k // 2)
@@ -136,7 +136,8 @@ def _nearest(eye: Eye, ground: float) -> str:
     distance = nearest_ground(eye, ground)
     if np.isnan(distance):
         return "sees no ground"
-    return f"blind circle of {distance:.2f} m" if eye.is_lidar else f"sees ground from {distance:.2f} m"
+    upright = eye.is_lidar and eye.base_from_eye[2, 2] > 1.0 - 1e-9
+    return f"blind circle of {distance:.2f} m" if upright else f"sees ground from {distance:.2f} m"
 
 
 def _heading(paper: Paper, left: float, top: float, title: str, caption: str) -> None:

@@ -54,10 +54,9 @@ def sensor_table(rig: Rig) -> str:
 def figures(sensor: SensorConfig) -> str:
     """Return what a sensor measures, in a few words."""
     if isinstance(sensor, LidarConfig):
-        elevations = np.degrees(ring_elevations(sensor))
-        spin = ", spinning" if sensor.spinning else ""
-        beams = f"{sensor.rings} rings x {sensor.columns} columns, {elevations.min():.4g} to {elevations.max():.4g} deg"
-        return f"{beams}, {sensor.min_range:g} to {sensor.max_range:g} m{spin}"
+        angles, many = np.degrees(ring_elevations(sensor)), "s" * (sensor.rings != 1)
+        beams = f"{sensor.rings} ring{many} x {sensor.columns} columns, {angles.min():.4g} to {angles.max():.4g} deg"
+        return f"{beams}, {sensor.min_range:g} to {sensor.max_range:g} m{', spinning' * sensor.spinning}"
     if isinstance(sensor, CameraConfig):
         across, down = lenses.fields_of_view(sensor.projection, sensor.width, sensor.height)
         pair = f", baseline {sensor.baseline:g} m" if isinstance(sensor, StereoConfig) else ""

@@ -27,7 +27,7 @@ ABOVE: Final = (0, 1)
 _AXES: Final = ("#d62728", "#2ca02c", "#1f55d6")  # x, y, z
 _SAME: Final = 0.02  # of the robot's size: frames that are drawn at one point
 _TEXT: Final = 6.6  # [point]
-_LINE: Final = 0.065  # of half the width of a view, between labels
+_LINE: Final = 0.037  # of half the width of a view, between labels
 
 
 class Window(NamedTuple):
@@ -107,20 +107,17 @@ def _draw_axes(axes: Axes, base_from_frame: Array, plane: tuple[int, int], lengt
 
 
 def _field_of_view(eye: Eye, plane: tuple[int, int], reach: float) -> Iterator[Array]:
-    """Outlines (n, 2): of a camera the shadow of its rays, of a LiDAR from the side what it scans in this plane."""
+    """Outlines (n, 2) of the shadow of its rays; of a LiDAR from the side, of what it scans in this plane."""
     flat, origin = list(plane), eye.position[list(plane)]
-    if not eye.is_lidar:
+    if not eye.is_lidar or plane == ABOVE:
         rays = eye.rays().reshape(-1, 3)[:, flat]
         points = np.concatenate([[origin], origin + reach * rays[np.isfinite(rays[:, 0])]])
-        yield points[ConvexHull(points).vertices]
+        yield points[ConvexHull(points, qhull_options="QJ").vertices]  # QJ: they may be in one line
         return
     angle = np.radians(np.arange(0.0, 360.0, 0.5))
     around = np.zeros((len(angle), 3))
     around[:, plane[0]], around[:, plane[1]] = np.cos(angle), np.sin(angle)
     rim = origin + reach * around[:, flat]
-    if plane == ABOVE:
-        yield rim
-        return
     seen = eye.sees(eye.position + around * max(reach, 1.01 * eye.nearest))
     turned = np.roll(np.arange(len(angle)), -int(np.argmin(seen)))  # begins at a direction that is not seen
     runs = np.split(turned, np.flatnonzero(np.diff(seen[turned].astype(int))) + 1)
