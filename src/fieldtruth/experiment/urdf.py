@@ -44,7 +44,7 @@ class Urdf:
         root = _parsed(path)
         self.links = [link.get("name", "") for link in root.findall("link")]
         if root.tag != "robot" or _BASE not in self.links:
-            what = f"has no link {_BASE!r}; Available: {', '.join(self._nearest(_BASE))}" if self.links else ""
+            what = f"has no link {_BASE!r}; nearest first: {', '.join(self._nearest(_BASE))}" if self.links else ""
             _fail(path, what if root.tag == "robot" and what else "is not a URDF: it must have <robot> with links")
         self._joints: dict[str, _Joint] = {}
         for element in root.findall("joint"):

@@ -21,6 +21,7 @@ HALF: Final = 10.0
 STEP: Final = 0.05  # [m] between its points
 AZIMUTHS: Final = 720
 """Rays of a ring."""
+_ROUNDING: Final = 1e-9  # [rad], so that a beam's own points count
 _PIXELS: Final = 97  # rays along the longer side of an image, borders included
 
 
@@ -62,7 +63,7 @@ class Eye:
         near, config = (distance >= self.nearest) & (distance <= self.farthest), self.config
         if isinstance(config, LidarConfig):
             elevation, beams = np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1])), ring_elevations(config)
-            return np.asarray(near & (elevation >= beams.min()) & (elevation <= beams.max()))
+            return np.asarray(near & (elevation >= beams.min() - _ROUNDING) & (elevation <= beams.max() + _ROUNDING))
         u, v = (lenses.project(config.projection, points) + 0.5).T  # 0: the outer border of the first pixel
         ahead = points[:, 2] > 0.0 if config.projection.model in lenses.FLAT else True
         inside = (u >= 0.0) & (u <= config.width) & (v >= 0.0) & (v <= config.height)
