@@ -135,8 +135,11 @@ BOMB = '<!DOCTYPE robot [<!ENTITY a "aaaa"><!ENTITY b SYSTEM "file:///etc/hostna
 FILES = [
     ("<robot", BOMB, "robot.urdf has a document type, which a URDF does not need"),
     ("</robot>", '<xacro:wheel name="a"/></robot>', "robot.urdf needs xacro first; run: xacro "),
-    ("</robot>", "", "robot.urdf is not XML: line "),
-    ('type="revolute"', 'type="revolute" type="fixed"', "robot.urdf is not XML: line "),
+    ("</robot>", "", "robot.urdf is not XML: "),
+    ('<?xml version="1.0"?>', '<?xml version="1.0" encoding="none"?>', "robot.urdf is not XML: "),
+    ('<?xml version="1.0"?>', '<?xml version="1.0" encoding="utf-7"?>', "robot.urdf is not XML: "),
+    ('<?xml version="1.0"?>', '<?xml version="1.0" encoding="gb2312"?>', "robot.urdf is not XML: "),
+    ('type="revolute"', 'type="revolute" type="fixed"', "robot.urdf is not XML: "),
     ('<link name="base_link"/>', '<link name="base"/>', "robot.urdf has no link 'base_link'; nearest first: "),
     ('xyz="0 0 0.4"', 'xyz="0 0"', "robot.urdf joint 'top': xyz of its origin must be three numbers, got '0 0'"),
     ('xyz="0 0 0.4"', 'xyz="0 0 nan"', "robot.urdf joint 'top': xyz of its origin must be three numbers, got "),
@@ -163,7 +166,7 @@ def test_a_file_that_cannot_be_used_is_one_line(old: str, new: str, line: str, t
         ("", "rig.urdf must be the path of a URDF, got ''"),
         ("none.urdf", "rig.urdf cannot read "),
         (".", "rig.urdf cannot read "),
-        ("own.yaml", "is not XML: line 1: "),
+        ("own.yaml", "is not XML: "),
     ],
 )
 def test_a_urdf_that_cannot_be_read_is_one_line(urdf: object, line: str, tmp_path: Path) -> None:

@@ -86,9 +86,10 @@ def kalibr_pixels(camera: dict[str, object], points: Array) -> Array:
     assert len(coefficients) == 4
     zero = np.zeros(3)
     if camera["distortion_model"] == "radtan":
-        return np.asarray(cv2.projectPoints(points, zero, zero, matrix, coefficients)[0]).reshape(-1, 2)
+        return np.asarray(cv2.projectPoints(points, zero, zero, matrix, coefficients)[0], np.float64).reshape(-1, 2)
     assert camera["distortion_model"] == "equidistant"
-    return np.asarray(cv2.fisheye.projectPoints(points[:, None], zero, zero, matrix, coefficients)[0]).reshape(-1, 2)
+    pixels = cv2.fisheye.projectPoints(points[:, None], zero, zero, matrix, coefficients)[0]
+    return np.asarray(pixels, np.float64).reshape(-1, 2)
 
 
 def test_pixels_of_the_camchain_are_those_of_the_cameras() -> None:

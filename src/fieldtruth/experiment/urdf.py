@@ -17,7 +17,7 @@ from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.problems import LocatedError, shortened
 
 KEY: Final = "urdf"
-MAX_FILE_SIZE: Final = 16 << 20  # [byte]; the description of an arm with its meshes as files has less than 1 MiB
+MAX_FILE_SIZE: Final = 4 << 20  # [byte]; descriptions of whole arms and humanoids have less than 1 MiB
 _BASE: Final = "base_link"
 _NEAREST: Final = 8
 _DIGITS: Final = 12  # after the point, of [m] and [deg]
@@ -185,9 +185,14 @@ def _parsed(path: Path) -> Element:
     parser.StartDoctypeDeclHandler = refuse
     try:
         parser.Parse(data, True)
-    except expat.ExpatError as error:
-        what = f"is not XML: line {error.lineno}: {expat.ErrorString(error.code)}"
-        raise LocatedError(f"{path} {what}", (KEY,)) from error
+    except LocatedError:
+        raise
+    except (
+        expat.ExpatError,
+        LookupError,
+        ValueError,
+    ) as error:  # the latter two: an encoding that Python does not have
+        raise LocatedError(f"{path} is not XML: {error}", (KEY,)) from error
     return builder.close()
 
 
