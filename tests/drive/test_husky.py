@@ -10,7 +10,8 @@ from drive_worlds import F8, make_robot, make_world, tilted
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz
 from fieldtruth.drive.husky import STOP, Command, ramp, wheel_speeds
 from fieldtruth.drive.physics import build_physics
-from fieldtruth.experiment.rig import WHEELS, Rig, WheelConfig
+from fieldtruth.experiment.rig import Rig, WheelConfig
+from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.world.model import World
 
 

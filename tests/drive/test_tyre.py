@@ -9,7 +9,8 @@ from scipy.signal import welch
 
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz
 from fieldtruth.drive.husky import Command
-from fieldtruth.experiment.rig import WHEELS, Rig
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.topic import WHEELS
 
 RADIUS = 0.1651
 MOUNTS = np.array([Rig().mounts()[f"{name}_wheel"].xyz for name in WHEELS])

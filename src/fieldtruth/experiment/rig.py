@@ -15,7 +15,7 @@ from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.odometry_config import WheelOdometryConfig
 from fieldtruth.experiment.rig_check import check_sensors
 from fieldtruth.experiment.sections import PAPER_SENSORS, SECTIONS, with_sections
-from fieldtruth.experiment.sensor_config import SensorConfig, sensor_of
+from fieldtruth.experiment.sensor_config import MountedConfig, SensorConfig, sensor_of
 from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.urdf import with_urdf_mounts
@@ -75,6 +75,11 @@ class Rig(Frozen):
     def imagers(self) -> tuple[Imager, ...]:
         """The views of the cameras that are enabled."""
         return tuple(imager for camera in self.cameras for imager in camera.imagers())
+
+    @property
+    def scene_sensors(self) -> tuple[MountedConfig, ...]:
+        """The sensors that are enabled, of kinds that another package has added (``sense.scene_sensor``)."""
+        return tuple(each for each in self.enabled(MountedConfig) if not isinstance(each, IN_BAG))
 
     @property
     def imus(self) -> tuple[ImuConfig, ...]:
@@ -150,6 +155,14 @@ def _rank(sensor: SensorConfig, order: Sequence[type[SensorConfig]]) -> int:
     return next((i for i, config in enumerate(order) if isinstance(sensor, config)), len(order))
 
 
-def paper_rig() -> Rig:
-    """The paper's rig with all that it can publish."""
-    return Rig().with_sensors(CameraConfig, depth=True, instances=True)
+def paper_rig(
+    *,
+    imu: ImuConfig | None = None,
+    gnss: GnssConfig | None = None,
+    wheel_odometry: WheelOdometryConfig | None = None,
+    lidar: LidarConfig | None = None,
+    stereo: StereoConfig | None = None,
+) -> Rig:
+    """Return the paper's rig, with other settings of the sensors that are given."""
+    given = (imu, gnss, wheel_odometry, lidar, stereo)
+    return Rig(sensors=tuple(own or paper for own, paper in zip(given, PAPER_SENSORS, strict=True)))
