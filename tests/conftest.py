@@ -210,7 +210,7 @@ def brief_run(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path
 
 
 @pytest.fixture(scope="session")
-def many_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def faked_many_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of 0.6 s with two LiDARs, five cameras, two IMUs and two antennas, whose images and clouds are fakes."""
     from many_recording import record_many
 

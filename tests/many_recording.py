@@ -39,14 +39,14 @@ def record_many(folder: Path) -> Path:
     from fieldtruth import pipeline
     from fieldtruth.record import sensors
 
-    given = {"name": "many", "environment": "park", "seconds": SECONDS, "rig": many_rig()}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pipeline, "world_of", lambda experiment: replace(make_world(), object_names=("husky", "ground")))
         patch.setattr(sensors, "Scene", FakeScene)
         patch.setattr(sensors, "bake", lambda scene, light: scene)
         patch.setattr(sensors, "Lidar", _Lidar)
         patch.setattr(sensors, "Camera", _Camera)
-        return pipeline.generate(make_experiment([(5.0, 2.0)], **given), folder).parent
+        experiment = make_experiment(SECONDS, name="many", environment="park", rig=many_rig())
+        return pipeline.generate(experiment, folder).parent
 
 
 def with_sensors(run: Path, folder: Path, *names: str) -> Path:

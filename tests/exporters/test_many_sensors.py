@@ -34,19 +34,19 @@ CLOUDS = {lidar.name: lidar.topic for lidar in RIG.lidars}
 
 
 @pytest.fixture(scope="module")
-def made(many_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+def made(faked_many_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     """Export of the run in a format, made once."""
     folder, done = tmp_path_factory.mktemp("many_exports"), dict[str, Path]()
 
     def once(to: str) -> Path:
-        return done[to] if to in done else done.setdefault(to, export(many_run, to, out=folder / to, workers=2))
+        return done[to] if to in done else done.setdefault(to, export(faked_many_run, to, out=folder / to, workers=2))
 
     return once
 
 
 @pytest.fixture(scope="module")
-def bag(many_run: Path) -> Path:
-    return many_run / "many.bag"
+def bag(faked_many_run: Path) -> Path:
+    return faked_many_run / "many.bag"
 
 
 def stamps(bag: Path, topic: str) -> list[int]:
@@ -125,8 +125,8 @@ def test_files_describe_every_sensor(made: Callable[[str], Path], bag: Path) -> 
     )
 
 
-def test_two_sensors_with_one_path_are_refused(many_run: Path, tmp_path: Path) -> None:
-    run = with_sensors(many_run, tmp_path / "many", "top", "front")
+def test_two_sensors_with_one_path_are_refused(faked_many_run: Path, tmp_path: Path) -> None:
+    run = with_sensors(faked_many_run, tmp_path / "many", "top", "front")
     text = (run / "experiment.yaml").read_text()
     (run / "experiment.yaml").write_text(text.replace("name: top", "name: img_front"))
     with pytest.raises(BagError, match="two sensors of the rig would have the same path img_front"):
@@ -220,11 +220,11 @@ def test_webdataset_has_every_image_and_cloud(made: Callable[[str], Path], bag: 
                 np.testing.assert_array_equal(cloud["xyz"], cloud_columns(message)[:, :3])
 
 
-def test_samples_without_a_cloud_have_an_empty_one(many_run: Path, bag: Path, tmp_path: Path) -> None:
+def test_samples_without_a_cloud_have_an_empty_one(faked_many_run: Path, bag: Path, tmp_path: Path) -> None:
     """The cloud of one LiDAR at 0.4 s is missing; all samples still have the same members."""
     dropped = messages(bag, CLOUDS["top"])[3][0]
     assert dropped == 400_000_000
-    run = with_sensors(many_run, tmp_path / "many", "top", "low", "front")
+    run = with_sensors(faked_many_run, tmp_path / "many", "top", "low", "front")
     (run / "many.bag").unlink()
     copied(bag, run / "many.bag", lambda topic, t, data: None if (topic, t) == (CLOUDS["top"], dropped) else data)
     frames = samples(export(run, "webdataset") / "train-000000.tar")
@@ -237,8 +237,8 @@ def test_samples_without_a_cloud_have_an_empty_one(many_run: Path, bag: Path, tm
     assert "top" not in json.loads(frames[dropped]["json"])["lidars"]
 
 
-def test_cameras_without_a_common_stamp_have_files_of_their_own(many_run: Path, bag: Path, tmp_path: Path) -> None:
-    run = with_sensors(many_run, tmp_path / "many", "front", "rear")
+def test_cameras_without_a_common_stamp_have_files_of_their_own(faked_many_run: Path, bag: Path, tmp_path: Path) -> None:
+    run = with_sensors(faked_many_run, tmp_path / "many", "front", "rear")
     (run / "many.bag").unlink()
 
     def odd(topic: str, t: int, data: bytes) -> bytes | None:
@@ -273,8 +273,8 @@ def test_huggingface_has_a_row_per_image_and_cloud(made: Callable[[str], Path], 
     assert [key["@id"] for key in clouds["key"]] == ["clouds/run", "clouds/lidar", "clouds/stamp_ns"]
 
 
-def test_card_does_not_promise_stereo(many_run: Path, tmp_path: Path) -> None:
-    folder = export(with_sensors(many_run, tmp_path / "many", "top", "rear"), "huggingface")
+def test_card_does_not_promise_stereo(faked_many_run: Path, tmp_path: Path) -> None:
+    folder = export(with_sensors(faked_many_run, tmp_path / "many", "top", "rear"), "huggingface")
     assert "\nPhotographs and LiDAR clouds of a ground robot" in (folder / "README.md").read_text()
 
 
@@ -307,8 +307,8 @@ def test_sequences_have_the_first_lidar_and_the_first_pair(to: str, made: Callab
         assert (sequence["lidar"], sequence["cameras"]) == ("top", ["pair_left", "pair_right"])
 
 
-def test_kitti_of_a_single_camera_has_it_as_the_left_one(many_run: Path, bag: Path, tmp_path: Path) -> None:
-    folder = export(with_sensors(many_run, tmp_path / "many", "low", "rear"), "kitti")
+def test_kitti_of_a_single_camera_has_it_as_the_left_one(faked_many_run: Path, bag: Path, tmp_path: Path) -> None:
+    folder = export(with_sensors(faked_many_run, tmp_path / "many", "low", "rear"), "kitti")
     sequence = folder / "sequences" / "00"
     assert sorted(path.name for path in sequence.iterdir()) == ["calib.txt", "image_2", "times.txt", "velodyne"]
     assert len(list((sequence / "velodyne").iterdir())) == len(photographs(bag, "rear")) == 6
@@ -333,9 +333,9 @@ def test_kitti_of_a_single_camera_has_it_as_the_left_one(many_run: Path, bag: Pa
     ],
 )
 def test_rig_without_what_a_format_needs_is_one_line(
-    to: str, sensors: list[str], words: str, many_run: Path, tmp_path: Path
+    to: str, sensors: list[str], words: str, faked_many_run: Path, tmp_path: Path
 ) -> None:
-    run = with_sensors(many_run, tmp_path / "many", *sensors)
+    run = with_sensors(faked_many_run, tmp_path / "many", *sensors)
     with pytest.raises(BagError) as caught:
         export(run, to)
     assert words in str(caught.value)
@@ -349,17 +349,17 @@ def test_instances_that_are_not_recorded_are_missed_where_the_rig_has_them(bag: 
         export(without(bag, tmp_path / "a.bag", "/front/instances"), "coco")
 
 
-def test_semantickitti_needs_no_camera(many_run: Path, tmp_path: Path) -> None:
-    folder = export(with_sensors(many_run, tmp_path / "many", "low"), "semantickitti") / "sequences" / "00"
+def test_semantickitti_needs_no_camera(faked_many_run: Path, tmp_path: Path) -> None:
+    folder = export(with_sensors(faked_many_run, tmp_path / "many", "low"), "semantickitti") / "sequences" / "00"
     assert len(list((folder / "velodyne").iterdir())) == 12
     assert not (folder / "image_2").exists()
 
 
 @pytest.mark.parametrize("to", sorted(FORMATS))
 def test_output_does_not_depend_on_threads(
-    to: str, made: Callable[[str], Path], many_run: Path, tmp_path: Path
+    to: str, made: Callable[[str], Path], faked_many_run: Path, tmp_path: Path
 ) -> None:
-    other, first = export(many_run, to, out=tmp_path / to, workers=1), made(to)
+    other, first = export(faked_many_run, to, out=tmp_path / to, workers=1), made(to)
 
     def contents(path: Path) -> dict[str, Any]:
         files = [path] if path.is_file() else sorted(each for each in path.rglob("*") if each.is_file())

@@ -13,6 +13,7 @@ from record_fakes import make_experiment, make_world, use_fakes
 from rosbags.rosbag1 import Reader
 
 from fieldtruth import pipeline
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.annotation.check import check_objects
 from fieldtruth.bag.decode import count_messages
 from fieldtruth.bag.model_states import ModelStatesReader, read_objects
@@ -125,8 +126,8 @@ def test_the_table_of_objects_has_all_rows(small_run: Path, tmp_path: Path) -> N
 
 def test_what_is_published_once_counts_once(bags: dict[str, Path]) -> None:
     once = [len(reading.data) for reading in messages(bags["latched"], "/tf_static", STATIC_MODEL_STATES)]
-    assert 0.2 * sum(once) < _bytes_once(bags["latched"]) < sum(once)
-    assert _bytes_once(bags["repeated"]) < _bytes_once(bags["latched"])
+    assert 0.2 * sum(once) < _bytes_once(bags["latched"], Rig()) < sum(once)
+    assert _bytes_once(bags["repeated"], Rig()) < _bytes_once(bags["latched"], Rig())
 
 
 def test_validate_checks_the_latched_objects(lean_run: Path, tmp_path: Path) -> None:
