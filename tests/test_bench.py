@@ -148,16 +148,16 @@ def test_reduced_run_gives_every_figure(
 
 
 @pytest.mark.usefixtures("_small_park")
-@pytest.mark.parametrize("kinds", [("lidar", "stereo", "camera"), ("lidar",)])
+@pytest.mark.parametrize("names", [("top", "front", "fisheye"), ("top",)])
 def test_figures_are_those_of_the_sensors_that_a_rig_has(
-    kinds: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    names: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    sensors = [sensor for sensor in many_rig().sensors if sensor.kind in kinds]
+    sensors = [sensor for sensor in many_rig().sensors if sensor.name in names]
     experiment = EXPERIMENT.model_copy(update={"rig": Rig(sensors=tuple(sensors))})
     figures = measure(Settings(experiment=experiment, views=1, repeats=1, images=2))
     lacking = {"stereo_pairs_per_s"}
-    if "camera" not in kinds:
+    if "front" not in names:
         lacking |= {key for key in UNITS if "image" in key or "camera" in key or "photograph" in key}
     assert figures.keys() == UNITS.keys() - lacking
     assert all(math.isfinite(value) and value > 0 for value in figures.values())
