@@ -74,8 +74,8 @@ def test_sensors_at_different_rates_are_paired_by_stamp(faked_many_run: Path) ->
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"camera": "frnt"}, "unknown camera 'frnt'; did you mean 'front'? Available: front, "),
-        ({"lidar": "lo"}, "unknown LiDAR 'lo'; did you mean 'low'? Available: low, top"),
+        ({"camera": "frnt"}, "unknown camera 'frnt'; did you mean 'front'? Available: pair_left, pair_right, front, "),
+        ({"lidar": "lo"}, "unknown LiDAR 'lo'; did you mean 'low'? Available: top, low"),
     ],
 )
 def test_unknown_sensor_is_reported_with_the_nearest(options: Any, words: str, faked_many_run: Path) -> None:
