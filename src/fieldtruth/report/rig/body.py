@@ -9,7 +9,7 @@ import numpy as np
 from fieldtruth.bag.base_messages import WHEEL_FRAMES
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive import husky
-from fieldtruth.drive.husky import Box
+from fieldtruth.drive.husky import Box as Box
 from fieldtruth.experiment.rig import Rig
 
 
