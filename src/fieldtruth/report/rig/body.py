@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shape of the robot for pictures and descriptions: a box between the wheels, and the wheels, all in base_link."""
+"""Shape and masses of the robot for pictures and descriptions, all in base_link."""
 
 from typing import NamedTuple
 
@@ -9,34 +9,52 @@ import numpy as np
 from fieldtruth.bag.base_messages import WHEEL_FRAMES
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive import husky
+from fieldtruth.drive.husky import Box as Box
 from fieldtruth.experiment.rig import Rig
 
 
+class Inertia(NamedTuple):
+    """Mass [kg], principal moments (3,) [kg m^2] along x, y, z, and centre of mass (3,) [m]."""
+
+    mass: float
+    moments: tuple[float, ...]
+    centre: tuple[float, ...] = (0.0, 0.0, 0.0)
+
+
 class Wheel(NamedTuple):
-    """A wheel: its frame, centre (3,) [m] in base_link, radius and width [m]; the axle is y."""
+    """A wheel: its frame, centre (3,) [m], radius and width [m], and inertia in its frame; the axle is y."""
 
     frame: str
     centre: Array
     radius: float
     width: float
+    inertia: Inertia
 
     @property
-    def box(self) -> husky.Box:
+    def box(self) -> Box:
         """Smallest box around it."""
-        return husky.Box(np.array([2 * self.radius, self.width, 2 * self.radius]), self.centre)
+        return Box(np.array([2 * self.radius, self.width, 2 * self.radius]), self.centre)
 
 
-def chassis(rig: Rig) -> husky.Box:
+def chassis(rig: Rig) -> Box:
     """Box of the robot's hull without wheels and sensors."""
     return husky.body_boxes(rig)["chassis"]
 
 
+def chassis_inertia(rig: Rig) -> Inertia:
+    """Inertia of the robot without its wheels."""
+    mass = husky.MASS - sum(wheel.inertia.mass for wheel in wheels(rig))
+    moments = np.array(husky.CHASSIS_INERTIA) * (mass / husky.CHASSIS_INERTIA_MASS)
+    return Inertia(mass, tuple(moments.tolist()), husky.CHASSIS_CENTRE)
+
+
 def wheels(rig: Rig) -> tuple[Wheel, ...]:
-    """Its wheels."""
+    """The driven wheels."""
     mounts, width = rig.mounts(), husky.wheel_width(rig.wheels)
-    return tuple(Wheel(name, np.array(mounts[name].xyz), rig.wheels.radius, width) for name in WHEEL_FRAMES)
+    inertia = Inertia(husky.WHEEL_MASS, husky.WHEEL_INERTIA)
+    return tuple(Wheel(name, np.array(mounts[name].xyz), rig.wheels.radius, width, inertia) for name in WHEEL_FRAMES)
 
 
 def ground_height(rig: Rig) -> float:
-    """Height [m] in base_link of flat ground on which the robot stands."""
+    """Height [m] of flat ground on which the robot stands."""
     return rig.base_footprint.xyz[2]

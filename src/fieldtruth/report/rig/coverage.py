@@ -9,7 +9,6 @@ import numpy as np
 
 from fieldtruth.core import frames, lenses
 from fieldtruth.core.arrays import Array, Mask
-from fieldtruth.drive.husky import Box
 from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
@@ -151,7 +150,7 @@ def ground_coverage(rig: Rig, half: float = HALF, step: float = STEP) -> Coverag
     return Coverage(axis, eyes, in_view, hidden)
 
 
-def _crosses(box: Box, start: Array, ends: Array) -> Mask:
+def _crosses(box: body.Box, start: Array, ends: Array) -> Mask:
     """Which segments from ``start`` (3,) to ``ends`` (n, 3) cross a box; none if it contains the start."""
     low, high = box.centre - box.size / 2, box.centre + box.size / 2
     if ((low < start) & (start < high)).all():

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from fieldtruth.bag.base_messages import BASE, WHEEL_FRAMES
+from fieldtruth.bag.base_messages import BASE
 from fieldtruth.bag.robot_messages import WORLD, rig_transforms
 from fieldtruth.core import frames, lenses
 from fieldtruth.core.arrays import Array
@@ -18,6 +18,7 @@ from fieldtruth.experiment.odometry_config import WheelOdometryConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.experiment.stereo_config import StereoConfig
+from fieldtruth.report.rig import body
 from fieldtruth.sense.beams import ring_elevations
 
 _HEAD: Final = ("frame", "x", "y", "z [m]", "roll", "pitch", "yaw [deg]", "of")
@@ -27,7 +28,7 @@ def tree_text(rig: Rig) -> str:
     """Return the frames of a rig, each below its parent, with their poses in it and the sensors that they belong to."""
     transforms = rig_transforms(rig)
     owner = {name: each for each in rig.sensors for name in (*each.frames(), *each.optical_frames())}
-    moving = WHEEL_FRAMES if rig.wheel_odometry else ()
+    moving = [wheel.frame for wheel in body.wheels(rig)]
     rows: list[Sequence[str]] = [_HEAD, (WORLD, *[""] * 7), (f"  {BASE}", *[""] * 6, "the robot, which moves")]
 
     def add(parent: str, depth: int) -> None:

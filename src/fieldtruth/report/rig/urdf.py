@@ -16,7 +16,6 @@ from fieldtruth.bag.base_messages import BASE
 from fieldtruth.bag.robot_messages import rig_transforms
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive import husky
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.report.rig import body
 
@@ -50,9 +49,7 @@ def urdf_text(rig: Rig) -> str:
 
 def _add_base(robot: Element, rig: Rig) -> None:
     link = SubElement(robot, "link", name=BASE)
-    mass = husky.MASS - 4 * husky.WHEEL_MASS
-    moments = np.array(husky.CHASSIS_INERTIA) * (mass / husky.CHASSIS_INERTIA_MASS)
-    _add_inertial(link, mass, moments, husky.CHASSIS_CENTRE)
+    _add_inertial(link, body.chassis_inertia(rig))
     box = body.chassis(rig)
     for kind in ("visual", "collision"):
         shape = SubElement(link, kind)
@@ -63,24 +60,22 @@ def _add_base(robot: Element, rig: Rig) -> None:
 
 
 def _add_wheel(link: Element, wheel: body.Wheel) -> None:
-    _add_inertial(link, husky.WHEEL_MASS, husky.WHEEL_INERTIA)
+    _add_inertial(link, wheel.inertia)
     for kind in ("visual", "collision"):
         shape = SubElement(link, kind)
         SubElement(shape, "origin", xyz="0 0 0", rpy=_numbers((math.pi / 2, 0.0, 0.0)))  # the axis of a cylinder is z
-        size = {"radius": _numbers([wheel.radius]), "length": _numbers([wheel.width])}
+        size = {"radius": _number(wheel.radius), "length": _number(wheel.width)}
         SubElement(SubElement(shape, "geometry"), "cylinder", size)
         if kind == "visual":
             SubElement(shape, "material", name="tyre")
 
 
-def _add_inertial(
-    link: Element, mass: float, moments: Iterable[float], centre: Iterable[float] = (0.0, 0.0, 0.0)
-) -> None:
+def _add_inertial(link: Element, inertia: body.Inertia) -> None:
     inertial = SubElement(link, "inertial")
-    SubElement(inertial, "origin", xyz=_numbers(centre))
-    SubElement(inertial, "mass", value=_numbers([mass]))
+    SubElement(inertial, "origin", xyz=_numbers(inertia.centre))
+    SubElement(inertial, "mass", value=_number(inertia.mass))
     off = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
-    SubElement(inertial, "inertia", dict(zip(("ixx", "iyy", "izz"), map(_number, moments), strict=True)) | off)
+    SubElement(inertial, "inertia", dict(zip(("ixx", "iyy", "izz"), map(_number, inertia.moments), strict=True)) | off)
 
 
 def _numbers(values: Iterable[float] | Array) -> str:

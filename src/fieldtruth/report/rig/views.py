@@ -12,7 +12,6 @@ from scipy.spatial import ConvexHull
 
 from fieldtruth.bag.base_messages import BASE
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive.husky import Box
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.report.drawing.style import FONT, INK, MUTED
 from fieldtruth.report.rig import body
@@ -88,7 +87,7 @@ def _draw_body(axes: Axes, rig: Rig, plane: tuple[int, int]) -> None:
         axes.add_patch(patch)
 
 
-def _rectangle(box: Box, plane: tuple[int, int], **style: Any) -> Rectangle:
+def _rectangle(box: body.Box, plane: tuple[int, int], **style: Any) -> Rectangle:
     return Rectangle(_point(box.centre - box.size / 2, plane), *_point(box.size, plane), **style)
 
 
