@@ -45,7 +45,7 @@ def record_many(folder: Path) -> Path:
         patch.setattr(sensors, "bake", lambda scene, light: scene)
         patch.setattr(sensors, "Lidar", _Lidar)
         patch.setattr(sensors, "Camera", _Camera)
-        experiment = make_experiment(SECONDS, name="many", environment="park", rig=many_rig())
+        experiment = make_experiment([(5.0, 2.0)], name="many", environment="park", seconds=SECONDS, rig=many_rig())
         return pipeline.generate(experiment, folder).parent
 
 

@@ -65,7 +65,9 @@ def test_first_sensors_are_the_default(faked_many_run: Path) -> None:
 def test_sensors_at_different_rates_are_paired_by_stamp(faked_many_run: Path) -> None:
     exact = RunDataset(faked_many_run, ("image", "cloud"), camera="rear", lidar="low")
     assert exact.stamps_ns.tolist() == [k * 100_000_000 for k in range(1, 7)]
-    anchored = RunDataset(faked_many_run, ("image", "cloud"), camera="rear", lidar="low", anchor="lidar", tolerance_s=0.05)
+    anchored = RunDataset(
+        faked_many_run, ("image", "cloud"), camera="rear", lidar="low", anchor="lidar", tolerance_s=0.05
+    )
     assert len(anchored) == 12
     apart = [abs(sample["camera_stamp_ns"] - sample["lidar_stamp_ns"]) for sample in anchored]
     assert {*apart} == {0, 50_000_000}

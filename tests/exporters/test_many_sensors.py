@@ -21,7 +21,7 @@ from files_reader import cloud_columns, header_ns, messages, names, read_image, 
 from many_recording import with_sensors
 from many_sensors import many_rig
 from mcap.reader import make_reader
-from pypcd4 import PointCloud
+from pypcd4.pypcd4 import PointCloud
 
 from fieldtruth.bag import count_messages
 from fieldtruth.bag.reader import BagError
@@ -237,7 +237,9 @@ def test_samples_without_a_cloud_have_an_empty_one(faked_many_run: Path, bag: Pa
     assert "top" not in json.loads(frames[dropped]["json"])["lidars"]
 
 
-def test_cameras_without_a_common_stamp_have_files_of_their_own(faked_many_run: Path, bag: Path, tmp_path: Path) -> None:
+def test_cameras_without_a_common_stamp_have_files_of_their_own(
+    faked_many_run: Path, bag: Path, tmp_path: Path
+) -> None:
     run = with_sensors(faked_many_run, tmp_path / "many", "front", "rear")
     (run / "many.bag").unlink()
 

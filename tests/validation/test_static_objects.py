@@ -13,7 +13,6 @@ from record_fakes import make_experiment, make_world, use_fakes
 from rosbags.rosbag1 import Reader
 
 from fieldtruth import pipeline
-from fieldtruth.experiment.rig import Rig
 from fieldtruth.annotation.check import check_objects
 from fieldtruth.bag.decode import count_messages
 from fieldtruth.bag.model_states import ModelStatesReader, read_objects
@@ -22,6 +21,7 @@ from fieldtruth.bag.run import open_run
 from fieldtruth.bag.topics import MODEL_STATES, STATIC_MODEL_STATES
 from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.campaign.measure import _bytes_once
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.exporters import export
 from fieldtruth.pipeline import generate
 from fieldtruth.report.page.world_view import _same_objects
