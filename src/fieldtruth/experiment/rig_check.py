@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rules between the sensors of a rig and its robot: names, topics and frames differ, nothing sees from inside the hull."""
+"""Rules between the sensors of a rig and its robot: names, topics and frames differ; none sees from inside the hull."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
