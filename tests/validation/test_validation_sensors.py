@@ -38,8 +38,8 @@ IMU, CLOUD, FIX = "/imu_rear/data", "/low/points", "/antenna_right/fix"
 SIZE = (96, 160)
 LARGE = {"front": {"width": 320, "height": 192, "depth": True}, "top": {"columns": 512, "rings": 64}}
 """Sensors with enough points and pixels for a comparison."""
-RAYS = 4 * 512 * 64 + (7 * 904 + 1) * 16
-"""Of the last scan of the spinning LiDAR, the first column alone leaves before the end."""
+RAYS = 4 * 512 * 64 + 7 * 904 * 16
+"""The last scan of the spinning LiDAR begins at the end of the bag, so that it is not compared."""
 
 
 @pytest.fixture(scope="module")
