@@ -103,7 +103,7 @@ def sample(bag: Path) -> dict[str, list[NDArray[Any]]]:
         return np.where(metres < 65.5, 1000 * metres, 0).astype(np.uint16)
 
     camera = open_run(bag).rig.imagers[0]
-    readers = {"photograph": image, "tag": image, "depth": millimetres}
+    readers: dict[str, Callable[[Any], NDArray[Any]]] = {"photograph": image, "tag": image, "depth": millimetres}
     found = {stream: some(camera.topic_of(stream), read) for stream, read in readers.items()}
     return {kind: images for kind, images in found.items() if images}
 
