@@ -210,6 +210,14 @@ def brief_run(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path
 
 
 @pytest.fixture(scope="session")
+def faked_many_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of 0.6 s with two LiDARs, five cameras, two IMUs and two antennas, whose images and clouds are fakes."""
+    from many_recording import record_many
+
+    return record_many(tmp_path_factory.mktemp("many"))
+
+
+@pytest.fixture(scope="session")
 def exported(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     """Export of the small run in a format, made once with two workers."""
     from fieldtruth.exporters import FORMATS, export

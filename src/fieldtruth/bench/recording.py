@@ -73,4 +73,4 @@ def sensors_of(baked: BakedScene, rig: Rig, *, used: bool = False) -> Sensors:
             camera.render(np.eye(4))
         for lidar in lidars.values():
             lidar.scan(np.eye(4))
-    return Sensors(lidars, cameras, baked.scene.world.has_wide_ids)
+    return Sensors(lidars, cameras, wide_ids=baked.scene.world.has_wide_ids)

@@ -3,13 +3,15 @@
 """What the configurations of all sensors have in common; a subclass with a ``kind`` is a kind of sensor."""
 
 from collections.abc import Mapping
+from importlib.metadata import entry_points
 from typing import Annotated, Any, ClassVar, Final, TypeVar
 
 from pydantic import Field, ValidationError, model_validator
 
-from fieldtruth.core.errors import suggestion
+from fieldtruth.core.errors import nearest_first, suggestion
 from fieldtruth.experiment.fields import Boolean, Frozen, Mount, Rate
 from fieldtruth.experiment.problems import LocatedError, PartError, condition_at, shortened
+from fieldtruth.experiment.sensor_models import figures_of, models
 from fieldtruth.experiment.topic import Topic
 
 _Config = TypeVar("_Config", bound=Frozen)
@@ -35,6 +37,8 @@ class SensorConfig(Frozen):
     Its other defaults are those of a sensor without a name of its own: the paper's.
     """
 
+    sees: ClassVar[bool] = True
+    """Whether it senses the world around it, so that a reading depends on a pose alone."""
     needs_mount: ClassVar[bool] = False
     """Whether the default of ``mount`` is none of a robot, but for a sensor that is used on its own."""
 
@@ -42,7 +46,7 @@ class SensorConfig(Frozen):
     name: SensorName
     enabled: Boolean = True
     model: Annotated[str, Field(description="a name from `fieldtruth list sensors`")] | None = None
-    """Gives every value below that is not set, from the model's data file. None: the defaults."""
+    """Gives every value that is not set, from the model's data file. None: the defaults."""
     rate_hz: Rate
     topic: TopicName
 
@@ -62,10 +66,27 @@ class SensorConfig(Frozen):
             return given
         return {**cls.of_name(name), **given}
 
+    @model_validator(mode="before")
+    @classmethod
+    def _of_model(cls, given: Any) -> Any:
+        if not isinstance(given, Mapping):
+            return given
+        kind, model = str(cls.model_fields["kind"].default), given.get("model")
+        if isinstance(model, str) and model not in models(kind):
+            nearest = ", ".join(nearest_first(model, models(kind))) or "none"
+            raise LocatedError(f"must be a model of kind {kind}, nearest first: {nearest}; got {model!r}", ["model"])
+        return cls.completed(dict(given), figures_of(kind, model) if isinstance(model, str) else {})
+
     @classmethod
     def of_name(cls, name: str) -> dict[str, Any]:
         """Values that a sensor has by its name, if it is not that of the class."""
         return {"topic": f"/{name}"}
+
+    @classmethod
+    def completed(cls, given: dict[str, Any], figures: Mapping[str, Any]) -> dict[str, Any]:
+        """Add the figures of the sensor's model, if it has one, for what is not given or None."""
+        added = {key: value for key, value in figures.items() if key in cls.model_fields and given.get(key) is None}
+        return given | added
 
     def topics(self) -> tuple[Topic, ...]:
         """Topics that it publishes, in the order of its messages."""
@@ -79,7 +100,8 @@ class SensorConfig(Frozen):
         """Its REP-103 optical frames: parent and (4, 4) ``parent_from_optical`` by name."""
         return {}
 
-    def _topic(self, name: str, msgtype: str, rate_hz: float | None = None) -> Topic:
+    def new_topic(self, name: str, msgtype: str, rate_hz: float | None = None) -> Topic:
+        """Return a topic of the sensor, by default at its rate."""
         return Topic(name, msgtype, self.rate_hz if rate_hz is None else rate_hz, self.kind, self.name)
 
 
@@ -121,6 +143,9 @@ def sensor_of(value: Any) -> SensorConfig:
     kind = value.get("kind")
     if kind is None:
         raise LocatedError(f"is required: one of {', '.join(sorted(KINDS))}", ["kind"])
+    if kind not in KINDS:
+        for module in entry_points(group="fieldtruth.sensors"):
+            module.load()
     if kind not in KINDS:
         raise LocatedError(f"{shortened(kind)} is unknown; {suggestion(str(kind), sorted(KINDS))}", ["kind"])
     config = KINDS[kind]
