@@ -9,6 +9,7 @@ from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.progress import Progress
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.report.drawing.style import class_colour
 from fieldtruth.report.drawing.text import shortened
 from fieldtruth.report.page import snippets, tables
@@ -35,8 +36,8 @@ class PageContent:
     """Whether all images are those of one stereo pair."""
     image_classes: tuple[tuple[str, str], ...]
     """Name and colour of the classes in the tag images."""
-    counted: tuple[str, str]
-    """The cameras and scans whose pixels and points are counted."""
+    counted: str
+    """What the class shares count."""
     cloud: CloudView | None
     cloud_note: str
     classes: list[tables.ClassRow]
@@ -81,7 +82,7 @@ def collect_content(run: Run, workers: int, progress: Progress) -> PageContent:
         samples=samples,
         is_pair=[imager.side for imager in run.rig.imagers] == ["left", "right"],
         image_classes=tuple((row.name, class_colour(row.label)) for row in CLASSES if row.label in visible),
-        counted=_counted(len(summary.pixels), len(summary.points)),
+        counted=_counted(run.rig, len(summary.pixels)),
         cloud=cloud,
         cloud_note=cloud_note,
         classes=classes,
@@ -102,10 +103,12 @@ def collect_content(run: Run, workers: int, progress: Progress) -> PageContent:
     )
 
 
-def _counted(cameras: int, lidars: int) -> tuple[str, str]:
-    """Name the cameras and the scans by their number; a run of the paper's rig without images has two."""
-    images = {0: "both cameras", 1: "the camera", 2: "both cameras"}.get(cameras, f"all {cameras} cameras")
-    return images, "scans" if lidars < 2 else f"scans of {lidars} LiDARs"
+def _counted(rig: Rig, cameras: int) -> str:
+    """Name what the shares count: pixels of the cameras that the bag has, and points of the LiDARs of the rig."""
+    whose = f"all {cameras} cameras" if cameras > 2 else "the camera" if cameras == 1 else "both cameras"
+    scans = f"the scans of {len(rig.lidars)} LiDARs" if len(rig.lidars) > 1 else "the scans"
+    pixels, points = f"every pixel in the tag images of {whose}", f"every point in {scans}"
+    return " and of ".join([pixels] * bool(rig.imagers) + [points] * bool(rig.lidars))
 
 
 def _cloud(run: Run, trajectory: Trajectory | None) -> tuple[CloudView | None, str]:
