@@ -114,6 +114,8 @@ def scan_angles(config: LidarConfig) -> Scan:
 
 
 def _check_even(config: LidarConfig) -> None:
+    if config.pattern is not None:
+        raise ConfigurationError(f"rig.lidar.pattern: Gazebo's scanner turns evenly, got {config.pattern!r}")
     steps = np.diff(config.elevations_deg or ())
     uneven = steps.size > 0 and np.ptp(steps) > _EVEN
     if uneven or any(config.azimuth_offsets_deg or ()):
