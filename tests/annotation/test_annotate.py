@@ -34,6 +34,7 @@ from fieldtruth.bag.decode import image, read_bag, static_transforms
 from fieldtruth.bag.run import open_run
 from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.render.camera import Camera
@@ -72,7 +73,7 @@ def rig(small_run: Path) -> Rig:
 @pytest.fixture(scope="module")
 def cameras(rig: Rig) -> Rig:
     """The rig without its LiDAR."""
-    return rig.model_copy(update={"lidar": rig.lidar.model_copy(update={"enabled": False})})
+    return rig.with_sensors(LidarConfig, enabled=False)
 
 
 @pytest.fixture(scope="module")
@@ -138,10 +139,9 @@ def test_same_bytes_for_any_number_of_workers_and_after_an_interruption(
     def again(rig: Rig) -> Path:
         return annotate(stripped, "park", rig=rig, workers=1, out=tmp_path / "new" / "y.bag")
 
-    blurred = rig.stereo.model_copy(update={"jpeg_quality": 10})
     with monkeypatch.context() as patch:
         patch.setattr(annotation, "merge_bags", stop)
-        for each in (rig.model_copy(update={"cameras": blurred}), rig):
+        for each in (rig.with_sensors(StereoConfig, jpeg_quality=10), rig):
             with pytest.raises(KeyboardInterrupt):
                 again(each)
     assert not (tmp_path / "new" / "y.bag").exists()

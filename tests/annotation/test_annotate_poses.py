@@ -143,7 +143,7 @@ def test_frames_that_the_bag_has_are_not_added_twice(tmp_path: Path) -> None:
     }
     optical = {("left_camera", "left_camera_optical"): CAMERA_FROM_OPTICAL}
     run = open_run(write(tmp_path / "x.bag", [static(over_the_mast), static(optical, 2), *drive()]))
-    rig = RIG.model_copy(update={"lidar": LidarConfig(enabled=False)})
+    rig = RIG.with_sensors(LidarConfig, enabled=False)
     assert check_frames(run, rig).keys() == {("base_link", "right_camera"), ("right_camera", "right_camera_optical")}
 
 
@@ -191,7 +191,7 @@ BAD: list[tuple[str, Callable[[World], list[Message]], str]] = [
     (
         "short",
         lambda _: [odometry(k, true_pose(0)) for k in (1, 2)],
-        "no camera stamp (a multiple of 0.04 s) lies between them",
+        "no stereo stamp (a multiple of 0.04 s) lies between them",
     ),
     ("gap", gap, "has a gap: no pose from 0.400 s to 0.700 s; at most 0.2 s are allowed"),
     ("reset", halves, "time jumps back from 0.100 s to 0.020 s, as after a reset of the simulation"),

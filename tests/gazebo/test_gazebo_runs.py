@@ -14,14 +14,14 @@ from rig_models import add_rig, beams, tour
 from fieldtruth.core import frames
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.sense.lidar import ray_directions
 from fieldtruth.sense.pinhole import pinhole
 
 needs_gazebo = pytest.mark.skipif(bool(missing_chroot()), reason=missing_chroot() or "-")
 
 POSES: Final = [frames.pose((3.0, -2.0, 1.0), (0.0, 0.0, 30.0)), frames.pose((-4.0, 5.0, 2.0), (10.0, -15.0, 200.0))]
-RIG: Final = Rig(lidar=LidarConfig(columns=72, rings=8, min_range=0.5, max_range=100.0))
+RIG: Final = paper_rig(lidar=LidarConfig(columns=72, rings=8, min_range=0.5, max_range=100.0))
 WALLS: Final = {7: ((30.0, 0.0), (2.0, 60.0)), 12: ((0.0, 20.0), (100.0, 2.0))}
 """laser_retro of each wall: its centre and its sizes along x and y [m]."""
 COLOURS: Final = {7: (255, 0, 0), 12: (0, 255, 0)}
@@ -94,14 +94,14 @@ def test_imu_and_fix_at_known_poses(walls: GazeboRun) -> None:
 @needs_gazebo
 def test_image_shows_the_corner_of_two_walls_where_it_is(walls: GazeboRun) -> None:
     image = walls.at_stops("rig__link__left")[0].values
-    lens, heading = pinhole(RIG.cameras), math.radians(30.0)
-    x, y, z = (POSES[0] @ RIG.cameras.left.base_from_sensor)[:3, 3]
+    lens, heading = pinhole(RIG.stereo), math.radians(30.0)
+    x, y, z = (POSES[0] @ RIG.stereo.left.base_from_sensor)[:3, 3]
     dx, dy = 29.0 - x, 19.0 - y
     ahead, aside = dx * math.cos(heading) + dy * math.sin(heading), dy * math.cos(heading) - dx * math.sin(heading)
     column, top, bottom = lens.cx - lens.fx * aside / ahead, lens.fy * (TOP - z) / ahead, lens.fy * (TOP + z) / ahead
     row = round(lens.cy)
     assert image[row, : math.floor(column)].tolist() == [list(COLOURS[12])] * math.floor(column)
-    assert image[row, math.ceil(column) :].tolist() == [list(COLOURS[7])] * (RIG.cameras.width - math.ceil(column))
+    assert image[row, math.ceil(column) :].tolist() == [list(COLOURS[7])] * (RIG.stereo.width - math.ceil(column))
     walled = (image[:, round(column)] != (0, 0, 255)).any(axis=-1)
     assert abs(walled.argmax() - (lens.cy - top)) < 1.5
     assert abs(len(walled) - 1 - walled[::-1].argmax() - (lens.cy + bottom)) < 1.5

@@ -78,7 +78,7 @@ def test_a_scan_measures_the_walls_along_its_rays(model: str) -> None:
     config, half = LidarConfig(model=model), np.array([6.0, 5.0, 4.0])
     lidar = Lidar(config, floating((box("room", tuple(half)), at(0, 0, 0))))
     for stamp in (0, PERIOD_NS, 31 * PERIOD_NS):
-        scan = lidar.scan(np.broadcast_to(np.eye(4), (config.columns, 4, 4)), stamp)
+        scan = lidar.scan(np.broadcast_to(np.eye(4), (config.columns + 1, 4, 4)), stamp)
         assert len(scan.range_m) == config.columns * config.rings
         rays = ray_directions(config, stamp)[scan.column, scan.ring]
         expected = (half / np.maximum(np.abs(rays), 1e-12)).min(axis=1)

@@ -214,8 +214,3 @@ def camera_info(seq: int, stamp_ns: int, imager: Imager) -> bytes:
         roi=RegionOfInterest(0, 0, 0, 0, do_rectify=False),
     )
     return ros.serialize(message, "sensor_msgs/msg/CameraInfo")
-
-
-def optical_frame(side: str) -> str:
-    """Optical frame of the paper's pair, for what does not follow the list of sensors yet."""
-    return f"{side}_camera_optical"

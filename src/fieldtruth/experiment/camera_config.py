@@ -94,7 +94,7 @@ class CameraConfig(MountedConfig):
     def topics(self) -> tuple[Topic, ...]:
         """Calibration and images of each view."""
         return tuple(
-            self._topic(topic, STREAMS[stream][1])
+            self.new_topic(topic, STREAMS[stream][1])
             for imager in self.imagers()
             for stream, topic in imager.topics.items()
         )

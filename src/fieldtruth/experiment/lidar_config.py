@@ -74,7 +74,7 @@ class LidarConfig(MountedConfig):
 
     def topics(self) -> tuple[Topic, ...]:
         """Its point clouds."""
-        return (self._topic(self.topic, "sensor_msgs/msg/PointCloud2"),)
+        return (self.new_topic(self.topic, "sensor_msgs/msg/PointCloud2"),)
 
     @classmethod
     def completed(cls, given: dict[str, Any], figures: Mapping[str, Any]) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Configuration of wheel odometry: encoders of the wheels, and what the robot's driver computes from their angles."""
 
-from typing import Final, Literal
+from typing import ClassVar, Final, Literal
 
 from fieldtruth.experiment.fields import Rate
 from fieldtruth.experiment.sensor_config import SensorConfig, SensorName, TopicName
@@ -15,6 +15,8 @@ JOINT_STATES: Final = "/joint_states"
 class WheelOdometryConfig(SensorConfig):
     """Speeds of the wheels, joint states and wheel odometry; a rig has one of these or none."""
 
+    sees: ClassVar[bool] = False
+
     kind: Literal["wheel_odometry"] = "wheel_odometry"
     name: SensorName = "wheel_odometry"
     topic: TopicName = "/odometry/wheel"
@@ -24,7 +26,7 @@ class WheelOdometryConfig(SensorConfig):
     def topics(self) -> tuple[Topic, ...]:
         """Wheel speeds, joint states and odometry."""
         return (
-            *(self._topic(name, "std_msgs/msg/Float32", self.tachometer_rate_hz) for name in WHEEL_SPEEDS),
-            self._topic(JOINT_STATES, "sensor_msgs/msg/JointState"),
-            self._topic(self.topic, "nav_msgs/msg/Odometry"),
+            *(self.new_topic(name, "std_msgs/msg/Float32", self.tachometer_rate_hz) for name in WHEEL_SPEEDS),
+            self.new_topic(JOINT_STATES, "sensor_msgs/msg/JointState"),
+            self.new_topic(self.topic, "nav_msgs/msg/Odometry"),
         )

@@ -15,8 +15,10 @@ from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.odometry_config import WheelOdometryConfig
 from fieldtruth.experiment.rig_check import check_sensors
 from fieldtruth.experiment.sections import PAPER_SENSORS, SECTIONS, with_sections
-from fieldtruth.experiment.sensor_config import SensorConfig, sensor_of
+from fieldtruth.experiment.sensor_config import MountedConfig, SensorConfig, sensor_of
 from fieldtruth.experiment.stereo_config import StereoConfig
+from fieldtruth.experiment.urdf import KEY as URDF
+from fieldtruth.experiment.urdf import with_urdf_mounts
 
 _Config = TypeVar("_Config", bound=SensorConfig)
 Sensor = Annotated[SerializeAsAny[SensorConfig], BeforeValidator(sensor_of)]
@@ -40,7 +42,7 @@ class WheelConfig(Frozen):
 class Rig(Frozen):
     """The robot with its sensors."""
 
-    also: ClassVar = tuple(SECTIONS)
+    also: ClassVar = (*SECTIONS, URDF)
 
     wheels: WheelConfig = WheelConfig()
     base_footprint: Mount = Mount(xyz=(0.0, 0.0, -0.13228))
@@ -52,7 +54,7 @@ class Rig(Frozen):
     @model_validator(mode="before")
     @classmethod
     def _listed(cls, given: Any) -> Any:
-        return with_sections(given) if isinstance(given, Mapping) else given
+        return with_sections(with_urdf_mounts(given)) if isinstance(given, Mapping) else given
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -73,6 +75,11 @@ class Rig(Frozen):
     def imagers(self) -> tuple[Imager, ...]:
         """The views of the cameras that are enabled."""
         return tuple(imager for camera in self.cameras for imager in camera.imagers())
+
+    @property
+    def scene_sensors(self) -> tuple[MountedConfig, ...]:
+        """The sensors that are enabled, of kinds that another package has added (``sense.scene_sensor``)."""
+        return tuple(each for each in self.enabled(MountedConfig) if not isinstance(each, IN_BAG))
 
     @property
     def imus(self) -> tuple[ImuConfig, ...]:

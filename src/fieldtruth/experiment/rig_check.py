@@ -7,6 +7,7 @@ from typing import Final
 
 from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.fields import Mount
+from fieldtruth.experiment.gnss_config import GnssConfig
 from fieldtruth.experiment.odometry_config import WheelOdometryConfig
 from fieldtruth.experiment.problems import LocatedError
 from fieldtruth.experiment.sensor_config import SensorConfig
@@ -43,7 +44,7 @@ def check_sensors(sensors: Sequence[SensorConfig], own_frames: Mapping[str, Moun
     _differ(sensors, "frame", frames, dict.fromkeys((*OWN_FRAMES, *own_frames), "the robot"))
     clearance = -own_frames["base_footprint"].xyz[2]
     for i, sensor in enumerate(sensors):
-        if sensor.enabled and sensor.kind in ("lidar", "camera", "stereo", "gnss"):
+        if sensor.enabled and (sensor.sees or isinstance(sensor, GnssConfig)):
             for frame, mount in sensor.frames().items():
                 _check_outside(mount, frame, clearance, ("sensors", i, "mount"))
 

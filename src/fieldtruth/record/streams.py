@@ -22,7 +22,9 @@ from fieldtruth.experiment.imu_config import ImuConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.odometry_config import JOINT_STATES, WHEEL_SPEEDS
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.sense.beams import column_times_ns
+from fieldtruth.experiment.sensor_config import MountedConfig
+from fieldtruth.sense.beams import sweep_times_ns
+from fieldtruth.sense.scene_sensor import SceneSensor
 from fieldtruth.world.model import GROUND_ID, World
 
 PoseAt = Callable[[int], Array]
@@ -46,7 +48,7 @@ class Lidar(Protocol):
     """A LiDAR in a scene."""
 
     def scan(self, world_from_lidar: Array, stamp_ns: int = 0) -> sensor_messages.Scan:
-        """Scan from a pose (4, 4), or from a pose for each column, (columns, 4, 4)."""
+        """Scan from a pose (4, 4), or from those at each column's beginning and at the end, (columns + 1, 4, 4)."""
         ...
 
 
@@ -63,6 +65,7 @@ class Sensors(NamedTuple):
 
     lidars: Mapping[str, Lidar] = MappingProxyType({})
     cameras: Mapping[str, Camera] = MappingProxyType({})
+    others: Mapping[str, SceneSensor] = MappingProxyType({})
     """By name of the sensor; both views of a pair have the same camera."""
     wide_ids: bool = False
     """Whether instance ids of their world need more than 16 bits."""
@@ -91,6 +94,7 @@ def streams_of(world: World, track: Track, rig: Rig, *, latched: bool = False) -
         streams += _measured(track, rig)
     streams += [lidar_stream(each, stamps_at(each.rate_hz), world_from_base) for each in rig.lidars]
     streams += [imager_stream(each, stamps_at(each.config.rate_hz), world_from_base) for each in rig.imagers]
+    streams += [scene_stream(each, stamps_at(each.rate_hz), world_from_base) for each in rig.scene_sensors]
     return streams
 
 
@@ -152,7 +156,7 @@ def _of_base(base: Base, rig: Rig) -> list[Stream]:
 def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt) -> Stream:
     """Clouds at ``stamps`` [ns] of a LiDAR on a base that is at ``world_from_base(stamp_ns)``, (4, 4)."""
     base_from_lidar = config.mount.base_from_sensor
-    sweep_ns = column_times_ns(config)
+    sweep_ns = sweep_times_ns(config)
 
     def pose_at(stamp_ns: int) -> Array:
         return world_from_base(stamp_ns) @ base_from_lidar
@@ -174,6 +178,17 @@ def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt) -
         )
 
     return Stream((config.topic,), stamps, scan)
+
+
+def scene_stream(config: MountedConfig, stamps: Stamps, world_from_base: PoseAt) -> Stream:
+    """Readings at ``stamps`` [ns] of a sensor whose kind another package has added."""
+    base_from_sensor = config.mount.base_from_sensor
+
+    def read(k: int, sensors: Sensors) -> Iterable[bytes]:
+        sensor, stamp = sensors.others[config.name], int(stamps[k])
+        return sensor.messages(k, stamp, sensor.read(world_from_base(stamp) @ base_from_sensor))
+
+    return Stream(tuple(topic.name for topic in config.topics()), stamps, read)
 
 
 def imager_stream(imager: Imager, stamps: Stamps, world_from_base: PoseAt) -> Stream:
