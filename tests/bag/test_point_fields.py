@@ -36,9 +36,11 @@ DRIVERS = {
     "velodyne": XYZI | {"ring": UINT16, "time": FLOAT32},
     "hesai": XYZI | {"ring": UINT16, "timestamp": FLOAT64},
     "robosense": XYZI | {"ring": UINT16, "timestamp": FLOAT64},
+    "livox": XYZI | {"tag": UINT8, "line": UINT8, "timestamp": FLOAT64},
 }
 """ros-drivers/velodyne 29abd0e, pointcloudXYZIRT.cc; HesaiTechnology/HesaiLidar_ROS_2.0 e7e112f,
-source_driver_ros1.hpp; RoboSense-LiDAR/rslidar_sdk 78d2abb, source_pointcloud_ros.hpp."""
+source_driver_ros1.hpp; RoboSense-LiDAR/rslidar_sdk 78d2abb, source_pointcloud_ros.hpp; Livox-SDK/livox_ros_driver2
+13eb05e, lddc.cpp."""
 KISS_ICP_TIMES = {"t", "timestamp", "time"}
 """PRBonn/kiss-icp 4bd9a10, python/kiss_icp/tools/point_cloud2.py and ros/src/Utils.hpp."""
 
@@ -91,6 +93,15 @@ def test_an_ousters_values() -> None:
     assert points["reflectivity"].tolist() == points["label"].tolist() == points["intensity"].tolist() == [1, 2, 3]
     assert points["ambient"].tolist() == [0, 0, 0]
     assert points["t"].tolist() == [1_000_000, 2_000_000, 3_000_000]
+
+
+def test_a_livoxs_values() -> None:
+    config = LidarConfig(model="mid_360")
+    points = read.points(message(config))
+    assert points["line"].tolist() == points["ring"].tolist() == [3, 2, 1]
+    assert points["tag"].tolist() == [0, 0, 0]
+    due = [STAMP + k * 1_000_000 for k in (1, 2, 3)]
+    assert points["timestamp"].astype(np.int64) == pytest.approx(due, abs=128)  # [ns]; a double resolves 256 ns
 
 
 def test_the_fields_of_an_instantaneous_ouster_have_no_time() -> None:

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """LiDARs by name: every figure of a model is allowed; what a user gives stays."""
 
+import re
+
 import pytest
 
 from fieldtruth import ConfigurationError
@@ -24,12 +26,14 @@ def test_every_model_is_allowed_and_complete(name: str) -> None:
     for key in figures.keys() - {"firing_cycle_ns"}:
         value = getattr(config, key)
         assert (list(value) if isinstance(value, tuple) else value) == figures[key]
-    assert figures.keys() >= {"rate_hz", "elevations_deg", "min_range", "max_range"}
-    assert config.elevations_deg is not None
-    assert list(config.elevations_deg) in (sorted(config.elevations_deg), sorted(config.elevations_deg, reverse=True))
+    beams = {"pattern", "rings", "columns"} if config.pattern else {"elevations_deg"}
+    assert figures.keys() >= {"rate_hz", "min_range", "max_range"} | beams
+    elevations = list(config.elevations_deg or ())
+    assert elevations in (sorted(elevations), sorted(elevations, reverse=True))
     assert min(config.firing_offsets_ns or (0,)) == 0
     assert config.spinning
-    assert config.rings == int("".join(c for c in LIDARS[name].partition(" beams")[0].split()[-1]))
+    [stated] = re.findall(r": (\d+) (?:beams|lines),", LIDARS[name])
+    assert config.rings == int(stated)
 
 
 def test_the_default_is_the_papers_lidar() -> None:

@@ -130,10 +130,14 @@ def row_of(name: str) -> list[str]:
 def test_the_documents_state_the_figures_of_a_lidar(name: str) -> None:
     config: Any = sensor("lidar", model=name)
     _, rings, elevations, columns, limits, *_ = row_of(name)
-    first, last = config.elevations_deg[0], config.elevations_deg[-1]
-    assert rings == f"{config.rings}, ring 0 {'highest' if first > last else 'lowest'}"
     stated = [float(number) for number in re.findall(r"-?[\d.]+", elevations)]
-    assert stated == pytest.approx([first, last], abs=0.06)
+    if config.pattern is None:
+        first, last = config.elevations_deg[0], config.elevations_deg[-1]
+        assert rings == f"{config.rings}, ring 0 {'highest' if first > last else 'lowest'}"
+        assert stated == pytest.approx([first, last], abs=0.06)
+    else:
+        assert rings == f"{config.rings} lines"
+        assert stated[1] - stated[0] == pytest.approx(config.vertical_fov_deg)
     assert columns == str(config.columns)
     assert limits == f"{config.min_range:g} to {config.max_range:g}"
 

@@ -37,11 +37,14 @@ def counts(message: Any, config: LidarConfig) -> dict[str, int]:
         ("os1_64_gen1", "range", clouds.RANGE),
         ("os1_64_gen1", "reflectivity", clouds.INTENSITY),
         ("os1_64_gen1", "ambient", clouds.INTENSITY),
+        ("mid_360", "t", clouds.TIME),
+        ("mid_360", "timestamp", clouds.TIME),
+        ("mid_360", "line", clouds.LAYOUT),
     ],
 )
 def test_one_wrong_value_of_a_model_is_found(model: str, field: str, rule: Rule) -> None:
     config = LidarConfig(model=model)
-    rays = ray_directions(config)
+    rays = ray_directions(config, STAMP)
     column, ring = (index.ravel().astype(np.uint16) for index in np.indices(rays.shape[:2]))
     scan: Any = SimpleNamespace(
         xyz=(rays * 10).reshape(-1, 3).astype(np.float32),
@@ -56,6 +59,6 @@ def test_one_wrong_value_of_a_model_is_found(model: str, field: str, rule: Rule)
     message: Any = get_typestore(Stores.ROS1_NOETIC).deserialize_ros1(data, "sensor_msgs/msg/PointCloud2")
     assert set(counts(message, config).values()) == {0}
     points = read.points(message).copy()
-    points[field][5] += 1e-4 if field in ("time", "timestamp") else 1
+    points[field][5] += 1e-4 if field == config.time_field else 1000 if field == "timestamp" else 1
     message.data = points.view(np.uint8).ravel()
     assert {text for text, wrong in counts(message, config).items() if wrong} == {rule.text}

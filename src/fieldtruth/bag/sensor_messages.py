@@ -22,8 +22,11 @@ from fieldtruth.experiment.lidar_config import PointFields, TimeField
 
 _XYZI: Final = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
 _RING: Final = [("ring", "<u2")]
-_MAKERS: Final = {"ouster": [("reflectivity", "<u2"), ("ring", "|u1"), ("ambient", "<u2"), ("range", "<u4")]}
-"""Fields instead of ``ring`` by maker, in the order and with the types of FAST-LIO2's ``ouster_ros::Point``."""
+_MAKERS: Final = {
+    "ouster": [("reflectivity", "<u2"), ("ring", "|u1"), ("ambient", "<u2"), ("range", "<u4")],
+    "livox": [("tag", "|u1"), ("line", "|u1"), ("timestamp", "<f8"), *_RING],
+}
+"""Fields instead of ``ring`` by maker: of FAST-LIO2's ``ouster_ros::Point``, and of livox_ros_driver2's PointCloud2."""
 
 _CLOCKS: Final = {"time": "<f4", "timestamp": "<f8"}
 _DATATYPES: Final = {
@@ -80,7 +83,8 @@ def point_cloud(
 ) -> bytes:
     """Serialise sensor_msgs/PointCloud2 of the returns, in the order of the scan; with ``t`` if the LiDAR spins.
 
-    An Ouster's ``reflectivity`` is the label as well, its ``range`` [mm] that of the ray, and its ``ambient`` zero.
+    An Ouster's ``reflectivity`` is the label as well, its ``range`` [mm] that of the ray, and its ``ambient`` zero. A
+    Livox's ``line`` is the ring, its ``timestamp`` [ns] the time of the ray, and its ``tag`` zero: a sure return.
     """
     kind = point_type(spinning=spinning, wide_ids=wide_ids, clock=clock, maker=maker)
     points = np.zeros(len(scan.xyz), kind)
@@ -95,6 +99,8 @@ def point_cloud(
     if maker == "ouster":
         points["reflectivity"] = scan.label
         points["range"] = np.rint(1000.0 * np.linalg.norm(scan.xyz.astype(np.float64), axis=1))
+    if maker == "livox":
+        points["line"], points["timestamp"] = scan.ring, stamp_ns + scan.t_ns.astype(np.int64)
     message = PointCloud2(
         ros.header(seq, stamp_ns, frame),
         height=1,

@@ -16,7 +16,8 @@ Elevation = Annotated[Number, Field(gt=-90, lt=90)]
 Turn = Annotated[Number, Field(ge=-180, le=180)]
 Delay = Annotated[Integer, Field(ge=0, le=100_000_000)]
 TimeField = Literal["time", "timestamp"]
-PointFields = Literal["ouster"]
+PointFields = Literal["ouster", "livox"]
+Pattern = Literal["avia", "mid_360"]
 _PER_RING: Final = {"min_length": 1, "max_length": MOST_RINGS}
 
 
@@ -29,7 +30,7 @@ class LidarConfig(MountedConfig):
     frame: FrameName = "os1_lidar"
     mount: Mount = Mount(xyz=(0.09, 0.0, 0.826))
     rate_hz: Rate = 10.0
-    columns: Annotated[Integer, Field(ge=8, le=4096)] = 512
+    columns: Annotated[Integer, Field(ge=8, le=8192)] = 512
     rings: Annotated[Integer, Field(ge=1, le=MOST_RINGS)] = 64
     vertical_fov_deg: Annotated[Number, Field(gt=0, lt=180)] = 45.0
     elevations_deg: (
@@ -60,8 +61,11 @@ class LidarConfig(MountedConfig):
     """False: all rays are cast at the stamp, as in the paper (Gazebo). True: columns are swept over one period."""
     time_field: Annotated[TimeField, Field(description="time or timestamp")] | None = None
     """Of points of a spinning LiDAR, beside ``t`` [ns]: time [s] after the stamp, or timestamp [s], the sum of both."""
-    point_fields: Annotated[PointFields, Field(description="ouster")] | None = None
-    """Of the maker's driver, beside those of every cloud. ouster: reflectivity, ambient, range, and 8-bit ring."""
+    point_fields: Annotated[PointFields, Field(description="ouster or livox")] | None = None
+    """Of the maker's driver, beside those of every cloud. ouster: reflectivity, ambient, range, and 8-bit ring; livox:
+    tag, line and timestamp."""
+    pattern: Annotated[Pattern, Field(description="avia or mid_360")] | None = None
+    """Of a Livox, whose rays differ from scan to scan; elevations and offsets are not used. None: it turns evenly."""
 
     @classmethod
     def of_name(cls, name: str) -> dict[str, Any]:
@@ -90,6 +94,9 @@ class LidarConfig(MountedConfig):
     @model_validator(mode="after")
     def _valid_beams(self) -> Self:
         angles = self.elevations_deg
+        for name in ("elevations_deg", "azimuth_offsets_deg", "firing_offsets_ns"):
+            if self.pattern is not None and getattr(self, name) is not None:
+                raise ValueError(f"{name} must be null with the pattern {self.pattern}")
         if angles is not None and len(angles) != self.rings:
             raise ValueError(f"rings must be {len(angles)}, the number of elevations_deg, got {self.rings}")
         span = round(max(angles) - min(angles), 9) if angles else 0.0

@@ -47,7 +47,7 @@ class CameraImages(Protocol):
 class Lidar(Protocol):
     """A LiDAR in a scene."""
 
-    def scan(self, world_from_lidar: Array) -> sensor_messages.Scan:
+    def scan(self, world_from_lidar: Array, stamp_ns: int = 0) -> sensor_messages.Scan:
         """Scan from a pose (4, 4), or from those at each column's beginning and at the end, (columns + 1, 4, 4)."""
         ...
 
@@ -164,7 +164,8 @@ def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt) -
     def scan(k: int, sensors: Sensors) -> Iterable[bytes]:
         stamp = int(stamps[k])
         pose = np.stack([pose_at(stamp + int(t)) for t in sweep_ns]) if config.spinning else pose_at(stamp)
-        seen = sensors.lidars[config.name].scan(pose)
+        lidar = sensors.lidars[config.name]
+        seen = lidar.scan(pose) if config.pattern is None else lidar.scan(pose, stamp)
         yield sensor_messages.point_cloud(
             k,
             stamp,

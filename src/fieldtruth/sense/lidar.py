@@ -15,6 +15,7 @@ from fieldtruth.sense.beams import ray_times_ns, ring_elevations
 from fieldtruth.sense.hits import HitTable, LabelBuffers, classify, hit_top
 from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import Packet, new_packet, set_ray
+from fieldtruth.sense.patterns import pattern_directions
 from fieldtruth.sense.scene import Scene
 
 _LANES, _WIDTH, _HEIGHT = embree.LANES, embree.LANES // 4, 4
@@ -40,12 +41,15 @@ class Scan(NamedTuple):
     t_ns: NDArray[np.uint32]
 
 
-def ray_directions(config: LidarConfig) -> Array:
+def ray_directions(config: LidarConfig, stamp_ns: int = 0) -> Array:
     """Unit directions (columns, rings, 3) in the LiDAR's frame (x forward, y left, z up).
 
     Column 0 points along +x; columns are 360 deg / columns apart and advance clockwise seen from above, as an Ouster
-    rotates. A ring leaves its column by its azimuth offset, and by what the head turns until it fires.
+    rotates. A ring leaves its column by its azimuth offset, and by what the head turns until it fires. Those of a
+    ``pattern`` are of the scan at ``stamp_ns``.
     """
+    if config.pattern is not None:
+        return pattern_directions(config, stamp_ns)
     ahead = np.radians(np.array(config.azimuth_offsets_deg or (0.0,)))  # (rings,) or (1,), clockwise
     ahead = ahead + 2.0 * np.pi * config.rate_hz * 1e-9 * np.array(config.firing_offsets_ns or (0,))
     azimuth = (-2.0 * np.pi * np.arange(config.columns) / config.columns)[:, None] - ahead
@@ -93,34 +97,36 @@ class Lidar:
     def __init__(self, config: LidarConfig, scene: Scene) -> None:
         self.config = config
         self.scene = scene
-        self.directions = ray_directions(config)
         self._times_ns = ray_times_ns(config)
         returns = np.ones(256, np.bool_)
         returns[[int(label) for label in NO_RETURN]] = False
         lag = np.array(config.firing_offsets_ns or np.zeros(config.rings)) * (1e-9 * config.rate_hz * config.columns)
-        self._beams = Beams(self.directions, lag, config.min_range, config.max_range, returns)
+        self._beams = Beams(ray_directions(config), lag, config.min_range, config.max_range, returns)
         self._packet = new_packet(coherent=False)  # 12 % faster in the park, as fast in the forest
         shape = (config.columns, config.rings)
         self._out = LabelBuffers(np.zeros(shape, np.uint8), np.zeros(shape, np.uint32), np.zeros(shape, np.float32))
 
-    def scan(self, world_from_lidar: Array) -> Scan:
+    def scan(self, world_from_lidar: Array, stamp_ns: int = 0) -> Scan:
         """Scan from a pose (4, 4), or of a sensor that moves from those at each column's beginning and at the end.
 
         With poses (columns + 1, 4, 4), ``t_ns`` spreads the columns evenly over one period, and each point is in the
         frame of the LiDAR when its ray leaves, as a real scanner reports it. Rings that fire later than their column
-        begins have a pose between its pose and the next one, interpolated linearly.
+        begins have a pose between its pose and the next one, interpolated linearly. The stamp
+        matters to a LiDAR with a ``pattern`` only.
 
         Raises:
             ValueError: another number of poses.
         """
         config = self.config
+        if config.pattern is not None:
+            self._beams = self._beams._replace(directions=ray_directions(config, stamp_ns))
         moving = world_from_lidar.ndim == 3
         if moving and len(world_from_lidar) != config.columns + 1:
             raise ValueError(f"poses must be {config.columns + 1}, one more than columns, got {len(world_from_lidar)}")
         poses = np.ascontiguousarray(np.broadcast_to(world_from_lidar, (config.columns + 1, 4, 4)))
         trace_beams(self.scene.rays.handle, self.scene.hits, self._packet, poses, self._beams, self._out)
         found = _new_scan(int(np.count_nonzero(self._out.depth)))
-        _collect(self.directions, self._out, found)
+        _collect(self._beams.directions, self._out, found)
         if moving:
             found.t_ns[:] = self._times_ns[found.column, found.ring]
         return found

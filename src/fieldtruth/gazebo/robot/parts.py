@@ -92,9 +92,14 @@ def check_rig(rig: Rig) -> None:
     """Check that Gazebo has the sensors that are enabled.
 
     Raises:
-        ConfigurationError: beams that are uneven or leave their column; a lens other than a plain pinhole.
+        ConfigurationError: beams that Gazebo has not, or a lens other than a plain pinhole.
     """
     for lidar in rig.lidars:
+        if lidar.pattern is not None:
+            raise ConfigurationError(
+                f"rig.sensors: {lidar.name} has the pattern {lidar.pattern}; Gazebo's scanner turns evenly; "
+                "give enabled: false"
+            )
         steps = np.diff(lidar.elevations_deg or ())
         uneven = steps.size > 0 and np.ptp(steps) > _EVEN
         if uneven or any(lidar.azimuth_offsets_deg or ()):

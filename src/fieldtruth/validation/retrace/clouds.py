@@ -4,7 +4,7 @@
 
 import threading
 from collections.abc import Callable
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -56,7 +56,10 @@ In worlds whose ids do not fit into 16 bits ``instance`` is "<u4".
 _ROUNDING: Final = 1e-6
 """Share of a range by which single precision may exceed the limits."""
 _CLOCKS: Final = {"time": "<f4", "timestamp": "<f8"}
-_OF_MAKER: Final = {"ouster": {"reflectivity": "<u2", "ring": "|u1", "ambient": "<u2", "range": "<u4"}}
+_OF_MAKER: Final = {
+    "ouster": {"reflectivity": "<u2", "ring": "|u1", "ambient": "<u2", "range": "<u4"},
+    "livox": {"tag": "|u1", "line": "|u1", "timestamp": "<f8"},
+}
 _CLOCK_ROUNDING: Final = 1e-6
 """[s], which a double resolves for stamps of today, and single precision within a scan."""
 _RETURNS: Final = np.array([c.label is not Label.VOID and c.label not in NO_RETURN for c in CLASSES])
@@ -114,11 +117,14 @@ def _check_cloud(
         xyz = np.stack([cloud[axis] for axis in "xyz"], axis=-1).astype(np.float64)
         tally[FINITE].see_all(np.asarray(np.isfinite(xyz).all(axis=-1)), lambda k: f"{row(k)}: {xyz[k]} m")
         if {"ring", "column"} <= kinds.keys():
-            _check_rays(cloud, xyz, config, rays, row)
+            _check_rays(cloud, xyz, _rays_at(config, read.stamp_ns(message.header)), config, rays, row)
+    stamp = read.stamp_ns(message.header)
     if whole and config.point_fields == "ouster":
         _check_ouster(cloud, xyz, tally, rays, row)
+    if whole and config.point_fields == "livox":
+        _check_livox(cloud, stamp, tally, rays, row)
     if whole and clock:
-        start = read.stamp_ns(message.header) if clock == "timestamp" else 0
+        start = stamp if clock == "timestamp" else 0
         due = (start + cloud["t"].astype(np.int64)) / 1e9
         late = np.abs(cloud[clock] - due) > _CLOCK_ROUNDING
         rays[TIME].see_all(~late, lambda k: f"{row(k)}: {clock} {cloud[clock][k]} s, due at {due[k]} s")
@@ -137,8 +143,15 @@ def _check_ouster(cloud: NDArray[np.void], xyz: Array, tally: Tally, rays: Tally
     rays[RANGE].see_all(near, lambda k: f"{row(k)}: range {cloud['range'][k]} mm, point at {range_mm[k]:.3f} mm")
 
 
+def _check_livox(cloud: NDArray[np.void], stamp_ns: int, tally: Tally, rays: Tally, row: Callable[[int], str]) -> None:
+    sure = (cloud["line"] == cloud["ring"]) & (cloud["tag"] == 0)
+    tally[LAYOUT].see_all(sure, lambda k: f"{row(k)}: line {cloud['line'][k]}, tag {cloud['tag'][k]}")
+    due = (stamp_ns + (cloud["t"].astype(np.int64) if "t" in (cloud.dtype.names or ()) else 0)) * 1.0
+    rays[TIME].see_all(cloud["timestamp"] == due, lambda k: f"{row(k)}: timestamp {cloud['timestamp'][k]} ns")
+
+
 def _check_rays(
-    cloud: NDArray[np.void], xyz: Array, config: LidarConfig, tally: Tally, row: Callable[[int], str]
+    cloud: NDArray[np.void], xyz: Array, directions: Array, config: LidarConfig, tally: Tally, row: Callable[[int], str]
 ) -> None:
     ring, column = cloud["ring"].astype(np.int64), cloud["column"].astype(np.int64)
     inside = (ring >= 0) & (ring < config.rings) & (column >= 0) & (column < config.columns)
@@ -154,16 +167,20 @@ def _check_rays(
     tally[RANGE].see_all(
         np.asarray((range_m >= least) & (range_m <= most)), lambda k: f"{row(k)}: {range_m[k]:.3f} m, {limits}"
     )
-    rays = _directions(config)[np.where(inside, column * config.rings + ring, 0)]
+    rays = directions[np.where(inside, column * config.rings + ring, 0)]
     with np.errstate(invalid="ignore"):  # points that are not finite break this rule as well
         aside = np.linalg.norm(xyz - rays * range_m[:, None], axis=-1) / np.maximum(range_m, 1e-9)
     tally[DIRECTION].measure_all(aside[inside], lambda k: row(int(np.flatnonzero(inside)[k])))
 
 
-@cache
-def _directions(config: LidarConfig) -> Array:
-    """(columns * rings, 3) by number of the ray."""
-    return ray_directions(config).reshape(-1, 3)
+def _rays_at(config: LidarConfig, stamp_ns: int) -> Array:
+    """Directions (columns * rings, 3) of a scan at a stamp by number of the ray."""
+    return _directions(config, 0 if config.pattern is None else stamp_ns)
+
+
+@lru_cache(maxsize=16)
+def _directions(config: LidarConfig, stamp_ns: int) -> Array:
+    return ray_directions(config, stamp_ns).reshape(-1, 3)
 
 
 @cache
@@ -224,12 +241,14 @@ class RetracedClouds(Checker):
         lidars = vars(self._own)
         if config.name not in lidars:
             lidars[config.name] = Lidar(config, self._rebuilt.scene)
-        scan = lidars[config.name].scan(poses if len(poses) > 1 else poses[0])
+        scan = lidars[config.name].scan(poses if len(poses) > 1 else poses[0], read.stamp_ns(message.header))
         own = _Dense.of(config, scan.column, scan.ring, scan.xyz, scan.label, scan.instance)
         bag, own = bag.first(columns * config.rings), own.first(columns * config.rings)
         same = (bag.label == own.label) & (bag.instance == own.instance)
         equal = bool(same.all()) and np.array_equal(bag.xyz, own.xyz)
         same &= close(bag.xyz, own.xyz).all(axis=1)
+
+        directions = _rays_at(config, read.stamp_ns(message.header))
 
         def reading(k: int) -> RayReading:
             column, ring = divmod(k, config.rings)
@@ -238,7 +257,7 @@ class RetracedClouds(Checker):
                 pose = poses[column] + _lag(config)[ring] * (poses[column + 1] - poses[column])
             range_m = float(np.linalg.norm(bag.xyz[k].astype(np.float64)))
             return RayReading(
-                f"{at(raw)}, column {column}, ring {ring}", pose[:3, 3], pose[:3, :3] @ _directions(config)[k],
+                f"{at(raw)}, column {column}, ring {ring}", pose[:3, 3], pose[:3, :3] @ directions[k],
                 range_m, int(bag.label[k]), int(bag.instance[k]), config.min_range, config.max_range, lidar=True,
             )  # fmt: skip
 
