@@ -8,7 +8,7 @@ WHEELS: Final = ("front_left", "front_right", "rear_left", "rear_right")
 
 
 class Topic(NamedTuple):
-    """A topic that a run publishes; ``rate_hz`` is None for one message per bag."""
+    """A topic that a run publishes; one message per bag has no ``rate_hz``."""
 
     name: str
     msgtype: str
