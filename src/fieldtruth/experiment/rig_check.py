@@ -9,10 +9,8 @@ from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.odometry_config import WheelOdometryConfig
 from fieldtruth.experiment.problems import LocatedError
+from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.experiment.sensor_config import SensorConfig
-
-OUTLINE: Final = (0.99, 0.67, 0.39)  # [m]; paper, section 2.1
-CHASSIS_WIDTH: Final = 0.5709  # [m], between the wheels; husky_description
 
 OWN_TOPICS: Final = (
     "/clock",
@@ -26,7 +24,7 @@ OWN_TOPICS: Final = (
 OWN_FRAMES: Final = ("world", "odom", "base_link")
 
 
-def check_sensors(sensors: Sequence[SensorConfig], own_frames: Mapping[str, Mount]) -> None:
+def check_sensors(sensors: Sequence[SensorConfig], own_frames: Mapping[str, Mount], robot: RobotConfig) -> None:
     """Check the list of sensors of a robot with these frames of its own.
 
     Raises:
@@ -41,11 +39,10 @@ def check_sensors(sensors: Sequence[SensorConfig], own_frames: Mapping[str, Moun
     odometry = [i for i, sensor in enumerate(sensors) if isinstance(sensor, WheelOdometryConfig)]
     if len(odometry) > 1:
         raise LocatedError("must differ: a rig has at most one wheel_odometry", ("sensors", odometry[1], "kind"))
-    clearance = -own_frames["base_footprint"].xyz[2]
     for i, sensor in enumerate(sensors):
         if sensor.enabled and sensor.kind in ("lidar", "camera", "stereo", "gnss"):
             for frame, mount in sensor.frames().items():
-                _check_outside(mount, frame, clearance, ("sensors", i, "mount"))
+                _check_outside(mount, frame, robot, ("sensors", i, "mount"))
 
 
 def _views(sensor: SensorConfig) -> list[str]:
@@ -63,13 +60,13 @@ def _differ(
             taken[value] = f"sensors[{i}], {sensors[i].name!r}"
 
 
-def _check_outside(mount: Mount, frame: str, clearance: float, at: tuple[str | int, ...]) -> None:
-    """Check that a frame is not inside the chassis, which is ``clearance`` [m] above the ground."""
+def _check_outside(mount: Mount, frame: str, robot: RobotConfig, at: tuple[str | int, ...]) -> None:
+    """Check that a frame is not inside the chassis."""
     x, y, z = mount.xyz
-    length, top = OUTLINE[0], OUTLINE[2] - clearance
-    if abs(x) < length / 2 and abs(y) < CHASSIS_WIDTH / 2 and 0.0 < z < top:
+    length, width, top = robot.outline[0], robot.chassis_width, robot.chassis_top
+    if abs(x) < length / 2 and abs(y) < width / 2 and 0.0 < z < top:
         raise LocatedError(
             f"{frame} is inside the robot's hull at {list(mount.xyz)}: it spans x -{length / 2:g} to {length / 2:g} m, "
-            f"y -{CHASSIS_WIDTH / 2:g} to {CHASSIS_WIDTH / 2:g} m, z 0 to {top:g} m in base_link",
+            f"y -{width / 2:g} to {width / 2:g} m, z 0 to {top:g} m in base_link",
             at,
         )
