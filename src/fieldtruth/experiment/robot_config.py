@@ -17,7 +17,7 @@ from fieldtruth.experiment.topic import WHEELS
 
 GRAVITY: Final = 9.81  # [m/s^2]
 MAX_DEFLECTION: Final = 0.2
-"""Greatest deflection of a tyre at rest, in radii: beyond, a tyre is flat, and the springs of its tread are no model."""
+"""Greatest deflection of a tyre at rest, in radii: beyond, it is flat, and the springs of its tread are no model."""
 
 Inertia = tuple[Positive, Positive, Positive]
 Length = Annotated[Number, Field(gt=0, le=2)]
@@ -54,9 +54,9 @@ class RobotConfig(Frozen):
 
     model: Annotated[str, Field(description="a name from `fieldtruth list robots`")] = "husky"
     """Gives every value below that is not set, from the model's data file."""
-    drive: Annotated[
-        Literal["skid_steer", "differential"], Field(description="skid_steer or differential")
-    ] = "skid_steer"
+    drive: Annotated[Literal["skid_steer", "differential"], Field(description="skid_steer or differential")] = (
+        "skid_steer"
+    )
     mass: Annotated[Number, Field(gt=0, le=2000)] = 50.0  # [kg], with wheels
     chassis_centre: tuple[Number, Number, Number] = (-0.00065, 0.0, 0.062)  # [m], of mass, in base_link
     chassis_inertia: Inertia = (0.6022, 1.7386, 2.0296)  # [kg m^2], principal moments along x, y, z ...
@@ -82,10 +82,7 @@ class RobotConfig(Frozen):
             given = {"model": given}
         if not isinstance(given, Mapping) or not isinstance(given.get("model"), str):
             return given
-        try:
-            return with_robot_model(given)
-        except ValueError as error:
-            raise LocatedError(str(error), ["model"]) from error
+        return with_robot_model(given)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -97,7 +94,9 @@ class RobotConfig(Frozen):
             what = "is required of" if differential else "must not be given for"
             raise LocatedError(f"{what} a {self.drive} robot: {{x: ..., radius: ..., width: ...}}", ("caster",))
         if len(w.names) * w.mass >= self.mass:
-            raise LocatedError(f"must be above {len(w.names) * w.mass:g}, that of the wheels, got {self.mass:g}", ["mass"])
+            raise LocatedError(
+                f"must be above {len(w.names) * w.mass:g}, that of the wheels, got {self.mass:g}", ["mass"]
+            )
         for moments, at in ((self.chassis_inertia, ("chassis_inertia",)), (w.inertia, ("wheels", "inertia"))):
             if 2 * max(moments) > sum(moments):
                 raise LocatedError(f"must have no value above the sum of the others, got {list(moments)}", at)

@@ -7,8 +7,9 @@ from typing import Any, Final, Literal
 
 from fieldtruth.bag import topics
 from fieldtruth.core import geodesy
-from fieldtruth.drive import husky
+from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.drive.physics import FRICTION
+from fieldtruth.drive.robot import skid_compensation
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.gazebo.robot import contact, parts
@@ -32,7 +33,12 @@ def write_robot(folder: Path, rig: Rig, flavour: Flavour) -> None:
       is up to 4 % slower when it starts at a few degrees from an axis of the world; with ROS neither is so.
     - ``urdf/husky.urdf.xacro`` and ``urdf/husky.urdf``, which is the same with the default arguments: the description
       for ROS, with the plugins of gazebo_ros. The newer Gazebo uses its frames only.
+
+    Raises:
+        ConfigurationError: a robot without four driven wheels.
     """
+    if rig.robot.drive != "skid_steer":
+        raise ConfigurationError("rig.robot.drive must be skid_steer: the models for Gazebo have four driven wheels")
     values = _values(rig)
     sdf = render("robot", "husky.sdf.jinja", flavour=flavour, **values)
     config = render("robot", "model.config.xml.jinja", version="1.9" if flavour == "gz" else "1.7")
@@ -44,11 +50,10 @@ def write_robot(folder: Path, rig: Rig, flavour: Flavour) -> None:
 
 def _values(rig: Rig) -> dict[str, Any]:
     mounts, cameras = rig.mounts(), {"left": rig.stereo.left, "right": rig.stereo.right}
-    chassis_mass = husky.MASS - 4 * husky.WHEEL_MASS
-    track = 2 * rig.wheels.half_track * husky.skid_compensation(rig.wheels)
+    chassis_mass = rig.robot.mass - 4 * rig.wheels.mass
+    track = 2 * rig.wheels.half_track * skid_compensation(rig.wheels)
     return {
         "rig": rig,
-        "husky": husky,
         "topics": topics,
         "geodesy": geodesy,
         "contact": contact,
@@ -59,14 +64,14 @@ def _values(rig: Rig) -> dict[str, Any]:
         "tread": parts.wheel_shape(rig),
         "wheels": {wheel: mounts[f"{wheel}_wheel"].xyz for wheel in WHEELS},
         "chassis_mass": chassis_mass,
-        "inertia": parts.chassis_inertia(chassis_mass),
+        "inertia": parts.chassis_inertia(rig.robot, chassis_mass),
         "gnss_mass": parts.GNSS_MASS,
         "gnss_inertia": parts.GNSS_INERTIA,
         "yellow": parts.YELLOW,
         "black": parts.BLACK,
         "track": track,
         "anchor": track / 2 - rig.wheels.half_track,
-        "wheel_inertia": parts.wheel_inertia(),
+        "wheel_inertia": parts.wheel_inertia(rig.robot),
         "angles": parts.scan_angles(rig.lidar),
         "pinhole": pinhole(rig.stereo),
         "lidar_pose": parts.mount_pose(rig.lidar.mount),

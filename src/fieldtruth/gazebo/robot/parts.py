@@ -16,11 +16,12 @@ from scipy.spatial.transform import Rotation
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.drive import husky
+from fieldtruth.drive import robot
 from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, OPTICAL
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.experiment.topic import WHEELS
 
 GNSS_MASS: Final = 0.001  # [kg]; a link of its own in ROS 1, whose GNSS plugin reads a link's position
@@ -123,25 +124,25 @@ def _check_even(config: LidarConfig) -> None:
         )
 
 
-def wheel_inertia() -> Array:
+def wheel_inertia(figures: RobotConfig) -> Array:
     """Principal moments (3,) [kg m^2] of a wheel; the motor's rotor turns with it about the axle.
 
     SDF allows no moment above the sum of the others, so those across the axle are larger than the wheel's.
     """
-    axle = husky.WHEEL_INERTIA[1] + husky.ROTOR_INERTIA
-    across = max(husky.WHEEL_INERTIA[0], axle / 2)
+    axle = figures.wheels.inertia[1] + robot.ROTOR_INERTIA * robot.servo_scale(figures)
+    across = max(figures.wheels.inertia[0], axle / 2)
     return np.array([across, axle, across])
 
 
-def chassis_inertia(mass: float) -> Array:
+def chassis_inertia(figures: RobotConfig, mass: float) -> Array:
     """Principal moments (3,) [kg m^2] of a chassis of this mass [kg], less what ``wheel_inertia`` adds."""
-    inertia = np.array(husky.CHASSIS_INERTIA) * (mass / husky.CHASSIS_INERTIA_MASS)
-    return inertia - 4 * (wheel_inertia() - husky.WHEEL_INERTIA) * (1.0, 0.0, 1.0)
+    inertia = np.array(figures.chassis_inertia) * (mass / figures.chassis_inertia_mass)
+    return inertia - 4 * (wheel_inertia(figures) - figures.wheels.inertia) * (1.0, 0.0, 1.0)
 
 
 def body_shapes(rig: Rig) -> tuple[Shape, ...]:
     """Shapes of base_link: chassis and mast are solid, the housings of the sensors are only drawn."""
-    boxes = husky.body_boxes(rig)
+    boxes = robot.body_boxes(rig)
     chassis = boxes["chassis"]
     top = float(chassis.size[2])
     x, y, z = rig.lidar.mount.xyz
@@ -162,11 +163,11 @@ def body_shapes(rig: Rig) -> tuple[Shape, ...]:
 
 def wheel_shape(rig: Rig) -> Shape:
     """Return the cylinder of a wheel, whose axis is y."""
-    size = (rig.wheels.radius, round(husky.wheel_width(rig.wheels), 9))
+    size = (rig.wheels.radius, round(rig.wheels.width, 9))
     return Shape("tread", size, (0.0, 0.0, 0.0), roll=math.pi / 2, solid=True)
 
 
-def _mast(rig: Rig, box: husky.Box, bottom: float) -> Shape | None:
+def _mast(rig: Rig, box: robot.Box, bottom: float) -> Shape | None:
     """Return the mast of the physics, cut off below the LiDAR's beams, which Gazebo would otherwise let it meet."""
     low, high = box.centre - box.size / 2, box.centre + box.size / 2
     if rig.lidar.enabled:
