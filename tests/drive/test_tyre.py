@@ -8,8 +8,9 @@ from drive_worlds import F8, HeightFunction, make_robot, make_world, tilted
 from scipy.signal import welch
 
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz
-from fieldtruth.drive.husky import Command
-from fieldtruth.experiment.rig import WHEELS, Rig
+from fieldtruth.drive.robot import Command
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.topic import WHEELS
 
 RADIUS = 0.1651
 MOUNTS = np.array([Rig().mounts()[f"{name}_wheel"].xyz for name in WHEELS])

@@ -20,7 +20,8 @@ from fieldtruth.world.model import Heightfield
 EVERY: Final = 20
 """Steps of the physics from one look at the ground to the next."""
 NEAR: Final = 0.05
-"""Distance [m] below the chassis; it comes nearer by less in ``EVERY`` steps: 2 cm at 1 m/s, 4 cm at 5 m/s uphill at 20 deg."""
+"""Distance [m] below the chassis; it comes nearer by less in ``EVERY`` steps: 4 cm at 5 m/s where a slope of 20 deg
+begins."""
 _STEP_S: Final = 0.001
 _PITCH: Final = 0.1
 """Greatest distance [m] between the points of the chassis at which the ground below is looked up."""

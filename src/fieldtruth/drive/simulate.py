@@ -248,8 +248,8 @@ class SimulatedRobot:
 def _track(blocks: list[Array], count: int, commands: Array, rig: Rig) -> Track:
     """Return the track of the first ``count`` states; those behind are the sweep of the last scan.
 
-    ``blocks`` are those of all states, (n, 13 + 2 wheels) each, and are emptied; each column is copied once, so that hours fit
-    into memory.
+    ``blocks`` are those of all states, (n, 13 + 2 wheels) each, and are emptied; each column is copied once, so that
+    hours fit into memory.
     ``commands`` (n, 2) are those at all readings of the IMU, up to the end or later.
     """
     merged = []
