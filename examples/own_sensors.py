@@ -12,15 +12,15 @@ def main(out: str = "data", seconds: str = "2") -> None:
     park = ft.load_experiment("park_1")
     lidar = ft.LidarConfig(columns=1024, rings=32, max_range=80.0, mount=ft.Mount(xyz=(0.0, 0.0, 1.2)))
     down = (0.0, 100.0, 0.0)  # roll, pitch, yaw [deg]; 90 looks straight ahead
-    camera = ft.CameraConfig(
+    camera = ft.StereoConfig(
         width=640,
         height=360,
         rate_hz=10.0,
         depth=True,
-        left=ft.Mount(xyz=(0.3, 0.10, 0.5), rpy_deg=down),
-        right=ft.Mount(xyz=(0.3, -0.10, 0.5), rpy_deg=down),
+        baseline=0.2,
+        mount=ft.Mount(xyz=(0.3, 0.0, 0.5), rpy_deg=down),
     )
-    rig = park.rig.model_copy(update={"lidar": lidar, "cameras": camera})
+    rig = ft.paper_rig(lidar=lidar, stereo=camera)
     experiment = park.model_copy(update={"name": "my_sensors", "rig": rig, "seconds": float(seconds)})
 
     bag = ft.generate(experiment, out)

@@ -35,7 +35,7 @@ def small_run(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
 
     values = load_experiment("park_1").model_dump()
     values["seconds"] = 1.2
-    values["rig"]["cameras"] |= {"width": 320, "height": 184, "depth": True, "instances": True}
+    values["rig"]["cameras"] = {"width": 320, "height": 184, "depth": True, "instances": True}
     base = tmp_path_factory.getbasetemp()
     shared = (base.parent if worker_id != "master" else base) / "small_run"  # the first of the workers makes it
     shared.mkdir(exist_ok=True)

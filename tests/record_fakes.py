@@ -28,12 +28,13 @@ from fieldtruth.drive.track import (
 from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import Rig, paper_rig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.record.slices import Slices
 from fieldtruth.record.streams import Sensors, streams_of
 from fieldtruth.world.model import Heightfield, Instance, Raster, Terrain, World
 
-SMALL = Rig(cameras=CameraConfig(width=64, height=48))
+SMALL = paper_rig(stereo=StereoConfig(width=64, height=48))
 
 
 def make_experiment(seconds: float = 2.5, seed: int = 0, rig: Rig = SMALL, name: str = "tiny") -> Experiment:
@@ -95,26 +96,30 @@ def make_track(world: World, experiment: Experiment) -> Track:
     world_from_imu = rotation[rows] @ rig.imu.mount.base_from_sensor[:3, :3]
     gnss_stamps = stamps_at_rate(rig.gnss.rate_hz, duration_ns)
     wheels = WheelMotion(angle=np.outer(t, (1.0, 2.0, 1.1, 2.2)), speed=np.tile((1.0, 2.0, 1.1, 2.2), (len(t), 1)))
-    wheel_stamps = stamps_at_rate(rig.tachometers.rate_hz, duration_ns)
+    wheel_stamps = stamps_at_rate(10.0, duration_ns)
     return Track(
         motion=motion,
         swept=motion,
-        imu=ImuReadings(
-            stamps_ns=imu_stamps,
-            quaternion_wxyz=frames.quaternion_wxyz_from_rotation(world_from_imu),
-            angular_velocity=turn[rows],
-            linear_acceleration=speed[rows] + [0.0, 0.0, 9.81],
-        ),
-        gnss=GnssReadings(
-            stamps_ns=gnss_stamps,
-            geodetic=geodesy.geodetic_from_world(position[np.searchsorted(stamps, gnss_stamps)]),
-        ),
+        imus={
+            "imu": ImuReadings(
+                stamps_ns=imu_stamps,
+                quaternion_wxyz=frames.quaternion_wxyz_from_rotation(world_from_imu),
+                angular_velocity=turn[rows],
+                linear_acceleration=speed[rows] + [0.0, 0.0, 9.81],
+            )
+        },
+        fixes={
+            "gnss": GnssReadings(
+                stamps_ns=gnss_stamps,
+                geodetic=geodesy.geodetic_from_world(position[np.searchsorted(stamps, gnss_stamps)]),
+            )
+        },
         base=Base(
             wheels=wheels,
             tachometers=TachometerReadings(
                 stamps_ns=wheel_stamps, wheel_speed=np.arange(4 * len(wheel_stamps)).reshape(-1, 4) / 8.0
             ),
-            odometry=read_odometry(stamps, wheels, rig),
+            odometry=read_odometry(stamps, wheels, rig.wheels, 50.0),
             commands=Commands(stamps_ns=imu_stamps, command=np.column_stack([imu_stamps / 1e10, -imu_stamps / 1e9])),
         ),
     )
@@ -190,7 +195,7 @@ def make_slices(folder: Path, experiment: Experiment) -> Slices:
     track, rig, scene = make_track(world, experiment), experiment.rig, FakeScene(world)
 
     def sensors() -> Sensors:
-        return Sensors(FakeLidar(rig.lidar, scene), FakeCamera(rig.cameras, scene))
+        return Sensors({"lidar": FakeLidar(rig.lidar, scene)}, {"stereo": FakeCamera(rig.stereo, scene)})
 
     return Slices(folder, streams_of(world, track, rig), topics_of(rig), sensors)
 

@@ -128,7 +128,7 @@ def test_generate_passes_all_options_to_one_call(
     assert cli.main(words.split()) == 0
     [(experiment, out, options)] = pipeline.calls
     assert (experiment.name, experiment.seconds, experiment.seed) == ("park_1", 5.0, 7)
-    assert not experiment.rig.cameras.enabled
+    assert not experiment.rig.stereo.enabled
     assert not experiment.rig.lidar.enabled
     assert out == Path("sets")
     assert (options["workers"], options["overwrite"]) == (3, True)

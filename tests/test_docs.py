@@ -21,8 +21,14 @@ from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import parse_experiment
+from fieldtruth.experiment.gnss_config import GnssConfig
+from fieldtruth.experiment.imu_config import ImuConfig
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.odometry_config import WheelOdometryConfig
 from fieldtruth.experiment.problems import condition_at, models_of
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.sensor_config import MountedConfig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.world.build import layout_model
 from fieldtruth.world.environments import ENVIRONMENTS
 from fieldtruth.world.model import World
@@ -31,6 +37,7 @@ from fieldtruth.world.plants import TREES
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 EXPERIMENTS = (ROOT / "docs/experiments.md").read_text(encoding="utf-8")
+RIG = (ROOT / "docs/rig.md").read_text(encoding="utf-8")
 PLACES = (ROOT / "docs/environments.md").read_text(encoding="utf-8")
 DOCUMENTS = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
 TUTORIALS = sorted((ROOT / "docs/tutorials").glob("*.md"))
@@ -77,16 +84,58 @@ def test_the_reference_names_every_value_with_its_default_and_what_is_allowed() 
     assert [".".join(key) for key in keys] == sorted(described, key=[".".join(k) for k in keys].index)
     for key in keys:
         _, default, allowed, meaning = described[".".join(key)]
-        if default != "(required)":
+        if default not in ("(required)", "(the paper's)"):
             assert yaml.safe_load(default.strip("`")) == default_of(key), key
         assert allowed in (condition_at(Experiment, key), "a mount"), key
         assert meaning
 
 
+def test_the_page_on_sensors_names_every_value_with_its_default_and_what_is_allowed() -> None:
+    """Keys of every sensor are in one table, those of a kind in another below its heading."""
+    common = set(MountedConfig.model_fields)
+    every = {cells[0].strip("`"): cells[1] for cells in table_rows(section(RIG, "Every sensor"))}
+    paper = {cells[0].strip("`"): cells[1:] for cells in table_rows(section(RIG, "Every sensor")) if len(cells) == 6}
+    for heading, config in (
+        ("Cameras", StereoConfig),
+        ("LiDARs", LidarConfig),
+        ("IMU", ImuConfig),
+        ("GNSS receiver", GnssConfig),
+        ("Wheel odometry", WheelOdometryConfig),
+    ):
+        default = config().model_dump(mode="json")
+        described = {cells[0].strip("`"): cells for cells in table_rows(section(RIG, heading)) if cells[0] != "key"}
+        keys = [".".join(key) for key in configuration_keys(config) if key[0] not in common]
+        assert sorted(described) == sorted(keys), heading
+        for key, (_, written, allowed, meaning) in described.items():
+            value: object = default
+            for step in key.split("."):
+                value = value[step]  # type: ignore[index]
+            assert yaml.safe_load(written.strip("`")) == value, key
+            assert allowed == condition_at(config, key.split(".")), key
+            assert meaning
+        name, topic, frame, rate, _ = (cell.strip("`") for cell in paper[default["kind"]])
+        assert (name, topic, frame or None) == (default["name"], default["topic"], default.get("frame"))
+        assert rate == f"{default['rate_hz']:g} Hz"
+    for key in common - {"kind", "mount"}:
+        assert every[key] == condition_at(MountedConfig, [key]), key
+
+
+def test_the_forms_of_a_rig_are_the_same() -> None:
+    short, listed = re.findall(r"```\n(rig:.*?)```", section(RIG, "The short form"), flags=re.S)
+    assert Rig.model_validate(yaml.safe_load(short)["rig"]) == Rig.model_validate(yaml.safe_load(listed)["rig"])
+    [example] = re.findall(r"```yaml\n(.*?)```", RIG, flags=re.S)
+    assert len(parse_experiment(example).rig.imagers) == 4
+
+
+def section(page: str, heading: str) -> str:
+    """Text below a heading of the second level, up to the next."""
+    return page.partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
+
+
 def test_the_example_of_the_reference_is_an_experiment() -> None:
     [text] = re.findall(r"```yaml\n(.*?)```", EXPERIMENTS, flags=re.S)
     experiment = parse_experiment(text)
-    assert (experiment.seed, experiment.rig.lidar.columns, experiment.rig.cameras.enabled) == (7, 1024, False)
+    assert (experiment.seed, experiment.rig.lidar.columns, experiment.rig.stereo.enabled) == (7, 1024, False)
 
 
 @pytest.mark.parametrize("name", ENVIRONMENTS)
@@ -133,8 +182,8 @@ def test_the_readme_lists_the_topics_with_types_and_rates() -> None:
         for pattern, own_rate in zip(patterns, rates, strict=True):
             listed |= {name: (re.split(r"[:,]", kind)[0], own_rate) for name in expanded(pattern)}
     true = {
-        topic.name: (topic.msgtype.replace("/msg/", "/"), f"{topic.rate_hz(Rig()):g}" if topic.rate_hz else "once")
-        for topic in topics.TOPICS
+        topic.name: (topic.msgtype.replace("/msg/", "/"), f"{topic.rate_hz:g}" if topic.rate_hz else "once")
+        for topic in topics.PAPER_TOPICS
     }
     assert {name: (kind.partition(" ")[0], rate) for name, (kind, rate) in listed.items()} == true
 

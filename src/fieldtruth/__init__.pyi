@@ -55,11 +55,14 @@ from .experiment.imu_config import ImuConfig as ImuConfig
 from .experiment.lidar_config import LidarConfig as LidarConfig
 from .experiment.odometry_config import WheelOdometryConfig as WheelOdometryConfig
 from .experiment.rig import Rig as Rig
+from .experiment.rig import paper_rig as paper_rig
 from .experiment.robot_config import RobotConfig as RobotConfig
 from .experiment.robot_config import WheelConfig as WheelConfig
 from .experiment.route import random_route as random_route
 from .experiment.route import route_from_metres as route_from_metres
 from .experiment.route import route_yaml as route_yaml
+from .experiment.sensor_config import MountedConfig as MountedConfig
+from .experiment.sensor_config import SensorConfig as SensorConfig
 from .experiment.stereo_config import StereoConfig as StereoConfig
 from .exporters import export as export
 from .gazebo import write_gazebo as write_gazebo
@@ -79,7 +82,10 @@ from .sense.label_camera import LabelImages as LabelImages
 from .sense.label_camera import tag_image as tag_image
 from .sense.lidar import Lidar as Lidar
 from .sense.lidar import Scan as Scan
+from .sense.rays import Hits as Hits
+from .sense.rays import cast_rays as cast_rays
 from .sense.scene import Scene as Scene
+from .sense.scene_sensor import SceneSensor as SceneSensor
 from .validation import Check as Check
 from .validation import validate as validate
 from .world.build import check_experiment as check_experiment

@@ -33,9 +33,10 @@ from fieldtruth.bag import decode as read
 from fieldtruth.bag.decode import image, read_bag, static_transforms
 from fieldtruth.bag.run import open_run
 from fieldtruth.core.errors import FieldtruthWarning
-from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.rig import Rig, paper_rig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.render.camera import Camera
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.build import load_world
@@ -72,7 +73,7 @@ def rig(small_run: Path) -> Rig:
 @pytest.fixture(scope="module")
 def cameras(rig: Rig) -> Rig:
     """The rig without its LiDAR."""
-    return rig.model_copy(update={"lidar": rig.lidar.model_copy(update={"enabled": False})})
+    return rig.with_sensors(LidarConfig, enabled=False)
 
 
 @pytest.fixture(scope="module")
@@ -138,10 +139,9 @@ def test_same_bytes_for_any_number_of_workers_and_after_an_interruption(
     def again(rig: Rig) -> Path:
         return annotate(stripped, "park", rig=rig, workers=1, out=tmp_path / "new" / "y.bag")
 
-    blurred = rig.cameras.model_copy(update={"jpeg_quality": 10})
     with monkeypatch.context() as patch:
         patch.setattr(annotation, "merge_bags", stop)
-        for each in (rig.model_copy(update={"cameras": blurred}), rig):
+        for each in (rig.with_sensors(StereoConfig, jpeg_quality=10), rig):
             with pytest.raises(KeyboardInterrupt):
                 again(each)
     assert not (tmp_path / "new" / "y.bag").exists()
@@ -182,7 +182,7 @@ def test_either_source_of_poses_and_any_compression_is_read(
 def test_a_scan_that_ends_after_the_last_pose_is_left_out(original: list[Message], rig: Rig, tmp_path: Path) -> None:
     messages = [m for m in original if m.kind.topic == ODOMETRY and m.stamp < 300_000_000]
     sweeping = rig.lidar.model_copy(update={"spinning": True, "columns": 16})
-    clouds = Rig(cameras=CameraConfig(enabled=False), lidar=sweeping)
+    clouds = paper_rig(stereo=StereoConfig(enabled=False), lidar=sweeping)
     bag = annotate(write(tmp_path / "x.bag", messages), "park", rig=clouds)
     assert [stamp for stamp, *_ in seen(stored(bag))] == [100_000_000]  # the scan at 0.2 s would end at 0.3 s
 

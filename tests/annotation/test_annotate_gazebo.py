@@ -22,9 +22,10 @@ from fieldtruth.bag.sensor_messages import camera_matrix
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import PALETTE
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, CameraConfig
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import paper_rig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.gazebo import DEFAULT_LAYOUT
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.build import load_world
@@ -32,7 +33,7 @@ from fieldtruth.world.build import load_world
 pytestmark = pytest.mark.filterwarnings("ignore:the bag's own messages")
 
 EXCERPT: Final = Path(__file__).parent / "data" / "gazebo_park.bag"
-RIG: Final = Rig(lidar=LidarConfig(rate_hz=1.0), cameras=CameraConfig(rate_hz=1.0, width=320, height=184))
+RIG: Final = paper_rig(lidar=LidarConfig(rate_hz=1.0), stereo=StereoConfig(rate_hz=1.0, width=320, height=184))
 OURS = "/os1_cloud_node/points"
 GAZEBO = f"/recorded{OURS}"
 STAMPS: Final = [10 * 10**9, 11 * 10**9, 12 * 10**9]
@@ -85,7 +86,7 @@ def test_our_clouds_are_gazebos_except_at_edges(annotated: Path) -> None:
 
 def test_tag_images_show_the_classes_of_gazebos_points(annotated: Path) -> None:
     """The camera is beside the LiDAR, so that some points are hidden from it; nearly all of them are not."""
-    optical = RIG.cameras.left.base_from_sensor @ CAMERA_FROM_OPTICAL
+    optical = RIG.stereo.left.base_from_sensor @ CAMERA_FROM_OPTICAL
     optical_from_lidar = frames.inverse(optical) @ RIG.lidar.mount.base_from_sensor
     tags = [image(reading.message) for reading in read_bag(annotated, ["/stereo/camera/left/tag/img_raw"])]
     same = []
@@ -93,8 +94,8 @@ def test_tag_images_show_the_classes_of_gazebos_points(annotated: Path) -> None:
         cloud = points(reading.message)
         seen = frames.transform(optical_from_lidar, np.stack([cloud[axis] for axis in "xyz"], axis=1))
         seen, label = seen[seen[:, 2] > 0.5], cloud["intensity"][seen[:, 2] > 0.5].astype(int)
-        column, row = np.rint((seen @ camera_matrix(RIG.cameras).T)[:, :2] / seen[:, 2:]).astype(int).T
-        inside = (column >= 0) & (column < RIG.cameras.width) & (row >= 0) & (row < RIG.cameras.height)
+        column, row = np.rint((seen @ camera_matrix(RIG.stereo).T)[:, :2] / seen[:, 2:]).astype(int).T
+        inside = (column >= 0) & (column < RIG.stereo.width) & (row >= 0) & (row < RIG.stereo.height)
         assert inside.sum() > 1000
         same.append((tag[row[inside], column[inside]] == PALETTE[label[inside]]).all(axis=1).mean())
     assert min(same) > 0.9
@@ -113,7 +114,7 @@ def test_images_frames_and_the_recorded_messages_are_in_the_bag(annotated: Path)
 def test_without_odometry_the_robots_row_of_model_states_is_used(tmp_path: Path) -> None:
     """It has no stamps but those of ``rosbag record``, which are some milliseconds late."""
     left = [message for message in stored(EXCERPT) if message.kind.topic != "/ground_truth/odom"]
-    clouds_only = Rig(lidar=RIG.lidar, cameras=CameraConfig(enabled=False))
+    clouds_only = paper_rig(lidar=RIG.lidar, stereo=StereoConfig(enabled=False))
     bag = annotate(write(tmp_path / "x.bag", left), "park", rig=clouds_only)
     pairs = zip(clouds(bag, OURS), clouds(bag, GAZEBO), strict=True)
     assert all(np.median(np.abs(a[0] - b[0])) < 0.002 for a, b in pairs)

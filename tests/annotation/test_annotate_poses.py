@@ -18,9 +18,10 @@ from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, CameraConfig
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import Rig, paper_rig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World
 
@@ -70,7 +71,7 @@ def test_at_1000_hz_only_the_poses_next_to_the_stamps_are_kept(
 ) -> None:
     instants = [round(k * every) + offset for k in range(1, 801)]
     moving = [states(t, {"ground": np.eye(4), "husky": rough(t / 1e9)}) for t in instants]
-    rig = Rig(cameras=CameraConfig(rate_hz=rate))
+    rig = paper_rig(stereo=StereoConfig(rate_hz=rate))
     poses = poses_of(tmp_path, moving, rig)
     whole = read_trajectory(open_run(tmp_path / "x.bag"))
     assert whole.stamps_ns.tolist() == instants
@@ -80,7 +81,7 @@ def test_at_1000_hz_only_the_poses_next_to_the_stamps_are_kept(
         assert poses.trajectory.world_from_base(stamp) == pytest.approx(whole.world_from_base(stamp), abs=1e-14)
     assert poses.trajectory.stamps_ns[[0, -1]].tolist() == [instants[0], instants[-1]]
     assert len(poses.trajectory) <= 2 + 3 * len(stamps)
-    sweeping = poses_of(tmp_path / "more", moving, Rig(lidar=LidarConfig(spinning=True)))
+    sweeping = poses_of(tmp_path / "more", moving, paper_rig(lidar=LidarConfig(spinning=True)))
     assert sweeping.trajectory.stamps_ns.tolist() == instants
 
 
@@ -135,14 +136,14 @@ def test_poses_of_another_frame_are_converted_to_base_link(
 
 
 def test_frames_that_the_bag_has_are_not_added_twice(tmp_path: Path) -> None:
-    left = RIG.cameras.left.base_from_sensor
+    left = RIG.stereo.left.base_from_sensor
     over_the_mast = {
         ("base_link", "mast"): true_pose(1.0),
         ("mast", "left_camera"): frames.inverse(true_pose(1.0)) @ left,
     }
     optical = {("left_camera", "left_camera_optical"): CAMERA_FROM_OPTICAL}
     run = open_run(write(tmp_path / "x.bag", [static(over_the_mast), static(optical, 2), *drive()]))
-    rig = RIG.model_copy(update={"lidar": LidarConfig(enabled=False)})
+    rig = RIG.with_sensors(LidarConfig, enabled=False)
     assert check_frames(run, rig).keys() == {("base_link", "right_camera"), ("right_camera", "right_camera_optical")}
 
 
@@ -190,7 +191,7 @@ BAD: list[tuple[str, Callable[[World], list[Message]], str]] = [
     (
         "short",
         lambda _: [odometry(k, true_pose(0)) for k in (1, 2)],
-        "no camera stamp (a multiple of 0.04 s) lies between them",
+        "no stereo stamp (a multiple of 0.04 s) lies between them",
     ),
     ("gap", gap, "has a gap: no pose from 0.400 s to 0.700 s; at most 0.2 s are allowed"),
     ("reset", halves, "time jumps back from 0.100 s to 0.020 s, as after a reset of the simulation"),
@@ -307,4 +308,4 @@ def test_an_interruption_shows_the_command_that_resumes(
 def test_a_rig_without_sensors_has_nothing_to_add(tmp_path: Path) -> None:
     bag = write(tmp_path / "x.bag", drive())
     with pytest.raises(ConfigurationError, match="nothing to add"):
-        annotate(bag, "park", rig=Rig(cameras=CameraConfig(enabled=False), lidar=LidarConfig(enabled=False)))
+        annotate(bag, "park", rig=paper_rig(stereo=StereoConfig(enabled=False), lidar=LidarConfig(enabled=False)))

@@ -9,14 +9,15 @@ from record_fakes import FakeScan, make_experiment, make_track, make_world
 from fieldtruth.bag import decode as read
 from fieldtruth.bag import robot_messages, sensor_messages
 from fieldtruth.bag import types as ros
-from fieldtruth.bag.topics import TOPICS
+from fieldtruth.bag.topics import PAPER_TOPICS
 from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.drive.state import State, state_at
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, CameraConfig
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.lidar_config import TimeField
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.stereo_config import StereoConfig
 
 MD5 = {  # as rosmsg prints them
     "gazebo_msgs/msg/ModelStates": "48c080191eb15c41858319b4d8a609c2",
@@ -34,7 +35,6 @@ MD5 = {  # as rosmsg prints them
     "tf2_msgs/msg/TFMessage": "94810edda583a504dfda3829e70d7eec",
 }
 
-SIDES: tuple[sensor_messages.Side, ...] = ("left", "right")
 STAMP = 12_345_678_901
 WORLD = make_world()
 TRACK = make_track(WORLD, make_experiment(1.0))
@@ -53,7 +53,7 @@ def wxyz(q: Any) -> list[float]:
 
 
 def test_types_are_those_of_ros() -> None:
-    assert {topic.msgtype for topic in TOPICS} == set(MD5)
+    assert {topic.msgtype for topic in PAPER_TOPICS} == set(MD5)
     for msgtype, md5 in MD5.items():
         assert ros.STORE.generate_msgdef(msgtype)[1] == md5, msgtype
 
@@ -64,19 +64,19 @@ def test_clock() -> None:
 
 
 def test_imu_is_in_imu_link_with_quaternions_in_ros_order() -> None:
-    message = back(robot_messages.imu(7, TRACK.imu), "sensor_msgs/msg/Imu")
+    message = back(robot_messages.imu(7, TRACK.imus["imu"], "imu_link"), "sensor_msgs/msg/Imu")
     assert (message.header.seq, read.stamp_ns(message.header)) == (7, 160_000_000)
     assert message.header.frame_id == "imu_link"
-    assert wxyz(message.orientation) == TRACK.imu.quaternion_wxyz[7].tolist()
-    assert xyz(message.angular_velocity) == TRACK.imu.angular_velocity[7].tolist()
-    assert xyz(message.linear_acceleration) == TRACK.imu.linear_acceleration[7].tolist()
+    assert wxyz(message.orientation) == TRACK.imus["imu"].quaternion_wxyz[7].tolist()
+    assert xyz(message.angular_velocity) == TRACK.imus["imu"].angular_velocity[7].tolist()
+    assert xyz(message.linear_acceleration) == TRACK.imus["imu"].linear_acceleration[7].tolist()
     assert not message.orientation_covariance.any()
 
 
 def test_navsat() -> None:
-    message = back(robot_messages.navsat(1, TRACK.gnss), "sensor_msgs/msg/NavSatFix")
+    message = back(robot_messages.navsat(1, TRACK.fixes["gnss"], "GNSS_link"), "sensor_msgs/msg/NavSatFix")
     assert (message.header.frame_id, read.stamp_ns(message.header)) == ("GNSS_link", 10**9)
-    assert [message.latitude, message.longitude, message.altitude] == TRACK.gnss.geodetic[1].tolist()
+    assert [message.latitude, message.longitude, message.altitude] == TRACK.fixes["gnss"].geodetic[1].tolist()
     assert message.status.status == message.status.STATUS_FIX
 
 
@@ -199,7 +199,9 @@ def test_empty_cloud() -> None:
 
 def test_tag_is_exact() -> None:
     label = np.arange(48 * 64).reshape(48, 64) % 15 + 1
-    message = back(sensor_messages.tag(0, STAMP, "left", label.astype(np.uint8)), "sensor_msgs/msg/Image")
+    message = back(
+        sensor_messages.tag(0, STAMP, "left_camera_optical", label.astype(np.uint8)), "sensor_msgs/msg/Image"
+    )
     assert (message.encoding, message.step, message.header.frame_id) == ("rgb8", 192, "left_camera_optical")
     np.testing.assert_array_equal(read.image(message), PALETTE[label])
 
@@ -207,15 +209,17 @@ def test_tag_is_exact() -> None:
 def test_photograph_is_close_to_its_pixels() -> None:
     y, x = np.mgrid[:48, :64]
     photo = np.stack([2 * x + 50, 3 * y + 20, x + y], axis=-1).astype(np.uint8)
-    message = back(sensor_messages.photograph(0, STAMP, "right", photo, 95), "sensor_msgs/msg/CompressedImage")
+    message = back(
+        sensor_messages.photograph(0, STAMP, "right_camera_optical", photo, 95), "sensor_msgs/msg/CompressedImage"
+    )
     assert (message.format, message.header.frame_id) == ("jpeg", "right_camera_optical")
     assert np.abs(read.image(message).astype(int) - photo).max() <= 6
 
 
 def test_calibration_of_the_zed() -> None:
-    config = CameraConfig()
+    config = StereoConfig()
     left, right = (
-        back(sensor_messages.camera_info(0, STAMP, side, config), "sensor_msgs/msg/CameraInfo") for side in SIDES
+        back(sensor_messages.camera_info(0, STAMP, imager), "sensor_msgs/msg/CameraInfo") for imager in config.imagers()
     )
     fx, fy = 640 / np.tan(np.radians(34.5)), 360 / np.tan(np.radians(21.0))
     assert left.K.tolist() == pytest.approx([fx, 0, 639.5, 0, fy, 359.5, 0, 0, 1], rel=1e-14)
@@ -228,22 +232,20 @@ def test_calibration_of_the_zed() -> None:
 
 
 def test_the_outer_pixel_edges_span_the_field_of_view() -> None:
-    k = sensor_messages.camera_matrix(CameraConfig())
+    k = sensor_messages.camera_matrix(StereoConfig())
     corner = np.linalg.inv(k) @ [-0.5, -0.5, 1.0]
     assert np.degrees(np.arctan(corner[:2])).tolist() == pytest.approx([-34.5, -21.0], rel=1e-12)
 
 
 def test_projection_matrices_agree_with_the_transforms() -> None:
-    config = CameraConfig(
-        left=Mount(xyz=(0.3, 0.1, 0.7), rpy_deg=(0, 90, 0)), right=Mount(xyz=(0.3, -0.2, 0.7), rpy_deg=(0, 90, 0))
-    )
+    config = StereoConfig(baseline=0.3, mount=Mount(xyz=(0.3, -0.05, 0.7), rpy_deg=(0, 90, 0)))
     point_base = np.array([[5.0, 0.7, 1.1]])
     in_left, in_right = (
         frames.transform(frames.inverse(mount.base_from_sensor @ CAMERA_FROM_OPTICAL), point_base)[0]
         for mount in (config.left, config.right)
     )
     pixel = sensor_messages.camera_matrix(config) @ in_right
-    projected = sensor_messages.projection_matrix(config, "right") @ [*in_left, 1.0]
+    projected = sensor_messages.projection_matrix(config.imagers()[1]) @ [*in_left, 1.0]
     np.testing.assert_allclose(projected / projected[2], pixel / pixel[2], atol=1e-9)
 
 

@@ -54,7 +54,7 @@ def test_lidar_points_land_on_pixels_of_their_class_and_depth(park_bag: Path, si
     infos = messages(park_bag, f"/stereo/camera/{side}/camera_info")
     odometry = messages(park_bag, "/ground_truth/odom")
     rig = Rig()
-    camera = LabelCamera(rig.cameras, Scene(load_world("park", 0)))
+    camera = LabelCamera(rig.stereo, Scene(load_world("park", 0)))
     common = sorted(set(clouds) & set(tags))
     assert len(common) == 5
     compared = 0

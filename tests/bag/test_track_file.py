@@ -78,7 +78,7 @@ def test_the_copy_of_a_file_reads_as_the_file_itself(name: str, tmp_path: Path) 
 def test_poses_of_a_sensor_in_another_reference_frame_become_those_of_base_link(tmp_path: Path) -> None:
     rig, world_from_base = Rig(), frames.pose_from_quaternion_wxyz(XYZ, frames.wxyz_from_xyzw(XYZW))
     place = Mount(xyz=(3.0, -2.0, 1.0), rpy_deg=(0.0, 0.0, 90.0))
-    base_from_optical = rig.cameras.left.base_from_sensor @ CAMERA_FROM_OPTICAL
+    base_from_optical = rig.stereo.left.base_from_sensor @ CAMERA_FROM_OPTICAL
     seen = frames.inverse(place.base_from_sensor) @ world_from_base @ base_from_optical
     quaternions = frames.xyzw_from_wxyz(frames.quaternion_wxyz_from_rotation(seen[:, :3, :3]))
     rows = zip(TIMES, seen[:, :3, 3].tolist(), quaternions.tolist(), strict=True)

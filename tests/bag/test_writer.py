@@ -8,9 +8,11 @@ from rosbags.rosbag1 import Reader
 from fieldtruth.bag.base_messages import wheel_speed
 from fieldtruth.bag.decode import read_bag
 from fieldtruth.bag.robot_messages import clock
-from fieldtruth.bag.topics import CLOCK, TOPICS, WHEEL_SPEEDS
+from fieldtruth.bag.topics import CLOCK
+from fieldtruth.bag.topics import PAPER_TOPICS as TOPICS
 from fieldtruth.bag.writer import BagWriter
 from fieldtruth.core.errors import OutputError
+from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS
 
 TOPIC = WHEEL_SPEEDS[0]
 
@@ -60,7 +62,18 @@ def test_records_are_contiguous(tmp_path: Path) -> None:
                 kinds.append(data[data.index(b"op=", at, at + 4 + size) + 3])
             at += 4 + size
     assert at == len(data)
-    assert kinds == [3, 5, 4, 4, 5, 4, 4, *[7] * len(TOPICS), 6, 6]  # file, 2 x (chunk, indices), topics, chunk infos
+    assert kinds == [
+        3,
+        5,
+        4,
+        4,
+        5,
+        4,
+        4,
+        *[7] * len(TOPICS),
+        6,
+        6,
+    ]  # file, 2 x (chunk, indices), topics, chunk infos
 
 
 def test_an_aborted_recording_leaves_no_bag(tmp_path: Path) -> None:

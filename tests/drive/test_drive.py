@@ -11,14 +11,22 @@ from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import ControlConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.world.model import World
 
 
 def arrays(track: Track) -> dict[str, bytes]:
     assert track.base is not None
     base = track.base
-    parts = (track.motion, track.imu, track.gnss, base.wheels, base.tachometers, base.odometry, base.commands)
+    parts = (
+        track.motion,
+        track.imus["imu"],
+        track.fixes["gnss"],
+        base.wheels,
+        base.tachometers,
+        base.odometry,
+        base.commands,
+    )
     found = {f"{type(p).__name__}.{name}": a for p in parts for name, a in vars(p).items()}
     return {name: a.tobytes() for name, a in found.items() if isinstance(a, np.ndarray)}
 
@@ -63,12 +71,19 @@ def test_each_sensor_reads_at_its_rate_up_to_and_including_the_end(flat_world: W
     track = drive(flat_world, make_experiment([(9.0, 0.0)], seconds=3.0))
     assert track.duration_s == 3.0
     assert len(track.motion.stamps_ns) == 3000
-    assert len(track.imu.stamps_ns) == 150
-    assert len(track.gnss.stamps_ns) == 6
+    assert len(track.imus["imu"].stamps_ns) == 150
+    assert len(track.fixes["gnss"].stamps_ns) == 6
     assert track.base is not None
     assert len(track.base.tachometers.stamps_ns) == 30
     assert len(track.base.odometry.stamps_ns) == len(track.base.commands.stamps_ns) == 150
-    parts = (track.motion, track.imu, track.gnss, track.base.tachometers, track.base.odometry, track.base.commands)
+    parts = (
+        track.motion,
+        track.imus["imu"],
+        track.fixes["gnss"],
+        track.base.tachometers,
+        track.base.odometry,
+        track.base.commands,
+    )
     ends = {int(s.stamps_ns[-1]) for s in parts}
     assert ends == {3_000_000_000}
 
@@ -98,7 +113,7 @@ def test_drive_is_reproducible_and_a_short_drive_is_a_prefix_of_a_long_one() -> 
 
 
 def test_the_last_scan_of_a_spinning_lidar_is_swept_along_the_drive(flat_world: World) -> None:
-    route, rig = [(9.0, 0.0)], Rig(lidar=LidarConfig(spinning=True, rate_hz=8.0))
+    route, rig = [(9.0, 0.0)], paper_rig(lidar=LidarConfig(spinning=True, rate_hz=8.0))
     long = drive(flat_world, make_experiment(route, seconds=4.0, rig=rig))
     short = drive(flat_world, make_experiment(route, seconds=2.0, rig=rig))
     plain = drive(flat_world, make_experiment(route, seconds=2.0))

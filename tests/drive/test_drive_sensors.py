@@ -15,7 +15,9 @@ from fieldtruth.drive.sensors import point_velocity, read_gnss, read_imu, read_t
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import Motion, Track
 from fieldtruth.experiment.fields import Mount
-from fieldtruth.experiment.rig import GnssConfig, ImuConfig, Rig, TachometerConfig
+from fieldtruth.experiment.gnss_config import GnssConfig
+from fieldtruth.experiment.imu_config import ImuConfig
+from fieldtruth.experiment.rig import paper_rig
 
 
 def made_motion(position: Array, rotation: Rotation, velocity: Array, turn_rate: Array) -> Motion:
@@ -83,18 +85,18 @@ def test_drive_shorter_than_a_period_has_no_readings() -> None:
     motion = circling(2.0, 0.5, 10)
     assert read_imu(motion, ImuConfig()).quaternion_wxyz.shape == (0, 4)
     assert read_gnss(motion, GnssConfig()).geodetic.shape == (0, 3)
-    assert read_tachometers(motion, np.zeros((10, 4)), TachometerConfig()).wheel_speed.shape == (0, 4)
+    assert read_tachometers(motion, np.zeros((10, 4)), 10.0).wheel_speed.shape == (0, 4)
 
 
 def test_gnss_position_is_the_antenna_within_a_millimetre(winding_track: Track) -> None:
-    motion, gnss = winding_track.motion, winding_track.gnss
+    motion, gnss = winding_track.motion, winding_track.fixes["gnss"]
     rows = gnss.stamps_ns // STEP_NS - 1
     lever = rotation_from_quaternion_wxyz(motion.quaternion_wxyz[rows]) @ np.array((0.10, 0.0, 0.890))
     np.testing.assert_allclose(world_from_geodetic(gnss.geodetic), motion.position[rows] + lever, atol=1e-3)
 
 
 def test_imu_attitude_and_mount_give_the_attitude_of_base_link(winding_track: Track) -> None:
-    motion, imu = winding_track.motion, winding_track.imu
+    motion, imu = winding_track.motion, winding_track.imus["imu"]
     rows = imu.stamps_ns // STEP_NS - 1
     base_from_imu = Mount(xyz=(0, 0, 0), rpy_deg=(0, -90, 180)).base_from_sensor[:3, :3]
     world_from_base = rotation_from_quaternion_wxyz(imu.quaternion_wxyz) @ base_from_imu.T
@@ -102,7 +104,7 @@ def test_imu_attitude_and_mount_give_the_attitude_of_base_link(winding_track: Tr
 
 
 def test_gyro_integrates_to_the_attitude(winding_track: Track) -> None:
-    imu = winding_track.imu
+    imu = winding_track.imus["imu"]
     seconds = np.diff(imu.stamps_ns) / 1e9
     turns = Rotation.from_rotvec((imu.angular_velocity[:-1] + imu.angular_velocity[1:]) / 2 * seconds[:, None])
     attitude = Rotation.from_quat(np.roll(imu.quaternion_wxyz, -1, axis=1))
@@ -113,9 +115,9 @@ def test_gyro_integrates_to_the_attitude(winding_track: Track) -> None:
 
 
 def test_accelerometer_integrates_to_the_velocity() -> None:
-    rig = Rig(imu=ImuConfig(rate_hz=1000.0))
+    rig = paper_rig(imu=ImuConfig(rate_hz=1000.0))
     track = drive(make_world(tilted(3.0, 2.0)), make_experiment([(3.0, 4.0)], seconds=3.0, rig=rig))
-    imu, motion = track.imu, track.motion
+    imu, motion = track.imus["imu"], track.motion
     world_from_imu = rotation_from_quaternion_wxyz(imu.quaternion_wxyz)
     acceleration = np.einsum("nij,nj->ni", world_from_imu, imu.linear_acceleration) - (0.0, 0.0, 9.81)
     velocity = point_velocity(motion, np.arange(3000), np.array((0.19, 0.0, 0.149)))

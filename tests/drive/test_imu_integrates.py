@@ -15,7 +15,7 @@ from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import ImuReadings, Motion, Track
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import load_experiment, with_overrides
-from fieldtruth.experiment.rig import ImuConfig
+from fieldtruth.experiment.imu_config import ImuConfig
 from fieldtruth.world.build import world_of
 
 UPRIGHT = Mount(xyz=(0.0, 0.0, 0.0))

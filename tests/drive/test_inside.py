@@ -9,12 +9,12 @@ from drive_worlds import make_world, obstacle
 from fieldtruth.core.errors import TrackError
 from fieldtruth.drive.given_motion import motion_along
 from fieldtruth.drive.inside import check_motion
-from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import Rig, paper_rig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.world.model import World
 
-BARE = Rig(cameras=CameraConfig(enabled=False), lidar=LidarConfig(enabled=False))
+BARE = paper_rig(stereo=StereoConfig(enabled=False), lidar=LidarConfig(enabled=False))
 WALL = make_world(
     obstacles=[
         obstacle("pole", "cylinder", (0.5, 2.0), 6.0, 0.0, scale=2.0),
@@ -64,11 +64,11 @@ def test_inside_a_turned_box() -> None:
 
 
 def test_the_sensors_count_where_they_are() -> None:
-    lidar = Rig(cameras=CameraConfig(enabled=False))
+    lidar = paper_rig(stereo=StereoConfig(enabled=False))
     above = make_world(obstacles=[obstacle("bar", "box", (0.2, 0.2, 0.2), 6.0, 0.0, z=1.7)])
     fly(above, (0.0, 0.0, 1.0), (10.0, 0.0, 1.0))
     assert "os1_lidar is" in refusal(above, (0.0, 0.0, 1.0), (10.0, 0.0, 1.0), lidar)
-    beside = refusal(above, (0.0, -0.1, 1.1), (10.0, -0.1, 1.1), Rig(lidar=LidarConfig(enabled=False)))
+    beside = refusal(above, (0.0, -0.1, 1.1), (10.0, -0.1, 1.1), paper_rig(lidar=LidarConfig(enabled=False)))
     assert "left_camera is inside the object 'bar', up to 0.06 m" in beside
 
 

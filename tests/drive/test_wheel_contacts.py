@@ -11,9 +11,9 @@ import pytest
 from drive_worlds import F8, make_experiment, make_world, tilted
 
 from fieldtruth.drive.controller import WaypointFollower
-from fieldtruth.drive.robot import STOP, Command
 from fieldtruth.drive.monitor import DriveMonitor
 from fieldtruth.drive.physics import build_physics
+from fieldtruth.drive.robot import STOP, Command
 from fieldtruth.drive.simulate import SimulatedRobot
 from fieldtruth.drive.wheel_contacts import WheelContacts, Wheels
 from fieldtruth.experiment.rig import Rig

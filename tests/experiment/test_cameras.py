@@ -12,27 +12,28 @@ import pytest
 from fieldtruth.bag.sensor_messages import camera_matrix, distortion, projection_matrix
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.lenses import fields_of_view
-from fieldtruth.experiment.camera_config import CameraConfig, LensConfig
 from fieldtruth.experiment.camera_models import camera_data, camera_names
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.lens_config import LensConfig
+from fieldtruth.experiment.rig import paper_rig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.gazebo import write_gazebo
 
 PAGE = (Path(__file__).parents[2] / "docs" / "cameras.md").read_text(encoding="utf-8")
 TEXT = "name: a\nenvironment: park\nroute: {start: [49.9, 8.9], waypoints: [[49.9001, 8.9]]}\nrig: {cameras: {%s}}\n"
 
 
-def cameras(keys: str) -> CameraConfig:
-    return parse_experiment(TEXT % keys).rig.cameras
+def cameras(keys: str) -> StereoConfig:
+    return parse_experiment(TEXT % keys).rig.stereo
 
 
 def test_the_zed_of_the_paper_is_the_default() -> None:
-    assert cameras("model: zed_2").model_copy(update={"model": None}) == CameraConfig()
+    assert cameras("model: zed_2").model_copy(update={"model": None}) == StereoConfig()
 
 
 @pytest.mark.parametrize("name", camera_names())
 def test_every_camera_is_described_with_its_data(name: str) -> None:
-    camera = CameraConfig(model=name)
+    camera = StereoConfig(model=name)
     [row] = re.findall(rf"^\| `{name}` \|(.*)\|$", PAGE, re.M)
     image, fov, baseline, rate, lens, source = (cell.strip() for cell in row.split("|"))
     assert image == f"{camera.width} x {camera.height}"
@@ -51,8 +52,8 @@ def test_what_is_given_wins_over_the_model() -> None:
     camera = cameras("model: oak_d, width: 640, left: {xyz: [0, 1, 0]}, right: {xyz: [0, 0, 0]}")
     assert (camera.width, camera.height, camera.horizontal_fov_deg) == (640, 800, 80.0)
     assert camera.baseline == 1.0
-    again = parse_experiment(dump_experiment(parse_experiment(TEXT % "model: realsense_d455"))).rig.cameras
-    assert again == CameraConfig(model="realsense_d455")
+    again = parse_experiment(dump_experiment(parse_experiment(TEXT % "model: realsense_d455"))).rig.stereo
+    assert again == StereoConfig(model="realsense_d455")
     assert again.baseline == pytest.approx(0.095)
 
 
@@ -105,24 +106,24 @@ def test_an_image_circle_cuts_where_the_distortion_turns() -> None:
 def test_camera_info_says_the_lens() -> None:
     coefficients = (0.1, -0.05, -0.003, 0.002, 0.0)
     lens = LensConfig(model="plumb_bob", coefficients=coefficients, fx=700.0, cx=650.0, cy=350.0)
-    camera = CameraConfig(lens=lens)
+    camera = StereoConfig(lens=lens)
     assert camera_matrix(camera).tolist() == [[700.0, 0.0, 650.0], [0.0, 700.0, 350.0], [0.0, 0.0, 1.0]]
-    assert projection_matrix(camera, "right")[0].tolist() == pytest.approx([700.0, 0.0, 650.0, -84.0])
+    assert projection_matrix(camera.imagers()[1])[0].tolist() == pytest.approx([700.0, 0.0, 650.0, -84.0])
     model, numbers = distortion(camera)
     assert (model, tuple(numbers)) == ("plumb_bob", coefficients)
-    assert distortion(CameraConfig())[0] == "plumb_bob"
-    assert distortion(CameraConfig())[1].tolist() == [0.0] * 5
-    assert distortion(CameraConfig(model="fisheye_190"))[0] == "equidistant"
-    panorama = CameraConfig(model="panorama")
+    assert distortion(StereoConfig())[0] == "plumb_bob"
+    assert distortion(StereoConfig())[1].tolist() == [0.0] * 5
+    assert distortion(StereoConfig(model="fisheye_190"))[0] == "equidistant"
+    panorama = StereoConfig(model="panorama")
     assert not camera_matrix(panorama).any()
-    assert not projection_matrix(panorama, "left").any()
+    assert not projection_matrix(panorama.imagers()[0]).any()
     assert distortion(panorama)[0] == "equirectangular"
     assert not len(distortion(panorama)[1])
 
 
 def test_a_package_for_gazebo_refuses_other_lenses(tmp_path: Path) -> None:
     world: Any = None  # is not looked at
-    rig = Rig(cameras=CameraConfig(model="fisheye_190"))
+    rig = paper_rig(stereo=StereoConfig(model="fisheye_190"))
     with pytest.raises(ConfigurationError, match=r"^rig\.cameras\.lens: .* pinhole cameras only, got equidistant$"):
         write_gazebo(world, tmp_path / "package", rig=rig)
     assert not (tmp_path / "package").exists()

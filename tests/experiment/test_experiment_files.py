@@ -5,6 +5,7 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from hypothesis import given, settings
@@ -20,12 +21,13 @@ from fieldtruth import (
     RouteConfig,
     UnknownNameError,
 )
-from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.catalogue import experiment_names, list_experiments
 from fieldtruth.experiment.config import ControlConfig, LightConfig
 from fieldtruth.experiment.files import dump_experiment, load_experiment, parse_experiment, with_overrides
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.imu_config import ImuConfig
+from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.experiment.route import metres_from_route
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.world.build import check_experiment
 
 SMALL = """\
@@ -58,19 +60,21 @@ def test_dump_has_every_value_and_loads_equal(park: Experiment) -> None:
     values = yaml.safe_load(text)
     assert values.pop("fieldtruth") == fieldtruth.__version__
     assert values == park.model_dump(mode="json")
-    assert values["rig"]["lidar"]["columns"] == 512  # a default that the built-in file does not set
+    [lidar] = [sensor for sensor in values["rig"]["sensors"] if sensor["kind"] == "lidar"]
+    assert lidar["columns"] == 512  # a default that the built-in file does not set
     assert dump_experiment(parse_experiment(text)) == text
 
 
 def test_defaults_match_the_paper() -> None:
     experiment = parse_experiment(SMALL)
     assert (experiment.seed, experiment.seconds, experiment.control.speed) == (0, None, 0.3)
-    assert (experiment.rig.cameras.width, experiment.rig.cameras.height) == (1280, 720)
-    assert experiment.rig.cameras.baseline == pytest.approx(0.12, abs=1e-12)
+    assert (experiment.rig.stereo.width, experiment.rig.stereo.height) == (1280, 720)
+    assert experiment.rig.stereo.baseline == pytest.approx(0.12, abs=1e-12)
 
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 mounts = st.builds(Mount, xyz=st.tuples(finite, finite, finite), rpy_deg=st.tuples(finite, finite, finite))
+above = st.builds(Mount, xyz=st.tuples(finite, finite, st.floats(min_value=1.0, allow_infinity=False)))
 points = st.tuples(st.floats(-90, 90), st.floats(-180, 180))
 experiments = st.builds(
     Experiment,
@@ -85,9 +89,9 @@ experiments = st.builds(
     control=st.builds(ControlConfig, heading_gain=st.floats(1e-300, 1e300)),
     light=st.builds(LightConfig, sun_azimuth_deg=st.floats(-360, 360)),
     rig=st.builds(
-        Rig,
-        base_footprint=mounts,
-        lidar=st.builds(LidarConfig, mount=mounts, enabled=st.booleans(), columns=st.integers(8, 4096)),
+        paper_rig,
+        imu=st.builds(ImuConfig, mount=mounts),
+        lidar=st.builds(LidarConfig, mount=above, enabled=st.booleans(), columns=st.integers(8, 4096)),
     ),
 )
 
@@ -111,7 +115,7 @@ def test_overrides_return_a_validated_copy(park: Experiment) -> None:
     before = dump_experiment(park)
     changed = with_overrides(park, seconds=5, seed=7, cameras=False, lidar=False)
     assert (changed.seconds, changed.seed) == (5.0, 7)
-    assert not changed.rig.cameras.enabled
+    assert not changed.rig.stereo.enabled
     assert not changed.rig.lidar.enabled
     assert dump_experiment(park) == before
     assert with_overrides(park) == park
@@ -176,18 +180,22 @@ BAD_VALUES = [
     ("start", "start: [0, 1, 2]", r"route\.start must be \[latitude, longitude\] in degrees, got \[0, 1, 2\]"),
     ("speed", "speed: .nan", r"control\.speed must be a number above 0 and at most 1\.0, got nan"),
     ("speed", "speed: yes", r"control\.speed must be a number above 0 and at most 1\.0, got True"),
-    ("columns", "columns: five", r"rig\.lidar\.columns must be an integer between 8 and 4096, got 'five'"),
-    ("columns", "columns: 7", r"rig\.lidar\.columns must be an integer between 8 and 4096, got 7"),
-    ("width", "width: 1281", r"rig\.cameras\.width must be an integer between 8 and 8192, a multiple of 8, got 1281"),
-    ("spinning", "spinning: 1", r"rig\.lidar\.spinning must be true or false, got 1"),
-    ("min_range", "min_range: -1", r"rig\.lidar\.min_range must be a number of at least 0, got -1"),
-    ("min_range", "min_range: 120", r"rig\.lidar: min_range must be below max_range 120\.0, got 120\.0"),
+    ("columns", "columns: five", r"rig\.sensors\[3\]\.columns must be an integer between 8 and 4096, got 'five'"),
+    ("columns", "columns: 7", r"rig\.sensors\[3\]\.columns must be an integer between 8 and 4096, got 7"),
+    (
+        "width",
+        "width: 1281",
+        r"rig\.sensors\[4\]\.width must be an integer between 8 and 8192, a multiple of 8, got 1281",
+    ),
+    ("spinning", "spinning: 1", r"rig\.sensors\[3\]\.spinning must be true or false, got 1"),
+    ("min_range", "min_range: -1", r"rig\.sensors\[3\]\.min_range must be a number of at least 0, got -1"),
+    ("min_range", "min_range: 120", r"rig\.sensors\[3\]: min_range must be below max_range 120\.0, got 120\.0"),
     (
         "rings",
         "ring: 64",
-        r"unknown key 'rig\.lidar\.ring'; did you mean 'rig\.lidar\.rings'\? Available: enabled, model, ",
+        r"unknown key 'rig\.sensors\[3\]\.ring'; did you mean 'rig\.sensors\[3\]\.rings'\? Available: kind, name, ",
     ),
-    ("rings", "zzz: 64", r"unknown key 'rig\.lidar\.zzz'; Available: enabled, model, "),
+    ("rings", "zzz: 64", r"unknown key 'rig\.sensors\[3\]\.zzz'; Available: kind, name, enabled, model, "),
     ("name", "nme: park_1", r"unknown key 'nme'; did you mean 'name'\? Available: name, .* \(and 1 more\)"),
     ("light", "lights:", r"unknown key 'lights'; did you mean 'light'\? Available: name, "),
 ]
@@ -201,7 +209,10 @@ def test_invalid_value_is_reported_with_key_and_condition(park: Experiment, key:
 
 
 def test_number_instead_of_a_mapping_reports_its_keys() -> None:
-    with pytest.raises(ConfigurationError, match=r"^rig\.gnss must be a mapping with the keys rate_hz, mount, got 4$"):
+    with pytest.raises(
+        ConfigurationError,
+        match=r"^rig\.gnss must be a mapping with the keys kind, name, enabled, model, rate_hz, topic, .*, got 4$",
+    ):
         parse_experiment(SMALL + "rig: {gnss: 4}\n")
 
 
@@ -213,13 +224,13 @@ def test_cameras_must_be_a_rectified_stereo_pair() -> None:
         Mount(xyz=(0.15, -0.06, 0.72), rpy_deg=(0, 90, 5)),  # other orientation
     ):
         with pytest.raises(ValueError, match="must have the same orientation"):
-            CameraConfig(left=left, right=right)
+            StereoConfig.model_validate({"left": left, "right": right})
     turned = (10, 80, 30)
     across = Mount(xyz=(0, 0, 0), rpy_deg=turned).base_from_sensor[:3, 1] * -0.2
     right = Mount(xyz=(float(across[0]), float(across[1]), float(across[2])), rpy_deg=turned)
-    assert CameraConfig(left=Mount(xyz=(0, 0, 0), rpy_deg=turned), right=right).baseline == pytest.approx(
-        0.2, abs=1e-12
-    )
+    pair = StereoConfig.model_validate({"left": Mount(xyz=(0, 0, 0), rpy_deg=turned), "right": right})
+    assert pair.baseline == pytest.approx(0.2, abs=1e-12)
+    np.testing.assert_allclose(pair.right.base_from_sensor, right.base_from_sensor, atol=1e-12)
 
 
 BROKEN_TEXTS = [

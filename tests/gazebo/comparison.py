@@ -18,6 +18,7 @@ from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import NO_RETURN, PALETTE, Label
 from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, OPTICAL, CameraConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.sense.label_camera import LabelCamera, LabelImages
 from fieldtruth.sense.lidar import Lidar, ray_directions
 from fieldtruth.sense.pinhole import Pinhole, pinhole
@@ -127,7 +128,7 @@ def _meets_edge(scene: Scene, origin: Array, direction: Array) -> bool:
 
 
 def _bundle(scene: Scene, world_from_optical: Array, lens: Pinhole) -> LabelImages:
-    camera = LabelCamera(CameraConfig(width=BUNDLE, height=BUNDLE), scene)
+    camera = LabelCamera(StereoConfig(width=BUNDLE, height=BUNDLE), scene)
     camera.pinhole = lens
     return camera.label(world_from_optical)
 

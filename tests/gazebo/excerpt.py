@@ -13,8 +13,8 @@ from rosbags.interfaces import Connection, ConnectionExtRosbag1
 from rosbags.rosbag1 import Reader, Writer
 
 from fieldtruth.bag.decode import stamp_ns
-from fieldtruth.bag.topics import POINTS
 from fieldtruth.bag.types import STORE
+from fieldtruth.experiment.rig import Rig
 
 
 def excerpt(bag: Path, out: Path, first_s: float, last_s: float) -> None:
@@ -24,7 +24,7 @@ def excerpt(bag: Path, out: Path, first_s: float, last_s: float) -> None:
     copies: dict[int, Connection] = {}
     with Reader(bag) as reader, writer:
         for connection, stamp, data in reader.messages(start=round(first_s * 1e9), stop=round(last_s * 1e9) + 1):
-            if connection.topic == POINTS:
+            if connection.topic == Rig().lidar.topic:
                 cloud: Any = STORE.deserialize_ros1(data, connection.msgtype)
                 if stamp_ns(cloud.header) % 10**9:
                     continue

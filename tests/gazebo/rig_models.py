@@ -41,7 +41,7 @@ def tour(poses: Sequence[Array]) -> str:
 
 def _model(rig: Rig, lidar: bool, camera: bool) -> str:
     # A ray sensor takes Gazebo 3 GB and 10 s to load, so that one has to make all scans.
-    left = frames.inverse(OPTICAL @ frames.inverse(rig.cameras.left.base_from_sensor @ CAMERA_FROM_OPTICAL))
+    left = frames.inverse(OPTICAL @ frames.inverse(rig.stereo.left.base_from_sensor @ CAMERA_FROM_OPTICAL))
     return (
         "<model name='rig'><pose>0 0 1000 0 0 0</pose><link name='link'><gravity>false</gravity>"
         + _sensor("imu", "imu", _mount(rig.imu.mount), "")
@@ -90,7 +90,7 @@ def beams(range_m: Array, lidar: LidarConfig) -> Array:
 
 
 def _camera(rig: Rig) -> str:
-    config, lens = rig.cameras, pinhole(rig.cameras)
+    config, lens = rig.stereo, pinhole(rig.stereo)
     # OpenGL's principal point is measured from the corner of the image, ours from the centre of the first pixel.
     return (
         f"<camera><horizontal_fov>{math.radians(config.horizontal_fov_deg)!r}</horizontal_fov>"

@@ -11,14 +11,15 @@ from sense_worlds import at, box, make_world
 
 from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE, Label
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, CameraConfig
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
 from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import Raster
 
 LIDAR: Final = LidarConfig(columns=8, rings=5, vertical_fov_deg=40.0, min_range=0.1)
-CAMERA: Final = CameraConfig(width=320, height=184)
+CAMERA: Final = StereoConfig(width=320, height=184)
 POSE: Final = at(0.0, 0.0, 1.0)
 WORLD_FROM_CAMERA: Final = frames.pose((0.0, 0.0, 1.0), (0.0, 90.0, 0.0))
 

@@ -17,14 +17,13 @@ from ros_drive import add_robot, drive_with_ros, missing_ros
 
 from fieldtruth.annotation import WorldConfig, annotate
 from fieldtruth.bag.decode import points, read_bag, stamp_ns
-from fieldtruth.bag.topics import POINTS, tag
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.drive.expected_path import experiments_in
 from fieldtruth.drive.simulate import drive
-from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.files import with_overrides
 from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.sense.scene import Scene
 
 pytestmark = [pytest.mark.gazebo, pytest.mark.skipif(bool(missing_ros()), reason=missing_ros() or "-")]
@@ -34,7 +33,7 @@ LIMIT_S: Final = 900.0
 """A guard against a hang, far above what a busy machine takes."""
 CLOUDS: Final = (10, 11, 12)
 """Stamps [s] of Gazebo's clouds: each takes it seconds."""
-RIG: Final = Rig(lidar=LidarConfig(rate_hz=1.0), cameras=CameraConfig(rate_hz=1.0, width=320, height=184))
+RIG: Final = Rig(lidar=LidarConfig(rate_hz=1.0), cameras=StereoConfig(rate_hz=1.0, width=320, height=184))
 
 
 class Driven:
@@ -106,7 +105,7 @@ def beams(bag: Path, topic: str) -> dict[int, Beams]:
 def test_annotated_clouds_are_gazebos_own_except_at_edges(driven: Driven, tmp_path: Path) -> None:
     world = WorldConfig(driven.world.name, layout=driven.world.layout)
     bag = annotate(driven.gazebo.bag, world, rig=RIG, out=tmp_path / "annotated.bag")
-    ours, theirs = beams(bag, POINTS), beams(bag, "/recorded" + POINTS)
+    ours, theirs = beams(bag, RIG.lidar.topic), beams(bag, f"/recorded{RIG.lidar.topic}")
     assert list(theirs) == [second * 10**9 for second in CLOUDS]
     scene, differ, grazing, error = Scene(driven.world), list[Mask](), list[Mask](), list[Array]()
     for stamp, scan in theirs.items():
@@ -119,7 +118,7 @@ def test_annotated_clouds_are_gazebos_own_except_at_edges(driven: Driven, tmp_pa
         met = np.isfinite(scan.range_m) & ~compared.differ
         error.append(np.abs(scan.range_m[met] - ours[stamp].range_m[met]))
     share, unexplained = np.mean(differ), int(np.sum(np.array(differ) & ~np.array(grazing)))
-    tags = sum(1 for side in ("left", "right") for _ in read_bag(bag, [tag(side)]))
+    tags = sum(1 for imager in RIG.imagers for _ in read_bag(bag, [imager.topic_of("tag")]))
     print(
         f"\n{driven.world.name}: {len(ours)} clouds and {tags} tag images added; {share:.3%} of the beams at {CLOUDS} s"
         f" differ from Gazebo's, {unexplained} of them without grazing an edge; the others by {np.median(error[0]):.1e}"

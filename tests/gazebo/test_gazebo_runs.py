@@ -94,14 +94,14 @@ def test_imu_and_fix_at_known_poses(walls: GazeboRun) -> None:
 @needs_gazebo
 def test_image_shows_the_corner_of_two_walls_where_it_is(walls: GazeboRun) -> None:
     image = walls.at_stops("rig__link__left")[0].values
-    lens, heading = pinhole(RIG.cameras), math.radians(30.0)
-    x, y, z = (POSES[0] @ RIG.cameras.left.base_from_sensor)[:3, 3]
+    lens, heading = pinhole(RIG.stereo), math.radians(30.0)
+    x, y, z = (POSES[0] @ RIG.stereo.left.base_from_sensor)[:3, 3]
     dx, dy = 29.0 - x, 19.0 - y
     ahead, aside = dx * math.cos(heading) + dy * math.sin(heading), dy * math.cos(heading) - dx * math.sin(heading)
     column, top, bottom = lens.cx - lens.fx * aside / ahead, lens.fy * (TOP - z) / ahead, lens.fy * (TOP + z) / ahead
     row = round(lens.cy)
     assert image[row, : math.floor(column)].tolist() == [list(COLOURS[12])] * math.floor(column)
-    assert image[row, math.ceil(column) :].tolist() == [list(COLOURS[7])] * (RIG.cameras.width - math.ceil(column))
+    assert image[row, math.ceil(column) :].tolist() == [list(COLOURS[7])] * (RIG.stereo.width - math.ceil(column))
     walled = (image[:, round(column)] != (0, 0, 255)).any(axis=-1)
     assert abs(walled.argmax() - (lens.cy - top)) < 1.5
     assert abs(len(walled) - 1 - walled[::-1].argmax() - (lens.cy + bottom)) < 1.5

@@ -64,9 +64,9 @@ class Judged:
         ]
 
     def images(self) -> list[ImageComparison]:
-        mount, found = RIG.cameras.left.base_from_sensor, self.plain.at_stops("rig__link__left")
+        mount, found = RIG.stereo.left.base_from_sensor, self.plain.at_stops("rig__link__left")
         return [
-            compare_image(self.scene, RIG.cameras, pose @ mount, reading.values)
+            compare_image(self.scene, RIG.stereo, pose @ mount, reading.values)
             for pose, reading in zip(self.poses, found, strict=True)
         ]
 

@@ -19,12 +19,15 @@ from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.drive.robot import ROTOR_INERTIA, wheel_speeds
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, CameraConfig
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
 from fieldtruth.experiment.fields import Mount
+from fieldtruth.experiment.imu_config import ImuConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.rig import WHEELS, ImuConfig, Rig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_config import RobotConfig
-from fieldtruth.gazebo.robot import Flavour, parts, write_robot
+from fieldtruth.experiment.stereo_config import StereoConfig
+from fieldtruth.experiment.topic import WHEELS
+from fieldtruth.gazebo.robot import Flavour, shapes, write_robot
 from fieldtruth.sense.lidar import ray_directions
 from fieldtruth.sense.pinhole import pinhole
 
@@ -33,7 +36,7 @@ FLAVOURS = get_args(Flavour)
 OTHER_RIG = Rig(
     imu=ImuConfig(mount=Mount(xyz=(0.1, 0.02, 0.3), rpy_deg=(12.0, -35.0, 140.0))),
     lidar=LidarConfig(columns=33, rings=5, vertical_fov_deg=30.0, mount=Mount(xyz=(0.0, 0.1, 0.9), rpy_deg=(3, 4, 5))),
-    cameras=CameraConfig(
+    cameras=StereoConfig(
         left=Mount(xyz=(0.2, 0.1, 0.7), rpy_deg=(0.0, 100.0, 0.0)),
         right=Mount(xyz=(0.2, -0.1, 0.7), rpy_deg=(0.0, 100.0, 0.0)),
     ),
@@ -70,7 +73,7 @@ def test_urdf_has_the_frames_of_tf_static(rig: Rig, tmp_path: Path) -> None:
     assert {(j.parent, j.child) for j in urdf.robot.joints} == set(expected)
     for (parent, child), parent_from_child in expected.items():
         np.testing.assert_allclose(urdf.get_transform(child, parent), parent_from_child, rtol=0, atol=1e-9)
-    base_from_optical = rig.cameras.left.base_from_sensor @ CAMERA_FROM_OPTICAL
+    base_from_optical = rig.stereo.left.base_from_sensor @ CAMERA_FROM_OPTICAL
     np.testing.assert_allclose(urdf.get_transform("left_camera_optical"), base_from_optical, rtol=0, atol=1e-9)
 
 
@@ -95,7 +98,7 @@ def test_sensors_are_at_their_frames(rig: Rig, flavour: Flavour, tmp_path: Path)
         np.testing.assert_allclose(poses[name], sensor.mount.base_from_sensor, rtol=0, atol=1e-9)
     # Gazebo's cameras look along x with z up; optical frames look along z with y down.
     body_from_optical = frames.pose((0, 0, 0), (-90.0, 0.0, -90.0))
-    for side, mount in (("left", rig.cameras.left), ("right", rig.cameras.right)):
+    for side, mount in (("left", rig.stereo.left), ("right", rig.stereo.right)):
         base_from_optical = mount.base_from_sensor @ CAMERA_FROM_OPTICAL
         np.testing.assert_allclose(poses[f"{side}_camera"] @ body_from_optical, base_from_optical, rtol=0, atol=1e-9)
 
@@ -130,13 +133,13 @@ def test_even_beams_of_a_table_are_ours(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("lidar", "key"),
     [
-        (LidarConfig(elevations_deg=(2.0, 1.0, -1.0)), "elevations_deg"),
-        (LidarConfig(model="pandar64"), "elevations_deg"),
+        (LidarConfig(elevations_deg=(2.0, 1.0, -1.0)), "uneven elevations_deg"),
+        (LidarConfig(model="pandar64"), "uneven elevations_deg"),
         (LidarConfig(rings=2, azimuth_offsets_deg=(0.0, 1.0)), "azimuth_offsets_deg"),
     ],
 )
 def test_beams_that_gazebo_cannot_have_are_an_error(lidar: LidarConfig, key: str, tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match=rf"^rig\.lidar\.{key}: the beams of Gazebo's scanner are even "):
+    with pytest.raises(ConfigurationError, match=rf"^rig\.sensors: lidar has {key}; the beams of Gazebo's "):
         write_robot(tmp_path, Rig(lidar=lidar), "gz")
     write_robot(tmp_path, Rig(lidar=lidar.model_copy(update={"enabled": False})), "gz")
 
@@ -147,10 +150,10 @@ def test_lens_is_our_pinhole(rig: Rig, flavour: Flavour, tmp_path: Path) -> None
     """Gazebo's principal point counts from the image's border, so the centre of pixel 0 is at 0.5."""
     camera = next(sdf(rig, flavour, tmp_path).iter("camera"))
     fx, fy, cx, cy = (values(camera, f"lens/intrinsics/{name}")[0] for name in ("fx", "fy", "cx", "cy"))
-    ours = pinhole(rig.cameras)
+    ours = pinhole(rig.stereo)
     np.testing.assert_allclose((fx, fy, cx - 0.5, cy - 0.5), ours, rtol=1e-12)
     half_width = np.tan(values(camera, "horizontal_fov")[0] / 2)
-    assert fx * half_width == pytest.approx(rig.cameras.width / 2, rel=1e-12)
+    assert fx * half_width == pytest.approx(rig.stereo.width / 2, rel=1e-12)
 
 
 @pytest.mark.parametrize("flavour", FLAVOURS)
@@ -197,10 +200,10 @@ def test_a_turn_is_commanded_as_in_the_physics(classic: Path) -> None:
 def test_the_robot_does_not_see_itself() -> None:
     rig = Rig()
     lidar = frames.inverse(rig.lidar.mount.base_from_sensor)
-    camera, intrinsics = rig.cameras, pinhole(rig.cameras)
-    shapes = [(shape, (0.0, 0.0, 0.0)) for shape in parts.body_shapes(rig)]
-    shapes += [(parts.wheel_shape(rig), rig.mounts()[f"{name}_wheel"].xyz) for name in WHEELS]
-    for shape, xyz in shapes:
+    camera, intrinsics = rig.stereo, pinhole(rig.stereo)
+    drawn = [(shape, (0.0, 0.0, 0.0)) for shape in shapes.body_shapes(rig)]
+    drawn += [(shapes.wheel_shape(rig), rig.mounts()[f"{name}_wheel"].xyz) for name in WHEELS]
+    for shape, xyz in drawn:
         points = _surface(shape) + xyz
         x, y, z = frames.transform(lidar, points).T
         elevation, distance = np.degrees(np.arctan2(z, np.hypot(x, y))), np.linalg.norm((x, y, z), axis=0)
@@ -228,9 +231,9 @@ def test_the_robot_casts_no_shadow(classic: Path) -> None:
     assert drawn == dark
 
 
-def _surface(shape: parts.Shape) -> Array:
+def _surface(shape: shapes.Shape) -> Array:
     mesh = trimesh.creation.box(shape.size) if shape.is_box else trimesh.creation.cylinder(shape.size[0], shape.size[1])
-    mesh.apply_transform(frames.pose(shape.xyz, (np.degrees(shape.roll), 0.0, 0.0)))
+    mesh.apply_transform(frames.pose(shape.xyz, np.degrees(shape.rpy).tolist()))
     points, _ = trimesh.sample.sample_surface(mesh, 20_000, seed=1)
     return np.concatenate([points, mesh.vertices])
 
@@ -270,7 +273,7 @@ def test_libsdformat_finds_nothing(rig: Rig, flavour: Flavour, tmp_path: Path) -
 
 
 def test_a_rig_without_lidar_and_cameras(tmp_path: Path) -> None:
-    rig = Rig(lidar=LidarConfig(enabled=False), cameras=CameraConfig(enabled=False))
+    rig = Rig(lidar=LidarConfig(enabled=False), cameras=StereoConfig(enabled=False))
     assert {s.get("type") for s in sdf(rig, "classic", tmp_path).iter("sensor")} == {"imu", "gps"}
     text = _xacro(tmp_path)
     assert "velodyne" not in text

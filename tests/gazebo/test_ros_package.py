@@ -23,7 +23,9 @@ from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.drive.controller import WaypointFollower
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import load_experiment, parse_experiment
-from fieldtruth.experiment.rig import ImuConfig, Rig
+from fieldtruth.experiment.imu_config import ImuConfig
+from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route, metres_from_route
 from fieldtruth.gazebo.robot import write_robot
 from fieldtruth.gazebo.ros import builtin_experiments, write_ros_package
@@ -143,12 +145,12 @@ def test_waypoint_nodes_command_as_the_follower(rig: Rig, ros: int, fake: FakeRo
         latitude, longitude, height = geodetic_from_world((x, y, rng.uniform(-3.0, 3.0)))
         follower.update_fix(float(latitude), float(longitude))
         fix = SimpleNamespace(latitude=float(latitude), longitude=float(longitude), altitude=float(height))
-        fake.callbacks[topics.NAVSAT](fix)
+        fake.callbacks[rig.gnss.topic](fix)
         heading, pitch, roll = rng.uniform(-math.pi, math.pi), *rng.uniform(-0.3, 0.3, 2)
         world_from_base = Rotation.from_euler("ZYX", [heading, pitch, roll])
         base_from_imu = Rotation.from_matrix(rig.imu.mount.base_from_sensor[:3, :3])
         q = dict(zip("xyzw", (world_from_base * base_from_imu).as_quat(), strict=True))
-        fake.callbacks[topics.IMU](SimpleNamespace(orientation=SimpleNamespace(**q)))
+        fake.callbacks[rig.imu.topic](SimpleNamespace(orientation=SimpleNamespace(**q)))
         commands.append(follower.command(heading))
     found = [(message.linear.x, message.angular.z) for message in fake.published["/cmd_vel"]]
     np.testing.assert_allclose(found, commands, rtol=0, atol=1e-9)
@@ -163,7 +165,7 @@ def test_waypoint_nodes_command_as_the_follower(rig: Rig, ros: int, fake: FakeRo
 def test_no_command_moves_before_the_first_fix(ros: int, fake: FakeRos, tmp_path: Path) -> None:
     package(tmp_path, ros)
     fake.run(tmp_path / "scripts/waypoints.py", tmp_path / "config/park_1.yaml")
-    fake.callbacks[topics.IMU](SimpleNamespace(orientation=SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)))
+    fake.callbacks[Rig().imu.topic](SimpleNamespace(orientation=SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)))
     (command,) = fake.published["/cmd_vel"]
     assert (command.linear.x, command.angular.z) == (0.0, 0.0)
 
@@ -177,13 +179,13 @@ def test_relay_completes_the_topics(ros: int, fake: FakeRos, tmp_path: Path) -> 
         stamp = SimpleNamespace(sec=k // 100, nanosec=k % 100 * 10_000_000, to_sec=lambda k=k: k / 100)
         header = SimpleNamespace(stamp=stamp)
         fake.callbacks["/joint_states"](SimpleNamespace(header=header, name=joints, velocity=[1.0, 2.0, 3.0, 4.0]))
-    for topic, speed in zip(topics.WHEEL_SPEEDS, (2.0, 3.0, 1.0, 4.0), strict=True):
+    for topic, speed in zip(WHEEL_SPEEDS, (2.0, 3.0, 1.0, 4.0), strict=True):
         assert [message.data for message in fake.published[topic]] == [speed] * 30
     fake.callbacks["/stereo/camera/right/camera_info_gazebo"](SimpleNamespace(header=SimpleNamespace(frame_id="")))
     (info,) = fake.published["/stereo/camera/right/camera_info"]
     k, p = (info.K, info.P) if ros == 1 else (info.k, info.p)
-    np.testing.assert_array_equal(np.reshape(k, (3, 3)), camera_matrix(Rig().cameras))
-    np.testing.assert_array_equal(np.reshape(p, (3, 4)), projection_matrix(Rig().cameras, "right"))
+    np.testing.assert_array_equal(np.reshape(k, (3, 3)), camera_matrix(Rig().stereo))
+    np.testing.assert_array_equal(np.reshape(p, (3, 4)), projection_matrix(Rig().imagers[1]))
     assert (info.header.frame_id, info.width, info.height) == ("right_camera_optical", 1280, 720)
 
 
@@ -238,7 +240,7 @@ def test_bridge_and_model_agree_on_topics(tmp_path: Path) -> None:
     model = ET.parse(tmp_path / "models/husky/model.sdf").getroot()[0]
     sensors = {f"/{sensor.findtext('topic')}" for sensor in model.iter("sensor")}
     plugins = {f"/{e.text}" for p in model.findall("plugin") for e in p if "topic" in e.tag}
-    cameras = {f"/stereo/camera/{side}/camera_info" for side in topics.SIDES}
+    cameras = {f"/stereo/camera/{side}/camera_info" for side in ("left", "right")}
     # A camera's info is beside its images; a LiDAR adds /points for the cloud.
     published = sensors | plugins | cameras | {f"{topic}/points" for topic in sensors} | {"/clock"}
     assert bridged <= published

@@ -22,8 +22,9 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.state import state_at
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, CameraConfig
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
 from fieldtruth.experiment.files import load_experiment, with_overrides
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.interchange import write_scene
 from fieldtruth.sense.label_camera import LabelCamera, LabelImages
 from fieldtruth.sense.scene import Scene
@@ -81,7 +82,7 @@ def views(case: Case, folder: Path) -> Views:
     python = blender_python()
     experiment = with_overrides(load_experiment(case.experiment), seconds=case.seconds)
     world = load_world(experiment.environment, seed=experiment.seed)
-    config = CameraConfig(width=case.width, height=case.height)
+    config = StereoConfig(width=case.width, height=case.height)
     state = state_at(drive(world, experiment).motion, round(case.seconds * 1e9))
     pose = state.world_from_base @ config.left.base_from_sensor @ CAMERA_FROM_OPTICAL
     camera = LabelCamera(config, Scene(world))
@@ -100,7 +101,7 @@ def views(case: Case, folder: Path) -> Views:
     assert done.returncode == 0, done.stderr[-2000:]
     ids = np.load(folder / "ids.npy")
     assert np.array_equal(ids[..., :2], np.rint(ids[..., :2])), "a pixel mixes ids: more than its centre was sampled"
-    finer = CameraConfig(width=FINE * case.width, height=FINE * case.height)
+    finer = StereoConfig(width=FINE * case.width, height=FINE * case.height)
     fine = LabelCamera(finer, camera.scene).label(pose)
     return Views(camera.label(pose), fine, ids[..., 0].astype(np.int64), ids[..., 1].astype(np.int64), ids[..., 2])
 

@@ -15,7 +15,7 @@ from PIL import Image
 from scipy.spatial import cKDTree
 
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.camera_config import CameraConfig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.interchange import write_scene
 from fieldtruth.interchange.gltf_materials import nearest_step
 from fieldtruth.interchange.ground import ground_tiles
@@ -184,7 +184,7 @@ def test_the_land_beyond_the_edge_is_optional(world: World, tmp_path: Path) -> N
 def test_rays_hit_the_classes_that_our_camera_labels(world: World, plain: list[Part], instanced: InstancedFile) -> None:
     """trimesh's rays through the file, and our label image, from above the edge of the ring."""
     ids = {m.name: m.extras["class_id"] for m in instanced.gltf.materials}
-    config = CameraConfig(width=160, height=96, horizontal_fov_deg=90.0, vertical_fov_deg=62.0)
+    config = StereoConfig(width=160, height=96, horizontal_fov_deg=90.0, vertical_fov_deg=62.0)
     camera = LabelCamera(config, Scene(world))
     world_from_optical = pose(-9.0, -2.0, 4.0, yaw_deg=15.0, tilt_deg=25.0) @ np.array(
         [[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]], np.float64

@@ -14,7 +14,7 @@ from rosbags.rosbag1 import Reader, Writer
 
 from fieldtruth.bag.decode import points, read_bag
 from fieldtruth.bag.run import open_run
-from fieldtruth.bag.topics import TOPICS
+from fieldtruth.bag.topics import PAPER_TOPICS
 from fieldtruth.cli import main
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning, OutputError
 from fieldtruth.experiment.config import Experiment
@@ -66,7 +66,7 @@ def again(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_images_clouds_and_fixes_are_those_of_the_drive_byte_for_byte(small_run: Path, again: Path) -> None:
     present, expected = (set(open_run(run).counts) for run in (again, small_run))
-    assert expected - present == {topic.name for topic in TOPICS if topic.sensor == "wheels"}
+    assert expected - present == {topic.name for topic in PAPER_TOPICS if topic.kind == "wheel_odometry"}
     exact = sorted(topic for topic in present if topic.startswith(("/stereo", "/os1", "/navsat", "/clock")))
     assert len(exact) == 13
     own, followed = messages_of(small_run, *exact), messages_of(again, *exact)
@@ -122,7 +122,7 @@ def test_the_run_makes_itself_again_without_the_file(tmp_path: Path) -> None:
     assert first.name == second.name
     stored = load_experiment(tmp_path / "moved/low/experiment.yaml")
     assert stored.drive is not None
-    assert (stored.drive.pose_of, stored.drive.start_s, stored.rig.tachometers.enabled) == ("os1_lidar", 0.3, False)
+    assert (stored.drive.pose_of, stored.drive.start_s, stored.rig.wheel_odometry) == ("os1_lidar", 0.3, None)
     (stamp, pose), *_, last = messages_of(second.parent, ODOMETRY)[ODOMETRY]
     at = pose.pose.pose.position
     np.testing.assert_allclose((at.x, at.y, at.z), (-33 + 0.3 + 0.02 - 0.09, -6.0, 1.2 - 0.826), atol=1e-9)

@@ -98,7 +98,7 @@ def test_formats_of_a_motion_refuse_them(
         ({"frames": {"count": 4, "step": 1}}, "unknown key 'frames.step'"),
         ({"seconds": 3}, "frames exclude drive and seconds: frames.count says how many there are"),
         ({"drive": {"track": "a.tum"}}, "frames exclude drive and seconds: frames.count says how many there are"),
-        ({"rig": {"lidar": {"spinning": True}}}, "frames need rig.lidar.spinning: false, as the robot stands still"),
+        ({"rig": {"lidar": {"spinning": True}}}, "frames need spinning: false of lidar, as the robot stands still"),
         ({"frames": None}, "or frames: {count: NUMBER}"),
     ],
 )

@@ -17,6 +17,7 @@ import pytest
 from fieldtruth.core.cache_folder import cache_folder, entries
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.pipeline import generate
 from fieldtruth.world.build import world_key, world_of
 
@@ -28,8 +29,7 @@ pytestmark = pytest.mark.slow  # real worlds; tests/record/test_pipeline.py show
 def small(seed: int = 0) -> Experiment:
     """Three seconds of park_1 through small sensors."""
     plain = load_experiment("park_1")
-    cameras = plain.rig.cameras.model_copy(update={"width": 160, "height": 88})
-    rig = plain.rig.model_copy(update={"cameras": cameras})
+    rig = plain.rig.with_sensors(StereoConfig, width=160, height=88)
     return plain.model_copy(update={"seconds": 3.0, "seed": seed, "rig": rig})
 
 

@@ -173,8 +173,8 @@ def test_every_worker_has_its_own_sensors(tmp_path: Path) -> None:
     cameras = []
 
     def sensors():  # type: ignore[no-untyped-def]
-        cameras.append(Watch(EXPERIMENT.rig.cameras, None))  # type: ignore[arg-type]
-        return make()._replace(camera=cameras[-1])
+        cameras.append(Watch(EXPERIMENT.rig.stereo, None))  # type: ignore[arg-type]
+        return make()._replace(cameras={"stereo": cameras[-1]})
 
     slices._make_sensors = sensors
     slices.make(2)

@@ -33,15 +33,16 @@ from fieldtruth.bag.decode import (
     static_transforms,
 )
 from fieldtruth.bag.reader import BagError
-from fieldtruth.bag.topics import SIDES, TOPICS
+from fieldtruth.bag.topics import PAPER_TOPICS
 from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.progress import Silent
 from fieldtruth.drive.track import stamps_at_rate
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, CameraConfig
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import Rig, paper_rig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.record.streams import Sensors, streams_of
 
 SECONDS = 2.5
@@ -101,17 +102,17 @@ def test_topics_types_and_counts(bag: Path) -> None:
 
 def test_the_table_states_the_same_rates() -> None:
     table = topics.topics_of(Rig())
-    assert {t.name: t.rate_hz(Rig()) for t in table if t.rate_hz} == {t: rate for t, (_, rate) in SPEC.items()}
+    assert {t.name: t.rate_hz for t in table if t.rate_hz} == {t: rate for t, (_, rate) in SPEC.items()}
 
 
 def test_extras_have_topics_if_enabled() -> None:
     plain = {t.name for t in topics.topics_of(Rig())}
-    rig = Rig(cameras=CameraConfig(depth=True, instances=True))
+    rig = paper_rig(stereo=StereoConfig(depth=True, instances=True))
     assert {t.name for t in topics.topics_of(rig)} - plain == {
-        f"/stereo/camera/{side}/{extra}" for side in SIDES for extra in ("depth", "instances")
+        f"/stereo/camera/{side}/{extra}" for side in ("left", "right") for extra in ("depth", "instances")
     }
-    assert topics.topics_of(rig, latched=True) == TOPICS
-    blind = Rig(cameras=CameraConfig(enabled=False, depth=True, instances=True))
+    assert topics.topics_of(rig, latched=True) == PAPER_TOPICS
+    blind = paper_rig(stereo=StereoConfig(enabled=False, depth=True, instances=True))
     assert not any("camera" in t.name for t in topics.topics_of(blind))
 
 
@@ -138,7 +139,7 @@ def test_stamps_are_those_of_the_rate_and_headers_agree(readings: dict[str, list
 def test_messages_are_stored_in_time_order_and_ties_in_table_order(bag: Path) -> None:
     # the reader sorts by time; positions in the file give the order of writing
     with Reader(bag) as reader:
-        order = {topic.name: k for k, topic in enumerate(TOPICS)}
+        order = {topic.name: k for k, topic in enumerate(PAPER_TOPICS)}
         entries = [
             (entry.chunk_pos, entry.offset, entry.time, order[connection.topic])
             for connection in reader.connections
@@ -161,7 +162,7 @@ def test_tf_static_holds_every_frame_of_the_paper_but_the_wheels(bag: Path) -> N
     for name, (x, y, z, roll, pitch, yaw) in table.items():
         expected = frames.pose((x, y, z), (roll, pitch, yaw))
         np.testing.assert_allclose(fixed.pop(("base_link", name)), expected, atol=1e-12, err_msg=name)
-    for side in SIDES:
+    for side in ("left", "right"):
         np.testing.assert_allclose(
             fixed.pop((f"{side}_camera", f"{side}_camera_optical")), CAMERA_FROM_OPTICAL, atol=1e-15
         )
@@ -191,14 +192,14 @@ def test_model_states_odometry_and_tf_are_the_motion_at_their_stamp(readings: di
 
 def test_a_scan_and_an_image_are_taken_from_the_pose_at_their_stamp(readings: dict[str, list[Reading]]) -> None:
     rig, scene = EXPERIMENT.rig, FakeScene(WORLD)
-    lidar, camera = FakeLidar(rig.lidar, scene), FakeCamera(rig.cameras, scene)
+    lidar, camera = FakeLidar(rig.lidar, scene), FakeCamera(rig.stereo, scene)
     truth = frames.pose_from_quaternion_wxyz(TRACK.motion.position, TRACK.motion.quaternion_wxyz)
     for reading in readings["/os1_cloud_node/points"]:
         cloud = points(reading.message)
         scan = lidar.scan(truth[reading.stamp_ns // 10**6 - 1] @ rig.lidar.mount.base_from_sensor)
         np.testing.assert_array_equal(np.stack([cloud["x"], cloud["y"], cloud["z"]], -1), scan.xyz)
         np.testing.assert_array_equal(cloud["intensity"], cloud["label"])
-    for side, mount in (("left", rig.cameras.left), ("right", rig.cameras.right)):
+    for side, mount in (("left", rig.stereo.left), ("right", rig.stereo.right)):
         for photo, tag in zip(
             readings[topics.photograph(side)], readings[topics.tag(side)], strict=True
         ):  # the fake's photograph is brighter by a step for each millimetre
@@ -214,14 +215,14 @@ def test_readings_of_the_drive_are_in_the_bag(readings: dict[str, list[Reading]]
         speeds = [r.message.data for r in readings[f"/gazebo_client/{name}_speed"]]
         assert speeds == TRACK.base.tachometers.wheel_speed[:, column].tolist()
     heights = [r.message.altitude for r in readings["/navsat/fix"]]
-    assert heights == TRACK.gnss.geodetic[:, 2].tolist()
+    assert heights == TRACK.fixes["gnss"].geodetic[:, 2].tolist()
 
 
 @pytest.mark.parametrize(
     ("rig", "gone"),
     [
-        (Rig(cameras=CameraConfig(enabled=False)), "/stereo"),
-        (Rig(lidar=LidarConfig(enabled=False), cameras=SMALL.cameras), "/os1_cloud_node"),
+        (paper_rig(stereo=StereoConfig(enabled=False)), "/stereo"),
+        (paper_rig(lidar=LidarConfig(enabled=False), stereo=SMALL.stereo), "/os1_cloud_node"),
     ],
 )
 def test_a_disabled_sensor_has_no_topic(tmp_path: Path, rig: Rig, gone: str) -> None:
@@ -233,7 +234,7 @@ def test_a_disabled_sensor_has_no_topic(tmp_path: Path, rig: Rig, gone: str) -> 
 
 
 def test_rates_that_do_not_divide_the_physics(tmp_path: Path) -> None:
-    rig = Rig(cameras=CameraConfig(width=64, height=48, rate_hz=30.0), lidar=LidarConfig(rate_hz=7.0))
+    rig = paper_rig(stereo=StereoConfig(width=64, height=48, rate_hz=30.0), lidar=LidarConfig(rate_hz=7.0))
     slices = make_slices(tmp_path, make_experiment(1.5, rig=rig))
     slices.record(tmp_path / "x.bag", 1, Silent())
     stamps = [r.stamp_ns for r in read_bag(tmp_path / "x.bag", ["/stereo/camera/left/tag/img_raw"])]
@@ -242,7 +243,7 @@ def test_rates_that_do_not_divide_the_physics(tmp_path: Path) -> None:
 
 
 def test_a_spinning_lidar_gets_the_pose_of_each_column() -> None:
-    rig = Rig(lidar=LidarConfig(columns=20, spinning=True), cameras=CameraConfig(enabled=False))
+    rig = paper_rig(lidar=LidarConfig(columns=20, spinning=True), stereo=StereoConfig(enabled=False))
     track = make_track(WORLD, make_experiment(1.0, rig=rig))
     seen = []
 
@@ -252,7 +253,7 @@ def test_a_spinning_lidar_gets_the_pose_of_each_column() -> None:
             return super().scan(world_from_lidar[0])
 
     stream = next(s for s in streams_of(WORLD, track, rig) if s.topics == (topics.POINTS,))
-    list(stream.messages(3, Sensors(lidar=Watch(rig.lidar, FakeScene(WORLD)))))
+    list(stream.messages(3, Sensors(lidars={"lidar": Watch(rig.lidar, FakeScene(WORLD))})))
     motion = track.motion
     truth = frames.pose_from_quaternion_wxyz(motion.position, motion.quaternion_wxyz) @ rig.lidar.mount.base_from_sensor
     np.testing.assert_allclose(seen[0], truth[399:499:5], atol=1e-15)  # 0.4 s and every 5 ms of its 0.1 s

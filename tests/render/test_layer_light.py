@@ -9,8 +9,9 @@ import pytest
 from sense_worlds import F8, make_world
 
 from fieldtruth.core import frames
-from fieldtruth.experiment.camera_config import OPTICAL, CameraConfig
+from fieldtruth.experiment.camera_config import OPTICAL
 from fieldtruth.experiment.config import LightConfig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.render.bake import bake
 from fieldtruth.render.camera import Camera
 from fieldtruth.render.materials import CRUMBS
@@ -36,7 +37,7 @@ def covered(name: str) -> World:
 
 def seen(world: World) -> F8:
     """Brightness of the ground from straight above."""
-    config = CameraConfig(width=160, height=160, horizontal_fov_deg=50.0, vertical_fov_deg=50.0)
+    config = StereoConfig(width=160, height=160, horizontal_fov_deg=50.0, vertical_fov_deg=50.0)
     camera = Camera(config, bake(Scene(world), LOW_SUN))
     return np.asarray(camera.render(frames.pose((0, 0, 2.0), (0, 90, 0)) @ OPTICAL).photo.mean(axis=2))
 

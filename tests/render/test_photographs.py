@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 from sense_worlds import F8, Placed, at, box, make_world, quad
 
 from fieldtruth.core import frames
-from fieldtruth.experiment.camera_config import OPTICAL, CameraConfig
+from fieldtruth.experiment.camera_config import OPTICAL
 from fieldtruth.experiment.config import LightConfig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.render.camera import Camera, CameraImages
 from fieldtruth.sense.scene import Scene
 
-SMALL = CameraConfig(width=320, height=184)
+SMALL = StereoConfig(width=320, height=184)
 SUNS = [(118.0, 41.0), (250.0, 30.0), (0.0, 45.0), (-40.0, 60.0)]
 
 
@@ -77,7 +78,7 @@ def overhead(azimuth: float, elevation: float) -> tuple[F8, F8, CameraImages]:
     """World x, y [m] of the ground in each pixel, and the images of a box 0.6 x 0.6 x 1.5 m from 20 m above it."""
     light = LightConfig(sun_azimuth_deg=azimuth, sun_elevation_deg=elevation)
     scene = bake(Scene(make_world([(box("box", (0.3, 0.3, 0.75)), at(0, 0, 0.75))], side=24.0)), light)
-    config = CameraConfig(width=320, height=320, horizontal_fov_deg=24.0, vertical_fov_deg=24.0)
+    config = StereoConfig(width=320, height=320, horizontal_fov_deg=24.0, vertical_fov_deg=24.0)
     pose = np.eye(4)
     pose[:3, :3] = np.array([[0, -1, 0], [-1, 0, 0], [0, 0, -1]])  # image right is world -y, image down is world -x
     pose[:3, 3] = 0, 0, 20

@@ -7,8 +7,9 @@ import pytest
 from sense_worlds import F8, make_world
 
 from fieldtruth.core import frames
-from fieldtruth.experiment.camera_config import OPTICAL, CameraConfig
+from fieldtruth.experiment.camera_config import OPTICAL
 from fieldtruth.experiment.config import LightConfig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.render.bake import bake
 from fieldtruth.render.camera import Camera
 from fieldtruth.render.light import bake_light
@@ -24,7 +25,7 @@ def waves(x: F8, _y: F8) -> F8:
 
 def photograph(height: float) -> tuple[F8, F8]:
     """x [m] and mean brightness of the rows of an image from straight above waves."""
-    config = CameraConfig(width=64, height=400, horizontal_fov_deg=4.0, vertical_fov_deg=24.0)
+    config = StereoConfig(width=64, height=400, horizontal_fov_deg=4.0, vertical_fov_deg=24.0)
     scene = bake(Scene(make_world(height=waves, side=8.0, spacing=0.05)), SUN)
     photo = Camera(config, scene).render(frames.pose((0, 0, height), (0, 90, 0)) @ OPTICAL).photo
     x = -(2 * (np.arange(400) + 0.5) / 400 - 1) * np.tan(np.radians(12.0)) * height
@@ -66,7 +67,7 @@ def test_pits_are_darker_than_bumps_under_the_sky() -> None:
     """Waves from above: pits and crests have the same slope, 0, and differ in the sky that they see."""
     pits = make_world(height=lambda x, _: 0.02 * np.cos(2 * np.pi * x / 0.2), side=4.0, spacing=0.05)
     camera = Camera(
-        CameraConfig(width=64, height=400, horizontal_fov_deg=4.0, vertical_fov_deg=24.0), bake(Scene(pits), SUN)
+        StereoConfig(width=64, height=400, horizontal_fov_deg=4.0, vertical_fov_deg=24.0), bake(Scene(pits), SUN)
     )
     photo = camera.render(frames.pose((0, 0, 2.0), (0, 90, 0)) @ OPTICAL).photo.astype(float).mean(axis=(1, 2))
     x = -(2 * (np.arange(400) + 0.5) / 400 - 1) * np.tan(np.radians(12.0)) * 2.0

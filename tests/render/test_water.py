@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from sense_worlds import at, box, make_world, quad
 
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.camera_config import OPTICAL, CameraConfig
+from fieldtruth.experiment.camera_config import OPTICAL
 from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.render.bake import bake
 from fieldtruth.render.camera import Camera
 from fieldtruth.render.gbuffer import FIELDS, MIRROR
@@ -95,7 +96,7 @@ def lake(mirror: float) -> Scene:
 def test_camera_labels_water_and_the_lidar_gets_no_return() -> None:
     scene = lake(0.02)
     pose = at(0, 0, 1.0)
-    images = LabelCamera(CameraConfig(width=64, height=40), scene).label(pose @ OPTICAL)
+    images = LabelCamera(StereoConfig(width=64, height=40), scene).label(pose @ OPTICAL)
     assert set(np.unique(images.label[28:])) == {Label.WATER}  # from below the horizon down to the lower edge
     assert images.label[19, 32] == Label.BENCH
     scan = Lidar(LidarConfig(columns=64, rings=16), scene).scan(pose)
@@ -103,7 +104,7 @@ def test_camera_labels_water_and_the_lidar_gets_no_return() -> None:
 
 
 def photograph(scene: Scene) -> NDArray[np.float64]:
-    camera = Camera(CameraConfig(width=640, height=400), bake(scene))
+    camera = Camera(StereoConfig(width=640, height=400), bake(scene))
     return camera.render(at(-4, 0, 1.0) @ OPTICAL).photo.astype(np.float64)
 
 

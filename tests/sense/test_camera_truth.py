@@ -8,18 +8,19 @@ from sense_worlds import F8, Placed, at, box, floating, make_world, quad
 
 from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE, Label
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, OPTICAL, CameraConfig
+from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, OPTICAL
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.sense.label_camera import LabelCamera, LabelImages, tag_image
 from fieldtruth.sense.pinhole import pinhole
 from fieldtruth.sense.scene import Scene
 
-CONFIG = CameraConfig()
+CONFIG = StereoConfig()
 WIDTH, HEIGHT = 1280, 720
 TAN_X, TAN_Y = np.tan(np.radians(69.0 / 2)), np.tan(np.radians(42.0 / 2))
 
 
-def tangents(config: CameraConfig = CONFIG) -> tuple[F8, F8]:
+def tangents(config: StereoConfig = CONFIG) -> tuple[F8, F8]:
     """Tangents of the angles from the optical axis to the pixel centres, right (w,) and down (h,)."""
     a = (2 * (np.arange(config.width) + 0.5) / config.width - 1) * np.tan(np.radians(config.horizontal_fov_deg / 2))
     b = (2 * (np.arange(config.height) + 0.5) / config.height - 1) * np.tan(np.radians(config.vertical_fov_deg / 2))
@@ -100,7 +101,7 @@ def test_image_is_not_mirrored() -> None:
 
 
 def test_mounts_of_the_stereo_cameras() -> None:
-    rig = Rig().cameras
+    rig = Rig().stereo
     left, right = (mount.base_from_sensor @ CAMERA_FROM_OPTICAL for mount in (rig.left, rig.right))
     for pose, y in ((left, 0.06), (right, -0.06)):
         assert pose[:3, 3] == pytest.approx([0.15, y, 0.72])
@@ -138,7 +139,7 @@ def test_depth_of_a_plane_normal_to_the_axis_is_constant() -> None:
 
 
 def test_depth_of_the_ground_matches_closed_form() -> None:
-    config = CameraConfig(width=320, height=184)
+    config = StereoConfig(width=320, height=184)
     seen = LabelCamera(config, Scene(make_world(side=60.0))).label(at(0, 0, 0.8) @ OPTICAL)
     _, b = tangents(config)
     near = (b > 0) & (0.8 / np.maximum(b, 1e-9) < 20.0)
@@ -151,7 +152,7 @@ def test_depth_of_the_ground_matches_closed_form() -> None:
 
 def test_far_limits_the_distance_along_the_ray() -> None:
     wall = patch("wall", (-9, 1289), (-9, 729), 10.0)
-    seen = LabelCamera(CameraConfig(far=11.0), floating(wall)).label(np.eye(4))
+    seen = LabelCamera(StereoConfig(far=11.0), floating(wall)).label(np.eye(4))
     a, b = tangents()
     distance = 10.0 * np.sqrt(1 + a**2 + b[:, None] ** 2)
     assert np.all(seen.label[distance < 11.0 - 1e-4] == Label.ROCK)
@@ -168,7 +169,7 @@ def test_water_has_label_and_depth() -> None:
 
 @pytest.mark.parametrize(("width", "height"), [(8, 8), (40, 24), (328, 56)])
 def test_depth_for_other_sizes_and_fields_of_view(width: int, height: int) -> None:
-    config = CameraConfig(width=width, height=height, horizontal_fov_deg=100.0, vertical_fov_deg=30.0)
+    config = StereoConfig(width=width, height=height, horizontal_fov_deg=100.0, vertical_fov_deg=30.0)
     half = np.array([5.0, 4.0, 3.0])
     seen = LabelCamera(config, floating((box("room", half.tolist()), at(0, 0, 0)))).label(at(0, 0, 0) @ OPTICAL)
     a, b = tangents(config)

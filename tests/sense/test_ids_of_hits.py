@@ -9,9 +9,10 @@ import pytest
 from sense_worlds import at, box, make_world
 
 from fieldtruth.core import frames
-from fieldtruth.experiment.camera_config import OPTICAL, CameraConfig
+from fieldtruth.experiment.camera_config import OPTICAL
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.render.bake import bake
 from fieldtruth.render.camera import Camera
 from fieldtruth.sense.label_camera import LabelCamera
@@ -40,7 +41,7 @@ def test_cloud_and_images_have_the_ids_of_the_world(world: World) -> None:
     expected = np.array(IDS)[np.clip((1.9 - scan.xyz[near, 1]).astype(int), 0, 3)]
     np.testing.assert_array_equal(scan.instance[near], expected)
     assert set(expected) == set(IDS)
-    config = CameraConfig(width=64, height=32)
+    config = StereoConfig(width=64, height=32)
     baked = bake(scene, LightConfig())
     for images in (LabelCamera(config, scene).label(pose @ OPTICAL), Camera(config, baked).render(pose @ OPTICAL)):
         row = images.instance[12]

@@ -11,11 +11,12 @@ from sense_worlds import built_scene, make_world, trace_rays
 
 from fieldtruth.core import frames
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.camera_config import OPTICAL, CameraConfig
+from fieldtruth.experiment.camera_config import OPTICAL
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.route import metres_from_route
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.lidar import Lidar
 from fieldtruth.sense.scene import Scene
@@ -73,13 +74,13 @@ def robot_pose(scene: Scene, line: Line, at: float) -> NDArray[np.float64]:
 
 def test_every_class_is_seen_from_the_route(lake: Scene) -> None:
     """By the camera all of them, by the LiDAR all but water and sky."""
-    rig, hit, seen = Rig(cameras=CameraConfig(width=432, height=240)), set[int](), set[int]()
-    lidar, camera = Lidar(rig.lidar, lake), LabelCamera(rig.cameras, lake)
+    rig, hit, seen = paper_rig(stereo=StereoConfig(width=432, height=240)), set[int](), set[int]()
+    lidar, camera = Lidar(rig.lidar, lake), LabelCamera(rig.stereo, lake)
     for line in lines():
         for at in np.linspace(0.02, 0.98, 10):
             base = robot_pose(lake, line, at)
             hit |= set(np.unique(lidar.scan(base @ rig.lidar.mount.base_from_sensor).label).tolist())
-            images = camera.label(base @ frames.pose(rig.cameras.left.xyz) @ OPTICAL)
+            images = camera.label(base @ frames.pose(rig.stereo.left.xyz) @ OPTICAL)
             seen |= set(np.unique(images.label).tolist())
     solid = {Label.GROUND, Label.TRUNK, Label.TREETOP, Label.BUSH, Label.HIGH_GRASS, Label.POST, Label.CABLE}
     assert hit == solid
@@ -89,8 +90,8 @@ def test_every_class_is_seen_from_the_route(lake: Scene) -> None:
 def test_lidar_gets_no_return_where_the_camera_sees_water(lake: Scene) -> None:
     base = frames.pose((0.0, -6.5, float(lake.world.terrain.field.height_at(0.0, -6.5)) + 2.5), (0.0, 0.0, -90.0))
     rig = Rig()
-    eye = base @ frames.pose(rig.cameras.left.xyz) @ OPTICAL
-    camera = LabelCamera(rig.cameras, lake)
+    eye = base @ frames.pose(rig.stereo.left.xyz) @ OPTICAL
+    camera = LabelCamera(rig.stereo, lake)
     images = camera.label(eye)
     assert (images.label == Label.WATER).mean() > 0.1
     rows, columns = (n[::97] for n in np.nonzero(images.label == Label.WATER))

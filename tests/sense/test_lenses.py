@@ -10,7 +10,8 @@ from sense_worlds import F8, Placed, at, box, floating, quad
 
 from fieldtruth.core.classes import Label
 from fieldtruth.core.lenses import FLAT, Lens, directions, fields_of_view, greatest_angle, project
-from fieldtruth.experiment.camera_config import CameraConfig, LensConfig
+from fieldtruth.experiment.lens_config import LensConfig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.lens import NO_TABLE, ray_table
 from fieldtruth.sense.pinhole import pinhole
@@ -30,7 +31,7 @@ LENSES = {
 }
 
 
-def config_of(lens: Lens, **values: float) -> CameraConfig:
+def config_of(lens: Lens, **values: float) -> StereoConfig:
     own = LensConfig(
         model=lens.model,  # type: ignore[arg-type]
         coefficients=lens.coefficients,
@@ -40,7 +41,7 @@ def config_of(lens: Lens, **values: float) -> CameraConfig:
         cy=lens.cy,
         **values,
     )
-    return CameraConfig(width=WIDTH, height=HEIGHT, lens=own)
+    return StereoConfig(width=WIDTH, height=HEIGHT, lens=own)
 
 
 def pixels() -> F8:
@@ -103,7 +104,7 @@ def test_a_fisheye_sees_behind_itself_as_its_formula_says() -> None:
 
 
 def test_a_panorama_has_longitudes_and_latitudes() -> None:
-    config = CameraConfig(width=64, height=32, lens=LensConfig(model="equirectangular"))
+    config = StereoConfig(width=64, height=32, lens=LensConfig(model="equirectangular"))
     table = ray_table(config)
     longitude, latitude = np.radians((np.arange(64) - 31.5) * 5.625), np.radians((np.arange(32) - 15.5) * 5.625)
     for v, u in ((0, 0), (31, 63), (16, 32), (3, 50)):
@@ -125,7 +126,7 @@ def test_fields_of_view_end_at_the_borders_of_the_image() -> None:
         ("plumb_bob", (*BARREL[:2], 0.0, 0.0, BARREL[4]), (90.0, 60.0)),
         ("equidistant", FISHEYE, (200.0, 110.0)),
     ):
-        config = CameraConfig(
+        config = StereoConfig(
             horizontal_fov_deg=angles[0],
             vertical_fov_deg=angles[1],
             lens=LensConfig(model=model, coefficients=coefficients),  # type: ignore[arg-type]
@@ -135,7 +136,7 @@ def test_fields_of_view_end_at_the_borders_of_the_image() -> None:
 
 def test_beyond_the_image_circle_there_is_no_ray_and_sky() -> None:
     lens = LensConfig(model="equidistant", coefficients=(0.0, 0.0, 0.0, 0.0), image_circle_deg=190.0)
-    config = CameraConfig(width=160, height=160, horizontal_fov_deg=190.0, vertical_fov_deg=190.0, lens=lens)
+    config = StereoConfig(width=160, height=160, horizontal_fov_deg=190.0, vertical_fov_deg=190.0, lens=lens)
     table, (x, y) = ray_table(config), np.meshgrid(np.arange(160) - 79.5, np.arange(160) - 79.5)
     inside = np.hypot(x, y) <= 80.0
     assert np.array_equal(table[..., 3] != 0.0, inside)
@@ -212,7 +213,7 @@ def test_the_second_search_finds_the_same_rays(name: str) -> None:
 
 
 def test_the_pinhole_needs_no_table() -> None:
-    config = CameraConfig()
+    config = StereoConfig()
     assert ray_table(config) is NO_TABLE
     tangents = np.tan(np.radians([34.5, 21.0]))
     assert pinhole(config)[:2] == (640.0 / tangents[0], 360.0 / tangents[1])

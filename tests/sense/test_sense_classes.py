@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sense_worlds import BOX_CORNERS, BOX_FACES, at, box, make_mesh, make_world, trace_rays
 
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.camera_config import CameraConfig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import Raster
@@ -58,7 +58,7 @@ def test_lidar_camera_and_terrain_agree_on_trails() -> None:
     assert np.array_equal(from_above(scene, x, y)[clear], terrain.label_at(x, y)[clear])
     pose = np.diag([1.0, -1.0, -1.0, 1.0])  # looking down: image right is +x, image down is -y
     pose[:3, 3] = 0.3, -0.2, 6.0
-    config = CameraConfig(width=320, height=240, horizontal_fov_deg=70, vertical_fov_deg=60)
+    config = StereoConfig(width=320, height=240, horizontal_fov_deg=70, vertical_fov_deg=60)
     seen = LabelCamera(config, scene).label(pose)
     px = 0.3 + 6.0 * np.tan(np.radians(35)) * (2 * (np.arange(320) + 0.5) / 320 - 1)
     py = -0.2 - 6.0 * np.tan(np.radians(30)) * (2 * (np.arange(240)[:, None] + 0.5) / 240 - 1)

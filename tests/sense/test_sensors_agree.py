@@ -22,7 +22,7 @@ from fieldtruth.sense.pinhole import pinhole
 from fieldtruth.sense.scene import Scene
 
 RIG = Rig()
-LENS = pinhole(RIG.cameras)
+LENS = pinhole(RIG.stereo)
 BASE_HEIGHT = 0.13228  # [m] of base_link above the ground (paper, Table 2)
 ATTITUDES = ((0.0, 0.0), (8.0, 0.0), (0.0, -7.0), (0.0, 7.0), (-6.0, 4.0), (1.0, 1.0))  # roll and pitch [deg]
 
@@ -40,7 +40,7 @@ class View(NamedTuple):
 
 def optical(side: str) -> F8:
     """base_from_optical of a camera."""
-    mount = RIG.cameras.left if side == "left" else RIG.cameras.right
+    mount = RIG.stereo.left if side == "left" else RIG.stereo.right
     return mount.base_from_sensor @ CAMERA_FROM_OPTICAL
 
 
@@ -52,7 +52,7 @@ def scene() -> Scene:
 @pytest.fixture(scope="module")
 def views(scene: Scene) -> list[View]:
     """Six poses along the route of park_1, with different roll and pitch."""
-    lidar, camera = Lidar(RIG.lidar, scene), LabelCamera(RIG.cameras, scene)
+    lidar, camera = Lidar(RIG.lidar, scene), LabelCamera(RIG.stereo, scene)
     corners = metres_from_route(load_experiment("park_1").route)
     found = []
     for (roll, pitch), start, end in zip(ATTITUDES, corners[:-1], corners[1:], strict=False):
@@ -83,7 +83,7 @@ def project(view: View, side: str) -> Projected:
     ahead = z > 0.1
     u, v = (np.full(len(z), -1.0) for _ in range(2))
     u[ahead], v[ahead] = LENS.cx + LENS.fx * (x / z)[ahead], LENS.cy + LENS.fy * (y / z)[ahead]
-    rows = np.flatnonzero((u > 4) & (u < RIG.cameras.width - 5) & (v > 4) & (v < RIG.cameras.height - 5))
+    rows = np.flatnonzero((u > 4) & (u < RIG.stereo.width - 5) & (v > 4) & (v < RIG.stereo.height - 5))
     world = frames.transform(view.world_from_base @ RIG.lidar.mount.base_from_sensor, view.scan.xyz[rows])
     return Projected(u[rows], v[rows], z[rows], view.scan.label[rows], view.scan.instance[rows], world)
 
@@ -190,7 +190,7 @@ def test_depth_agrees_to_1_cm_where_the_ground_is_near(views: list[View]) -> Non
 
 def test_stereo_pixels_show_the_same_object(views: list[View]) -> None:
     """A left pixel, shifted by fx * baseline / depth, shows the same object in the right image or is occluded."""
-    shift = LENS.fx * RIG.cameras.baseline
+    shift = LENS.fx * RIG.stereo.baseline
     pixels = compared = 0
     for view in views:
         left, right = view.even_left, view.even_right

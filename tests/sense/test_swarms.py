@@ -9,7 +9,8 @@ import pytest
 from sense_worlds import at, box, make_world, trace_rays
 
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.camera_config import OPTICAL, CameraConfig
+from fieldtruth.experiment.camera_config import OPTICAL
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import Swarm, World
@@ -47,6 +48,6 @@ def test_ranges_classes_and_ids_of_a_swarm() -> None:
 
 
 def test_camera_labels_a_swarm() -> None:
-    images = LabelCamera(CameraConfig(width=128, height=72), Scene(swarming())).label(at(0, 0, 0.5) @ OPTICAL)
+    images = LabelCamera(StereoConfig(width=128, height=72), Scene(swarming())).label(at(0, 0, 0.5) @ OPTICAL)
     assert {Label.ROCK, Label.TRUNK, Label.BENCH} <= set(np.unique(images.label).tolist())
     assert set(np.unique(images.instance[images.label == Label.ROCK])) == {3}

@@ -22,6 +22,7 @@ from fieldtruth.bag.topics import topics_of
 from fieldtruth.bag.writer import BagWriter
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.validation import Check, validate
 
 Change = Callable[[RawMessage, int], RawMessage | list[RawMessage] | None]
@@ -32,7 +33,10 @@ Edits = dict[tuple[str, int], Edit]
 
 SMALL = (184, 320)
 """Rows and columns of the small run's images."""
-CAMERA_TOPICS = [t.name for t in table.TOPICS if t.sensor in ("cameras", "depth", "instances")]
+IMU, GNSS, POINTS, WHEEL_ODOMETRY = "/imu/data", "/navsat/fix", "/os1_cloud_node/points", "/odometry/wheel"
+"""Topics of the paper's rig."""
+LEFT, RIGHT = Rig().imagers
+CAMERA_TOPICS = [topic.name for topic in table.PAPER_TOPICS if topic.kind == "stereo"]
 
 
 def bag_in(folder: Path) -> Path:
@@ -108,7 +112,7 @@ def with_wide_ids(run: Path, target: Path, until_ns: int) -> Path:
                 return moving
             whole = ros.serialize(ros.ModelStates(names, pose, twist), raw.msgtype)
             return [raw._replace(topic=table.STATIC_MODEL_STATES, data=whole), moving]
-        if raw.topic == table.POINTS:
+        if raw.topic == POINTS:
             points = read.points(message)
             scan = SimpleNamespace(**{name: points[name] for name in ("label", "ring", "column")})
             scan.xyz = np.stack([points[axis] for axis in "xyz"], axis=-1)
@@ -117,12 +121,12 @@ def with_wide_ids(run: Path, target: Path, until_ns: int) -> Path:
             data = sensor_messages.point_cloud(message.header.seq, stamp, scan, spinning=False, wide_ids=True)
             return raw._replace(data=data)
         if raw.topic in changed:
-            side: sensor_messages.Side = "left" if raw.topic == table.instances("left") else "right"
-            seq, stamp, ids = message.header.seq, read.stamp_ns(message.header), wide(read.instances(message))
-            return raw._replace(data=sensor_messages.instances(seq, stamp, side, ids, wide_ids=True))
+            head, ids = message.header, wide(read.instances(message))
+            data = sensor_messages.instances(head.seq, read.stamp_ns(head), head.frame_id, ids, wide_ids=True)
+            return raw._replace(data=data)
         return raw
 
-    changed = {table.MODEL_STATES, table.POINTS, *map(table.instances, table.SIDES)}
+    changed = {table.MODEL_STATES, POINTS, LEFT.topic_of("instances"), RIGHT.topic_of("instances")}
     whole = load_experiment(run / "experiment.yaml")
     seconds = {"static_objects": "latched", "seconds": until_ns / 1e9}
     return rewritten(run, target, change, whole.model_copy(update=seconds))
@@ -165,11 +169,11 @@ def points_in(data: bytearray) -> NDArray[np.void]:
     return np.frombuffer(data, points.dtype, len(points), len(data) - 1 - points.nbytes)
 
 
-def pixels_in(data: bytearray, kind: str, channels: int = 1) -> NDArray[Any]:
-    """Pixels (rows, columns, channels) of a serialised image of the small run, to be changed in place."""
-    count = SMALL[0] * SMALL[1] * channels
+def pixels_in(data: bytearray, kind: str, channels: int = 1, size: tuple[int, int] = SMALL) -> NDArray[Any]:
+    """Pixels (rows, columns, channels) of a serialised image, by default of the small run, to be changed in place."""
+    count = size[0] * size[1] * channels
     pixels = np.frombuffer(data, kind, count, len(data) - count * np.dtype(kind).itemsize)
-    return pixels.reshape(*SMALL, channels)
+    return pixels.reshape(*size, channels)
 
 
 def add(offset: int, amount: float) -> Edit:

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from changed_bags import Edit, Edits, edited, failures, failures_of, first_message, points_in, rewritten
+from changed_bags import POINTS, Edit, Edits, edited, failures, failures_of, first_message, points_in, rewritten
 from numpy.typing import NDArray
 
-from fieldtruth.bag import topics as table
 from fieldtruth.core.classes import Label
 from fieldtruth.validation import Check, validate
 
@@ -32,7 +31,7 @@ def setting(row: int, **values: float) -> Edit:
 @pytest.fixture(scope="module")
 def cloud(lean_run: Path) -> Points:
     """Points of the first cloud."""
-    return points_in(bytearray(first_message(lean_run, table.POINTS).data)).copy()
+    return points_in(bytearray(first_message(lean_run, POINTS).data)).copy()
 
 
 def other(label: int) -> int:
@@ -55,7 +54,7 @@ def test_label_of_one_point_is_found(
 ) -> None:
     """In the label alone, in the intensity alone, or in both, where the object does not have the class."""
     edit = setting(row, **{name: other(int(cloud["label"][row])) for name in fields})
-    texts = failures_of(lean_run, tmp_path, {(table.POINTS, 0): edit})
+    texts = failures_of(lean_run, tmp_path, {(POINTS, 0): edit})
     expected = ["labels"] * (len(fields) == 1) + ["object classes"] * ("label" in fields)
     assert list(texts) == expected
     assert all(f"100000000 ns, row {row % len(cloud)}" in text for text in texts.values())
@@ -85,7 +84,7 @@ def impossible(lean_run: Path, tmp_path_factory: pytest.TempPathFactory) -> dict
     edits = [shifted, twice, setting(500, ring=64), setting(500, x=np.nan), too_far]
     labels = [0, 14, 15, 16, 300]  # void, water, sky, and two that do not exist
     pairs = enumerate(zip(labels, edits, strict=True))
-    changes: Edits = {(table.POINTS, k): classes(label, edit) for k, (label, edit) in pairs}
+    changes: Edits = {(POINTS, k): classes(label, edit) for k, (label, edit) in pairs}
     return failures_of(lean_run, tmp_path_factory.mktemp("impossible"), changes)
 
 
@@ -103,7 +102,7 @@ def test_classes_that_return_no_pulse_or_do_not_exist_are_found(impossible: dict
 )
 def test_points_that_no_ray_measures_are_found(impossible: dict[str, str], rule: str, cloud_number: int) -> None:
     text = next(text for text in impossible["rays"].split("; ") if rule in text)
-    assert f"first {table.POINTS} at {cloud_number}00000000 ns, row 500" in text
+    assert f"first {POINTS} at {cloud_number}00000000 ns, row 500" in text
     assert rule != "ranges are" or ": 2 of" in text  # NaN, and too far
 
 
@@ -152,7 +151,7 @@ def test_points_that_only_the_world_contradicts_are_found_by_retracing(
 ) -> None:
     """One ray in each of the five clouds, that no other check detects."""
     edits = [swapped(Label.TREETOP, Label.TRUNK), swapped(Label.GROUND, Label.TRAIL), nearer, another_tree, vanish]
-    folder = rewritten(lean_run, tmp_path, edited({(table.POINTS, k): edit for k, edit in enumerate(edits)}))
+    folder = rewritten(lean_run, tmp_path, edited({(POINTS, k): edit for k, edit in enumerate(edits)}))
     assert failures(validate(folder, quick=True)) == {}
     texts = failures(validate_in_park(folder, samples=1))
     assert list(texts) == ["retraced clouds"]
@@ -171,8 +170,8 @@ def test_one_last_digit_is_found_where_all_other_clouds_are_equal(
         for axis in "xyz":
             points[axis][77] = np.nextafter(points[axis][77], np.float32(0))
 
-    folder = rewritten(small_run, tmp_path, edited({(table.POINTS, 6): next_number}))
+    folder = rewritten(small_run, tmp_path, edited({(POINTS, 6): next_number}))
     texts = failures(validate_in_park(folder, samples=1))
     assert list(texts) == ["retraced clouds"]
-    expected = f"equal to the last digit: 1 of 12 mismatch, first {table.POINTS} at 700000000 ns"
+    expected = f"equal to the last digit: 1 of 12 mismatch, first {POINTS} at 700000000 ns"
     assert expected in texts["retraced clouds"]

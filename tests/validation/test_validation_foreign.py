@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
-from changed_bags import Edits, add, bag_in, edited, failures, points_in, rewritten
+from changed_bags import IMU, POINTS, Edits, add, bag_in, edited, failures, points_in, rewritten
 from rosbags.rosbag1 import Writer
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__Imu as Imu
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointCloud2 as PointCloud2
@@ -47,10 +47,10 @@ def bench(data: bytearray) -> None:
 
 def test_mismatch_of_a_rule_that_the_others_meet_is_found(lean_run: Path, tmp_path: Path) -> None:
     """A class, a pose and a stamp: each is the only one of its stream."""
-    edits: Edits = {(table.POINTS, 2): bench, (table.ODOMETRY, 5): add(34, 1e-3)}
+    edits: Edits = {(POINTS, 2): bench, (table.ODOMETRY, 5): add(34, 1e-3)}
 
     def change(raw: RawMessage, k: int) -> RawMessage | None:
-        if (raw.topic, k) == (table.IMU, 5):
+        if (raw.topic, k) == (IMU, 5):
             return raw._replace(stamp_ns=raw.stamp_ns + 1)
         return edited(edits)(raw, k)
 
@@ -66,8 +66,8 @@ def recorded(path: Path, *, jump: float = 0.0) -> Path:
     with Writer(path) as bag:
         topics = {
             table.MODEL_STATES: "gazebo_msgs/msg/ModelStates",
-            table.IMU: "sensor_msgs/msg/Imu",
-            table.POINTS: "sensor_msgs/msg/PointCloud2",
+            IMU: "sensor_msgs/msg/Imu",
+            POINTS: "sensor_msgs/msg/PointCloud2",
             "/chatter": "std_msgs/msg/String",
         }
         to = {name: bag.add_connection(name, kind, typestore=ros.STORE) for name, kind in topics.items()}
@@ -81,12 +81,12 @@ def recorded(path: Path, *, jump: float = 0.0) -> Path:
             if k % 20 == 19:
                 noise = [ros.vector(rng.normal(size=3)) for _ in range(2)]
                 head = ros.header(900 + k, stamp - 4_000, "base_imu")
-                messages.append((table.IMU, Imu(head, level, zeros, noise[0], zeros, noise[1], zeros)))
+                messages.append((IMU, Imu(head, level, zeros, noise[0], zeros, noise[1], zeros)))
                 messages.append(("/chatter", String("hello")))
             if k % 100 == 99:
                 data = rng.integers(1, 13, (50, 4)).astype("<f4").view(np.uint8).reshape(-1)
                 head = ros.header(k, 0, "os0")
-                messages.append((table.POINTS, PointCloud2(head, 1, 50, fields, False, 16, 800, data, True)))
+                messages.append((POINTS, PointCloud2(head, 1, 50, fields, False, 16, 800, data, True)))
             for topic, message in messages:
                 bag.write(to[topic], stamp, ros.serialize(message, topics[topic]))
     return path

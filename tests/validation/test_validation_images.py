@@ -7,16 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from changed_bags import Edit, Edits, edited, failures, failures_of, first_message, pixels_in, rewritten
+from changed_bags import LEFT, RIGHT, Edit, Edits, edited, failures, failures_of, first_message, pixels_in, rewritten
 from numpy.typing import NDArray
 
-from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.validation import Check, validate
 
 Validate = Callable[..., list[Check]]
-TAG, DEPTH, IDS = table.tag("left"), table.depth("left"), table.instances("left")
+TAG, DEPTH, IDS = LEFT.topic_of("tag"), LEFT.topic_of("depth"), LEFT.topic_of("instances")
 ALL_PIXELS = f"{26 * 184 * 320:,}"
 
 
@@ -91,7 +90,7 @@ def impossible(
         (TAG, 0): painted(*leaf, (255, 0, 0)),  # rock
         (IDS, 3): owned((100, 100), 141),  # beyond the last object
         (TAG, 10): narrower,
-        (table.photograph("left"), 4): headless,
+        (LEFT.topic_of("photograph"), 4): headless,
     }
     return failures_of(lean_run, tmp_path_factory.mktemp("impossible"), edits)
 
@@ -144,7 +143,7 @@ def test_pixels_that_only_the_world_contradicts_are_found_by_full_retracing(
 
     And a photograph of another stamp. No other check detects them.
     """
-    photo = first_message(lean_run, table.photograph("right")).data
+    photo = first_message(lean_run, RIGHT.topic_of("photograph")).data
 
     def deeper(data: bytearray) -> None:
         depths: NDArray[np.float32] = pixels_in(data, "<f4")
@@ -162,7 +161,7 @@ def test_pixels_that_only_the_world_contradicts_are_found_by_full_retracing(
     }
 
     def change(raw: RawMessage, k: int) -> RawMessage | None:
-        if raw.topic == table.photograph("right") and k == 9:
+        if raw.topic == RIGHT.topic_of("photograph") and k == 9:
             return raw._replace(data=raw.data[:12] + photo[12:])
         return edited(edits)(raw, k)
 

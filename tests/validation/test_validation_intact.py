@@ -7,9 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from changed_bags import CAMERA_TOPICS, failures, failures_of, points_in, rewritten
+from changed_bags import CAMERA_TOPICS, POINTS, failures, failures_of, points_in, rewritten
 
-from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.cli import main
 from fieldtruth.experiment.config import Experiment
@@ -72,9 +71,9 @@ def spinning_run(in_park: None, tmp_path_factory: pytest.TempPathFactory) -> Pat
     values = load_experiment("park_2").model_dump()
     values["seconds"] = 0.45
     rig = values["rig"]
-    rig["cameras"] |= {"width": 200, "height": 104, "rate_hz": 7.0, "far": 60.0, "instances": True}
-    rig["lidar"] |= {"spinning": True, "rate_hz": 3.0, "columns": 300, "rings": 16, "max_range": 20.0, "min_range": 2.0}
-    rig["imu"]["rate_hz"], rig["tachometers"]["rate_hz"] = 333.0, 7.0
+    rig["cameras"] = {"width": 200, "height": 104, "rate_hz": 7.0, "far": 60.0, "instances": True}
+    rig["lidar"] = {"spinning": True, "rate_hz": 3.0, "columns": 300, "rings": 16, "max_range": 20.0, "min_range": 2.0}
+    rig["imu"], rig["tachometers"] = {"rate_hz": 333.0}, {"rate_hz": 7.0}
     return generate(Experiment.model_validate(values), tmp_path_factory.mktemp("spinning")).parent
 
 
@@ -89,14 +88,14 @@ def test_run_with_odd_rates_and_a_spinning_lidar_passes(spinning_run: Path, vali
 def test_imu_of_any_rate_and_sampling_passes(rate: float, sampling: str, tmp_path: Path) -> None:
     values = load_experiment("park_2").model_dump()
     values["seconds"] = 0.3
-    values["rig"]["cameras"]["enabled"] = values["rig"]["lidar"]["enabled"] = False
-    values["rig"]["imu"] |= {"rate_hz": rate, "sampling": sampling}
+    values["rig"]["cameras"] = values["rig"]["lidar"] = {"enabled": False}
+    values["rig"]["imu"] = {"rate_hz": rate, "sampling": sampling}
     run = generate(Experiment.model_validate(values), tmp_path).parent
     (imu,) = (check for check in validate(run, quick=True) if check.name == "imu")
     assert imu.passed, imu.text
     assert imu.text.startswith(f"{int(0.3 * rate)} readings")
     # The other mode is found to be wrong.
-    values["rig"]["imu"]["sampling"] = "mean" if sampling == "instant" else "instant"
+    values["rig"]["imu"] = {"rate_hz": rate, "sampling": "mean" if sampling == "instant" else "instant"}
     (run / "experiment.yaml").write_text(dump_experiment(Experiment.model_validate(values)))
     (imu,) = (check for check in validate(run, quick=True) if check.name == "imu")
     assert imu.passed is False
@@ -106,7 +105,7 @@ def test_column_time_of_one_point_is_found(spinning_run: Path, tmp_path: Path) -
     def edit(data: bytearray) -> None:
         points_in(data)["t"][500] += 1
 
-    text = failures_of(spinning_run, tmp_path, {(table.POINTS, 0): edit})["rays"]
+    text = failures_of(spinning_run, tmp_path, {(POINTS, 0): edit})["rays"]
     assert text.startswith("t, where present, is the time at which the ray leaves: 1 of")
 
 

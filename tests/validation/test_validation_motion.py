@@ -7,19 +7,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from changed_bags import Edit, Edits, add, edited, failures_of, first_message
+from changed_bags import GNSS, IMU, LEFT, RIGHT, WHEEL_ODOMETRY, Edit, Edits, add, edited, failures_of, first_message
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.model_states import ModelStatesReader
 from fieldtruth.bag.reader import RawMessage
+from fieldtruth.experiment.odometry_config import JOINT_STATES, WHEEL_SPEEDS
 
 MILLI = 1e-3
 HEADER = 4 + 8 + 4  # number, stamp, length of the frame's name
 ODOM_POSE = HEADER + len("world") + 4 + len("base_link")
 TF_POSE = 4 + ODOM_POSE
 IMU_ATTITUDE = HEADER + len("imu_link")
-LEFT_INFO, RIGHT_INFO = map(table.camera_info, table.SIDES)
+LEFT_INFO, RIGHT_INFO = (imager.topic_of("camera_info") for imager in (LEFT, RIGHT))
 
 
 def turned(offset: int, angle: float) -> Edit:
@@ -105,12 +106,12 @@ def streams(lean_run: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[st
         (table.ODOMETRY, 12): add(ODOM_POSE + 56 + 288 + 40, MILLI),
         (table.TF, 0): turned(TF_POSE + 24, MILLI),
         (table.TF, 25): add(TF_POSE, MILLI),
-        (table.IMU, 0): turned(IMU_ATTITUDE, MILLI),
-        (table.IMU, 1): add(IMU_ATTITUDE + 32 + 72, MILLI),
-        (table.IMU, 25): add(IMU_ATTITUDE + 32 + 72 + 24 + 72, MILLI),
-        (table.IMU, 9): add(IMU_ATTITUDE + 32, MILLI),
-        (table.NAVSAT, 0): add(-97, 1e-8),  # latitude [deg]: 1.1 mm
-        (table.WHEEL_SPEEDS[3], 3): wheel,
+        (IMU, 0): turned(IMU_ATTITUDE, MILLI),
+        (IMU, 1): add(IMU_ATTITUDE + 32 + 72, MILLI),
+        (IMU, 25): add(IMU_ATTITUDE + 32 + 72 + 24 + 72, MILLI),
+        (IMU, 9): add(IMU_ATTITUDE + 32, MILLI),
+        (GNSS, 0): add(-97, 1e-8),  # latitude [deg]: 1.1 mm
+        (WHEEL_SPEEDS[3], 3): wheel,
         (table.TF_STATIC, 0): mount,
         (RIGHT_INFO, 8): add(-17 - 8 - 96 + 24, 1.0),  # the baseline in P, once
     }
@@ -142,7 +143,7 @@ def test_imu_readings_are_found(streams: dict[str, str]) -> None:
     rules = ["attitude", "gyroscope", "accelerometer", "covariances"]
     for text, rule, stamp in zip(streams["imu"].split("; "), rules, (20, 40, 520, 200), strict=True):
         assert rule in text
-        assert f"1 of 26 mismatch, first {table.IMU} at {stamp}000000 ns" in text
+        assert f"1 of 26 mismatch, first {IMU} at {stamp}000000 ns" in text
 
 
 def test_fix_a_millimetre_off_is_found(streams: dict[str, str]) -> None:
@@ -151,7 +152,7 @@ def test_fix_a_millimetre_off_is_found(streams: dict[str, str]) -> None:
 
 
 def test_altitude_a_millimetre_off_is_found(lean_run: Path, tmp_path: Path) -> None:
-    assert list(failures_of(lean_run, tmp_path, {(table.NAVSAT, 0): add(-81, MILLI)})) == ["gnss"]
+    assert list(failures_of(lean_run, tmp_path, {(GNSS, 0): add(-81, MILLI)})) == ["gnss"]
 
 
 def test_wheel_that_turns_alone_is_found(streams: dict[str, str]) -> None:
@@ -162,9 +163,9 @@ def test_wheel_that_turns_alone_is_found(streams: dict[str, str]) -> None:
 def test_each_part_of_what_the_base_reports_is_found(lean_run: Path, tmp_path: Path) -> None:
     """A joint's angle, a position, a twist, a wheel in /tf, and a command, each in one message."""
     edits: Edits = {
-        (table.JOINT_STATES, 5): add(-72, MILLI),
-        (table.WHEEL_ODOMETRY, 10): add(HEADER + len("odom") + 4 + len("base_link"), MILLI),
-        (table.WHEEL_ODOMETRY, 12): add(-288 - 48, MILLI),
+        (JOINT_STATES, 5): add(-72, MILLI),
+        (WHEEL_ODOMETRY, 10): add(HEADER + len("odom") + 4 + len("base_link"), MILLI),
+        (WHEEL_ODOMETRY, 12): add(-288 - 48, MILLI),
         (table.TF, 20): turned(-32, MILLI),
         (table.COMMANDS, 7): add(-8, MILLI),
     }

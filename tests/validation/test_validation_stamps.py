@@ -6,17 +6,18 @@ import struct
 from pathlib import Path
 
 import pytest
-from changed_bags import failures_of
+from changed_bags import IMU, POINTS, RIGHT, failures_of
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import RawMessage
+from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS
 
-PHOTOGRAPH = table.photograph("right")
+PHOTOGRAPH = RIGHT.topic_of("photograph")
 MOVED: dict[tuple[str, int], tuple[int, bool, bool]] = {  # by [ns], in the header, in the bag
-    (table.POINTS, 1): (1, True, False),
-    (table.IMU, 4): (1, False, True),
+    (POINTS, 1): (1, True, False),
+    (IMU, 4): (1, False, True),
     (PHOTOGRAPH, 3): (-1, True, True),
-    (table.WHEEL_SPEEDS[2], 3): (-1, False, True),
+    (WHEEL_SPEEDS[2], 3): (-1, False, True),
     (table.CLOCK, 33): (1, False, True),
 }
 
@@ -38,7 +39,7 @@ def moved(lean_run: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str,
 def test_stamp_off_by_a_nanosecond_in_header_or_bag_is_found(moved: dict[str, str]) -> None:
     header, *off_rate = moved["stamps"].split("; ")
     assert header.startswith("the stamp in a header is the stamp in the bag: 2 of")
-    late = [f"{topic} are k" for topic, _ in MOVED if topic != table.POINTS]
+    late = [f"{topic} are k" for topic, _ in MOVED if topic != POINTS]
     found = {topic: text for topic in late for text in off_rate if topic in text}
     assert set(found) == set(late)
     assert all(": 1 of" in text for text in found.values())
@@ -66,8 +67,8 @@ def test_stamp_inside_a_transform_is_found(lean_run: Path, tmp_path: Path) -> No
 
 def test_missing_messages_and_a_missing_topic_are_found(lean_run: Path, tmp_path: Path) -> None:
     """The first cloud, an odometry in the middle, the last IMU reading; every other wheel speed; a whole topic."""
-    missing = {(table.POINTS, 0), (table.ODOMETRY, 11), (table.IMU, 25)}
-    topics = (table.instances("right"), table.WHEEL_SPEEDS[0])
+    missing = {(POINTS, 0), (table.ODOMETRY, 11), (IMU, 25)}
+    topics = (RIGHT.topic_of("instances"), WHEEL_SPEEDS[0])
 
     def change(raw: RawMessage, k: int) -> RawMessage | None:
         half = raw.topic == topics[1] and k % 2
@@ -80,7 +81,7 @@ def test_missing_messages_and_a_missing_topic_are_found(lean_run: Path, tmp_path
     assert f"{topics[0]} is missing" in found["topics"]
 
 
-@pytest.mark.parametrize(("topic", "number"), [(table.POINTS, 0), (table.ODOMETRY, 11), (table.IMU, 25)])
+@pytest.mark.parametrize(("topic", "number"), [(POINTS, 0), (table.ODOMETRY, 11), (IMU, 25)])
 def test_a_single_missing_message_is_found(lean_run: Path, tmp_path: Path, topic: str, number: int) -> None:
     found = failures_of(lean_run, tmp_path, lambda raw, k: None if (raw.topic, k) == (topic, number) else raw)
     assert "no reading is missing: 1 of" in found["stamps"]

@@ -12,21 +12,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from changed_bags import FILLERS, bag_in, failures, points_in, rewritten, wide, with_wide_ids
+from changed_bags import FILLERS, LEFT, POINTS, bag_in, failures, points_in, rewritten, wide, with_wide_ids
 from numpy.typing import NDArray
 from PIL import Image
 from record_fakes import FakeCamera, FakeLidar, FakeScan, make_experiment, make_world, use_fakes
 
 from fieldtruth import pipeline
 from fieldtruth.bag import decode as read
-from fieldtruth.bag import topics as table
 from fieldtruth.bag.model_states import read_objects
 from fieldtruth.bag.reader import BagError, RawMessage
 from fieldtruth.bag.run import open_run
 from fieldtruth.core.png import ids_png
 from fieldtruth.datasets import RunDataset
-from fieldtruth.experiment.camera_config import CameraConfig
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import paper_rig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.exporters import export
 from fieldtruth.exporters.coco_segments import Numbering, categories_of
 from fieldtruth.record import sensors
@@ -35,7 +34,7 @@ from fieldtruth.validation import validate
 from fieldtruth.world.model import World
 
 END_NS = 200_000_000
-IDS = table.instances("left")
+IDS = LEFT.topic_of("instances")
 Numbers = NDArray[np.uint32]
 
 
@@ -58,7 +57,7 @@ def both(runs: tuple[Path, Path], find: Callable[[Path], NDArray[Any]]) -> tuple
 
 
 def clouds(run: Path) -> NDArray[Any]:
-    parts = [read.points(each.message)["instance"] for each in read.read_bag(bag_in(run), [table.POINTS])]
+    parts = [read.points(each.message)["instance"] for each in read.read_bag(bag_in(run), [POINTS])]
     return np.concatenate(parts)
 
 
@@ -75,7 +74,7 @@ def test_bags_have_wide_fields_and_images(runs: tuple[Path, Path]) -> None:
     for find in (clouds, images):
         np.testing.assert_array_equal(*both(runs, find))
     for run, datatype, encoding in zip(runs, (4, 6), ("16UC1", "32SC1"), strict=True):
-        cloud = next(iter(read.read_bag(bag_in(run), [table.POINTS]))).message
+        cloud = next(iter(read.read_bag(bag_in(run), [POINTS]))).message
         assert {field.name: field.datatype for field in cloud.fields}["instance"] == datatype
         assert next(iter(read.read_bag(bag_in(run), [IDS]))).message.encoding == encoding
 
@@ -89,7 +88,7 @@ def test_validate_passes(runs: tuple[Path, Path]) -> None:
 def test_validate_finds_a_truncated_id_and_a_narrow_form(runs: tuple[Path, Path], tmp_path: Path) -> None:
     def truncated(raw: RawMessage, k: int) -> RawMessage:
         data = bytearray(raw.data)
-        if raw.topic == table.POINTS:
+        if raw.topic == POINTS:
             points_in(data)["instance"] &= 0xFFFF
         return raw._replace(data=bytes(data))
 
@@ -220,10 +219,10 @@ def test_a_world_with_wide_ids_is_recorded_with_them(tmp_path: Path, monkeypatch
     monkeypatch.setattr(pipeline, "world_of", lambda e: wide_world(e.environment, e.seed))
     monkeypatch.setattr(sensors, "Lidar", WideLidar)
     monkeypatch.setattr(sensors, "Camera", WideCamera)
-    rig = Rig(cameras=CameraConfig(width=64, height=48, instances=True))
+    rig = paper_rig(stereo=StereoConfig(width=64, height=48, instances=True))
     experiment = make_experiment(0.1, rig=rig).model_copy(update={"static_objects": "latched"})
     bag = pipeline.generate(experiment, tmp_path, workers=1)
-    [cloud] = [read.points(each.message)["instance"] for each in read.read_bag(bag, [table.POINTS])]
+    [cloud] = [read.points(each.message)["instance"] for each in read.read_bag(bag, [POINTS])]
     assert cloud.tolist() == list(range(70_000, 70_000 - len(cloud), -1))
     first = read.instances(next(iter(read.read_bag(bag, [IDS]))).message)
     assert first[0].tolist() == [65_500 + 300 * (k % 15 + 1) for k in range(64)]

@@ -29,11 +29,12 @@ from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.sensor_config import KINDS
 from fieldtruth.experiment.topic import Topic
 from fieldtruth.record.folder import RunFolder, new_folder
 from fieldtruth.record.sensors import sensor_factory
 from fieldtruth.record.slices import Slices, slices_key
-from fieldtruth.record.streams import Stream, imager_stream, lidar_stream
+from fieldtruth.record.streams import Stream, imager_stream, lidar_stream, scene_stream
 from fieldtruth.world.build import check_layout, load_world
 
 CAMERAS_ONLY = Rig().with_sensors(LidarConfig, enabled=False)
@@ -146,7 +147,7 @@ def _work_folder(target: Path) -> Iterator[RunFolder]:
 
 
 def _added_topics(run: Run, rig: Rig) -> list[Topic]:
-    added = [topic for topic in table.topics_of(rig) if topic.kind in ("lidar", "camera", "stereo")]
+    added = [topic for topic in table.topics_of(rig) if topic.kind in KINDS and KINDS[topic.kind].sees]
     if not added:
         raise ConfigurationError("nothing to add: the rig has neither cameras nor a LiDAR that is enabled")
     if present := [topic.name for topic in added if topic.name in run.counts]:
@@ -165,6 +166,8 @@ def _streams(poses: Poses, rig: Rig) -> list[Stream]:
     for imager in rig.imagers:
         stamps = poses.stamps(imager.config.name, imager.config.rate_hz)
         streams.append(imager_stream(imager, stamps, pose_at))
+    for sensor in rig.scene_sensors:
+        streams.append(scene_stream(sensor, poses.stamps(sensor.name, sensor.rate_hz), pose_at))
     return streams
 
 

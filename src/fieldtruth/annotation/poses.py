@@ -163,7 +163,7 @@ class _Log:
     def __init__(self, source: str, rig: Rig) -> None:
         self.source = source
         self.stamps, self.recorded, self.values = array("q"), array("q"), array("d")
-        rates = dict.fromkeys(sensor.rate_hz for sensor in (*rig.lidars, *rig.cameras))
+        rates = dict.fromkeys(sensor.rate_hz for sensor in (*rig.lidars, *rig.cameras, *rig.scene_sensors))
         self._rates = [(Fraction(rate_hz) / 10**9).as_integer_ratio() for rate_hz in rates]
         self._every = any(lidar.spinning for lidar in rig.lidars)
         self._last: tuple[_Pose, int] | None = None

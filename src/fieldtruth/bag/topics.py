@@ -12,6 +12,8 @@ from fieldtruth.experiment.config import FRAME_RATE, Experiment
 from fieldtruth.experiment.odometry_config import JOINT_STATES as JOINT_STATES_TOPIC
 from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS as WHEEL_SPEED_TOPICS
 from fieldtruth.experiment.rig import Rig, paper_rig
+from fieldtruth.experiment.sensor_config import KINDS
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.experiment.topic import Topic
 
 TRUTH_RATE: Final = 1000.0  # [Hz]; the physics rate
@@ -36,8 +38,6 @@ _TRUTH: Final = (
     Topic(ODOMETRY, "nav_msgs/msg/Odometry", POSE_RATE),
     Topic(TF, "tf2_msgs/msg/TFMessage", POSE_RATE),
 )
-_AT_ONE_POSE: Final = ("robot", "objects", "lidar", "camera", "stereo")
-"""Kinds that have a meaning without motion."""
 
 
 def topics_of(rig: Rig, *, latched: bool = False) -> tuple[Topic, ...]:
@@ -56,11 +56,11 @@ def topics_of_run(experiment: Experiment, *, latched: bool) -> tuple[Topic, ...]
     rows = topics_of(experiment.rig, latched=latched)
     if experiment.frames is None:
         return rows
-    still = (row for row in rows if row.kind in _AT_ONE_POSE)
+    still = (row for row in rows if row.kind not in KINDS or KINDS[row.kind].sees)
     return tuple(row if row.latched else row._replace(rate_hz=FRAME_RATE) for row in still)
 
 
-PAPER_TOPICS: Final = topics_of(paper_rig(), latched=True)
+PAPER_TOPICS: Final = topics_of(paper_rig(stereo=StereoConfig(depth=True, instances=True)), latched=True)
 """Topics of the paper's rig, with depth and instances."""
 
 _PUBLISHED: Final = {

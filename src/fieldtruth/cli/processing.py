@@ -42,6 +42,7 @@ def _annotate(options: argparse.Namespace) -> None:
     from fieldtruth.annotation import WorldConfig, annotate
     from fieldtruth.core.progress import show_progress
     from fieldtruth.experiment.files import load_experiment
+    from fieldtruth.experiment.lidar_config import LidarConfig
     from fieldtruth.experiment.rig import Rig
 
     like = None if options.experiment is None else load_experiment(options.experiment)
@@ -50,7 +51,8 @@ def _annotate(options: argparse.Namespace) -> None:
             f"--world must be {like.environment!r}, the environment of {options.experiment}, got {options.world!r}"
         )
     rig = Rig() if like is None else like.rig
-    rig = rig.model_copy(update={"lidar": rig.lidar.model_copy(update={"enabled": options.lidar})})
+    if not options.lidar:
+        rig = rig.with_sensors(LidarConfig, enabled=False)
     world = (
         WorldConfig(options.world)
         if like is None

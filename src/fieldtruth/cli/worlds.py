@@ -7,10 +7,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from fieldtruth.cli.arguments import AddCommand, Parser, checked_layout, seed
+from fieldtruth.cli.arguments import AddCommand, Parser, UsageError, checked_layout, seed
 from fieldtruth.core.errors import UnknownNameError
 
 if TYPE_CHECKING:
+    from fieldtruth.experiment.config import Experiment
     from fieldtruth.world.model import World
 
 _SCENE_EXAMPLES: Final = """\
@@ -23,6 +24,7 @@ _GAZEBO_EXAMPLES: Final = """\
 examples:
   fieldtruth gazebo park --flavour classic --out park     a package for Gazebo 11 and ROS 1; its README has commands
   fieldtruth gazebo lake --flavour both --no-beyond --out lake      lake/classic and lake/gz, without the land around
+  fieldtruth gazebo park --flavour gz --experiment my.yaml --out my       with the sensors of an experiment
 """
 
 
@@ -69,19 +71,38 @@ def _gazebo(options: argparse.Namespace) -> None:
     from fieldtruth.gazebo import DEFAULT_LAYOUT, check_gazebo_output, write_gazebo
 
     check_gazebo_output(options.out, flavour=options.flavour, overwrite=options.overwrite)
+    like = None if options.experiment is None else _experiment_in(options.environment, options.experiment)
+    if options.seed is None:
+        options.seed = 0 if like is None else like.seed
+    layout = DEFAULT_LAYOUT if like is None else {**DEFAULT_LAYOUT, **like.layout}
     with show_progress() as progress:
         with progress.stage("world"):
-            world = selected_world(options, DEFAULT_LAYOUT)
+            world = selected_world(options, layout)
         with progress.stage("write the package"):
             out = write_gazebo(
                 world,
                 options.out,
                 flavour=options.flavour,
+                rig=None if like is None else like.rig,
                 beyond=not options.no_beyond,
                 overwrite=options.overwrite,
             )
     files = [path for path in out.rglob("*") if path.is_file()]
     print(f"{out}: {len(files)} files, {sum(path.stat().st_size for path in files) / 1e6:.1f} MB")
+
+
+def _experiment_in(environment: str, name_or_path: str) -> "Experiment":
+    """Load an experiment in this environment, whose sensors Gazebo has."""
+    from fieldtruth.experiment.files import load_experiment
+    from fieldtruth.gazebo.robot.parts import check_rig
+    from fieldtruth.world.build import check_layout
+
+    like = load_experiment(name_or_path)
+    if like.environment != environment:
+        raise UsageError(f"ENV must be {like.environment!r}, the environment of {name_or_path}, got {environment!r}")
+    check_layout(environment, like.layout, name_or_path)
+    check_rig(like.rig)
+    return like
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -99,6 +120,8 @@ def add_commands(command: AddCommand) -> None:
 
     gazebo = command("gazebo", _gazebo, "Write an environment and the robot for Gazebo and ROS.", _GAZEBO_EXAMPLES)
     add_world_arguments(gazebo)
+    gazebo.set_defaults(seed=None)
+    gazebo.add_argument("--experiment", metavar="EXP", help="source of rig, layout and seed")
     gazebo.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder of the package")
     gazebo.add_argument(
         "--flavour",

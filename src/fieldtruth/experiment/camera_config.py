@@ -3,7 +3,7 @@
 """Configuration of a camera, and its views as the rest of the package knows them."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Final, Literal, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -35,10 +35,13 @@ STREAMS: Final = {
 class CameraConfig(MountedConfig):
     """A camera, which looks along the x axis of its frame: x forward, y left, z up (REP-103)."""
 
+    needs_mount: ClassVar[bool] = True
+
     kind: Literal["camera"] = "camera"
     name: SensorName = "camera"
     topic: TopicName = "/camera"
     frame: FrameName = "camera_link"
+    mount: Mount = Mount(xyz=(0.0, 0.0, 0.0))
     rate_hz: Rate = 25.0
     width: Annotated[Integer, Field(ge=8, le=8192, multiple_of=8)] = 1280  # [pixel]
     height: Annotated[Integer, Field(ge=8, le=8192, multiple_of=8)] = 720  # [pixel]
@@ -88,7 +91,7 @@ class CameraConfig(MountedConfig):
     def topics(self) -> tuple[Topic, ...]:
         """Calibration and images of each view."""
         return tuple(
-            self._topic(topic, STREAMS[stream][1])
+            self.new_topic(topic, STREAMS[stream][1])
             for imager in self.imagers()
             for stream, topic in imager.topics.items()
         )

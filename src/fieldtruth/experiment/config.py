@@ -8,7 +8,6 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Mount, Number, Positive
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.problems import LocatedError
 from fieldtruth.experiment.rig import Rig
 
@@ -186,10 +185,8 @@ class Experiment(Frozen):
         if self.frames is not None:
             if self.drive is not None or self.seconds is not None:
                 raise ValueError("frames exclude drive and seconds: frames.count says how many there are")
-            for i, sensor in enumerate(self.rig.sensors):
-                if isinstance(sensor, LidarConfig) and sensor.enabled and sensor.spinning:
-                    what = "must be false with frames, as the robot stands still, got True"
-                    raise LocatedError(what, ("rig", "sensors", i, "spinning"))
+            if turning := [lidar.name for lidar in self.rig.lidars if lidar.spinning]:
+                raise ValueError(f"frames need spinning: false of {', '.join(turning)}, as the robot stands still")
             return self
         if self.route is None and self.drive is None:
             raise ValueError(

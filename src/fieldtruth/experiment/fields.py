@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Types of numbers in the configuration, the base of all its classes, and poses of frames on the robot."""
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, Strict
 
@@ -22,6 +23,16 @@ class Frozen(BaseModel):
     """Base of all configuration: immutable, finite numbers only, unknown keys are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy with other values, which are not validated.
+
+        Raises:
+            TypeError: there is no such key; pydantic would ignore it.
+        """
+        if unknown := (update or {}).keys() - type(self).model_fields.keys():
+            raise TypeError(f"{type(self).__name__} has no {', '.join(sorted(unknown))}")
+        return super().model_copy(update=update, deep=deep)
 
 
 class Mount(Frozen):

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Configuration of a GNSS receiver."""
 
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from fieldtruth.experiment.fields import Mount, Rate
 from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, SensorName, TopicName
@@ -11,6 +11,8 @@ from fieldtruth.experiment.topic import Topic
 
 class GnssConfig(MountedConfig):
     """GNSS receiver; the mount is that of its antenna, by default the paper's GNSS_link."""
+
+    sees: ClassVar[bool] = False
 
     kind: Literal["gnss"] = "gnss"
     name: SensorName = "gnss"
@@ -26,4 +28,4 @@ class GnssConfig(MountedConfig):
 
     def topics(self) -> tuple[Topic, ...]:
         """Its positions."""
-        return (self._topic(self.topic, "sensor_msgs/msg/NavSatFix"),)
+        return (self.new_topic(self.topic, "sensor_msgs/msg/NavSatFix"),)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Configuration of an inertial measurement unit."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -13,6 +13,8 @@ from fieldtruth.experiment.topic import Topic
 
 class ImuConfig(MountedConfig):
     """Inertial measurement unit; by default the paper's, in imu_link."""
+
+    sees: ClassVar[bool] = False
 
     kind: Literal["imu"] = "imu"
     name: SensorName = "imu"
@@ -31,4 +33,4 @@ class ImuConfig(MountedConfig):
 
     def topics(self) -> tuple[Topic, ...]:
         """Its readings."""
-        return (self._topic(self.topic, "sensor_msgs/msg/Imu"),)
+        return (self.new_topic(self.topic, "sensor_msgs/msg/Imu"),)

@@ -69,7 +69,7 @@ class LidarConfig(MountedConfig):
 
     def topics(self) -> tuple[Topic, ...]:
         """Its point clouds."""
-        return (self._topic(self.topic, "sensor_msgs/msg/PointCloud2"),)
+        return (self.new_topic(self.topic, "sensor_msgs/msg/PointCloud2"),)
 
     @model_validator(mode="before")
     @classmethod

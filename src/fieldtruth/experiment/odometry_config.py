@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Configuration of wheel odometry: encoders of the wheels, and what the robot's driver computes from their angles."""
 
-from typing import Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
+
+from pydantic import Field
 
 from fieldtruth.experiment.fields import Rate
 from fieldtruth.experiment.sensor_config import SensorConfig, SensorName, TopicName
@@ -15,16 +17,25 @@ JOINT_STATES: Final = "/joint_states"
 class WheelOdometryConfig(SensorConfig):
     """Speeds of the wheels, joint states and wheel odometry; a rig has one of these or none."""
 
+    sees: ClassVar[bool] = False
+
     kind: Literal["wheel_odometry"] = "wheel_odometry"
     name: SensorName = "wheel_odometry"
     topic: TopicName = "/odometry/wheel"
     rate_hz: Rate = 50.0  # of odometry and joint states; husky_control, control.yaml
     tachometer_rate_hz: Rate = 10.0  # of the wheels' speeds
+    wheels: Annotated[tuple[str, ...], Field(exclude=True, description="left to the robot")] = WHEELS
+    """Names of the wheels; a rig sets those of its robot."""
+
+    @property
+    def wheel_topics(self) -> tuple[str, ...]:
+        """Topics of the wheels' speeds."""
+        return tuple(topic for topic, wheel in zip(WHEEL_SPEEDS, WHEELS, strict=True) if wheel in self.wheels)
 
     def topics(self) -> tuple[Topic, ...]:
         """Wheel speeds, joint states and odometry."""
         return (
-            *(self._topic(name, "std_msgs/msg/Float32", self.tachometer_rate_hz) for name in WHEEL_SPEEDS),
-            self._topic(JOINT_STATES, "sensor_msgs/msg/JointState"),
-            self._topic(self.topic, "nav_msgs/msg/Odometry"),
+            *(self.new_topic(name, "std_msgs/msg/Float32", self.tachometer_rate_hz) for name in self.wheel_topics),
+            self.new_topic(JOINT_STATES, "sensor_msgs/msg/JointState"),
+            self.new_topic(self.topic, "nav_msgs/msg/Odometry"),
         )

@@ -16,8 +16,15 @@ from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.odometry_config import WheelOdometryConfig
 from fieldtruth.experiment.rig_check import check_sensors
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
-from fieldtruth.experiment.sections import PAPER_SENSORS, ROBOT_SECTIONS, SECTIONS, with_robot, with_sections
-from fieldtruth.experiment.sensor_config import SensorConfig, sensor_of
+from fieldtruth.experiment.sections import (
+    PAPER_SENSORS,
+    ROBOT_SECTIONS,
+    SECTIONS,
+    with_robot,
+    with_sections,
+    with_wheels,
+)
+from fieldtruth.experiment.sensor_config import MountedConfig, SensorConfig, sensor_of
 from fieldtruth.experiment.stereo_config import StereoConfig
 
 _Config = TypeVar("_Config", bound=SensorConfig)
@@ -46,7 +53,7 @@ class Rig(Frozen):
     @model_validator(mode="before")
     @classmethod
     def _listed(cls, given: Any) -> Any:
-        return with_sections(with_robot(given)) if isinstance(given, Mapping) else given
+        return with_wheels(with_sections(with_robot(given))) if isinstance(given, Mapping) else given
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -77,6 +84,11 @@ class Rig(Frozen):
     def imagers(self) -> tuple[Imager, ...]:
         """The views of the cameras that are enabled."""
         return tuple(imager for camera in self.cameras for imager in camera.imagers())
+
+    @property
+    def scene_sensors(self) -> tuple[MountedConfig, ...]:
+        """The sensors that are enabled, of kinds that another package has added (``sense.scene_sensor``)."""
+        return tuple(each for each in self.enabled(MountedConfig) if not isinstance(each, IN_BAG))
 
     @property
     def imus(self) -> tuple[ImuConfig, ...]:
@@ -152,6 +164,14 @@ def _rank(sensor: SensorConfig, order: Sequence[type[SensorConfig]]) -> int:
     return next((i for i, config in enumerate(order) if isinstance(sensor, config)), len(order))
 
 
-def paper_rig() -> Rig:
-    """The paper's rig with all that it can publish."""
-    return Rig().with_sensors(CameraConfig, depth=True, instances=True)
+def paper_rig(
+    *,
+    imu: ImuConfig | None = None,
+    gnss: GnssConfig | None = None,
+    wheel_odometry: WheelOdometryConfig | None = None,
+    lidar: LidarConfig | None = None,
+    stereo: StereoConfig | None = None,
+) -> Rig:
+    """Return the paper's rig, with other settings of the sensors that are given."""
+    given = (imu, gnss, wheel_odometry, lidar, stereo)
+    return Rig(sensors=tuple(own or paper for own, paper in zip(given, PAPER_SENSORS, strict=True)))

@@ -7,6 +7,7 @@ from typing import Final
 
 from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.fields import Mount
+from fieldtruth.experiment.gnss_config import GnssConfig
 from fieldtruth.experiment.odometry_config import WheelOdometryConfig
 from fieldtruth.experiment.problems import LocatedError
 from fieldtruth.experiment.robot_config import RobotConfig
@@ -30,17 +31,17 @@ def check_sensors(sensors: Sequence[SensorConfig], own_frames: Mapping[str, Moun
     Raises:
         LocatedError: the key of the sensor, and what it has in common with which other.
     """
+    odometry = [i for i, sensor in enumerate(sensors) if isinstance(sensor, WheelOdometryConfig)]
+    if len(odometry) > 1:
+        raise LocatedError("must differ: a rig has at most one wheel_odometry", ("sensors", odometry[1], "kind"))
     _differ(sensors, "name", [(sensor.name,) for sensor in sensors], {})
     _differ(sensors, "name", [_views(sensor) for sensor in sensors], {}, "the name of a camera")
     topics = [[topic.name for topic in sensor.topics()] for sensor in sensors]
     _differ(sensors, "topic", topics, dict.fromkeys(OWN_TOPICS, "the robot"))
     frames = [[*sensor.frames(), *sensor.optical_frames()] for sensor in sensors]
     _differ(sensors, "frame", frames, dict.fromkeys((*OWN_FRAMES, *own_frames), "the robot"))
-    odometry = [i for i, sensor in enumerate(sensors) if isinstance(sensor, WheelOdometryConfig)]
-    if len(odometry) > 1:
-        raise LocatedError("must differ: a rig has at most one wheel_odometry", ("sensors", odometry[1], "kind"))
     for i, sensor in enumerate(sensors):
-        if sensor.enabled and sensor.kind in ("lidar", "camera", "stereo", "gnss"):
+        if sensor.enabled and (sensor.sees or isinstance(sensor, GnssConfig)):
             for frame, mount in sensor.frames().items():
                 _check_outside(mount, frame, robot, ("sensors", i, "mount"))
 
@@ -57,7 +58,7 @@ def _differ(
         for value in own:
             if value in taken:
                 raise LocatedError(f"{value!r} is already {what} of {taken[value]}", ("sensors", i, key))
-            taken[value] = f"sensors[{i}], {sensors[i].name!r}"
+            taken[value] = f"sensors[{i}]"
 
 
 def _check_outside(mount: Mount, frame: str, robot: RobotConfig, at: tuple[str | int, ...]) -> None:

@@ -65,6 +65,27 @@ def with_robot(given: Mapping[str, Any]) -> dict[str, Any]:
     return {**rest, "robot": part(RobotConfig, robot)}
 
 
+def with_wheels(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of a rig, with a list ``sensors``, in which its wheel odometry has the wheels of its robot.
+
+    Raises:
+        PartError: a robot that is not allowed.
+    """
+    robot = part(RobotConfig, given.get("robot", {}), "robot")
+    own = {"wheels": robot.wheels.names}
+    if not isinstance(items := given["sensors"], list | tuple):
+        return dict(given)
+    sensors = [
+        item
+        if _kind(item) != "wheel_odometry"
+        else item.model_copy(update=own)
+        if isinstance(item, SensorConfig)
+        else {**item, **own}
+        for item in items
+    ]
+    return {**given, "robot": robot, "sensors": sensors}
+
+
 def _is_change(value: Any, known: Any) -> bool:
     return isinstance(value, Mapping) and isinstance(known, Mapping)
 

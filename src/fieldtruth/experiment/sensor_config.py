@@ -3,7 +3,8 @@
 """What the configurations of all sensors have in common; a subclass with a ``kind`` is a kind of sensor."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Final, TypeVar
+from importlib.metadata import entry_points
+from typing import Annotated, Any, ClassVar, Final, TypeVar
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -34,6 +35,11 @@ class SensorConfig(Frozen):
 
     Its other defaults are those of a sensor without a name of its own: the paper's.
     """
+
+    sees: ClassVar[bool] = True
+    """Whether it senses the world around it, so that a reading depends on a pose alone."""
+    needs_mount: ClassVar[bool] = False
+    """Whether the default of ``mount`` is none of a robot, but for a sensor that is used on its own."""
 
     kind: str
     name: SensorName
@@ -76,7 +82,8 @@ class SensorConfig(Frozen):
         """Its REP-103 optical frames: parent and (4, 4) ``parent_from_optical`` by name."""
         return {}
 
-    def _topic(self, name: str, msgtype: str, rate_hz: float | None = None) -> Topic:
+    def new_topic(self, name: str, msgtype: str, rate_hz: float | None = None) -> Topic:
+        """Return a topic of the sensor, by default at its rate."""
         return Topic(name, msgtype, self.rate_hz if rate_hz is None else rate_hz, self.kind, self.name)
 
 
@@ -117,10 +124,16 @@ def sensor_of(value: Any) -> SensorConfig:
         raise ValueError(f"must be a mapping with the keys kind, name, ..., got {shortened(value)}")
     kind = value.get("kind")
     if kind is None:
-        raise ValueError(f"kind is required: one of {', '.join(KINDS)}")
+        raise LocatedError(f"is required: one of {', '.join(sorted(KINDS))}", ["kind"])
     if kind not in KINDS:
-        raise ValueError(f"unknown kind {shortened(kind)}; {suggestion(str(kind), KINDS)}")
-    return part(KINDS[kind], value)
+        for module in entry_points(group="fieldtruth.sensors"):
+            module.load()
+    if kind not in KINDS:
+        raise LocatedError(f"{shortened(kind)} is unknown; {suggestion(str(kind), sorted(KINDS))}", ["kind"])
+    config = KINDS[kind]
+    if config.needs_mount and "mount" not in value:
+        raise LocatedError(f"is required: {condition_at(config, ['mount'])}", ["mount"])
+    return part(config, value)
 
 
 def part(config: type[_Config], value: Any, *at: str | int) -> _Config:

@@ -28,6 +28,8 @@ class StereoConfig(CameraConfig):
     """
 
     also: ClassVar = ("left", "right")
+    needs_mount: ClassVar[bool] = False
+
     kind: Literal["stereo"] = "stereo"  # type: ignore[assignment]
     name: SensorName = "stereo"
     topic: TopicName = "/stereo/camera"
@@ -35,7 +37,10 @@ class StereoConfig(CameraConfig):
     """Pose of the point midway between the cameras."""
     frame: Annotated[
         str,
-        Field(pattern=r"^([A-Za-z][A-Za-z0-9_]{0,50})?\{side\}[A-Za-z0-9_]{0,50}$", description="a frame with {side}"),
+        Field(
+            pattern=r"^([A-Za-z][A-Za-z0-9_]{0,50})?\{side\}[A-Za-z0-9_]{0,50}$",
+            description="the name of a frame with {side}",
+        ),
     ] = "{side}_camera"
     """Of both cameras; ``{side}`` stands for left and right."""
     forward: Annotated[Literal["x", "z"], Field(description="x or z")] = "z"

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from fieldtruth.core.errors import ConfigurationError, OutputError, UnknownNameError
+from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.core.files import atomic_output, output_errors, remove
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def write_gazebo(
         world: see ``load_world``; the command uses ``layout={"grid": 0.2}``.
         out: folder of the package.
         flavour: classic, gz, or both: a folder with a package of each, ``classic`` and ``gz``.
-        rig: sensors of the robot; None takes the defaults.
+        rig: sensors of the robot; None takes the paper's.
         beyond: whether to include the land beyond the world's edge.
         overwrite: replace an existing package.
 
@@ -46,28 +46,26 @@ def write_gazebo(
 
     Raises:
         UnknownNameError: an unknown flavour.
-        ConfigurationError: a lens that Gazebo's cameras do not have.
+        ConfigurationError: a sensor that a Gazebo package cannot have; the text names it.
         OutputError: the folder already exists or cannot be written.
     """
     target = check_gazebo_output(out, flavour=flavour, overwrite=overwrite)
-    from fieldtruth.experiment.lens_config import LensConfig  # late: the command line checks its arguments first
-    from fieldtruth.experiment.rig import Rig
+    from fieldtruth.experiment.rig import Rig  # late: the command line checks its arguments first
     from fieldtruth.gazebo.robot import write_robot
+    from fieldtruth.gazebo.robot.parts import check_rig
     from fieldtruth.gazebo.ros import write_ros_package
     from fieldtruth.gazebo.worlds import write_world
 
     chosen, sensors = FLAVOURS[flavour], Rig() if rig is None else rig
-    if sensors.stereo.enabled and sensors.stereo.lens != LensConfig():
-        model = sensors.stereo.lens.model
-        raise ConfigurationError(f"rig.stereo.lens: a Gazebo package has plain pinhole cameras only, got {model}")
+    check_rig(sensors)
     with output_errors(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         with atomic_output(target) as part:
             for name in chosen:
                 package = part if len(chosen) == 1 else part / name
-                write_world(package, world, name, beyond=beyond)
-                write_robot(package, sensors, name)
                 write_ros_package(package, world, sensors, name)
+                write_robot(package, sensors, name)
+                write_world(package, world, name, beyond=beyond)
             if overwrite:
                 remove(target)
     return target

@@ -11,6 +11,7 @@ from fieldtruth.render.bake import bake
 from fieldtruth.render.camera import Camera
 from fieldtruth.sense.lidar import Lidar
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sense.scene_sensor import SCENE_SENSORS
 from fieldtruth.world.model import World
 
 
@@ -23,6 +24,7 @@ def sensor_factory(world: World, rig: Rig, light: LightConfig) -> Callable[[], S
     def make() -> Sensors:
         lidars = {config.name: Lidar(config, scene) for config in rig.lidars}
         cameras = {} if baked is None else {c.name: Camera(c, baked, reuse=True) for c in rig.cameras}
-        return Sensors(lidars, cameras, wide_ids)
+        others = {config.name: SCENE_SENSORS[config.kind](config, scene) for config in rig.scene_sensors}
+        return Sensors(lidars, cameras, others, wide_ids)
 
     return make

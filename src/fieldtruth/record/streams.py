@@ -20,9 +20,11 @@ from fieldtruth.experiment.camera_config import Imager
 from fieldtruth.experiment.gnss_config import GnssConfig
 from fieldtruth.experiment.imu_config import ImuConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.odometry_config import JOINT_STATES, WHEEL_SPEEDS
+from fieldtruth.experiment.odometry_config import JOINT_STATES
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.sensor_config import MountedConfig
 from fieldtruth.sense.beams import column_times_ns
+from fieldtruth.sense.scene_sensor import SceneSensor
 from fieldtruth.world.model import GROUND_ID, World
 
 PoseAt = Callable[[int], Array]
@@ -63,6 +65,7 @@ class Sensors(NamedTuple):
 
     lidars: Mapping[str, Lidar] = MappingProxyType({})
     cameras: Mapping[str, Camera] = MappingProxyType({})
+    others: Mapping[str, SceneSensor] = MappingProxyType({})
     """By name of the sensor; both views of a pair have the same camera."""
     wide_ids: bool = False
     """Whether instance ids of their world need more than 16 bits."""
@@ -91,6 +94,7 @@ def streams_of(world: World, track: Track, rig: Rig, *, latched: bool = False) -
         streams += _measured(track, rig)
     streams += [lidar_stream(each, stamps_at(each.rate_hz), world_from_base) for each in rig.lidars]
     streams += [imager_stream(each, stamps_at(each.config.rate_hz), world_from_base) for each in rig.imagers]
+    streams += [scene_stream(each, stamps_at(each.rate_hz), world_from_base) for each in rig.scene_sensors]
     return streams
 
 
@@ -139,9 +143,13 @@ def _of_base(base: Base, rig: Rig) -> list[Stream]:
     speeds = tachometers.wheel_speed
     assert rig.wheel_odometry is not None
     return [
-        Stream(WHEEL_SPEEDS, tachometers.stamps_ns, lambda k, _: map(base_messages.wheel_speed, speeds[k])),
         Stream(
-            (JOINT_STATES, rig.wheel_odometry.topic),
+            rig.wheel_odometry.wheel_topics,
+            tachometers.stamps_ns,
+            lambda k, _: map(base_messages.wheel_speed, speeds[k]),
+        ),
+        Stream(
+            (JOINT_STATES, config.topic),
             odometry.stamps_ns,
             lambda k, _: [base_messages.joint_states(k, odometry), base_messages.wheel_odometry(k, odometry)],
         ),
@@ -172,6 +180,17 @@ def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt) -
         )
 
     return Stream((config.topic,), stamps, scan)
+
+
+def scene_stream(config: MountedConfig, stamps: Stamps, world_from_base: PoseAt) -> Stream:
+    """Readings at ``stamps`` [ns] of a sensor whose kind another package has added."""
+    base_from_sensor = config.mount.base_from_sensor
+
+    def read(k: int, sensors: Sensors) -> Iterable[bytes]:
+        sensor, stamp = sensors.others[config.name], int(stamps[k])
+        return sensor.messages(k, stamp, sensor.read(world_from_base(stamp) @ base_from_sensor))
+
+    return Stream(tuple(topic.name for topic in config.topics()), stamps, read)
 
 
 def imager_stream(imager: Imager, stamps: Stamps, world_from_base: PoseAt) -> Stream:

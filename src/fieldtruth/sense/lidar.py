@@ -69,8 +69,8 @@ def _new_scan(count: int) -> Scan:
     )
 
 
-class _Beams(NamedTuple):
-    """Directions (columns, rings, 3), limits of range [m], and which classes return a pulse (256,)."""
+class Beams(NamedTuple):
+    """Unit directions (columns, rings, 3), limits of range [m], and which classes return a pulse (256,)."""
 
     directions: Array
     min_range: float
@@ -93,7 +93,7 @@ class Lidar:
         self._times_ns = ray_times_ns(config)
         returns = np.ones(256, np.bool_)
         returns[[int(label) for label in NO_RETURN]] = False
-        self._beams = _Beams(self.directions, config.min_range, config.max_range, returns)
+        self._beams = Beams(self.directions, config.min_range, config.max_range, returns)
         self._packet = new_packet(coherent=False)  # 12 % faster in the park, as fast in the forest
         shape = (config.columns, config.rings)
         self._out = LabelBuffers(np.zeros(shape, np.uint8), np.zeros(shape, np.uint32), np.zeros(shape, np.float32))
@@ -108,7 +108,7 @@ class Lidar:
         config = self.config
         moving = world_from_lidar.ndim == 3
         poses = np.ascontiguousarray(np.broadcast_to(world_from_lidar, (config.columns, 4, 4)))
-        _scan(self.scene.rays.handle, self.scene.hits, self._packet, poses, self._beams, self._out)
+        trace_beams(self.scene.rays.handle, self.scene.hits, self._packet, poses, self._beams, self._out)
         found = _new_scan(int(np.count_nonzero(self._out.depth)))
         _collect(self.directions, self._out, found)
         if moving:
@@ -127,7 +127,9 @@ def _rotated(poses: Array, k: int, directions: Array, column: int, ring: int) ->
 
 
 @kernel
-def _scan(scene: np.uint64, hits: HitTable, packet: Packet, poses: Array, beams: _Beams, out: LabelBuffers) -> None:
+def trace_beams(
+    scene: np.uint64, hits: HitTable, packet: Packet, poses: Array, beams: Beams, out: LabelBuffers
+) -> None:
     """Trace all rays in tiles of neighbouring columns and rings; ``out.depth`` is the range, 0 without a return.
 
     Arrays are indexed and never sliced: Numba counts the references of each slice, which takes longer than its use.

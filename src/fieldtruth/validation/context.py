@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 from fieldtruth.bag.calibration import StaticFrames
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.topics import STATIC_MODEL_STATES, TOPICS, topics_of_run
+from fieldtruth.bag.topics import PAPER_TOPICS, STATIC_MODEL_STATES, topics_of_run
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
@@ -56,14 +56,14 @@ class Context:
 
     @property
     def rig(self) -> Rig:
-        """Rig of the run; the default rig if it has no experiment."""
-        return Rig() if self.experiment is None else self.experiment.rig
+        """Rig of the run; of a bag from elsewhere the paper's."""
+        return self.run.rig
 
     @property
     def topics(self) -> tuple[Topic, ...]:
-        """Rows of the topic table with the rates of this run; all rows for a bag from elsewhere."""
+        """Topics that the rig publishes, with the rates of this run; of a bag from elsewhere all that are known."""
         if self.experiment is None:
-            return TOPICS
+            return PAPER_TOPICS
         latched = self.experiment.static_objects == "latched" or STATIC_MODEL_STATES in self.run.counts
         return topics_of_run(self.experiment, latched=latched)
 

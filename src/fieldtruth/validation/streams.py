@@ -16,7 +16,9 @@ from fieldtruth.bag.base_messages import BASE, ODOM, WHEEL_FRAMES
 from fieldtruth.bag.decode import stamp_ns
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.robot_messages import WORLD
-from fieldtruth.bag.sensor_messages import optical_frame
+from fieldtruth.experiment.camera_config import STREAMS
+from fieldtruth.experiment.odometry_config import JOINT_STATES, WHEEL_SPEEDS
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.validation.check import Check, Count, Rule, Spec
 from fieldtruth.validation.context import STEP_NS, Checker, Context, at
 
@@ -35,7 +37,7 @@ NO_GAP: Final = Rule("no reading is missing")
 _NO_TOPIC: Final = "no topic of the topic table"
 STAMPS: Final[Spec] = Spec("stamps", (RISING, HEADER_STAMP, ON_RATE, NO_GAP), "stamps", _NO_TOPIC)
 
-TOGETHER: Final = Rule("cameras' topics, wheels, odometry and /tf, /clock and model states have the same stamps")
+TOGETHER: Final = Rule("each camera's topics, wheels, odometry and /tf, /clock and model states have the same stamps")
 SYNCHRONISATION: Final[Spec] = Spec("synchronisation", (TOGETHER,), "stamps", "no topics with the same stamps")
 
 OWN_STAMP: Final = Rule("/clock publishes its own stamp")
@@ -47,21 +49,30 @@ HEADERS: Final[Spec] = Spec("headers", (SEQUENCE, FRAME), "headers", "no message
 KNOWN_FRAME: Final = Rule("frames of headers exist in /tf_static or /tf")
 FRAMES: Final[Spec] = Spec("frames", (KNOWN_FRAME,), "frames", "neither /tf_static nor /tf")
 
-_DRIVEN: Final = (table.JOINT_STATES, table.WHEEL_ODOMETRY)
-_ON_STEPS: Final = (table.IMU, table.NAVSAT, *table.WHEEL_SPEEDS, *_DRIVEN, table.COMMANDS)
-_CAMERAS: Final = tuple(topic.name for topic in table.TOPICS if topic.kind == "stereo")
-_GROUPS: Final = (_CAMERAS, table.WHEEL_SPEEDS, _DRIVEN, (table.ODOMETRY, table.TF), (table.CLOCK, table.MODEL_STATES))
+_ON_STEPS: Final = ("imu", "gnss", "wheel_odometry")
+"""Kinds of sensors that read at steps of the physics."""
 _OPEN: Final = 500
 """Stamps for which further messages are awaited; an intact bag has a few."""
-_FRAME_OF: Final = {
-    table.ODOMETRY: WORLD,
-    table.TF: WORLD,
-    table.IMU: "imu_link",
-    table.NAVSAT: "GNSS_link",
-    table.POINTS: "os1_lidar",
-    table.JOINT_STATES: BASE,
-    table.WHEEL_ODOMETRY: ODOM,
-}
+
+
+def _frame_of(rig: Rig) -> dict[str, str]:
+    """Frame in the headers of each topic."""
+    odometry = {} if rig.wheel_odometry is None else {JOINT_STATES: BASE, rig.wheel_odometry.topic: ODOM}
+    mounted = {each.topic: each.frame for each in (*rig.imus, *rig.antennas, *rig.lidars)}
+    optical = {topic: imager.optical_frame for imager in rig.imagers for topic in map(imager.topic_of, STREAMS)}
+    return {table.ODOMETRY: WORLD, table.TF: WORLD} | odometry | mounted | optical
+
+
+def _groups(context: Context) -> list[tuple[str, ...]]:
+    """Topics of the bag that have the same stamps: those of each camera, for example."""
+    odometry, topics = context.rig.wheel_odometry, context.topics
+    groups = [
+        *(tuple(topic.name for topic in topics if topic.sensor == camera.name) for camera in context.rig.cameras),
+        *([] if odometry is None else [WHEEL_SPEEDS, (JOINT_STATES, odometry.topic)]),
+        (table.ODOMETRY, table.TF),
+        (table.CLOCK, table.MODEL_STATES),
+    ]
+    return [tuple(name for name in group if name in context.run.counts) for group in groups]
 
 
 def check_topics(context: Context, digests: dict[str, tuple[str, str]]) -> Check:
@@ -75,14 +86,14 @@ def check_topics(context: Context, digests: dict[str, tuple[str, str]]) -> Check
     if context.experiment is not None:  # a run that is shorter than a sensor's period has none of its messages
         due = [t for t in context.topics if t.rate_hz is None or t.rate_hz * run.end_ns >= 1e9 - 1.0]
     else:
-        due = [t for t in table.TOPICS if t.name in run.counts]
+        due = [t for t in context.topics if t.name in run.counts]
     for topic in due:
         if tally[PRESENT].see(topic.name in run.counts, f"{topic.name} is missing"):
             found = run.msgtypes[topic.name]
             tally[TYPES].see(found == topic.msgtype, f"{topic.name} is {found}, not {topic.msgtype}")
     for name, (stated, real) in digests.items():
         tally[DIGESTS].see(stated == real, f"{name} states {stated}, its definition has {real}")
-    others = sorted(set(run.counts) - {topic.name for topic in table.TOPICS})
+    others = sorted(set(run.counts) - {topic.name for topic in context.topics})
     tally.note = f"{len(others)} other topics are not checked: {', '.join(others[:5])}" if others else ""
     if due:
         return tally.result()
@@ -114,10 +125,10 @@ class Stamps(Checker):
 
     def __init__(self, context: Context) -> None:
         run = context.run
-        known = {topic.name: topic for topic in (*table.TOPICS, *context.topics)}
-        self.topics = [name for name in known if name in run.counts]
+        present = [topic for topic in context.topics if topic.name in run.counts]
+        self.topics = [topic.name for topic in present]
         self._clocks = {
-            name: _Clock(rate, name in _ON_STEPS) for name in self.topics if (rate := known[name].rate_hz) is not None
+            topic.name: _Clock(topic.rate_hz, topic.kind in _ON_STEPS) for topic in present if topic.rate_hz is not None
         }
         self._on_rate = {
             name: Count(
@@ -132,11 +143,7 @@ class Stamps(Checker):
         self._last: dict[str, int] = {}
         self._number: dict[str, int] = {}
         self._seen: dict[str, int] = {}
-        self._groups = [
-            (present, OrderedDict[int, set[str]]())
-            for group in _GROUPS
-            if len(present := tuple(name for name in group if name in run.counts)) > 1
-        ]
+        self._groups = [(group, OrderedDict[int, set[str]]()) for group in _groups(context) if len(group) > 1]
 
     def see(self, raw: RawMessage, message: Any) -> None:
         """Process a message."""
@@ -210,7 +217,8 @@ class Headers(Checker):
     """Sequence numbers and frames."""
 
     def __init__(self, context: Context) -> None:
-        self.topics = [topic.name for topic in table.TOPICS if topic.name in context.run.counts]
+        self.topics = [topic.name for topic in context.topics if topic.name in context.run.counts]
+        self._frame_of = _frame_of(context.rig)
         self._headers, self._frames = context.tally(HEADERS), context.tally(FRAMES)
         self.tallies = [self._headers, self._frames]
         self._numbers: dict[str, int] = {}
@@ -228,11 +236,11 @@ class Headers(Checker):
             self._numbers[raw.topic] = header.seq + 1
             self._headers[SEQUENCE].see(header.seq == number, f"{at(raw)}: {header.seq} instead of {number}")
             self._named.setdefault(header.frame_id, at(raw))
-            due = _FRAME_OF.get(raw.topic) or optical_frame("left" if "/left/" in raw.topic else "right")
             if raw.topic == table.TF and part.child_frame_id in WHEEL_FRAMES:
                 self._see_frame(raw, header.frame_id, BASE)
                 continue
-            self._see_frame(raw, header.frame_id, due)
+            if raw.topic in self._frame_of:
+                self._see_frame(raw, header.frame_id, self._frame_of[raw.topic])
             if hasattr(part, "child_frame_id"):
                 self._see_frame(raw, part.child_frame_id, BASE)
 

@@ -7,12 +7,17 @@ from typing import Any, Final, Literal
 
 from fieldtruth.bag import topics
 from fieldtruth.core import geodesy
-from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.drive.physics import FRICTION
 from fieldtruth.drive.robot import skid_compensation
+from fieldtruth.experiment.camera_config import CameraConfig
+from fieldtruth.experiment.gnss_config import GnssConfig
+from fieldtruth.experiment.imu_config import ImuConfig
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.odometry_config import WheelOdometryConfig
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.experiment.topic import WHEELS
-from fieldtruth.gazebo.robot import contact, parts
+from fieldtruth.gazebo.robot import contact, parts, shapes
 from fieldtruth.gazebo.templates import render, write
 from fieldtruth.sense.pinhole import pinhole
 
@@ -35,21 +40,30 @@ def write_robot(folder: Path, rig: Rig, flavour: Flavour) -> None:
       for ROS, with the plugins of gazebo_ros. The newer Gazebo uses its frames only.
 
     Raises:
-        ConfigurationError: a robot without four driven wheels.
+        ConfigurationError: a sensor that Gazebo does not have, see ``parts.check_rig``.
     """
-    if rig.robot.drive != "skid_steer":
-        raise ConfigurationError("rig.robot.drive must be skid_steer: the models for Gazebo have four driven wheels")
+    parts.check_rig(rig)
     values = _values(rig)
     sdf = render("robot", "husky.sdf.jinja", flavour=flavour, **values)
-    config = render("robot", "model.config.xml.jinja", version="1.9" if flavour == "gz" else "1.7")
+    config = render(
+        "robot", "model.config.xml.jinja", version="1.9" if flavour == "gz" else "1.7", sensors=_sensors(rig)
+    )
     write(folder / "models" / "husky" / "model.sdf", sdf)
     write(folder / "models" / "husky" / "model.config", config)
     for name, xacro in (("husky.urdf.xacro", True), ("husky.urdf", False)):
         write(folder / "urdf" / name, render("robot", "husky.urdf.jinja", xacro=xacro, **values))
 
 
+def _sensors(rig: Rig) -> str:
+    """Name the kinds of sensors of a rig: ``LiDAR, stereo camera and IMU``."""
+    words = {LidarConfig: "LiDAR", StereoConfig: "stereo camera", CameraConfig: "camera"}
+    words |= {ImuConfig: "IMU", GnssConfig: "GNSS receiver"}
+    *rest, last = [word for config, word in words.items() if any(type(s) is config for s in rig.in_order())] or ["none"]
+    return f"{', '.join(rest)} and {last}" if rest else last
+
+
 def _values(rig: Rig) -> dict[str, Any]:
-    mounts, cameras = rig.mounts(), {"left": rig.stereo.left, "right": rig.stereo.right}
+    mounts = rig.mounts()
     chassis_mass = rig.robot.mass - 4 * rig.wheels.mass
     track = 2 * rig.wheels.half_track * skid_compensation(rig.wheels)
     return {
@@ -57,25 +71,22 @@ def _values(rig: Rig) -> dict[str, Any]:
         "topics": topics,
         "geodesy": geodesy,
         "contact": contact,
+        "parts": parts,
         "friction": FRICTION,
         "defaults": ARGUMENTS,
         "frames": parts.fixed_frames(rig),
-        "shapes": parts.body_shapes(rig),
-        "tread": parts.wheel_shape(rig),
+        "antennas": {antenna.frame for antenna in rig.antennas},
+        "shapes": shapes.body_shapes(rig),
+        "tread": shapes.wheel_shape(rig),
+        "near": shapes.NEAR,
+        "yellow": shapes.YELLOW,
+        "black": shapes.BLACK,
         "wheels": {wheel: mounts[f"{wheel}_wheel"].xyz for wheel in WHEELS},
+        "tachometer_rate": (rig.wheel_odometry or WheelOdometryConfig()).tachometer_rate_hz,
         "chassis_mass": chassis_mass,
         "inertia": parts.chassis_inertia(rig.robot, chassis_mass),
-        "gnss_mass": parts.GNSS_MASS,
-        "gnss_inertia": parts.GNSS_INERTIA,
-        "yellow": parts.YELLOW,
-        "black": parts.BLACK,
         "track": track,
         "anchor": track / 2 - rig.wheels.half_track,
         "wheel_inertia": parts.wheel_inertia(rig.robot),
-        "angles": parts.scan_angles(rig.lidar),
-        "pinhole": pinhole(rig.stereo),
-        "lidar_pose": parts.mount_pose(rig.lidar.mount),
-        "imu_pose": parts.mount_pose(rig.imu.mount),
-        "gnss_pose": parts.mount_pose(rig.gnss.mount),
-        "cameras": {side: parts.camera_pose(mount) for side, mount in cameras.items()},
+        "pinhole": pinhole,
     }

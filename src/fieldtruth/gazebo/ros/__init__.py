@@ -3,9 +3,7 @@
 """A package of ROS around a world and the robot: launch files, waypoints, the nodes that drive and record, RViz."""
 
 import json
-import re
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,19 +13,25 @@ from scipy.spatial.transform import Rotation
 
 import fieldtruth
 from fieldtruth.bag import topics
-from fieldtruth.bag.sensor_messages import camera_matrix, optical_frame, projection_matrix
+from fieldtruth.bag.sensor_messages import camera_matrix, projection_matrix
 from fieldtruth.core import geodesy
+from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.frames import xyzw_from_wxyz
 from fieldtruth.drive.physics import resting_pose
+from fieldtruth.experiment.camera_config import Imager
 from fieldtruth.experiment.catalogue import experiment_names
-from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.config import DriveConfig, Experiment
+from fieldtruth.experiment.files import dump_experiment, load_experiment
+from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS, WheelOdometryConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route, metres_from_route
 from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.gazebo.robot import ARGUMENTS, Flavour
+from fieldtruth.gazebo.robot.shapes import observers
 from fieldtruth.gazebo.ros.bridge import bridge_table, image_topics
+from fieldtruth.gazebo.ros.rviz import rviz_configuration
 from fieldtruth.gazebo.templates import render, write
+from fieldtruth.sense.pinhole import pinhole
 from fieldtruth.world.model import World
 
 _DEPENDENCIES: Final = {
@@ -89,10 +93,14 @@ def write_ros_package(
         flavour: for which Gazebo.
         experiments: those whose start and waypoints are written, with routes that are not random; None takes the
             built-in ones of the environment. Without any there is nothing to start, and nothing is written.
+
+    Raises:
+        ConfigurationError: no IMU or no GNSS receiver, by which the robot is steered.
     """
     chosen = builtin_experiments(world.name) if experiments is None else tuple(experiments)
     if not chosen:
         return
+    _check_steering(rig)
     configs = {experiment.name: _config(experiment, world, rig) for experiment in chosen}
     ros = 1 if flavour == "classic" else 2
     values = _values(world, rig, ros, configs)
@@ -117,11 +125,23 @@ def write_ros_package(
     if world.layout:
         layout = json.loads(json.dumps(dict(world.layout)))  # lists instead of tuples
         write(folder / "config" / "layout.yaml", _yaml(layout, f"Changes to the layout of {world.name}."))
-    write(folder / "config" / "cameras.yaml", _yaml(_cameras(rig), "Calibration of the cameras, as in CameraInfo."))
+    if rig != Rig():
+        write(folder / "config" / "experiment.yaml", dump_experiment(_again(chosen[0], world, rig, ros)))
+    cameras = {imager.topic_of("camera_info"): _calibration(imager) for imager in rig.imagers}
+    write(folder / "config" / "cameras.yaml", _yaml(cameras, "Calibration of the cameras, as in CameraInfo."))
     if ros == 2:
         text = yaml.safe_dump(bridge_table(rig), sort_keys=False)
         write(folder / "config" / "bridge.yaml", "# Table of ros_gz_bridge.\n" + text)
-    write(folder / "rviz" / "fieldtruth.rviz", _rviz(ros))
+    write(folder / "rviz" / "fieldtruth.rviz", rviz_configuration(rig, ros))
+
+
+def _check_steering(rig: Rig) -> None:
+    for sensor in (rig.imu, rig.gnss):
+        if not sensor.enabled:
+            raise ConfigurationError(
+                f"rig.sensors: no {sensor.kind} is enabled; the waypoint node of a Gazebo package steers by the first "
+                f"imu and the first gnss; add {{kind: {sensor.kind}, name: {sensor.name}}}"
+            )
 
 
 def _values(world: World, rig: Rig, ros: int, configs: Mapping[str, Any]) -> dict[str, Any]:
@@ -137,10 +157,14 @@ def _values(world: World, rig: Rig, ros: int, configs: Mapping[str, Any]) -> dic
         "layout": world.layout,
         "plain_world": f"{world.name}_plain",
         "rig": rig,
+        "other": rig != Rig(),
+        "observers": observers(rig),
+        "lenses": [pinhole(camera) for camera in rig.cameras],
         "ros": ros,
         "topics": topics,
         "names": [topic.name for topic in topics.topics_of(rig)],
-        "wheels": dict(zip(WHEELS, topics.WHEEL_SPEEDS, strict=True)) if rig.wheel_odometry is not None else {},
+        "tachometer_rate": (rig.wheel_odometry or WheelOdometryConfig()).tachometer_rate_hz,
+        "wheels": dict(zip(WHEELS, WHEEL_SPEEDS, strict=True)) if rig.wheel_odometry is not None else {},
         "images": image_topics(rig),
     }
 
@@ -165,32 +189,23 @@ def _config(experiment: Experiment, world: World, rig: Rig) -> dict[str, Any]:
     }
 
 
-def _cameras(rig: Rig) -> dict[str, Any]:
-    config, sides = rig.stereo, ("left", "right") if rig.stereo.enabled else ()
-    return {topics.camera_info(side): _calibration(config, side) for side in sides}
+def _again(experiment: Experiment, world: World, rig: Rig, ros: int) -> Experiment:
+    """Return what annotates a bag of ROS 1, or senses again along a recording of ROS 2, in this world with this rig."""
+    values = {"rig": rig, "seed": world.seed, "layout": dict(world.layout)}
+    if ros == 2:
+        values |= {"name": "again", "route": None, "drive": DriveConfig(track=f"/tmp/{experiment.name}")}
+    return experiment.model_copy(update=values)
 
 
-def _calibration(config: Any, side: str) -> dict[str, Any]:
+def _calibration(imager: Imager) -> dict[str, Any]:
     return {
-        "frame_id": optical_frame(side),
-        "width": config.width,
-        "height": config.height,
-        "K": camera_matrix(config).ravel().tolist(),
+        "frame_id": imager.optical_frame,
+        "width": imager.config.width,
+        "height": imager.config.height,
+        "K": camera_matrix(imager.config).ravel().tolist(),
         "R": np.eye(3).ravel().tolist(),
-        "P": projection_matrix(config.imagers()[side == "right"]).ravel().tolist(),
+        "P": projection_matrix(imager).ravel().tolist(),
     }
-
-
-def _rviz(ros: int) -> str:
-    text = (files("fieldtruth.gazebo.ros") / "templates" / "fieldtruth.rviz").read_text(encoding="utf-8")
-    if ros == 1:
-        return text
-    for panel in ("Displays", "Time", "Selection", "Views", "Tool Properties"):
-        text = text.replace(f"Class: rviz/{panel}\n", f"Class: rviz_common/{panel}\n")
-    # RViz of ROS 2 takes the transport from the end of the topic's name.
-    text = re.sub(r"Image Topic: (\S+)\n *Transport Hint: raw", r"Topic: \1", text)
-    text = re.sub(r"Image Topic: (\S+)\n *Transport Hint: (\w+)", r"Topic: \1/\2", text)
-    return text.replace("Class: rviz/", "Class: rviz_default_plugins/")
 
 
 def _yaml(values: dict[str, Any], comment: str) -> str:

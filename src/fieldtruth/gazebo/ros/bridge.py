@@ -5,35 +5,35 @@
 from typing import Any
 
 from fieldtruth.bag import topics
+from fieldtruth.experiment.odometry_config import JOINT_STATES
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.gazebo.robot.parts import cloud_topic
 
 
 def bridge_table(rig: Rig) -> list[dict[str, Any]]:
     """Return the rows of ros_gz_bridge's table; images go through ros_gz_image, see ``image_topics``."""
-    rows = [
+    infos = [imager.topic_of("camera_info") for imager in rig.imagers]
+    return [
         _row(topics.CLOCK, "rosgraph_msgs/msg/Clock", "Clock"),
         _row(topics.TF, "tf2_msgs/msg/TFMessage", "Pose_V"),
         _row(topics.ODOMETRY, "nav_msgs/msg/Odometry", "Odometry"),
-        _row(topics.IMU, "sensor_msgs/msg/Imu", "IMU"),
-        _row(topics.NAVSAT, "sensor_msgs/msg/NavSatFix", "NavSat"),
-        _row("/joint_states", "sensor_msgs/msg/JointState", "Model"),
-        _row("/cmd_vel", "geometry_msgs/msg/Twist", "Twist", direction="ROS_TO_GZ"),
+        *(_row(imu.topic, "sensor_msgs/msg/Imu", "IMU") for imu in rig.imus),
+        *(_row(antenna.topic, "sensor_msgs/msg/NavSatFix", "NavSat") for antenna in rig.antennas),
+        _row(JOINT_STATES, "sensor_msgs/msg/JointState", "Model"),
+        _row(topics.COMMANDS, "geometry_msgs/msg/Twist", "Twist", direction="ROS_TO_GZ"),
+        *(
+            _row(lidar.topic, "sensor_msgs/msg/PointCloud2", "PointCloudPacked", gz=f"{cloud_topic(lidar)}/points")
+            for lidar in rig.lidars
+        ),
+        *(_row(f"{info}_gazebo", "sensor_msgs/msg/CameraInfo", "CameraInfo", gz=info) for info in infos),
     ]
-    if rig.lidar.enabled:
-        rows.append(_row(topics.POINTS, "sensor_msgs/msg/PointCloud2", "PointCloudPacked"))
-    if rig.stereo.enabled:
-        infos = [topics.camera_info(side) for side in topics.SIDES]
-        rows += [_row(f"{t}_gazebo", "sensor_msgs/msg/CameraInfo", "CameraInfo", gz=t) for t in infos]
-    return rows
 
 
 def image_topics(rig: Rig) -> list[str]:
     """Topics of images, the same in Gazebo and ROS; ROS's image transport adds the compressed ones."""
-    if not rig.stereo.enabled:
-        return []
-    photographs = [topics.photograph(side).removesuffix("/compressed") for side in topics.SIDES]
+    photographs = [imager.topic_of("photograph").removesuffix("/compressed") for imager in rig.imagers]
     kinds = ("labels_map", "colored_map")
-    return [*photographs, *(f"/stereo/camera/{side}/segmentation/{kind}" for side in topics.SIDES for kind in kinds)]
+    return [*photographs, *(f"{imager.topic}/segmentation/{kind}" for imager in rig.imagers for kind in kinds)]
 
 
 def _row(ros: str, ros_type: str, gz_type: str, *, gz: str = "", direction: str = "GZ_TO_ROS") -> dict[str, Any]:

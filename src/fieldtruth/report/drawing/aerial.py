@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.camera_config import CameraConfig
-from fieldtruth.experiment.fields import Mount
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.render.camera import Camera
 from fieldtruth.report.drawing.images import downscaled
@@ -53,7 +52,6 @@ def render_aerial(baked: BakedScene, width: int) -> Aerial:
     wide = 8 * max(1, round(width * _SAMPLES / 8))
     high = 8 * max(1, round(wide * breadth / length / 8))
     config = CameraConfig(
-        mount=Mount(xyz=(0.0, 0.0, 0.0)),
         width=wide,
         height=high,
         horizontal_fov_deg=2.0 * float(np.degrees(np.arctan2(length, HEIGHT))),

@@ -10,10 +10,10 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.decode import matrix
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.robot_messages import fixed_transforms
-from fieldtruth.bag.sensor_messages import camera_matrix, distortion, optical_frame, projection_matrix
+from fieldtruth.bag.sensor_messages import camera_matrix, distortion, projection_matrix
 from fieldtruth.core import frames
 from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.experiment.stereo_config import StereoConfig
+from fieldtruth.experiment.camera_config import Imager
 from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import Checker, Context, at
 
@@ -35,7 +35,7 @@ class Calibration(Checker):
     def __init__(self, context: Context) -> None:
         self._context, self._tally = context, context.tally(CALIBRATION)
         self.tallies = [self._tally]
-        self._infos = {table.camera_info(side): side for side in table.SIDES}
+        self._infos = {imager.topic_of("camera_info"): imager for imager in context.rig.imagers}
         self.topics = [name for name in (table.TF_STATIC, *self._infos) if name in context.run.counts]
         self._first: dict[str, tuple[bytes, Any]] = {}
         self._published = 0
@@ -50,11 +50,11 @@ class Calibration(Checker):
                 if self._tally[UNIT].measure(length - 1.0, f"{at(raw)}: {child!r}"):
                     self._context.parents[child] = (each.header.frame_id, matrix(each.transform))
             return
-        side, body = self._infos[raw.topic], raw.data[16 + len(message.header.frame_id.encode()) :]
-        if side not in self._first:
-            self._first[side] = (body, message)
-            self._check_lens(side, message)
-        self._tally[CONSTANT].see(body == self._first[side][0], at(raw))
+        imager, body = self._infos[raw.topic], raw.data[16 + len(message.header.frame_id.encode()) :]
+        if imager.name not in self._first:
+            self._first[imager.name] = (body, message)
+            self._check_lens(imager, message)
+        self._tally[CONSTANT].see(body == self._first[imager.name][0], at(raw))
 
     def finish(self) -> None:
         """Finish the checks after the last message."""
@@ -65,31 +65,35 @@ class Calibration(Checker):
                 found_parent, found = parents.get(child, ("", true))
                 residual = float(np.abs(found - true).max()) if found_parent == parent else np.nan
                 self._tally[MOUNTS].measure(residual, f"{child!r} in {parent!r}")
-        if len(self._first) == len(table.SIDES):
-            self._check_baseline()
+        for camera in self._context.rig.cameras:
+            imagers = camera.imagers()
+            if len(imagers) == 2 and all(imager.name in self._first for imager in imagers):
+                self._check_baseline(*imagers)
 
-    def _check_lens(self, side: str, info: Any) -> None:
+    def _check_lens(self, imager: Imager, info: Any) -> None:
         k, p, roi = np.reshape(info.K, (3, 3)), np.reshape(info.P, (3, 4)), info.roi
         cut = (info.binning_x, info.binning_y, roi.x_offset, roi.y_offset, roi.height, roi.width, int(roi.do_rectify))
-        model, coefficients = distortion(self._context.rig.stereo)
+        config, where = imager.config, f"camera {imager.name}"
+        model, coefficients = distortion(config)
         plain = np.array_equal(np.reshape(info.R, (3, 3)), np.eye(3)) and not any(cut) and np.array_equal(p[:, :3], k)
         plain = plain and info.distortion_model == model and np.array_equal(info.D, coefficients)
-        self._tally[PINHOLE].see(plain, f"camera {side}")
-        config, size = self._context.rig.stereo, (info.width, info.height)
+        self._tally[PINHOLE].see(plain, where)
+        size = (info.width, info.height)
         if self._context.experiment is not None:
-            self._tally[LENS].see(size == (config.width, config.height), f"camera {side}: {size[0]} x {size[1]} pixels")
+            self._tally[LENS].see(size == (config.width, config.height), f"{where}: {size[0]} x {size[1]} pixels")
         else:  # the field of view of the default camera, at any size
-            config = StereoConfig.model_construct(**{**dict(config), "width": info.width, "height": info.height})
-        expected = camera_matrix(config), projection_matrix(config.imagers()[side == "right"])
+            config = config.model_copy(update={"width": info.width, "height": info.height})
+        expected = camera_matrix(config), projection_matrix(imager._replace(config=config))
         residual = max(float(np.abs(k - expected[0]).max()), float(np.abs(p - expected[1]).max()))
-        self._tally[LENS].measure(residual, f"camera {side}")
+        self._tally[LENS].measure(residual, where)
 
-    def _check_baseline(self) -> None:
-        p = {side: np.reshape(info.P, (3, 4)) for side, (_, info) in self._first.items()}
+    def _check_baseline(self, *pair: Imager) -> None:
+        p_left, p_right = (np.reshape(self._first[imager.name][1].P, (3, 4)) for imager in pair)
         try:
-            left, right = (self._context.frames.base_from(optical_frame(side)) for side in table.SIDES)
+            left, right = (self._context.frames.base_from(imager.optical_frame) for imager in pair)
         except FieldtruthError:
             return  # missing frames are reported by the mounts
         baseline = float((frames.inverse(left) @ right)[0, 3])
-        residual = p["right"][0, 3] + p["right"][0, 0] * baseline, p["left"][0, 3]
-        self._tally[BASELINE].measure(float(np.abs(residual).max()), f"{baseline:.6f} m between the cameras")
+        residual = p_right[0, 3] + p_right[0, 0] * baseline, p_left[0, 3]
+        where = f"{baseline:.6f} m between the cameras {' and '.join(imager.name for imager in pair)}"
+        self._tally[BASELINE].measure(float(np.abs(residual).max()), where)

@@ -19,6 +19,7 @@ from fieldtruth.core.frames import rotation_from_quaternion_wxyz, yaw_from_rotat
 from fieldtruth.drive.controller import WaypointFollower
 from fieldtruth.drive.odometry import advance
 from fieldtruth.drive.sensors import antenna_geodetic
+from fieldtruth.experiment.odometry_config import JOINT_STATES
 from fieldtruth.experiment.route import geodetic_route
 from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import Checker, Context, at
@@ -27,7 +28,7 @@ POSE: Final = Rule("wheel odometry adds up what the wheels turn", 1e-9, "m or ra
 TWIST: Final = Rule("the twist of wheel odometry is its change", 1e-9, "m/s or rad/s")
 FRAMES: Final = Rule("wheels in /tf have the angles of /joint_states", 1e-9, "m or of a rotation")
 SPEEDS: Final = Rule("tachometers read the speeds of /joint_states", 1e-5, "rad/s")
-_NO_JOINTS: Final = f"no {table.JOINT_STATES}"
+_NO_JOINTS: Final = f"no {JOINT_STATES}"
 ODOMETRY: Final[Spec] = Spec("wheel odometry", (POSE, TWIST, FRAMES, SPEEDS), "joint states", _NO_JOINTS)
 
 # The controller's first fix is that of time 0, the first known one a millisecond later.
@@ -38,15 +39,18 @@ COMMANDS: Final[Spec] = Spec("commands", (COMMAND,), "commands", f"no {table.COM
 class WheelOdometry(Checker):
     """Angles of the wheels in joint states, odometry, /tf and tachometers."""
 
-    topics = (table.TF, *table.WHEEL_SPEEDS, table.JOINT_STATES, table.WHEEL_ODOMETRY)
-
     def __init__(self, context: Context) -> None:
         self._rig, self._tally = context.rig, context.tally(ODOMETRY)
+        config = context.rig.wheel_odometry
+        self._topic = "" if config is None else config.topic
+        self._speed_topics = () if config is None else config.wheel_topics
+        self.topics = () if config is None else (table.TF, *config.wheel_topics, JOINT_STATES, config.topic)
         self.tallies = [self._tally]
         self._frames: tuple[int, dict[str, Array]] = (0, {})
         self._speeds: dict[str, tuple[int, float]] = {}
-        self._angles, self._stamp, self._last_stamp = np.zeros(4), 0, 0
-        self._turned = np.zeros(4)
+        self._joints = JOINTS[: len(self._rig.wheels.names)]
+        self._angles, self._stamp, self._last_stamp = np.zeros(len(self._joints)), 0, 0
+        self._turned = np.zeros(len(self._joints))
         self._pose = np.zeros(3)
 
     def see(self, raw: RawMessage, message: Any) -> None:
@@ -54,12 +58,12 @@ class WheelOdometry(Checker):
         if raw.topic == table.TF:
             parts = {each.child_frame_id: matrix(each.transform) for each in message.transforms}
             self._frames = raw.stamp_ns, {name: parts[name] for name in WHEEL_FRAMES if name in parts}
-        elif raw.topic in table.WHEEL_SPEEDS:
+        elif raw.topic in self._speed_topics:
             self._speeds[raw.topic] = raw.stamp_ns, float(message.data)
-        elif raw.topic == table.JOINT_STATES and set(JOINTS) <= set(message.name):
-            order = [message.name.index(joint) for joint in JOINTS]
+        elif raw.topic == JOINT_STATES and set(self._joints) <= set(message.name):
+            order = [message.name.index(joint) for joint in self._joints]
             self._see_joints(raw, np.asarray(message.position)[order], np.asarray(message.velocity)[order])
-        elif raw.topic == table.WHEEL_ODOMETRY and raw.stamp_ns == self._stamp:
+        elif raw.topic == self._topic and raw.stamp_ns == self._stamp:
             self._see_odometry(raw, message)
 
     def _see_joints(self, raw: RawMessage, angles: Array, speeds: Array) -> None:
@@ -70,7 +74,7 @@ class WheelOdometry(Checker):
             true = wheel_transforms(self._rig, angles)
             apart = max(float(np.abs(found[name] - true[name]).max()) for name in found)
             self._tally[FRAMES].measure(apart, at(raw))
-        for topic, speed in zip(table.WHEEL_SPEEDS, speeds, strict=True):
+        for topic, speed in zip(self._speed_topics, speeds, strict=True):
             stamp, read = self._speeds.get(topic, (0, 0.0))
             if stamp == raw.stamp_ns:
                 self._tally[SPEEDS].measure(read - speed, at(raw))
@@ -93,15 +97,18 @@ class WheelOdometry(Checker):
 class Commands(Checker):
     """Commands against the controller, which gets the fixes and the headings of the bag."""
 
-    topics = (table.IMU, table.NAVSAT, table.COMMANDS)
-
     def __init__(self, context: Context) -> None:
         self._context, self._tally = context, context.tally(COMMANDS)
+        self._imu, self._gnss = context.rig.imu, context.rig.gnss
+        self.topics = (self._imu.topic, self._gnss.topic, table.COMMANDS)
         self.tallies = [self._tally]
         self._heading: tuple[int, float] = (0, 0.0)
         self._follower: WaypointFollower | None = None
         experiment = context.experiment
         if experiment is None:
+            return
+        if not (self._imu.enabled and self._gnss.enabled):
+            self._tally.skipped = "the IMU or the GNSS receiver that steers the robot is not enabled"
             return
         try:
             self._follower = WaypointFollower(geodetic_route(experiment.route).waypoints, experiment.control)
@@ -114,12 +121,12 @@ class Commands(Checker):
         follower = self._follower
         if follower is None:
             return
-        if raw.topic == table.NAVSAT:
+        if raw.topic == self._gnss.topic:
             follower.update_fix(message.latitude, message.longitude)
-        elif raw.topic == table.IMU:
+        elif raw.topic == self._imu.topic:
             q = message.orientation
             world_from_imu = rotation_from_quaternion_wxyz(np.array([q.w, q.x, q.y, q.z]))
-            base_from_imu = self._context.rig.imu.mount.base_from_sensor[:3, :3]
+            base_from_imu = self._imu.mount.base_from_sensor[:3, :3]
             self._heading = raw.stamp_ns, float(yaw_from_rotation(world_from_imu @ base_from_imu.T))
         elif self._heading[0] == raw.stamp_ns:
             due, found = follower.command(self._heading[1]), (message.linear.x, message.angular.z)
@@ -128,5 +135,5 @@ class Commands(Checker):
     def _see_start(self) -> None:
         assert self._follower is not None
         state = self._context.motion.state(0)
-        antenna = antenna_geodetic(state.position, state.quaternion_wxyz, self._context.rig.gnss.mount)
+        antenna = antenna_geodetic(state.position, state.quaternion_wxyz, self._gnss.mount)
         self._follower.update_fix(float(antenna[0]), float(antenna[1]))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""IMU, GNSS receiver and tachometers, compared with the true motion and the mounts.
+"""IMUs, GNSS receivers and tachometers, compared with the true motion and the mounts.
 
 IMU and GNSS readings have no noise and follow from the true motion by formulas, so that the residual is rounding: 1e-13
 m/s^2 (last digit of a velocity, over a millisecond) and 1e-9 m (last digit of a latitude of 49.9 deg). The IMU's means
@@ -12,12 +12,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core import frames, geodesy
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive import sensors
 from fieldtruth.drive.physics import GRAVITY
+from fieldtruth.experiment.imu_config import ImuConfig
+from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS
 from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import STEP_NS, Checker, Context, at
 
@@ -25,12 +26,12 @@ ATTITUDE: Final = Rule("the IMU's attitude is the true one, turned by its mount"
 TURN_RATE: Final = Rule("the gyroscope measures the turn of its interval", 1e-9, "rad/s")
 FORCE: Final = Rule("the accelerometer measures the change of velocity, and gravity", 1e-6, "m/s^2")
 IMU_EXACT: Final = Rule("covariances of the IMU are zero", minor=True)
-_NO_IMU: Final = f"no {table.IMU}, or no true motion"
+_NO_IMU: Final = "no IMU, or no true motion"
 IMU: Final[Spec] = Spec("imu", (ATTITUDE, TURN_RATE, FORCE, IMU_EXACT), "readings", _NO_IMU)
 
 ANTENNA: Final = Rule("the fix is the true position of the antenna", 1e-6, "m")
 FIX: Final = Rule("each reading is a fix without covariance", minor=True)
-GNSS: Final[Spec] = Spec("gnss", (ANTENNA, FIX), "fixes", f"no {table.NAVSAT}, or no true motion")
+GNSS: Final[Spec] = Spec("gnss", (ANTENNA, FIX), "fixes", "no GNSS receiver, or no true motion")
 
 SLIP: Final = Rule("both wheels of a side roll alike, and all as fast as the robot drives", 0.25, "m/s")
 SKID: Final = Rule("the difference of the sides turns the robot", 0.4, "rad/s")
@@ -42,16 +43,13 @@ _ROLLED_FROM: Final = 2.0
 
 
 class Imu(Checker):
-    """Attitude, turn rate and specific force in imu_link (REP-145)."""
-
-    topics = (table.IMU,)
+    """Attitude, turn rate and specific force of every IMU in its frame (REP-145)."""
 
     def __init__(self, context: Context) -> None:
         self._motion, self._tally = context.motion, context.tally(IMU)
         self.tallies = [self._tally]
-        config = context.rig.imu
-        self._base_from_imu, self._rate_hz = config.mount.base_from_sensor, config.rate_hz
-        self._mean = config.sampling == "mean"
+        self._configs = {config.topic: config for config in context.rig.imus}
+        self.topics = tuple(self._configs)
 
     def see(self, raw: RawMessage, message: Any) -> None:
         """Process a message."""
@@ -65,45 +63,47 @@ class Imu(Checker):
 
     def _compare(self, raw: RawMessage, message: Any) -> None:
         state, tally, q = self._motion.state(raw.stamp_ns), self._tally, message.orientation
+        config = self._configs[raw.topic]
+        base_from_imu = config.mount.base_from_sensor
         measured = np.array([q.w, q.x, q.y, q.z])
         if not abs(np.linalg.norm(measured) - 1.0) < 1e-6:
             tally[ATTITUDE].measure(np.nan, f"{at(raw)}: not a unit quaternion")
             return
-        world_from_imu = frames.rotation_from_quaternion_wxyz(state.quaternion_wxyz) @ self._base_from_imu[:3, :3]
+        world_from_imu = frames.rotation_from_quaternion_wxyz(state.quaternion_wxyz) @ base_from_imu[:3, :3]
         turn = world_from_imu.T @ frames.rotation_from_quaternion_wxyz(measured)
         # The off-diagonal elements are the small angle; the trace would lose half of the digits.
         tally[ATTITUDE].measure(float(np.abs(turn - np.eye(3)).max()), at(raw))
         motion, end = self._motion.motion, max(raw.stamp_ns, 2 * STEP_NS)
-        row, before = self._motion.row(end), self._motion.row(self._begin(end))
+        row, before = self._motion.row(end), self._motion.row(_begin(config, end))
         if row is None or before is None:
             return
         seconds, rows = (motion.stamps_ns[row] - motion.stamps_ns[before]) / 1e9, np.array([before, row])
         rate = motion.angular_velocity[row]
-        if self._mean:
+        if config.sampling == "mean":
             turned = sensors.rotation_vector(motion.quaternion_wxyz[rows[:1]], motion.quaternion_wxyz[rows[1:]])[0]
             rate = state.world_from_base[:3, :3] @ turned / seconds
         tally[TURN_RATE].measure(_distance(message.angular_velocity, world_from_imu.T @ rate), at(raw))
-        was, now = sensors.point_velocity(motion, rows, self._base_from_imu[:3, 3])
+        was, now = sensors.point_velocity(motion, rows, base_from_imu[:3, 3])
         force = world_from_imu.T @ ((now - was) / seconds + (0.0, 0.0, GRAVITY))
         tally[FORCE].measure(_distance(message.linear_acceleration, force), at(raw))
 
-    def _begin(self, end_ns: int) -> int:
-        """Stamp [ns] at which the interval begins that ends at a stamp: of the reading before, or of the step."""
-        if not self._mean:
-            return end_ns - STEP_NS
-        number = round(end_ns * self._rate_hz / 1e9)
-        return max(1, round(round((number - 1) * (1e9 / self._rate_hz)) / STEP_NS)) * STEP_NS
+
+def _begin(config: ImuConfig, end_ns: int) -> int:
+    """Stamp [ns] at which the interval begins that ends at a stamp: of the reading before, or of the step."""
+    if config.sampling == "instant":
+        return end_ns - STEP_NS
+    number = round(end_ns * config.rate_hz / 1e9)
+    return max(1, round(round((number - 1) * (1e9 / config.rate_hz)) / STEP_NS)) * STEP_NS
 
 
 class Gnss(Checker):
-    """Fixes against the true position of the antenna."""
-
-    topics = (table.NAVSAT,)
+    """Fixes of every receiver against the true position of its antenna."""
 
     def __init__(self, context: Context) -> None:
         self._motion, self._tally = context.motion, context.tally(GNSS)
         self.tallies = [self._tally]
-        self._antenna = np.array([context.rig.gnss.mount.xyz])
+        self._antennas = {config.topic: np.array([config.mount.xyz]) for config in context.rig.antennas}
+        self.topics = tuple(self._antennas)
 
     def see(self, raw: RawMessage, message: Any) -> None:
         """Process a message."""
@@ -114,7 +114,7 @@ class Gnss(Checker):
         self._motion.when_known(raw.stamp_ns, lambda: self._compare(raw, fix))
 
     def _compare(self, raw: RawMessage, fix: Array) -> None:
-        antenna = frames.transform(self._motion.state(raw.stamp_ns).world_from_base, self._antenna)[0]
+        antenna = frames.transform(self._motion.state(raw.stamp_ns).world_from_base, self._antennas[raw.topic])[0]
         valid = np.isfinite(fix).all() and abs(fix[0]) <= 90.0
         position = geodesy.world_from_geodetic(fix) if valid else fix * np.nan
         self._tally[ANTENNA].measure(float(np.linalg.norm(position - antenna)), at(raw))
@@ -124,7 +124,7 @@ class Wheels(Checker):
     """Tachometers against the true motion, with wide tolerances, as wheels slip and skid."""
 
     def __init__(self, context: Context) -> None:
-        self.topics = [name for name in table.WHEEL_SPEEDS if name in context.run.counts]
+        self.topics = [name for name in WHEEL_SPEEDS if name in context.run.counts]
         self._motion, self._tally, self._wheels = context.motion, context.tally(WHEELS), context.rig.wheels
         self.tallies = [self._tally]
         self._speeds: dict[int, dict[str, float]] = {}
@@ -135,8 +135,8 @@ class Wheels(Checker):
         """Process a message."""
         met = self._speeds.setdefault(raw.stamp_ns, {})
         met[raw.topic] = float(message.data)
-        if len(met) == len(table.WHEEL_SPEEDS):
-            speeds = np.array([met[name] for name in table.WHEEL_SPEEDS])
+        if len(met) == len(self.topics):
+            speeds = np.array([met[name] for name in self.topics])
             del self._speeds[raw.stamp_ns]
             self._motion.when_known(raw.stamp_ns, lambda: self._compare(raw, speeds))
         elif len(self._speeds) > 100:
@@ -153,11 +153,11 @@ class Wheels(Checker):
         base_from_world = frames.rotation_from_quaternion_wxyz(state.quaternion_wxyz).T
         ahead = float((base_from_world @ state.linear_velocity)[0])
         turn = float((base_from_world @ state.angular_velocity)[2])
-        front_left, front_right, rear_left, rear_right = speeds * wheels.radius
-        left, right = (front_left + rear_left) / 2, (front_right + rear_right) / 2
-        # A skid-steered robot turns more slowly than its wheels suggest: see drive/husky.py.
+        sides = [speeds[side::2] * wheels.radius for side in (0, 1)]
+        left, right = (float(side.mean()) for side in sides)
+        # A skid-steered robot turns more slowly than its wheels suggest: see drive/robot.py.
         skid = 1.0 + (wheels.half_wheelbase / wheels.half_track) ** 2
-        apart = max(abs(front_left - rear_left), abs(front_right - rear_right))
+        apart = max(float(np.ptp(side)) for side in sides)
         self._tally[SLIP].measure(max(apart, abs(ahead - (left + right) / 2)), at(raw))
         self._tally[SKID].measure(turn - (right - left) / (2 * wheels.half_track * skid), at(raw))
         seconds = 0.0 if self._last is None else (raw.stamp_ns - self._last) / 1e9

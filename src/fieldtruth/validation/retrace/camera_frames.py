@@ -2,52 +2,49 @@
 # SPDX-License-Identifier: Apache-2.0
 """Images of a camera with the same stamp, and the choice of stamps for costly checks."""
 
-from collections import OrderedDict
-from collections.abc import Callable, Collection
+from collections import Counter, OrderedDict
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import RawMessage
+from fieldtruth.experiment.camera_config import Imager
 from fieldtruth.validation.context import Checker, Context
 
-TOPIC_OF: Final[dict[str, Callable[[str], str]]] = {
-    "photograph": table.photograph,
-    "tag": table.tag,
-    "depth": table.depth,
-    "instances": table.instances,
-}
-"""Topic of each part of a frame, by side."""
-WAITING: Final = 6
-"""Frames of which parts are awaited; each has some megabytes."""
+PARTS: Final = ("photograph", "tag", "depth", "instances")
+"""Streams of which a frame consists."""
+WAITING: Final = 3
+"""Frames of each view of which parts are awaited; each has some megabytes."""
 
 
 @dataclass
 class CameraFrame:
-    """One camera at one stamp: messages by part (``tag``, ``depth``, ``instances``, ``photograph``)."""
+    """One view of a camera at one stamp: messages by part (``PARTS``)."""
 
-    side: str
+    imager: Imager
     stamp_ns: int
     parts: dict[str, Any] = field(default_factory=dict)
 
     def at(self, part: str) -> str:
         """Topic and stamp of a part, for messages."""
-        return f"{TOPIC_OF[part](self.side)} at {self.stamp_ns} ns"
+        return f"{self.imager.topic_of(part)} at {self.stamp_ns} ns"
 
 
 class CameraFrameChecker(Checker):
     """Collects parts and checks each frame when it is complete, or when its other parts are no longer awaited.
 
-    ``infos`` holds the first CameraInfo of each camera.
+    ``infos`` holds the first CameraInfo of each view by its name.
     """
 
     def __init__(self, context: Context, parts: Collection[str]) -> None:
         self.context = context
         self.infos: dict[str, Any] = {}
-        pairs = {TOPIC_OF[part](side): (part, side) for part in parts for side in table.SIDES}
+        imagers = context.rig.imagers
+        pairs = {imager.topic_of(part): (part, imager) for part in parts for imager in imagers}
         self._parts = {topic: pair for topic, pair in pairs.items() if topic in context.run.counts}
-        self._sides = {table.camera_info(side): side for side in table.SIDES}
-        self.topics = [*self._parts, *self._sides]
+        self._due = Counter(imager.name for _, imager in self._parts.values())
+        self._names = {imager.topic_of("camera_info"): imager.name for imager in imagers}
+        self.topics = [*self._parts, *self._names]
         self._open: OrderedDict[tuple[str, int], CameraFrame] = OrderedDict()
 
     def check_frame(self, frame: CameraFrame) -> None:
@@ -56,17 +53,17 @@ class CameraFrameChecker(Checker):
 
     def see(self, raw: RawMessage, message: Any) -> None:
         """Process a message."""
-        if raw.topic in self._sides:
-            self.infos.setdefault(self._sides[raw.topic], message)
+        if raw.topic in self._names:
+            self.infos.setdefault(self._names[raw.topic], message)
         if raw.topic not in self._parts:
             return
-        part, side = self._parts[raw.topic]
-        key = (side, raw.stamp_ns)
-        frame = self._open.setdefault(key, CameraFrame(side, raw.stamp_ns))
+        part, imager = self._parts[raw.topic]
+        key = (imager.name, raw.stamp_ns)
+        frame = self._open.setdefault(key, CameraFrame(imager, raw.stamp_ns))
         frame.parts[part] = message
-        if len(frame.parts) == sum(other == side for _, other in self._parts.values()):
+        if len(frame.parts) == self._due[imager.name]:
             self.check_frame(self._open.pop(key))
-        elif len(self._open) > WAITING:
+        elif len(self._open) > WAITING * len(self._due):
             self.check_frame(self._open.popitem(last=False)[1])
 
     def finish(self) -> None:
@@ -76,16 +73,17 @@ class CameraFrameChecker(Checker):
 
 
 class Sampler:
-    """Chooses about ``count`` of the stamps, evenly over a run's time [ns]; calls must be in time order."""
+    """Chooses about ``count`` stamps of each sensor, evenly over a run's time [ns]; calls must be in time order."""
 
     def __init__(self, start_ns: int, end_ns: int, count: int) -> None:
-        self._period = max(1, (end_ns - start_ns) // max(1, count))
-        self._due = start_ns
-        self._chosen: set[int] = set()
+        self._start, self._period = start_ns, max(1, (end_ns - start_ns) // max(1, count))
+        self._due: dict[tuple[str, ...], int] = {}
+        self._chosen: dict[tuple[str, ...], set[int]] = {}
 
-    def takes(self, stamp_ns: int) -> bool:
-        """Return whether a stamp is chosen; repeated calls with a stamp give the same result."""
-        if stamp_ns not in self._chosen and stamp_ns >= self._due:
-            self._chosen.add(stamp_ns)
-            self._due += self._period * ((stamp_ns - self._due) // self._period + 1)
-        return stamp_ns in self._chosen
+    def takes(self, stamp_ns: int, *sensors: str) -> bool:
+        """Return whether a stamp of these sensors is chosen; repeated calls with a stamp give the same result."""
+        chosen, due = self._chosen.setdefault(sensors, set()), self._due.get(sensors, self._start)
+        if stamp_ns not in chosen and stamp_ns >= due:
+            chosen.add(stamp_ns)
+            self._due[sensors] = due + self._period * ((stamp_ns - due) // self._period + 1)
+        return stamp_ns in chosen

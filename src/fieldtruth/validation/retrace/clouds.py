@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
@@ -28,7 +27,7 @@ LAYOUT: Final = Rule("clouds have the fields of this package's points")
 FINITE: Final = Rule("points are finite")
 INTENSITY: Final = Rule("intensity is the label")
 RETURNING: Final = Rule("classes exist and return a pulse")
-_NO_FIELDS: Final = f"no {table.POINTS} with these fields"
+_NO_FIELDS: Final = "no clouds with these fields"
 LABELS: Final[Spec] = Spec("labels", (LAYOUT, FINITE, INTENSITY, RETURNING), "points", _NO_FIELDS)
 
 INDICES: Final = Rule("ring and column exist")
@@ -39,11 +38,11 @@ RANGE: Final = Rule("ranges are within the LiDAR's limits")
 DIRECTION: Final = Rule("points lie on the rays of their ring and column", 2.4e-7, "rad")
 RAYS: Final[Spec] = Spec("rays", (INDICES, ORDER, TIME, RANGE, DIRECTION), "points", _NO_FIELDS)
 
-SAME_RETURNS: Final = Rule("the LiDAR measures the same returns in the rebuilt world")
+SAME_RETURNS: Final = Rule("LiDARs measure the same returns in the rebuilt world")
 # On the processor that made a run all clouds are equal, and one that is not was changed. On another processor hardly
 # any is, as each holds thousands of ranges, and the rule does not apply.
 EQUAL_CLOUDS: Final = Rule("retraced clouds are equal to the last digit", minor=True, learned=True)
-_NO_CLOUDS: Final = f"no {table.POINTS}, or no true motion"
+_NO_CLOUDS: Final = "no clouds, or no true motion"
 RETRACED_CLOUDS: Final[Spec] = Spec("retraced clouds", (SAME_RETURNS, EQUAL_CLOUDS), "rays", _NO_CLOUDS)
 
 FIELDS: Final = {
@@ -65,16 +64,16 @@ _RETURNS: Final = np.array([c.label is not Label.VOID and c.label not in NO_RETU
 class Clouds(Checker):
     """Labels and rays of every cloud."""
 
-    topics = (table.POINTS,)
-
     def __init__(self, context: Context, objects: ObjectClasses) -> None:
         self._context, self._objects = context, objects
+        self._configs = {config.topic: config for config in context.rig.lidars}
+        self.topics = tuple(self._configs)
         self._labels, self._rays = context.tally(LABELS), context.tally(RAYS)
         self.tallies = [self._labels, self._rays]
 
     def see(self, raw: RawMessage, message: Any) -> None:
         """Process a message."""
-        config, where, classes = self._context.rig.lidar, at(raw), self._objects.comparison()
+        config, where, classes = self._configs[raw.topic], at(raw), self._objects.comparison()
         labels, rays = self._labels.part(), self._rays.part()
 
         def work() -> list[Tally]:
@@ -160,46 +159,51 @@ def _times(config: LidarConfig) -> NDArray[np.int64]:
     return ray_times_ns(config).reshape(-1) if config.spinning else np.zeros(count, np.int64)
 
 
+@cache
+def _column_times(config: LidarConfig) -> list[int]:
+    """Times [ns] after a scan's stamp at which its columns leave; one for all if the LiDAR does not spin."""
+    return [int(t) for t in column_times_ns(config)] if config.spinning else [0]
+
+
 class RetracedClouds(Checker):
     """Every cloud, measured again in the rebuilt world and compared ray by ray."""
-
-    topics = (table.POINTS,)
 
     def __init__(self, context: Context, rebuilt: RebuiltWorld, reference: RayReference, sampler: Sampler) -> None:
         self._context, self._rebuilt, self._reference, self._sampler = context, rebuilt, reference, sampler
         self._tally = context.tally(RETRACED_CLOUDS)
         self.tallies = [self._tally]
-        self._lidars = threading.local()
-        lidar = context.rig.lidar
-        self._times_ns = [int(t) for t in column_times_ns(lidar)] if lidar.spinning else [0]
+        self._own = threading.local()
+        self._configs = {config.topic: config for config in context.rig.lidars}
+        self.topics = tuple(self._configs)
 
     def see(self, raw: RawMessage, message: Any) -> None:
         """Process a message."""
-        self._context.motion.when_known(raw.stamp_ns + self._times_ns[-1], lambda: self._submit(raw, message))
+        end = raw.stamp_ns + _column_times(self._configs[raw.topic])[-1]
+        self._context.motion.when_known(end, lambda: self._submit(raw, message))
 
     def _submit(self, raw: RawMessage, message: Any) -> None:
-        state, base_from_lidar = self._context.motion.state, self._context.rig.lidar.mount.base_from_sensor
-        poses = np.stack([state(raw.stamp_ns + t).world_from_base @ base_from_lidar for t in self._times_ns])
+        config, state = self._configs[raw.topic], self._context.motion.state
+        base_from_lidar, stamps = config.mount.base_from_sensor, [raw.stamp_ns + t for t in _column_times(config)]
+        poses = np.stack([state(stamp).world_from_base @ base_from_lidar for stamp in stamps])
         # The last scan of a spinning LiDAR is completed after the end of the bag, where no pose is known.
-        known = np.searchsorted(
-            np.add(self._times_ns, raw.stamp_ns), self._context.motion.motion.stamps_ns[-1], "right"
-        )
-        seed = raw.stamp_ns if self._sampler.takes(raw.stamp_ns) else None
-        columns = known if len(poses) > 1 else self._context.rig.lidar.columns
+        known = np.searchsorted(stamps, self._context.motion.motion.stamps_ns[-1], "right")
+        seed = raw.stamp_ns if self._sampler.takes(raw.stamp_ns, config.name) else None
+        columns = known if len(poses) > 1 else config.columns
         self._context.jobs.append(lambda: self._compare(raw, message, poses, columns, seed))
 
     def _compare(self, raw: RawMessage, message: Any, poses: Array, columns: int, seed: int | None) -> list[Tally]:
         """Scan again from a pose for each column (n, 4, 4), or from one for all (1, 4, 4); compare some columns."""
-        config = self._context.rig.lidar
+        config = self._configs[raw.topic]
         try:
             cloud = read.points(message)
             xyz = np.stack([cloud[axis] for axis in "xyz"], axis=-1)
             bag = _Dense.of(config, cloud["column"], cloud["ring"], xyz, cloud["label"], cloud["instance"])
         except (ValueError, KeyError):
             return []  # the check of labels reports the layout
-        if not hasattr(self._lidars, "own"):
-            self._lidars.own = Lidar(config, self._rebuilt.scene)
-        scan = self._lidars.own.scan(poses if len(poses) > 1 else poses[0])
+        lidars = vars(self._own)
+        if config.name not in lidars:
+            lidars[config.name] = Lidar(config, self._rebuilt.scene)
+        scan = lidars[config.name].scan(poses if len(poses) > 1 else poses[0])
         own = _Dense.of(config, scan.column, scan.ring, scan.xyz, scan.label, scan.instance)
         bag, own = bag.first(columns * config.rings), own.first(columns * config.rings)
         same = (bag.label == own.label) & (bag.instance == own.instance)

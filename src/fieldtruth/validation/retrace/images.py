@@ -16,12 +16,12 @@ from fieldtruth.bag.sensor_messages import photograph_jpeg
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
+from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.render.camera import Camera
 from fieldtruth.sense.label_camera import LabelCamera, LabelImages
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Context, RebuiltWorld
-from fieldtruth.validation.retrace.camera_frames import TOPIC_OF, CameraFrame, CameraFrameChecker, Sampler
+from fieldtruth.validation.retrace.camera_frames import PARTS, CameraFrame, CameraFrameChecker, Sampler
 from fieldtruth.validation.retrace.lens import pixel_ray
 from fieldtruth.validation.retrace.reference import NOTHING, UNKNOWN, RayReading, RayReference, close
 from fieldtruth.validation.retrace.world import ClassComparison, ObjectClasses
@@ -61,17 +61,17 @@ _DECODERS: Final[dict[str, Callable[[Any], NDArray[Any]]]] = {
 
 
 class Images(CameraFrameChecker):
-    """Form, colours and depth of every image of both cameras."""
+    """Form, colours and depth of every image of all cameras."""
 
     def __init__(self, context: Context, objects: ObjectClasses) -> None:
-        super().__init__(context, TOPIC_OF)
+        super().__init__(context, PARTS)
         self._objects = objects
         self.tallies = [context.tally(spec) for spec in (IMAGES, TAG_COLOURS, DEPTH)]
 
     def check_frame(self, frame: CameraFrame) -> None:
         """Check a frame."""
         tallies, classes = [tally.part() for tally in self.tallies], self._objects.comparison()
-        info, far = self.infos.get(frame.side), self.context.rig.stereo.far
+        info, far = self.infos.get(frame.imager.name), frame.imager.config.far
         size = None if info is None else (info.width, info.height)
 
         def work() -> list[Tally]:
@@ -160,7 +160,7 @@ class RetracedImages(CameraFrameChecker):
         self.tallies[0].note = "all images" if full else "a sample of the images"
         if not full:
             self.tallies[1].skipped = "photographs are rendered again with --full"
-        self._cameras = threading.local()
+        self._own = threading.local()
 
     def check_frame(self, frame: CameraFrame) -> None:
         """Check a frame."""
@@ -168,20 +168,19 @@ class RetracedImages(CameraFrameChecker):
             self.context.motion.when_known(frame.stamp_ns, lambda: self._submit(frame))
 
     def _submit(self, frame: CameraFrame) -> None:
-        sampled = self._sampler.takes(frame.stamp_ns)
+        sampled = self._sampler.takes(frame.stamp_ns, frame.imager.config.name)
         if not (sampled or self._full):
             return
-        cameras, state = self.context.rig.stereo, self.context.motion.state(frame.stamp_ns)
-        mount = cameras.left if frame.side == "left" else cameras.right
-        pose = state.world_from_base @ (mount.base_from_sensor @ CAMERA_FROM_OPTICAL)
+        pose = self.context.motion.state(frame.stamp_ns).world_from_base @ frame.imager.base_from_optical
         self.context.jobs.append(lambda: self._compare(frame, pose, frame.stamp_ns if sampled else None))
 
     def _compare(self, frame: CameraFrame, pose: Array, seed: int | None) -> list[Tally]:
-        config, lens = self.context.rig.stereo, self.context.rig.stereo.projection
+        config = frame.imager.config
+        lens = config.projection
         bag = _pixels(frame, (config.height, config.width))
         if bag is None:
             return []
-        own, difference = self._render(pose, bag.photograph)
+        own, difference = self._render(config, pose, bag.photograph)
 
         def reading(k: int) -> RayReading:
             v, u = divmod(k, config.width)
@@ -205,16 +204,18 @@ class RetracedImages(CameraFrameChecker):
         sample = self._reference.compare(retraced[SAME_PIXELS], differing, same.size, reading, seed)
         return [retraced, photographs, sample]
 
-    def _render(self, pose: Array, photograph: NDArray[np.uint8] | None) -> tuple[LabelImages, float | None]:
+    def _render(
+        self, config: CameraConfig, pose: Array, photograph: NDArray[np.uint8] | None
+    ) -> tuple[LabelImages, float | None]:
         """Render with this thread's camera; returns the images, and the difference of the photographs."""
-        config, baked = self.context.rig.stereo, self._rebuilt.baked
+        baked, own = self._rebuilt.baked, vars(self._own)
         if photograph is None or baked is None:
-            if not hasattr(self._cameras, "label"):
-                self._cameras.label = LabelCamera(config, self._rebuilt.scene, reuse=True)
-            return self._cameras.label.label(pose), None
-        if not hasattr(self._cameras, "photograph"):
-            self._cameras.photograph = Camera(config, baked, reuse=True)
-        images = self._cameras.photograph.render(pose)
+            if config.name not in own.setdefault("label", {}):
+                own["label"][config.name] = LabelCamera(config, self._rebuilt.scene, reuse=True)
+            return own["label"][config.name].label(pose), None
+        if config.name not in own.setdefault("photograph", {}):
+            own["photograph"][config.name] = Camera(config, baked, reuse=True)
+        images = own["photograph"][config.name].render(pose)
         return images, _difference(photograph, images.photo, config.jpeg_quality)
 
 

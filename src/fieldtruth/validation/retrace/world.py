@@ -71,7 +71,7 @@ def rebuild(run: Run, *, quick: bool, full: bool, progress: Progress) -> tuple[R
         with progress.stage("build the world"):
             world = world_of(run.experiment)
             scene = Scene(world)
-            photographs = any(table.photograph(side) in run.counts for side in table.SIDES)
+            photographs = any(imager.topic_of("photograph") in run.counts for imager in run.rig.imagers)
             baked = bake(scene, run.experiment.light) if full and photographs else None
     except FieldtruthError as error:
         return None, f"the world cannot be built: {error}"
