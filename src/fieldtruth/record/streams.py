@@ -141,10 +141,11 @@ def _gnss_stream(config: GnssConfig, readings: GnssReadings) -> Stream:
 def _of_base(base: Base, rig: Rig) -> list[Stream]:
     tachometers, odometry, commands = base.tachometers, base.odometry, base.commands
     speeds = tachometers.wheel_speed
-    assert rig.wheel_odometry is not None
+    config = rig.wheel_odometry
+    assert config is not None
     return [
         Stream(
-            rig.wheel_odometry.wheel_topics,
+            config.wheel_topics,
             tachometers.stamps_ns,
             lambda k, _: map(base_messages.wheel_speed, speeds[k]),
         ),
