@@ -23,7 +23,7 @@ _SLICE: Final = 0.2  # [m] between the samples of a collider that lies or leans
 
 
 def obstacle_height(rig: Rig) -> float:
-    """Height [m] above the ground up to which objects are in the way of the robot and its mast."""
+    """Height [m] above the ground up to which objects stop the robot or its mast."""
     mast = body_boxes(rig).get("mast")
     top = 0.0 if mast is None else float(mast.centre[2] + mast.size[2] / 2) + rig.robot.ground_clearance
     return max(MAX_HEIGHT, top)
@@ -42,7 +42,7 @@ def max_step(robot: RobotConfig = _HUSKY) -> float:
 
 
 class Outline(NamedTuple):
-    """Convex polygon (m, 2) [m], anticlockwise, of the part of an object that is in the way, and the object's name."""
+    """Convex polygon (m, 2) [m], anticlockwise, of the part of an object that stops the robot, and the object's name."""
 
     name: str
     corners: Array

@@ -182,7 +182,7 @@ def press(
 ) -> None:
     """Lay the equivalent plane below each wheel; ``mounts`` (n, 3) are the hubs in base_link, ``sinkage`` (n,) [m].
 
-    ``treads`` (n, 3) are rows of ``Tread``; the last wheels may be casters, whose speed nobody measures.
+    ``treads`` (n, 3) are rows of ``Tread``; the last wheels may be casters, whose speed is not measured.
     A plane under a wheel without ground is out of its reach. A state that is not finite leaves the planes as they are:
     the physics keeps it, and the drive ends.
     """

@@ -71,10 +71,11 @@ def with_wheels(given: Mapping[str, Any]) -> dict[str, Any]:
     Raises:
         PartError: a robot that is not allowed.
     """
-    robot = part(RobotConfig, given.get("robot", {}), "robot")
+    robot, items = given.get("robot", {}), given["sensors"]
+    if not isinstance(robot, str | Mapping | RobotConfig) or not isinstance(items, list | tuple):
+        return dict(given)  # the fields report it
+    robot = part(RobotConfig, robot, "robot")
     own = {"wheels": robot.wheels.names}
-    if not isinstance(items := given["sensors"], list | tuple):
-        return dict(given)
     sensors = [
         item
         if _kind(item) != "wheel_odometry"
