@@ -124,7 +124,7 @@ def test_a_heavier_robot_is_slower_by_its_limits_only(flat_world: World) -> None
     for rig, climbs in ((heavy, True), (weak, False)):
         robot = make_robot(slope, (-10.0, 0.0), rig=rig)
         states = robot.advance(Command(0.5, 0.0), 2001)
-        assert (states[-1, 0] > states[0, 0] + 0.3) is climbs
+        assert bool(states[-1, 0] > states[0, 0] + 0.3) is climbs
 
 
 def test_servos_of_all_robots_have_the_frequency_of_a_husky() -> None:

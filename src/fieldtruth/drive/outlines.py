@@ -42,7 +42,7 @@ def max_step(robot: RobotConfig = _HUSKY) -> float:
 
 
 class Outline(NamedTuple):
-    """Convex polygon (m, 2) [m], anticlockwise, of the part of an object that stops the robot, and the object's name."""
+    """Convex polygon (m, 2) [m], anticlockwise, of the part of an object that stops a robot, and its name."""
 
     name: str
     corners: Array
