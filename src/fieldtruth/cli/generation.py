@@ -95,12 +95,14 @@ def _list(options: argparse.Namespace) -> None:
     from fieldtruth.experiment.camera_models import list_cameras
     from fieldtruth.experiment.catalogue import list_experiments
     from fieldtruth.experiment.lidar_models import list_lidars
+    from fieldtruth.experiment.robot_models import list_robots
     from fieldtruth.world.environments import list_environments
 
     lists = {
         "experiments": {"experiments": list_experiments},
         "environments": {"environments": list_environments},
         "sensors": {"LiDARs (rig.lidar.model)": list_lidars, "cameras (rig.cameras.model)": list_cameras},
+        "robots": {"robots (rig.robot)": list_robots},
     }
     if options.what not in (None, *lists):
         raise UnknownNameError("list", options.what, lists)
@@ -193,8 +195,10 @@ def add_commands(command: AddCommand) -> None:
 
     _add_preview(command("preview", _preview, "Draw an overview sheet of an environment."))
     _add_shares(command("shares", _shares, "Count the pixels and points of each class."))
-    lists = command("list", _list, "List the experiments and environments, or the sensors that have a name.")
-    lists.add_argument("what", metavar="LIST", nargs="?", help="experiments, environments or sensors (the first two)")
+    lists = command("list", _list, "List the experiments and environments, or the sensors or robots that have a name.")
+    lists.add_argument(
+        "what", metavar="LIST", nargs="?", help="experiments, environments, sensors or robots (the first two)"
+    )
     bench = command("bench", _bench, "Measure the speed of this machine.")
     bench.add_argument("--env", metavar="NAME", default="park", help="environment (park)")
     bench.add_argument("--json", action="store_true", help="JSON instead of a table")
