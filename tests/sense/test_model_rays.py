@@ -12,7 +12,7 @@ from fieldtruth import cli
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.lidar_models import list_lidars
+from fieldtruth.experiment.sensor_models import list_models
 from fieldtruth.sense.beams import column_times_ns, ray_times_ns, sweep_times_ns
 from fieldtruth.sense.lidar import Lidar, ray_directions
 from fieldtruth.sense.scene import Scene
@@ -125,7 +125,7 @@ def test_an_ouster_has_the_angles_of_its_makers_formula() -> None:
     assert np.array_equal(ray_times_ns(config), np.repeat(column_times_ns(config)[:, None], 64, axis=1))
 
 
-@pytest.mark.parametrize("name", list_lidars())
+@pytest.mark.parametrize("name", list_models("lidar"))
 def test_every_model_sees_the_walls_of_a_room_and_ends_within_its_period(name: str) -> None:
     config, half = LidarConfig(model=name), np.array([9.0, 8.0, 7.0])
     pose = frames.pose((0.5, -0.3, 0.2), (4, 5, 6))

@@ -178,6 +178,7 @@ def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt) -
             spinning=config.spinning,
             wide_ids=sensors.wide_ids,
             clock=config.time_field,
+            maker=config.point_fields,
         )
 
     return Stream((config.topic,), stamps, scan)

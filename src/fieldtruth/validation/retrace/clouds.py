@@ -56,6 +56,7 @@ In worlds whose ids do not fit into 16 bits ``instance`` is "<u4".
 _ROUNDING: Final = 1e-6
 """Share of a range by which single precision may exceed the limits."""
 _CLOCKS: Final = {"time": "<f4", "timestamp": "<f8"}
+_OF_MAKER: Final = {"ouster": {"reflectivity": "<u2", "ring": "|u1", "ambient": "<u2", "range": "<u4"}}
 _CLOCK_ROUNDING: Final = 1e-6
 """[s], which a double resolves for stamps of today, and single precision within a scan."""
 _RETURNS: Final = np.array([c.label is not Label.VOID and c.label not in NO_RETURN for c in CLASSES])
@@ -94,6 +95,7 @@ def _check_cloud(
     timed = {"t": "<u4"} if config.spinning or "t" in kinds else {}
     clock = config.time_field if config.spinning else None
     timed |= {clock: _CLOCKS[clock]} if clock else {}
+    timed |= _OF_MAKER[config.point_fields] if config.point_fields else {}
     wide = {"instance": "<u4"} if classes.has_wide_ids else {}
     whole = kinds == FIELDS | timed | wide and message.is_dense and not message.is_bigendian
     tally[LAYOUT].see(bool(whole), f"{where}: fields {', '.join(kinds)}")
@@ -113,6 +115,8 @@ def _check_cloud(
         tally[FINITE].see_all(np.asarray(np.isfinite(xyz).all(axis=-1)), lambda k: f"{row(k)}: {xyz[k]} m")
         if {"ring", "column"} <= kinds.keys():
             _check_rays(cloud, xyz, config, rays, row)
+    if whole and config.point_fields == "ouster":
+        _check_ouster(cloud, xyz, tally, rays, row)
     if whole and clock:
         start = read.stamp_ns(message.header) if clock == "timestamp" else 0
         due = (start + cloud["t"].astype(np.int64)) / 1e9
@@ -121,6 +125,16 @@ def _check_cloud(
     if whole:
         real = np.flatnonzero(cloud["label"] < N_CLASSES)
         classes.see(cloud["instance"][real], cloud["label"][real], lambda k: row(int(real[k])))
+
+
+def _check_ouster(cloud: NDArray[np.void], xyz: Array, tally: Tally, rays: Tally, row: Callable[[int], str]) -> None:
+    dark = (cloud["reflectivity"] == cloud["label"]) & (cloud["ambient"] == 0)
+    tally[INTENSITY].see_all(
+        dark, lambda k: f"{row(k)}: reflectivity {cloud['reflectivity'][k]}, ambient {cloud['ambient'][k]}"
+    )
+    range_mm = 1000.0 * np.linalg.norm(xyz, axis=-1)
+    near = np.abs(cloud["range"] - range_mm) < 0.5 + 1e-6  # an integer
+    rays[RANGE].see_all(near, lambda k: f"{row(k)}: range {cloud['range'][k]} mm, point at {range_mm[k]:.3f} mm")
 
 
 def _check_rays(
