@@ -55,8 +55,9 @@ from .experiment.imu_config import ImuConfig as ImuConfig
 from .experiment.lidar_config import LidarConfig as LidarConfig
 from .experiment.odometry_config import WheelOdometryConfig as WheelOdometryConfig
 from .experiment.rig import Rig as Rig
-from .experiment.rig import WheelConfig as WheelConfig
 from .experiment.rig import paper_rig as paper_rig
+from .experiment.robot_config import RobotConfig as RobotConfig
+from .experiment.robot_config import WheelConfig as WheelConfig
 from .experiment.route import random_route as random_route
 from .experiment.route import route_from_metres as route_from_metres
 from .experiment.route import route_yaml as route_yaml

@@ -13,7 +13,7 @@ from fieldtruth.core.classes import Label
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.drive.controller import WaypointFollower
 from fieldtruth.drive.monitor import DriveMonitor
-from fieldtruth.drive.simulate import SimulatedHusky
+from fieldtruth.drive.simulate import SimulatedRobot
 from fieldtruth.drive.wheel_contacts import Soil
 from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.rig import Rig
@@ -136,14 +136,19 @@ def obstacle(
 
 
 def make_robot(
-    world: World, start: tuple[float, float] = (0.0, 0.0), *, yaw_deg: float = 0.0, soil: Soil | None = None
-) -> SimulatedHusky:
-    """A settled robot without a route."""
+    world: World,
+    start: tuple[float, float] = (0.0, 0.0),
+    *,
+    yaw_deg: float = 0.0,
+    soil: Soil | None = None,
+    rig: Rig | None = None,
+) -> SimulatedRobot:
+    """A settled robot without a route, by default the paper's."""
     ahead = np.array(start) + 100 * np.array([np.cos(np.deg2rad(yaw_deg)), np.sin(np.deg2rad(yaw_deg))])
     experiment = make_experiment([(float(ahead[0]), float(ahead[1]))])
     waypoints = geodetic_route(experiment.route).waypoints
     monitor = DriveMonitor(world, WaypointFollower(waypoints, experiment.control), experiment.control)
-    robot = SimulatedHusky(world, Rig(), monitor, soil)
+    robot = SimulatedRobot(world, rig or Rig(), monitor, soil)
     robot.spawn(np.array(start), ahead)
     return robot
 

@@ -6,15 +6,14 @@ import math
 
 from scipy.optimize import brentq
 
-from fieldtruth.drive.husky import MASS, wheel_width
 from fieldtruth.drive.physics import GRAVITY
 from fieldtruth.drive.soil import soil_rows
 from fieldtruth.drive.soil_law import Tyre, compaction, sinkage, slip_factor, traction
-from fieldtruth.drive.tyre import STIFFNESS
-from fieldtruth.experiment.rig import WheelConfig
+from fieldtruth.experiment.robot_config import RobotConfig
 
-LOAD = MASS * GRAVITY / 4  # [N]
-TYRE: Tyre = (wheel_width(WheelConfig()), 2 * WheelConfig().radius, STIFFNESS)
+ROBOT = RobotConfig()
+LOAD = ROBOT.mass * GRAVITY / 4  # [N]
+TYRE: Tyre = (ROBOT.wheels.width, 2 * ROBOT.wheels.radius, ROBOT.wheels.tyre_stiffness)
 
 
 def climbing_slip(ground_type: str, slope_deg: float) -> float:

@@ -8,9 +8,10 @@ import pytest
 from drive_worlds import F8, make_robot, make_world, tilted
 
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz
-from fieldtruth.drive.husky import STOP, Command, ramp, wheel_speeds
 from fieldtruth.drive.physics import build_physics
-from fieldtruth.experiment.rig import Rig, WheelConfig
+from fieldtruth.drive.robot import STOP, Command, ramp, wheel_speeds
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
 from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.world.model import World
 
@@ -89,7 +90,7 @@ def test_wheel_speeds_in_closed_form() -> None:
 
 
 def test_ramp_keeps_the_acceleration_limits() -> None:
-    commands = ramp(Command(0.3, 0.0), Command(0.0, -0.6), np.array([0.05, 0.1, 0.2]))
+    commands = ramp(Command(0.3, 0.0), Command(0.0, -0.6), np.array([0.05, 0.1, 0.2]), RobotConfig())
     np.testing.assert_allclose(commands, [[0.15, -0.3], [0.0, -0.6], [0.0, -0.6]], atol=1e-12)
 
 

@@ -12,19 +12,19 @@ from drive_worlds import F8, make_experiment, make_robot, make_world, tilted
 from soil_slip import LOAD, TYRE, climbing_slip
 
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.drive.husky import MASS, STOP, Command
-from fieldtruth.drive.simulate import SimulatedHusky, drive
+from fieldtruth.drive.robot import STOP, Command
+from fieldtruth.drive.simulate import SimulatedRobot, drive
 from fieldtruth.drive.soil import SOILS, soil_rows
 from fieldtruth.drive.soil_contact import SoilContact
 from fieldtruth.drive.soil_law import compaction, sinkage
-from fieldtruth.experiment.rig import WheelConfig
+from fieldtruth.experiment.robot_config import WheelConfig
 from fieldtruth.world.ground_types import GROUND_TYPES
 from fieldtruth.world.model import Raster, World
 
 RADIUS = WheelConfig().radius
 
 
-def robot_on(ground_type: str, slope_deg: float = 0.0, *, yaw_deg: float = 0.0) -> SimulatedHusky:
+def robot_on(ground_type: str, slope_deg: float = 0.0, *, yaw_deg: float = 0.0) -> SimulatedRobot:
     """Settled, in a world of one ground type."""
     world = make_world(tilted(slope_deg, 0.0), ground_type=ground_type)
     return make_robot(world, yaw_deg=yaw_deg, soil=SoilContact(world, WheelConfig(), {}))
@@ -98,7 +98,7 @@ def test_coasting_robot_decelerates_by_its_resistance(ground_type: str) -> None:
     robot.surroundings.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
     robot.advance(STOP, 200)  # until the slip of driving and its rut are behind
     speed = robot.advance(STOP, 200)[:, 7]
-    expected = resistance / (MASS + 4 * (0.04411 + 0.1) / RADIUS**2)
+    expected = resistance / (50.0 + 4 * (0.04411 + 0.1) / RADIUS**2)
     assert (speed[0] - speed[-1]) / 0.199 == pytest.approx(expected, rel=0.02)
 
 

@@ -23,7 +23,7 @@ from fieldtruth.drive.soil_law import (
     traction,
 )
 from fieldtruth.drive.wheel_contacts import Wheels
-from fieldtruth.experiment.rig import WheelConfig
+from fieldtruth.experiment.robot_config import WheelConfig
 
 
 def row(name: str) -> Array:

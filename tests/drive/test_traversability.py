@@ -11,11 +11,13 @@ from sense_worlds import at, box, make_mesh
 
 from fieldtruth.core import frames
 from fieldtruth.drive.bearing import bearing_field
-from fieldtruth.drive.outlines import MAX_STEP, Outline, distance_to, gap_to, obstacle_outlines, stone_outlines
-from fieldtruth.drive.traversability import CELL, ROBOT_RADIUS, Blockage, Traversability
+from fieldtruth.drive.outlines import Outline, distance_to, gap_to, max_step, obstacle_outlines, stone_outlines
+from fieldtruth.drive.traversability import CELL, Blockage, Traversability, robot_radius
+from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Collider, merge_meshes
 
+ROBOT_RADIUS, MAX_STEP = robot_radius(RobotConfig()), max_step()
 SQUARE = Outline("square", np.array([(1.0, -1.0), (3.0, -1.0), (3.0, 1.0), (1.0, 1.0)]))
 
 

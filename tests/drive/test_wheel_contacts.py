@@ -11,21 +11,21 @@ import pytest
 from drive_worlds import F8, make_experiment, make_world, tilted
 
 from fieldtruth.drive.controller import WaypointFollower
-from fieldtruth.drive.husky import STOP, Command
 from fieldtruth.drive.monitor import DriveMonitor
 from fieldtruth.drive.physics import build_physics
-from fieldtruth.drive.simulate import SimulatedHusky
+from fieldtruth.drive.robot import STOP, Command
+from fieldtruth.drive.simulate import SimulatedRobot
 from fieldtruth.drive.wheel_contacts import WheelContacts, Wheels
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route
 from fieldtruth.world.model import World
 
 
-def robot_on(world: World, soil: Callable[[Wheels], None]) -> SimulatedHusky:
+def robot_on(world: World, soil: Callable[[Wheels], None]) -> SimulatedRobot:
     """At the origin, facing +x, settled."""
     experiment = make_experiment([(15.0, 0.0)])
     follower = WaypointFollower(geodetic_route(experiment.route).waypoints, experiment.control)
-    robot = SimulatedHusky(world, Rig(), DriveMonitor(world, follower, experiment.control), soil)
+    robot = SimulatedRobot(world, Rig(), DriveMonitor(world, follower, experiment.control), soil)
     robot.spawn(np.zeros(2), np.array([100.0, 0.0]))
     return robot
 

@@ -8,7 +8,7 @@ from drive_figures import Drive, attitude_difference, cross_track, peak
 
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.rig import WheelConfig
+from fieldtruth.experiment.robot_config import WheelConfig
 
 WHEELS = WheelConfig()
 SPEED = 0.3

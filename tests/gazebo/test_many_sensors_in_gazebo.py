@@ -22,7 +22,6 @@ from fieldtruth.bag import topics
 from fieldtruth.bag.robot_messages import rig_transforms
 from fieldtruth.core import frames
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.drive import husky
 from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.gnss_config import GnssConfig
@@ -148,7 +147,7 @@ def test_the_urdf_has_a_plugin_with_topic_and_frame_for_each_sensor(urdf_folder:
         names = [found.findtext(key) for key in ("bodyName", "frameId", "topicName", "velocityTopicName", "updateRate")]
         assert names == [antenna.frame, antenna.frame, f"{antenna.name}/fix", f"{antenna.name}/vel", "5"]
         assert robot.find(f"link[@name='{antenna.frame}']/inertial") is not None
-    assert sum(float(e.attrib["value"]) for e in robot.iter("mass")) == pytest.approx(husky.MASS, abs=1e-9)
+    assert sum(float(e.attrib["value"]) for e in robot.iter("mass")) == pytest.approx(RIG.robot.mass, abs=1e-9)
 
 
 def test_xacro_expands_to_the_urdf_and_switches_all_of_a_kind(urdf_folder: Path) -> None:

@@ -18,18 +18,20 @@ from fieldtruth.bag.robot_messages import rig_transforms
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.drive import husky
+from fieldtruth.drive.robot import ROTOR_INERTIA, wheel_speeds
 from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.imu_config import ImuConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig, paper_rig
+from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.gazebo.robot import Flavour, shapes, write_robot
 from fieldtruth.sense.lidar import ray_directions
 from fieldtruth.sense.pinhole import pinhole
 
+HUSKY = RobotConfig()
 FLAVOURS = get_args(Flavour)
 OTHER_RIG = paper_rig(
     imu=ImuConfig(mount=Mount(xyz=(0.1, 0.02, 0.3), rpy_deg=(12.0, -35.0, 140.0))),
@@ -155,32 +157,32 @@ def test_lens_is_our_pinhole(rig: Rig, flavour: Flavour, tmp_path: Path) -> None
 def test_masses_are_the_physics(flavour: Flavour, tmp_path: Path) -> None:
     links = sdf(Rig(), flavour, tmp_path)[0].findall("link")
     masses = [values(link, "inertial/mass")[0] for link in links]
-    assert sum(masses) == pytest.approx(husky.MASS, abs=1e-9)
-    assert masses[1:] == [husky.WHEEL_MASS] * 4
+    assert sum(masses) == pytest.approx(HUSKY.mass, abs=1e-9)
+    assert masses[1:] == [HUSKY.wheels.mass] * 4
 
 
 @pytest.mark.parametrize("flavour", FLAVOURS)
 def test_inertia_of_roll_and_yaw_is_the_physics(flavour: Flavour, tmp_path: Path) -> None:
     """The moments across the axles that the rotors add to the wheels are taken from the chassis."""
     links = sdf(Rig(), flavour, tmp_path)[0].findall("link")
-    scale = (husky.MASS - 4 * husky.WHEEL_MASS) / husky.CHASSIS_INERTIA_MASS
+    scale = (HUSKY.mass - 4 * HUSKY.wheels.mass) / HUSKY.chassis_inertia_mass
     for axis, name in ((0, "ixx"), (2, "izz")):
         moments = [values(link, f"inertial/inertia/{name}")[0] for link in links]
-        expected = husky.CHASSIS_INERTIA[axis] * scale + 4 * husky.WHEEL_INERTIA[axis]
+        expected = HUSKY.chassis_inertia[axis] * scale + 4 * HUSKY.wheels.inertia[axis]
         assert sum(moments) == pytest.approx(expected, rel=1e-12)
     axle = values(links[1], "inertial/inertia/iyy")[0]
-    assert axle == pytest.approx(husky.WHEEL_INERTIA[1] + husky.ROTOR_INERTIA)
+    assert axle == pytest.approx(HUSKY.wheels.inertia[1] + ROTOR_INERTIA)
 
 
 def test_urdf_weighs_what_the_sdf_weighs(classic: Path) -> None:
     robot = ET.parse(classic / "urdf/husky.urdf").getroot()
-    assert sum(float(e.attrib["value"]) for e in robot.iter("mass")) == pytest.approx(husky.MASS, abs=1e-9)
+    assert sum(float(e.attrib["value"]) for e in robot.iter("mass")) == pytest.approx(HUSKY.mass, abs=1e-9)
 
 
 def test_a_turn_is_commanded_as_in_the_physics(classic: Path) -> None:
     """Both drives of Gazebo divide a turn by half the track they know; ours makes up for the skidding."""
     turn_rate, wheels = 0.3, Rig().wheels
-    left, right, *_ = husky.wheel_speeds((0.0, turn_rate), wheels) * wheels.radius
+    left, right, *_ = wheel_speeds((0.0, turn_rate), wheels) * wheels.radius
     plugin = ET.parse(classic / "urdf/husky.urdf").getroot().find("gazebo/plugin[@name='drive']")
     assert plugin is not None
     assert turn_rate * values(plugin, "wheelSeparation")[0] == pytest.approx(right - left, rel=1e-12)

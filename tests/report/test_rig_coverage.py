@@ -148,5 +148,6 @@ def test_the_picture_shows_blind_ground_only_where_there_is_some() -> None:
 )
 def test_odd_rigs_can_be_drawn(sensors: list[dict[str, Any]], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("fieldtruth.report.rig.picture._ROWS", 2)
-    picture = draw_rig(Rig.model_validate({"sensors": sensors}), "odd", pixels=600)
+    robot = "husky" if sensors else "generic_differential"
+    picture = draw_rig(Rig.model_validate({"robot": robot, "sensors": sensors}), "odd", pixels=600)
     assert len(colours(picture)) > 20

@@ -17,6 +17,7 @@ from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
 from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.imu_config import ImuConfig
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.robot_models import list_robots
 from fieldtruth.report.rig import FORMATS, sensor_table
 
 RIGS = pytest.mark.parametrize("rig", [Rig(), many_rig()], ids=["paper", "many"])
@@ -50,7 +51,11 @@ def test_the_table_has_a_line_for_each_sensor() -> None:
     assert lines["imu_rear"] == "off"
 
 
-@RIGS
+@pytest.mark.parametrize(
+    "rig",
+    [Rig(), many_rig(), *(Rig.model_validate({"robot": name, "sensors": []}) for name in list_robots())],
+    ids=["paper", "many", *list_robots()],
+)
 def test_the_urdf_has_the_transforms_of_the_rig(rig: Rig) -> None:
     yourdfpy = pytest.importorskip("yourdfpy")
     read = yourdfpy.URDF.load(io.BytesIO(FORMATS["urdf"](rig).encode()), load_meshes=False)
@@ -61,9 +66,9 @@ def test_the_urdf_has_the_transforms_of_the_rig(rig: Rig) -> None:
         np.testing.assert_allclose(read.get_transform(child, parent), parent_from_child, rtol=0, atol=1e-9)
     wheels = {name for name in read.link_map if name.endswith("_wheel")}
     assert {joint.child for joint in read.robot.joints if joint.type == "continuous"} == wheels
-    assert len(wheels) == 4
+    assert wheels == {f"{name}_wheel" for name in rig.wheels.names}
     masses = [link.inertial.mass for link in read.robot.links if link.inertial is not None]
-    assert sum(masses) == pytest.approx(50.0)  # paper, section 2.1
+    assert sum(masses) == pytest.approx(rig.robot.mass)
     for wheel in wheels:  # the tread touches the ground, and its cylinder turns about y
         [visual] = read.link_map[wheel].visuals
         np.testing.assert_allclose(np.abs(visual.origin[:3, 2]), [0.0, 1.0, 0.0], atol=1e-9)

@@ -15,7 +15,6 @@ from scipy.spatial import cKDTree
 from sense_worlds import without_textures
 
 from fieldtruth.core.classes import Label
-from fieldtruth.drive.ground import CHASSIS_CLEARANCE
 from fieldtruth.drive.traversability import Blockage, Traversability
 from fieldtruth.world.build import load_world, reserved_corridors
 from fieldtruth.world.environments.hillside.build import build as build_hillside
@@ -90,7 +89,7 @@ def test_bumps_on_the_routes_do_not_touch_the_chassis(world: World) -> None:
     for line in routes():
         headings = np.arctan2(line.tangents[:, 1], line.tangents[:, 0])
         bumps = ground.bumps_at(np.column_stack([line.points, headings]))
-        assert 0.04 < bumps.max() < CHASSIS_CLEARANCE
+        assert 0.04 < bumps.max() < ground.robot.ground_clearance
     x, y = np.meshgrid(np.arange(-48.0, 48.0, 0.1), np.arange(-23.0, 23.0, 0.1))
     assert (ground.blockage_at(np.column_stack([x.ravel(), y.ravel()])) == Blockage.ROUGH).any()
 

@@ -23,7 +23,7 @@ ODOM: Final = "odom"
 """Frame in which wheel odometry starts (REP-105). It is not in /tf, where the parent of base_link is the world."""
 WHEEL_FRAMES: Final = tuple(f"{wheel}_wheel" for wheel in WHEELS)
 JOINTS: Final = tuple(f"{wheel}_wheel_joint" for wheel in WHEELS)
-"""Names of the wheels' joints, as in the URDF of ``fieldtruth gazebo``."""
+"""Names of the wheels' joints, as in the URDF of ``fieldtruth gazebo``; a differential robot has the first two."""
 VARIANCES: Final = (0.001, 0.001, 0.001, 0.001, 0.001, 0.03)
 """Of x, y, z [m^2], roll, pitch, yaw [rad^2], and of their rates: those that a Husky's driver states (husky_control,
 control.yaml). They are constants, although the error of dead reckoning grows."""
@@ -37,7 +37,7 @@ def wheel_speed(speed: float) -> bytes:
 def joint_states(k: int, odometry: WheelOdometry) -> bytes:
     """Serialise sensor_msgs/JointState: angle [rad] and speed [rad/s] of each wheel, positive forwards; no torques."""
     head, wheels = ros.header(k, int(odometry.stamps_ns[k]), BASE), odometry.wheels
-    message = JointState(head, list(JOINTS), wheels.angle[k], wheels.speed[k], np.zeros(0))
+    message = JointState(head, list(JOINTS[: wheels.angle.shape[1]]), wheels.angle[k], wheels.speed[k], np.zeros(0))
     return ros.serialize(message, "sensor_msgs/msg/JointState")
 
 
@@ -61,9 +61,9 @@ def command(k: int, commands: Commands) -> bytes:
 
 
 def wheel_transforms(rig: Rig, angles: Array) -> dict[str, Array]:
-    """Return base_from_wheel (4, 4) by frame for the angles (4,) [rad] of the wheels about their axles."""
+    """Return base_from_wheel (4, 4) by frame for the angles (n,) [rad] of the wheels about their axles."""
     mounts = rig.mounts()
     return {
         name: mounts[name].base_from_sensor @ frames.pose((0.0, 0.0, 0.0), (0.0, float(np.rad2deg(angle)), 0.0))
-        for name, angle in zip(WHEEL_FRAMES, angles, strict=True)
+        for name, angle in zip(WHEEL_FRAMES[: len(angles)], angles, strict=True)
     }

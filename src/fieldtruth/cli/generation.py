@@ -94,6 +94,7 @@ def _engine(options: argparse.Namespace) -> "Iterator[ClusterEngine | None]":
 
 def _list(options: argparse.Namespace) -> None:
     from fieldtruth.experiment.catalogue import list_experiments
+    from fieldtruth.experiment.robot_models import list_robots
     from fieldtruth.experiment.sensor_models import TITLES, list_models
     from fieldtruth.world.environments import list_environments
 
@@ -101,6 +102,7 @@ def _list(options: argparse.Namespace) -> None:
         "experiments": {"experiments": list_experiments},
         "environments": {"environments": list_environments},
         "sensors": {title: partial(list_models, kind) for kind, title in TITLES.items()},
+        "robots": {"robots (rig.robot)": list_robots},
     }
     if options.what not in (None, *lists):
         raise UnknownNameError("list", options.what, lists)
@@ -193,8 +195,10 @@ def add_commands(command: AddCommand) -> None:
 
     _add_preview(command("preview", _preview, "Draw an overview sheet of an environment."))
     _add_shares(command("shares", _shares, "Count the pixels and points of each class."))
-    lists = command("list", _list, "List the experiments and environments, or the sensors that have a name.")
-    lists.add_argument("what", metavar="LIST", nargs="?", help="experiments, environments or sensors (the first two)")
+    lists = command("list", _list, "List the experiments and environments, or the sensors or robots that have a name.")
+    lists.add_argument(
+        "what", metavar="LIST", nargs="?", help="experiments, environments, sensors or robots (the first two)"
+    )
     bench = command("bench", _bench, "Measure the speed of this machine.")
     bench.add_argument("--env", metavar="NAME", default="park", help="environment (park)")
     bench.add_argument("--json", action="store_true", help="JSON instead of a table")

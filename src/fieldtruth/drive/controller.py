@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.geodesy import world_from_geodetic
-from fieldtruth.drive.husky import STOP, Command
+from fieldtruth.drive.robot import STOP, Command
 from fieldtruth.experiment.config import ControlConfig
 
 

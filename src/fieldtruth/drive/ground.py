@@ -10,17 +10,12 @@ import numpy as np
 from scipy.ndimage import maximum_filter, uniform_filter
 
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.drive.husky import CHASSIS_WIDTH, OUTLINE
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.world.model import Heightfield
 
-CHASSIS_CLEARANCE: Final = -Rig().base_footprint.xyz[2]
-"""Height [m] of the chassis above the plane through the wheels' contact points."""
 _HEADINGS: Final = 8
-_WHEELS: Final = Rig().wheels
-_CHASSIS_POINTS: Final = [
-    (x * OUTLINE[0], y * CHASSIS_WIDTH) for x in (-0.5, -0.25, 0.0, 0.25, 0.5) for y in (-0.35, 0.0, 0.35)
-]
+_CHASSIS_POINTS: Final = [(x, y) for x in (-0.5, -0.25, 0.0, 0.25, 0.5) for y in (-0.35, 0.0, 0.35)]
+"""In lengths and widths of the chassis."""
 _AROUND: Final = 0.1
 """Half the distance [m] between the points of the chassis, less half a node of the bearing ground."""
 
@@ -28,7 +23,7 @@ Ground = Callable[[Array, Array], Array]
 """Heights [m] at offsets x, y [m] from the middle of the robot, in the world frame."""
 
 
-def bump_height(below_wheels: Ground, below_chassis: Ground, heading: Array) -> Array:
+def bump_height(below_wheels: Ground, below_chassis: Ground, heading: Array, robot: RobotConfig) -> Array:
     """Height [m] of the ground below the chassis above the plane through the ground below the wheels.
 
     ``heading`` [rad].
@@ -38,29 +33,30 @@ def bump_height(below_wheels: Ground, below_chassis: Ground, heading: Array) -> 
     def at(ground: Ground, x: float, y: float) -> Array:
         return ground(cos * x - sin * y, sin * x + cos * y)
 
-    a, b = _WHEELS.half_wheelbase, _WHEELS.half_track
-    corners = [at(below_wheels, x, y) for x in (a, -a) for y in (b, -b)]
-    front_left, front_right, rear_left, rear_right = corners
-    middle = (front_left + front_right + rear_left + rear_right) / 4
-    along = (front_left + front_right - rear_left - rear_right) / (4 * a)
-    across = (front_left - front_right + rear_left - rear_right) / (4 * b)
-    bump = at(below_chassis, 0.0, 0.0) - middle
-    for x, y in _CHASSIS_POINTS:
-        bump = np.maximum(bump, at(below_chassis, x, y) - (middle + along * x + across * y))
+    corners, length, width = robot.corners, robot.outline[0], robot.chassis_width
+    front, rear = corners[0][0], corners[3][0]
+    front_left, front_right, rear_left, rear_right = (at(below_wheels, x, y) for x, y in corners)
+    middle = (front_left + front_right + rear_left + rear_right) / 4  # at x of the middle between the axles
+    along = (front_left + front_right - rear_left - rear_right) / (2 * (front - rear))
+    across = (front_left - front_right + rear_left - rear_right) / sum(abs(y) for _, y in corners)
+    bump = at(below_chassis, 0.0, 0.0) - (middle - along * ((front + rear) / 2))
+    for x, y in ((share_x * length, share_y * width) for share_x, share_y in _CHASSIS_POINTS):
+        plane = middle + along * (x - (front + rear) / 2) + across * y
+        bump = np.maximum(bump, at(below_chassis, x, y) - plane)
     return bump
 
 
-def bump_height_on_path(bearing: Heightfield, highest: Heightfield, poses: Array) -> Array:
+def bump_height_on_path(bearing: Heightfield, highest: Heightfield, poses: Array, robot: RobotConfig) -> Array:
     """Bump height [m], (n,), at poses (n, 3) of x, y [m] and heading [rad]; see ``highest_around``."""
     x, y, heading = poses.T
 
     def of(field: Heightfield) -> Ground:
         return lambda dx, dy: field.height_at(x + dx, y + dy)
 
-    return bump_height(of(bearing), of(highest), heading)
+    return bump_height(of(bearing), of(highest), heading, robot)
 
 
-def max_bump_height(bearing: Heightfield, highest: Heightfield, x: Array, y: Array) -> Array:
+def max_bump_height(bearing: Heightfield, highest: Heightfield, x: Array, y: Array, robot: RobotConfig) -> Array:
     """Greatest bump height [m], (nx, ny), over all headings at x (nx,) and y (ny,) [m], from the nearest nodes."""
 
     def of(field: Heightfield) -> Ground:
@@ -76,7 +72,7 @@ def max_bump_height(bearing: Heightfield, highest: Heightfield, x: Array, y: Arr
         return heights
 
     headings = np.arange(_HEADINGS) * np.pi / _HEADINGS
-    return np.asarray(np.max([bump_height(of(bearing), of(highest), heading) for heading in headings], axis=0))
+    return np.asarray(np.max([bump_height(of(bearing), of(highest), heading, robot) for heading in headings], axis=0))
 
 
 def highest_around(soil: Heightfield, raised: Float32Array, step: float) -> Heightfield:

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Wheel odometry: dead reckoning from the angles of the wheels with the model of a skid-steered robot.
+"""Wheel odometry: dead reckoning from the angles of the wheels with the model of a skid-steered or differential robot.
 
-Like ``diff_drive_controller``, the driver of a real Husky: a side's advance is the mean of its two wheels, the robot
+Like ``diff_drive_controller``, the driver of a real Husky: a side's advance is the mean of its wheels, the robot
 turns by the difference of the sides over the effective track, and moves on an arc from one reading to the next. Slip is
 what it does not see, so its error is that of a real robot.
 """
@@ -10,10 +10,10 @@ what it does not see, so its error is that of a real robot.
 import numpy as np
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive.husky import skid_compensation
+from fieldtruth.drive.robot import skid_compensation
 from fieldtruth.drive.sensors import steps_at_rate
 from fieldtruth.drive.track import Stamps, WheelMotion, WheelOdometry
-from fieldtruth.experiment.rig import WheelConfig
+from fieldtruth.experiment.robot_config import WheelConfig
 
 
 def effective_track(wheels: WheelConfig) -> float:
@@ -22,7 +22,7 @@ def effective_track(wheels: WheelConfig) -> float:
 
 
 def advance(turned: Array, wheels: WheelConfig) -> tuple[Array, Array]:
-    """Advance (n,) [m] and turn (n,) [rad] of the robot for the angles (n, 4) [rad] by which its wheels turn."""
+    """Advance (n,) [m] and turn (n,) [rad] of the robot for the angles (n, m) [rad] by which its wheels turn."""
     left, right = (wheels.radius * turned[:, side::2].mean(axis=1) for side in (0, 1))
     return (left + right) / 2, (right - left) / effective_track(wheels)
 
@@ -31,7 +31,7 @@ def read_odometry(stamps_ns: Stamps, wheels: WheelMotion, config: WheelConfig, r
     """Return wheel odometry for the rotation of the wheels at every physics step, which has these stamps [ns]."""
     rows = steps_at_rate(rate_hz, int(stamps_ns[-1])) - 1
     stamps, angle = stamps_ns[rows], wheels.angle[rows]
-    forward, turn = advance(np.diff(angle, axis=0, prepend=np.zeros((1, 4))), config)
+    forward, turn = advance(np.diff(angle, axis=0, prepend=np.zeros((1, angle.shape[1]))), config)
     yaw = np.cumsum(turn)
     middle, chord = yaw - turn / 2, forward * np.sinc(turn / (2 * np.pi))
     seconds = np.diff(stamps, prepend=0) / 1e9

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """MuJoCo model of a world and the robot: ground, obstacles, and the contact of tyre and soil.
 
-Each wheel touches one plane, which ``drive.wheel_contacts`` lays before every step as ``drive.tyre`` finds it. The
-chassis collides with the heightfield, the whole outline with the obstacles.
+Each wheel, and a caster, touches one plane, which ``drive.wheel_contacts`` lays before every step as ``drive.tyre``
+finds it. The chassis collides with the heightfield, the whole outline with the obstacles.
 
 Friction 0.68 is the peak value of a tyre on a dry earth road (Wong, Theory of Ground Vehicles, table of average
 coefficients of road adhesion): that of the chassis, and of wheels until ``drive.soil_contact`` sets theirs in every
@@ -13,7 +13,7 @@ with a tyre's stiffness it does not. ``impratio`` keeps friction stiff: on a slo
 0.001 mm/s. Elliptic cones and Newton; pyramidal ones chatter.
 """
 
-import math
+from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 import mujoco
@@ -23,20 +23,17 @@ from scipy.spatial.transform import Rotation
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.frames import pose, quaternion_wxyz_from_rotation
 from fieldtruth.drive.bearing import bearing_field
-from fieldtruth.drive.husky import CHASSIS_BIT, MASS, OUTLINE_BIT, WHEEL_GEOMS, add_husky, plane_geom
-from fieldtruth.drive.tyre import DAMPING_RATIO, STIFFNESS
+from fieldtruth.drive.robot import CHASSIS_BIT, OUTLINE_BIT, Support, add_robot, plane_geom, supports
+from fieldtruth.drive.tyre import DAMPING_RATIO
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.topic import WHEELS
+from fieldtruth.experiment.robot_config import GRAVITY as GRAVITY
+from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.world.model import Collider, Heightfield, World
 
 STEP_NS: Final = 1_000_000  # [ns]
 STEP_S: Final = STEP_NS / 1e9
-GRAVITY: Final = 9.81  # [m/s^2]
 FRICTION: Final = 0.68
 
-TYRE_DEFLECTION: Final = MASS * GRAVITY / 4 / STIFFNESS
-"""Of a loaded tyre [m]: the contact acts from this far above the loaded radius."""
-_TYRE_DAMPING: Final = 2 * DAMPING_RATIO * math.sqrt(STIFFNESS * MASS / 4)  # [N s/m]
 _IMPEDANCE: Final = 0.01
 _SLIP_DECAY: Final = 50.0  # [1/s]
 _FRICTION_STIFFNESS: Final = 1e6
@@ -63,21 +60,22 @@ def build_physics(world: World, rig: Rig) -> Physics:
     option.iterations, option.ls_iterations = _SOLVER_ITERATIONS, 50
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     add_terrain(spec, bearing_field(world))
-    for wheel in WHEEL_GEOMS:
-        _add_plane(spec, plane_geom(wheel))
+    bearing = supports(rig)
+    for support in bearing:
+        _add_plane(spec, plane_geom(support.geom))
     names = _add_obstacles(spec, world)
-    add_husky(spec, rig)
-    for wheel in WHEEL_GEOMS:
+    add_robot(spec, rig)
+    for support in bearing:
         spec.add_pair(
-            geomname1=plane_geom(wheel),
-            geomname2=wheel,
-            condim=3,
+            geomname1=plane_geom(support.geom),
+            geomname2=support.geom,
+            condim=1 if support.body == "base_link" else 3,
             friction=[FRICTION, FRICTION, 0.0, 0.0, 0.0],
             solimp=[_IMPEDANCE, _IMPEDANCE, 1.0, 0.5, 2.0],
-            margin=TYRE_DEFLECTION,
+            margin=support.deflection(rig.robot),
         )
     model = spec.compile()
-    _set_stiffness(model)
+    _set_stiffness(model, bearing, rig.robot)
     return Physics(model, {model.geom(geom).id: name for geom, name in names.items()})
 
 
@@ -87,15 +85,17 @@ def _add_plane(spec: Any, name: str) -> None:
     body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1.0, 1.0, 1.0], contype=0, conaffinity=0)
 
 
-def _set_stiffness(model: Any) -> None:
-    """Give the contacts of the wheels the tyre's stiffness and damping.
+def _set_stiffness(model: Any, bearing: Sequence[Support], robot: RobotConfig) -> None:
+    """Give the contacts of the supports the tyre's stiffness and damping.
 
     MuJoCo's contact force is (k depth + b speed - acceleration) d / ((1 - d) A), with d the impedance and A the
     contact's inverse mass, a constant of the model. With small d it is a spring with a damper, in parallel a mass.
     """
-    inverse_mass = model.body_invweight0[[model.body(name).id for name in WHEELS], 0]
+    inverse_mass = model.body_invweight0[[model.body(support.body).id for support in bearing], 0]
     scale = (1 - _IMPEDANCE) * inverse_mass[:, None]
-    model.pair_solref[:] = -scale * (STIFFNESS, _TYRE_DAMPING)
+    stiffness, shares = robot.wheels.tyre_stiffness, np.array([support.share for support in bearing])
+    damping = 2 * DAMPING_RATIO * np.sqrt(stiffness * robot.mass * shares)  # [N s/m]
+    model.pair_solref[:] = -scale * np.column_stack([np.full(len(bearing), stiffness), damping])
     model.pair_solreffriction[:] = (-1.0, -_SLIP_DECAY * _IMPEDANCE)
 
 
@@ -154,9 +154,8 @@ def _add_collider(spec: Any, name: str, collider: Collider, world_from_object: A
 
 
 def resting_pose(field: Heightfield, xy: Array, yaw: float, rig: Rig) -> tuple[Array, Array]:
-    """Position [m] and quaternion_wxyz of base_link just above the plane through the terrain below the four wheels."""
-    wheels = rig.wheels
-    corners = np.array([(i, j) for i in (1, -1) for j in (1, -1)]) * (wheels.half_wheelbase, wheels.half_track)
+    """Position [m] and quaternion_wxyz of base_link just above the plane through the terrain below the wheels."""
+    corners = np.array(rig.robot.corners)
     turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
     ground_xy = corners @ turn.T + xy
     heights = field.height_at(ground_xy[:, 0], ground_xy[:, 1])
@@ -167,6 +166,6 @@ def resting_pose(field: Heightfield, xy: Array, yaw: float, rig: Rig) -> tuple[A
     attitude = np.column_stack([forward, np.cross(normal, forward), normal])
     rotation = Rotation.from_euler("z", yaw).as_matrix() @ attitude
     residual = float(np.max(heights - np.column_stack([corners, np.ones(4)]) @ (along, across, middle)))
-    clearance = -rig.base_footprint.xyz[2] + residual
+    clearance = rig.robot.ground_clearance + residual
     position = np.array([*xy, middle]) + rotation[:, 2] * clearance
     return position, quaternion_wxyz_from_rotation(rotation)

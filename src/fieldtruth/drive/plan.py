@@ -86,7 +86,7 @@ def _planned(
     world: World, experiment: Experiment, *, verify: bool, progress: Callable[[float], None] | None = None
 ) -> tuple[RouteConfig, Track | None]:
     """Return the route and, if it is a random one that was verified, the track of the whole of it."""
-    ground, simulator = Traversability(world), KinematicSimulator(experiment, world.terrain.field)
+    ground, simulator = Traversability(world, experiment.rig), KinematicSimulator(experiment, world.terrain.field)
     route = experiment.route
     if not isinstance(route, RandomRouteConfig):
         planned = geodetic_route(route)

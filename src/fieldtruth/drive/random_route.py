@@ -13,11 +13,10 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive.husky import OUTLINE
 from fieldtruth.drive.kinematics import KinematicSimulator, KinematicState
-from fieldtruth.drive.route_check import LINE_GAP, line_conflict, line_points, path_conflict, thinned
+from fieldtruth.drive.route_check import line_conflict, line_gap, line_points, path_conflict, thinned
 from fieldtruth.drive.route_grid import PATH_CLEARANCE, RouteGrid
-from fieldtruth.drive.traversability import CELL, ROBOT_RADIUS, Traversability
+from fieldtruth.drive.traversability import CELL, Traversability
 
 PLANNED_GAP: Final = 0.2  # [m] from the robot's outline to an obstacle; more than route_check requires
 SPACINGS: Final = (16.0, 13.0, 10.5, 8.5, 7.0)  # [m] of path between waypoints
@@ -192,7 +191,7 @@ class RandomRoutePlanner:
         clearance = ground.clearance_at(line).min()
         # The map decides most cases quickly; its clearance holds for the robot's corners, a line needs less.
         if (
-            clearance < (0.0 if clear else LINE_GAP - ROBOT_RADIUS - CELL)
+            clearance < (0.0 if clear else line_gap(ground.robot) - ground.robot_radius - CELL)
             or ground.terrain_clearance_at(line).min() < 0
         ):
             return None
@@ -244,7 +243,7 @@ def _is_free(ground: Traversability, poses: Array, clear: bool) -> bool:
         if clearance >= (PATH_CLEARANCE if clear else PLANNED_GAP) + margin:
             continue
         on_terrain = ground.terrain_clearance_at(part[:, :2]).min()
-        if clear or clearance < OUTLINE[1] / 2 + PLANNED_GAP + margin - ROBOT_RADIUS - CELL:
+        if clear or clearance < ground.robot.outline[1] / 2 + PLANNED_GAP + margin - ground.robot_radius - CELL:
             return False
         if on_terrain < PLANNED_GAP / 2 + margin / 2 or path_conflict(ground, part, PLANNED_GAP + margin) is not None:
             return False

@@ -3,19 +3,20 @@
 """Check a route against a world: each waypoint, each straight leg, and the path of the follower, which cuts corners."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import RouteError
-from fieldtruth.drive.ground import CHASSIS_CLEARANCE
 from fieldtruth.drive.kinematics import KinematicSimulator
 from fieldtruth.drive.outlines import Outline, distance_to, gap_to
-from fieldtruth.drive.traversability import BLOCKAGE_TEXTS, ROBOT_RADIUS, Blockage, Traversability
+from fieldtruth.drive.traversability import BLOCKAGE_TEXTS, Blockage, Traversability
+from fieldtruth.experiment.robot_config import RobotConfig
 
 SPACING: Final = (1.0, 25.0)  # [m] between waypoints; the paper has 5 to 20, and less near obstacles
-LINE_GAP: Final = 0.4  # [m] from the straight legs to an obstacle; the robot is 0.67 m wide
+LINE_MARGIN: Final = 0.065  # [m] from the robot's side on the straight legs to an obstacle
 PATH_GAP: Final = 0.05  # [m] from the robot's outline to an obstacle; simulated path and drive differ by as much
 _ROUNDING: Final = 0.001  # [m], of geodetic coordinates
 _TERRAIN: Final = (Blockage.WATER, Blockage.STEEP, Blockage.EDGE)  # whether ground is too rough depends on the heading
@@ -30,14 +31,20 @@ class Conflict(NamedTuple):
     point: Array
 
 
+def line_gap(robot: RobotConfig) -> float:
+    """Distance [m] that the straight legs keep from obstacles: 0.4 m of a Husky, which is 0.67 m wide."""
+    return robot.outline[1] / 2 + LINE_MARGIN
+
+
 def line_conflict(ground: Traversability, points: Array) -> Conflict | None:
-    """Return the first obstacle that is nearer than LINE_GAP to points (n, 2) [m] of a straight line."""
-    return _first_conflict(ground, points, LINE_GAP, distance_to, margin=0.0)
+    """Return the first obstacle that is nearer than ``line_gap`` to points (n, 2) [m] of a straight line."""
+    return _first_conflict(ground, points, line_gap(ground.robot), distance_to, margin=0.0)
 
 
 def path_conflict(ground: Traversability, poses: Array, min_gap: float = PATH_GAP) -> Conflict | None:
     """Return the first obstacle that is nearer than ``min_gap`` [m] to the robot's outline at poses (n, 3)."""
-    return _first_conflict(ground, poses, min_gap, gap_to, margin=ROBOT_RADIUS)
+    gap_of = partial(gap_to, robot=ground.robot)
+    return _first_conflict(ground, poses, min_gap, gap_of, margin=ground.robot_radius)
 
 
 def _first_conflict(
@@ -114,7 +121,7 @@ def _check_line(ground: Traversability, corners: Array, row: int) -> None:
     if conflict is not None:
         raise RouteError(
             f"{_leg(row)} passes {conflict.name} at a distance of {conflict.gap:.2f} m, at {_xy(conflict.point)}; "
-            f"the robot needs {LINE_GAP:.2f} m"
+            f"the robot needs {line_gap(ground.robot):.2f} m"
         )
     _check_terrain(ground, row, points)
 
@@ -128,7 +135,7 @@ def _check_path(ground: Traversability, row: int, poses: Array) -> None:
             f"at {_xy(conflict.point)}; it needs {PATH_GAP} m: set the waypoints closer together"
         )
     _check_terrain(ground, row, poses[:, :2])
-    rough = np.flatnonzero(ground.bumps_at(poses) > CHASSIS_CLEARANCE)
+    rough = np.flatnonzero(ground.bumps_at(poses) > ground.robot.ground_clearance)
     if len(rough):
         raise RouteError(f"{_leg(row)} is {BLOCKAGE_TEXTS[Blockage.ROUGH]}, at {_xy(poses[rough[0]])}")
 

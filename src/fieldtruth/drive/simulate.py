@@ -19,10 +19,10 @@ from fieldtruth.core.frames import rotation_from_quaternion_wxyz
 from fieldtruth.drive import sensors
 from fieldtruth.drive.controller import WaypointFollower, horizontal_from_geodetic
 from fieldtruth.drive.hull import EVERY
-from fieldtruth.drive.husky import STOP, Command, ramp, wheel_speeds
 from fieldtruth.drive.monitor import DriveMonitor, Nearing
 from fieldtruth.drive.odometry import read_odometry
 from fieldtruth.drive.physics import STEP_NS, STEP_S, resting_pose
+from fieldtruth.drive.robot import STOP, Command, ramp, wheel_speeds
 from fieldtruth.drive.soil_contact import SoilContact
 from fieldtruth.drive.surroundings import Following, FollowingState, Surroundings
 from fieldtruth.drive.track import Base, Commands, Motion, Track, WheelMotion
@@ -42,7 +42,8 @@ _MERGED: Final = 1000
 
 # A state is one row: base_link's position, quaternion, velocity in the world, turn rate in base_link; wheel speeds and
 # angles.
-_POSITION, _QUATERNION, _VELOCITY, _TURN_RATE, _SPEEDS, _ANGLES = np.split(np.arange(21), [3, 7, 10, 13, 17])
+_POSITION, _QUATERNION, _VELOCITY, _TURN_RATE = np.split(np.arange(13), [3, 7, 10])
+_WHEELS: Final = 13
 
 
 def drive(world: World, experiment: Experiment, *, progress: Callable[[float], None] | None = None) -> Track:
@@ -63,7 +64,7 @@ def drive(world: World, experiment: Experiment, *, progress: Callable[[float], N
 
 
 class RobotState(NamedTuple):
-    """What ``SimulatedHusky`` needs to go on from here."""
+    """What ``SimulatedRobot`` needs to go on from here."""
 
     step: int
     command: Command
@@ -104,7 +105,7 @@ class Drive:
         self._follower = WaypointFollower(route.waypoints, experiment.control)
         self._monitor = DriveMonitor(world, self._follower, experiment.control)
         soil = SoilContact(world, self._rig.wheels, experiment.soil)
-        self._robot = SimulatedHusky(world, self._rig, self._monitor, soil)
+        self._robot = SimulatedRobot(world, self._rig, self._monitor, soil)
         self._state = self._robot.spawn(horizontal_from_geodetic(route.start), self._follower.waypoints_xy[0])
         self._blocks, self._commands, self._fixes = list[Array](), list[Command](), 0
         self._read_fix(self._state)
@@ -179,7 +180,7 @@ class Drive:
         self._follower.update_fix(float(latitude), float(longitude))
 
 
-class SimulatedHusky:
+class SimulatedRobot:
     """The robot in the physics simulation. ``step`` counts the physics steps since the recording began."""
 
     def __init__(self, world: World, rig: Rig, monitor: DriveMonitor, soil: Soil | None = None) -> None:
@@ -222,12 +223,13 @@ class SimulatedHusky:
         return self._following.at(self._xy)
 
     def advance(self, command: Command, count: int) -> Array:
-        """Drive ``count`` physics steps towards ``command`` and return the state after each, (count, 21)."""
+        """Drive ``count`` physics steps towards ``command`` and return the state after each, (count, 13 + 2 wheels)."""
         here = self.surroundings
         model, data, contacts = here.model, here.data, here.contacts
         qpos, qvel, ctrl = data.qpos, data.qvel, data.ctrl
-        commands = ramp(self._command, command, np.arange(1, count + 1) * STEP_S)
-        states = np.empty((count, 21))
+        commands = ramp(self._command, command, np.arange(1, count + 1) * STEP_S, self._rig.robot)
+        turning = _WHEELS + len(self._rig.wheels.names)
+        states = np.empty((count, len(qpos) + len(qvel)))
         for state, speeds in zip(states, wheel_speeds(commands, self._rig.wheels), strict=True):
             ctrl[:] = speeds
             if self.step % EVERY == 0:
@@ -235,7 +237,7 @@ class SimulatedHusky:
             contacts.update()
             mujoco.mj_step(model, data)
             self.step += 1
-            state[:7], state[7:17], state[17:] = qpos[:7], qvel, qpos[7:]
+            state[:7], state[7:turning], state[turning:] = qpos[:7], qvel, qpos[7:]
             if contacts.read():
                 self._monitor.fail(f"touched {here.touched()}", self.seconds, *state[:2])
         self._command, self._xy = Command(*commands[-1]), states[-1, :2]
@@ -246,8 +248,8 @@ class SimulatedHusky:
 def _track(blocks: list[Array], count: int, commands: Array, rig: Rig) -> Track:
     """Return the track of the first ``count`` states; those behind are the sweep of the last scan.
 
-    ``blocks`` are those of all states, (n, 21) each, and are emptied; each column is copied once, so that hours fit
-    into memory.
+    ``blocks`` are those of all states, (n, 13 + 2 wheels) each, and are emptied; each column is copied once, so that
+    hours fit into memory.
     ``commands`` (n, 2) are those at all readings of the IMU, up to the end or later.
     """
     merged = []
@@ -270,7 +272,8 @@ def _track(blocks: list[Array], count: int, commands: Array, rig: Rig) -> Track:
         angular_velocity=np.concatenate([turn_rate(block) for block in merged]),
     )
     motion = swept.first(count)
-    wheels = WheelMotion(angle=columns(_ANGLES)[:count], speed=columns(_SPEEDS)[:count])
+    speeds, angles = np.split(np.arange(_WHEELS, merged[0].shape[1]), 2)
+    wheels = WheelMotion(angle=columns(angles)[:count], speed=columns(speeds)[:count])
     imus, fixes = sensors.read_imus(motion, rig), sensors.read_fixes(motion, rig)
     base = _base(motion, wheels, commands, rig)
     return Track(motion=motion, swept=swept, imus=imus, fixes=fixes, base=base)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The soil under the four wheels of a driving robot: what it does to each contact in each step.
+"""The soil under the wheels of a driving robot: what it does to each contact in each step.
 
 The ground types are mixed by the weights that the renderer mixes their colours by; across the edges of trails and of
 their borders they change within a tyre's width, so that no force jumps. What is mixed is the result of the law, not its
@@ -15,13 +15,11 @@ import numpy as np
 
 from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.drive.bearing import bearing_field
-from fieldtruth.drive.husky import wheel_width
 from fieldtruth.drive.physics import STEP_S
 from fieldtruth.drive.soil import SOILS, soil_rows
 from fieldtruth.drive.soil_law import Grid, Tyre, step_soil
-from fieldtruth.drive.tyre import STIFFNESS
 from fieldtruth.drive.wheel_contacts import Wheels
-from fieldtruth.experiment.rig import WheelConfig
+from fieldtruth.experiment.robot_config import WheelConfig
 from fieldtruth.world.model import Raster, World
 
 PRESSED: Final = 0.02  # [m]
@@ -33,7 +31,7 @@ _NO_STONES: Final = Raster(values=np.zeros((2, 2), np.float32), spacing=1.0, x0=
 class SoilContact:
     """The soil of a world, without stones until a part is entered; call it before every step of the physics.
 
-    ``state`` (4, 3) is what it remembers of the wheels from one step to the next.
+    ``state`` (n, 3) is what it remembers of the wheels from one step to the next.
 
     Args:
         world: supplies ground types and trails.
@@ -50,8 +48,8 @@ class SoilContact:
         self._cover = _grid(terrain.cover), _grid(terrain.trail_distance)
         self._stones = _grid(_NO_STONES)
         self._border_width = terrain.border_width
-        self._tyre: Tyre = (wheel_width(wheels), 2 * wheels.radius, STIFFNESS)
-        self.state = np.zeros((4, 3))
+        self._tyre: Tyre = (wheels.width, 2 * wheels.radius, wheels.tyre_stiffness)
+        self.state = np.zeros((len(wheels.names), 3))
 
     def enter(self, part: World) -> None:
         """Find the stones of the part of the world in which the wheels are from now on."""

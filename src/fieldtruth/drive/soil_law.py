@@ -120,14 +120,16 @@ def mix_soils(ground: Ground, x: float, y: float, weights: Array) -> None:
 
 @njit(nogil=True, cache=True)
 def step_soil(soils: Array, ground: Ground, tyre: Tyre, wheels: Wheels, state: Array, dt: float) -> None:
-    """Advance ``state`` (4, 3) of the soil by ``dt`` [s] and set friction, drag, torque and sinkage of the wheels."""
-    weights = np.empty(len(soils))
-    for k in range(4):
+    """Advance ``state`` (n, 3) of the soil by ``dt`` [s] and set friction, drag, torque and sinkage of the wheels."""
+    weights, count = np.empty(len(soils)), len(state)
+    for k in range(count):
         state[k, _MEAN_LOAD] += (wheels.load[k] - state[k, _MEAN_LOAD]) * min(dt / LOAD_SECONDS, 1.0)
     # How a stiff chassis divides its weight between the two diagonals depends on tenths of a millimetre of the ground.
     # Soil that yields evens it out, so the sinkage is that of the loads without this part.
-    twist = 0.25 * (state[0, _MEAN_LOAD] - state[1, _MEAN_LOAD] - state[2, _MEAN_LOAD] + state[3, _MEAN_LOAD])
-    for k in range(4):
+    twist = 0.0
+    if count == 4:
+        twist = 0.25 * (state[0, _MEAN_LOAD] - state[1, _MEAN_LOAD] - state[2, _MEAN_LOAD] + state[3, _MEAN_LOAD])
+    for k in range(count):
         mix_soils(ground, wheels.position[k, 0], wheels.position[k, 1], weights)
         forward, tread, mean = wheels.velocity[k, 0], wheels.rolling[k], state[k]
         pace = max(abs(forward), abs(tread))

@@ -31,7 +31,7 @@ _PLASTIC: Final = 1.32471795724474602596  # x^3 = x + 1
 _SIDE: Final = 4.0
 """[m] of a tile of the map in a large world, where frames are far from each other."""
 _REACH: Final = 1.0
-"""[m] from the robot's middle; its wheels stand within."""
+"""[m] from the robot's middle, or to its corners: its wheels stand within."""
 _BLOCK: Final = 4096
 _TRIES: Final = 20_000_000
 """Points of the sequence before a world counts as having no free ground."""
@@ -45,7 +45,8 @@ def standing_robot(world: World, experiment: Experiment) -> Track:
     """
     config = experiment.frames
     assert config is not None
-    ground, rng = Traversability(world, side=_SIDE, clear=1.0), np.random.default_rng(config.seed)
+    ground = Traversability(world, experiment.rig, side=_SIDE, clear=1.0)
+    reach, rng = max(_REACH, ground.robot_radius), np.random.default_rng(config.seed)
     corners = None
     if experiment.route is not None:
         corners = metres_from_route(plan_route(world, experiment, verify=False))
@@ -61,7 +62,7 @@ def standing_robot(world: World, experiment: Experiment) -> Track:
     random = rng.uniform(-1.0, 1.0, (config.count, 4))
     poses = [
         _tilted(
-            *resting_pose(bearing_field(ground.parts.around(xy, _REACH)), xy, np.pi * turn, experiment.rig),
+            *resting_pose(bearing_field(ground.parts.around(xy, reach)), xy, np.pi * turn, experiment.rig),
             rest,
             config,
         )

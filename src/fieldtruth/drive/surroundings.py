@@ -15,9 +15,9 @@ import numpy as np
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.bearing import bearing_field
 from fieldtruth.drive.hull import Hull
-from fieldtruth.drive.husky import CHASSIS_BIT
 from fieldtruth.drive.parts import WorldParts
 from fieldtruth.drive.physics import build_physics
+from fieldtruth.drive.robot import CHASSIS_BIT
 from fieldtruth.drive.soil_contact import SoilContact
 from fieldtruth.drive.wheel_contacts import Soil, WheelContacts
 from fieldtruth.experiment.rig import Rig
@@ -109,7 +109,7 @@ class Following:
         """Return what ``restore`` needs to go on from here."""
         here = self.at(self._middle)
         wheels = here.contacts.wheels
-        soil = self._soil.state.copy() if isinstance(self._soil, SoilContact) else np.zeros((4, 3))
+        soil = self._soil.state.copy() if isinstance(self._soil, SoilContact) else np.zeros((len(wheels.load), 3))
         return FollowingState(
             self._middle, here.save(), wheels.load.copy(), wheels.sinkage.copy(), here.is_near_ground, soil
         )

@@ -35,10 +35,10 @@ class Motion:
 
 @dataclass(frozen=True, kw_only=True)
 class WheelMotion:
-    """True rotation of the wheels at the physics rate, positive forwards; columns as in ``WHEELS``."""
+    """True rotation of the wheels at the physics rate, positive forwards; columns by the names of the wheels."""
 
-    angle: Array  # (n, 4) [rad], 0 before the robot settles
-    speed: Array  # (n, 4) [rad/s]
+    angle: Array  # (n, wheels) [rad], 0 before the robot settles
+    speed: Array  # (n, wheels) [rad/s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +73,7 @@ class GnssReadings:
 
 @dataclass(frozen=True, kw_only=True)
 class TachometerReadings:
-    """Angular speed of each wheel (n, 4) [rad/s], positive forwards, columns as in ``WHEELS``."""
+    """Angular speed of each wheel (n, wheels) [rad/s], positive forwards."""
 
     stamps_ns: Stamps
     wheel_speed: Array

@@ -16,31 +16,41 @@ from scipy.ndimage import distance_transform_edt
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.drive.bearing import bearing_field, divided
 from fieldtruth.drive.ground import (
-    CHASSIS_CLEARANCE,
     bump_height_on_path,
     highest_around,
     max_bump_height,
     mean_ground,
     slopes,
 )
-from fieldtruth.drive.husky import OUTLINE
-from fieldtruth.drive.outlines import MAX_STEP, Outline, distance_to, obstacle_outlines, stone_outlines
+from fieldtruth.drive.outlines import (
+    Outline,
+    distance_to,
+    max_step,
+    obstacle_height,
+    obstacle_outlines,
+    stone_outlines,
+)
 from fieldtruth.drive.parts import WHOLE, WorldParts
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.world.model import Heightfield, World
 
-ROBOT_RADIUS: Final = float(np.hypot(*OUTLINE[:2])) / 2
-"""[m] from its middle to its corners."""
 CELL: Final = 0.1  # [m]
 MAX_SLOPE_DEG: Final = 20.0
 MIN_CHASSIS_CLEARANCE: Final = 0.025  # [m] that remains below the chassis
 EDGE_MARGIN: Final = 1.5  # [m] from the robot's middle to the world's edge
 CLEAR: Final = 13.0
 """[m]; what is farther away makes no difference to a route."""
-_BEYOND: Final = 1.0
-"""[m] beyond the margin of a tile: half the robot's length, and the nodes around a node."""
+_AROUND_NODE: Final = 0.3
+"""[m] beyond the corners of a robot on the margin of a tile: the nodes around a node."""
 _KEPT: Final = 16
 """Tiles in memory, 45 MB each."""
 FREEBOARD: Final = 0.05  # [m]; ground less than this above the water level counts as water
+
+
+def robot_radius(robot: RobotConfig) -> float:
+    """Distance [m] from a robot's middle to the corners of its outline."""
+    return float(np.hypot(*robot.outline[:2])) / 2
 
 
 class Blockage(IntEnum):
@@ -92,9 +102,14 @@ class Traversability:
     close to the edge; outside the world -inf. Terrain clearance is the same without obstacles.
     """
 
-    def __init__(self, world: World, *, side: float = WHOLE, clear: float = CLEAR) -> None:
-        """Prepare the map of ``world``; its tiles have a ``side`` [m], and no clearance is above ``clear`` [m]."""
-        self._clear = clear
+    def __init__(self, world: World, rig: Rig | None = None, *, side: float = WHOLE, clear: float = CLEAR) -> None:
+        """Prepare the map of ``world`` for the robot of ``rig``, by default the paper's.
+
+        Its tiles have a ``side`` [m], and no clearance is above ``clear`` [m].
+        """
+        rig = rig or Rig()
+        self.robot, self._height, self._clear = rig.robot, obstacle_height(rig), clear
+        self.robot_radius = robot_radius(rig.robot)
         self._size = world.size
         self._x, self._y = (np.linspace(-s / 2, s / 2, round(s / CELL) + 1) for s in world.size)
         self.corner: Array = np.array([self._x[0], self._y[0]])
@@ -102,9 +117,10 @@ class Traversability:
         self.parts = WorldParts(world)
         self._side = max(self.shape) if self.parts.is_one else round(side / CELL)
         self._tiles: dict[tuple[int, int], _Tile] = {}
-        self._terrain = _terrain_blockage(world, self._x, self._y)
+        length = self.robot.outline[0]
+        self._terrain = _terrain_blockage(world, self._x, self._y, length)
         field = world.terrain.field
-        self._floor = dataclasses.replace(field, heights=mean_ground(field, OUTLINE[0]).astype(np.float32))
+        self._floor = dataclasses.replace(field, heights=mean_ground(field, length).astype(np.float32))
 
     def clearance_at(self, points: ArrayLike) -> Array:
         """Clearance [m], (n,), in the cells of points (n, 2)."""
@@ -122,7 +138,7 @@ class Traversability:
         """Bump height [m], (n,), at poses (n, 3) of x, y [m] and heading [rad]; see ``bump_height_on_path``."""
         bumps = np.empty(len(poses))
         for tile, rows, _ in self._tiles_at(self._cells(poses[:, :2])[0]):
-            bumps[rows] = bump_height_on_path(tile.bearing, tile.highest, poses[rows])
+            bumps[rows] = bump_height_on_path(tile.bearing, tile.highest, poses[rows], self.robot)
         return bumps
 
     def path_length(self, poses: Array) -> float:
@@ -189,22 +205,23 @@ class Traversability:
         wide = [slice(max(0, s.start - margin), min(n, s.stop + margin)) for s, n in zip(own, self.shape, strict=True)]
         cut = tuple(slice(s.start - w.start, s.stop - w.start) for s, w in zip(own, wide, strict=True))
         x, y = self._x[wide[0]], self._y[wide[1]]
-        part = self.parts.within(np.array([x[0], y[0]]) - _BEYOND, np.array([x[-1], y[-1]]) + _BEYOND)
-        outlines = [*obstacle_outlines(part), *stone_outlines(part)]
+        beyond, step = max(1.0, self.robot_radius + _AROUND_NODE), max_step(self.robot)
+        part = self.parts.within(np.array([x[0], y[0]]) - beyond, np.array([x[-1], y[-1]]) + beyond)
+        outlines = [*obstacle_outlines(part, self._height), *stone_outlines(part, step)]
         bearing, soil = divided(bearing_field(part)), divided(part.terrain.field)
-        highest = highest_around(soil, (bearing.heights - soil.heights).astype(np.float32), MAX_STEP)
+        highest = highest_around(soil, (bearing.heights - soil.heights).astype(np.float32), step)
         blockage = self._terrain[tuple(wide)].copy()
-        blockage[_rough(bearing, highest, x, y) & (blockage == Blockage.NONE)] = Blockage.ROUGH
+        blockage[_rough(bearing, highest, x, y, self.robot) & (blockage == Blockage.NONE)] = Blockage.ROUGH
         blockage[_near_edge(x, y, self._size)] = Blockage.EDGE
         on_terrain = np.minimum(
             self._distance_from(blockage != Blockage.NONE),
-            self._distance_from(blockage == Blockage.WATER) - ROBOT_RADIUS,
+            self._distance_from(blockage == Blockage.WATER) - self.robot_radius,
         )
         solid = _outline_cells(outlines, x, y)
         blockage[solid] = Blockage.OBSTACLE
         return _Tile(
             blockage=np.ascontiguousarray(blockage[cut]),
-            clearance=np.minimum(on_terrain, self._distance_from(solid) - ROBOT_RADIUS)[cut].astype(np.float32),
+            clearance=np.minimum(on_terrain, self._distance_from(solid) - self.robot_radius)[cut].astype(np.float32),
             terrain_clearance=on_terrain[cut].astype(np.float32),
             bearing=bearing,
             highest=highest,
@@ -232,13 +249,14 @@ def _near_edge(x: Array, y: Array, size: tuple[float, float]) -> Mask:
     return np.asarray(along[:, None] | across[None, :])
 
 
-def _rough(bearing: Heightfield, highest: Heightfield, x: Array, y: Array) -> Mask:
-    return np.asarray(max_bump_height(bearing, highest, x, y) > CHASSIS_CLEARANCE - MIN_CHASSIS_CLEARANCE)
+def _rough(bearing: Heightfield, highest: Heightfield, x: Array, y: Array, robot: RobotConfig) -> Mask:
+    limit = robot.ground_clearance - MIN_CHASSIS_CLEARANCE
+    return np.asarray(max_bump_height(bearing, highest, x, y, robot) > limit)
 
 
-def _terrain_blockage(world: World, x: Array, y: Array) -> NDArray[np.uint8]:
+def _terrain_blockage(world: World, x: Array, y: Array, length: float) -> NDArray[np.uint8]:
     field = world.terrain.field
-    slope = np.hypot(*slopes(field, OUTLINE[0]))
+    slope = np.hypot(*slopes(field, length))
     i, j = (
         np.clip(np.rint((axis - start) / field.spacing).astype(int), 0, count - 1)
         for axis, start, count in zip((x, y), (field.x0, field.y0), field.heights.shape, strict=True)

@@ -35,8 +35,6 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.drive.vectors import Axes, Vector, axes_of, cross, dot, plus, turned
 from fieldtruth.world.model import Heightfield
 
-STIFFNESS: Final = 70_000.0
-"""Of a tyre [N/m]."""
 DAMPING_RATIO: Final = 0.1
 
 _MARGIN: Final = 3  # nodes added around the heightfield, with the heights of its edge
@@ -76,11 +74,11 @@ class Tread(NamedTuple):
 
 
 class Patches(NamedTuple):
-    """What ``press`` writes for each of the four wheels, in the world frame.
+    """What ``press`` writes for each of n wheels, in the world frame.
 
-    ``position`` (4, 3) [m] and ``quaternion_wxyz`` (4, 4) of the equivalent plane, its z axis upwards; ``forward``
-    (4, 3), unit vector along it in the wheel's plane; ``velocity`` (4, 2) [m/s] of the chassis at the contact, forwards
-    and to the left; ``rolling`` (4,) [m/s], wheel speed times radius.
+    ``position`` (n, 3) [m] and ``quaternion_wxyz`` (n, 4) of the equivalent plane, its z axis upwards; ``forward``
+    (n, 3), unit vector along it in the wheel's plane; ``velocity`` (n, 2) [m/s] of the chassis at the contact, forwards
+    and to the left; ``rolling`` (n,) [m/s], wheel speed times radius.
     """
 
     position: Array
@@ -180,10 +178,11 @@ def _pressure(ground: SmoothGround, hub: Vector, axes: Axes, r: float, w: float)
 
 @njit(nogil=True, cache=True, error_model="numpy")
 def press(
-    ground: SmoothGround, tread: Tread, mounts: Array, qpos: Array, qvel: Array, sinkage: Array, patches: Patches
+    ground: SmoothGround, treads: Array, mounts: Array, qpos: Array, qvel: Array, sinkage: Array, patches: Patches
 ) -> None:
-    """Lay the equivalent plane below each wheel; ``mounts`` (4, 3) are the hubs in base_link, ``sinkage`` (4,) [m].
+    """Lay the equivalent plane below each wheel; ``mounts`` (n, 3) are the hubs in base_link, ``sinkage`` (n,) [m].
 
+    ``treads`` (n, 3) are rows of ``Tread``; the last wheels may be casters, whose speed is not measured.
     A plane under a wheel without ground is out of its reach. A state that is not finite leaves the planes as they are:
     the physics keeps it, and the drive ends.
     """
@@ -191,21 +190,21 @@ def press(
         return
     axes = axes_of(qpos[3], qpos[4], qpos[5], qpos[6])
     axle = axes[1]
-    r, w = tread.radius, tread.half_width
     spin, origin = turned(axes, (qvel[3], qvel[4], qvel[5])), (qpos[0], qpos[1], qpos[2])
     for k in range(len(mounts)):
+        r, w, deflection = treads[k, 0], treads[k, 1], treads[k, 2]
         hub = plus(origin, 1.0, turned(axes, (mounts[k, 0], mounts[k, 1], mounts[k, 2])))
         raised = (hub[0], hub[1], hub[2] + sinkage[k])  # above ground that is lowered
-        force = _pressure(ground, raised, axes, r + tread.deflection, w)
+        force = _pressure(ground, raised, axes, r + deflection, w)
         size = math.sqrt(dot(force, force))
         normal = (force[0] / size, force[1] / size, force[2] / size) if size > 0.0 else (0.0, 0.0, 1.0)
         # A plane at depth d presses in the parabola d - x^2 / (2 r): its sum is 4 / 3 d sqrt(2 r d).
-        depth = (0.75 * size / math.sqrt(2 * (r + tread.deflection))) ** (2.0 / 3.0) if size > 0.0 else -_CLEAR
+        depth = (0.75 * size / math.sqrt(2 * (r + deflection))) ** (2.0 / 3.0) if size > 0.0 else -_CLEAR
         tilt = dot(axle, normal)
         squash = (w * w - r * r) * tilt
         reach = -1.0 / math.sqrt(r * r + squash * tilt)
         point = plus(plus(hub, reach * r * r, normal), reach * squash, axle)  # lowest of the ellipsoid
-        patches.position[k] = plus(point, depth - tread.deflection, normal)
+        patches.position[k] = plus(point, depth - deflection, normal)
         c = math.sqrt((1 + normal[2]) * 2)  # the shortest turn that brings z onto the normal
         patches.quaternion_wxyz[k] = (c / 2, -normal[1] / c, normal[0] / c, 0.0)
         forward = cross(axle, normal)
@@ -215,4 +214,4 @@ def press(
         velocity = plus((qvel[0], qvel[1], qvel[2]), 1.0, cross(spin, lever))
         patches.forward[k] = forward
         patches.velocity[k] = (dot(velocity, forward), dot(velocity, cross(normal, forward)))
-        patches.rolling[k] = r * qvel[6 + k]
+        patches.rolling[k] = r * qvel[6 + k] if 6 + k < len(qvel) else 0.0

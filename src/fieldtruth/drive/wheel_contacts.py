@@ -14,36 +14,34 @@ from numba import njit
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive.husky import WHEEL_GEOMS, plane_geom, wheel_width
-from fieldtruth.drive.physics import TYRE_DEFLECTION
+from fieldtruth.drive.robot import plane_geom, supports
 from fieldtruth.drive.tyre import Patches, Tread, press, smooth_ground
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.world.model import Heightfield
 
 
 class Wheels(NamedTuple):
-    """The four wheels before a step, in the order of ``WHEELS``; the last four are for a soil to set.
+    """The n wheels before a step, in the order of their names; the last four are for a soil to set.
 
     The arrays are views of the simulation, so they can be read and written in compiled code.
     """
 
     position: Array
-    """Point of contact (4, 3) [m] in the world."""
+    """Point of contact (n, 3) [m] in the world."""
     load: Array
-    """Normal force (4,) [N] of the step before; 0 in the air."""
+    """Normal force (n,) [N] of the step before; 0 in the air."""
     velocity: Array
-    """Of the chassis at the contact (4, 2) [m/s], forwards and to the left along the ground."""
+    """Of the chassis at the contact (n, 2) [m/s], forwards and to the left along the ground."""
     rolling: Array
-    """Wheel speed times radius (4,) [m/s], positive forwards; it exceeds the velocity by the slip."""
+    """Wheel speed times radius (n,) [m/s], positive forwards; it exceeds the velocity by the slip."""
     friction: Array
-    """Coefficient of friction (4, 2), the same in both columns."""
+    """Coefficient of friction (n, 2), the same in both columns."""
     drag: Array
-    """Force (4,) [N] on the axle along the ground, positive forwards: negative for ground that resists."""
+    """Force (n,) [N] on the axle along the ground, positive forwards: negative for ground that resists."""
     torque: Array
-    """Torque (4,) [N m] on the wheel, positive forwards: negative resistance for a wheel that rolls forwards."""
+    """Torque (n,) [N m] on the wheel, positive forwards: negative resistance for a wheel that rolls forwards."""
     sinkage: Array
-    """Depth (4,) [m] by which the ground below a wheel is lowered; the tyre's damper misses 2 N at 1 cm/s."""
+    """Depth (n,) [m] by which the ground below a wheel is lowered; the tyre's damper misses 2 N at 1 cm/s."""
 
 
 _OTHER: Final = -1
@@ -53,39 +51,44 @@ Soil = Callable[[Wheels], None]
 
 
 class WheelContacts:
-    """Lays the plane below each wheel before a step (``update``), and reads its load after it (``read``).
+    """Lays the plane below each wheel and caster before a step (``update``), and reads the loads after it (``read``).
 
-    ``model`` and ``data`` are MuJoCo's, ``field`` is what bears the wheels.
+    ``model`` and ``data`` are MuJoCo's, ``field`` is what bears the wheels. A caster meets the ground as it is: no soil
+    acts on it.
     """
 
     def __init__(self, model: Any, data: Any, field: Heightfield, rig: Rig, soil: Soil | None = None) -> None:
         self._data = data
         self._soil = soil
-        self._tread = Tread(rig.wheels.radius, wheel_width(rig.wheels) / 2, TYRE_DEFLECTION)
-        self._ground = smooth_ground(field, self._tread)
-        mounts = rig.mounts()
-        self._mounts = np.array([mounts[f"{name}_wheel"].xyz for name in WHEELS])
-        self._patches = Patches(data.mocap_pos, data.mocap_quat, np.zeros((4, 3)), np.zeros((4, 2)), np.zeros(4))
+        bearing, count, n = supports(rig), len(supports(rig)), len(rig.wheels.names)
+        self._treads = np.array([Tread(s.radius, s.width / 2, s.deflection(rig.robot)) for s in bearing])
+        self._ground = smooth_ground(field, Tread(self._treads[:, 0].min(), self._treads[:, 1].max(), 0.0))
+        self._hubs = np.array([support.hub for support in bearing])
+        self._patches = Patches(
+            data.mocap_pos, data.mocap_quat, np.zeros((count, 3)), np.zeros((count, 2)), np.zeros(count)
+        )
+        self._load, self._sinkage = np.zeros(count), np.zeros(count)
         self.wheels = Wheels(
-            position=data.mocap_pos,
-            load=np.zeros(4),
-            velocity=self._patches.velocity,
-            rolling=self._patches.rolling,
-            friction=model.pair_friction[:, :2],
-            drag=np.zeros(4),
-            torque=data.qfrc_applied[-4:],
-            sinkage=np.zeros(4),
+            position=data.mocap_pos[:n],
+            load=self._load[:n],
+            velocity=self._patches.velocity[:n],
+            rolling=self._patches.rolling[:n],
+            friction=model.pair_friction[:n, :2],
+            drag=np.zeros(n),
+            torque=data.qfrc_applied[-n:],
+            sinkage=self._sinkage[:n],
         )
         # In a contact with the heightfield or a plane, that is always MuJoCo's first geom.
         self._kind = np.full(model.ngeom, _OTHER)
-        self._kind[[model.geom(name).id for name in (*map(plane_geom, WHEEL_GEOMS), "ground")]] = range(5)
+        planes = [plane_geom(support.geom) for support in bearing]
+        self._kind[[model.geom(name).id for name in (*planes, "ground")]] = range(count + 1)
         self._state = data.qpos, data.qvel
-        first = model.body(WHEELS[0]).id
-        self._force = data.xfrc_applied[first : first + 4, :3]
+        first = model.body(rig.wheels.names[0]).id
+        self._force = data.xfrc_applied[first : first + n, :3]
 
     def update(self) -> None:
         """Lay the planes for the next step, and let the soil act."""
-        press(self._ground, self._tread, self._mounts, *self._state, self.wheels.sinkage, self._patches)
+        press(self._ground, self._treads, self._hubs, *self._state, self._sinkage, self._patches)
         if self._soil is not None:
             self._soil(self.wheels)
             _pull(self._patches.forward, self.wheels.drag, self._force)
@@ -93,12 +96,12 @@ class WheelContacts:
     def read(self) -> bool:
         """Read the loads of the step that was made; return whether the robot touches more than the ground."""
         contacts = self._data.contact
-        return _sort_loads(contacts.geom1, contacts.efc_address, self._data.efc_force, self._kind, self.wheels.load)
+        return _sort_loads(contacts.geom1, contacts.efc_address, self._data.efc_force, self._kind, self._load)
 
 
 @njit(nogil=True, cache=True)
 def _pull(forward: Array, drag: Array, force: Array) -> None:
-    for k in range(4):
+    for k in range(len(drag)):
         for axis in range(3):
             force[k, axis] = forward[k, axis] * drag[k]
 
@@ -111,7 +114,7 @@ def _sort_loads(
     other = False
     for k in range(len(geoms)):
         wheel = kind[geoms[k]]
-        if 0 <= wheel < 4 and rows[k] >= 0:
+        if 0 <= wheel < len(load) and rows[k] >= 0:
             load[wheel] = forces[rows[k]]  # the first row of an elliptic cone is the normal
         other |= wheel == _OTHER
     return other

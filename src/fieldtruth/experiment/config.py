@@ -8,6 +8,7 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Mount, Number, Positive
+from fieldtruth.experiment.problems import LocatedError
 from fieldtruth.experiment.rig import Rig
 
 Latitude = Annotated[Number, Field(ge=-90, le=90)]
@@ -35,7 +36,7 @@ class LightConfig(Frozen):
 class ControlConfig(Frozen):
     """Waypoint following (paper, section 3): constant speed, turn rate proportional to the heading error."""
 
-    speed: Annotated[Number, Field(gt=0, le=1.0)] = 0.3  # [m/s]; the Husky's maximum is 1 m/s
+    speed: Positive = 0.3  # [m/s]
     heading_gain: Positive = 1.0  # [(rad/s) / rad]
     max_turn_rate: Positive = 0.6  # [rad/s]
     arrival_distance: Positive = 2.0  # [m]; below it the next waypoint becomes the target
@@ -168,6 +169,16 @@ class Experiment(Frozen):
     rig: Rig = Rig()
     light: LightConfig = LightConfig()
     static_objects: StaticObjects = "auto"
+
+    @model_validator(mode="after")
+    def _within_limits(self) -> Self:
+        robot = self.rig.robot
+        for key, limit, unit in (("speed", robot.max_speed, "m/s"), ("max_turn_rate", robot.max_turn_rate, "rad/s")):
+            value = getattr(self.control, key)
+            if value > limit:
+                what = f"must be at most {limit:g} {unit}, the limit of the robot {robot.model}, got {value:g}"
+                raise LocatedError(what, ("control", key))
+        return self
 
     @model_validator(mode="after")
     def _one_motion(self) -> Self:

@@ -2,19 +2,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """Configuration of the robot and its sensors; by default the paper's (Tables 1, 2 and 5)."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, ClassVar, Final, Self, TypeVar
 
 from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
 
 from fieldtruth.experiment.camera_config import CameraConfig, Imager
-from fieldtruth.experiment.fields import Frozen, Mount, Number, Positive
+from fieldtruth.experiment.fields import Frozen, Mount
 from fieldtruth.experiment.gnss_config import GnssConfig
 from fieldtruth.experiment.imu_config import ImuConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.odometry_config import WheelOdometryConfig
 from fieldtruth.experiment.rig_check import check_sensors
-from fieldtruth.experiment.sections import PAPER_SENSORS, SECTIONS, with_sections
+from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
+from fieldtruth.experiment.sections import (
+    PAPER_SENSORS,
+    ROBOT_SECTIONS,
+    SECTIONS,
+    with_robot,
+    with_sections,
+    with_wheels,
+)
 from fieldtruth.experiment.sensor_config import MountedConfig, SensorConfig, sensor_of
 from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.experiment.urdf import KEY as URDF
@@ -30,22 +39,14 @@ IN_TABLE_2: Final = (GnssConfig, LidarConfig, CameraConfig, ImuConfig)
 """Order in which the frames of the sensors are in /tf_static: the paper's Table 2."""
 
 
-class WheelConfig(Frozen):
-    """Positions and size of the wheels (paper, Table 2)."""
-
-    half_wheelbase: Positive = 0.256  # [m]
-    half_track: Positive = 0.2854  # [m]
-    axle_height: Number = 0.03282  # [m] above base_link
-    radius: Positive = 0.1651  # [m] = 0.03282 + 0.13228
-
-
 class Rig(Frozen):
     """The robot with its sensors."""
 
-    also: ClassVar = (*SECTIONS, URDF)
+    also: ClassVar = (*SECTIONS, *ROBOT_SECTIONS, URDF)
 
-    wheels: WheelConfig = WheelConfig()
-    base_footprint: Mount = Mount(xyz=(0.0, 0.0, -0.13228))
+    robot: Annotated[
+        RobotConfig, Field(description="a name from `fieldtruth list robots`, or a mapping with the key model")
+    ] = RobotConfig()
     sensors: Annotated[
         tuple[Sensor, ...],
         Field(max_length=64, description="a list of at most 64 sensors: mappings with the keys kind, name, ..."),
@@ -54,12 +55,24 @@ class Rig(Frozen):
     @model_validator(mode="before")
     @classmethod
     def _listed(cls, given: Any) -> Any:
-        return with_sections(with_urdf_mounts(given)) if isinstance(given, Mapping) else given
+        if not isinstance(given, Mapping):
+            return given
+        return with_wheels(with_sections(with_robot(with_urdf_mounts(given))))
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        check_sensors(self.sensors, self._own_frames())
+        check_sensors(self.sensors, self._own_frames(), self.robot)
         return self
+
+    @property
+    def wheels(self) -> WheelConfig:
+        """The robot's wheels."""
+        return self.robot.wheels
+
+    @property
+    def base_footprint(self) -> Mount:
+        """Frame on the ground below base_link."""
+        return self.robot.footprint
 
     @property
     def lidars(self) -> tuple[LidarConfig, ...]:
@@ -136,14 +149,14 @@ class Rig(Frozen):
 
     def _own_frames(self) -> dict[str, Mount]:
         w = self.wheels
-        x, y, z = w.half_wheelbase, w.half_track, w.axle_height
-        return {
-            "front_right_wheel": Mount(xyz=(x, -y, z)),
-            "rear_right_wheel": Mount(xyz=(-x, -y, z)),
-            "front_left_wheel": Mount(xyz=(x, y, z)),
-            "rear_left_wheel": Mount(xyz=(-x, y, z)),
-            "base_footprint": self.base_footprint,
+        sides = {"left": w.half_track, "right": -w.half_track}
+        axles = {"front": w.half_wheelbase, "rear": -w.half_wheelbase}
+        wheels = {
+            f"{axle}_{side}_wheel": Mount(xyz=(axles[axle], sides[side], w.axle_height))
+            for side, axle in itertools.product(("right", "left"), ("front", "rear"))
+            if f"{axle}_{side}" in w.names
         }
+        return wheels | {"base_footprint": self.base_footprint}
 
     def _first(self, config: type[_Config]) -> _Config:
         enabled = self.enabled(config)

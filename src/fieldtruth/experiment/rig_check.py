@@ -10,10 +10,8 @@ from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.gnss_config import GnssConfig
 from fieldtruth.experiment.odometry_config import WheelOdometryConfig
 from fieldtruth.experiment.problems import LocatedError
+from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.experiment.sensor_config import SensorConfig
-
-OUTLINE: Final = (0.99, 0.67, 0.39)  # [m]; paper, section 2.1
-CHASSIS_WIDTH: Final = 0.5709  # [m], between the wheels; husky_description
 
 OWN_TOPICS: Final = (
     "/clock",
@@ -27,7 +25,7 @@ OWN_TOPICS: Final = (
 OWN_FRAMES: Final = ("world", "odom", "base_link")
 
 
-def check_sensors(sensors: Sequence[SensorConfig], own_frames: Mapping[str, Mount]) -> None:
+def check_sensors(sensors: Sequence[SensorConfig], own_frames: Mapping[str, Mount], robot: RobotConfig) -> None:
     """Check the list of sensors of a robot with these frames of its own.
 
     Raises:
@@ -42,11 +40,10 @@ def check_sensors(sensors: Sequence[SensorConfig], own_frames: Mapping[str, Moun
     _differ(sensors, "topic", topics, dict.fromkeys(OWN_TOPICS, "the robot"))
     frames = [[*sensor.frames(), *sensor.optical_frames()] for sensor in sensors]
     _differ(sensors, "frame", frames, dict.fromkeys((*OWN_FRAMES, *own_frames), "the robot"))
-    clearance = -own_frames["base_footprint"].xyz[2]
     for i, sensor in enumerate(sensors):
         if sensor.enabled and (sensor.sees or isinstance(sensor, GnssConfig)):
             for frame, mount in sensor.frames().items():
-                _check_outside(mount, frame, clearance, ("sensors", i, "mount"))
+                _check_outside(mount, frame, robot, ("sensors", i, "mount"))
 
 
 def _views(sensor: SensorConfig) -> list[str]:
@@ -64,13 +61,13 @@ def _differ(
             taken[value] = f"sensors[{i}]"
 
 
-def _check_outside(mount: Mount, frame: str, clearance: float, at: tuple[str | int, ...]) -> None:
-    """Check that a frame is not inside the chassis, which is ``clearance`` [m] above the ground."""
+def _check_outside(mount: Mount, frame: str, robot: RobotConfig, at: tuple[str | int, ...]) -> None:
+    """Check that a frame is not inside the chassis."""
     x, y, z = mount.xyz
-    length, top = OUTLINE[0], OUTLINE[2] - clearance
-    if abs(x) < length / 2 and abs(y) < CHASSIS_WIDTH / 2 and 0.0 < z < top:
+    length, width, top = robot.outline[0], robot.chassis_width, robot.chassis_top
+    if abs(x) < length / 2 and abs(y) < width / 2 and 0.0 < z < top:
         raise LocatedError(
             f"{frame} is inside the robot's hull at {list(mount.xyz)}: it spans x -{length / 2:g} to {length / 2:g} m, "
-            f"y -{CHASSIS_WIDTH / 2:g} to {CHASSIS_WIDTH / 2:g} m, z 0 to {top:g} m in base_link",
+            f"y -{width / 2:g} to {width / 2:g} m, z 0 to {top:g} m in base_link",
             at,
         )

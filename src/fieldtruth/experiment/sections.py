@@ -2,17 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """The short form of a rig: a key for each sensor of the paper, such as ``lidar: {rate_hz: 20}``.
 
-A section changes the first sensor of its kind in ``sensors``, or adds the paper's.
+A section changes the first sensor of its kind in ``sensors``, or adds the paper's; ``wheels`` and ``base_footprint``
+change the robot.
 """
 
 from collections.abc import Mapping
 from typing import Any, Final
 
-from fieldtruth.experiment.fields import Boolean, Frozen, Rate
+from fieldtruth.experiment.fields import Boolean, Frozen, Mount, Rate
 from fieldtruth.experiment.gnss_config import GnssConfig
 from fieldtruth.experiment.imu_config import ImuConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.odometry_config import WheelOdometryConfig
+from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
 from fieldtruth.experiment.sensor_config import KINDS, SensorConfig, part
 from fieldtruth.experiment.stereo_config import StereoConfig
 
@@ -41,6 +43,52 @@ SECTIONS: Final[dict[str, type[Frozen]]] = {
     "lidar": LidarConfig,
     "cameras": StereoConfig,
 }
+
+ROBOT_SECTIONS: Final[dict[str, type[Frozen]]] = {"wheels": WheelConfig, "base_footprint": Mount}
+"""Keys of a rig that change the part of ``robot`` with the same name."""
+
+
+def with_robot(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of a rig with its sections of the robot as parts of ``robot``.
+
+    Raises:
+        PartError: a value that is not allowed.
+    """
+    rest = {key: value for key, value in given.items() if key not in ROBOT_SECTIONS}
+    if len(rest) == len(given):
+        return rest
+    robot = part(RobotConfig, rest.get("robot", {}), "robot").model_dump()
+    for key, config in ROBOT_SECTIONS.items():
+        if key in given:
+            value = {**robot[key], **given[key]} if _is_change(given[key], robot[key]) else given[key]
+            robot[key] = part(config, value, key).model_dump()
+    return {**rest, "robot": part(RobotConfig, robot)}
+
+
+def with_wheels(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of a rig, with a list ``sensors``, in which its wheel odometry has the wheels of its robot.
+
+    Raises:
+        PartError: a robot that is not allowed.
+    """
+    robot, items = given.get("robot", {}), given["sensors"]
+    if not isinstance(robot, str | Mapping | RobotConfig) or not isinstance(items, list | tuple):
+        return dict(given)  # the fields report it
+    robot = part(RobotConfig, robot, "robot")
+    own = {"wheels": robot.wheels.names}
+    sensors = [
+        item
+        if _kind(item) != "wheel_odometry"
+        else item.model_copy(update=own)
+        if isinstance(item, SensorConfig)
+        else {**item, **own}
+        for item in items
+    ]
+    return {**given, "robot": robot, "sensors": sensors}
+
+
+def _is_change(value: Any, known: Any) -> bool:
+    return isinstance(value, Mapping) and isinstance(known, Mapping)
 
 
 _IDENTITY: Final = ("kind", "name", "enabled", "topic", "frame", "forward", "mount")

@@ -97,8 +97,11 @@ def _wheel(decode: Decoder) -> Row:
 def _joints(decode: Decoder) -> Row:
     def row(raw: RawMessage) -> tuple[int, Numbers]:
         message = decode(raw)
-        rows = [message.name.index(joint) for joint in JOINTS]
-        numbers = tuple(float(part[k]) for part in (message.position, message.velocity) for k in rows)
+        numbers = tuple(  # nan of a wheel that the robot does not have
+            float(part[message.name.index(joint)]) if joint in message.name else float("nan")
+            for part in (message.position, message.velocity)
+            for joint in JOINTS
+        )
         return reading_stamp(raw.stamp_ns, message.header), numbers
 
     return row

@@ -20,7 +20,7 @@ from fieldtruth.experiment.camera_config import Imager
 from fieldtruth.experiment.gnss_config import GnssConfig
 from fieldtruth.experiment.imu_config import ImuConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.odometry_config import JOINT_STATES, WHEEL_SPEEDS
+from fieldtruth.experiment.odometry_config import JOINT_STATES
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import MountedConfig
 from fieldtruth.sense.beams import sweep_times_ns
@@ -141,11 +141,16 @@ def _gnss_stream(config: GnssConfig, readings: GnssReadings) -> Stream:
 def _of_base(base: Base, rig: Rig) -> list[Stream]:
     tachometers, odometry, commands = base.tachometers, base.odometry, base.commands
     speeds = tachometers.wheel_speed
-    assert rig.wheel_odometry is not None
+    config = rig.wheel_odometry
+    assert config is not None
     return [
-        Stream(WHEEL_SPEEDS, tachometers.stamps_ns, lambda k, _: map(base_messages.wheel_speed, speeds[k])),
         Stream(
-            (JOINT_STATES, rig.wheel_odometry.topic),
+            config.wheel_topics,
+            tachometers.stamps_ns,
+            lambda k, _: map(base_messages.wheel_speed, speeds[k]),
+        ),
+        Stream(
+            (JOINT_STATES, config.topic),
             odometry.stamps_ns,
             lambda k, _: [base_messages.joint_states(k, odometry), base_messages.wheel_odometry(k, odometry)],
         ),

@@ -7,8 +7,8 @@ from typing import Any, Final, Literal
 
 from fieldtruth.bag import topics
 from fieldtruth.core import geodesy
-from fieldtruth.drive import husky
 from fieldtruth.drive.physics import FRICTION
+from fieldtruth.drive.robot import skid_compensation
 from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.gnss_config import GnssConfig
 from fieldtruth.experiment.imu_config import ImuConfig
@@ -64,11 +64,10 @@ def _sensors(rig: Rig) -> str:
 
 def _values(rig: Rig) -> dict[str, Any]:
     mounts = rig.mounts()
-    chassis_mass = husky.MASS - 4 * husky.WHEEL_MASS
-    track = 2 * rig.wheels.half_track * husky.skid_compensation(rig.wheels)
+    chassis_mass = rig.robot.mass - 4 * rig.wheels.mass
+    track = 2 * rig.wheels.half_track * skid_compensation(rig.wheels)
     return {
         "rig": rig,
-        "husky": husky,
         "topics": topics,
         "geodesy": geodesy,
         "contact": contact,
@@ -85,9 +84,9 @@ def _values(rig: Rig) -> dict[str, Any]:
         "wheels": {wheel: mounts[f"{wheel}_wheel"].xyz for wheel in WHEELS},
         "tachometer_rate": (rig.wheel_odometry or WheelOdometryConfig()).tachometer_rate_hz,
         "chassis_mass": chassis_mass,
-        "inertia": parts.chassis_inertia(chassis_mass),
+        "inertia": parts.chassis_inertia(rig.robot, chassis_mass),
         "track": track,
         "anchor": track / 2 - rig.wheels.half_track,
-        "wheel_inertia": parts.wheel_inertia(),
+        "wheel_inertia": parts.wheel_inertia(rig.robot),
         "pinhole": pinhole,
     }

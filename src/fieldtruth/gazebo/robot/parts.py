@@ -12,12 +12,13 @@ from scipy.spatial.transform import Rotation
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.drive import husky
+from fieldtruth.drive import robot
 from fieldtruth.experiment.camera_config import OPTICAL, Imager
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.lens_config import LensConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.experiment.topic import WHEELS
 
 GNSS_MASS: Final = 0.001  # [kg]; a link of its own in ROS 1, whose GNSS plugin reads a link's position
@@ -92,8 +93,11 @@ def check_rig(rig: Rig) -> None:
     """Check that Gazebo has the sensors that are enabled.
 
     Raises:
-        ConfigurationError: beams that Gazebo has not, or a lens other than a plain pinhole.
+        ConfigurationError: beams that are uneven or leave their column; a lens other than a plain pinhole; a robot
+            without four driven wheels.
     """
+    if rig.robot.drive != "skid_steer":
+        raise ConfigurationError("rig.robot.drive must be skid_steer: the models for Gazebo have four driven wheels")
     for lidar in rig.lidars:
         if lidar.pattern is not None:
             raise ConfigurationError(
@@ -121,20 +125,20 @@ def check_rig(rig: Rig) -> None:
             )
 
 
-def wheel_inertia() -> Array:
+def wheel_inertia(figures: RobotConfig) -> Array:
     """Principal moments (3,) [kg m^2] of a wheel; the motor's rotor turns with it about the axle.
 
     SDF allows no moment above the sum of the others, so those across the axle are larger than the wheel's.
     """
-    axle = husky.WHEEL_INERTIA[1] + husky.ROTOR_INERTIA
-    across = max(husky.WHEEL_INERTIA[0], axle / 2)
+    axle = figures.wheels.inertia[1] + robot.ROTOR_INERTIA * robot.servo_scale(figures)
+    across = max(figures.wheels.inertia[0], axle / 2)
     return np.array([across, axle, across])
 
 
-def chassis_inertia(mass: float) -> Array:
+def chassis_inertia(figures: RobotConfig, mass: float) -> Array:
     """Principal moments (3,) [kg m^2] of a chassis of this mass [kg], less what ``wheel_inertia`` adds."""
-    inertia = np.array(husky.CHASSIS_INERTIA) * (mass / husky.CHASSIS_INERTIA_MASS)
-    return inertia - 4 * (wheel_inertia() - husky.WHEEL_INERTIA) * (1.0, 0.0, 1.0)
+    inertia = np.array(figures.chassis_inertia) * (mass / figures.chassis_inertia_mass)
+    return inertia - 4 * (wheel_inertia(figures) - figures.wheels.inertia) * (1.0, 0.0, 1.0)
 
 
 def _frame(name: str, parent: str, mount: Mount) -> Frame:

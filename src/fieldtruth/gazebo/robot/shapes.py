@@ -15,7 +15,7 @@ import numpy as np
 
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive import husky
+from fieldtruth.drive.robot import Box, body_boxes
 from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.lidar_config import LidarConfig
@@ -59,7 +59,7 @@ class Shape(NamedTuple):
 
 def body_shapes(rig: Rig) -> tuple[Shape, ...]:
     """Shapes of base_link: chassis and mast are solid, the housings of the sensors are only drawn."""
-    boxes = husky.body_boxes(rig)
+    boxes = body_boxes(rig)
     chassis = boxes["chassis"]
     shapes = [_chassis(rig)]
     if "mast" in boxes and (mast := _mast(rig, boxes["mast"], float(chassis.size[2]))):
@@ -71,7 +71,7 @@ def body_shapes(rig: Rig) -> tuple[Shape, ...]:
 
 def wheel_shape(rig: Rig) -> Shape:
     """Return the cylinder of a wheel, whose axis is y."""
-    size = (rig.wheels.radius, round(husky.wheel_width(rig.wheels), 9))
+    size = (rig.wheels.radius, round(rig.wheels.width, 9))
     return Shape("tread", size, (0.0, 0.0, 0.0), rpy=(math.pi / 2, 0.0, 0.0), solid=True)
 
 
@@ -83,7 +83,7 @@ def observers(rig: Rig) -> list[str]:
 
 
 def _chassis(rig: Rig) -> Shape:
-    box = husky.body_boxes(rig)["chassis"]
+    box = body_boxes(rig)["chassis"]
     return Shape("chassis", tuple(box.size.tolist()), tuple(box.centre.tolist()), YELLOW, solid=True)
 
 
@@ -91,7 +91,7 @@ def _name(sensor: SensorConfig) -> str:
     return _NAMES.get(sensor.name, f"{sensor.name}_housing")
 
 
-def _lidar_housings(rig: Rig, chassis: husky.Box) -> Iterator[tuple[SensorConfig | None, Shape]]:
+def _lidar_housings(rig: Rig, chassis: Box) -> Iterator[tuple[SensorConfig | None, Shape]]:
     """LiDARs with the poles on which they stand, which end below the cameras."""
     top = float(chassis.size[2])
     heights = [imager.mount.xyz[2] for imager in rig.imagers]
@@ -149,7 +149,7 @@ def _shows(camera: CameraConfig, optical: Array) -> bool:
     return bool((inside & (depth > NEAR)).any())
 
 
-def _mast(rig: Rig, box: husky.Box, bottom: float) -> Shape | None:
+def _mast(rig: Rig, box: Box, bottom: float) -> Shape | None:
     """Return the mast of the physics, cut off below the LiDARs' beams, which Gazebo would otherwise let it meet."""
     low, high = box.centre - box.size / 2, box.centre + box.size / 2
     for lidar in rig.lidars:

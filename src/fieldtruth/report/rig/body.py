@@ -6,10 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fieldtruth.bag.base_messages import WHEEL_FRAMES
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive import husky
-from fieldtruth.drive.husky import Box as Box
+from fieldtruth.drive.robot import Box as Box
+from fieldtruth.drive.robot import body_boxes
 from fieldtruth.experiment.rig import Rig
 
 
@@ -38,21 +37,31 @@ class Wheel(NamedTuple):
 
 def chassis(rig: Rig) -> Box:
     """Box of the robot's hull without wheels and sensors."""
-    return husky.body_boxes(rig)["chassis"]
+    return body_boxes(rig)["chassis"]
 
 
 def chassis_inertia(rig: Rig) -> Inertia:
     """Inertia of the robot without its wheels."""
-    mass = husky.MASS - sum(wheel.inertia.mass for wheel in wheels(rig))
-    moments = np.array(husky.CHASSIS_INERTIA) * (mass / husky.CHASSIS_INERTIA_MASS)
-    return Inertia(mass, tuple(moments.tolist()), husky.CHASSIS_CENTRE)
+    robot = rig.robot
+    mass = robot.mass - sum(wheel.inertia.mass for wheel in wheels(rig))
+    moments = np.array(robot.chassis_inertia) * (mass / robot.chassis_inertia_mass)
+    return Inertia(mass, tuple(moments.tolist()), robot.chassis_centre)
 
 
 def wheels(rig: Rig) -> tuple[Wheel, ...]:
     """The driven wheels."""
-    mounts, width = rig.mounts(), husky.wheel_width(rig.wheels)
-    inertia = Inertia(husky.WHEEL_MASS, husky.WHEEL_INERTIA)
-    return tuple(Wheel(name, np.array(mounts[name].xyz), rig.wheels.radius, width, inertia) for name in WHEEL_FRAMES)
+    mounts, figures = rig.mounts(), rig.wheels
+    inertia, frames = Inertia(figures.mass, figures.inertia), (f"{name}_wheel" for name in figures.names)
+    return tuple(Wheel(name, np.array(mounts[name].xyz), figures.radius, figures.width, inertia) for name in frames)
+
+
+def rollers(rig: Rig) -> tuple[Wheel, ...]:
+    """All that touches the ground: the driven wheels, and the caster of a robot that has one, in base_link."""
+    caster = rig.robot.caster
+    if caster is None:
+        return wheels(rig)
+    centre = np.array([caster.x, 0.0, ground_height(rig) + caster.radius])
+    return (*wheels(rig), Wheel("base_link", centre, caster.radius, caster.width, Inertia(0.0, (0.0, 0.0, 0.0))))
 
 
 def ground_height(rig: Rig) -> float:

@@ -137,7 +137,7 @@ def ground_coverage(rig: Rig, half: float = HALF, step: float = STEP) -> Coverag
     axis = np.linspace(-half, half, 2 * round(half / step) + 1)
     x, y = (each.ravel() for each in np.meshgrid(axis, axis))
     points = np.column_stack([x, y, np.full(x.shape, body.ground_height(rig))])
-    boxes = [body.chassis(rig), *(wheel.box for wheel in body.wheels(rig))]
+    boxes = [body.chassis(rig), *(wheel.box for wheel in body.rollers(rig))]
     eyes, shape = eyes_of(rig), (len(axis), len(axis))
     in_view, hidden = np.zeros((2, len(eyes), *shape), np.bool_)
     for k, eye in enumerate(eyes):

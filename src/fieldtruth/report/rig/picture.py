@@ -105,7 +105,7 @@ def _draw_plan(axes: Axes, rig: Rig, coverage: Coverage, colours: Sequence[str])
             smooth = gaussian_filter(in_view.astype(float), 1.5)  # without the steps of the grid
             axes.contour(axis, axis, smooth, levels=[0.5], colors=[colour], linewidths=1.0)
     box = body.chassis(rig)
-    for part, colour in ((box, HULL), *((wheel.box, TYRE) for wheel in body.wheels(rig))):
+    for part, colour in (*((wheel.box, TYRE) for wheel in body.rollers(rig)), (box, HULL)):
         low, high = part.centre - part.size / 2, part.centre + part.size / 2
         x, y = ([corner[k] for corner in (low, high)] for k in (0, 1))
         axes.fill([x[0], x[1], x[1], x[0]], [y[0], y[0], y[1], y[1]], facecolor=colour, edgecolor=INK, linewidth=0.5)

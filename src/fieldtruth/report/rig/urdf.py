@@ -28,7 +28,7 @@ def urdf_text(rig: Rig) -> str:
 
     Frames of sensors are fixed; the wheels turn about continuous joints and have inertias.
     """
-    robot = Element("robot", name="husky")
+    robot = Element("robot", name=rig.robot.model)
     for name, rgba in _COLOURS.items():
         SubElement(SubElement(robot, "material", name=name), "color", rgba=_numbers(rgba))
     _add_base(robot, rig)
@@ -42,7 +42,8 @@ def urdf_text(rig: Rig) -> str:
         SubElement(joint, "origin", xyz=_numbers(parent_from_child[:3, 3]), rpy=_numbers(rpy))
         if child in wheels:
             SubElement(joint, "axis", xyz="0 1 0")
-            _add_wheel(link, wheels[child])
+            _add_inertial(link, wheels[child].inertia)
+            _add_tyre(link, wheels[child])
     indent(robot)
     return '<?xml version="1.0"?>\n' + tostring(robot, encoding="unicode") + "\n"
 
@@ -57,13 +58,16 @@ def _add_base(robot: Element, rig: Rig) -> None:
         SubElement(SubElement(shape, "geometry"), "box", size=_numbers(box.size))
         if kind == "visual":
             SubElement(shape, "material", name="hull")
+    for roller in body.rollers(rig):
+        if roller.frame == BASE:
+            _add_tyre(link, roller, roller.centre)
 
 
-def _add_wheel(link: Element, wheel: body.Wheel) -> None:
-    _add_inertial(link, wheel.inertia)
+def _add_tyre(link: Element, wheel: body.Wheel, centre: Iterable[float] = (0.0, 0.0, 0.0)) -> None:
+    rpy = _numbers((math.pi / 2, 0.0, 0.0))  # the axis of a cylinder is z, that of a wheel y
     for kind in ("visual", "collision"):
         shape = SubElement(link, kind)
-        SubElement(shape, "origin", xyz="0 0 0", rpy=_numbers((math.pi / 2, 0.0, 0.0)))  # the axis of a cylinder is z
+        SubElement(shape, "origin", xyz=_numbers(centre), rpy=rpy)
         size = {"radius": _number(wheel.radius), "length": _number(wheel.width)}
         SubElement(SubElement(shape, "geometry"), "cylinder", size)
         if kind == "visual":

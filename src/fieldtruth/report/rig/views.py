@@ -79,7 +79,7 @@ def draw_view(axes: Axes, rig: Rig, eyes: Sequence[tuple[Eye, str]], plane: tupl
 
 def _draw_body(axes: Axes, rig: Rig, plane: tuple[int, int]) -> None:
     patches = []
-    for wheel in body.wheels(rig):
+    for wheel in body.rollers(rig):
         round_one = Circle(_point(wheel.centre, plane), wheel.radius, facecolor=TYRE, zorder=2.5)
         patches.append(round_one if plane == SIDE else _rectangle(wheel.box, plane, facecolor=TYRE, zorder=1.5))
     for patch in (*patches, _rectangle(body.chassis(rig), plane, facecolor=HULL, zorder=2)):

@@ -19,7 +19,7 @@ from fieldtruth.core.frames import rotation_from_quaternion_wxyz, yaw_from_rotat
 from fieldtruth.drive.controller import WaypointFollower
 from fieldtruth.drive.odometry import advance
 from fieldtruth.drive.sensors import antenna_geodetic
-from fieldtruth.experiment.odometry_config import JOINT_STATES, WHEEL_SPEEDS
+from fieldtruth.experiment.odometry_config import JOINT_STATES
 from fieldtruth.experiment.route import geodetic_route
 from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import Checker, Context, at
@@ -43,12 +43,14 @@ class WheelOdometry(Checker):
         self._rig, self._tally = context.rig, context.tally(ODOMETRY)
         config = context.rig.wheel_odometry
         self._topic = "" if config is None else config.topic
-        self.topics = () if config is None else (table.TF, *WHEEL_SPEEDS, JOINT_STATES, config.topic)
+        self._speed_topics = () if config is None else config.wheel_topics
+        self.topics = () if config is None else (table.TF, *config.wheel_topics, JOINT_STATES, config.topic)
         self.tallies = [self._tally]
         self._frames: tuple[int, dict[str, Array]] = (0, {})
         self._speeds: dict[str, tuple[int, float]] = {}
-        self._angles, self._stamp, self._last_stamp = np.zeros(4), 0, 0
-        self._turned = np.zeros(4)
+        self._joints = JOINTS[: len(self._rig.wheels.names)]
+        self._angles, self._stamp, self._last_stamp = np.zeros(len(self._joints)), 0, 0
+        self._turned = np.zeros(len(self._joints))
         self._pose = np.zeros(3)
 
     def see(self, raw: RawMessage, message: Any) -> None:
@@ -56,10 +58,10 @@ class WheelOdometry(Checker):
         if raw.topic == table.TF:
             parts = {each.child_frame_id: matrix(each.transform) for each in message.transforms}
             self._frames = raw.stamp_ns, {name: parts[name] for name in WHEEL_FRAMES if name in parts}
-        elif raw.topic in WHEEL_SPEEDS:
+        elif raw.topic in self._speed_topics:
             self._speeds[raw.topic] = raw.stamp_ns, float(message.data)
-        elif raw.topic == JOINT_STATES and set(JOINTS) <= set(message.name):
-            order = [message.name.index(joint) for joint in JOINTS]
+        elif raw.topic == JOINT_STATES and set(self._joints) <= set(message.name):
+            order = [message.name.index(joint) for joint in self._joints]
             self._see_joints(raw, np.asarray(message.position)[order], np.asarray(message.velocity)[order])
         elif raw.topic == self._topic and raw.stamp_ns == self._stamp:
             self._see_odometry(raw, message)
@@ -72,7 +74,7 @@ class WheelOdometry(Checker):
             true = wheel_transforms(self._rig, angles)
             apart = max(float(np.abs(found[name] - true[name]).max()) for name in found)
             self._tally[FRAMES].measure(apart, at(raw))
-        for topic, speed in zip(WHEEL_SPEEDS, speeds, strict=True):
+        for topic, speed in zip(self._speed_topics, speeds, strict=True):
             stamp, read = self._speeds.get(topic, (0, 0.0))
             if stamp == raw.stamp_ns:
                 self._tally[SPEEDS].measure(read - speed, at(raw))

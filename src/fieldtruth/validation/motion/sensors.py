@@ -135,8 +135,8 @@ class Wheels(Checker):
         """Process a message."""
         met = self._speeds.setdefault(raw.stamp_ns, {})
         met[raw.topic] = float(message.data)
-        if len(met) == len(WHEEL_SPEEDS):
-            speeds = np.array([met[name] for name in WHEEL_SPEEDS])
+        if len(met) == len(self.topics):
+            speeds = np.array([met[name] for name in self.topics])
             del self._speeds[raw.stamp_ns]
             self._motion.when_known(raw.stamp_ns, lambda: self._compare(raw, speeds))
         elif len(self._speeds) > 100:
@@ -153,11 +153,11 @@ class Wheels(Checker):
         base_from_world = frames.rotation_from_quaternion_wxyz(state.quaternion_wxyz).T
         ahead = float((base_from_world @ state.linear_velocity)[0])
         turn = float((base_from_world @ state.angular_velocity)[2])
-        front_left, front_right, rear_left, rear_right = speeds * wheels.radius
-        left, right = (front_left + rear_left) / 2, (front_right + rear_right) / 2
-        # A skid-steered robot turns more slowly than its wheels suggest: see drive/husky.py.
+        sides = [speeds[side::2] * wheels.radius for side in (0, 1)]
+        left, right = (float(side.mean()) for side in sides)
+        # A skid-steered robot turns more slowly than its wheels suggest: see drive/robot.py.
         skid = 1.0 + (wheels.half_wheelbase / wheels.half_track) ** 2
-        apart = max(abs(front_left - rear_left), abs(front_right - rear_right))
+        apart = max(float(np.ptp(side)) for side in sides)
         self._tally[SLIP].measure(max(apart, abs(ahead - (left + right) / 2)), at(raw))
         self._tally[SKID].measure(turn - (right - left) / (2 * wheels.half_track * skid), at(raw))
         seconds = 0.0 if self._last is None else (raw.stamp_ns - self._last) / 1e9
