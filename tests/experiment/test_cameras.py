@@ -125,6 +125,8 @@ def test_camera_info_says_the_lens() -> None:
 def test_a_package_for_gazebo_refuses_other_lenses(tmp_path: Path) -> None:
     world: Any = None  # is not looked at
     rig = paper_rig(stereo=StereoConfig(model="fisheye_190"))
-    with pytest.raises(ConfigurationError, match=r"^rig\.cameras\.lens: .* pinhole cameras only, got equidistant$"):
+    with pytest.raises(
+        ConfigurationError, match=r"^rig\.sensors: stereo has the lens equidistant; .* pinhole cameras only"
+    ):
         write_gazebo(world, tmp_path / "package", rig=rig)
     assert not (tmp_path / "package").exists()

@@ -180,8 +180,8 @@ BAD_VALUES = [
     ("start", "start: [0, 1, 2]", r"route\.start must be \[latitude, longitude\] in degrees, got \[0, 1, 2\]"),
     ("speed", "speed: .nan", r"control\.speed must be a number above 0, got nan"),
     ("speed", "speed: yes", r"control\.speed must be a number above 0, got True"),
-    ("columns", "columns: five", r"rig\.sensors\[3\]\.columns must be an integer between 8 and 4096, got 'five'"),
-    ("columns", "columns: 7", r"rig\.sensors\[3\]\.columns must be an integer between 8 and 4096, got 7"),
+    ("columns", "columns: five", r"rig\.sensors\[3\]\.columns must be an integer between 8 and 8192, got 'five'"),
+    ("columns", "columns: 7", r"rig\.sensors\[3\]\.columns must be an integer between 8 and 8192, got 7"),
     (
         "height",
         "height: 1281",

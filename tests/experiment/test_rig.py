@@ -165,7 +165,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
         "rig.sensors[1].kind must differ: a rig has at most one wheel_odometry",
     ),
     ({"lidr": {}}, "unknown key 'rig.lidr'; did you mean 'rig.lidar'? Available: imu, gnss, tachometers, "),
-    ({"lidar": {"columns": 3}}, "rig.lidar.columns must be an integer between 8 and 4096, got 3"),
+    ({"lidar": {"columns": 3}}, "rig.lidar.columns must be an integer between 8 and 8192, got 3"),
     ({"cameras": {"left": {"xyz": [0, 0]}}}, "rig.cameras.left.xyz[2] is required: a number"),
     ({"tachometers": {"rate_hz": -1}}, "rig.tachometers.rate_hz must be a number between 0.01 and 1000, got -1"),
     ({"odometry": {"rate": 1}}, "unknown key 'rig.odometry.rate'; did you mean 'rig.odometry.rate_hz'? "),

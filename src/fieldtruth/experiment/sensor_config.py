@@ -40,7 +40,7 @@ class SensorConfig(Frozen):
     sees: ClassVar[bool] = True
     """Whether it senses the world around it, so that a reading depends on a pose alone."""
     needs_mount: ClassVar[bool] = False
-    """Whether a rig must give ``mount``, whose default is for a sensor that is used on its own."""
+    """Whether a rig must give ``mount``, because its default is for a sensor that is used on its own."""
 
     kind: str
     name: SensorName

@@ -8,7 +8,7 @@ WHEELS: Final = ("front_left", "front_right", "rear_left", "rear_right")
 
 
 class Topic(NamedTuple):
-    """A topic that a run publishes; one message per bag has no ``rate_hz``."""
+    """A topic that a run publishes; without ``rate_hz`` it has one message per bag."""
 
     name: str
     msgtype: str
