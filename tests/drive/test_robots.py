@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 
 import fieldtruth as ft
 from fieldtruth.bag.base_messages import wheel_transforms
+from fieldtruth.bag.topics import topics_of
 from fieldtruth.core.errors import ConfigurationError, RouteError
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz
 from fieldtruth.drive import simulate
@@ -147,14 +148,12 @@ def test_a_differential_robot_drives_a_route_and_publishes_two_wheels(tmp_path: 
     start, end = track.base.odometry.pose[0], track.base.odometry.pose[-1]
     driven = np.linalg.norm(track.motion.position[-1, :2] - track.motion.position[0, :2])
     assert np.linalg.norm(end[:2] - start[:2]) == pytest.approx(driven, rel=0.01)
-    odometry = rig.wheel_odometry
-    assert odometry is not None
-    names = [topic.name for topic in odometry.topics()]
-    assert names == [
+    assert [topic.name for topic in topics_of(rig) if topic.kind == "wheel_odometry"] == [
         "/gazebo_client/front_left_speed",
         "/gazebo_client/front_right_speed",
         "/joint_states",
         "/odometry/wheel",
+        "/cmd_vel",
     ]
     assert list(wheel_transforms(rig, np.zeros(2))) == ["front_left_wheel", "front_right_wheel"]
     assert [frame for frame in rig.mounts() if frame.endswith("wheel")] == ["front_right_wheel", "front_left_wheel"]

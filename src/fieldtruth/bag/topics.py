@@ -42,7 +42,8 @@ def topics_of(rig: Rig, *, latched: bool = False) -> tuple[Topic, ...]:
     """Topics that this rig publishes; ``latched``: static objects have a topic of their own."""
     rows = [row for row in _TRUTH if latched or row.kind != "objects"]
     for sensor in rig.in_order():
-        rows += sensor.topics()
+        absent = set(WHEEL_SPEED_TOPICS) - set(rig.wheel_speed_topics)
+        rows += (topic for topic in sensor.topics() if topic.name not in absent)
         if sensor == rig.wheel_odometry:
             # The controller's rate is that of the IMU.
             rows.append(Topic(COMMANDS, "geometry_msgs/msg/Twist", rig.imu.rate_hz, sensor.kind, sensor.name))

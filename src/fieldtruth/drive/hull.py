@@ -12,6 +12,7 @@ from numba import njit
 from scipy.ndimage import maximum_filter
 
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.drive.physics import STEP_S
 from fieldtruth.drive.robot import body_boxes
 from fieldtruth.drive.vectors import axes_of, plus, turned
 from fieldtruth.experiment.rig import Rig
@@ -22,7 +23,6 @@ EVERY: Final = 20
 NEAR: Final = 0.05
 """Distance [m] below the chassis; it comes nearer by less in ``EVERY`` steps: 4 cm at 5 m/s where a slope of 20 deg
 begins."""
-_STEP_S: Final = 0.001
 _PITCH: Final = 0.1
 """Greatest distance [m] between the points of the chassis at which the ground below is looked up."""
 
@@ -32,7 +32,7 @@ class Hull:
 
     def __init__(self, field: Heightfield, rig: Rig) -> None:
         # Half a pitch, a node, and what it moves until the next look: 2 cm at 1 m/s.
-        faster = max(rig.robot.max_speed - 1.0, 0.0) * EVERY * _STEP_S
+        faster = max(rig.robot.max_speed - 1.0, 0.0) * EVERY * STEP_S
         reach = int(np.ceil((_PITCH + faster) / field.spacing)) + 1
         self._highest = maximum_filter(field.heights, 2 * reach + 1, mode="nearest")
         self._field = field

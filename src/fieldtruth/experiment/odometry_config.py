@@ -2,9 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Configuration of wheel odometry: encoders of the wheels, and what the robot's driver computes from their angles."""
 
-from typing import Annotated, ClassVar, Final, Literal
-
-from pydantic import Field
+from typing import ClassVar, Final, Literal
 
 from fieldtruth.experiment.fields import Rate
 from fieldtruth.experiment.sensor_config import SensorConfig, SensorName, TopicName
@@ -24,18 +22,11 @@ class WheelOdometryConfig(SensorConfig):
     topic: TopicName = "/odometry/wheel"
     rate_hz: Rate = 50.0  # of odometry and joint states; husky_control, control.yaml
     tachometer_rate_hz: Rate = 10.0  # of the wheels' speeds
-    wheels: Annotated[tuple[str, ...], Field(exclude=True, description="left to the robot")] = WHEELS
-    """Names of the wheels; a rig sets those of its robot."""
-
-    @property
-    def wheel_topics(self) -> tuple[str, ...]:
-        """Topics of the wheels' speeds."""
-        return tuple(topic for topic, wheel in zip(WHEEL_SPEEDS, WHEELS, strict=True) if wheel in self.wheels)
 
     def topics(self) -> tuple[Topic, ...]:
-        """Wheel speeds, joint states and odometry."""
+        """Wheel speeds, joint states and odometry; a robot with two wheels has the first two speeds only."""
         return (
-            *(self.new_topic(name, "std_msgs/msg/Float32", self.tachometer_rate_hz) for name in self.wheel_topics),
+            *(self.new_topic(name, "std_msgs/msg/Float32", self.tachometer_rate_hz) for name in WHEEL_SPEEDS),
             self.new_topic(JOINT_STATES, "sensor_msgs/msg/JointState"),
             self.new_topic(self.topic, "nav_msgs/msg/Odometry"),
         )

@@ -13,7 +13,7 @@ from fieldtruth.experiment.fields import Frozen, Mount
 from fieldtruth.experiment.gnss_config import GnssConfig
 from fieldtruth.experiment.imu_config import ImuConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.odometry_config import WheelOdometryConfig
+from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS, WheelOdometryConfig
 from fieldtruth.experiment.rig_check import check_sensors
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
 from fieldtruth.experiment.sections import (
@@ -22,7 +22,6 @@ from fieldtruth.experiment.sections import (
     SECTIONS,
     with_robot,
     with_sections,
-    with_wheels,
 )
 from fieldtruth.experiment.sensor_config import MountedConfig, SensorConfig, sensor_of
 from fieldtruth.experiment.stereo_config import StereoConfig
@@ -55,9 +54,7 @@ class Rig(Frozen):
     @model_validator(mode="before")
     @classmethod
     def _listed(cls, given: Any) -> Any:
-        if not isinstance(given, Mapping):
-            return given
-        return with_wheels(with_sections(with_robot(with_urdf_mounts(given))))
+        return with_sections(with_robot(with_urdf_mounts(given))) if isinstance(given, Mapping) else given
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -68,6 +65,11 @@ class Rig(Frozen):
     def wheels(self) -> WheelConfig:
         """The robot's wheels."""
         return self.robot.wheels
+
+    @property
+    def wheel_speed_topics(self) -> tuple[str, ...]:
+        """Topics of the speeds of its wheels."""
+        return WHEEL_SPEEDS[: len(self.wheels.names)]
 
     @property
     def base_footprint(self) -> Mount:

@@ -65,28 +65,6 @@ def with_robot(given: Mapping[str, Any]) -> dict[str, Any]:
     return {**rest, "robot": part(RobotConfig, robot)}
 
 
-def with_wheels(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values of a rig, with a list ``sensors``, in which its wheel odometry has the wheels of its robot.
-
-    Raises:
-        PartError: a robot that is not allowed.
-    """
-    robot, items = given.get("robot", {}), given["sensors"]
-    if not isinstance(robot, str | Mapping | RobotConfig) or not isinstance(items, list | tuple):
-        return dict(given)  # the fields report it
-    robot = part(RobotConfig, robot, "robot")
-    own = {"wheels": robot.wheels.names}
-    sensors = [
-        item
-        if _kind(item) != "wheel_odometry"
-        else item.model_copy(update=own)
-        if isinstance(item, SensorConfig)
-        else {**item, **own}
-        for item in items
-    ]
-    return {**given, "robot": robot, "sensors": sensors}
-
-
 def _is_change(value: Any, known: Any) -> bool:
     return isinstance(value, Mapping) and isinstance(known, Mapping)
 

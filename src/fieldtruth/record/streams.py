@@ -145,7 +145,7 @@ def _of_base(base: Base, rig: Rig) -> list[Stream]:
     assert config is not None
     return [
         Stream(
-            config.wheel_topics,
+            rig.wheel_speed_topics,
             tachometers.stamps_ns,
             lambda k, _: map(base_messages.wheel_speed, speeds[k]),
         ),

@@ -43,8 +43,8 @@ class WheelOdometry(Checker):
         self._rig, self._tally = context.rig, context.tally(ODOMETRY)
         config = context.rig.wheel_odometry
         self._topic = "" if config is None else config.topic
-        self._speed_topics = () if config is None else config.wheel_topics
-        self.topics = () if config is None else (table.TF, *config.wheel_topics, JOINT_STATES, config.topic)
+        self._speed_topics = self._rig.wheel_speed_topics
+        self.topics = () if config is None else (table.TF, *self._speed_topics, JOINT_STATES, config.topic)
         self.tallies = [self._tally]
         self._frames: tuple[int, dict[str, Array]] = (0, {})
         self._speeds: dict[str, tuple[int, float]] = {}
