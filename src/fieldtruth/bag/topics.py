@@ -9,6 +9,7 @@ from collections.abc import Container
 from typing import Final
 
 from fieldtruth.experiment.config import FRAME_RATE, Experiment
+from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.sensor_config import KINDS
 from fieldtruth.experiment.stereo_config import StereoConfig
@@ -42,7 +43,7 @@ def topics_of(rig: Rig, *, latched: bool = False) -> tuple[Topic, ...]:
     """Topics that this rig publishes; ``latched``: static objects have a topic of their own."""
     rows = [row for row in _TRUTH if latched or row.kind != "objects"]
     for sensor in rig.in_order():
-        absent = set(WHEEL_SPEED_TOPICS) - set(rig.wheel_speed_topics)
+        absent = set(WHEEL_SPEEDS) - set(rig.wheel_speed_topics)
         rows += (topic for topic in sensor.topics() if topic.name not in absent)
         if sensor == rig.wheel_odometry:
             # The controller's rate is that of the IMU.
