@@ -290,6 +290,8 @@ def test_a_disabled_sensor_has_frames_but_no_plugin(flavour: Flavour, tmp_path: 
         ({"name": "low", "model": "pandar64"},
          "rig.sensors: low has uneven elevations_deg; the beams of Gazebo's scanner are even and straight above each "
          "other; give enabled: false"),
+        ({"name": "low", "model": "mid_360"},
+         "rig.sensors: low has the pattern mid_360; Gazebo's scanner turns evenly; give enabled: false"),
     ],
 )  # fmt: skip
 def test_what_gazebo_does_not_have_is_one_line(change: dict[str, Any] | None, line: str, tmp_path: Path) -> None:

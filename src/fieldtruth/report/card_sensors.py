@@ -101,7 +101,8 @@ def _lidar(lidar: LidarConfig, rig: Rig) -> str:
     elevations = lidar.elevations_deg
     beams = f" (elevations {min(elevations):g} to {max(elevations):g} deg)" if elevations else ""
     name = _named(f"LiDAR {lidar.model}" if lidar.model else "LiDAR", lidar, rig.lidars)
+    field = f"360 x {lidar.vertical_fov_deg:g} deg{beams}" if lidar.pattern is None else f"pattern {lidar.pattern}"
     return (
-        f"- {name}: {lidar.columns} x {lidar.rings} rays, 360 x {lidar.vertical_fov_deg:g} deg{beams}, "
+        f"- {name}: {lidar.columns} x {lidar.rings} rays, {field}, "
         f"{lidar.min_range:g} to {lidar.max_range:g} m; {timing}; only returns are stored."
     )
