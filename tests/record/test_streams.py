@@ -249,7 +249,7 @@ def test_a_spinning_lidar_gets_the_pose_of_each_column() -> None:
     seen = []
 
     class Watch(FakeLidar):
-        def scan(self, world_from_lidar: np.typing.NDArray[np.float64]) -> FakeScan:
+        def scan(self, world_from_lidar: np.typing.NDArray[np.float64], stamp_ns: int = 0) -> FakeScan:
             seen.append(world_from_lidar)
             return super().scan(world_from_lidar[0])
 
@@ -257,7 +257,7 @@ def test_a_spinning_lidar_gets_the_pose_of_each_column() -> None:
     list(stream.messages(3, Sensors(lidars={"lidar": Watch(rig.lidar, FakeScene(WORLD))})))
     motion = track.motion
     truth = frames.pose_from_quaternion_wxyz(motion.position, motion.quaternion_wxyz) @ rig.lidar.mount.base_from_sensor
-    np.testing.assert_allclose(seen[0], truth[399:499:5], atol=1e-15)  # 0.4 s and every 5 ms of its 0.1 s
+    np.testing.assert_allclose(seen[0], truth[399:500:5], atol=1e-15)  # 0.4 s and every 5 ms to the end of its 0.1 s
 
 
 def test_slices_hold_stamps_after_their_start_up_to_their_end(tmp_path: Path) -> None:
