@@ -17,8 +17,10 @@ import numpy as np
 from fieldtruth.core.arrays import Mask
 from fieldtruth.core.progress import Silent
 from fieldtruth.datasets import RunDataset
+from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.pipeline import prepare
 from fieldtruth.record.following import without_wheels
 
@@ -50,9 +52,8 @@ def cost(experiment: Experiment) -> float:
 
 def shown(experiment: Experiment) -> tuple[int, Iterator[Mask]]:
     """Number of named objects, and for each left image which of them it shows."""
-    cameras = experiment.rig.cameras.model_copy(update={"width": 320, "height": 184, "instances": True})
-    lidar = experiment.rig.lidar.model_copy(update={"enabled": False})
-    rig = experiment.rig.model_copy(update={"cameras": cameras, "lidar": lidar})
+    rig = experiment.rig.with_sensors(LidarConfig, enabled=False)
+    rig = rig.with_sensors(CameraConfig, width=320, height=184, instances=True)
     prepared = prepare(experiment.model_copy(update={"rig": rig}), None, Silent())
     named = len(prepared.world.instances)
 

@@ -19,7 +19,6 @@ from typing import TypeVar
 from fieldtruth.bench import Settings, settings_of
 from fieldtruth.bench.sensors import poses_on_route
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
 from fieldtruth.render.bake import bake
 from fieldtruth.render.camera import Camera
 from fieldtruth.sense.lidar import Lidar
@@ -57,8 +56,8 @@ def sensors(world: World, settings: Settings, folder: Path | None) -> tuple[tupl
     scene = timed("scene", lambda: Scene(world))
     lidar = Lidar(rig.lidar, scene)
     baked = timed("light", lambda: bake(scene, settings.experiment.light, folder=folder))
-    camera = Camera(rig.cameras, baked, reuse=True)
-    base_from_optical = rig.cameras.left.base_from_sensor @ CAMERA_FROM_OPTICAL
+    camera = Camera(rig.stereo, baked, reuse=True)
+    base_from_optical = rig.imagers[0].base_from_optical
     poses = poses_on_route(settings.experiment.route, world, rig, settings.views)
 
     def scan(pose: Array) -> object:

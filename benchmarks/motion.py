@@ -31,7 +31,9 @@ from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import Motion, Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
-from fieldtruth.experiment.rig import WHEELS, ImuConfig, Rig
+from fieldtruth.experiment.imu_config import ImuConfig
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.world.build import world_of
 from fieldtruth.world.model import World
 

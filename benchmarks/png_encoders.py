@@ -21,9 +21,9 @@ import numpy as np
 from isal import isal_zlib
 from numpy.typing import NDArray
 
-from fieldtruth.bag import topics
 from fieldtruth.bag.decode import depth, image, read_bag, stamp_ns
 from fieldtruth.bag.reader import RawMessage, decoder, open_bag
+from fieldtruth.bag.run import open_run
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import _filtered, encode_png
 
@@ -102,11 +102,9 @@ def sample(bag: Path) -> dict[str, list[NDArray[Any]]]:
         metres = depth(message)
         return np.where(metres < 65.5, 1000 * metres, 0).astype(np.uint16)
 
-    found = {
-        "photograph": some(topics.photograph("left"), image),
-        "tag": some(topics.tag("left"), image),
-        "depth": some(topics.depth("left"), millimetres),
-    }
+    camera = open_run(bag).rig.imagers[0]
+    readers: dict[str, Callable[[Any], NDArray[Any]]] = {"photograph": image, "tag": image, "depth": millimetres}
+    found = {stream: some(camera.topic_of(stream), read) for stream, read in readers.items()}
     return {kind: images for kind, images in found.items() if images}
 
 
@@ -120,16 +118,18 @@ def measure(encode: Encoder, images: list[NDArray[Any]]) -> tuple[float, float]:
 
 def from_jpeg_to_disk(bag: Path) -> tuple[int, float, float]:
     """Convert the bag's JPEGs to PNG files; return their number, seconds and processor seconds."""
+    names = {imager.topic_of("photograph"): imager.name for imager in open_run(bag).rig.imagers}
     with open_bag(bag) as stored, TemporaryDirectory(dir=Path.cwd()) as folder:
         decode = decoder(stored)
 
         def convert(raw: RawMessage) -> None:
             message = decode(raw)
-            side = raw.topic.split("/")[3]
-            (Path(folder) / f"{side}_{stamp_ns(message.header)}.png").write_bytes(encode_png(image(message)))
+            (Path(folder) / f"{names[raw.topic]}_{stamp_ns(message.header)}.png").write_bytes(
+                encode_png(image(message))
+            )
 
         start, cpu = time.perf_counter(), time.process_time()
-        photographs = stored.messages([topics.photograph(side) for side in topics.SIDES])
+        photographs = stored.messages([topic for topic in names if topic in stored.counts])
         count = sum(1 for _ in in_order(photographs, convert, WORKERS))
         return count, time.perf_counter() - start, time.process_time() - cpu
 

@@ -10,7 +10,6 @@ import fieldtruth as ft
 from fieldtruth.bench.bare import MODES, BareTracer
 from fieldtruth.bench.sensors import pixel_directions, poses_on_route
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
 from fieldtruth.sense.lidar import ray_directions
 
 VIEWS, TRIES = 6, 3
@@ -21,9 +20,9 @@ def main() -> None:
     world = ft.load_world(experiment.environment, experiment.seed)
     scene, rig = ft.Scene(world), experiment.rig
     poses = poses_on_route(experiment.route, world, rig, VIEWS)
-    from_camera = [pose @ rig.cameras.left.base_from_sensor @ CAMERA_FROM_OPTICAL for pose in poses]
+    from_camera = [pose @ rig.imagers[0].base_from_optical for pose in poses]
     from_lidar = [pose @ rig.lidar.mount.base_from_sensor for pose in poses]
-    pixels, beams = pixel_directions(rig.cameras), ray_directions(rig.lidar).astype(np.float32)
+    pixels, beams = pixel_directions(rig.stereo), ray_directions(rig.lidar).astype(np.float32)
 
     def mrays_per_s(tracer: BareTracer, directions: Float32Array, poses: list[Array]) -> float:
         total = 0.0
@@ -39,7 +38,7 @@ def main() -> None:
     print("Mrays/s; a tile is rows x columns of pixels, or columns x rings of the LiDAR")
     print(f"{'lanes':>5}{'tile':>8}{'coherent':>10}{'camera':>9}{'LiDAR':>9}")
     for mode in MODES:
-        camera = BareTracer(scene.rays.handle, pixels, rig.cameras.far, mode)
+        camera = BareTracer(scene.rays.handle, pixels, rig.stereo.far, mode)
         lidar = BareTracer(scene.rays.handle, beams, rig.lidar.max_range, mode)
         tile = f"{mode.rows} x {mode.lanes // mode.rows}"
         camera_rate, lidar_rate = mrays_per_s(camera, pixels, from_camera), mrays_per_s(lidar, beams, from_lidar)

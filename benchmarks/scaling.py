@@ -20,7 +20,6 @@ from fieldtruth.bench import Settings, settings_of
 from fieldtruth.bench.sensors import poses_on_route
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
 from fieldtruth.render.bake import bake
 from fieldtruth.render.camera import Camera
 from fieldtruth.sense.scene import Scene
@@ -70,9 +69,9 @@ def image_time_ratio(first: tuple[World, Settings], second: tuple[World, Setting
 
 def _views(world: World, settings: Settings) -> tuple[Camera, list[Array]]:
     experiment = settings.experiment
-    config = experiment.rig.cameras
+    config = experiment.rig.stereo
     poses = poses_on_route(experiment.route, world, experiment.rig, settings.views)
-    base_from_optical = config.left.base_from_sensor @ CAMERA_FROM_OPTICAL
+    base_from_optical = config.imagers()[0].base_from_optical
     camera = Camera(config, bake(Scene(world), experiment.light), reuse=True)
     camera.render(poses[0] @ base_from_optical)  # kernels are compiled before the clock runs
     return camera, [pose @ base_from_optical for pose in poses]

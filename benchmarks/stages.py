@@ -18,7 +18,7 @@ from time import perf_counter
 import fieldtruth as ft
 from fieldtruth.bench import settings_of, table
 from fieldtruth.bench.measure import peak_memory
-from fieldtruth.bench.recording import pairs_per_second
+from fieldtruth.bench.recording import images_per_second
 from fieldtruth.drive.expected_path import experiments_in
 from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.files import with_overrides
@@ -71,7 +71,7 @@ def stages(environment: str) -> dict[str, float]:
     baked, rates = ft.bake(scene, experiment.light), {1: 0.0, 2: 0.0}
     for _ in range(2):
         for workers in rates:
-            rate = pairs_per_second(baked, track, experiment.rig, pairs=PAIRS, workers=workers)
+            rate = images_per_second(baked, track, experiment.rig, images=PAIRS, workers=workers)
             rates[workers] = max(rates[workers], rate)
     found["two_workers_speedup"] = rates[2] / rates[1]
     return found | peak_memory()

@@ -139,6 +139,18 @@ def page(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> "Page":
 
 
 @pytest.fixture(scope="session")
+def many_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of 0.42 s in the park with the rig of ``many_sensors``. Copy what you want to change."""
+    from many_sensors import many_rig
+
+    from fieldtruth.pipeline import generate
+
+    changes = {"name": "many", "seconds": 0.42, "rig": many_rig()}
+    bag = generate(load_experiment("park_1").model_copy(update=changes), tmp_path_factory.mktemp("many_run"))
+    return bag.parent
+
+
+@pytest.fixture(scope="session")
 def messages(small_run: Path) -> dict[str, list[Any]]:
     """Messages of some topics of the small run, as the rosbags library reads them."""
     from report_pages import read_messages
@@ -195,6 +207,14 @@ def brief_run(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path
     )
     shutil.copy(small_run / "experiment.yaml", folder)
     return folder
+
+
+@pytest.fixture(scope="session")
+def faked_many_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of 0.6 s with two LiDARs, five cameras, two IMUs and two antennas, whose images and clouds are fakes."""
+    from many_recording import record_many
+
+    return record_many(tmp_path_factory.mktemp("many"))
 
 
 @pytest.fixture(scope="session")

@@ -8,20 +8,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from many_sensors import many_rig
 from numpy.typing import NDArray
 from scaling import image_time_ratio, is_tree, with_trees_around
 
 from fieldtruth.bench import UNITS, Settings, measure, settings_of, table
 from fieldtruth.bench.bare import MODES, BareTracer, Mode, best_mode
 from fieldtruth.bench.measure import image_efficiency
+from fieldtruth.bench.recording import record
 from fieldtruth.bench.sensors import pixel_directions, poses_on_route
 from fieldtruth.core import frames
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
-from fieldtruth.experiment.camera_config import OPTICAL, CameraConfig
+from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.route import metres_from_route, route_from_metres
+from fieldtruth.experiment.stereo_config import StereoConfig
+from fieldtruth.render.bake import bake
 from fieldtruth.sense.embree import Engine, RayScene
 from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.lidar import Lidar, ray_directions
@@ -31,7 +35,7 @@ from fieldtruth.world.environments.park.build import build as build_park
 from fieldtruth.world.environments.park.config import Config as ParkConfig
 from fieldtruth.world.model import World
 
-RIG = Rig(cameras=CameraConfig(width=64, height=48), lidar=LidarConfig(columns=64, rings=16))
+RIG = paper_rig(stereo=StereoConfig(width=64, height=48), lidar=LidarConfig(columns=64, rings=16))
 EXPERIMENT = Experiment(
     name="small", environment="park", rig=RIG, route=route_from_metres((-6.0, 0.0), [(2.0, 0.0), (2.0, 8.0)])
 )
@@ -87,7 +91,7 @@ def test_best_mode_and_size_of_tiles() -> None:
 def test_bare_rays_equal_those_of_camera_and_lidar(world: World) -> None:
     scene = Scene(world)
     pose = poses_on_route(EXPERIMENT.route, world, RIG, 3)[1]
-    camera, world_from_optical = RIG.cameras, pose @ RIG.cameras.left.base_from_sensor @ OPTICAL
+    camera, world_from_optical = RIG.stereo, pose @ RIG.imagers[0].base_from_optical
     directions = pixel_directions(camera)
     bare = BareTracer(scene.rays.handle, directions, camera.far, Mode(8, 2, True))
     bare.trace(world_from_optical)
@@ -128,7 +132,7 @@ def test_table_shows_value_and_unit() -> None:
 
 def test_image_efficiency_is_bare_time_over_core_seconds() -> None:
     """0.1 s of bare rays per image; 4 images per second on two cores are 0.5 core-seconds each."""
-    assert image_efficiency(2.0, 2, 1_000_000, 10.0) == pytest.approx(0.1 / 0.5)
+    assert image_efficiency(4.0, 2, 1_000_000, 10.0) == pytest.approx(0.1 / 0.5)
 
 
 @pytest.mark.usefixtures("_small_park")
@@ -137,10 +141,46 @@ def test_reduced_run_gives_every_figure(
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
-    figures = measure(Settings(experiment=EXPERIMENT, views=2, repeats=1, pairs=2))
+    figures = measure(Settings(experiment=EXPERIMENT, views=2, repeats=1, images=2))
     assert list(json.loads(json.dumps(figures))) == list(UNITS)
     assert all(type(value) is float and math.isfinite(value) and value > 0 for value in figures.values())
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.usefixtures("_small_park")
+@pytest.mark.parametrize("names", [("top", "front", "fisheye"), ("top",)])
+def test_figures_are_those_of_the_sensors_that_a_rig_has(
+    names: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    sensors = [sensor for sensor in many_rig().sensors if sensor.name in names]
+    experiment = EXPERIMENT.model_copy(update={"rig": Rig(sensors=tuple(sensors))})
+    figures = measure(Settings(experiment=experiment, views=1, repeats=1, images=2))
+    lacking = {"stereo_pairs_per_s"}
+    if "front" not in names:
+        lacking |= {key for key in UNITS if "image" in key or "camera" in key or "photograph" in key}
+    assert figures.keys() == UNITS.keys() - lacking
+    assert all(math.isfinite(value) and value > 0 for value in figures.values())
+
+
+def test_pixels_outside_the_image_circle_have_finite_bare_rays() -> None:
+    fisheye = next(camera for camera in many_rig().cameras if camera.name == "fisheye")
+    rays = pixel_directions(fisheye)
+    np.testing.assert_allclose(np.linalg.norm(rays, axis=-1), 1.0, rtol=1e-5)
+    assert rays[0, 0].tolist() == [0.0, 0.0, 1.0]
+    assert (rays[48, :, 2] < 0).any()  # beyond 180 deg
+
+
+@pytest.mark.usefixtures("_small_park")
+def test_a_recording_has_the_readings_of_every_sensor(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    track, baked = drive(world, EXPERIMENT.model_copy(update={"seconds": 0.4})), bake(Scene(world), EXPERIMENT.light)
+    found = record(baked, track, many_rig(), workers=2, seconds=0.4)
+    assert found.images == 5 * 2 + 4  # five views at 5 Hz, one at 10 Hz
+    assert found.scans == 4 + 8
+    assert found.took_s > 0
 
 
 def test_environment_is_measured_with_its_first_experiment() -> None:

@@ -20,8 +20,7 @@ import fieldtruth
 from fieldtruth import cli
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.parallel import cpu_count
-from fieldtruth.experiment.camera_models import list_cameras
-from fieldtruth.experiment.lidar_models import list_lidars
+from fieldtruth.experiment.sensor_models import TITLES, list_models
 
 CLOCK = "rosgraph_msgs/msg/Clock"
 
@@ -236,11 +235,14 @@ def test_list_shows_every_experiment_and_environment(capsys: pytest.CaptureFixtu
 
 def test_list_sensors_shows_every_model(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["list", "sensors"]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == "LiDARs (rig.lidar.model):"
-    names = [line.split()[0] for line in lines[1:]]
-    assert names == [*list_lidars(), "cameras", *list_cameras()]
-    assert {"vlp_16", "os1_64_gen1", "pandar64"} < set(list_lidars())
+    printed = capsys.readouterr().out
+    for kind, title in TITLES.items():
+        section = re.search(rf"^{re.escape(title)}:\n((?:  .*\n)+)", printed, re.M)
+        assert section
+        names = [line.split()[0] for line in section[1].splitlines()]
+        assert names == list(list_models(kind))
+        assert all(description in section[1] for description in list_models(kind).values())
+    assert {"vlp_16", "os1_64_gen1", "pandar64"} < set(list_models("lidar"))
 
 
 @pytest.mark.parametrize("argv", [["--help"], ["generate", "--help"]])

@@ -9,6 +9,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+import paper_topics
 import pytest
 
 from fieldtruth.bag import topics
@@ -18,6 +19,7 @@ from fieldtruth.drive.bearing import bearing_field
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import Track
+from fieldtruth.experiment import odometry_config
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
@@ -83,9 +85,10 @@ def test_length_and_duration_match_the_paper(name: str) -> None:
 def test_message_counts_are_duration_times_rate(name: str) -> None:
     experiment, driven_world, track = driven(name)
     rates = {
-        topics.CLOCK: 1000, topics.MODEL_STATES: 1000, topics.IMU: 50, topics.NAVSAT: 2, topics.POINTS: 10,
-        topics.photograph("left"): 25, topics.photograph("right"): 25, topics.tag("left"): 25, topics.tag("right"): 25,
-        **dict.fromkeys(topics.WHEEL_SPEEDS, 10),
+        topics.CLOCK: 1000, topics.MODEL_STATES: 1000, paper_topics.IMU: 50, paper_topics.NAVSAT: 2,
+        paper_topics.POINTS: 10,
+        **{name(side): 25 for name in (paper_topics.photograph, paper_topics.tag) for side in paper_topics.SIDES},
+        **dict.fromkeys(odometry_config.WHEEL_SPEEDS, 10),
     }  # fmt: skip
     found = {topic: len(s.stamps_ns) for s in streams_of(driven_world, track, experiment.rig) for topic in s.topics}
     for topic, rate in rates.items():

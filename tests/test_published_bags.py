@@ -13,6 +13,7 @@ from typing import Any, Final
 
 import html5lib
 import numpy as np
+import paper_topics
 import pytest
 from rosbags.rosbag1 import Reader, Writer
 
@@ -27,16 +28,16 @@ from fieldtruth.validation import validate
 
 KINDS: Final = ("table5", "files")
 WHEELS: Final = [f"/gazebo_client/{wheel}_speed" for wheel in ("front_left", "front_right", "rear_left", "rear_right")]
-IMAGES: Final = [name(side) for name in (table.photograph, table.tag) for side in table.SIDES]
-KEPT: Final = {table.MODEL_STATES, table.IMU, table.NAVSAT, table.POINTS, *WHEELS, *IMAGES}
+IMAGES: Final = [name(side) for name in (paper_topics.photograph, paper_topics.tag) for side in paper_topics.SIDES]
+KEPT: Final = {table.MODEL_STATES, paper_topics.IMU, paper_topics.NAVSAT, paper_topics.POINTS, *WHEELS, *IMAGES}
 NAMES: Final = {
     "table5": {WHEELS[0]: WHEELS[3], WHEELS[3]: WHEELS[0]},
     "files": {
-        table.POINTS: "/os0_cloud_node/points",
+        paper_topics.POINTS: "/os0_cloud_node/points",
         WHEELS[2]: "/gazebo_client/back_left_speed",
         WHEELS[3]: "/gazebo_client/back_right_speed",
-        **{table.photograph(side): table.photograph(side)[1:] for side in table.SIDES},
-        **{table.tag(side): f"/stereo/camera/{side}/tag/image_raw" for side in table.SIDES},
+        **{paper_topics.photograph(side): paper_topics.photograph(side)[1:] for side in paper_topics.SIDES},
+        **{paper_topics.tag(side): f"/stereo/camera/{side}/tag/image_raw" for side in paper_topics.SIDES},
     },
 }
 SKIPPED: Final = {
@@ -75,7 +76,7 @@ def make_bag(run: Path, target: Path, kind: str) -> Path:
             for c in kept
         }
         for connection, stamp, data in source.messages(kept):
-            if connection.topic in (table.POINTS, *IMAGES):
+            if connection.topic in (paper_topics.POINTS, *IMAGES):
                 message = STORE.deserialize_ros1(data, connection.msgtype)
                 as_published(message, kind)
                 data = bytes(STORE.serialize_ros1(message, connection.msgtype))
@@ -174,7 +175,7 @@ def test_frames_for_training_pair_images_by_the_stamps_of_the_bag(bags: dict[str
 def test_topics_have_our_names_or_their_own(bags: dict[str, Path]) -> None:
     assert set(ft.count_messages(bags["files"])) == {NAMES["files"].get(name, name) for name in KEPT}
     assert set(ft.open_run(bags["files"]).counts) == KEPT
-    for topic in (table.tag("left"), "/stereo/camera/left/tag/image_raw"):
+    for topic in (paper_topics.tag("left"), "/stereo/camera/left/tag/image_raw"):
         first = next(iter(ft.read_bag(bags["files"], [topic])))
         assert first.topic == topic
         assert image(first.message).shape == (184, 320, 3)

@@ -48,7 +48,8 @@ def test_static_frames_are_chained_to_base_link() -> None:
 
 
 def test_calibration_of_a_run_matches_the_paper(small_run: Path) -> None:
-    calibration = read_calibration(open_run(small_run))
+    run = open_run(small_run)
+    calibration = read_calibration(run, run.rig.imagers, run.rig.lidar)
     assert (calibration.width, calibration.height) == (320, 184)
     assert np.allclose(calibration.base_from_lidar[:3], np.c_[np.eye(3), [0.09, 0.0, 0.826]])
     axes = [[0, 0, 1], [-1, 0, 0], [0, -1, 0]]  # right, down, forward

@@ -12,13 +12,13 @@ from fieldtruth.bag.pairing import WINDOW_NS, _Item, _Pairing
 
 def pairs(items: list[tuple[int, str | None, int]], *, exact: bool) -> list[tuple[int, int, int]]:
     """Stamps of cloud, left and right image of each frame; messages are arrival time, side and stamp."""
-    pairing, frames = _Pairing(exact=exact), []
+    pairing, frames = _Pairing(["left", "right"], exact=exact), []
     for bag_ns, side, stamp in sorted(items, key=lambda item: item[0]):
         frames += list(pairing.add(side, _Item(bag_ns, stamp, SimpleNamespace(stamp=stamp))))
         held = len(pairing._clouds) + sum(map(len, pairing._images.values()))
         assert held < 100
     frames += list(pairing.rest())
-    return [(frame.cloud.stamp, frame.left.stamp, frame.right.stamp) for frame in frames]
+    return [(frame.cloud.stamp, *(image.stamp for image in frame.images)) for frame in frames]
 
 
 def arrivals(seconds: int, latest_ns: int, seed: int = 0) -> list[tuple[int, str | None, int]]:

@@ -42,6 +42,17 @@ def shuffled_rows(rng: np.random.Generator) -> list[tuple[str, int]]:
     return [("ab"[k % 2], int(max(stamp, 1))) for k, stamp in enumerate(stamps)]
 
 
+@pytest.mark.parametrize("odometry", [True, False])
+def test_topics_of_the_data_set_get_our_names_only_in_bags_of_the_data_set(tmp_path: Path, odometry: bool) -> None:
+    """A LiDAR of a rig of ours may have the topic of the paper's data set, which has no odometry."""
+    with Writer(tmp_path / "a.bag") as writer:
+        for topic in ["/os0_cloud_node/points", *["/ground_truth/odom"] * odometry]:
+            writer.write(writer.add_connection(topic, CLOCK, msgdef="time clock", md5sum="0" * 32), 5, clock(5))
+    with open_bag(tmp_path / "a.bag") as bag:
+        assert ("/os0_cloud_node/points" in bag.counts) == odometry
+        assert ("/os1_cloud_node/points" in bag.counts) != odometry
+
+
 @pytest.mark.parametrize("compression", [None, "BZ2", "LZ4"])
 def test_messages_are_in_time_order_although_chunks_overlap(tmp_path: Path, compression: str | None) -> None:
     rows = shuffled_rows(np.random.default_rng(0))

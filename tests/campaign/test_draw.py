@@ -8,17 +8,24 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from many_sensors import many_rig, many_sensors
+from record_fakes import make_experiment
 
 from fieldtruth.campaign.config import Campaign
 from fieldtruth.campaign.draw import PlannedRun, draw
 from fieldtruth.campaign.duration import simulated_s
 from fieldtruth.campaign.files import ALL, dump_campaign, load_campaign, with_changes
+from fieldtruth.campaign.manifest import digest_of
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.config import RandomRouteConfig
+from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import load_experiment, with_overrides
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.rig import Rig, paper_rig
 
 ENVIRONMENTS = ["forest", "hillside", "lake", "park"]
 
@@ -137,6 +144,60 @@ def test_a_listed_experiment_takes_a_lidar_by_its_model() -> None:
     assert (lidar.model, lidar.rings, lidar.columns, lidar.spinning) == ("vlp_16", 16, 1808, True)
 
 
+def of_many_sensors(**rig: Any) -> Campaign:
+    listed = make_experiment(rig=many_rig())
+    return Campaign.model_validate({"name": "c", "experiments": [listed], "rigs": rig})
+
+
+def test_a_section_changes_the_first_sensor_of_its_kind_in_a_listed_rig() -> None:
+    changes = {"lidar": {"rate_hz": {"uniform": [12, 15]}}, "cameras": {"mount": {"rpy_deg": [0, 5, 0]}}}
+    before, [run] = many_rig(), draw(of_many_sensors(**changes))
+    after = run.experiment.rig
+    assert 12 <= after.lidar.rate_hz <= 15
+    assert after.stereo.mount == before.stereo.mount.model_copy(update={"rpy_deg": (0.0, 5.0, 0.0)})
+    changed = [old.name for old, new in zip(before.sensors, after.sensors, strict=True) if old != new]
+    assert changed == ["top", "pair"]
+
+
+def test_a_rig_that_was_made_in_python_can_be_changed() -> None:
+    top = LidarConfig(name="top", mount=Mount(xyz=(0.0, 0.0, 1.0)), rings=16)
+    listed = make_experiment(rig=Rig(sensors=(top,)))
+    [run] = draw(Campaign.model_validate({"name": "c", "experiments": [listed], "rigs": {"lidar": {"rate_hz": 5}}}))
+    assert run.experiment.rig.sensors == (top.model_copy(update={"rate_hz": 5.0}),)
+
+
+def test_the_list_of_sensors_can_be_drawn() -> None:
+    sensors = [
+        {"kind": "lidar", "name": "top", "mount": {"xyz": [0, 0, {"uniform": [0.9, 1.2]}]}},
+        {"choice": [{"kind": "camera", "name": "eye", "mount": {"xyz": [0.5, 0, 0.5]}, "width": 64}, {"kind": "imu"}]},
+    ]
+    rigs = [run.experiment.rig for run in draw(campaign(runs=30, rigs={"sensors": sensors}))]
+    heights = {rig.lidar.mount.xyz[2] for rig in rigs}
+    assert len(heights) == 30
+    assert 0.9 <= min(heights) < max(heights) <= 1.2
+    assert {tuple(sensor.name for sensor in rig.sensors) for rig in rigs} == {("top", "eye"), ("top", "imu")}
+
+
+def test_overrides_apply_to_all_sensors_of_a_kind() -> None:
+    def rig_of(**values: Any) -> Rig:
+        [run] = draw(with_changes(of_many_sensors(), **values))
+        return run.experiment.rig
+
+    assert not rig_of(cameras=False).cameras
+    assert len(rig_of(cameras=False).lidars) == 2
+    assert not rig_of(lidar=False).lidars
+    assert all((c.depth, c.instances) == (True, False) for c in rig_of(extras=("depth",)).cameras)
+
+
+def test_the_digest_of_a_run_follows_every_sensor() -> None:
+    experiments = [make_experiment(rig=many_rig())]
+    for k in range(len(many_rig().sensors)):
+        sensors = many_sensors()
+        sensors[k]["rate_hz"] = 9.0
+        experiments.append(make_experiment(rig=Rig.model_validate({"sensors": sensors})))
+    assert len({digest_of(experiment) for experiment in experiments}) == len(experiments) == 13
+
+
 def test_draws_follow_their_distributions() -> None:
     runs = draw(
         campaign(
@@ -190,11 +251,22 @@ def test_all_is_the_built_in_experiments_as_they_are() -> None:
     assert [run.experiment for run in shorter] == expected
 
 
+def test_a_written_campaign_keeps_sensors_whose_values_are_defaults_of_others() -> None:
+    sensors = [
+        {"kind": "lidar", "name": "top", "topic": "/os1_cloud_node/points", "mount": {"xyz": [0, 0, 1]}},
+        {"kind": "lidar", "model": "vlp_16", "name": "low", "mount": {"xyz": [0.6, 0, 0.2]}, "spinning": False},
+    ]
+    rigs = [many_rig(), Rig.model_validate({"sensors": sensors}), paper_rig(lidar=LidarConfig(rings=16))]
+    listed = [make_experiment(rig=rig, name=f"e_{k}") for k, rig in enumerate(rigs)]
+    planned = Campaign.model_validate({"name": "c", "experiments": listed})
+    text = yaml.safe_load(dump_campaign(planned))
+    text.pop("fieldtruth")
+    assert Campaign.model_validate(text) == planned
+
+
 @given(campaigns | with_layouts)
 @settings(max_examples=5, deadline=None)
 def test_a_written_campaign_is_read_back(values: dict[str, Any]) -> None:
-    import yaml
-
     planned = Campaign.model_validate(values)
     text = yaml.safe_load(dump_campaign(planned))
     text.pop("fieldtruth")

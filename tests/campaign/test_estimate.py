@@ -13,7 +13,7 @@ from fieldtruth.campaign.estimate import combined, grouped
 from fieldtruth.campaign.measure import Figures
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.experiment.route import random_route
 
 FIGURES = Figures(world_s=100, fixed_s=10, drive_s_per_s=0.5, sense_s_per_s=4, bytes_once=7, bytes_per_s=1000, memory=3)
@@ -37,7 +37,7 @@ def test_runs_that_cannot_be_measured_are_counted() -> None:
 
 
 def test_groups_are_environments_and_few_rigs() -> None:
-    rigs = [Rig(lidar=LidarConfig(rings=8 + k)) for k in range(9)]
+    rigs = [paper_rig(lidar=LidarConfig(rings=8 + k)) for k in range(9)]
     few = [experiment(environment=e, rig=rig) for e in ("park", "lake") for rig in rigs[:2]]
     assert [len(group) for group in grouped(few * 3)] == [3] * 4
     many = [experiment(environment=e, rig=rig) for e in ("park", "lake") for rig in rigs]

@@ -172,7 +172,7 @@ WRONG: list[tuple[str, Callable[[Path, Path], object]]] = [
     ("unknown item 'masks'; did you mean 'mask'", lambda run, tmp: RunDataset(run, ["masks"])),
     ("items must be a list or tuple of names", lambda run, tmp: RunDataset(run, "mask")),
     ("items must not be empty; available: image", lambda run, tmp: RunDataset(run, [])),
-    ("unknown camera 'middle'", lambda run, tmp: RunDataset(run, camera="middle")),  # type: ignore[arg-type]
+    ("unknown camera 'middle'", lambda run, tmp: RunDataset(run, camera="middle")),
     ("unknown anchor 'left'", lambda run, tmp: RunDataset(run, anchor="left")),  # type: ignore[arg-type]
     ("tolerance_s must be a time", lambda run, tmp: RunDataset(run, tolerance_s=-0.1)),
     ("tolerance_s must be a time", lambda run, tmp: RunDataset(run, tolerance_s=float("nan"))),

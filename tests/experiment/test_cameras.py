@@ -12,10 +12,10 @@ import pytest
 from fieldtruth.bag.sensor_messages import camera_matrix, distortion, projection_matrix
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.lenses import fields_of_view
-from fieldtruth.experiment.camera_models import camera_data, camera_names
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
 from fieldtruth.experiment.lens_config import LensConfig
 from fieldtruth.experiment.rig import paper_rig
+from fieldtruth.experiment.sensor_models import figures_of, list_models, models
 from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.gazebo import write_gazebo
 
@@ -31,7 +31,7 @@ def test_the_zed_of_the_paper_is_the_default() -> None:
     assert cameras("model: zed_2").model_copy(update={"model": None}) == StereoConfig()
 
 
-@pytest.mark.parametrize("name", camera_names())
+@pytest.mark.parametrize("name", list_models("camera"))
 def test_every_camera_is_described_with_its_data(name: str) -> None:
     camera = StereoConfig(model=name)
     [row] = re.findall(rf"^\| `{name}` \|(.*)\|$", PAGE, re.M)
@@ -40,12 +40,13 @@ def test_every_camera_is_described_with_its_data(name: str) -> None:
     seen = fields_of_view(camera.projection, camera.width, camera.height)
     named = [float(angle) for angle in re.findall(r"\d+", fov)]
     assert np.abs(np.subtract(seen[: len(named)], named)).max() < 0.5
-    data = camera_data(name)
-    assert baseline == (f"{1000 * camera.baseline:g} mm" if "baseline_m" in data else "")
-    assert rate == (f"{camera.rate_hz:g} Hz" if "rate_hz" in data["cameras"] else "")
+    figures = figures_of("camera", name)
+    assert baseline == (f"{1000 * camera.baseline:g} mm" if "baseline" in figures else "")
+    assert rate == (f"{camera.rate_hz:g} Hz" if "rate_hz" in figures else "")
     assert lens == camera.lens.model
-    assert set(re.findall(r"\((https://[^)]+)\)", source)) <= set(data["sources"])
-    assert data["sources"] or source == "ideal"
+    sources = " ".join(figure["source"] for figure in models("camera")[name]["figures"].values())
+    assert all(link in sources for link in re.findall(r"\(https://(?:github\.com/)?([^)]+)\)", source))
+    assert sources.startswith("no product") == (source == "ideal")
 
 
 def test_what_is_given_wins_over_the_model() -> None:
@@ -68,7 +69,7 @@ def test_a_panorama_is_whole_unless_it_is_said() -> None:
     [
         (
             "model: oakd",
-            r"rig\.cameras: model: unknown camera 'oakd'; did you mean 'oak_d'\? Available: blackfly",
+            r"rig\.cameras\.model must be a model of kind stereo, nearest first: oak_d, .*; got 'oakd'$",
         ),
         ("lens: {model: fisheye}", r"rig\.cameras\.lens\.model must be pinhole, plumb_bob, .*, got 'fisheye'"),
         (

@@ -1,19 +1,15 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Data files of the LiDAR models: each figure has a source and is allowed; what a user gives stays."""
-
-from importlib.resources import files
-from typing import Any
+"""LiDARs by name: every figure of a model is allowed; what a user gives stays."""
 
 import pytest
-import yaml
 
 from fieldtruth import ConfigurationError
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.lidar_models import CYCLE, figures_of, list_lidars
+from fieldtruth.experiment.sensor_models import figures_of, list_models
 
-FOLDER = files("fieldtruth.experiment") / "models" / "lidar"
+LIDARS = list_models("lidar")
 
 
 def lidar(text: str) -> LidarConfig:
@@ -22,20 +18,10 @@ def lidar(text: str) -> LidarConfig:
     return parse_experiment(f"{{name: a, environment: park, {route}, rig: {{lidar: {text}}}}}", "a.yaml").rig.lidar
 
 
-@pytest.mark.parametrize("name", list_lidars())
-def test_every_figure_of_a_model_has_a_source(name: str) -> None:
-    model: dict[str, Any] = yaml.safe_load((FOLDER / f"{name}.yaml").read_text(encoding="utf-8"))
-    assert model.keys() - {"stored"} == {"description", "figures"}
-    assert model["figures"].keys() - {CYCLE} <= LidarConfig.model_fields.keys()
-    for key, figure in (model["figures"] | model.get("stored", {})).items():
-        assert figure.keys() == {"value", "source"}, key
-        assert len(figure["source"]) > 10, key
-
-
-@pytest.mark.parametrize("name", list_lidars())
+@pytest.mark.parametrize("name", LIDARS)
 def test_every_model_is_allowed_and_complete(name: str) -> None:
-    config, figures = LidarConfig(model=name), figures_of(name)
-    for key in figures.keys() - {CYCLE}:
+    config, figures = LidarConfig(model=name), figures_of("lidar", name)
+    for key in figures.keys() - {"firing_cycle_ns"}:
         value = getattr(config, key)
         assert (list(value) if isinstance(value, tuple) else value) == figures[key]
     assert figures.keys() >= {"rate_hz", "elevations_deg", "min_range", "max_range"}
@@ -43,7 +29,7 @@ def test_every_model_is_allowed_and_complete(name: str) -> None:
     assert list(config.elevations_deg) in (sorted(config.elevations_deg), sorted(config.elevations_deg, reverse=True))
     assert min(config.firing_offsets_ns or (0,)) == 0
     assert config.spinning
-    assert config.rings == int("".join(c for c in list_lidars()[name].partition(" beams")[0].split()[-1]))
+    assert config.rings == int("".join(c for c in LIDARS[name].partition(" beams")[0].split()[-1]))
 
 
 def test_the_default_is_the_papers_lidar() -> None:
@@ -79,7 +65,7 @@ def test_a_stored_experiment_loads_equal(text: str) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("{model: vlp16}", "rig.lidar: unknown LiDAR model 'vlp16'; did you mean 'vlp_16'? Available: hdl_32e, "),
+        ("{model: vlp16}", "rig.lidar.model must be a model of kind lidar, nearest first: vlp_16, vlp_32c, "),
         ("{model: 3}", "rig.lidar.model must be a name from `fieldtruth list sensors`, got 3"),
         ("{model: vlp_16, rings: 8}", "rig.lidar: rings must be 16, the number of elevations_deg, got 8"),
         ("{model: vlp_16, rate_hz: fast}", "rig.lidar.rate_hz must be a number between 0.01 and 1000, got 'fast'"),

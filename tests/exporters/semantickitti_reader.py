@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import paper_topics
 from numpy.typing import NDArray
 from rosbags.rosbag1 import Writer
 from scipy.spatial.transform import Rotation
@@ -17,7 +18,7 @@ from fieldtruth.bag.reader import open_bag
 from fieldtruth.bag.types import STORE
 
 F8 = NDArray[np.float64]
-LIDAR_ONLY = (table.POINTS, table.TF_STATIC, table.ODOMETRY)
+LIDAR_ONLY = (paper_topics.POINTS, table.TF_STATIC, table.ODOMETRY)
 
 
 def read_scan(folder: Path, number: int) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
@@ -59,7 +60,7 @@ def true_lidar_poses(bag: Path) -> F8:
         pose[:3, 3] = p.x, p.y, p.z
         at[stamp_ns(reading.message.header)] = pose
     base_from_lidar = static_transforms(bag)["base_link", "os1_lidar"]
-    stamps = [stamp_ns(reading.message.header) for reading in read_bag(bag, [table.POINTS])]
+    stamps = [stamp_ns(reading.message.header) for reading in read_bag(bag, [paper_topics.POINTS])]
     return np.array([at[stamp] @ base_from_lidar for stamp in stamps])
 
 

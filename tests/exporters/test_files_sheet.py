@@ -149,8 +149,8 @@ def test_label_map_adds_a_sheet(tmp_path: Path) -> None:
     ids[[2, 3]], ids[0] = 40, 0
     classes = {0: ("void", (0, 0, 0)), 7: ("rest", (1, 2, 3)), 9: ("never", (9, 9, 9)), 40: ("tree", (250, 0, 16))}
     other = LabelMap("test", ids, {number: OntologyClass(*row) for number, row in classes.items()})
-    counts = counts_like(left={1: 5, 2: 10, 3: 25}, points={3: 4, 15: 12})
-    write_sheet(tmp_path / "s.xlsx", "run", counts, other)
+    pixels, points = counts_like(left={1: 5, 2: 10, 3: 25}), counts_like(lidar={3: 4, 15: 12})
+    write_sheet(tmp_path / "s.xlsx", "run", pixels, points, other)
     found = load_workbook(tmp_path / "s.xlsx")
     assert found.sheetnames == ["class shares", "figure 21", "test classes", "explanation"]
     assert table_of(found["test classes"]) == {
@@ -163,25 +163,25 @@ def test_label_map_adds_a_sheet(tmp_path: Path) -> None:
 
 
 def test_large_counts_are_exact(tmp_path: Path) -> None:
-    counts = counts_like(left={1: 9_007_199_254_740_991}, right={1: 1, 15: 14_254_617_600}, points={1: 1})
-    write_sheet(tmp_path / "s.xlsx", "run", counts)
+    pixels = counts_like(left={1: 9_007_199_254_740_991}, right={1: 1, 15: 14_254_617_600})
+    write_sheet(tmp_path / "s.xlsx", "run", pixels, counts_like(lidar={1: 1}))
     found = table_of(load_workbook(tmp_path / "s.xlsx")["class shares"])
     assert found["pixels, left camera"][1] == (9_007_199_254_740_991, 1.0)
     assert found["pixels, right camera"][15][0] == 14_254_617_600
 
 
 def test_void_points_have_a_row(tmp_path: Path) -> None:
-    write_sheet(tmp_path / "s.xlsx", "run", counts_like(points={0: 3, 1: 1}))
+    write_sheet(tmp_path / "s.xlsx", "run", {}, counts_like(lidar={0: 3, 1: 1}))
     found = table_of(load_workbook(tmp_path / "s.xlsx")["class shares"])["points"]
     assert (found[0], found[1]) == ((3, 0.75), (1, 0.25))
 
 
 def test_bytes_do_not_depend_on_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    counts = counts_like(left={1: 5, 2: 10}, points={3: 4})
-    write_sheet(tmp_path / "a.xlsx", "run", counts)
+    counts = counts_like(left={1: 5, 2: 10}), counts_like(lidar={3: 4})
+    write_sheet(tmp_path / "a.xlsx", "run", *counts)
     monkeypatch.setenv("TZ", "Asia/Tokyo")
     monkeypatch.setattr("time.time", lambda: 2_000_000_000.0)
-    write_sheet(tmp_path / "b.xlsx", "run", counts)
+    write_sheet(tmp_path / "b.xlsx", "run", *counts)
     assert (tmp_path / "a.xlsx").read_bytes() == (tmp_path / "b.xlsx").read_bytes()
     with zipfile.ZipFile(tmp_path / "a.xlsx") as archive:
         assert {info.date_time for info in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import paper_topics
 import pytest
 import yaml
 from PIL import Image
@@ -25,7 +26,6 @@ from semantickitti_reader import (
     true_lidar_poses,
 )
 
-from fieldtruth.bag import topics as table
 from fieldtruth.bag.decode import depth, labels, points, read_bag, stamp_ns
 from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.exporters import export
@@ -40,7 +40,7 @@ def made(exported: Callable[[str], Path]) -> Path:
 
 @pytest.fixture(scope="module")
 def clouds(bag: Path) -> list[Any]:
-    return [reading.message for reading in read_bag(bag, [table.POINTS])]
+    return [reading.message for reading in read_bag(bag, [paper_topics.POINTS])]
 
 
 @pytest.fixture(scope="module")
@@ -136,10 +136,10 @@ def test_static_objects_align_in_the_world(made: Path) -> None:
 @pytest.mark.parametrize(("camera", "side"), [("P0", "left"), ("P1", "right"), ("P2", "left"), ("P3", "right")])
 def test_clouds_project_onto_their_classes_in_the_images(made: Path, bag: Path, camera: str, side: str) -> None:
     folder, calib = made / "sequences/00", read_calib(made / "sequences/00")
-    images = {stamp_ns(r.message.header): r.message for r in read_bag(bag, [table.tag(side)])}
-    depths = {stamp_ns(r.message.header): r.message for r in read_bag(bag, [table.depth(side)])}
+    images = {stamp_ns(r.message.header): r.message for r in read_bag(bag, [paper_topics.tag(side)])}
+    depths = {stamp_ns(r.message.header): r.message for r in read_bag(bag, [paper_topics.depth(side)])}
     right, wrong, projected_count = 0, 0, 0
-    for number, reading in enumerate(read_bag(bag, [table.POINTS])):
+    for number, reading in enumerate(read_bag(bag, [paper_topics.POINTS])):
         stamp = stamp_ns(reading.message.header)
         if stamp not in images:
             continue
@@ -164,7 +164,7 @@ def test_clouds_project_onto_their_classes_in_the_images(made: Path, bag: Path, 
 def test_calibration_matches_camera_info(made: Path, bag: Path) -> None:
     calib = read_calib(made / "sequences/00")
     for side, names in (("left", ("P0", "P2")), ("right", ("P1", "P3"))):
-        info = next(read_bag(bag, [table.camera_info(side)])).message
+        info = next(read_bag(bag, [paper_topics.camera_info(side)])).message
         assert all(np.allclose(calib[name][:3].ravel(), info.P, rtol=1e-12, atol=0) for name in names)
     # x right, y down, z forward; the LiDAR is 6 cm behind, 10.6 cm above and 6 cm to the right of the left camera.
     assert np.allclose(
@@ -201,7 +201,7 @@ def test_pykitti_reads_the_sequence(made: Path, bag: Path, clouds: list[Any], tm
 def test_images_are_photographs_with_the_stamp_of_a_cloud(made: Path, bag: Path, clouds: list[Any]) -> None:
     stamps = [stamp_ns(cloud.header) for cloud in clouds]
     for side, name in (("left", "image_2"), ("right", "image_3")):
-        jpeg = {stamp_ns(r.message.header): r.message.data for r in read_bag(bag, [table.photograph(side)])}
+        jpeg = {stamp_ns(r.message.header): r.message.data for r in read_bag(bag, [paper_topics.photograph(side)])}
         numbers = [number for number, stamp in enumerate(stamps) if stamp in jpeg]
         assert len(numbers) == 6
         assert sorted(p.name for p in (made / "sequences/00" / name).iterdir()) == [f"{i:06d}.png" for i in numbers]

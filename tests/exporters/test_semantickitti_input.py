@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import paper_topics
 import pytest
 from semantickitti_reader import (
     LIDAR_ONLY,
@@ -65,14 +66,14 @@ def test_class_is_read_from_intensity_without_instances(bag: Path, made: Path, t
 @pytest.mark.parametrize(
     ("dropped", "message"),
     [
-        ((table.POINTS,), f"has no {table.POINTS}; available: "),
+        ((paper_topics.POINTS,), f"has no {paper_topics.POINTS}; available: "),
         ((table.TF_STATIC,), f"has no {table.TF_STATIC}; available: "),
         ((table.ODOMETRY, table.MODEL_STATES), f"has no {table.ODOMETRY}; available: "),
-        ((table.camera_info("right"),), f"has no {table.camera_info('right')}; available: "),
+        ((paper_topics.camera_info("right"),), f"has no {paper_topics.camera_info('right')}; available: "),
     ],
 )
 def test_missing_topics_are_named(bag: Path, tmp_path: Path, dropped: tuple[str, ...], message: str) -> None:
-    kept = {*LIDAR_ONLY, *map(table.camera_info, table.SIDES)} - {*dropped}
+    kept = {*LIDAR_ONLY, *map(paper_topics.camera_info, paper_topics.SIDES)} - {*dropped}
     poor = rewritten(bag, tmp_path / "poor.bag", kept)
     with pytest.raises(BagError, match=message):
         export(poor, "semantickitti")
@@ -119,7 +120,7 @@ def test_camera_without_projection_is_refused(bag: Path, tmp_path: Path) -> None
     def blind(message: Any) -> None:
         message.P = np.zeros(12)
 
-    kept = {*LIDAR_ONLY, *map(table.camera_info, table.SIDES)}
+    kept = {*LIDAR_ONLY, *map(paper_topics.camera_info, paper_topics.SIDES)}
     strange = rewritten(bag, tmp_path / "blind.bag", kept, camera_info=blind)
     with pytest.raises(
         BagError, match=r"left/camera_info of .*blind.bag has an invalid projection: P has fx 0\.0, fy 0\.0"

@@ -22,7 +22,7 @@ from fieldtruth.drive.expected_path import experiments_in
 from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.files import with_overrides
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.sense.scene import Scene
 
@@ -33,7 +33,7 @@ LIMIT_S: Final = 900.0
 """A guard against a hang, far above what a busy machine takes."""
 CLOUDS: Final = (10, 11, 12)
 """Stamps [s] of Gazebo's clouds: each takes it seconds."""
-RIG: Final = Rig(lidar=LidarConfig(rate_hz=1.0), cameras=StereoConfig(rate_hz=1.0, width=320, height=184))
+RIG: Final = paper_rig(lidar=LidarConfig(rate_hz=1.0), stereo=StereoConfig(rate_hz=1.0, width=320, height=184))
 
 
 class Driven:

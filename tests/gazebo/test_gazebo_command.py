@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""``fieldtruth gazebo --experiment`` takes rig, layout and seed of an experiment; robot and ROS files are written, the world is not."""
+"""``fieldtruth gazebo --experiment``: rig, layout and seed of an experiment. The files of the world are not written."""
 
 import xml.etree.ElementTree as ET
 from pathlib import Path

@@ -14,14 +14,14 @@ from rig_models import add_rig, beams, tour
 from fieldtruth.core import frames
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.sense.lidar import ray_directions
 from fieldtruth.sense.pinhole import pinhole
 
 needs_gazebo = pytest.mark.skipif(bool(missing_chroot()), reason=missing_chroot() or "-")
 
 POSES: Final = [frames.pose((3.0, -2.0, 1.0), (0.0, 0.0, 30.0)), frames.pose((-4.0, 5.0, 2.0), (10.0, -15.0, 200.0))]
-RIG: Final = Rig(lidar=LidarConfig(columns=72, rings=8, min_range=0.5, max_range=100.0))
+RIG: Final = paper_rig(lidar=LidarConfig(columns=72, rings=8, min_range=0.5, max_range=100.0))
 WALLS: Final = {7: ((30.0, 0.0), (2.0, 60.0)), 12: ((0.0, 20.0), (100.0, 2.0))}
 """laser_retro of each wall: its centre and its sizes along x and y [m]."""
 COLOURS: Final = {7: (255, 0, 0), 12: (0, 255, 0)}

@@ -28,7 +28,7 @@ from fieldtruth.experiment.gnss_config import GnssConfig
 from fieldtruth.experiment.imu_config import ImuConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.odometry_config import WheelOdometryConfig
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.gazebo.robot import Flavour, shapes, write_robot
 from fieldtruth.sense.lidar import ray_directions
 from fieldtruth.sense.pinhole import pinhole
@@ -109,9 +109,9 @@ def test_rays_and_lenses_are_those_of_each_sensor(flavour: Flavour, tmp_path: Pa
         assert values(next(sensors[lidar.frame].iter("range")), "max") == [lidar.max_range]
     for imager in RIG.imagers:
         camera = next(sensors[f"{imager.name}_camera"].iter("camera"))
-        ours = (*pinhole(imager.config)[:2], imager.config.width, imager.config.height)
+        wanted = (*pinhole(imager.config)[:2], imager.config.width, imager.config.height)
         paths = ("lens/intrinsics/fx", "lens/intrinsics/fy", "image/width", "image/height")
-        assert [values(camera, path)[0] for path in paths] == list(ours)
+        assert [values(camera, path)[0] for path in paths] == list(wanted)
 
 
 def test_check_urdf_and_libsdformat_find_nothing(urdf_folder: Path) -> None:
@@ -187,7 +187,7 @@ def test_bridge_and_model_agree_on_topics(tmp_path: Path) -> None:
 @pytest.mark.parametrize("topic", ["/points", "/velodyne", "/velodyne/points"])
 def test_a_cloud_may_have_any_topic(topic: str, tmp_path: Path) -> None:
     """The newer Gazebo adds /points to the topic of a LiDAR."""
-    rig = Rig(lidar=LidarConfig(topic=topic))
+    rig = paper_rig(lidar=LidarConfig(topic=topic))
     package(tmp_path, 2, rig)
     sensor = next(s for s in sdf(rig, "gz", tmp_path)[0].iter("sensor") if s.get("type") == "gpu_lidar")
     rows = yaml.safe_load((tmp_path / "config/bridge.yaml").read_text())
@@ -305,7 +305,7 @@ def test_what_gazebo_does_not_have_is_one_line(change: dict[str, Any] | None, li
 
 
 def test_many_rig_without_the_two_lenses_is_written(tmp_path: Path) -> None:
-    """``enabled: false`` is the way out that the error names."""
+    """As the error advises: ``enabled: false``."""
     off = [{**i, "enabled": False} if i.get("name") in ("fisheye", "panorama") else i for i in many_sensors()]
     for flavour in get_args(Flavour):
         model = sdf(Rig.model_validate({"sensors": off}), flavour, tmp_path)[0]

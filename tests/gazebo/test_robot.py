@@ -23,7 +23,7 @@ from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.imu_config import ImuConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.experiment.topic import WHEELS
@@ -33,13 +33,10 @@ from fieldtruth.sense.pinhole import pinhole
 
 HUSKY = RobotConfig()
 FLAVOURS = get_args(Flavour)
-OTHER_RIG = Rig(
+OTHER_RIG = paper_rig(
     imu=ImuConfig(mount=Mount(xyz=(0.1, 0.02, 0.3), rpy_deg=(12.0, -35.0, 140.0))),
     lidar=LidarConfig(columns=33, rings=5, vertical_fov_deg=30.0, mount=Mount(xyz=(0.0, 0.1, 0.9), rpy_deg=(3, 4, 5))),
-    cameras=StereoConfig(
-        left=Mount(xyz=(0.2, 0.1, 0.7), rpy_deg=(0.0, 100.0, 0.0)),
-        right=Mount(xyz=(0.2, -0.1, 0.7), rpy_deg=(0.0, 100.0, 0.0)),
-    ),
+    stereo=StereoConfig(baseline=0.2, mount=Mount(xyz=(0.2, 0.0, 0.7), rpy_deg=(0.0, 100.0, 0.0))),
 )
 RIGS = pytest.mark.parametrize("rig", [Rig(), OTHER_RIG], ids=["default", "other"])
 
@@ -125,7 +122,7 @@ def test_rays_are_ours(rig: Rig, flavour: Flavour, tmp_path: Path) -> None:
 def test_even_beams_of_a_table_are_ours(tmp_path: Path) -> None:
     """Whether ring 0 is the highest or the lowest."""
     for angles in ((15.0, 4.0, -7.0), (-7.0, 4.0, 15.0)):
-        scan = next(sdf(Rig(lidar=LidarConfig(elevations_deg=angles)), "gz", tmp_path).iter("scan"))
+        scan = next(sdf(paper_rig(lidar=LidarConfig(elevations_deg=angles)), "gz", tmp_path).iter("scan"))
         low, high = (values(scan, f"vertical/{end}_angle")[0] for end in ("min", "max"))
         assert np.degrees(np.linspace(low, high, 3)) == pytest.approx([-7.0, 4.0, 15.0])
 
@@ -140,8 +137,8 @@ def test_even_beams_of_a_table_are_ours(tmp_path: Path) -> None:
 )
 def test_beams_that_gazebo_cannot_have_are_an_error(lidar: LidarConfig, key: str, tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match=rf"^rig\.sensors: lidar has {key}; the beams of Gazebo's "):
-        write_robot(tmp_path, Rig(lidar=lidar), "gz")
-    write_robot(tmp_path, Rig(lidar=lidar.model_copy(update={"enabled": False})), "gz")
+        write_robot(tmp_path, paper_rig(lidar=lidar), "gz")
+    write_robot(tmp_path, paper_rig(lidar=lidar.model_copy(update={"enabled": False})), "gz")
 
 
 @RIGS
@@ -273,7 +270,7 @@ def test_libsdformat_finds_nothing(rig: Rig, flavour: Flavour, tmp_path: Path) -
 
 
 def test_a_rig_without_lidar_and_cameras(tmp_path: Path) -> None:
-    rig = Rig(lidar=LidarConfig(enabled=False), cameras=StereoConfig(enabled=False))
+    rig = paper_rig(lidar=LidarConfig(enabled=False), stereo=StereoConfig(enabled=False))
     assert {s.get("type") for s in sdf(rig, "classic", tmp_path).iter("sensor")} == {"imu", "gps"}
     text = _xacro(tmp_path)
     assert "velodyne" not in text

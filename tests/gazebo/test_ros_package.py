@@ -25,13 +25,13 @@ from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import load_experiment, parse_experiment
 from fieldtruth.experiment.imu_config import ImuConfig
 from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.route import geodetic_route, metres_from_route
 from fieldtruth.gazebo.robot import write_robot
 from fieldtruth.gazebo.ros import builtin_experiments, write_ros_package
 from fieldtruth.world.model import Heightfield, Raster, Terrain, World
 
-TILTED = Rig(imu=ImuConfig(mount=Mount(xyz=(0.1, 0.0, 0.2), rpy_deg=(20.0, -75.0, 130.0))))
+TILTED = paper_rig(imu=ImuConfig(mount=Mount(xyz=(0.1, 0.0, 0.2), rpy_deg=(20.0, -75.0, 130.0))))
 RIGS = pytest.mark.parametrize("rig", [Rig(), TILTED], ids=["upright", "tilted"])
 ROS = pytest.mark.parametrize("ros", [1, 2])
 SLOPE = 0.1  # rise along x

@@ -6,6 +6,7 @@ from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
+import paper_topics
 import pytest
 from record_fakes import (
     SMALL,
@@ -201,7 +202,7 @@ def test_a_scan_and_an_image_are_taken_from_the_pose_at_their_stamp(readings: di
         np.testing.assert_array_equal(cloud["intensity"], cloud["label"])
     for side, mount in (("left", rig.stereo.left), ("right", rig.stereo.right)):
         for photo, tag in zip(
-            readings[topics.photograph(side)], readings[topics.tag(side)], strict=True
+            readings[paper_topics.photograph(side)], readings[paper_topics.tag(side)], strict=True
         ):  # the fake's photograph is brighter by a step for each millimetre
             base_from_optical = mount.base_from_sensor @ CAMERA_FROM_OPTICAL
             picture = camera.render(truth[photo.stamp_ns // 10**6 - 1] @ base_from_optical)
@@ -252,7 +253,7 @@ def test_a_spinning_lidar_gets_the_pose_of_each_column() -> None:
             seen.append(world_from_lidar)
             return super().scan(world_from_lidar[0])
 
-    stream = next(s for s in streams_of(WORLD, track, rig) if s.topics == (topics.POINTS,))
+    stream = next(s for s in streams_of(WORLD, track, rig) if s.topics == (paper_topics.POINTS,))
     list(stream.messages(3, Sensors(lidars={"lidar": Watch(rig.lidar, FakeScene(WORLD))})))
     motion = track.motion
     truth = frames.pose_from_quaternion_wxyz(motion.position, motion.quaternion_wxyz) @ rig.lidar.mount.base_from_sensor

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Reader, Writer
 
-from fieldtruth.bag.topics import TOPICS
+from fieldtruth.bag.topics import PAPER_TOPICS
 from fieldtruth.report.page import world_view, write_report
 
 TAGS = ["/stereo/camera/left/tag/img_raw", "/stereo/camera/right/tag/img_raw"]
-TYPES = {topic.name: topic.msgtype for topic in TOPICS}
+TYPES = {topic.name: topic.msgtype for topic in PAPER_TOPICS}
 POINTS, ODOMETRY = "/os1_cloud_node/points", "/ground_truth/odom"
 
 Messages = dict[str, list[Any]]

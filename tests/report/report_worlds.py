@@ -7,16 +7,16 @@ from functools import cache
 
 import numpy as np
 
-from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.experiment.route import route_from_metres
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.world.environments.park.build import build as build_park
 from fieldtruth.world.environments.park.config import Config as ParkConfig
 from fieldtruth.world.model import Heightfield, Raster, World
 
-RIG = Rig(cameras=CameraConfig(width=64, height=48), lidar=LidarConfig(columns=64, rings=16))
+RIG = paper_rig(stereo=StereoConfig(width=64, height=48), lidar=LidarConfig(columns=64, rings=16))
 EXPERIMENT = Experiment(
     name="small_1", environment="park", rig=RIG, route=route_from_metres((-8.0, 0.0), [(0.0, 0.0), (8.0, 0.0)])
 )

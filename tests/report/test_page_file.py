@@ -66,10 +66,10 @@ def test_inputs_have_labels_and_images_have_alt_texts(page: Page) -> None:
 
 def test_size_of_any_page_is_below_15_mb(page: Page) -> None:
     """Every large part has a limit in bytes or in number; with half a megabyte of text, the sum is below the limit."""
-    images = samples.PAIRS * (2 * (samples.PHOTO_BYTES + samples.TAG_BYTES) + samples.THUMBNAIL_BYTES)
+    images = samples.SAMPLES * (2 * (samples.PHOTO_BYTES + samples.TAG_BYTES) + samples.THUMBNAIL_BYTES)
     cloud = 7 * (scan_cloud.LARGEST + cloud_view.PATH_POINTS) + cloud_view.POSTER_BYTES
     vertex = len("9999.9,99.99L") + len("9999999,") + len("-1.2345e-05,")  # in the SVG path and in the values
-    curves = 18 * decimate.VERTICES * vertex
+    curves = decimate.CHANNELS * decimate.VERTICES * vertex
     positions = map_figure.VERTICES * (len("9999.9,9999.9 ") + len("[99999999,99.99,99.99],"))
     assert 4 / 3 * (images + cloud + map_figure.PHOTO_BYTES) + curves + 2 * positions + 500_000 < LARGEST_PAGE
     assert sum(len(channels) for channels in page.data("numbers")["curves"].values()) == 18

@@ -139,7 +139,7 @@ def odometry(pose: Any, velocity: Any) -> Any:
 
 
 def test_attitude_is_about_fixed_axes_and_heading_is_unwrapped() -> None:
-    motion = Motion(0, 40 * SECOND // 10, from_model_states=False)
+    motion = Motion((0, 40 * SECOND // 10, 1000), from_model_states=False)
     yaws = np.arange(150.0, 230.0, 2.0)
     for k, yaw in enumerate(yaws):
         motion.add(
@@ -158,13 +158,13 @@ def test_attitude_is_about_fixed_axes_and_heading_is_unwrapped() -> None:
 
 
 def test_pose_with_zero_quaternion_is_skipped() -> None:
-    motion = Motion(0, SECOND, from_model_states=False)
+    motion = Motion((0, SECOND, 1000), from_model_states=False)
     motion.add(0, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     assert motion.trajectory() is None
 
 
 def test_fixes_are_metres_from_the_first() -> None:
-    fixes = Fixes(0, 2 * SECOND)
+    fixes = Fixes((0, 2 * SECOND, 1000))
     degree = 111_319.49079  # [m] of longitude at the equator: the WGS 84 semi-major axis times pi / 180
     for k, (latitude, longitude, height) in enumerate(
         [(0.0, 8.9, 2.0), (0.0, 8.9 + 10.0 / degree, 2.0), (0.0, 8.9, 5.0)]

@@ -199,10 +199,10 @@ def test_points_are_directions_times_ranges() -> None:
 def test_spinning_scan_reports_points_in_the_frame_of_their_column() -> None:
     """The sensor moves 0.4 m and 20 deg in one revolution; with their column's pose, points are on the walls."""
     config, half = LidarConfig(spinning=True), np.array([5.0, 4.0, 3.0])
-    poses = np.stack([frames.pose((0.4 * k / 512, -0.1, 0.2), (0, 3, 20 * k / 512)) for k in range(512)])
+    poses = np.stack([frames.pose((0.4 * k / 512, -0.1, 0.2), (0, 3, 20 * k / 512)) for k in range(513)])
     scan = Lidar(config, room(*half)).scan(poses)
     expected = np.stack(
-        [to_box(p[:3, 3], d @ p[:3, :3].T, half) for p, d in zip(poses, ray_directions(config), strict=True)]
+        [to_box(p[:3, 3], d @ p[:3, :3].T, half) for p, d in zip(poses[:-1], ray_directions(config), strict=True)]
     )
     assert grid(scan, config) == pytest.approx(expected, abs=TOLERANCE)
     own = poses[scan.column]

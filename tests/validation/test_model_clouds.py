@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Clouds of LiDAR models pass the checks of their rays, and one wrong time does not."""
+"""Clouds of LiDAR models pass the checks of their rays, and one wrong value does not."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +14,7 @@ from fieldtruth.bag import sensor_messages
 from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.sense.beams import ray_times_ns
 from fieldtruth.sense.lidar import ray_directions
-from fieldtruth.validation.check import Tally
+from fieldtruth.validation.check import Rule, Tally
 from fieldtruth.validation.retrace import clouds
 
 STAMP = 1_700_000_000_123_456_789
@@ -28,8 +28,18 @@ def counts(message: Any, config: LidarConfig) -> dict[str, int]:
     return {rule.text: tally[rule].wrong for tally in (labels, rays) for rule in tally.spec.rules}
 
 
-@pytest.mark.parametrize(("model", "field"), [("vlp_16", "time"), ("xt32", "timestamp"), ("os1_64_gen1", "t")])
-def test_one_wrong_time_of_a_model_is_found(model: str, field: str) -> None:
+@pytest.mark.parametrize(
+    ("model", "field", "rule"),
+    [
+        ("vlp_16", "time", clouds.TIME),
+        ("xt32", "timestamp", clouds.TIME),
+        ("os1_64_gen1", "t", clouds.TIME),
+        ("os1_64_gen1", "range", clouds.RANGE),
+        ("os1_64_gen1", "reflectivity", clouds.INTENSITY),
+        ("os1_64_gen1", "ambient", clouds.INTENSITY),
+    ],
+)
+def test_one_wrong_value_of_a_model_is_found(model: str, field: str, rule: Rule) -> None:
     config = LidarConfig(model=model)
     rays = ray_directions(config)
     column, ring = (index.ravel().astype(np.uint16) for index in np.indices(rays.shape[:2]))
@@ -41,10 +51,11 @@ def test_one_wrong_time_of_a_model_is_found(model: str, field: str) -> None:
         column=column,
         t_ns=ray_times_ns(config).ravel().astype(np.uint32),
     )
-    data = sensor_messages.point_cloud(1, STAMP, scan, spinning=True, clock=config.time_field)
+    clock, maker = config.time_field, config.point_fields
+    data = sensor_messages.point_cloud(1, STAMP, scan, spinning=True, clock=clock, maker=maker)
     message: Any = get_typestore(Stores.ROS1_NOETIC).deserialize_ros1(data, "sensor_msgs/msg/PointCloud2")
     assert set(counts(message, config).values()) == {0}
     points = read.points(message).copy()
-    points[field][5] += 1e-4 if field != "t" else 1
+    points[field][5] += 1e-4 if field in ("time", "timestamp") else 1
     message.data = points.view(np.uint8).ravel()
-    assert counts(message, config)[clouds.TIME.text] >= 1
+    assert {text for text, wrong in counts(message, config).items() if wrong} == {rule.text}

@@ -21,6 +21,7 @@ from fieldtruth.bag.run import open_run
 from fieldtruth.bag.topics import MODEL_STATES, STATIC_MODEL_STATES
 from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.campaign.measure import _bytes_once
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.exporters import export
 from fieldtruth.pipeline import generate
 from fieldtruth.report.page.world_view import _same_objects
@@ -125,8 +126,8 @@ def test_the_table_of_objects_has_all_rows(small_run: Path, tmp_path: Path) -> N
 
 def test_what_is_published_once_counts_once(bags: dict[str, Path]) -> None:
     once = [len(reading.data) for reading in messages(bags["latched"], "/tf_static", STATIC_MODEL_STATES)]
-    assert 0.2 * sum(once) < _bytes_once(bags["latched"]) < sum(once)
-    assert _bytes_once(bags["repeated"]) < _bytes_once(bags["latched"])
+    assert 0.2 * sum(once) < _bytes_once(bags["latched"], Rig()) < sum(once)
+    assert _bytes_once(bags["repeated"], Rig()) < _bytes_once(bags["latched"], Rig())
 
 
 def test_validate_checks_the_latched_objects(lean_run: Path, tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ def merge_bags(
         recorded_at: stamp in the bag [ns] of a reading taken at a stamp [ns].
         advance: called with the time [s] just written.
     """
-    once = [topic for topic in table.TOPICS if topic.name in latched]
+    once = [topic for topic in table.PAPER_TOPICS if topic.name in latched]
     with (
         output_errors(target, resumes=True),
         open_bag(run.bag, own_names=True) as source,

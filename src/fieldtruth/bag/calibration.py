@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mounts of the sensors and projection of the cameras, from /tf_static and CameraInfo."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -14,9 +14,10 @@ from fieldtruth.bag.reader import BagError, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
+from fieldtruth.experiment.camera_config import Imager
+from fieldtruth.experiment.lidar_config import LidarConfig
 
 BASE: Final = "base_link"
-LIDAR: Final = "os1_lidar"
 
 
 @dataclass(frozen=True)
@@ -56,17 +57,17 @@ class StaticFrames:
 
 @dataclass(frozen=True)
 class Calibration:
-    """Geometry of the stereo camera and the LiDAR; sides are ``"left"`` and ``"right"``."""
+    """Geometry of a camera with one or two views, and of a LiDAR; views by name: left and right of the paper's pair."""
 
     width: int
     height: int
-    """Size [pixel] of the images of both cameras."""
+    """Size [pixel] of the images of all views."""
     projection: Mapping[str, Array]
-    """P (3, 4) [pixel] by side, of points [m] in the left optical frame; the right one holds the baseline."""
+    """P (3, 4) [pixel] by view, of points [m] in the optical frame of the first; the right one holds the baseline."""
     base_from_lidar: Array
     """(4, 4) from the frame of the clouds."""
     base_from_optical: Mapping[str, Array]
-    """(4, 4) by side, from the optical frame (x right, y down, z forward)."""
+    """(4, 4) by view, from the optical frame (x right, y down, z forward)."""
     static: StaticFrames
 
     def base_from(self, frame: str) -> Array:
@@ -78,28 +79,29 @@ class Calibration:
         return self.static.base_from(frame)
 
 
-def read_calibration(run: Run) -> Calibration:
-    """Read the calibration of a run with a stereo camera.
+def read_calibration(run: Run, imagers: Sequence[Imager], lidar: LidarConfig) -> Calibration:
+    """Read the calibration of the views of a camera, and of a LiDAR, of a run.
 
     Raises:
-        BagError: /tf_static or a CameraInfo is missing or invalid, or the two cameras differ in size.
+        BagError: /tf_static or a CameraInfo is missing or invalid, or the views differ in size.
     """
-    run.require(table.TF_STATIC, *map(table.camera_info, table.SIDES))
+    topics = {imager.name: imager.topic_of("camera_info") for imager in imagers}
+    run.require(table.TF_STATIC, *topics.values())
     static = read_static_frames(run)
-    infos = {side: first_message(run, table.camera_info(side)) for side in table.SIDES}
-    projection = {side: np.asarray(info.P, np.float64).reshape(3, 4) for side, info in infos.items()}
-    for side, matrix34 in projection.items():
+    infos = {name: first_message(run, topic) for name, topic in topics.items()}
+    projection = {name: np.asarray(info.P, np.float64).reshape(3, 4) for name, info in infos.items()}
+    for name, matrix34 in projection.items():
         fx, fy = matrix34[0, 0], matrix34[1, 1]
         if not (np.isfinite(matrix34).all() and fx > 0.0 and fy > 0.0):
-            raise BagError(f"{table.camera_info(side)} of {run.bag} has an invalid projection: P has fx {fx}, fy {fy}")
-    sizes = {side: (int(info.width), int(info.height)) for side, info in infos.items()}
-    if sizes["left"] != sizes["right"]:
-        raise BagError(f"the cameras of {run.bag} differ in size: {sizes['left']} and {sizes['right']}")
+            raise BagError(f"{topics[name]} of {run.bag} has an invalid projection: P has fx {fx}, fy {fy}")
+    sizes = [(int(info.width), int(info.height)) for info in infos.values()]
+    if len({*sizes}) > 1:
+        raise BagError(f"the cameras of {run.bag} differ in size: {sizes[0]} and {sizes[1]}")
     return Calibration(
-        *sizes["left"],
+        *sizes[0],
         projection,
-        base_from_lidar(run, static),
-        {side: static.base_from(info.header.frame_id) for side, info in infos.items()},
+        base_from_lidar(run, static, lidar),
+        {name: static.base_from(info.header.frame_id) for name, info in infos.items()},
         static,
     )
 
@@ -118,14 +120,14 @@ def read_static_frames(run: Run) -> StaticFrames:
     return StaticFrames(parents, str(run.bag))
 
 
-def base_from_lidar(run: Run, static: StaticFrames) -> Array:
-    """Return base_link from the frame of the run's clouds, (4, 4), or from os1_lidar if the run has no clouds.
+def base_from_lidar(run: Run, static: StaticFrames, lidar: LidarConfig) -> Array:
+    """Return base_link from the frame of a LiDAR's clouds, (4, 4), or from that of its configuration without clouds.
 
     Raises:
         BagError: /tf_static does not connect the frame with base_link.
     """
-    has_clouds = table.POINTS in run.counts
-    return static.base_from(first_message(run, table.POINTS).header.frame_id if has_clouds else LIDAR)
+    has_clouds = lidar.topic in run.counts
+    return static.base_from(first_message(run, lidar.topic).header.frame_id if has_clouds else lidar.frame)
 
 
 def first_message(run: Run, topic: str) -> Any:

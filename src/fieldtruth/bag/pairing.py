@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pair each cloud with the photographs of the same stamp.
+"""Pair each cloud of a LiDAR with the photographs of one or several cameras that have its stamp.
 
 At 10 and 25 Hz every second cloud has such photographs. With the nearest ones instead, every second pair would be 20 ms
 apart, 9 pixels for a robot that turns at 0.5 rad/s. So clouds without photographs of their own stamp are left out,
@@ -8,10 +8,9 @@ unless a bag has (nearly) no others: then the nearest photographs are used.
 """
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, Final, NamedTuple
 
-from fieldtruth.bag import topics as table
 from fieldtruth.bag.decode import reading_stamp
 from fieldtruth.bag.reader import BagReader, decoder
 
@@ -34,57 +33,56 @@ class Frame(NamedTuple):
     """A cloud and its photographs, as messages with ROS's field names."""
 
     cloud: Any
-    left: Any
-    right: Any
+    images: tuple[Any, ...]
+    """A photograph of each camera, in the order of their topics."""
     stamp_ns: int
-    """Stamp [ns] of the left photograph (cam0)."""
+    """Stamp [ns] of the first photograph (cam0)."""
     apart_ns: int
-    """Largest difference [ns] between the three stamps."""
+    """Largest difference [ns] between the stamps."""
 
 
-def stereo_frames(bag: BagReader) -> Iterator[Frame]:
-    """Yield the frames of a bag with clouds and photographs of both cameras, in time order; 1 s of it is in memory.
+def paired_frames(bag: BagReader, cloud: str, images: Sequence[str]) -> Iterator[Frame]:
+    """Yield the frames of a topic of clouds and topics of photographs, in time order; 1 s of them is in memory.
 
     Raises:
         BagError: the bag is damaged.
     """
-    sides = {table.photograph(side): side for side in table.SIDES}
-    pairing, decode = _Pairing(exact=_has_exact_pairs(bag)), decoder(bag)
-    for raw in bag.messages([table.POINTS, *sides]):
+    pairing, decode = _Pairing(images, exact=_has_exact_pairs(bag, cloud, images)), decoder(bag)
+    for raw in bag.messages([cloud, *images]):
         message = decode(raw)
         item = _Item(raw.stamp_ns, reading_stamp(raw.stamp_ns, message.header), message)
-        yield from pairing.add(sides.get(raw.topic), item)
+        yield from pairing.add(None if raw.topic == cloud else raw.topic, item)
     yield from pairing.rest()
 
 
-def _has_exact_pairs(bag: BagReader) -> bool:
+def _has_exact_pairs(bag: BagReader, cloud: str, images: Sequence[str]) -> bool:
     """Whether clouds at the start have photographs of their own stamp."""
-    stamps: dict[str, set[int]] = {topic: set() for topic in (table.POINTS, *map(table.photograph, table.SIDES))}
+    stamps: dict[str, set[int]] = {topic: set() for topic in (cloud, *images)}
     decode = decoder(bag)
     for raw in bag.messages(list(stamps)):
         stamps[raw.topic].add(reading_stamp(raw.stamp_ns, decode(raw).header))
-        if len(stamps[table.POINTS]) > _FIRST_CLOUDS:
+        if len(stamps[cloud]) > _FIRST_CLOUDS:
             break
-    return len(set.intersection(*stamps.values())) >= _EXACT_SHARE * len(stamps[table.POINTS])
+    return len(set.intersection(*stamps.values())) >= _EXACT_SHARE * len(stamps[cloud])
 
 
 class _Pairing:
     """Clouds that are not paired yet, and the photographs of the last second."""
 
-    def __init__(self, *, exact: bool) -> None:
+    def __init__(self, images: Sequence[str], *, exact: bool) -> None:
         self._exact = exact
         self._clouds: deque[_Item] = deque()
-        self._images: dict[str, deque[_Item]] = {side: deque() for side in table.SIDES}
-        self._last_ns = -1  # left photograph of the previous frame
+        self._images: dict[str, deque[_Item]] = {topic: deque() for topic in images}
+        self._last_ns = -1  # first photograph of the previous frame
 
-    def add(self, side: str | None, item: _Item) -> Iterator[Frame]:
-        """Take the next message, a cloud (None) or a photograph of a side; yield the frames that are final."""
+    def add(self, topic: str | None, item: _Item) -> Iterator[Frame]:
+        """Take the next message, a cloud (None) or a photograph of a topic; yield the frames that are final."""
         while self._clouds and item.bag_ns - self._clouds[0].bag_ns > WINDOW_NS:
             yield from self._frame(self._clouds.popleft())
         for images in self._images.values():
             while images and item.bag_ns - images[0].bag_ns > 2 * WINDOW_NS:
                 images.popleft()
-        (self._clouds if side is None else self._images[side]).append(item)
+        (self._clouds if topic is None else self._images[topic]).append(item)
 
     def rest(self) -> Iterator[Frame]:
         """Yield the frames of the remaining clouds at the end."""
@@ -94,13 +92,14 @@ class _Pairing:
     def _frame(self, cloud: _Item) -> Iterator[Frame]:
         if not all(self._images.values()):
             return
-        left = _nearest(self._images["left"], cloud.stamp_ns)
-        right = _nearest(self._images["right"], left.stamp_ns)
-        stamps = cloud.stamp_ns, left.stamp_ns, right.stamp_ns
+        first, *rest = self._images.values()
+        left = _nearest(first, cloud.stamp_ns)
+        images = (left, *(_nearest(others, left.stamp_ns) for others in rest))
+        stamps = [each.stamp_ns for each in (cloud, *images)]
         apart = max(stamps) - min(stamps)
         if apart <= (0 if self._exact else WINDOW_NS) and left.stamp_ns != self._last_ns:
             self._last_ns = left.stamp_ns
-            yield Frame(cloud.message, left.message, right.message, left.stamp_ns, apart)
+            yield Frame(cloud.message, tuple(image.message for image in images), left.stamp_ns, apart)
 
 
 def _nearest(images: deque[_Item], stamp_ns: int) -> _Item:

@@ -18,10 +18,12 @@ from fieldtruth.bag import types as ros
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.experiment.camera_config import CameraConfig, Imager
-from fieldtruth.experiment.lidar_config import TimeField
+from fieldtruth.experiment.lidar_config import PointFields, TimeField
 
 _XYZI: Final = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
-_INDICES: Final = [("ring", "<u2"), ("column", "<u2"), ("label", "<u2")]
+_RING: Final = [("ring", "<u2")]
+_MAKERS: Final = {"ouster": [("reflectivity", "<u2"), ("ring", "|u1"), ("ambient", "<u2"), ("range", "<u4")]}
+"""Fields instead of ``ring`` by maker, in the order and with the types of FAST-LIO2's ``ouster_ros::Point``."""
 
 _CLOCKS: Final = {"time": "<f4", "timestamp": "<f8"}
 _DATATYPES: Final = {
@@ -29,6 +31,7 @@ _DATATYPES: Final = {
     "<f8": PointField.FLOAT64,
     "<u4": PointField.UINT32,
     "<u2": PointField.UINT16,
+    "|u1": PointField.UINT8,
 }
 
 
@@ -49,15 +52,19 @@ class Scan(Protocol):
     def t_ns(self) -> NDArray[np.uint32]: ...  # noqa: D102
 
 
-def point_type(*, spinning: bool, wide_ids: bool, clock: TimeField | None = None) -> np.dtype[np.void]:
+def point_type(
+    *, spinning: bool, wide_ids: bool, clock: TimeField | None = None, maker: PointFields | None = None
+) -> np.dtype[np.void]:
     """Type of a point of 24 bytes: x, y, z [m] in os1_lidar; intensity = label, as the paper's reflectivity; ray; ids.
 
     With ``spinning`` it has ``t`` [ns], the time of its ray after the stamp. Instantaneous scans have none: programs
     scale it to 0..1 and divide by its range, which is 0 (KISS-ICP aborts). ``wide_ids``: ``instance`` has 32 bits.
-    ``clock`` follows ``t``: ``time`` [s] after the stamp, or ``timestamp`` [s], the sum.
+    ``clock`` follows ``t``: ``time`` [s] after the stamp, or ``timestamp`` [s], the sum. ``maker``: fields of its
+    driver; PCL reads a field only if name and type are those that a program declares.
     """
     time = [("t", "<u4"), *([(clock, _CLOCKS[clock])] if clock else [])] if spinning else []
-    return np.dtype([*_XYZI, *time, *_INDICES, ("instance", "<u4" if wide_ids else "<u2")], align=True)
+    ids = [("column", "<u2"), ("label", "<u2"), ("instance", "<u4" if wide_ids else "<u2")]
+    return np.dtype([*_XYZI, *time, *(_MAKERS[maker] if maker else _RING), *ids], align=True)
 
 
 def point_cloud(
@@ -69,9 +76,13 @@ def point_cloud(
     spinning: bool,
     wide_ids: bool = False,
     clock: TimeField | None = None,
+    maker: PointFields | None = None,
 ) -> bytes:
-    """Serialise sensor_msgs/PointCloud2 of the returns, in the order of the scan; with ``t`` if the LiDAR spins."""
-    kind = point_type(spinning=spinning, wide_ids=wide_ids, clock=clock)
+    """Serialise sensor_msgs/PointCloud2 of the returns, in the order of the scan; with ``t`` if the LiDAR spins.
+
+    An Ouster's ``reflectivity`` is the label as well, its ``range`` [mm] that of the ray, and its ``ambient`` zero.
+    """
+    kind = point_type(spinning=spinning, wide_ids=wide_ids, clock=clock, maker=maker)
     points = np.zeros(len(scan.xyz), kind)
     points["x"], points["y"], points["z"] = scan.xyz.T
     points["intensity"] = scan.label
@@ -81,6 +92,9 @@ def point_cloud(
         points[clock] = (scan.t_ns.astype(np.int64) + (stamp_ns if clock == "timestamp" else 0)) / 1e9
     points["ring"], points["column"] = scan.ring, scan.column
     points["label"], points["instance"] = scan.label, scan.instance
+    if maker == "ouster":
+        points["reflectivity"] = scan.label
+        points["range"] = np.rint(1000.0 * np.linalg.norm(scan.xyz.astype(np.float64), axis=1))
     message = PointCloud2(
         ros.header(seq, stamp_ns, frame),
         height=1,
@@ -194,8 +208,3 @@ def camera_info(seq: int, stamp_ns: int, imager: Imager) -> bytes:
         roi=RegionOfInterest(0, 0, 0, 0, do_rectify=False),
     )
     return ros.serialize(message, "sensor_msgs/msg/CameraInfo")
-
-
-def optical_frame(side: str) -> str:
-    """Optical frame of the paper's pair, for what does not follow the list of sensors yet."""
-    return f"{side}_camera_optical"

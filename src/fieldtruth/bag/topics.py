@@ -9,8 +9,7 @@ from collections.abc import Container
 from typing import Final
 
 from fieldtruth.experiment.config import FRAME_RATE, Experiment
-from fieldtruth.experiment.odometry_config import JOINT_STATES as JOINT_STATES_TOPIC
-from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS as WHEEL_SPEED_TOPICS
+from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.sensor_config import KINDS
 from fieldtruth.experiment.stereo_config import StereoConfig
@@ -44,7 +43,7 @@ def topics_of(rig: Rig, *, latched: bool = False) -> tuple[Topic, ...]:
     """Topics that this rig publishes; ``latched``: static objects have a topic of their own."""
     rows = [row for row in _TRUTH if latched or row.kind != "objects"]
     for sensor in rig.in_order():
-        absent = set(WHEEL_SPEED_TOPICS) - set(rig.wheel_speed_topics)
+        absent = set(WHEEL_SPEEDS) - set(rig.wheel_speed_topics)
         rows += (topic for topic in sensor.topics() if topic.name not in absent)
         if sensor == rig.wheel_odometry:
             # The controller's rate is that of the IMU.
@@ -88,39 +87,3 @@ def latches_objects(experiment: Experiment, objects: int) -> bool:
     """Whether a run publishes its static objects once, by its option and the number of named objects in its world."""
     option = experiment.static_objects
     return objects > MOST_REPEATED if option == "auto" else option == "latched"
-
-
-# Names of the paper's rig, for what does not follow the list of sensors yet.
-TOPICS: Final = PAPER_TOPICS
-SIDES: Final = ("left", "right")
-IMU: Final = "/imu/data"
-NAVSAT: Final = "/navsat/fix"
-POINTS: Final = "/os1_cloud_node/points"
-WHEEL_SPEEDS: Final = WHEEL_SPEED_TOPICS
-JOINT_STATES: Final = JOINT_STATES_TOPIC
-WHEEL_ODOMETRY: Final = "/odometry/wheel"
-
-
-def camera_info(side: str) -> str:
-    """Topic of a camera's calibration."""
-    return f"/stereo/camera/{side}/camera_info"
-
-
-def photograph(side: str) -> str:
-    """Topic of a camera's realistic images."""
-    return f"/stereo/camera/{side}/real/compressed"
-
-
-def tag(side: str) -> str:
-    """Topic of a camera's tag images."""
-    return f"/stereo/camera/{side}/tag/img_raw"
-
-
-def depth(side: str) -> str:
-    """Topic of a camera's depth images."""
-    return f"/stereo/camera/{side}/depth"
-
-
-def instances(side: str) -> str:
-    """Topic of a camera's instance ids."""
-    return f"/stereo/camera/{side}/instances"

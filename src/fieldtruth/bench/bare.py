@@ -95,7 +95,7 @@ class BareTracer:
 
 
 def best_mode(scene: np.uint64, directions: Float32Array, far: float, poses: Sequence[Array]) -> Mode:
-    """Find the fastest mode: all are tried from the first pose, the five best from all ``poses``."""
+    """Find the fastest mode: all whose tiles fit are tried from the first pose, the five best from all ``poses``."""
 
     def seconds(mode: Mode, poses: Sequence[Array]) -> float:
         tracer = BareTracer(scene, directions, far, mode)
@@ -109,7 +109,9 @@ def best_mode(scene: np.uint64, directions: Float32Array, far: float, poses: Seq
             total += min(times)
         return total
 
-    leaders = sorted(MODES, key=lambda mode: seconds(mode, poses[:1]))[:5]
+    height, width = directions.shape[:2]
+    fitting = [mode for mode in MODES if height % mode.rows == 0 and width % (mode.lanes // mode.rows) == 0]
+    leaders = sorted(fitting, key=lambda mode: seconds(mode, poses[:1]))[:5]
     return min(leaders, key=lambda mode: seconds(mode, poses))
 
 

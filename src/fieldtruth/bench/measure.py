@@ -7,8 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from fieldtruth.bench.recording import SECONDS, pairs_per_second
-from fieldtruth.bench.sensors import measure_cameras, measure_lidar, poses_on_route
+import numpy as np
+
+from fieldtruth.bench.recording import SECONDS, images_per_second
+from fieldtruth.bench.sensors import measure_cameras, measure_lidars, poses_on_route
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
@@ -28,6 +30,7 @@ UNITS: Final = {
     "camera_bare_mrays_per_s": "Mrays/s",
     "label_image_over_bare": "x",
     "photograph_over_bare": "x",
+    "images_per_s": "images/s",
     "stereo_pairs_per_s": "pairs/s",
     "image_efficiency": "x",
     "peak_rss_mb": "MB",
@@ -44,8 +47,8 @@ class Settings:
     """Poses along the route."""
     repeats: int = 3
     """Tries of each view, the best of which counts."""
-    pairs: int = 24
-    """Stereo pairs that are recorded."""
+    images: int = 24
+    """Images of each camera that are recorded."""
 
 
 def settings_of(environment: str) -> Settings:
@@ -64,7 +67,10 @@ def settings_of(environment: str) -> Settings:
 
 
 def measure(settings: Settings, progress: Progress | None = None) -> dict[str, float]:
-    """Measure the figures of ``UNITS`` in about a minute; without peak memory on Windows."""
+    """Measure the figures of ``UNITS`` that the rig has, in about a minute; without peak memory on Windows.
+
+    Figures are sums over the sensors of a kind. Pairs are counted if the only cameras are a stereo pair.
+    """
     progress, experiment = progress or Silent(), settings.experiment
     rig = experiment.rig
     found: dict[str, float] = {}
@@ -74,24 +80,27 @@ def measure(settings: Settings, progress: Progress | None = None) -> dict[str, f
         baked = bake(Scene(world), experiment.light)
     poses = poses_on_route(experiment.route, world, rig, settings.views)
     with progress.stage("LiDAR"):
-        found |= measure_lidar(baked.scene, rig, poses, settings.repeats)
+        found |= measure_lidars(baked.scene, rig, poses, settings.repeats)
     with progress.stage("cameras"):
         found |= measure_cameras(baked, rig, poses, settings.repeats)
-    with progress.stage("stereo pairs"):
-        track = drive(world, with_overrides(experiment, seconds=SECONDS))
-        rate = pairs_per_second(baked, track, rig, pairs=settings.pairs, workers=cpu_count())
-    found["stereo_pairs_per_s"] = rate
-    pixels = rig.stereo.width * rig.stereo.height
-    found["image_efficiency"] = image_efficiency(rate, cpu_count(), pixels, found["camera_bare_mrays_per_s"])
+    if rig.cameras:
+        with progress.stage("images"):
+            track = drive(world, with_overrides(experiment, seconds=SECONDS))
+            rate = images_per_second(baked, track, rig, images=settings.images, workers=cpu_count())
+        found["images_per_s"] = rate
+        if len(rig.cameras) == 1 and len(rig.imagers) == 2:
+            found["stereo_pairs_per_s"] = rate / 2.0
+        pixels = float(np.mean([imager.config.width * imager.config.height for imager in rig.imagers]))
+        found["image_efficiency"] = image_efficiency(rate, cpu_count(), pixels, found["camera_bare_mrays_per_s"])
     return found | peak_memory()
 
 
-def image_efficiency(pairs_per_s: float, cores: int, pixels: int, bare_mrays_per_s: float) -> float:
+def image_efficiency(images_per_s: float, cores: int, pixels: float, bare_mrays_per_s: float) -> float:
     """Time that bare Embree needs for one ray per pixel, over the cores' time for an image that is recorded.
 
     The latter is all that ``cores`` do or wait for: rays at edges, shadows, shading, encoding, tag image, writing.
     """
-    return pixels / (1e6 * bare_mrays_per_s) * 2.0 * pairs_per_s / cores
+    return pixels / (1e6 * bare_mrays_per_s) * images_per_s / cores
 
 
 def peak_memory() -> dict[str, float]:

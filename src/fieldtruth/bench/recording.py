@@ -1,44 +1,76 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Recording of stereo pairs as in a run: photographs and tag images rendered, encoded and written as time slices."""
+"""Recording of images and scans as in a run: rendered or scanned, encoded and written as time slices."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from fieldtruth.bag.topics import topics_of
 from fieldtruth.drive.track import Track
+from fieldtruth.experiment.camera_config import CameraConfig
+from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.slices import Slices
 from fieldtruth.record.streams import Sensors, streams_of
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.render.camera import Camera
+from fieldtruth.sense.lidar import Lidar
 
 SECONDS: Final = 4
 """Simulated time [s] that is recorded, one slice per second: a multiple of the usual numbers of workers."""
 
 
-def pairs_per_second(baked: BakedScene, track: Track, rig: Rig, *, pairs: int, workers: int) -> float:
-    """Stereo pairs per second that ``workers`` threads record, over about ``pairs`` pairs of the track's start."""
-    seconds = min(SECONDS, track.duration_s)
-    cameras = rig.stereo.model_copy(update={"rate_hz": max(1.0, pairs / seconds)})
-    rig = rig.model_copy(update={"sensors": (cameras,)})
-    topics = [topic for topic in topics_of(rig) if topic.kind == "stereo"]
+class Recorded(NamedTuple):
+    """Time [s] of a recording, and what it recorded."""
+
+    took_s: float
+    images: int
+    scans: int
+
+
+def images_per_second(baked: BakedScene, track: Track, rig: Rig, *, images: int, workers: int) -> float:
+    """Images per second that ``workers`` threads record, over about ``images`` of each camera at the track's start."""
+    rate = max(1.0, images / min(SECONDS, track.duration_s))
+    cameras = tuple(camera.model_copy(update={"rate_hz": rate}) for camera in rig.cameras)
+    found = record(baked, track, rig.model_copy(update={"sensors": cameras}), workers=workers)
+    return found.images / found.took_s
+
+
+def record(baked: BakedScene, track: Track, rig: Rig, *, workers: int, seconds: float = SECONDS) -> Recorded:
+    """Record what the cameras and LiDARs of a rig see in the first seconds of a track, with ``workers`` threads."""
+    rig = rig.model_copy(update={"sensors": (*rig.enabled(CameraConfig), *rig.enabled(LidarConfig))})
+    topics = [topic for topic in topics_of(rig) if topic.sensor]
     names = {topic.name for topic in topics}
     streams = [
         stream._replace(stamps_ns=stream.stamps_ns[stream.stamps_ns <= seconds * 1e9])
         for stream in streams_of(baked.scene.world, track, rig)
         if names.issuperset(stream.topics)
     ]
-    ready = [Camera(cameras, baked, reuse=True) for _ in range(workers)]
-    for camera in ready:
-        camera.render(np.eye(4))  # exclude the first use of each worker's memory, which a long run pays once
+    ready = [sensors_of(baked, rig, used=True) for _ in range(workers)]
     with TemporaryDirectory() as folder:
-        slices = Slices(Path(folder), streams, topics, lambda: Sensors(cameras={cameras.name: ready.pop()}))
+        slices = Slices(Path(folder), streams, topics, ready.pop)
         start = perf_counter()
         slices.make(workers)
         took = perf_counter() - start
-    return len(streams[0].stamps_ns) / took
+    clouds = {lidar.topic for lidar in rig.lidars}
+    scans = sum(len(stream.stamps_ns) for stream in streams if clouds.issuperset(stream.topics))
+    return Recorded(took, sum(len(stream.stamps_ns) for stream in streams) - scans, scans)
+
+
+def sensors_of(baked: BakedScene, rig: Rig, *, used: bool = False) -> Sensors:
+    """The cameras and LiDARs of one worker in a scene that all share.
+
+    ``used``: after the first use of their memory, which a long run pays once.
+    """
+    lidars = {config.name: Lidar(config, baked.scene) for config in rig.lidars}
+    cameras = {config.name: Camera(config, baked, reuse=True) for config in rig.cameras}
+    if used:
+        for camera in cameras.values():
+            camera.render(np.eye(4))
+        for lidar in lidars.values():
+            lidar.scan(np.eye(4))
+    return Sensors(lidars, cameras, wide_ids=baked.scene.world.has_wide_ids)

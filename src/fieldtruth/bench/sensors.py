@@ -12,7 +12,7 @@ from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.lenses import directions
 from fieldtruth.drive.physics import resting_pose
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, CameraConfig
+from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.config import Route
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import metres_from_route
@@ -41,18 +41,26 @@ def poses_on_route(route: Route | None, world: World, rig: Rig, count: int) -> l
 
 
 def pixel_directions(config: CameraConfig) -> Float32Array:
-    """Unit directions (h, w, 3) through the pixel centres in the optical frame."""
+    """Unit directions (h, w, 3) through the pixel centres in the optical frame.
+
+    Pixels for which the lens has no ray get the optical axis, because bare Embree traces rows and columns.
+    """
     u, v = np.arange(config.width), np.arange(config.height)[:, None]
-    return np.asarray(directions(config.projection, u, v), np.float32)
+    found = np.asarray(directions(config.projection, u, v), np.float32)
+    return np.where(np.isnan(found), np.array([0.0, 0.0, 1.0], np.float32), found)
 
 
-def measure_lidar(scene: Scene, rig: Rig, poses: Sequence[Array], repeats: int) -> dict[str, float]:
-    """Rates of labelled scans and of bare rays from poses world_from_base."""
-    config = rig.lidar
-    lidar, directions = Lidar(config, scene), ray_directions(config).astype(np.float32)
-    poses_of = [pose @ config.mount.base_from_sensor for pose in poses]
-    bare, scan = _against_bare(scene, directions, config.max_range, poses_of, [lidar.scan], _LIDAR_TRIES * repeats)
-    mrays = len(poses_of) * directions.size / 3 / 1e6
+def measure_lidars(scene: Scene, rig: Rig, poses: Sequence[Array], repeats: int) -> dict[str, float]:
+    """Rates of labelled scans of all LiDARs and of bare rays from poses world_from_base; empty without LiDAR."""
+    mrays, total = 0.0, np.zeros(2)
+    for config in rig.lidars:
+        lidar, directions = Lidar(config, scene), ray_directions(config).astype(np.float32)
+        poses_of = [pose @ config.mount.base_from_sensor for pose in poses]
+        mrays += len(poses_of) * directions.size / 3 / 1e6
+        total += _against_bare(scene, directions, config.max_range, poses_of, [lidar.scan], _LIDAR_TRIES * repeats)
+    bare, scan = total.tolist()
+    if not rig.lidars:
+        return {}
     return {
         "lidar_mrays_per_s": mrays / scan,
         "lidar_bare_mrays_per_s": mrays / bare,
@@ -61,16 +69,19 @@ def measure_lidar(scene: Scene, rig: Rig, poses: Sequence[Array], repeats: int) 
 
 
 def measure_cameras(baked: BakedScene, rig: Rig, poses: Sequence[Array], repeats: int) -> dict[str, float]:
-    """Label images and photographs of both cameras against bare rays, from poses world_from_base."""
-    config = rig.stereo
-    camera, directions = Camera(config, baked, reuse=True), pixel_directions(config)
-    mounts = [mount.base_from_sensor @ CAMERA_FROM_OPTICAL for mount in (config.left, config.right)]
-    poses_of = [pose @ mount for pose in poses for mount in mounts]
-    bare, label, photo = _against_bare(
-        baked.scene, directions, config.far, poses_of, [camera.label, camera.render], repeats
-    )
+    """Label images and photographs of all cameras against bare rays from poses world_from_base; empty without one."""
+    mrays, total = 0.0, np.zeros(3)
+    for config in rig.cameras:
+        camera, directions = Camera(config, baked, reuse=True), pixel_directions(config)
+        poses_of = [pose @ imager.base_from_optical for pose in poses for imager in config.imagers()]
+        mrays += len(poses_of) * directions.size / 3 / 1e6
+        sensors = [camera.label, camera.render]
+        total += _against_bare(baked.scene, directions, config.far, poses_of, sensors, repeats)
+    bare, label, photo = total.tolist()
+    if not rig.cameras:
+        return {}
     return {
-        "camera_bare_mrays_per_s": len(poses_of) * directions.size / 3 / 1e6 / bare,
+        "camera_bare_mrays_per_s": mrays / bare,
         "label_image_over_bare": label / bare,
         "photograph_over_bare": photo / bare,
     }
@@ -83,18 +94,18 @@ def _against_bare(
     poses: Sequence[Array],
     sensors: Sequence[Callable[[Array], object]],
     repeats: int,
-) -> list[float]:
-    """Total time [s] of bare Embree in its best mode and of each sensor; the best try of each pose counts."""
+) -> Array:
+    """Total times [s] of bare Embree in its best mode and of each sensor; the best try of each pose counts."""
     trial_poses = poses[:: -(-len(poses) // _TRIAL_POSES)]
     handle = scene.rays.handle
     tracer = BareTracer(handle, directions, far, best_mode(handle, directions, far, trial_poses))
-    total = np.zeros(1 + len(sensors))
+    total: Array = np.zeros(1 + len(sensors))
     for sensor in sensors:
         sensor(poses[0])  # compiled before the clock runs
     for pose in poses:
         tries = [[_seconds(sensor, pose) for sensor in (tracer.trace, *sensors)] for _ in range(repeats)]
         total += np.min(tries, axis=0)
-    return [float(seconds) for seconds in total]
+    return total
 
 
 def _seconds(sensor: Callable[[Array], object], pose: Array) -> float:

@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from fieldtruth.campaign.config import BUILT_IN, ROUTES, Campaign, axis, entries
 from fieldtruth.campaign.distributions import Integers, Tree, extremes
+from fieldtruth.campaign.draw import changed_values
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import EXTRAS
@@ -33,7 +34,10 @@ def check_campaign(campaign: Campaign, source: str) -> None:
     _check_routes(campaign.routes, source)
     for key, name in (("seeds", "seed"), ("lights", "light"), ("rigs", "rig")):
         for position, end in _ends(key, getattr(campaign, key)):
-            _check_values({name: end}, f"{source}: {position}")
+            for experiment in campaign.experiments:
+                _check_values(changed_values(experiment, {name: end}), f"{source}: {position}: {experiment.name}")
+            if not campaign.experiments:
+                _check_values({name: end}, f"{source}: {position}")
     for name in campaign.extras or ():
         if name not in EXTRAS:
             raise UnknownNameError("extra", name, EXTRAS, source)

@@ -25,6 +25,7 @@ from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.problems import configuration_error
+from fieldtruth.experiment.sections import SECTIONS
 
 _RUN, _LAYOUT, _SPLIT = range(3)
 _AXES: Final = ("environments", "seeds", "routes", "lights", "rigs", "seconds")
@@ -154,7 +155,7 @@ def _changed(campaign: Campaign, experiment: Experiment, k: int) -> Experiment:
     if layout is not None:
         seed = changes.get("seed", experiment.seed)
         changes["layout"] = axis(layout).draw(_rng(campaign, _LAYOUT, experiment.environment, seed))
-    return _finished(campaign, merged(experiment.model_dump(exclude_unset=True), changes), k)
+    return _finished(campaign, changed_values(experiment, changes), k)
 
 
 def _finished(campaign: Campaign, values: dict[str, Any], k: int) -> Experiment:
@@ -194,6 +195,23 @@ def _built_in(environment: str) -> list[str]:
 @cache
 def _catalogue() -> dict[str, Experiment]:
     return {name: load_experiment(name) for name in experiment_names()}
+
+
+def changed_values(experiment: Experiment, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of an experiment with ``changes``, mapping by mapping.
+
+    Sensors of its rig that are not changed stay as they are. A section, like ``lidar``, changes the first of its kind.
+    """
+    values = merged(experiment.model_dump(exclude_unset=True), changes)
+    rig, change = experiment.rig, dict(changes.get("rig") or {})
+    for key, section in change.items():
+        kind = SECTIONS[key].model_fields.get("kind") if key in SECTIONS else None
+        first = next((sensor for sensor in rig.sensors if kind is not None and sensor.kind == kind.default), None)
+        if first is not None and isinstance(section, Mapping) and "model" not in section:
+            own = first.model_dump(exclude_unset=True)
+            change[key] = merged({name: own[name] for name in section if name in own}, section)
+    own_rig = rig.model_dump(exclude_unset=True, exclude={"sensors"}) | {"sensors": rig.sensors}
+    return values | {"rig": merged(own_rig, change)}
 
 
 def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -66,6 +66,9 @@ def load_campaign(name_or_path: str | Path) -> Campaign:
 def dump_campaign(campaign: Campaign) -> str:
     """Return the campaign as YAML with the version that wrote it; listed experiments are written in full."""
     values = campaign.model_dump(mode="json", exclude_defaults=True)
+    for experiment, written in zip(campaign.experiments, values.get("experiments", ()), strict=True):
+        if "rig" in written:  # the defaults of a sensor depend on its kind, name and model
+            written["rig"]["sensors"] = [sensor.model_dump(mode="json") for sensor in experiment.rig.sensors]
     return HEADER + write_mapping({VERSION_KEY: fieldtruth.__version__, **values})
 
 

@@ -14,7 +14,7 @@ from time import monotonic
 from typing import Final
 
 from fieldtruth.bag.reader import open_bag
-from fieldtruth.bag.topics import TOPICS
+from fieldtruth.bag.topics import topics_of
 from fieldtruth.bag.writer import compressed
 from fieldtruth.campaign.duration import motion_of, simulated_s
 from fieldtruth.campaign.ends import end_with_parent
@@ -29,6 +29,7 @@ from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.config import FRAME_RATE, Experiment, RandomRouteConfig
 from fieldtruth.experiment.fields import Frozen
 from fieldtruth.experiment.files import with_overrides
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.pipeline import generate
 from fieldtruth.world.build import world_key, world_of
 
@@ -140,7 +141,7 @@ def measured(experiment: Experiment, folder: Path) -> Figures:
     else:
         drive_s_per_s = _slope(lambda seconds: drive(world, short.model_copy(update={"seconds": seconds})))
     fixed = sum(seconds for name, seconds in took.items() if name not in (WORLD, *stages.timed))
-    once = _bytes_once(bag)
+    once = _bytes_once(bag, short.rig)
     sensing = sum(took[name] for name in stages.timed) * workers
     return Figures(
         world_s=took[WORLD],
@@ -153,9 +154,9 @@ def measured(experiment: Experiment, folder: Path) -> Figures:
     )
 
 
-def _bytes_once(path: Path) -> float:
+def _bytes_once(path: Path, rig: Rig) -> float:
     """Size [byte] in a bag of what is published once, which in a large world are its objects."""
-    once = [topic.name for topic in TOPICS if topic.latched]
+    once = [topic.name for topic in topics_of(rig, latched=True) if topic.latched]
     with open_bag(path) as bag:
         return sum(len(compressed(raw.data)) for raw in bag.messages([name for name in once if name in bag.counts]))
 

@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from typing import Final, NoReturn, TextIO
 
 import fieldtruth
-from fieldtruth.cli import caching, campaigns, generation, processing, worlds
+from fieldtruth.cli import caching, campaigns, generation, processing, rigs, worlds
 from fieldtruth.cli.arguments import Command, Parser, UsageError
 from fieldtruth.cli.interrupts import INTERRUPTED, interrupts
 from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning, UnknownNameError
@@ -120,6 +120,7 @@ def _build_parser() -> tuple[Parser, dict[str, Parser]]:
     campaigns.add_commands(command)
     processing.add_commands(command)
     worlds.add_commands(command)
+    rigs.add_commands(command)
     caching.add_commands(command)
     return parser, dict(subparsers.choices)
 

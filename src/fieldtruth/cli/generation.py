@@ -5,6 +5,7 @@
 import argparse
 import time
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -14,7 +15,7 @@ from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.parallel import cpu_count
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator, Mapping
 
     from fieldtruth.cluster.engine import ClusterEngine
     from fieldtruth.experiment.config import Experiment
@@ -92,16 +93,15 @@ def _engine(options: argparse.Namespace) -> "Iterator[ClusterEngine | None]":
 
 
 def _list(options: argparse.Namespace) -> None:
-    from fieldtruth.experiment.camera_models import list_cameras
     from fieldtruth.experiment.catalogue import list_experiments
-    from fieldtruth.experiment.lidar_models import list_lidars
     from fieldtruth.experiment.robot_models import list_robots
+    from fieldtruth.experiment.sensor_models import TITLES, list_models
     from fieldtruth.world.environments import list_environments
 
-    lists = {
+    lists: dict[str, dict[str, Callable[[], Mapping[str, str]]]] = {
         "experiments": {"experiments": list_experiments},
         "environments": {"environments": list_environments},
-        "sensors": {"LiDARs (rig.lidar.model)": list_lidars, "cameras (rig.cameras.model)": list_cameras},
+        "sensors": {title: partial(list_models, kind) for kind, title in TITLES.items()},
         "robots": {"robots (rig.robot)": list_robots},
     }
     if options.what not in (None, *lists):

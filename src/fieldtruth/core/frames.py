@@ -65,6 +65,15 @@ def quaternion_wxyz_from_rotation(rotation: ArrayLike) -> Array:
     return wxyz_from_xyzw(xyzw)
 
 
+def rpy_deg_from_rotation(rotation: Array) -> Array:
+    """Roll, pitch, yaw (3,) [deg] about fixed axes, as ``pose`` takes them; with a pitch of 90 deg yaw is 0."""
+    across = np.hypot(rotation[0, 0], rotation[1, 0])
+    yaw = np.arctan2(rotation[1, 0], rotation[0, 0]) if across > 1e-12 else 0.0
+    # From the row that yaw leaves to roll alone: near 90 deg an error of yaw and one of roll then cancel.
+    row = np.cos(yaw) * rotation[1] - np.sin(yaw) * rotation[0]
+    return np.degrees([np.arctan2(-row[2], row[1]), np.arctan2(-rotation[2, 0], across), yaw])
+
+
 def xyzw_from_wxyz(quaternion_wxyz: ArrayLike) -> Array:
     """Reorder quaternions (..., 4) for ROS and SciPy."""
     return np.roll(np.asarray(quaternion_wxyz, np.float64), -1, axis=-1)

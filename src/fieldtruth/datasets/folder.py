@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal, SupportsIndex, TypedDict, Unpack
+from typing import Any, SupportsIndex, TypedDict, Unpack
 
 import numpy as np
 
@@ -20,7 +20,8 @@ from fieldtruth.ontology.label_map import LabelMap
 class Options(TypedDict, total=False):
     """Keyword arguments of ``RunDataset`` that apply to all runs."""
 
-    camera: Literal["left", "right"]
+    camera: str | None
+    lidar: str | None
     anchor: Sensor | None
     tolerance_s: float
     label_map: str | LabelMap | None

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Items of a sample: for each its sensor, its topic, and the conversion of the message to an array."""
+"""Items of a sample: for each its sensor, its stream, and the conversion of the message to an array."""
 
 from collections.abc import Callable
 from typing import Any, Final, Literal, NamedTuple, TypedDict
@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import BagError
 from fieldtruth.core.arrays import Array, Counts
 
@@ -62,10 +61,11 @@ class Sample(TypedDict, total=False):
 
 
 class Item(NamedTuple):
-    """Sensor, topic by camera side, and conversion to an array from the message and the output ids by class."""
+    """Sensor, what it publishes, and conversion to an array from the message and the output ids by class."""
 
     sensor: Sensor
-    topic: Callable[[str], str]
+    stream: str
+    """Of a camera, as in ``Imager.topics``; of a LiDAR ``points``."""
     value: Callable[[Any, Counts], NDArray[Any]]
 
 
@@ -135,19 +135,15 @@ def _columns(points: NDArray[np.void], fields: tuple[str, ...], dtype: np.dtype[
     return values
 
 
-def _points(side: str) -> str:
-    return table.POINTS
-
-
 ITEMS: Final[dict[str, Item]] = {
-    "image": Item("camera", table.photograph, _image),
-    "mask": Item("camera", table.tag, _mask),
-    "depth": Item("camera", table.depth, _depth),
-    "instance_mask": Item("camera", table.instances, _instance_mask),
-    "cloud": Item("lidar", _points, _cloud),
-    "labels": Item("lidar", _points, _labels),
-    "instances": Item("lidar", _points, _instances),
-    "rays": Item("lidar", _points, _rays),
+    "image": Item("camera", "photograph", _image),
+    "mask": Item("camera", "tag", _mask),
+    "depth": Item("camera", "depth", _depth),
+    "instance_mask": Item("camera", "instances", _instance_mask),
+    "cloud": Item("lidar", "points", _cloud),
+    "labels": Item("lidar", "points", _labels),
+    "instances": Item("lidar", "points", _instances),
+    "rays": Item("lidar", "points", _rays),
 }
 """Items that are readings of a sensor."""
 

@@ -5,7 +5,7 @@
 import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, Literal, NamedTuple, SupportsIndex, cast
+from typing import Any, Final, NamedTuple, Protocol, SupportsIndex, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,8 @@ from fieldtruth.datasets.association import Stream, associate, explain_no_frame,
 from fieldtruth.datasets.items import GEOMETRY, ITEMS, Sample, Sensor
 from fieldtruth.datasets.poses import Poses, pose_topic
 from fieldtruth.datasets.storage import Storage
+from fieldtruth.experiment.camera_config import Imager
+from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.ontology.label_map import LabelMap, label_map_of
 
 DEFAULT_ITEMS: Final = ("image", "mask")
@@ -42,7 +44,8 @@ class RunDataset:
         path: folder of a run, or a bag.
         items: contents of a sample: names from ``ITEMS`` (image, mask, depth, instance_mask, cloud, labels, instances,
             rays), and "pose" and "calibration" of the sensors of the other items.
-        camera: "left" or "right".
+        camera: name of a camera of the rig, such as "left" or "right" of the paper's pair; None: the first.
+        lidar: name of a LiDAR of the rig; None: the first.
         anchor: sensor whose stamps define the frames, "camera" or "lidar"; by default the camera if an item needs it.
         tolerance_s: largest difference [s] between the stamps of camera and LiDAR in a frame.
         label_map: ontology of mask and labels, as for ``fieldtruth export``; None keeps our own classes.
@@ -50,7 +53,7 @@ class RunDataset:
 
     Raises:
         BagError: no bag, a damaged one, one that lacks a requested item, or one without a frame.
-        UnknownNameError: unknown item or ontology.
+        UnknownNameError: unknown item, camera, LiDAR or ontology.
         ConfigurationError: an argument that is not allowed.
     """
 
@@ -59,7 +62,8 @@ class RunDataset:
         path: Path | str,
         items: Sequence[str] = DEFAULT_ITEMS,
         *,
-        camera: Literal["left", "right"] = "left",
+        camera: str | None = None,
+        lidar: str | None = None,
         anchor: Sensor | None = None,
         tolerance_s: float = 0.0,
         label_map: str | LabelMap | None = None,
@@ -69,14 +73,15 @@ class RunDataset:
         self.transform = transform
         needed = {ITEMS[item].sensor for item in self.items if item in ITEMS}
         self.anchor: Sensor = anchor or ("camera" if "camera" in needed or not needed else "lidar")
-        _check_choices(camera, self.anchor, tolerance_s)
+        _check_choices(self.anchor, tolerance_s)
         self.classes, self._ids = _ontology(label_map)
         self._sensors = [sensor for sensor in _SENSORS if sensor in needed or sensor == self.anchor]
-        self._topics = {item: ITEMS[item].topic(camera) for item in self.items if item in ITEMS}
         self.run = open_run(Path(path))
+        source = _Source.of(self.run, camera, lidar)
+        self._topics = {item: source.topic(self.run, item) for item in self.items if item in ITEMS}
         self.name = self.run.name
         """Name of the run in samples; ``open_runs`` sets it to the run's path in the folder."""
-        opened = _open(self.run, self._topics_by_sensor(camera), self.items, camera)
+        opened = _open(self.run, self._topics_by_sensor(source), self.items, source)
         self._storage, self._poses, self._fixed = opened.storage, opened.poses, opened.fixed
         chosen = associate(opened.streams, self.anchor, round(tolerance_s * 1e9), opened.covered)
         self._streams = {stream.topic: stream for group in chosen.values() for stream in group}
@@ -135,12 +140,12 @@ class RunDataset:
             result[f"world_from_{sensor}"] = world_from_base @ self._fixed[f"base_from_{sensor}"]
         return result
 
-    def _topics_by_sensor(self, camera: str) -> dict[Sensor, list[str]]:
+    def _topics_by_sensor(self, source: "_Source") -> dict[Sensor, list[str]]:
         """Return topics by sensor; an anchor without items has its main topic."""
-        default = {"camera": table.photograph(camera), "lidar": table.POINTS}
+        default = {"camera": "image", "lidar": "cloud"}
         return {
             sensor: list(dict.fromkeys(topic for item, topic in self._topics.items() if ITEMS[item].sensor == sensor))
-            or [default[sensor]]
+            or [source.topic(self.run, default[sensor])]
             for sensor in self._sensors
         }
 
@@ -153,6 +158,46 @@ def checked_index(index: SupportsIndex, length: int) -> int:
     if not -length <= frame < length:
         raise IndexError(f"frame must be between {-length} and {length - 1}, got {frame}")
     return frame % length
+
+
+class _Source(NamedTuple):
+    """The sensors of the rig that are read; None if it has none of this kind."""
+
+    camera: Imager | None
+    lidar: LidarConfig | None
+
+    @classmethod
+    def of(cls, run: Run, camera: str | None, lidar: str | None) -> "_Source":
+        """Choose sensors by name, or the first of the rig."""
+        return cls(_named("camera", camera, run.rig.imagers), _named("LiDAR", lidar, run.rig.lidars))
+
+    def topic(self, run: Run, item: str) -> str:
+        """Return the topic of an item.
+
+        Raises:
+            BagError: the rig has no such sensor.
+        """
+        sensor, stream, _ = ITEMS[item]
+        if sensor == "camera" and self.camera is not None:
+            return self.camera.topic_of(stream)
+        if sensor == "lidar" and self.lidar is not None:
+            return self.lidar.topic
+        raise BagError(f"{item}: the rig of {run.bag} has no {'LiDAR' if sensor == 'lidar' else sensor}")
+
+
+class _Named(Protocol):
+    @property
+    def name(self) -> str: ...
+
+
+_Found = TypeVar("_Found", bound=_Named)
+
+
+def _named(kind: str, name: str | None, sensors: Sequence[_Found]) -> _Found | None:
+    known = {sensor.name: sensor for sensor in sensors}
+    if name is not None and name not in known:
+        raise UnknownNameError(kind, name, known)
+    return next(iter(sensors), None) if name is None else known[name]
 
 
 class _Opened(NamedTuple):
@@ -169,12 +214,13 @@ class _Opened(NamedTuple):
         return np.full(len(stamps_ns), True) if self.poses is None else self.poses.cover(stamps_ns)
 
 
-def _open(run: Run, topics: Mapping[Sensor, list[str]], items: Sequence[str], camera: str) -> _Opened:
+def _open(run: Run, topics: Mapping[Sensor, list[str]], items: Sequence[str], source: _Source) -> _Opened:
     readings = [topic for group in topics.values() for topic in group]
-    _require(run, readings)
+    _require(run, readings, source.camera)
     pose = pose_topic(run) if "pose" in items else None
     geometry = any(item in GEOMETRY for item in items)
-    info = table.camera_info(camera) if "calibration" in items and "camera" in topics else None
+    camera = source.camera if "calibration" in items and "camera" in topics else None
+    info = None if camera is None else camera.topic_of("camera_info")
     run.require(*[table.TF_STATIC] * geometry, *filter(None, [info]))
     with open_bag(run.bag) as bag:
         storage = Storage(bag)
@@ -197,11 +243,11 @@ def _first(storage: Storage, stream: Stream) -> Any:
     return storage.message(stream.topic, int(stream.chunk[0]), int(stream.offset[0]))
 
 
-def _require(run: Run, topics: Sequence[str]) -> None:
+def _require(run: Run, topics: Sequence[str], camera: Imager | None) -> None:
     """Check that the bag has the topics; the error for optional ones shows how to record them."""
     for topic in topics:
         for extra in ("depth", "instances"):
-            if topic not in run.counts and topic in [getattr(table, extra)(side) for side in table.SIDES]:
+            if topic not in run.counts and camera is not None and topic == camera.topic_of(extra):
                 raise BagError(f"{run.bag} has no {topic}; `fieldtruth generate NAME --extras {extra}` records it")
     run.require(*topics)
 
@@ -217,9 +263,7 @@ def _checked_items(items: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(items))
 
 
-def _check_choices(camera: str, anchor: str, tolerance_s: float) -> None:
-    if camera not in table.SIDES:
-        raise UnknownNameError("camera", camera, table.SIDES)
+def _check_choices(anchor: str, tolerance_s: float) -> None:
     if anchor not in _SENSORS:
         raise UnknownNameError("anchor", anchor, _SENSORS)
     if not 0.0 <= tolerance_s < np.inf:

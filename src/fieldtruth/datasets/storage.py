@@ -5,12 +5,9 @@
 import os
 from collections import OrderedDict
 from collections.abc import Callable
-from functools import lru_cache
 from pathlib import Path
 from threading import Lock
 from typing import Any, Final
-
-from rosbags.typesys.store import Typestore
 
 from fieldtruth.bag.errors import BagError, read_errors
 from fieldtruth.bag.reader import (
@@ -33,7 +30,7 @@ class Storage:
     def __init__(self, bag: BagReader) -> None:
         self.path = bag.path.resolve()
         self._version = _version(self.path)
-        self._definitions = tuple(sorted({c.msgtype: c.msgdef.data for c in bag.connections}.items()))
+        self._definitions = {c.msgtype: c.msgdef.data for c in bag.connections}
         self._kinds = {c.id: (c.topic, c.msgtype) for c in bag.connections}
 
     def message(self, topic: str, chunk: int, offset: int) -> Any:
@@ -48,7 +45,7 @@ class Storage:
         found, msgtype = self._kinds.get(number, ("no topic", ""))
         if found != topic:
             raise BagError(f"cannot read {self.path}: its index has {topic} at the position of a message of {found}")
-        return decoder_of(_types(self._definitions), self.path)(RawMessage(stamp, topic, msgtype, data))
+        return decoder_of(types_of(self._definitions), self.path)(RawMessage(stamp, topic, msgtype, data))
 
     def _unpack(self, chunk: int) -> bytes:
         if _version(self.path) != self._version:
@@ -91,11 +88,6 @@ _RECENT: Final = ChunkCache(BUDGET)
 """Shared by all data sets of a process, so that 100 runs need no more memory than one."""
 if hasattr(os, "register_at_fork"):  # not on Windows
     os.register_at_fork(after_in_child=_RECENT.forget)
-
-
-@lru_cache(maxsize=16)
-def _types(definitions: tuple[tuple[str, str], ...]) -> Typestore:
-    return types_of(dict(definitions))
 
 
 def _version(path: Path) -> tuple[int, int]:

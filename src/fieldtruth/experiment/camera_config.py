@@ -10,7 +10,6 @@ from pydantic import Field, model_validator
 
 from fieldtruth.core import frames, lenses
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.camera_models import with_camera_model
 from fieldtruth.experiment.fields import Boolean, Integer, Mount, Number, Range, Rate
 from fieldtruth.experiment.lens_config import LensConfig
 from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, SensorName, TopicName
@@ -53,10 +52,14 @@ class CameraConfig(MountedConfig):
     depth: Boolean = False
     instances: Boolean = False
 
-    @model_validator(mode="before")
     @classmethod
-    def _of_model(cls, given: Any) -> Any:
-        return with_camera_model(given, "baseline" in cls.model_fields) if isinstance(given, Mapping) else given
+    def completed(cls, given: dict[str, Any], figures: Mapping[str, Any]) -> dict[str, Any]:
+        """Add the figures of the model, and to a panorama without fields of view those of the whole sphere."""
+        values = super().completed(given, figures)
+        lens = values.get("lens")
+        model = lens.get("model") if isinstance(lens, Mapping) else getattr(lens, "model", None)
+        whole = {"horizontal_fov_deg": 360.0, "vertical_fov_deg": 180.0} if model == "equirectangular" else {}
+        return whole | values
 
     @model_validator(mode="after")
     def _visible(self) -> Self:

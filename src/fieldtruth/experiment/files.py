@@ -16,6 +16,7 @@ from fieldtruth.experiment.catalogue import experiment_names, experiment_text
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.problems import configuration_error, shortened
+from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.yaml_io import parse_mapping, write_mapping
 
 VERSION_KEY: Final = "fieldtruth"
@@ -36,8 +37,8 @@ def load_experiment(name_or_path: str | Path) -> Experiment:
     """Load a built-in experiment by its name, or any other by the path of its YAML file.
 
     A string with a slash or ending in .yaml or .yml is a path; any other is a name first, then a file in the current
-    folder. Environment and layout are checked by the world (``fieldtruth.check_experiment``), not here. The path of a
-    track file may be relative to the YAML file.
+    folder. Environment and layout are checked by the world (``fieldtruth.check_experiment``), not here. Paths of a
+    track file and of a URDF may be relative to the YAML file.
 
     Raises:
         UnknownNameError: neither a built-in experiment nor a file.
@@ -45,14 +46,21 @@ def load_experiment(name_or_path: str | Path) -> Experiment:
     """
     text = str(name_or_path)
     if text not in experiment_names() and (_looks_like_path(name_or_path) or Path(text).is_file()):
-        return _beside(parse_experiment(read_text(Path(name_or_path)), text), Path(name_or_path).parent)
+        folder = Path(name_or_path).parent
+        return _beside(parse_experiment(read_text(Path(name_or_path)), text, folder), folder)
     return parse_experiment(experiment_text(text), f"experiment {text}")
 
 
-def parse_experiment(text: str, source: str = "") -> Experiment:
-    """Parse an experiment from YAML text; errors as in load_experiment, with ``source`` in front."""
+def parse_experiment(text: str, source: str = "", folder: Path | None = None) -> Experiment:
+    """Parse an experiment from YAML text; errors as in load_experiment, with ``source`` in front.
+
+    The path of a URDF may be relative to ``folder``, by default the current one.
+    """
     data = parse_mapping(text, source or "experiment")
     check_version(data.pop(VERSION_KEY, None), source)
+    rig = data.get("rig")
+    if folder is not None and isinstance(rig, dict) and isinstance(rig.get(URDF), str) and rig[URDF]:
+        data["rig"] = rig | {URDF: str(folder / rig[URDF])}
     return _validated(data, source)
 
 

@@ -7,9 +7,7 @@ from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
-from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.experiment.fields import Boolean, Integer, Mount, Number, Range, Rate
-from fieldtruth.experiment.lidar_models import with_lidar_model, with_rings
 from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, SensorName, TopicName
 from fieldtruth.experiment.topic import Topic
 
@@ -18,6 +16,7 @@ Elevation = Annotated[Number, Field(gt=-90, lt=90)]
 Turn = Annotated[Number, Field(ge=-180, le=180)]
 Delay = Annotated[Integer, Field(ge=0, le=100_000_000)]
 TimeField = Literal["time", "timestamp"]
+PointFields = Literal["ouster"]
 _PER_RING: Final = {"min_length": 1, "max_length": MOST_RINGS}
 
 
@@ -61,6 +60,8 @@ class LidarConfig(MountedConfig):
     """False: all rays are cast at the stamp, as in the paper (Gazebo). True: columns are swept over one period."""
     time_field: Annotated[TimeField, Field(description="time or timestamp")] | None = None
     """Of points of a spinning LiDAR, beside ``t`` [ns]: time [s] after the stamp, or timestamp [s], the sum of both."""
+    point_fields: Annotated[PointFields, Field(description="ouster")] | None = None
+    """Of the maker's driver, beside those of every cloud. ouster: reflectivity, ambient, range, and 8-bit ring."""
 
     @classmethod
     def of_name(cls, name: str) -> dict[str, Any]:
@@ -71,16 +72,14 @@ class LidarConfig(MountedConfig):
         """Its point clouds."""
         return (self.new_topic(self.topic, "sensor_msgs/msg/PointCloud2"),)
 
-    @model_validator(mode="before")
     @classmethod
-    def _completed(cls, given: Any) -> Any:
-        """Take what is not given from the model and from the list of elevations."""
-        if not isinstance(given, Mapping):
-            return given
-        try:
-            return with_rings(with_lidar_model(given) if isinstance(given.get("model"), str) else given)
-        except UnknownNameError as error:
-            raise ValueError(str(error)) from error
+    def completed(cls, given: dict[str, Any], figures: Mapping[str, Any]) -> dict[str, Any]:
+        """Add the figures of the model, and what follows from the time between firings and from the elevations."""
+        values = super().completed(given, {"spinning": True, **figures} if figures else {})
+        cycle_ns, rate = figures.get("firing_cycle_ns"), values.get("rate_hz")
+        if cycle_ns is not None and values.get("columns") is None and isinstance(rate, int | float) and rate > 0:
+            values["columns"] = round(1e9 / rate / cycle_ns)
+        return _of_elevations(values.get("elevations_deg")) | values
 
     @model_validator(mode="after")
     def _valid_range(self) -> Self:
@@ -109,3 +108,16 @@ class LidarConfig(MountedConfig):
                 f"{self.columns} columns, got {max(self.firing_offsets_ns)}"
             )
         return self
+
+
+def _of_elevations(angles: Any) -> dict[str, Any]:
+    """Number of the elevations, and the angle that they span [deg]; nothing of what is no list of elevations."""
+    if not isinstance(angles, list | tuple) or not all(_is_elevation(angle) for angle in angles):
+        return {}  # the field reports it
+    rings = {"rings": len(angles)} if angles else {}
+    span = round(float(max(angles) - min(angles)), 9) if angles else 0.0
+    return rings | ({"vertical_fov_deg": span} if len(set(angles)) > 1 else {})
+
+
+def _is_elevation(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and -90 < value < 90

@@ -25,6 +25,8 @@ from fieldtruth.experiment.sections import (
 )
 from fieldtruth.experiment.sensor_config import MountedConfig, SensorConfig, sensor_of
 from fieldtruth.experiment.stereo_config import StereoConfig
+from fieldtruth.experiment.urdf import KEY as URDF
+from fieldtruth.experiment.urdf import with_urdf_mounts
 
 _Config = TypeVar("_Config", bound=SensorConfig)
 Sensor = Annotated[SerializeAsAny[SensorConfig], BeforeValidator(sensor_of)]
@@ -39,7 +41,7 @@ IN_TABLE_2: Final = (GnssConfig, LidarConfig, CameraConfig, ImuConfig)
 class Rig(Frozen):
     """The robot with its sensors."""
 
-    also: ClassVar = (*ROBOT_SECTIONS, *SECTIONS)
+    also: ClassVar = (*ROBOT_SECTIONS, *SECTIONS, URDF)
 
     robot: Annotated[
         RobotConfig, Field(description="a name from `fieldtruth list robots`, or a mapping with the key model")
@@ -52,7 +54,7 @@ class Rig(Frozen):
     @model_validator(mode="before")
     @classmethod
     def _listed(cls, given: Any) -> Any:
-        return with_sections(with_robot(given)) if isinstance(given, Mapping) else given
+        return with_sections(with_robot(with_urdf_mounts(given))) if isinstance(given, Mapping) else given
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

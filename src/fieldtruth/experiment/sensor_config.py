@@ -8,9 +8,10 @@ from typing import Annotated, Any, ClassVar, Final, TypeVar
 
 from pydantic import Field, ValidationError, model_validator
 
-from fieldtruth.core.errors import suggestion
+from fieldtruth.core.errors import nearest_first, suggestion
 from fieldtruth.experiment.fields import Boolean, Frozen, Mount, Rate
 from fieldtruth.experiment.problems import LocatedError, PartError, condition_at, shortened
+from fieldtruth.experiment.sensor_models import figures_of, models
 from fieldtruth.experiment.topic import Topic
 
 _Config = TypeVar("_Config", bound=Frozen)
@@ -45,7 +46,7 @@ class SensorConfig(Frozen):
     name: SensorName
     enabled: Boolean = True
     model: Annotated[str, Field(description="a name from `fieldtruth list sensors`")] | None = None
-    """Gives every value below that is not set, from the model's data file. None: the defaults."""
+    """Gives every value that is not set, from the model's data file. None: the defaults."""
     rate_hz: Rate
     topic: TopicName
 
@@ -65,10 +66,27 @@ class SensorConfig(Frozen):
             return given
         return {**cls.of_name(name), **given}
 
+    @model_validator(mode="before")
+    @classmethod
+    def _of_model(cls, given: Any) -> Any:
+        if not isinstance(given, Mapping):
+            return given
+        kind, model = str(cls.model_fields["kind"].default), given.get("model")
+        if isinstance(model, str) and model not in models(kind):
+            nearest = ", ".join(nearest_first(model, models(kind))) or "none"
+            raise LocatedError(f"must be a model of kind {kind}, nearest first: {nearest}; got {model!r}", ["model"])
+        return cls.completed(dict(given), figures_of(kind, model) if isinstance(model, str) else {})
+
     @classmethod
     def of_name(cls, name: str) -> dict[str, Any]:
         """Values that a sensor has by its name, if it is not that of the class."""
         return {"topic": f"/{name}"}
+
+    @classmethod
+    def completed(cls, given: dict[str, Any], figures: Mapping[str, Any]) -> dict[str, Any]:
+        """Add the figures of the sensor's model, if it has one, for what is not given or None."""
+        added = {key: value for key, value in figures.items() if key in cls.model_fields and given.get(key) is None}
+        return given | added
 
     def topics(self) -> tuple[Topic, ...]:
         """Topics that it publishes, in the order of its messages."""

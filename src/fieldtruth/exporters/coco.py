@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Export a run as COCO: panoptic and detection annotations of the photographs of both cameras.
+"""Export a run as COCO: panoptic and detection annotations of the photographs of all cameras with instance ids.
 
-``images/SIDE/NS.jpg`` are the photographs, byte for byte as in the bag; ``panoptic.json`` with ``panoptic/SIDE/NS.png``
-holds the segment of each pixel, ``instances.json`` a mask for each countable object and each crowd.
+``images/CAMERA/NS.jpg`` are the photographs, byte for byte as in the bag; ``panoptic.json`` with
+``panoptic/CAMERA/NS.png`` holds the segment of each pixel, ``instances.json`` a mask for each countable object and each
+crowd.
 """
 
 import struct
@@ -25,11 +26,13 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import ids_png
 from fieldtruth.core.progress import timed
+from fieldtruth.experiment.camera_config import Imager
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.coco_json import Picture, coco_files
 from fieldtruth.exporters.coco_segments import Numbering, categories_of, segments_of
 from fieldtruth.exporters.frames import checked_jpeg
 
+_STREAMS: Final = ("photograph", "tag", "instances")
 _MOST_WAITING: Final = 100
 """Incomplete stamps per camera; cameras that publish in step need one."""
 
@@ -45,7 +48,7 @@ class Camera(NamedTuple):
 class Frame(NamedTuple):
     """Messages of one camera with the same stamp [ns] in their headers."""
 
-    side: str
+    camera: str
     stamp_ns: int
     photo: RawMessage
     tag: RawMessage
@@ -68,64 +71,68 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         BagError: photographs, tag images, instance images, calibration or poses are missing, or the bag is damaged.
     """
     (run,) = runs
-    sides = _sides_of(run)
-    run.require(table.MODEL_STATES, table.TF_STATIC, *map(table.camera_info, sides))
+    imagers = _imagers_of(run)
+    run.require(table.MODEL_STATES, table.TF_STATIC, *(imager.topic_of("camera_info") for imager in imagers))
     categories = categories_of(options.label_map)
-    for side in sides:
-        (target / "images" / side).mkdir(parents=True)
-        (target / "panoptic" / side).mkdir(parents=True)
+    for imager in imagers:
+        (target / "images" / imager.name).mkdir(parents=True)
+        (target / "panoptic" / imager.name).mkdir(parents=True)
     with open_bag(run.bag) as bag, options.progress.stage("images", run.duration_s) as advance:
         names, _ = read_objects(run)
         numbering = Numbering(categories, options.label_map, names)
-        source = _Source(_cameras(run, sides), read_trajectory(run), numbering, decoder(bag))
+        source = _Source(_cameras(run, imagers), read_trajectory(run), numbering, decoder(bag))
         with coco_files(run, target, options.label_map, categories, names) as files:
-            pictures = in_order(_frames_of(bag, sides), partial(_write_frame, target, source), options.workers)
+            pictures = in_order(_frames_of(bag, imagers), partial(_write_frame, target, source), options.workers)
             for picture in timed(pictures, advance, run.start_ns):
                 files.add(picture)
     if not files.image_count:
         raise BagError(f"{run.bag}: no photograph has a tag image and an instance image with the same stamp")
 
 
-def _sides_of(run: Run) -> list[str]:
-    """Cameras that took photographs.
+def _imagers_of(run: Run) -> list[Imager]:
+    """Views that took photographs, of the cameras with instance images.
 
     Raises:
-        BagError: no camera did, or one lacks tag or instance images; the text states how to make those.
+        BagError: the rig has no camera, or a view lacks tag or instance images; the text states how to make those.
     """
-    sides = [side for side in table.SIDES if table.photograph(side) in run.counts]
-    run.require(*map(table.photograph, sides or table.SIDES), *map(table.tag, sides or table.SIDES))
-    missing = [topic for topic in map(table.instances, sides) if topic not in run.counts]
+    if not run.rig.imagers:
+        raise BagError(f"the rig of {run.bag} has no camera, and COCO is made of photographs")
+    found = [imager for imager in run.rig.imagers if imager.topic_of("photograph") in run.counts]
+    cameras = {imager.config.name for imager in found if imager.topic_of("instances") in run.counts}
+    imagers = [imager for imager in found if not cameras or imager.config.name in cameras]
+    run.require(*(each.topic_of(stream) for stream in ("photograph", "tag") for each in imagers or run.rig.imagers))
+    missing = [topic for topic in (imager.topic_of("instances") for imager in imagers) if topic not in run.counts]
     if missing:
         name = "NAME" if run.experiment is None else run.experiment.name
         hint = f"`fieldtruth generate {name} --extras instances` makes a bag that has them"
         raise BagError(f"{run.bag} has no {', '.join(missing)}, the object of each pixel; {hint}")
-    return sides
+    return imagers
 
 
-def _frames_of(bag: BagReader, sides: Sequence[str]) -> Iterator[Frame]:
+def _frames_of(bag: BagReader, imagers: Sequence[Imager]) -> Iterator[Frame]:
     """Complete frames, in the order in which they become complete; stamps without one of the images are skipped.
 
     Raises:
         BagError: the bag is damaged, or a camera's stamps do not rise or never agree.
     """
-    kinds = [table.photograph, table.tag, table.instances]
-    kind_of = {kind(side): (side, i) for side in sides for i, kind in enumerate(kinds)}
-    waiting: dict[str, dict[int, dict[int, RawMessage]]] = {side: {} for side in sides}
-    newest = dict.fromkeys(sides, -1)
+    topics = {imager.name: [imager.topic_of(stream) for stream in _STREAMS] for imager in imagers}
+    kind_of = {topic: (camera, i) for camera, own in topics.items() for i, topic in enumerate(own)}
+    waiting: dict[str, dict[int, dict[int, RawMessage]]] = {camera: {} for camera in topics}
+    newest = dict.fromkeys(topics, -1)
     for raw in bag.messages([*kind_of]):
-        side, kind = kind_of[raw.topic]
+        camera, kind = kind_of[raw.topic]
         stamp = _header_stamp_ns(bag, raw)
-        if stamp <= newest[side]:
-            raise BagError(f"{bag.path}: stamps of {raw.topic} do not rise: {stamp} ns comes after {newest[side]} ns")
-        parts = waiting[side].setdefault(stamp, {})
+        if stamp <= newest[camera]:
+            raise BagError(f"{bag.path}: stamps of {raw.topic} do not rise: {stamp} ns comes after {newest[camera]} ns")
+        parts = waiting[camera].setdefault(stamp, {})
         parts[kind] = raw
-        if len(parts) == len(kinds):
-            yield Frame(side, stamp, parts[0], parts[1], parts[2])
-            newest[side] = stamp
-            waiting[side] = {later: rest for later, rest in waiting[side].items() if later > stamp}
-        elif len(waiting[side]) > _MOST_WAITING:
-            topics = ", ".join(kind(side) for kind in kinds)
-            raise BagError(f"{bag.path}: {topics} have no stamps in common, so photographs have no labels")
+        if len(parts) == len(_STREAMS):
+            yield Frame(camera, stamp, parts[0], parts[1], parts[2])
+            newest[camera] = stamp
+            waiting[camera] = {later: rest for later, rest in waiting[camera].items() if later > stamp}
+        elif len(waiting[camera]) > _MOST_WAITING:
+            these = ", ".join(topics[camera])
+            raise BagError(f"{bag.path}: {these} have no stamps in common, so photographs have no labels")
 
 
 def _header_stamp_ns(bag: BagReader, raw: RawMessage) -> int:
@@ -138,14 +145,14 @@ def _header_stamp_ns(bag: BagReader, raw: RawMessage) -> int:
 
 def _write_frame(target: Path, source: _Source, frame: Frame) -> Picture:
     """Write the image files of a frame; on any thread."""
-    camera = source.cameras[frame.side]
-    name = f"{frame.side}/{frame.stamp_ns}"
+    camera = source.cameras[frame.camera]
+    name = f"{frame.camera}/{frame.stamp_ns}"
     try:
         label = read.labels(read.image(source.decode(frame.tag)))
         ids = source.numbering.number(label, read.instances(source.decode(frame.instances)))
         photo = checked_jpeg(source.decode(frame.photo), ids.shape)
     except BagError as error:
-        raise BagError(f"{frame.side} camera at {frame.stamp_ns} ns: {error}") from error
+        raise BagError(f"{frame.camera} camera at {frame.stamp_ns} ns: {error}") from error
     height, width = ids.shape
     (target / "images" / f"{name}.jpg").write_bytes(photo)
     (target / "panoptic" / f"{name}.png").write_bytes(ids_png(ids))
@@ -155,18 +162,18 @@ def _write_frame(target: Path, source: _Source, frame: Frame) -> Picture:
         "width": width,
         "height": height,
         "stamp_ns": frame.stamp_ns,
-        "camera": frame.side,
+        "camera": frame.camera,
         **camera.about,
         "world_from_camera": world_from_optical.tolist(),
     }
     return Picture(frame.stamp_ns, row, f"{name}.png", segments_of(ids))
 
 
-def _cameras(run: Run, sides: Sequence[str]) -> dict[str, Camera]:
+def _cameras(run: Run, imagers: Sequence[Imager]) -> dict[str, Camera]:
     static = read_static_frames(run)
     cameras = {}
-    for side in sides:
-        info = first_message(run, table.camera_info(side))
+    for imager in imagers:
+        info = first_message(run, imager.topic_of("camera_info"))
         frame = info.header.frame_id
         about = {
             "frame_id": frame,
@@ -174,5 +181,5 @@ def _cameras(run: Run, sides: Sequence[str]) -> dict[str, Camera]:
             "distortion_model": info.distortion_model,
             "distortion": np.asarray(info.D, np.float64).tolist(),
         }
-        cameras[side] = Camera(about, static.base_from(frame))
+        cameras[imager.name] = Camera(about, static.base_from(frame))
     return cameras

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import fieldtruth
 from fieldtruth.bag.checksums import sha256_of
-from fieldtruth.exporters.huggingface_card import is_own, title_of
+from fieldtruth.exporters.huggingface_card import content_of, is_own, title_of
 from fieldtruth.exporters.parquet import Column
 from fieldtruth.exporters.splits import SPLITS, Member
 from fieldtruth.ontology.label_map import LabelMap
@@ -115,7 +115,7 @@ def croissant_text(folder: Path, tables: Sequence["Table"], members: Sequence[Me
         "conformsTo": ["http://mlcommons.org/croissant/1.0", "http://mlcommons.org/croissant/RAI/1.0"],
         "name": title_of(members),
         "description": (
-            "Stereo photographs and LiDAR clouds of a ground robot in natural environments, with the class of every "
+            f"{content_of(members)} of a ground robot in natural environments, with the class of every "
             f"pixel and point. Written by fieldtruth {fieldtruth.__version__}."
         ),
         "version": "1.0.0",
@@ -186,7 +186,7 @@ def _record_set(table: "Table") -> dict[str, Any]:
         "source": files
         | {"extract": {"fileProperty": "filename"}, "transform": {"regex": f"^({'|'.join(SPLITS)})-.*$"}},
     }
-    keys = [column.name for column in table.columns if column.name in ("run", "camera", "stamp_ns")]
+    keys = [column.name for column in table.columns if column.name in ("run", "camera", "lidar", "stamp_ns")]
     return {
         "@type": "cr:RecordSet",
         "@id": table.name,

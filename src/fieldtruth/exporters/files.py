@@ -27,7 +27,7 @@ from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png, ids_png
 from fieldtruth.core.progress import timed
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.files_layout import CALIBRATION, LIDAR, LIDAR_LABEL, OBJECTS, README, SHEET, folders, readme
+from fieldtruth.exporters.files_layout import CALIBRATION, OBJECTS, README, SHEET, Folder, folders, readme
 from fieldtruth.exporters.files_sheet import write_sheet
 from fieldtruth.exporters.files_text import (
     TextFile,
@@ -40,7 +40,6 @@ from fieldtruth.exporters.sequences import returns
 from fieldtruth.ontology.label_map import LabelMap
 
 _MAX_DEPTH: Final = 65535.0  # [mm]
-_TYPES: Final = {topic.name: topic.msgtype for topic in table.TOPICS}
 _PER_RUN: Final = {
     CALIBRATION: "projection of the cameras, their baseline, and the pose of every sensor",
     OBJECTS: "columns id,name: the objects in the instance images",
@@ -49,10 +48,10 @@ _PER_RUN: Final = {
 
 
 class _Encoded(NamedTuple):
-    """Files of a message, bytes by folder, and counts by class id (16,) for the columns of the workbook."""
+    """Files of a message, bytes by folder, and counts by class id (16,) of "pixels" or "points" of a sensor."""
 
     files: Mapping[str, bytes]
-    counts: Mapping[str, Counts] = {}
+    counts: Mapping[tuple[str, str], Counts] = {}
 
 
 _Encoder = Callable[[Any], _Encoded]
@@ -66,14 +65,16 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
             stamp, an image or cloud cannot be read or has an unknown class, or the bag is damaged.
     """
     (run,) = runs
-    all_folders, all_texts = list(folders(options.label_map)), list(text_files(run))
-    known = list(dict.fromkeys([folder.topic for folder in all_folders] + [text.topic for text in all_texts]))
+    all_folders, all_texts = list(folders(run.rig, options.label_map)), list(text_files(run))
+    outputs: list[Folder | TextFile] = [*all_folders, *all_texts]
+    known = {each.topic: each.msgtype for each in outputs}
     topics = [topic for topic in known if topic in run.counts]
     _check(run, known)
+    _check_paths(run, [each.path for each in outputs])
     suffixes = {folder.path: folder.suffix for folder in all_folders if folder.topic in run.counts}
     for path in suffixes:
         (target / path).mkdir(parents=True)
-    counts: dict[str, Counts] = {}
+    counts: dict[tuple[str, str], Counts] = {}
     with (
         ExitStack() as stack,
         open_bag(run.bag) as bag,
@@ -90,14 +91,20 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     (target / README).write_text(text, encoding="utf-8")
 
 
-def _check(run: Run, known: Sequence[str]) -> None:
+def _check(run: Run, known: Mapping[str, str]) -> None:
     sensors = [topic for topic in known if topic not in (table.MODEL_STATES, table.ODOMETRY)]
     if run.counts.keys().isdisjoint(sensors):
         has = ", ".join(sorted(run.counts))
         raise BagError(f"{run.bag} has no messages of sensors; expected {', '.join(sensors)}; available: {has}")
-    for topic in known:
-        if topic in run.counts and run.msgtypes[topic] != _TYPES[topic]:
-            raise BagError(f"{topic} of {run.bag} must be {_TYPES[topic]}, got {run.msgtypes[topic]}")
+    for topic, msgtype in known.items():
+        if topic in run.counts and run.msgtypes[topic] != msgtype:
+            raise BagError(f"{topic} of {run.bag} must be {msgtype}, got {run.msgtypes[topic]}")
+
+
+def _check_paths(run: Run, paths: Sequence[str]) -> None:
+    """Check that no two topics have the same path, as those of a LiDAR ``img_left`` and a camera ``left`` would."""
+    if twice := next((path for path in paths if paths.count(path) > 1), None):
+        raise BagError(f"{run.bag}: two sensors of the rig would have the same path {twice} in this format")
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -141,7 +148,7 @@ def _save(
     target: Path,
     suffixes: Mapping[str, str],
     raw: RawMessage,
-) -> Mapping[str, Counts]:
+) -> Mapping[tuple[str, str], Counts]:
     message = decode(raw)
     stamp = reading_stamp(raw.stamp_ns, message.header)
     encoded = encoders[raw.topic](message)
@@ -156,15 +163,16 @@ def _save(
 
 def _encoders(run: Run, label_map: LabelMap | None) -> Mapping[str, _Encoder]:
     images: dict[str, _Encoder] = {}
-    for side in table.SIDES:
+    for imager in run.rig.imagers:
+        name = imager.name
         images |= {
-            table.photograph(side): partial(_photograph, side),
-            table.tag(side): partial(_tag, side, label_map),
-            table.depth(side): partial(_depth, side),
-            table.instances(side): partial(_instances, side),
+            imager.topic_of("photograph"): partial(_photograph, name),
+            imager.topic_of("tag"): partial(_tag, name, label_map),
+            imager.topic_of("depth"): partial(_depth, name),
+            imager.topic_of("instances"): partial(_instances, name),
         }
     named = {topic: partial(_with_context, run, topic, make) for topic, make in images.items()}
-    return named | {table.POINTS: partial(_cloud, run, label_map)}
+    return named | {lidar.topic: partial(_cloud, run, lidar.name, label_map) for lidar in run.rig.lidars}
 
 
 def _with_context(run: Run, topic: str, make: _Encoder, message: Any) -> _Encoded:
@@ -174,46 +182,46 @@ def _with_context(run: Run, topic: str, make: _Encoder, message: Any) -> _Encode
         raise BagError(f"{run.bag}: {topic} at {stamp_ns(message.header)} ns: {error}") from error
 
 
-def _photograph(side: str, message: Any) -> _Encoded:
-    return _Encoded({f"img_{side}": encode_png(image(message))})
+def _photograph(name: str, message: Any) -> _Encoded:
+    return _Encoded({f"img_{name}": encode_png(image(message))})
 
 
-def _tag(side: str, label_map: LabelMap | None, message: Any) -> _Encoded:
+def _tag(name: str, label_map: LabelMap | None, message: Any) -> _Encoded:
     colours = image(message)
     label = labels(colours)
-    files = {f"img_{side}_tag": encode_png(colours)}
+    files = {f"img_{name}_tag": encode_png(colours)}
     if label_map is not None:
         ids = label_map.ids[label]
         files |= {
-            f"img_{side}_label_id": encode_png(ids),
-            f"img_{side}_label_color": encode_png(label_map.colours()[ids]),
+            f"img_{name}_label_id": encode_png(ids),
+            f"img_{name}_label_color": encode_png(label_map.colours()[ids]),
         }
-    return _Encoded(files, {side: _count(label)})
+    return _Encoded(files, {("pixels", name): _count(label)})
 
 
-def _depth(side: str, message: Any) -> _Encoded:
+def _depth(name: str, message: Any) -> _Encoded:
     metres, raw = depth(message), BytesIO()
     np.save(raw, metres.astype("<f4", copy=False), allow_pickle=False)
     millimetres = np.multiply(metres, 1000.0, dtype=np.float64)
     np.rint(millimetres, out=millimetres)
     np.copyto(millimetres, 0.0, where=~((millimetres > 0.0) & (millimetres <= _MAX_DEPTH)))
-    return _Encoded({f"depth_{side}": encode_png(millimetres.astype(np.uint16)), f"depth_{side}_raw": raw.getvalue()})
+    return _Encoded({f"depth_{name}": encode_png(millimetres.astype(np.uint16)), f"depth_{name}_raw": raw.getvalue()})
 
 
-def _instances(side: str, message: Any) -> _Encoded:
-    return _Encoded({f"instances_{side}": ids_png(instances(message))})
+def _instances(name: str, message: Any) -> _Encoded:
+    return _Encoded({f"instances_{name}": ids_png(instances(message))})
 
 
-def _cloud(run: Run, label_map: LabelMap | None, message: Any) -> _Encoded:
+def _cloud(run: Run, name: str, label_map: LabelMap | None, message: Any) -> _Encoded:
     rows, label = returns(message, run)
     names = rows.dtype.names or ()
     reflectivity = rows["intensity"] if "intensity" in names else label
     kind = np.result_type(np.float32, *(rows.dtype[axis] for axis in "xyz"))
     columns = [rows["x"], rows["y"], rows["z"], reflectivity]
-    files = {LIDAR: points_csv(np.stack(columns, axis=1, dtype=kind))}
+    files = {name: points_csv(np.stack(columns, axis=1, dtype=kind))}
     if label_map is not None:
-        files[LIDAR_LABEL] = label_map.ids[label].astype("<u4").tobytes()
-    return _Encoded(files, {"points": _count(label)})
+        files[f"{name}_label"] = label_map.ids[label].astype("<u4").tobytes()
+    return _Encoded(files, {("points", name): _count(label)})
 
 
 def _count(label: NDArray[np.uint8]) -> Counts:
@@ -225,15 +233,18 @@ def _count(label: NDArray[np.uint8]) -> Counts:
 
 
 def _write_per_run(
-    run: Run, target: Path, counts: Mapping[str, Counts], label_map: LabelMap | None
+    run: Run, target: Path, counts: Mapping[tuple[str, str], Counts], label_map: LabelMap | None
 ) -> list[tuple[str, str]]:
     """Write calibration, names of objects and class shares as far as the run has them; return file names and texts."""
     if calibration := calibration_yaml(run):
         (target / CALIBRATION).write_text(calibration, encoding="utf-8")
-    if table.MODEL_STATES in run.counts and not run.counts.keys().isdisjoint(map(table.instances, table.SIDES)):
+    has_instances = any(imager.topic_of("instances") in run.counts for imager in run.rig.imagers)
+    if table.MODEL_STATES in run.counts and has_instances:
         (target / OBJECTS).write_text(_objects(run), encoding="utf-8")
     if any(found.any() for found in counts.values()):
-        write_sheet(target / SHEET, run.name, counts, label_map)
+        pixels = {each.name: counts["pixels", each.name] for each in run.rig.imagers if ("pixels", each.name) in counts}
+        points = {each.name: counts["points", each.name] for each in run.rig.lidars if ("points", each.name) in counts}
+        write_sheet(target / SHEET, run.name, pixels, points, label_map)
     return [(name, about) for name, about in _PER_RUN.items() if (target / name).exists()]
 
 

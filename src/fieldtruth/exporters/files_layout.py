@@ -7,9 +7,11 @@ from textwrap import fill, wrap
 from typing import Final, NamedTuple
 
 import fieldtruth
-from fieldtruth.bag import topics as table
 from fieldtruth.bag.run import Run
 from fieldtruth.core.classes import CLASSES
+from fieldtruth.experiment.camera_config import STREAMS, CameraConfig, Imager
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.exporters.files_text import TextFile
 from fieldtruth.ontology.label_map import LabelMap
 
@@ -17,56 +19,64 @@ README: Final = "README.txt"
 SHEET: Final = "data_proportion.xlsx"
 CALIBRATION: Final = "calibration.yaml"
 OBJECTS: Final = "instances.csv"
-LIDAR: Final = "lidar"
-LIDAR_LABEL: Final = "lidar_label"
 
 
 class Folder(NamedTuple):
     """A folder with a file per message of a topic."""
 
     topic: str
+    msgtype: str
     path: str
     suffix: str
     about: str
 
 
-def folders(label_map: LabelMap | None) -> Iterator[Folder]:
-    """Folders of all topics that a run may have."""
-    for side in table.SIDES:
-        yield Folder(table.photograph(side), f"img_{side}", ".png", f"photographs of the {side} camera, RGB")
-        yield Folder(
-            table.tag(side), f"img_{side}_tag", ".png", "tag images: each pixel in the flat colour of its class"
-        )
-        if label_map is not None:
-            yield Folder(
-                table.tag(side), f"img_{side}_label_id", ".png", f"tag images as {label_map.name} ids, grey, 8 bits"
-            )
-            yield Folder(
-                table.tag(side), f"img_{side}_label_color", ".png", f"tag images in {label_map.name}'s colours, RGB"
-            )
-        yield Folder(
-            table.depth(side),
-            f"depth_{side}",
-            ".png",
-            "depth along the optical axis in millimetres, grey, 16 bits; 0: no surface, or beyond 65.535 m",
-        )
-        yield Folder(
-            table.depth(side),
-            f"depth_{side}_raw",
-            ".npy",
-            "depth in metres as in the bag, float32, infinite where no surface is: numpy.load(path)",
-        )
-        yield Folder(
-            table.instances(side),
-            f"instances_{side}",
-            ".png",
-            "instance id of each pixel, grey, 16 bits (beyond id 65,535: R + 256 G + 65536 B); 0: no object",
-        )
-    axes = "metres in os1_lidar (x forward, y left, z up), and the class id"
-    yield Folder(table.POINTS, LIDAR, ".csv", f"columns x,y,z,reflectivity: {axes}")
+def folders(rig: Rig, label_map: LabelMap | None) -> Iterator[Folder]:
+    """Folders of all topics that a run with this rig may have."""
+    for camera in rig.sensors:
+        if isinstance(camera, CameraConfig):
+            for imager in camera.imagers():
+                yield from _image_folders(imager, label_map)
+    for lidar in rig.sensors:
+        if isinstance(lidar, LidarConfig):
+            yield from _cloud_folders(lidar, label_map)
+
+
+def _image_folders(imager: Imager, label_map: LabelMap | None) -> Iterator[Folder]:
+    def folder(stream: str, path: str, about: str, suffix: str = ".png") -> Folder:
+        return Folder(imager.topic_of(stream), STREAMS[stream][1], path, suffix, about)
+
+    name = imager.name
+    yield folder("photograph", f"img_{name}", f"photographs of the {name} camera, RGB")
+    yield folder("tag", f"img_{name}_tag", "tag images: each pixel in the flat colour of its class")
     if label_map is not None:
-        about = f"{label_map.name} id of each line of {LIDAR}/, uint32, little-endian: numpy.fromfile(path, '<u4')"
-        yield Folder(table.POINTS, LIDAR_LABEL, ".label", about)
+        yield folder("tag", f"img_{name}_label_id", f"tag images as {label_map.name} ids, grey, 8 bits")
+        yield folder("tag", f"img_{name}_label_color", f"tag images in {label_map.name}'s colours, RGB")
+    yield folder(
+        "depth",
+        f"depth_{name}",
+        "depth along the optical axis in millimetres, grey, 16 bits; 0: no surface, or beyond 65.535 m",
+    )
+    yield folder(
+        "depth",
+        f"depth_{name}_raw",
+        "depth in metres as in the bag, float32, infinite where no surface is: numpy.load(path)",
+        ".npy",
+    )
+    yield folder(
+        "instances",
+        f"instances_{name}",
+        "instance id of each pixel, grey, 16 bits (beyond id 65,535: R + 256 G + 65536 B); 0: no object",
+    )
+
+
+def _cloud_folders(lidar: LidarConfig, label_map: LabelMap | None) -> Iterator[Folder]:
+    kind, name = "sensor_msgs/msg/PointCloud2", lidar.name
+    axes = f"metres in {lidar.frame} (x forward, y left, z up), and the class id"
+    yield Folder(lidar.topic, kind, name, ".csv", f"columns x,y,z,reflectivity: {axes}")
+    if label_map is not None:
+        about = f"{label_map.name} id of each line of {name}/, uint32, little-endian: numpy.fromfile(path, '<u4')"
+        yield Folder(lidar.topic, kind, f"{name}_label", ".label", about)
 
 
 def readme(

@@ -38,6 +38,8 @@ class _Class(NamedTuple):
 class _Column(NamedTuple):
     """Counts by class id under a heading."""
 
+    what: str
+    """pixels or points."""
     title: str
     counts: Counts
 
@@ -48,17 +50,23 @@ class _Column(NamedTuple):
         return share
 
 
-def write_sheet(path: Path, name: str, counts: Mapping[str, Counts], label_map: LabelMap | None = None) -> None:
+def write_sheet(
+    path: Path,
+    name: str,
+    pixels: Mapping[str, Counts],
+    points: Mapping[str, Counts],
+    label_map: LabelMap | None = None,
+) -> None:
     """Write the workbook of a run.
 
     Args:
         path: the .xlsx file.
         name: of the run.
-        counts: (16,) by class id: pixels of the ``"left"`` and ``"right"`` camera, and ``"points"``, as far as the run
-            has them.
+        pixels: (16,) by class id, of each camera by name (``left``, ``right``).
+        points: (16,) by class id, of each LiDAR by name.
         label_map: adds a table in the classes of this ontology.
     """
-    columns = list(_columns(counts))
+    columns = [*_columns("pixels", "camera", pixels), *_columns("points", "LiDAR", points)]
     rows = [_Class(*row) for row in CLASSES if row.rgb is not None or _occurs(row.label, columns)]
     with xlsxwriter.Workbook(str(path), {"in_memory": True}) as book:
         book.set_properties({"title": f"{name}: share of each class in pixels and points", "created": _CREATED})
@@ -67,19 +75,21 @@ def write_sheet(path: Path, name: str, counts: Mapping[str, Counts], label_map: 
         if label_map is not None:
             named = [(int(number), label_map.classes[int(number)]) for number in np.unique(label_map.ids)]
             others = [_Class(number, other.name, other.rgb) for number, other in named]
-            mapped = [_Column(column.title, _mapped(column.counts, label_map)) for column in columns]
+            mapped = [column._replace(counts=_mapped(column.counts, label_map)) for column in columns]
             _write_table(book, f"{label_map.name} classes", others, mapped)
         _write_explanation(book, name, columns, label_map)
 
 
-def _columns(counts: Mapping[str, Counts]) -> Iterator[_Column]:
-    cameras = [side for side in ("left", "right") if side in counts]
-    for side in cameras:
-        yield _Column(f"pixels, {side} camera", counts[side])
-    if len(cameras) > 1:
-        yield _Column("pixels, both cameras", counts["left"] + counts["right"])
-    if "points" in counts:
-        yield _Column("points", counts["points"])
+def _columns(what: str, sensor: str, counts: Mapping[str, Counts]) -> Iterator[_Column]:
+    """A column per sensor, and their sum last; the points of a single LiDAR need no name."""
+    if what == "points" and len(counts) == 1:
+        yield _Column(what, what, *counts.values())
+        return
+    for name, own in counts.items():
+        yield _Column(what, f"{what}, {name} {sensor}", own)
+    if len(counts) > 1:
+        total: Counts = np.sum([*counts.values()], axis=0)
+        yield _Column(what, f"{what}, {'both' if len(counts) == 2 else 'all'} {sensor}s", total)
 
 
 def _occurs(number: int, columns: Sequence[_Column]) -> bool:
@@ -123,12 +133,13 @@ def _write_table(book: Any, title: str, rows: Sequence[_Class], columns: Sequenc
 
 
 def _write_figure(book: Any, rows: Sequence[_Class], columns: Sequence[_Column]) -> None:
-    """Shares per unit, as in the paper: classes that occur, in the pixels of both cameras and in the points."""
+    """Shares per unit, as in the paper: classes that occur, in the pixels of all cameras and in all points."""
     sheet = _add_sheet(book, FIGURE)
     bold, right = (book.add_format({"bold": True, "align": align}) for align in ("left", "right"))
     share = _number(book, "0.000000")
-    pixels = [column for column in columns if column.title != "points"][-1:]
-    bars = [("pixels", _PIXELS, c) for c in pixels] + [("points", _POINTS, c) for c in columns if c.title == "points"]
+    sums = {column.what: column for column in columns}  # the last of each kind
+    colours = {"pixels": _PIXELS, "points": _POINTS}
+    bars = [(what, colour, sums[what]) for what, colour in colours.items() if what in sums]
     sheet.set_column(0, 0, _WIDTHS[1])
     sheet.set_column(1, 2, 12)
     sheet.write_string(0, 0, "class", bold)

@@ -24,6 +24,9 @@ from fieldtruth.bag.reader import BagError, Decoder, RawMessage
 from fieldtruth.bag.run import Run
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
+from fieldtruth.experiment.gnss_config import GnssConfig
+from fieldtruth.experiment.imu_config import ImuConfig
+from fieldtruth.experiment.odometry_config import JOINT_STATES, WHEEL_SPEEDS, WheelOdometryConfig
 from fieldtruth.experiment.topic import WHEELS
 
 Numbers = tuple[float | np.float32, ...]
@@ -35,6 +38,7 @@ class TextFile(NamedTuple):
     """A file with a line per message of a topic."""
 
     topic: str
+    msgtype: str
     path: str
     """Below the output folder."""
     columns: str
@@ -59,10 +63,12 @@ def line(stamp: int, numbers: Numbers) -> str:
 
 def text_files(run: Run) -> Iterator[TextFile]:
     """Text files of all topics that a run may have; of the two sources of true poses only the better one."""
-    yield _IMU
-    yield _GNSS
-    yield from _TACHOMETERS
-    yield from (_JOINTS, _WHEEL_ODOMETRY, _COMMANDS)
+    sensors = run.rig.sensors
+    yield from (_imu_file(sensor) for sensor in sensors if isinstance(sensor, ImuConfig))
+    yield from (_gnss_file(sensor) for sensor in sensors if isinstance(sensor, GnssConfig))
+    for sensor in sensors:
+        if isinstance(sensor, WheelOdometryConfig):
+            yield from (*_TACHOMETERS, _JOINTS, _wheel_odometry_file(sensor), _COMMANDS)
     yield _POSE_OF_MODEL if table.MODEL_STATES in run.counts else _POSE_OF_ODOMETRY
 
 
@@ -133,46 +139,78 @@ _POSE_ABOUT: Final = (
     "true pose of base_link in the world: x north, y west, z up [m], and the unit quaternion that rotates vectors from"
     " base_link to the world"
 )
-_POSE_OF_MODEL: Final = TextFile(table.MODEL_STATES, "pose_ground_truth.txt", _POSE, _POSE_ABOUT, _model)
-_POSE_OF_ODOMETRY: Final = TextFile(table.ODOMETRY, "pose_ground_truth.txt", _POSE, _POSE_ABOUT, _odometry)
-_IMU: Final = TextFile(
-    table.IMU,
-    "imu_data.txt",
-    "t_ns qx qy qz qw wx wy wz ax ay az",
-    "orientation (unit quaternion from imu_link to the world), angular velocity [rad/s] and specific force [m/s^2]"
-    " (9.81 upwards at rest), both in imu_link",
-    _imu,
+_POSE_OF_MODEL: Final = TextFile(
+    table.MODEL_STATES, "gazebo_msgs/msg/ModelStates", "pose_ground_truth.txt", _POSE, _POSE_ABOUT, _model
 )
-_GNSS: Final = TextFile(
-    table.NAVSAT,
-    "GNSS_data.txt",
-    "t_ns latitude longitude altitude",
-    "position of the antenna (GNSS_link): degrees, degrees, metres above the WGS 84 ellipsoid",
-    _gnss,
+_POSE_OF_ODOMETRY: Final = TextFile(
+    table.ODOMETRY, "nav_msgs/msg/Odometry", "pose_ground_truth.txt", _POSE, _POSE_ABOUT, _odometry
 )
+
+
+def _imu_file(imu: ImuConfig) -> TextFile:
+    return TextFile(
+        imu.topic,
+        "sensor_msgs/msg/Imu",
+        f"{imu.name}_data.txt",
+        "t_ns qx qy qz qw wx wy wz ax ay az",
+        f"orientation (unit quaternion from {imu.frame} to the world), angular velocity [rad/s] and specific force"
+        f" [m/s^2] (9.81 upwards at rest), both in {imu.frame}",
+        _imu,
+    )
+
+
+def _gnss_file(gnss: GnssConfig) -> TextFile:
+    paper = GnssConfig.model_fields["name"].default
+    return TextFile(
+        gnss.topic,
+        "sensor_msgs/msg/NavSatFix",
+        f"{'GNSS' if gnss.name == paper else gnss.name}_data.txt",
+        "t_ns latitude longitude altitude",
+        f"position of the antenna ({gnss.frame}): degrees, degrees, metres above the WGS 84 ellipsoid",
+        _gnss,
+    )
+
+
 _TACHOMETERS: Final = tuple(
     TextFile(
-        topic, f"tacho_data/{wheel}.txt", "t_ns speed", f"speed of the {wheel.replace('_', ' ')} wheel [rad/s]", _wheel
+        topic,
+        "std_msgs/msg/Float32",
+        f"tacho_data/{wheel}.txt",
+        "t_ns speed",
+        f"speed of the {wheel.replace('_', ' ')} wheel [rad/s]",
+        _wheel,
     )
-    for wheel, topic in zip(WHEELS, table.WHEEL_SPEEDS, strict=True)
+    for wheel, topic in zip(WHEELS, WHEEL_SPEEDS, strict=True)
 )
 
 _JOINTS: Final = TextFile(
-    table.JOINT_STATES,
+    JOINT_STATES,
+    "sensor_msgs/msg/JointState",
     "joint_states.txt",
     "t_ns fl fr rl rr fl_speed fr_speed rl_speed rr_speed",
     "angles [rad] and speeds [rad/s] of the wheels, positive forwards: front left, front right, rear left, rear right",
     _joints,
 )
-_WHEEL_ODOMETRY: Final = TextFile(
-    table.WHEEL_ODOMETRY,
-    "wheel_odometry.txt",
-    _POSE,
-    "pose of base_link by dead reckoning from the wheels, in the frame odom: where base_link was at time 0",
-    _odometry,
-)
+
+
+def _wheel_odometry_file(config: WheelOdometryConfig) -> TextFile:
+    return TextFile(
+        config.topic,
+        "nav_msgs/msg/Odometry",
+        "wheel_odometry.txt",
+        _POSE,
+        "pose of base_link by dead reckoning from the wheels, in the frame odom: where base_link was at time 0",
+        _odometry,
+    )
+
+
 _COMMANDS: Final = TextFile(
-    table.COMMANDS, "commands.txt", "t_ns speed turn_rate", "commanded speed [m/s] and turn rate [rad/s]", _command
+    table.COMMANDS,
+    "geometry_msgs/msg/Twist",
+    "commands.txt",
+    "t_ns speed turn_rate",
+    "commanded speed [m/s] and turn rate [rad/s]",
+    _command,
 )
 
 
@@ -192,13 +230,20 @@ def calibration_yaml(run: Run) -> str:
     Raises:
         BagError: the bag is damaged.
     """
-    sides = [side for side in table.SIDES if table.camera_info(side) in run.counts]
-    cameras = {side: first_message(run, table.camera_info(side)) for side in sides}
+    topics = {imager.name: imager.topic_of("camera_info") for imager in run.rig.imagers}
+    infos = {name: first_message(run, topic) for name, topic in topics.items() if topic in run.counts}
     content: dict[str, Any] = {}
-    if cameras:
-        content["cameras"] = {side: _camera(info) for side, info in cameras.items()}
-    if "right" in cameras and cameras["right"].P[0]:
-        content["baseline_m"] = float(-cameras["right"].P[3] / cameras["right"].P[0])
+    if infos:
+        content["cameras"] = {name: _camera(info) for name, info in infos.items()}
+    baselines = {
+        imager.config.name: float(-infos[imager.name].P[3] / infos[imager.name].P[0])
+        for imager in run.rig.imagers
+        if imager.side == "right" and imager.name in infos and infos[imager.name].P[0]
+    }
+    if len(baselines) == 1:
+        content["baseline_m"] = baselines.popitem()[1]
+    elif baselines:
+        content["baseline_m"] = baselines
     if table.TF_STATIC in run.counts:
         content["frames"] = _frames(run)
     if not content:

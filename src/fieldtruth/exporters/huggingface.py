@@ -12,14 +12,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from fieldtruth.bag import topics as table
 from fieldtruth.bag.calibration import first_message
 from fieldtruth.bag.run import Run
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png, ids_png
+from fieldtruth.experiment.camera_config import Imager
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.croissant import CROISSANT, croissant_text
-from fieldtruth.exporters.frames import Frame, Frames, sides_of
+from fieldtruth.exporters.frames import LIDAR, Frame, Frames, Source, cameras_of, lidars_of, require_frames
 from fieldtruth.exporters.huggingface_card import CARD, card_text
 from fieldtruth.exporters.parquet import Column, ParquetFiles, Table, Written
 from fieldtruth.exporters.splits import SPLITS, Member
@@ -35,11 +35,15 @@ _IMAGE_COLUMNS: Final = (
     Column("mask", "image", "class id of each pixel, PNG, grey, 8 bits"),
     _CLASSES,
     _RUN,
-    Column("camera", "string", "left or right"),
+    Column("camera", "string", "{cameras}"),
     _STAMP,
     Column("K", "float64[]", "pinhole matrix (3, 3) [pixel], row by row"),
     Column("world_from_camera", "float64[]", "true pose (4, 4) of the optical frame, row by row"),
     Column("base_from_camera", "float64[]", "mount (4, 4) of the optical frame, row by row"),
+)
+_LENS_COLUMNS: Final = (
+    Column("distortion_model", "string", "model of the lens, as in ROS's CameraInfo"),
+    Column("D", "float64[]", "coefficients of the lens, as in ROS's CameraInfo"),
 )
 _EXTRA_COLUMNS: Final = {
     "depth": Column("depth", "image", "depth [m] along the optical axis, TIFF, 32-bit float; infinite in the sky"),
@@ -75,6 +79,8 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     target.mkdir(parents=True)
     labels, members = options.label_map or OWN, options.members
     names = class_names(labels)
+    for member in members:
+        require_frames(member.run, clouds=True)
     tables = []
     for name, columns, rows in (
         ("images", _image_columns(members), _images),
@@ -103,39 +109,52 @@ def class_names(labels: LabelMap) -> list[str]:
 
 def _image_columns(members: Sequence[Member]) -> tuple[Column, ...]:
     """Columns of the images: depth and instance ids, if any run has them; nothing without photographs."""
-    counts = [member.run.counts for member in members if sides_of(member.run)]
+    views = [(member.run, v) for member in members for views in cameras_of(member.run).values() for v in views]
     found = [
         column
         for name, column in _EXTRA_COLUMNS.items()
-        if any(getattr(table, name)(side) in have for have in counts for side in table.SIDES)
+        if any(view.topic_of(name) in run.counts for run, view in views)
     ]
-    return (*_IMAGE_COLUMNS[:2], *found, *_IMAGE_COLUMNS[2:]) if counts else ()
+    names = " or ".join(dict.fromkeys(view.name for _, view in views))
+    columns = (*_IMAGE_COLUMNS[:2], *found, *_IMAGE_COLUMNS[2:]) if views else ()
+    columns += _LENS_COLUMNS * any(_is_distorted(run, view) for run, view in views)
+    return tuple(column._replace(about=column.about.replace("{cameras}", names)) for column in columns)
+
+
+def _is_distorted(run: Run, view: Imager) -> bool:
+    """Whether K alone does not describe a camera."""
+    topic = view.topic_of("camera_info")
+    info = first_message(run, topic) if topic in run.counts else None
+    return info is not None and (info.distortion_model not in ("", "plumb_bob") or bool(np.any(info.D)))
 
 
 def _cloud_columns(members: Sequence[Member]) -> tuple[Column, ...]:
-    """Columns of the clouds: further fields of the points, if any run has them; nothing without clouds."""
-    runs = [member.run for member in members if table.POINTS in member.run.counts]
-    fields = {field.name for run in runs for field in first_message(run, table.POINTS).fields}
+    """Columns of the clouds: further fields of the points, if any run has them; nothing without clouds.
+
+    The LiDAR's name is a column, unless there is only the paper's.
+    """
+    lidars = [(member.run, lidar) for member in members for lidar in lidars_of(member.run)]
+    fields = {field.name for run, lidar in lidars for field in first_message(run, lidar.topic).fields}
     found = [column for name, column in _FIELD_COLUMNS.items() if name in fields]
-    return (*_CLOUD_COLUMNS[:4], *found, *_CLOUD_COLUMNS[4:]) if runs else ()
+    names = list(dict.fromkeys(lidar.name for _, lidar in lidars))
+    lidar = [Column("lidar", "string", " or ".join(names))] if names != [LIDAR] else []
+    return (*_CLOUD_COLUMNS[:4], *found, *_CLOUD_COLUMNS[4:6], *lidar, *_CLOUD_COLUMNS[6:]) if lidars else ()
 
 
 def _images(member: Member, labels: LabelMap, options: Options) -> Iterator[tuple[dict[str, Any], int]]:
-    """Rows of a run's images with their sizes [byte], in time order."""
-    if not sides_of(member.run):
-        return
-    frames = Frames(member.run, labels, items=("depth", "instances"))
-    for rows in _read(member, "images", frames, _image_rows, options):
-        yield from rows
+    """Rows of a run's images with their sizes [byte], camera by camera in time order."""
+    source = Source(member.run, labels)
+    for imagers in cameras_of(member.run).values():
+        for rows in _read(member, "images", Frames(source, imagers), _image_rows, options):
+            yield from rows
 
 
 def _clouds(member: Member, labels: LabelMap, options: Options) -> Iterator[tuple[dict[str, Any], int]]:
-    """Rows of a run's clouds with their sizes [byte], in time order."""
-    if table.POINTS not in member.run.counts:
-        return
-    frames = Frames(member.run, labels, items=("cloud",), images=False)
-    for rows in _read(member, "clouds", frames, _cloud_rows, options):
-        yield from rows
+    """Rows of a run's clouds with their sizes [byte], LiDAR by LiDAR in time order."""
+    source = Source(member.run, labels)
+    for lidar in lidars_of(member.run):
+        for rows in _read(member, "clouds", Frames(source, [], [lidar]), _cloud_rows, options):
+            yield from rows
 
 
 def _read(member: Member, what: str, frames: Frames, rows_of: Any, options: Options) -> Iterator[list[Any]]:
@@ -148,28 +167,30 @@ def _read(member: Member, what: str, frames: Frames, rows_of: Any, options: Opti
 
 def _image_rows(member: Member, frame: Frame) -> list[tuple[dict[str, Any], int]]:
     rows = []
-    for side, view in frame.views.items():
-        name = f"{member.name}_{side}_{frame.stamp_ns:019d}"
+    for camera, view in frame.views.items():
+        name = f"{member.name}_{camera}_{frame.stamp_ns:019d}"
         images = {"image": (view.jpeg, ".jpg"), "mask": (encode_png(view.mask), ".png")}
         if "depth" in view.extras:
             images["depth"] = encode_tiff(view.extras["depth"]), ".tif"
         if "instances" in view.extras:
             images["instances"] = ids_png(view.extras["instances"]), ".png"
-        camera = frame.about["cameras"].get(side, {})
+        about = frame.about["cameras"].get(camera, {})
         row: dict[str, Any] = {key: {"bytes": data, "path": name + end} for key, (data, end) in images.items()}
-        row |= {"classes": np.unique(view.mask).tolist(), "run": member.name, "camera": side}
-        row |= {"stamp_ns": frame.stamp_ns} | _flat(camera, "K", "world_from_camera", "base_from_camera")
+        row |= {"classes": np.unique(view.mask).tolist(), "run": member.name, "camera": camera}
+        row |= {"stamp_ns": frame.stamp_ns} | _flat(about, "K", "world_from_camera", "base_from_camera", "D")
+        row["distortion_model"] = about.get("distortion_model")
         rows.append((row, sum(len(data) for data, _ in images.values())))
     return rows
 
 
 def _cloud_rows(member: Member, frame: Frame) -> list[tuple[dict[str, Any], int]]:
-    cloud = frame.cloud or {}
+    ((lidar, cloud),) = frame.clouds.items()
     row: dict[str, Any] = {axis: cloud["xyz"][:, k] for k, axis in enumerate("xyz")}
     row |= {name: values for name, values in cloud.items() if name != "xyz"}
     size = sum(values.nbytes for values in row.values())
-    row |= {"classes": np.unique(cloud["label"]).tolist(), "run": member.name, "stamp_ns": frame.stamp_ns}
-    return [(row | _flat(frame.about["lidar"], "world_from_lidar", "base_from_lidar"), size)]
+    row |= {"classes": np.unique(cloud["label"]).tolist(), "run": member.name, "lidar": lidar}
+    about = frame.about[LIDAR] if lidar == LIDAR else frame.about["lidars"][lidar]
+    return [(row | {"stamp_ns": frame.stamp_ns} | _flat(about, "world_from_lidar", "base_from_lidar"), size)]
 
 
 def _flat(sensor: Mapping[str, Any], *keys: str) -> dict[str, list[float]]:

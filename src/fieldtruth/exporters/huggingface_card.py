@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import yaml
 
 import fieldtruth
+from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.exporters.splits import Member
 from fieldtruth.ontology.label_map import LabelMap
 from fieldtruth.report.card import card_part
@@ -42,6 +43,13 @@ def is_own(members: Sequence[Member]) -> bool:
     return all(member.run.experiment is not None for member in members)
 
 
+def content_of(members: Sequence[Member]) -> str:
+    """What the data set has, for its description."""
+    cameras = [camera for member in members for camera in member.run.rig.cameras]
+    stereo = not cameras or any(isinstance(camera, StereoConfig) for camera in cameras)
+    return f"{'Stereo photographs' if stereo else 'Photographs'} and LiDAR clouds"
+
+
 def card_text(tables: Sequence["Table"], members: Sequence[Member], labels: LabelMap, names: Sequence[str]) -> str:
     """Return the card.
 
@@ -55,6 +63,7 @@ def card_text(tables: Sequence["Table"], members: Sequence[Member], labels: Labe
     text = resources.files("fieldtruth.exporters").joinpath("huggingface.md").read_text(encoding="utf-8")
     body = Template(text).substitute(
         title=title_of(members),
+        content=content_of(members),
         version=fieldtruth.__version__,
         runs=f"{len(members)} run{'s' * (len(members) != 1)}",
         splits=_table(("table", "split", "rows", "MB"), _split_rows(tables)),

@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Export runs as KITTI odometry: stereo photographs, clouds, poses, times and calibration, one sequence per run.
 
-A frame is a cloud, both photographs with the same stamp, and the pose at that stamp (see ``bag.pairing``).
+A frame is a cloud, both photographs with the same stamp, and the pose at that stamp (see ``bag.pairing``). In a rig
+with several sensors these are of the first LiDAR and the first stereo pair; without a pair image_2 is of the first
+camera.
 """
 
 from collections.abc import Sequence
@@ -11,9 +13,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from fieldtruth.bag import topics as table
 from fieldtruth.bag.decode import image
-from fieldtruth.bag.pairing import WINDOW_NS, Frame, stereo_frames
+from fieldtruth.bag.pairing import WINDOW_NS, Frame, paired_frames
 from fieldtruth.bag.reader import BagError, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import read_trajectory
@@ -26,6 +27,9 @@ from fieldtruth.exporters.sequences import (
     IMAGES,
     Geometry,
     calib_text,
+    chosen_of_many,
+    first_lidar,
+    first_views,
     poses_text,
     read_geometry,
     require_pinholes,
@@ -68,16 +72,23 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
             damaged.
     """
     for run in runs:
-        run.require(table.POINTS, *map(table.photograph, table.SIDES), *map(table.camera_info, table.SIDES))
+        if not (views := first_views(run)):
+            raise BagError(f"the rig of {run.bag} has no camera, and KITTI's frames have photographs")
+        needed = [view.topic_of(stream) for stream in ("photograph", "camera_info") for view in views]
+        run.require(first_lidar(run).topic, *needed)
         require_pinholes(run, "KITTI")
     geometries = [read_geometry(run) for run in runs]
     (target / "poses").mkdir(parents=True)
-    lines = []
+    lines, choices = [], []
     for number, (run, geometry) in enumerate(zip(runs, geometries, strict=True)):
         done = _write_sequence(run, geometry, target, f"{number:02d}", options)
         cells = f"{run.name} | {len(done.stamps_ns)} | {done.stamps_ns[0]} | {done.apart_ns / 1e6:g} ms"
         lines.append(f"| {number:02d} | {cells} |\n")
-    (target / "README.md").write_text(_README + "".join(lines), encoding="utf-8")
+        if chosen := chosen_of_many(run):
+            choices.append(
+                f"\n{run.name}: LiDAR {chosen['lidar']}, photographs of {' and '.join(chosen['cameras'])}.\n"
+            )
+    (target / "README.md").write_text(_README + "".join(lines + choices), encoding="utf-8")
 
 
 def _write_sequence(run: Run, geometry: Geometry, target: Path, name: str, options: Options) -> _Written:
@@ -91,19 +102,21 @@ def _write_sequence(run: Run, geometry: Geometry, target: Path, name: str, optio
 
 
 def _write_frames(run: Run, folder: Path, options: Options) -> _Written:
-    for name in (CLOUDS, *IMAGES.values()):
+    topics = [view.topic_of("photograph") for view in first_views(run)]
+    for name in (CLOUDS, *IMAGES[: len(topics)]):
         (folder / name).mkdir(parents=True)
 
     def save(numbered: tuple[int, Frame]) -> tuple[int, int]:
         number, frame = numbered
         xyz_and_zero(returned(frame.cloud, run)).tofile(folder / CLOUDS / f"{number:06d}.bin")
-        for side, photograph in (("left", frame.left), ("right", frame.right)):
-            (folder / IMAGES[side] / f"{number:06d}.png").write_bytes(encode_png(image(photograph)))
+        for name, photograph in zip(IMAGES, frame.images, strict=False):
+            (folder / name / f"{number:06d}.png").write_bytes(encode_png(image(photograph)))
         return frame.stamp_ns, frame.apart_ns
 
     with open_bag(run.bag) as bag, options.progress.stage(f"{run.name}: frames", run.duration_s) as advance:
-        frames = enumerate(timed(stereo_frames(bag), advance, run.start_ns))
+        frames = enumerate(timed(paired_frames(bag, first_lidar(run).topic, topics), advance, run.start_ns))
         saved = list(in_order(frames, save, options.workers))
     if not saved:
-        raise BagError(f"{run.bag} has no cloud with photographs of both cameras within {WINDOW_NS / 1e9} s")
+        what = "photographs of both cameras" if len(topics) > 1 else "a photograph"
+        raise BagError(f"{run.bag} has no cloud with {what} within {WINDOW_NS / 1e9} s")
     return _Written([stamp for stamp, _ in saved], max(apart for _, apart in saved))

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Export runs in the layout of MMSegmentation's ``BaseSegDataset``, with a configuration file that reads it.
 
-``img_dir/SPLIT/RUN_SIDE_STAMP.jpg`` are the photographs, ``ann_dir/SPLIT/RUN_SIDE_STAMP.png`` their train ids.
+``img_dir/SPLIT/RUN_CAMERA_STAMP.jpg`` are the photographs, ``ann_dir/SPLIT/RUN_CAMERA_STAMP.png`` their train ids.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from fieldtruth.core.classes import Label
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.frames import Frames
+from fieldtruth.exporters.frames import Frames, Source, cameras_of, require_frames
 from fieldtruth.exporters.splits import SPLITS, Member
 from fieldtruth.ontology.label_map import OWN, LabelMap
 
@@ -101,18 +101,20 @@ def _classes(labels: LabelMap) -> list[int]:
 
 
 def _write_run(member: Member, target: Path, numbers: NDArray[np.uint8], options: Options) -> None:
-    frames = Frames(member.run, OWN, items=())
+    require_frames(member.run, clouds=False)
+    source = Source(member.run, OWN)
+    cameras = [Frames(source, imagers, extras=()) for imagers in cameras_of(member.run).values()]
 
-    def save(i: int) -> None:
-        frame = frames[i]
-        for side, view in frame.views.items():
-            name = f"{member.name}_{side}_{frame.stamp_ns:019d}"
+    def save(frame_of: tuple[Frames, int]) -> None:
+        frame = frame_of[0][frame_of[1]]
+        for camera, view in frame.views.items():
+            name = f"{member.name}_{camera}_{frame.stamp_ns:019d}"
             (target / "img_dir" / member.split / f"{name}.jpg").write_bytes(view.jpeg)
             (target / "ann_dir" / member.split / f"{name}.png").write_bytes(encode_png(np.take(numbers, view.mask)))
 
-    step = member.run.duration_s / len(frames)
+    step = member.run.duration_s / sum(map(len, cameras))
     with options.progress.stage(f"{member.name}: images", member.run.duration_s) as advance:
-        for _ in in_order(range(len(frames)), save, options.workers):
+        for _ in in_order(((frames, i) for frames in cameras for i in range(len(frames))), save, options.workers):
             advance(step)
 
 

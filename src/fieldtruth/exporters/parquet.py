@@ -128,7 +128,7 @@ class ParquetFiles:
         path = self._folder / f"{self._split}.{len(self._parts)}"
         self._parts.append(path)
         self._size = 0
-        return pq.ParquetWriter(path, self._schema, compression="zstd", use_dictionary=["run", "camera"])
+        return pq.ParquetWriter(path, self._schema, compression="zstd", use_dictionary=["run", "camera", "lidar"])
 
     def _numbered(self) -> list[Path]:
         """Rename the files, whose number is now known."""

@@ -9,7 +9,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag import topics as table
 from fieldtruth.bag.calibration import base_from_lidar, read_static_frames
 from fieldtruth.bag.decode import stamp_ns
 from fieldtruth.bag.reader import BagError, decoder, open_bag
@@ -21,7 +20,8 @@ from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.progress import timed
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.sequences import Returns, returns
+from fieldtruth.exporters.frames import LIDAR, lidars_of
+from fieldtruth.exporters.sequences import Returns, first_lidar, returns
 from fieldtruth.ontology.label_map import LabelMap
 
 _TYPES: Final = {"f": "F", "u": "U", "i": "I"}
@@ -30,7 +30,7 @@ _README: Final = """\
 # Clouds of {name}
 
 One PCD file (version 0.7, binary) per cloud; its name is the cloud's stamp in nanoseconds of simulated time.
-
+{folders}
 - `x y z` [m]: in the LiDAR's frame (x forward, y left, z up).
 - `VIEWPOINT`: the LiDAR's true pose in the world (x north, y west, z up), position [m] and quaternion w x y z. It
   transforms the points of all clouds into one map.
@@ -48,33 +48,39 @@ One PCD file (version 0.7, binary) per cloud; its name is the cloud's stamp in n
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     """Write the folder ``target``: ``<stamp in ns>.pcd`` for each cloud, and a README.
 
+    Clouds of LiDARs other than the paper's are in folders of their names.
+
     Raises:
         BagError: the bag has no clouds, true poses or /tf_static, clouds have no labels, or the bag is damaged.
     """
     (run,) = runs
-    run.require(table.POINTS)
-    base_from_sensor, trajectory = base_from_lidar(run, read_static_frames(run)), read_trajectory(run)
+    lidars = {lidar.topic: lidar for lidar in lidars_of(run) or [first_lidar(run)]}
+    static, trajectory = read_static_frames(run), read_trajectory(run)
+    mounts = {topic: base_from_lidar(run, static, lidar) for topic, lidar in lidars.items()}
+    folders = {topic: target / ("" if lidar.name == LIDAR else lidar.name) for topic, lidar in lidars.items()}
     ids, colours = _ids_and_colours(options.label_map)
-    target.mkdir()
+    for folder in (target, *folders.values()):
+        folder.mkdir(exist_ok=True)
     (target / "README.md").write_text(_readme(run, options.label_map), encoding="utf-8")
 
-    def save(cloud: Any) -> None:
+    def save(read: tuple[str, Any]) -> None:
+        topic, cloud = read
         stamp = stamp_ns(cloud.header)
-        world_from_lidar = trajectory.world_from_base(stamp) @ base_from_sensor
+        world_from_lidar = trajectory.world_from_base(stamp) @ mounts[topic]
         rows = _with_colours(returns(cloud, run), ids, colours)
-        (target / f"{stamp}.pcd").write_bytes(_header(rows, world_from_lidar) + rows.tobytes())
+        (folders[topic] / f"{stamp}.pcd").write_bytes(_header(rows, world_from_lidar) + rows.tobytes())
 
     with open_bag(run.bag) as bag, options.progress.stage("write the clouds", run.duration_s) as advance:
-        decode, seen = decoder(bag), set[int]()
+        decode, seen = decoder(bag), set[tuple[str, int]]()
 
-        def clouds() -> Iterator[Any]:
-            for raw in timed(bag.messages([table.POINTS]), advance, run.start_ns):
+        def clouds() -> Iterator[tuple[str, Any]]:
+            for raw in timed(bag.messages([*lidars]), advance, run.start_ns):
                 cloud = decode(raw)
                 stamp = stamp_ns(cloud.header)
-                if stamp in seen:
+                if (raw.topic, stamp) in seen:
                     raise BagError(f"{run.bag} has two clouds with the stamp {stamp} ns")
-                seen.add(stamp)
-                yield cloud
+                seen.add((raw.topic, stamp))
+                yield raw.topic, cloud
 
         for _ in in_order(clouds(), save, options.workers):
             pass
@@ -129,4 +135,6 @@ def _readme(run: Run, label_map: LabelMap | None) -> str:
     else:
         rows = [(number, other.name, other.rgb) for number, other in sorted(label_map.classes.items())]
     lines = [f"| {number} | {name} | {' '.join(map(str, rgb))} |\n" for number, name, rgb in rows]
-    return _README.format(name=run.name) + "".join(lines)
+    others = [f"`{lidar.name}/`" for lidar in lidars_of(run) if lidar.name != LIDAR]
+    folders = f"Clouds of these LiDARs are in folders of their names: {', '.join(others)}.\n" if others else ""
+    return _README.format(name=run.name, folders=folders) + "".join(lines)

@@ -4,7 +4,8 @@
 
 Conventions are those of semantic-kitti-api and KITTI's odometry devkit: clouds in the LiDAR's frame (x
 forward, y left, z up), poses of the left camera's optical frame (cam0) relative to its first, ``Tr`` from the LiDAR's
-frame to cam0. In a run without cameras, cam0 is an optical frame in the LiDAR's centre, and P is [1 | 0].
+frame to cam0. In a run without cameras, cam0 is an optical frame in the LiDAR's centre, and P is [1 | 0]. Of a rig with
+several sensors, clouds are those of the first LiDAR, images those of the first stereo pair or else of the first camera.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,7 +16,6 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from fieldtruth.bag import topics as table
 from fieldtruth.bag.decode import image, reading_stamp, stamp_ns
 from fieldtruth.bag.model_states import read_objects
 from fieldtruth.bag.reader import BagError, decoder, open_bag
@@ -32,6 +32,9 @@ from fieldtruth.exporters.sequences import (
     IMAGES,
     Geometry,
     calib_text,
+    chosen_of_many,
+    first_lidar,
+    first_views,
     has_cameras,
     poses_text,
     read_geometry,
@@ -71,7 +74,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         BagError: a bag has no clouds, true poses or /tf_static, too many objects, or is damaged.
     """
     for run in runs:
-        run.require(table.POINTS)
+        first_lidar(run)
         if (most := len(read_objects(run)[0])) > _MAX_INSTANCE + 1:
             raise BagError(
                 f"{run.bag} has {most} objects; instance ids of a label file have 16 bits, up to {_MAX_INSTANCE}"
@@ -121,7 +124,7 @@ def _write_clouds(run: Run, folder: Path, options: Options) -> tuple[list[int], 
         decode = decoder(bag)
 
         def clouds() -> Iterator[tuple[int, Any]]:
-            for number, raw in enumerate(timed(bag.messages([table.POINTS]), advance, run.start_ns)):
+            for number, raw in enumerate(timed(bag.messages([first_lidar(run).topic]), advance, run.start_ns)):
                 cloud = decode(raw)
                 stamps_ns.append(stamp_ns(cloud.header))
                 yield number, cloud
@@ -149,7 +152,8 @@ def _cloud_arrays(cloud: Any, run: Run) -> tuple[NDArray[np.float32], NDArray[np
 def _write_images(run: Run, stamps_ns: Sequence[int], folder: Path, options: Options) -> int:
     """Write the photographs with the stamp of a cloud, under the cloud's number; return how many."""
     number_at = {stamp: number for number, stamp in enumerate(stamps_ns)}
-    folders = {table.photograph(side): folder / name for side, name in IMAGES.items()}
+    topics = (view.topic_of("photograph") for view in first_views(run))
+    folders = {topic: folder / name for topic, name in zip(topics, IMAGES, strict=False)}
     present = [topic for topic in folders if topic in run.counts]
 
     def save(job: tuple[Path, Any]) -> int:
@@ -206,6 +210,7 @@ def _description(runs: Sequence[Run], written: Sequence[_Written], label_map: La
         "sequences": {
             number: {
                 "run": run.name,
+                **chosen_of_many(run),
                 "clouds": len(done.stamps_ns),
                 "points": int(done.points.sum()),
                 "images": done.images,

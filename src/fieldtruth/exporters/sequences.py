@@ -1,18 +1,20 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the formats kitti and semantickitti share: geometry, poses, times, clouds.
+"""What the formats kitti and semantickitti share: choice of sensors, geometry, poses, times, clouds.
+
+These formats have one LiDAR and one pair of colour cameras: of a rig with several sensors they take the first LiDAR and
+the first stereo pair. A rig without a pair has its first camera as the left one.
 
 Clouds are in the LiDAR's frame (x forward, y left, z up). cam0 is the left camera's optical frame; poses are those of
 cam0 relative to its first. Tr takes points from the LiDAR's frame to cam0.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag import topics as table
 from fieldtruth.bag.calibration import base_from_lidar, first_message, read_calibration, read_static_frames
 from fieldtruth.bag.decode import points, stamp_ns
 from fieldtruth.bag.reader import BagError
@@ -21,11 +23,13 @@ from fieldtruth.bag.trajectory import seconds
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES
-from fieldtruth.experiment.camera_config import OPTICAL
+from fieldtruth.experiment.camera_config import OPTICAL, Imager
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.stereo_config import StereoConfig
 
 CLOUDS: Final = "velodyne"
-IMAGES: Final = {"left": "image_2", "right": "image_3"}
-"""Folders of the colour images by side; KITTI's image_0 and image_1 are grey."""
+IMAGES: Final = ("image_2", "image_3")
+"""Folders of the colour images, left and right; KITTI's image_0 and image_1 are grey."""
 
 _XYZ: Final = frozenset("xyz")
 
@@ -33,8 +37,8 @@ _XYZ: Final = frozenset("xyz")
 class Geometry(NamedTuple):
     """Projections and sensor poses, for calib.txt and the poses."""
 
-    projection: Mapping[str, Array]
-    """P (3, 4) [pixel] by side, from points in cam0."""
+    projection: tuple[Array, Array]
+    """P (3, 4) [pixel] of the left and right camera, from points in cam0; of a single camera twice the same."""
     base_from_cam0: Array
     base_from_lidar: Array
 
@@ -44,9 +48,36 @@ class Geometry(NamedTuple):
         return frames.inverse(self.base_from_cam0) @ self.base_from_lidar
 
 
+def first_lidar(run: Run) -> LidarConfig:
+    """Return the first LiDAR of the rig.
+
+    Raises:
+        BagError: the rig has none, or it has no clouds.
+    """
+    lidars = run.rig.lidars
+    if not lidars:
+        raise BagError(f"the rig of {run.bag} has no LiDAR, and this format is made of clouds")
+    run.require(lidars[0].topic)
+    return lidars[0]
+
+
+def first_views(run: Run) -> list[Imager]:
+    """Return the views of the first stereo pair of the rig, without a pair that of its first camera, if any."""
+    cameras = run.rig.enabled(StereoConfig) or run.rig.cameras
+    return [imager for camera in cameras[:1] for imager in camera.imagers()]
+
+
+def chosen_of_many(run: Run) -> dict[str, Any]:
+    """Names of LiDAR and cameras of a sequence; empty for a rig with one LiDAR, and one pair or no camera."""
+    views = [imager.name for imager in first_views(run)]
+    if len(run.rig.lidars) <= 1 and len(run.rig.cameras) <= 1 and len(views) != 1:
+        return {}
+    return {"lidar": run.rig.lidar.name, "cameras": views}
+
+
 def has_cameras(run: Run) -> bool:
     """Whether the run has the calibration of a camera."""
-    return any(table.camera_info(side) in run.counts for side in table.SIDES)
+    return any(imager.topic_of("camera_info") in run.counts for imager in first_views(run))
 
 
 def read_geometry(run: Run) -> Geometry:
@@ -57,11 +88,14 @@ def read_geometry(run: Run) -> Geometry:
     Raises:
         BagError: /tf_static or a camera's CameraInfo is missing or invalid.
     """
+    views, lidar = first_views(run), first_lidar(run)
     if has_cameras(run) and not _are_panoramas(run):
-        calibration = read_calibration(run)
-        return Geometry(calibration.projection, calibration.base_from_optical["left"], calibration.base_from_lidar)
-    base_from_sensor = base_from_lidar(run, read_static_frames(run))
-    return Geometry(dict.fromkeys(table.SIDES, np.eye(3, 4)), base_from_sensor @ OPTICAL, base_from_sensor)
+        calibration = read_calibration(run, views, lidar)
+        left, right = views[0].name, views[-1].name
+        projection = calibration.projection[left], calibration.projection[right]
+        return Geometry(projection, calibration.base_from_optical[left], calibration.base_from_lidar)
+    base_from_sensor = base_from_lidar(run, read_static_frames(run), lidar)
+    return Geometry((np.eye(3, 4), np.eye(3, 4)), base_from_sensor @ OPTICAL, base_from_sensor)
 
 
 def require_pinholes(run: Run, form: str) -> None:
@@ -70,7 +104,7 @@ def require_pinholes(run: Run, form: str) -> None:
     Raises:
         BagError: the cameras have another lens.
     """
-    for topic in map(table.camera_info, table.SIDES):
+    for topic in (imager.topic_of("camera_info") for imager in first_views(run)):
         info = first_message(run, topic)
         if info.distortion_model not in ("", "plumb_bob") or np.any(info.D):
             raise BagError(
@@ -80,8 +114,8 @@ def require_pinholes(run: Run, form: str) -> None:
 
 
 def _are_panoramas(run: Run) -> bool:
-    topics = [topic for topic in map(table.camera_info, table.SIDES) if topic in run.counts]
-    return any(first_message(run, topic).distortion_model == "equirectangular" for topic in topics)
+    topics = [imager.topic_of("camera_info") for imager in first_views(run)]
+    return any(first_message(run, t).distortion_model == "equirectangular" for t in topics if t in run.counts)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -90,7 +124,7 @@ def _are_panoramas(run: Run) -> bool:
 
 def calib_text(geometry: Geometry) -> str:
     """``calib.txt``; the grey cameras P0 and P1 of KITTI are those of the colour cameras P2 and P3."""
-    left, right = (geometry.projection[side] for side in table.SIDES)
+    left, right = geometry.projection
     rows = {"P0": left, "P1": right, "P2": left, "P3": right, "Tr": geometry.cam0_from_lidar}
     return "".join(f"{name}: {_row(matrix)}\n" for name, matrix in rows.items())
 

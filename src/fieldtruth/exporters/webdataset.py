@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Export runs as WebDataset: numbered tar files per split, which a network reads as a stream while it learns.
 
-The members of a sample have the same name up to the first dot, ``RUN_STAMP``: ``left.jpg``, ``left.mask.png``,
-``left.npz``, those of the right camera, ``cloud.npz`` and ``json``. Depth and instance ids are arrays in ``npz``,
-because the library's decoders convert every image to 8 bits. Images and clouds have other rates, so that some clouds
-are in no frame: files of their own have every cloud.
+The members of a sample have the same name up to the first dot, ``RUN_STAMP``: of each camera ``left.jpg``,
+``left.mask.png``, ``left.npz``, of each LiDAR ``cloud.npz`` or ``NAME.cloud.npz``, and ``json``. Depth and instance ids
+are arrays in ``npz``, because the library's decoders convert every image to 8 bits. Sensors have different rates, so
+that some clouds, and images of a faster camera, are in no frame: files of their own have every cloud of a LiDAR, and
+every image of such a camera.
 """
 
 import io
@@ -13,7 +14,7 @@ import json
 import tarfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from itertools import product
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 from zipfile import ZipFile
@@ -21,13 +22,14 @@ from zipfile import ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag import topics as table
 from fieldtruth.bag.checksums import sha256_of
 from fieldtruth.bag.run import Run
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
+from fieldtruth.experiment.camera_config import Imager
+from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.frames import Frames, sides_of
+from fieldtruth.exporters.frames import LIDAR, Frames, Source, cameras_of, count_common, lidars_of, require_frames
 from fieldtruth.exporters.splits import SPLITS, Member
 from fieldtruth.exporters.zipped import add_member
 from fieldtruth.ontology.label_map import OWN, LabelMap
@@ -51,6 +53,13 @@ class Sample(NamedTuple):
         return sum(_BLOCK + -(-len(data) // _BLOCK) * _BLOCK for data in self.parts.values())
 
 
+class _Content(NamedTuple):
+    """Samples of one kind of a run: views and LiDARs whose readings they have."""
+
+    imagers: list[Imager]
+    lidars: list[LidarConfig]
+
+
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     """Write the folder: shards ``SPLIT-000000.tar`` of frames and ``clouds-SPLIT-000000.tar``, and ``dataset.json``.
 
@@ -59,17 +68,21 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     """
     target.mkdir(parents=True)
     labels = options.label_map or OWN
+    contents = {member.name: _contents(member.run) for member in options.members}
+    described = {member.name: _run_row(member, contents[member.name]) for member in options.members}
+    names = sorted({name for own in contents.values() for name in own}, key=_rank)
+    run_of = {member.name: member.run for member in options.members}
+    source_of = lru_cache(maxsize=1)(lambda name: Source(run_of[name], labels))
     shards: list[dict[str, Any]] = []
-    described = {member.name: _run_row(member) for member in options.members}
-    for split, content in product(SPLITS, ("frames", "clouds")):
-        with _Shards(target, split if content == "frames" else f"clouds-{split}", options.shard_bytes) as files:
+    for split, name in ((split, name) for split in SPLITS for name in names):
+        with _Shards(target, split if name == "frames" else f"{name}-{split}", options.shard_bytes) as files:
             for member in options.members:
-                if member.split == split and content in _contents(member.run):
-                    frames = Frames(member.run, labels, images=content == "frames")
-                    described[member.name][content] = len(frames)
-                    for sample in _samples(member, frames, content, options):
+                if member.split == split and name in contents[member.name]:
+                    frames = Frames(source_of(member.name), *contents[member.name][name])
+                    described[member.name][name] = len(frames)
+                    for sample in _samples(member, frames, name, options):
                         files.add(sample)
-        shards += [{"url": name, "split": split, "content": content, "samples": n} for name, n in files.samples.items()]
+        shards += [{"url": url, "split": split, "content": name, "samples": n} for url, n in files.samples.items()]
     with options.progress.stage("checksums"):
         for shard in shards:
             path = target / shard["url"]
@@ -77,25 +90,46 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     (target / DATASET).write_text(_text(labels, list(described.values()), shards), encoding="utf-8")
 
 
-def _contents(run: Run) -> list[str]:
-    """What a run has; one with neither is refused as having no frames."""
-    has_clouds = table.POINTS in run.counts
-    return ["frames"] * (bool(sides_of(run)) or not has_clouds) + ["clouds"] * has_clouds
+def _contents(run: Run) -> dict[str, _Content]:
+    """What a run has by name: frames of all cameras, each camera with images in no such frame, and each LiDAR's clouds.
+
+    Raises:
+        BagError: it has nothing of these.
+    """
+    require_frames(run, clouds=True)
+    cameras, lidars = cameras_of(run), lidars_of(run)
+    found: dict[str, _Content] = {}
+    if imagers := [imager for views in cameras.values() for imager in views]:
+        common = count_common(run, imagers) if len(cameras) > 1 else -1
+        if common:
+            found["frames"] = _Content(imagers, lidars)
+        for name, views in cameras.items() if len(cameras) > 1 else ():
+            if count_common(run, views) > common:
+                found[f"frames_{name}"] = _Content(views, lidars)
+    return found | {_name("clouds", lidar): _Content([], [lidar]) for lidar in lidars}
+
+
+def _name(what: str, lidar: LidarConfig) -> str:
+    return what if lidar.name == LIDAR else f"{what}_{lidar.name}"
+
+
+def _rank(content: str) -> tuple[bool, str]:
+    return content.startswith("clouds"), content
 
 
 def _samples(member: Member, frames: Frames, content: str, options: Options) -> Iterator[Sample]:
     """Encode the frames of a run, in time order, all with the same parts: a frame may have an empty cloud."""
-    empty = frames.empty_cloud()
+    empty = frames.empty_clouds()
 
     def encode(i: int) -> Sample:
         frame = frames[i]
         parts: dict[str, bytes] = {}
-        for side, view in frame.views.items():
-            parts |= {f"{side}.jpg": view.jpeg, f"{side}.mask.png": encode_png(view.mask)}
+        for name, view in frame.views.items():
+            parts |= {f"{name}.jpg": view.jpeg, f"{name}.mask.png": encode_png(view.mask)}
             if view.extras:
-                parts[f"{side}.npz"] = npz(view.extras)
-        if (cloud := frame.cloud or empty) is not None:
-            parts["cloud.npz"] = npz(cloud)
+                parts[f"{name}.npz"] = npz(view.extras)
+        for name, cloud in (empty | frame.clouds).items():
+            parts["cloud.npz" if name == LIDAR else f"{name}.cloud.npz"] = npz(cloud)
         about = {"run": member.name, "split": member.split} | frame.about
         parts["json"] = json.dumps(about, separators=(",", ":")).encode()
         return Sample(f"{member.name}_{frame.stamp_ns:019d}", dict(sorted(parts.items())))
@@ -142,11 +176,13 @@ def npz(arrays: Mapping[str, NDArray[Any]]) -> bytes:
     return stream.getvalue()
 
 
-def _run_row(member: Member) -> dict[str, Any]:
+def _run_row(member: Member, contents: Mapping[str, _Content]) -> dict[str, Any]:
     row: dict[str, Any] = {"name": member.name, "split": member.split}
     if (made_by := member.run.experiment) is not None:
         row |= {"environment": made_by.environment, "seed": made_by.seed}
-    return row | {"cameras": sides_of(member.run), "frames": 0, "clouds": 0}
+    cameras = [imager.name for views in cameras_of(member.run).values() for imager in views]
+    clouds = {} if any(name.startswith("clouds_") for name in contents) else {"clouds": 0}
+    return row | {"cameras": cameras, "frames": 0} | clouds
 
 
 def _text(labels: LabelMap, runs: list[dict[str, Any]], shards: list[dict[str, Any]]) -> str:

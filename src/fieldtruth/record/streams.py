@@ -23,7 +23,7 @@ from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.odometry_config import JOINT_STATES
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import MountedConfig
-from fieldtruth.sense.beams import column_times_ns
+from fieldtruth.sense.beams import sweep_times_ns
 from fieldtruth.sense.scene_sensor import SceneSensor
 from fieldtruth.world.model import GROUND_ID, World
 
@@ -48,7 +48,7 @@ class Lidar(Protocol):
     """A LiDAR in a scene."""
 
     def scan(self, world_from_lidar: Array) -> sensor_messages.Scan:
-        """Scan from a pose (4, 4), or from a pose for each column, (columns, 4, 4)."""
+        """Scan from a pose (4, 4), or from those at each column's beginning and at the end, (columns + 1, 4, 4)."""
         ...
 
 
@@ -161,7 +161,7 @@ def _of_base(base: Base, rig: Rig) -> list[Stream]:
 def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt) -> Stream:
     """Clouds at ``stamps`` [ns] of a LiDAR on a base that is at ``world_from_base(stamp_ns)``, (4, 4)."""
     base_from_lidar = config.mount.base_from_sensor
-    sweep_ns = column_times_ns(config)
+    sweep_ns = sweep_times_ns(config)
 
     def pose_at(stamp_ns: int) -> Array:
         return world_from_base(stamp_ns) @ base_from_lidar
@@ -178,6 +178,7 @@ def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt) -
             spinning=config.spinning,
             wide_ids=sensors.wide_ids,
             clock=config.time_field,
+            maker=config.point_fields,
         )
 
     return Stream((config.topic,), stamps, scan)

@@ -15,11 +15,17 @@ from fieldtruth.bag.run import TRACK
 from fieldtruth.bag.topics import latches_objects, objects_topic, topics_of_run
 from fieldtruth.core import frames
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
-from fieldtruth.core.lenses import fields_of_view
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.lens_config import LensConfig
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.report.card_sensors import (
+    cloud_frames,
+    frame_content,
+    imu_lines,
+    odometry_lines,
+    ray_depths,
+    sensor_lines,
+)
 from fieldtruth.world.model import World
 
 _FOLLOWED: Final = (
@@ -27,17 +33,11 @@ _FOLLOWED: Final = (
     "`husky` are what follows it, for"
 )
 _STANDING: Final = (
-    "Separate frames, each a stereo pair and a cloud: the robot stands on free ground at any heading, tilted and\n"
+    "Separate frames, each {content}: the robot stands on free ground at any heading, tilted and\n"
     "raised at random. There is no motion, so there are no readings of IMU, GNSS and wheels, and all velocities are 0;"
 )
 _FIXED: Final = "`/tf` has the pose of `base_link` in the world"
 _TURNING: Final = f"{_FIXED} and those of the wheels in `base_link`"
-_IMU: Final = {
-    "mean": "The IMU reads means over the interval that ends at the stamp, from the motion at 1 kHz: turns about all\n"
-    "  axes are added up as rotations, and the specific force is expressed in `imu_link` at the stamp.",
-    "instant": "The IMU reads the last millisecond before each stamp: what shakes faster than half its rate appears\n"
-    "  as slower motion.",
-}
 
 
 def data_card(experiment: Experiment, world: World, track: Track, counts: Mapping[str, int]) -> str:
@@ -64,7 +64,9 @@ def data_card(experiment: Experiment, world: World, track: Track, counts: Mappin
         seed=experiment.seed,
         topics="\n".join(_topics(experiment, counts, latches_objects(experiment, len(world.instances)))),
         objects_topic=objects_topic(counts),
-        sensors="\n".join(_sensors(rig)),
+        sensors="\n".join(sensor_lines(rig)),
+        rays=ray_depths(rig),
+        clouds=cloud_frames(rig),
         classes="\n".join(_classes()),
         frames="\n".join(_frames(rig)),
         limits=card_part("limits"),
@@ -79,7 +81,7 @@ def card_part(name: str) -> str:
 
 def _motion(experiment: Experiment, track: Track) -> str:
     if track.is_frames:
-        return f"{_STANDING} {len(track.motion.stamps_ns)} frames of"
+        return f"{_STANDING.format(content=frame_content(experiment.rig))} {len(track.motion.stamps_ns)} frames of"
     length = np.linalg.norm(np.diff(track.motion.position, axis=0), axis=1).sum()
     subject = "A simulated Clearpath Husky drives" if experiment.drive is None else _FOLLOWED
     return f"{subject} {length:.2f} m in {track.duration_s:.3f} s through"
@@ -95,12 +97,12 @@ def _physics(experiment: Experiment) -> str:
             "- Nothing moves: poses at successive stamps are far apart, and stamps only number them, 0.1 s apart. The\n"
             "  robot stands on four points of the ground before it is tilted and raised."
         )
-    imu = _IMU[experiment.rig.imu.sampling]
+    imus = "\n".join(imu_lines(experiment.rig))
     if experiment.drive is not None:
-        return (
-            f"- The poses are those of the track file: no physics limits them, and the IMU reads their noise.\n- {imu}"
-        )
-    return _template("card_physics.md").substitute(imu=imu).rstrip()
+        noise = ", and the IMU reads their noise" if imus else ""
+        return f"- The poses are those of the track file: no physics limits them{noise}.\n{imus}".rstrip()
+    odometry = "\n".join(odometry_lines(experiment.rig))
+    return "\n".join(filter(None, (_template("card_physics.md").substitute().rstrip(), odometry, imus)))
 
 
 def _topics(experiment: Experiment, counts: Mapping[str, int], latched: bool) -> list[str]:
@@ -111,31 +113,6 @@ def _topics(experiment: Experiment, counts: Mapping[str, int], latched: bool) ->
             f"| `{topic.name}` | {topic.msgtype.replace('/msg/', '/')} | {rate} | {counts.get(topic.name, 0)} |"
         )
     return rows
-
-
-def _sensors(rig: Rig) -> list[str]:
-    camera, lidar = rig.stereo, rig.lidar
-    lines = []
-    if camera.enabled:
-        lens = "" if camera.lens == LensConfig() else f" Their lens is `{camera.lens.model}`; CameraInfo describes it."
-        angles = camera.horizontal_fov_deg, camera.vertical_fov_deg
-        if camera.lens.fx is not None:
-            angles = fields_of_view(camera.projection, camera.width, camera.height)
-        lines.append(
-            f"- Stereo camera: {camera.width} x {camera.height}, {angles[0]:g} x "
-            f"{angles[1]:g} deg, baseline {camera.baseline:g} m. Photographs are JPEG (quality "
-            f"{camera.jpeg_quality}); tag, depth and instance images are lossless.{lens}"
-        )
-    if lidar.enabled:
-        timing = "columns are measured in turn over one period" if lidar.spinning else "all rays leave at the stamp"
-        elevations = lidar.elevations_deg
-        model = f"LiDAR {lidar.model}" if lidar.model else "LiDAR"
-        beams = f" (elevations {min(elevations):g} to {max(elevations):g} deg)" if elevations else ""
-        lines.append(
-            f"- {model}: {lidar.columns} x {lidar.rings} rays, 360 x {lidar.vertical_fov_deg:g} deg{beams}, "
-            f"{lidar.min_range:g} to {lidar.max_range:g} m; {timing}; only returns are stored."
-        )
-    return lines or ["- Neither cameras nor LiDAR were enabled."]
 
 
 def _classes() -> list[str]:

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Class shares of pixels and points along the path of an experiment (paper, Figure 21).
 
-There is a viewpoint every 2 m of the expected path, which is every 6.7 s at the paper's speed. Each has one scan and
-one label image of the left camera; the right one, 12 cm beside it, sees nearly the same.
+There is a viewpoint every 2 m of the expected path, which is every 6.7 s at the paper's speed. Each has one scan of
+every LiDAR and one label image of every camera; of a stereo pair the left one, because the right one sees nearly the
+same.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,8 +19,9 @@ from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive.expected_path import expected_path, pose_on_ground, poses_along
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
+from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.lidar import Lidar
@@ -56,7 +58,7 @@ class ClassShares:
 def class_shares(
     experiment: Experiment, *, spacing: float = SPACING, scene: Scene | None = None, workers: int = 1
 ) -> ClassShares:
-    """Count the classes in camera images and scans along the expected path of an experiment.
+    """Count the classes in images and scans along the expected path of an experiment.
 
     Args:
         experiment: environment, seed, rig and route; disabled sensors are counted, too.
@@ -89,17 +91,25 @@ def shares_of(
 
 
 def count_classes(scene: Scene, rig: Rig, poses: Sequence[Array], *, workers: int = 1) -> ClassShares:
-    """Count the classes that left camera and LiDAR see from poses world_from_base (4, 4), one row per pose."""
-    base_from_optical = rig.stereo.left.base_from_sensor @ CAMERA_FROM_OPTICAL
+    """Count the classes that cameras and LiDARs see from poses world_from_base (4, 4), one row per pose.
+
+    Sensors that are not enabled count, too. Of a stereo pair only the left view counts.
+    """
+    views = [sensor.imagers()[0] for sensor in rig.sensors if isinstance(sensor, CameraConfig)]
+    heads = [sensor for sensor in rig.sensors if isinstance(sensor, LidarConfig)]
     pixels, points = (np.zeros((len(poses), len(CLASSES)), np.int64) for _ in range(2))
 
     def count(rows: range) -> None:
-        camera, lidar = LabelCamera(rig.stereo, scene, reuse=True), Lidar(rig.lidar, scene)
-        for row in rows:
-            image = camera.label(poses[row] @ base_from_optical)
-            scan = lidar.scan(poses[row] @ rig.lidar.mount.base_from_sensor)
-            pixels[row] = np.bincount(image.label.ravel(), minlength=len(CLASSES))
-            points[row] = np.bincount(scan.label, minlength=len(CLASSES))
+        for view in views:
+            camera = LabelCamera(view.config, scene, reuse=True)
+            for row in rows:
+                image = camera.label(poses[row] @ view.base_from_optical)
+                pixels[row] += np.bincount(image.label.ravel(), minlength=len(CLASSES))
+        for head in heads:
+            lidar = Lidar(head, scene)
+            for row in rows:
+                scan = lidar.scan(poses[row] @ head.mount.base_from_sensor)
+                points[row] += np.bincount(scan.label, minlength=len(CLASSES))
 
     with ThreadPoolExecutor(workers) as pool:
         list(pool.map(count, [range(first, len(poses), workers) for first in range(workers)]))

@@ -8,7 +8,7 @@ data in memory, and a tag image takes a megabyte.
 
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Final
@@ -26,6 +26,8 @@ from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.files import atomic_output, output_errors
 from fieldtruth.core.progress import Progress, Silent, timed
+from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS
+from fieldtruth.experiment.sensor_config import SensorConfig
 
 RATE: Final = 5.0  # [Hz]
 TIMELINE: Final = "time"
@@ -75,7 +77,10 @@ class _Log:
 
     def __init__(self, rr: Any, recording: Any, run: Run) -> None:
         self.rr, self.recording, self.run = rr, recording, run
-        self._last_image: dict[str, int] = {}
+        rig = run.rig
+        self._last_image = {topic: -_EPOCH_NS for imager in rig.imagers for topic in imager.topics.values()}
+        self._imus = dict(zip((imu.topic for imu in rig.imus), _entity_names("imu", rig.imus), strict=True))
+        self._antennas = dict(zip((a.topic for a in rig.antennas), _entity_names("gnss", rig.antennas), strict=True))
         self._entities: dict[str, str] = {}
         self._known: set[str] = set()
 
@@ -101,28 +106,28 @@ class _Log:
 
     def _senders(self) -> dict[str, Any]:
         cameras = {
-            topic(side): send
-            for side in table.SIDES
-            for topic, send in (
-                (table.camera_info, self._camera_info),
-                (table.photograph, self._photograph),
-                (table.tag, self._tag),
-                (table.depth, self._depth),
+            imager.topic_of(stream): send
+            for imager in self.run.rig.imagers
+            for stream, send in (
+                ("camera_info", self._camera_info),
+                ("photograph", self._photograph),
+                ("tag", self._tag),
+                ("depth", self._depth),
             )
         }
         return cameras | {
             table.ODOMETRY: self._odometry,
             table.TF: self._wheel_frames,
-            table.POINTS: self._points,
-            table.IMU: self._imu,
-            table.NAVSAT: self._navsat,
-            **dict.fromkeys(table.WHEEL_SPEEDS, self._wheel),
+            **dict.fromkeys((lidar.topic for lidar in self.run.rig.lidars), self._points),
+            **dict.fromkeys(self._imus, self._imu),
+            **dict.fromkeys(self._antennas, self._navsat),
+            **dict.fromkeys(WHEEL_SPEEDS, self._wheel),
         }
 
     def _is_skipped(self, raw: RawMessage) -> bool:
-        if "/camera/" not in raw.topic:
+        if raw.topic not in self._last_image:
             return False
-        if raw.stamp_ns - self._last_image.get(raw.topic, -_EPOCH_NS) < 0.999e9 / RATE:
+        if raw.stamp_ns - self._last_image[raw.topic] < 0.999e9 / RATE:
             return True
         self._last_image[raw.topic] = raw.stamp_ns
         return False
@@ -162,7 +167,9 @@ class _Log:
         if entity in self._known:
             return
         self._known.add(entity)
-        if np.any(message.D) or not message.K[0]:  # rerun has pinholes only; other images are shown flat
+        if (
+            np.any(message.D) or not message.K[0] or message.distortion_model == "equidistant"
+        ):  # rerun has pinholes only; other images are shown flat
             return
         matrix = message.K.reshape(3, 3).copy()
         matrix[:2, 2] += 0.5  # rerun's origin is the corner of the first pixel, that of ROS its centre
@@ -184,13 +191,13 @@ class _Log:
         image = self.rr.DepthImage(np.where(np.isfinite(metres), metres, 0.0).astype(np.float32), meter=1.0)
         self.recording.log(f"depth/{message.header.frame_id}", image)
 
-    def _imu(self, _: str, message: Any) -> None:
+    def _imu(self, topic: str, message: Any) -> None:
         for name in ("angular_velocity", "linear_acceleration"):
             for axis in "xyz":
-                self._scalar(f"imu/{name}/{axis}", getattr(getattr(message, name), axis))
+                self._scalar(f"{self._imus[topic]}/{name}/{axis}", getattr(getattr(message, name), axis))
 
-    def _navsat(self, _: str, message: Any) -> None:
-        self.recording.log("gnss", self.rr.GeoPoints(lat_lon=[message.latitude, message.longitude]))
+    def _navsat(self, topic: str, message: Any) -> None:
+        self.recording.log(self._antennas[topic], self.rr.GeoPoints(lat_lon=[message.latitude, message.longitude]))
 
     def _wheel(self, topic: str, message: Any) -> None:
         self._scalar(f"wheels/{topic.rpartition('/')[2].removesuffix('_speed')}", message.data)
@@ -212,24 +219,28 @@ def entities(static: Mapping[tuple[str, str], NDArray[np.float64]]) -> dict[str,
     return found
 
 
+def _entity_names(kind: str, sensors: Sequence[SensorConfig]) -> list[str]:
+    """Entities of the sensors of a kind: its name if there is one, else a branch for each."""
+    return [kind] if len(sensors) == 1 else [f"{kind}/{sensor.name}" for sensor in sensors]
+
+
 def _blueprint(run: Run) -> Any:
     import rerun.blueprint as rrb
 
     images = [
-        rrb.Spatial2DView(origin=f"{BASE}/{side}_camera/{side}_camera_optical", name=f"{side} camera")
-        for side in table.SIDES
-        if table.photograph(side) in run.counts or table.tag(side) in run.counts
+        rrb.Spatial2DView(origin=f"{BASE}/{imager.frame}/{imager.optical_frame}", name=f"{imager.name} camera")
+        for imager in run.rig.imagers
+        if run.counts.keys() & {imager.topic_of("photograph"), imager.topic_of("tag")}
     ]
-    curves = [
-        rrb.TimeSeriesView(origin=f"curves/{origin}", name=name)
-        for origin, name in (
-            ("speed", "speed [m/s]"),
-            ("imu/angular_velocity", "angular velocity [rad/s]"),
-            ("imu/linear_acceleration", "acceleration [m/s²]"),
-            ("wheels", "wheels [rad/s]"),
-        )
-    ]
-    right = rrb.Vertical(*images, rrb.Tabs(*curves)) if images else rrb.Vertical(*curves)
+    views = [("speed", "speed [m/s]")]
+    for imu in _entity_names("imu", run.rig.imus):
+        of = f" of {imu.removeprefix('imu/')}" if "/" in imu else ""
+        views.append((f"{imu}/angular_velocity", f"angular velocity{of} [rad/s]"))
+        views.append((f"{imu}/linear_acceleration", f"acceleration{of} [m/s²]"))
+    views.append(("wheels", "wheels [rad/s]"))
+    curves = [rrb.TimeSeriesView(origin=f"curves/{origin}", name=name) for origin, name in views]
+    shown = [rrb.Grid(*images)] if len(images) > 2 else images
+    right = rrb.Vertical(*shown, rrb.Tabs(*curves)) if images else rrb.Vertical(*curves)
     return rrb.Blueprint(
         rrb.Horizontal(rrb.Spatial3DView(origin="world", name="world"), right, column_shares=[3, 2]),
         rrb.TimePanel(timeline=TIMELINE),

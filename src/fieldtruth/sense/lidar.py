@@ -70,9 +70,13 @@ def _new_scan(count: int) -> Scan:
 
 
 class Beams(NamedTuple):
-    """Unit directions (columns, rings, 3), limits of range [m], and which classes return a pulse (256,)."""
+    """Unit directions (columns, rings, 3), limits of range [m], and which classes return a pulse (256,).
+
+    ``lag`` (rings,) is the share of a column's time after which a ring fires.
+    """
 
     directions: Array
+    lag: Array
     min_range: float
     max_range: float
     returns: Mask
@@ -83,7 +87,7 @@ class Lidar:
 
     The origin is the frame ``os1_lidar``. A ray returns the first surface between ``min_range`` and ``max_range``; a
     nearer surface occludes those behind it without a return; water and sky return nothing. All rays of a scan leave at
-    the scan's stamp unless poses by column are given. Range is exact: no noise, no beam divergence.
+    the scan's stamp unless poses by column are given to ``scan``. Range is exact: no noise, no beam divergence.
     """
 
     def __init__(self, config: LidarConfig, scene: Scene) -> None:
@@ -93,21 +97,27 @@ class Lidar:
         self._times_ns = ray_times_ns(config)
         returns = np.ones(256, np.bool_)
         returns[[int(label) for label in NO_RETURN]] = False
-        self._beams = Beams(self.directions, config.min_range, config.max_range, returns)
+        lag = np.array(config.firing_offsets_ns or np.zeros(config.rings)) * (1e-9 * config.rate_hz * config.columns)
+        self._beams = Beams(self.directions, lag, config.min_range, config.max_range, returns)
         self._packet = new_packet(coherent=False)  # 12 % faster in the park, as fast in the forest
         shape = (config.columns, config.rings)
         self._out = LabelBuffers(np.zeros(shape, np.uint8), np.zeros(shape, np.uint32), np.zeros(shape, np.float32))
 
     def scan(self, world_from_lidar: Array) -> Scan:
-        """Scan from a pose (4, 4), or from a pose for each column (columns, 4, 4) of a sensor that moves meanwhile.
+        """Scan from a pose (4, 4), or of a sensor that moves from those at each column's beginning and at the end.
 
-        With poses by column, ``t_ns`` spreads the columns evenly over one period, and each point is in the frame of its
-        own column's pose, as a real scanner reports it. Rings that fire later than their column begins have their own
-        ``t_ns`` and azimuth, but the pose of their column.
+        With poses (columns + 1, 4, 4), ``t_ns`` spreads the columns evenly over one period, and each point is in the
+        frame of the LiDAR when its ray leaves, as a real scanner reports it. Rings that fire later than their column
+        begins have a pose between its pose and the next one, interpolated linearly.
+
+        Raises:
+            ValueError: another number of poses.
         """
         config = self.config
         moving = world_from_lidar.ndim == 3
-        poses = np.ascontiguousarray(np.broadcast_to(world_from_lidar, (config.columns, 4, 4)))
+        if moving and len(world_from_lidar) != config.columns + 1:
+            raise ValueError(f"poses must be {config.columns + 1}, one more than columns, got {len(world_from_lidar)}")
+        poses = np.ascontiguousarray(np.broadcast_to(world_from_lidar, (config.columns + 1, 4, 4)))
         trace_beams(self.scene.rays.handle, self.scene.hits, self._packet, poses, self._beams, self._out)
         found = _new_scan(int(np.count_nonzero(self._out.depth)))
         _collect(self.directions, self._out, found)
@@ -117,12 +127,19 @@ class Lidar:
 
 
 @inlined
-def _rotated(poses: Array, k: int, directions: Array, column: int, ring: int) -> tuple[float, float, float]:
-    a, b, c = directions[column, ring, 0], directions[column, ring, 1], directions[column, ring, 2]
+def _at(poses: Array, k: int, share: float, row: int, column: int) -> float:
+    """Entry of a pose between poses ``k`` and ``k + 1``; with the share 0 exactly that of pose ``k``."""
+    begin: float = poses[k, row, column]
+    return begin if share == 0.0 else begin + share * (poses[k + 1, row, column] - begin)
+
+
+@inlined
+def _rotated(poses: Array, k: int, share: float, beams: Beams, ring: int) -> tuple[float, float, float]:
+    a, b, c = beams.directions[k, ring, 0], beams.directions[k, ring, 1], beams.directions[k, ring, 2]
     return (
-        poses[k, 0, 0] * a + poses[k, 0, 1] * b + poses[k, 0, 2] * c,
-        poses[k, 1, 0] * a + poses[k, 1, 1] * b + poses[k, 1, 2] * c,
-        poses[k, 2, 0] * a + poses[k, 2, 1] * b + poses[k, 2, 2] * c,
+        _at(poses, k, share, 0, 0) * a + _at(poses, k, share, 0, 1) * b + _at(poses, k, share, 0, 2) * c,
+        _at(poses, k, share, 1, 0) * a + _at(poses, k, share, 1, 1) * b + _at(poses, k, share, 1, 2) * c,
+        _at(poses, k, share, 2, 0) * a + _at(poses, k, share, 2, 1) * b + _at(poses, k, share, 2, 2) * c,
     )
 
 
@@ -135,7 +152,7 @@ def trace_beams(
     Arrays are indexed and never sliced: Numba counts the references of each slice, which takes longer than its use.
     """
     label, instance, distance = out
-    directions, min_range, max_range, returns = beams
+    _, lag, min_range, max_range, returns = beams
     ray, words, valid, arguments = packet
     tops = hits.geometry_top
     columns, rings = distance.shape
@@ -147,9 +164,11 @@ def trace_beams(
                 column, ring = first_column + lane % _WIDTH, first_ring + lane // _WIDTH
                 valid[lane] = -1 if column < columns and ring < rings else 0
                 column, ring = min(column, columns - 1), min(ring, rings - 1)
-                dx, dy, dz = _rotated(poses, column, directions, column, ring)
-                ray[_OX + lane], ray[_OY + lane] = poses[column, 0, 3], poses[column, 1, 3]
-                ray[_OZ + lane] = poses[column, 2, 3]
+                share = lag[ring]
+                dx, dy, dz = _rotated(poses, column, share, beams, ring)
+                ray[_OX + lane] = _at(poses, column, share, 0, 3)
+                ray[_OY + lane] = _at(poses, column, share, 1, 3)
+                ray[_OZ + lane] = _at(poses, column, share, 2, 3)
                 ray[_DX + lane], ray[_DY + lane], ray[_DZ + lane] = dx, dy, dz
                 ray[_FAR + lane] = max_range
                 words[_GEOM + lane], words[_INST + lane], words[_INST_PRIM + lane] = _MISS, _MISS, _MISS
@@ -163,8 +182,10 @@ def trace_beams(
                 range_m = ray[_FAR + lane]
                 if top < 0 or range_m < min_range:
                     continue
-                dx, dy, _ = _rotated(poses, column, directions, column, ring)
-                x, y = poses[column, 0, 3] + range_m * dx, poses[column, 1, 3] + range_m * dy
+                share = lag[ring]
+                dx, dy, _ = _rotated(poses, column, share, beams, ring)
+                x = _at(poses, column, share, 0, 3) + range_m * dx
+                y = _at(poses, column, share, 1, 3) + range_m * dy
                 class_id, object_id = classify(hits, top, words[_PRIM + lane], x, y)
                 if returns[class_id]:
                     distance[column, ring] = range_m

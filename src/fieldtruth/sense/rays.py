@@ -36,7 +36,7 @@ def cast_rays(scene: Scene, origins: ArrayLike, directions: ArrayLike, max_range
     poses = np.tile(np.eye(4), (count, 1, 1))
     poses[:, :3, 3] = origins
     unit = along / np.linalg.norm(along, axis=1, keepdims=True)
-    beams = Beams(np.ascontiguousarray(unit[:, None]), 0.0, max_range, np.ones(256, np.bool_))
+    beams = Beams(np.ascontiguousarray(unit[:, None]), np.zeros(1), 0.0, max_range, np.ones(256, np.bool_))
     shape = (count, 1)
     out = LabelBuffers(np.zeros(shape, np.uint8), np.zeros(shape, np.uint32), np.zeros(shape, np.float32))
     trace_beams(scene.rays.handle, scene.hits, new_packet(coherent=False), poses, beams, out)

@@ -18,7 +18,7 @@ from fieldtruth.validation.check import Check, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, at
 from fieldtruth.validation.files import BagFile
 from fieldtruth.validation.motion import calibration, drive, odometry, poses, sensors
-from fieldtruth.validation.retrace import agreement, clouds, images, reference, world
+from fieldtruth.validation.retrace import agreement, clouds, images, reference, scene_sensors, world
 from fieldtruth.validation.retrace.camera_frames import Sampler
 
 SAMPLES: Final = 20
@@ -79,7 +79,8 @@ def validate(
     with progress.stage("read and check", run.duration_s) as advance, open_bag(bag) as stored:
         checks = _read(context, stored, workers or cpu_count(), advance, _checkers(context, full, samples))
     found = {check.name: check for check in [checksums, experiment, *checks]}
-    return [found.get(spec.name, Check(spec.name, None, context.no_world)) for spec in SPECS]
+    specs = (*SPECS, *[scene_sensors.OTHER_SENSORS] * bool(context.rig.scene_sensors))
+    return [found.get(spec.name, Check(spec.name, None, context.no_world)) for spec in specs]
 
 
 def _checkers(context: Context, full: bool, samples: int) -> list[Checker]:
@@ -100,6 +101,7 @@ def _checkers(context: Context, full: bool, samples: int) -> list[Checker]:
         checkers += [
             clouds.RetracedClouds(context, context.rebuilt, rays, scan_sampler),
             images.RetracedImages(context, context.rebuilt, rays, image_sampler, full=full),
+            scene_sensors.SceneSensors(context, context.rebuilt),
             rays,
         ]
     return checkers

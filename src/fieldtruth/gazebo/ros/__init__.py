@@ -122,17 +122,22 @@ def write_ros_package(
         if ros == 1:
             text = render("ros", "experiment.launch.jinja", name=name, arguments=_DEFAULTS, **values | config)
             write(folder / "launch" / f"{name}.launch", text)
-    if world.layout:
-        layout = json.loads(json.dumps(dict(world.layout)))  # lists instead of tuples
-        write(folder / "config" / "layout.yaml", _yaml(layout, f"Changes to the layout of {world.name}."))
-    if rig != Rig():
-        write(folder / "config" / "experiment.yaml", dump_experiment(_again(chosen[0], world, rig, ros)))
-    cameras = {imager.topic_of("camera_info"): _calibration(imager) for imager in rig.imagers}
-    write(folder / "config" / "cameras.yaml", _yaml(cameras, "Calibration of the cameras, as in CameraInfo."))
+    _write_shared_config(folder, world, rig, _again(chosen[0], world, rig, ros))
     if ros == 2:
         text = yaml.safe_dump(bridge_table(rig), sort_keys=False)
         write(folder / "config" / "bridge.yaml", "# Table of ros_gz_bridge.\n" + text)
     write(folder / "rviz" / "fieldtruth.rviz", rviz_configuration(rig, ros))
+
+
+def _write_shared_config(folder: Path, world: World, rig: Rig, again: Experiment) -> None:
+    """Write what the experiments of a package have in common: layout, sensors and calibration of the cameras."""
+    if world.layout:
+        layout = json.loads(json.dumps(dict(world.layout)))  # lists instead of tuples
+        write(folder / "config" / "layout.yaml", _yaml(layout, f"Changes to the layout of {world.name}."))
+    if rig != Rig():
+        write(folder / "config" / "experiment.yaml", dump_experiment(again))
+    cameras = {imager.topic_of("camera_info"): _calibration(imager) for imager in rig.imagers}
+    write(folder / "config" / "cameras.yaml", _yaml(cameras, "Calibration of the cameras, as in CameraInfo."))
 
 
 def _check_steering(rig: Rig) -> None:

@@ -5,6 +5,7 @@
 import numpy as np
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.experiment.camera_config import Imager
 
 
 def arc(centre: Array, radius: float, start: float = 0.0, end: float = 2.0 * np.pi) -> Array:
@@ -17,6 +18,12 @@ def sector(viewpoint: Array, radius: float, fov: float) -> Array:
     """Outline (66, 2) [m] of a field of view [rad] around the heading of a viewpoint: x, y [m], heading [rad]."""
     xy, heading = viewpoint[:2], float(viewpoint[2])
     return np.vstack([xy, arc(xy, radius, heading - fov / 2, heading + fov / 2)])
+
+
+def heading_of(imager: Imager) -> float:
+    """Angle [rad] about z from the robot's x axis to the direction in which a camera looks."""
+    x, y, _ = imager.base_from_optical[:3, 2]
+    return float(np.arctan2(y, x))
 
 
 def distance_along(path: Array) -> Array:

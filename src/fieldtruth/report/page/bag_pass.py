@@ -20,14 +20,16 @@ from fieldtruth.core.arrays import Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.progress import Progress, timed
-from fieldtruth.experiment.topic import WHEELS
+from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS
+from fieldtruth.experiment.topic import WHEELS, Topic
 from fieldtruth.report.page.class_counts import count_pixels, count_points
+from fieldtruth.report.page.decimate import BUCKETS, CHANNELS
 from fieldtruth.report.page.series import Collector, Fixes, Inertial, Lines, Motion, Wheel
 
-TAGS: Final = tuple(map(table.tag, table.SIDES))
 UNEXPECTED: Final = (BagError, AttributeError, KeyError, TypeError, ValueError, IndexError)
 """Exceptions from a message that differs from what its topic promises."""
-_MSGTYPE: Final = {topic.name: topic.msgtype for topic in table.TOPICS}
+_OTHER_CHANNELS: Final = 9
+"""Curves of motion and wheels."""
 _OTHER_CLOCK: Final = 10_000_000_000  # [ns]
 
 
@@ -37,20 +39,26 @@ class BagSummary:
 
     lines: Lines = field(default_factory=dict)
     trajectory: Trajectory | None = None
-    first_fix: tuple[float, float, float] | None = None
-    """Latitude, longitude [deg], height [m]."""
+    first_fixes: dict[str, tuple[float, float, float]] = field(default_factory=dict)
+    """Latitude, longitude [deg], height [m] by sensor; the name is empty if there is one receiver."""
     pixels: dict[str, Counts] = field(default_factory=dict)
     """Pixels by class id (16,) of each tag topic; row 0 counts colours that no class has."""
-    points: Counts | None = None
-    """Points by class id (16,); None without clouds."""
+    points: dict[str, Counts] = field(default_factory=dict)
+    """Points by class id (16,) of each topic of clouds."""
     unreadable: dict[str, str] = field(default_factory=dict)
     """By topic that exists and cannot be shown: the reason."""
 
 
+def published(run: Run) -> tuple[Topic, ...]:
+    """Topics that a run with its rig can have; of a bag from elsewhere the paper's."""
+    return table.PAPER_TOPICS if run.experiment is None else table.topics_of(run.rig, latched=True)
+
+
 def usable_topics(run: Run) -> tuple[set[str], dict[str, str]]:
     """Topics whose messages have the type that we publish under this name, and why the others are not usable."""
-    known = {topic: msgtype for topic, msgtype in run.msgtypes.items() if topic in _MSGTYPE and topic in run.counts}
-    other = {t: f"contains {found}, not {_MSGTYPE[t]}" for t, found in known.items() if found != _MSGTYPE[t]}
+    promised = {topic.name: topic.msgtype for topic in published(run)}
+    known = {topic: msgtype for topic, msgtype in run.msgtypes.items() if topic in promised and topic in run.counts}
+    other = {t: f"contains {found}, not {promised[t]}" for t, found in known.items() if found != promised[t]}
     return set(known) - set(other), other
 
 
@@ -75,7 +83,11 @@ def summarize_bag(run: Run, workers: int, progress: Progress) -> BagSummary:
     topics, unusable = usable_topics(run)
     summary = BagSummary(unreadable=unusable)
     collectors = _collectors(run, topics)
-    counters: dict[str, Callable[[Any], Counts]] = dict.fromkeys(TAGS, count_pixels) | {table.POINTS: count_points}
+    clouds = [lidar.topic for lidar in run.rig.lidars]
+    tags = [imager.topic_of("tag") for imager in run.rig.imagers]
+    counters: dict[str, Callable[[Any], Counts]] = dict.fromkeys(tags, count_pixels) | dict.fromkeys(
+        clouds, count_points
+    )
     wanted = [topic for topic in (*collectors, *counters) if topic in topics]
     if not wanted:  # an empty list would mean all topics
         return summary
@@ -103,19 +115,24 @@ def summarize_bag(run: Run, workers: int, progress: Progress) -> BagSummary:
             else:
                 counts.setdefault(topic, np.zeros(len(CLASSES), np.int64))
                 counts[topic] += found
-    _finish(summary, collectors, counts)
+    _finish(summary, collectors)
+    good = {topic: found for topic, found in counts.items() if topic not in summary.unreadable}
+    summary.points = {topic: found for topic, found in good.items() if topic in clouds}
+    summary.pixels = {topic: found for topic, found in good.items() if topic in tags}
     return summary
 
 
 def _collectors(run: Run, topics: set[str]) -> dict[str, Collector]:
     """Collectors of the small messages by topic; Odometry replaces ModelStates, whose rate is 20 times as high."""
-    span = run.start_ns, run.end_ns
     poses = table.ODOMETRY if table.ODOMETRY in topics else table.MODEL_STATES
+    imus, antennas = run.rig.imus, run.rig.antennas
+    channels = _OTHER_CHANNELS + 6 * len(imus) + 3 * len(antennas)
+    time = run.start_ns, run.end_ns, min(BUCKETS, BUCKETS * CHANNELS // channels)
     made: Mapping[str, Collector] = {
-        poses: Motion(*span, from_model_states=poses == table.MODEL_STATES),
-        table.IMU: Inertial(*span),
-        table.NAVSAT: Fixes(*span),
-        **{t: Wheel(*span, name.replace("_", " ")) for t, name in zip(table.WHEEL_SPEEDS, WHEELS, strict=True)},
+        poses: Motion(time, from_model_states=poses == table.MODEL_STATES),
+        **{imu.topic: Inertial(time, imu.name * (len(imus) > 1)) for imu in imus},
+        **{each.topic: Fixes(time, each.name * (len(antennas) > 1)) for each in antennas},
+        **{t: Wheel(time, name.replace("_", " ")) for t, name in zip(WHEEL_SPEEDS, WHEELS, strict=True)},
     }
     return {topic: collector for topic, collector in made.items() if topic in topics}
 
@@ -133,7 +150,7 @@ def _collect(
         unreadable[raw.topic] = reason(error)
 
 
-def _finish(summary: BagSummary, collectors: Mapping[str, Collector], counts: Mapping[str, Counts]) -> None:
+def _finish(summary: BagSummary, collectors: Mapping[str, Collector]) -> None:
     for topic, collector in collectors.items():
         if topic in summary.unreadable:
             continue
@@ -141,8 +158,5 @@ def _finish(summary: BagSummary, collectors: Mapping[str, Collector], counts: Ma
             summary.lines.setdefault(curve, {}).update(lines)
         if isinstance(collector, Motion):
             summary.trajectory = collector.trajectory()
-        if isinstance(collector, Fixes):
-            summary.first_fix = collector.first
-    good = {topic: found for topic, found in counts.items() if topic not in summary.unreadable}
-    summary.points = good.pop(table.POINTS, None)
-    summary.pixels = good
+        if isinstance(collector, Fixes) and collector.first is not None:
+            summary.first_fixes[collector.sensor] = collector.first

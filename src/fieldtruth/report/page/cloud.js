@@ -133,8 +133,8 @@
     target: [...settings.target], azimuth: settings.azimuth, elevation: settings.elevation, distance: settings.distance,
   });
   let camera = firstView();
-  let shown = -1;
-  let byHeight = false;
+  let [shown, byHeight] = [-1, false];
+  const heads = document.querySelectorAll("#lidars input");
   const axes = () => {
     const [a, e] = [camera.azimuth * RADIANS, camera.elevation * RADIANS];
     const forward = [Math.cos(e) * Math.cos(a), Math.cos(e) * Math.sin(a), -Math.sin(e)];
@@ -178,7 +178,9 @@
     gl.uniform1f(p.size_px, (1.35 * settings.voxel * canvas.height) / (2 * slope));
     gl.uniform1f(p.smallest, 1.5 * (canvas.height / canvas.clientHeight || 1));
     gl.bindVertexArray(cloud);
-    gl.drawArrays(gl.POINTS, 0, settings.count);
+    (settings.lidars || [[0, settings.count]]).forEach(([first, count], k) => {
+      if (!heads[k] || heads[k].checked) gl.drawArrays(gl.POINTS, first, count);
+    });
 
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.disable(gl.DEPTH_TEST);
@@ -277,7 +279,7 @@
     boxes.forEach((box) => (box.checked = state));
     show();
   };
-  boxes.forEach((box) => box.addEventListener("change", show));
+  [...boxes, ...heads].forEach((box) => box.addEventListener("change", show));
   document.getElementById("all").addEventListener("click", tick(true));
   document.getElementById("none").addEventListener("click", tick(false));
   document.getElementById("home").addEventListener("click", home);

@@ -44,11 +44,17 @@ class CloudView:
     data: bytes
     """n rows of three int16, little endian, followed by n labels of one byte."""
     settings: dict[str, Any]
-    """For the script: scale of the rows, first view, colours."""
+    """For the script: scale of the rows, first view, colours;
+    of several LiDARs, and of the path after them, the first row and the number of rows."""
     legend: tuple[LegendRow, ...]
     poster: bytes
     """JPEG of the first view."""
     has_path: bool
+
+    @property
+    def lidars(self) -> tuple[tuple[str, int], ...]:
+        """Names of the LiDARs with their numbers of points; empty if there is only one."""
+        return self.cloud.parts if len(self.cloud.parts) > 1 else ()
 
 
 def pack_cloud(cloud: ScanCloud, trajectory: Trajectory | None) -> CloudView:
@@ -70,6 +76,9 @@ def pack_cloud(cloud: ScanCloud, trajectory: Trajectory | None) -> CloudView:
         "fov": _VERTICAL_FOV, "low": float(low), "high": max(float(high), float(low) + 0.1),
         "colours": [class_colour(row.label) for row in CLASSES],
     }  # fmt: skip
+    if len(cloud.parts) > 1:
+        counts_of = [*(points for _, points in cloud.parts), len(path)]
+        settings["lidars"] = [[sum(counts_of[:k]), count] for k, count in enumerate(counts_of)]
     legend = tuple(
         LegendRow(int(row.label), row.name if row.label else "no class", class_colour(row.label), int(points))
         for row, points in zip(CLASSES, counts, strict=True)

@@ -5,7 +5,6 @@
 from dataclasses import dataclass
 from typing import Any
 
-from fieldtruth.bag import topics as table
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core.classes import CLASSES
@@ -17,7 +16,7 @@ from fieldtruth.report.page.bag_pass import UNEXPECTED, reason, summarize_bag
 from fieldtruth.report.page.cloud_view import CloudView, pack_cloud
 from fieldtruth.report.page.curves import Curve, Tick, curve_values, draw_curves, time_ticks
 from fieldtruth.report.page.map import Map, draw_map
-from fieldtruth.report.page.samples import Pair, read_pairs
+from fieldtruth.report.page.samples import Sample, read_samples
 from fieldtruth.report.page.scan_cloud import accumulate_scans
 from fieldtruth.report.page.world_view import view_world
 
@@ -31,9 +30,13 @@ class PageContent:
     about: dict[str, str]
     map: Map | None
     map_note: str
-    pairs: list[Pair]
+    samples: list[Sample]
+    is_pair: bool
+    """Whether all images are those of one stereo pair."""
     image_classes: tuple[tuple[str, str], ...]
     """Name and colour of the classes in the tag images."""
+    counted: tuple[str, str]
+    """The cameras and scans whose pixels and points are counted."""
     cloud: CloudView | None
     cloud_note: str
     classes: list[tables.ClassRow]
@@ -42,7 +45,6 @@ class PageContent:
     time_ticks: tuple[Tick, ...]
     curve_values: dict[str, Any]
     cameras: list[tables.CameraRow]
-    baseline: str
     frames: list[tables.FrameRow]
     topics: list[tuple[str, str, int, str]]
     checksums: dict[str, str]
@@ -62,23 +64,24 @@ def collect_content(run: Run, workers: int, progress: Progress) -> PageContent:
     summary = summarize_bag(run, workers, progress)
     trajectory = summary.trajectory
     with progress.stage("select images"):
-        pairs, unreadable = read_pairs(run)
+        samples, unreadable = read_samples(run)
     with progress.stage("accumulate scans"):
         cloud, cloud_note = _cloud(run, trajectory)
     aerial, map_note = view_world(run, progress) if trajectory is not None else (None, "")
-    cameras, baseline = tables.camera_rows(run)
-    fov_deg = next((camera.horizontal_fov_deg for camera in cameras), None)
+    cameras = tables.camera_rows(run)
     classes, class_sums = tables.class_rows(summary)
     checksums, checksums_source = tables.checksums(run, progress)
-    visible = frozenset[int]().union(*(view.classes for pair in pairs for view in pair.views.values()))
+    visible = frozenset[int]().union(*(view.classes for sample in samples for view in sample.views.values()))
     return PageContent(
         run=run,
         key_figures=tables.key_figures(run, summary),
         about=tables.about(run, summary),
-        map=draw_map(run, trajectory, aerial, [pair.stamp_ns for pair in pairs], fov_deg),
+        map=draw_map(run, trajectory, aerial, [each.stamp_ns for each in samples], next(iter(cameras), None)),
         map_note=map_note,
-        pairs=pairs,
+        samples=samples,
+        is_pair=[imager.side for imager in run.rig.imagers] == ["left", "right"],
         image_classes=tuple((row.name, class_colour(row.label)) for row in CLASSES if row.label in visible),
+        counted=_counted(len(summary.pixels), len(summary.points)),
         cloud=cloud,
         cloud_note=cloud_note,
         classes=classes,
@@ -87,7 +90,6 @@ def collect_content(run: Run, workers: int, progress: Progress) -> PageContent:
         time_ticks=time_ticks(run.duration_s),
         curve_values=curve_values(summary.lines, run.start_ns),
         cameras=cameras,
-        baseline=baseline,
         frames=tables.frame_rows(run),
         topics=tables.topic_rows(run),
         checksums=checksums,
@@ -100,11 +102,18 @@ def collect_content(run: Run, workers: int, progress: Progress) -> PageContent:
     )
 
 
+def _counted(cameras: int, lidars: int) -> tuple[str, str]:
+    """Name the cameras and the scans by their number; a run of the paper's rig without images has two."""
+    images = {0: "both cameras", 1: "the camera", 2: "both cameras"}.get(cameras, f"all {cameras} cameras")
+    return images, "scans" if lidars < 2 else f"scans of {lidars} LiDARs"
+
+
 def _cloud(run: Run, trajectory: Trajectory | None) -> tuple[CloudView | None, str]:
     try:
         cloud = accumulate_scans(run, trajectory)
     except UNEXPECTED as error:
         return None, f"The clouds cannot be shown: {reason(error)}."
     if cloud is None:
-        return None, f"The bag has no {table.POINTS}."
+        topics = ", ".join(lidar.topic for lidar in run.rig.lidars)
+        return None, f"The bag has no {topics}." if topics else "The rig has no LiDAR."
     return (pack_cloud(cloud, trajectory), "") if len(cloud.xyz) else (None, "The clouds have no points.")

@@ -24,20 +24,22 @@ _MARGIN: Final = 0.06
 class _Kind(NamedTuple):
     title: str
     unit: str
+    whose: str
+    """What is measured; of one of several sensors, its name replaces this."""
     note: str
     least_span: float
     """Smallest span of the axis, so that nearly constant values do not look like noise."""
 
 
 _KINDS: Final = {
-    series.SPEED: _Kind("Speed", "m/s", "of base_link, ground truth", 0.1),
-    series.TILT: _Kind("Roll and pitch", "°", "of base_link, ground truth; pitch is positive downhill", 2.0),
-    series.HEADING: _Kind("Heading", "°", "yaw, ground truth; 0 is north, west is positive", 5.0),
-    series.HEIGHT: _Kind("Height", "m", "of base_link, ground truth", 0.5),
-    series.TURNING: _Kind("Angular velocity", "rad/s", "of the IMU, in its own frame", 0.1),
-    series.ACCELERATION: _Kind("Acceleration", "m/s²", "of the IMU, in its own frame, including gravity", 1.0),
-    series.WHEELS: _Kind("Wheel speed", "rad/s", "of the four tachometers", 0.5),
-    series.GNSS: _Kind("GNSS", "m", "from the first fix", 0.5),
+    series.SPEED: _Kind("Speed", "m/s", "base_link", "ground truth", 0.1),
+    series.TILT: _Kind("Roll and pitch", "°", "base_link", "ground truth; pitch is positive downhill", 2.0),
+    series.HEADING: _Kind("Heading", "°", "", "yaw, ground truth; 0 is north, west is positive", 5.0),
+    series.HEIGHT: _Kind("Height", "m", "base_link", "ground truth", 0.5),
+    series.TURNING: _Kind("Angular velocity", "rad/s", "the IMU", "in its own frame", 0.1),
+    series.ACCELERATION: _Kind("Acceleration", "m/s²", "the IMU", "in its own frame, including gravity", 1.0),
+    series.WHEELS: _Kind("Wheel speed", "rad/s", "the four tachometers", "", 0.5),
+    series.GNSS: _Kind("GNSS", "m", "", "from the first fix", 0.5),
 }
 
 
@@ -72,7 +74,7 @@ def draw_curves(lines: Lines, start_ns: int, end_ns: int) -> tuple[Curve, ...]:
     """Draw all curves with readings, in a fixed order, over the same time."""
     return tuple(
         _curve(key, lines[key], start_ns, max(end_ns - start_ns, 1))
-        for key in _KINDS
+        for key in _in_order(lines)
         if any(len(line.values) for line in lines.get(key, {}).values())
     )
 
@@ -99,13 +101,18 @@ def curve_values(lines: Lines, start_ns: int) -> dict[str, Any]:
             for line in lines[key].values()
             if len(line.values)
         ]
-        for key in _KINDS
-        if key in lines
+        for key in _in_order(lines)
     }
 
 
+def _in_order(lines: Lines) -> list[str]:
+    """Keys of the curves, kind by kind."""
+    return sorted(lines, key=lambda key: list(_KINDS).index(key.partition(" of ")[0]))
+
+
 def _curve(key: str, channels: Mapping[str, Line], start_ns: int, span_ns: int) -> Curve:
-    kind = _KINDS[key]
+    name, _, sensor = key.partition(" of ")
+    kind = _KINDS[name]
     filled = {name: line for name, line in channels.items() if len(line.values)}
     low = min(float(line.values.min()) for line in filled.values())
     high = max(float(line.values.max()) for line in filled.values())
@@ -118,7 +125,9 @@ def _curve(key: str, channels: Mapping[str, Line], start_ns: int, span_ns: int) 
         for ends in [(line.values.min(), line.values.max())]
     )
     ticks = tuple(Tick(round(100 * (high - v) / span, 2), _plain(v, step)) for v in values)
-    return Curve(key, kind.title, kind.unit, kind.note, drawn, ticks)
+    whose = sensor or kind.whose
+    note = ", ".join(filter(None, (f"of {whose}" if whose else "", kind.note)))
+    return Curve(key, kind.title, kind.unit, note, drawn, ticks)
 
 
 def _path(line: Line, start_ns: int, span_ns: int, low: float, high: float) -> str:

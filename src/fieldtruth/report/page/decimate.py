@@ -12,6 +12,8 @@ from fieldtruth.core.arrays import Array, Counts
 BUCKETS: Final = 1000
 VERTICES: Final = 2 * BUCKETS
 """Maximum number of vertices per channel."""
+CHANNELS: Final = 40
+"""A page with more channels has fewer vertices of each."""
 
 Stamps = NDArray[np.int64]
 
@@ -24,21 +26,21 @@ class Line(NamedTuple):
 
 
 class Decimator:
-    """Keeps the smallest and the largest reading of each channel in each of 1000 equal intervals of time.
+    """Keeps the smallest and the largest reading of each channel in each of so many equal intervals of time.
 
     Memory does not grow with the number of readings. Readings that are not finite are skipped; those before
     ``start_ns`` or after ``end_ns`` belong to the first or last interval.
     """
 
-    def __init__(self, channels: int, start_ns: int, end_ns: int) -> None:
-        self._start, self._span = start_ns, max(end_ns - start_ns, 1)
-        shape = channels, BUCKETS
+    def __init__(self, channels: int, start_ns: int, end_ns: int, buckets: int = BUCKETS) -> None:
+        self._start, self._span, self._buckets = start_ns, max(end_ns - start_ns, 1), buckets
+        shape = channels, buckets
         self._low, self._low_ns = np.full(shape, np.inf), np.zeros(shape, np.int64)
         self._high, self._high_ns = np.full(shape, -np.inf), np.zeros(shape, np.int64)
 
     def add(self, stamps_ns: Stamps, values: Array) -> None:
         """Add readings (n, channels) with their stamps (n,)."""
-        bucket = np.clip((stamps_ns - self._start) * BUCKETS // self._span, 0, BUCKETS - 1)
+        bucket = np.clip((stamps_ns - self._start) * self._buckets // self._span, 0, self._buckets - 1)
         for channel, column in enumerate(values.T):
             good = np.isfinite(column)
             order = np.lexsort((column[good], bucket[good]))

@@ -21,6 +21,7 @@ from fieldtruth.report.drawing.aerial import Aerial
 from fieldtruth.report.drawing.geometry import arc, sector
 from fieldtruth.report.drawing.images import jpeg_below
 from fieldtruth.report.drawing.text import TO, trimmed
+from fieldtruth.report.page.tables import CameraRow
 
 PHOTO_BYTES: Final = 700_000
 VERTICES: Final = 1500
@@ -65,7 +66,11 @@ class Map:
 
 
 def draw_map(
-    run: Run, trajectory: Trajectory | None, aerial: Aerial | None, samples_ns: Sequence[int], fov_deg: float | None
+    run: Run,
+    trajectory: Trajectory | None,
+    aerial: Aerial | None,
+    samples_ns: Sequence[int],
+    camera: CameraRow | None,
 ) -> Map | None:
     """Draw the path, the waypoints and the viewpoints of the sample images; None without a trajectory.
 
@@ -74,7 +79,7 @@ def draw_map(
         trajectory: true poses of the robot.
         aerial: background; None draws a grid.
         samples_ns: stamps of the sample images.
-        fov_deg: horizontal field of view of the camera, if known.
+        camera: the camera whose field of view is drawn, if known.
     """
     if trajectory is None:
         return None
@@ -86,7 +91,7 @@ def draw_map(
     percent = 100 * pixels / shape
     marks = [*sheet.marks, *(_mark(sheet, point, str(k), "waypoint") for k, point in enumerate(waypoints[1:], 1))]
     marks.append(_mark(sheet, path[0], "start", "start"))
-    samples, sectors = _samples(trajectory, samples_ns, fov_deg, sheet)
+    samples, sectors = _samples(trajectory, samples_ns, camera, sheet)
     metre = sheet.pixels_per_metre(path.mean(axis=0))
     scale_m = max(step for step in _STEPS if step * metre < 0.2 * sheet.width or step == _STEPS[0])
     times = (trajectory.stamps_ns[rows] - run.start_ns) / 1e6
@@ -153,7 +158,7 @@ def _waypoints(run: Run) -> tuple[Array, float]:
 
 
 def _samples(
-    trajectory: Trajectory, stamps_ns: Sequence[int], fov_deg: float | None, sheet: _Sheet
+    trajectory: Trajectory, stamps_ns: Sequence[int], camera: CameraRow | None, sheet: _Sheet
 ) -> tuple[list[Mark], tuple[str, ...]]:
     """Letters at the viewpoints of the sample images, and fields of view."""
     marks: list[Mark] = []
@@ -168,10 +173,13 @@ def _samples(
             marks[near[-1]] = first._replace(text=f"{first.text[0]}{TO}{letter}")
             continue
         marks.append(new)
-        if fov_deg is not None:
+        if camera is not None:
             heading = float(yaw_from_rotation(rotation_from_quaternion_wxyz(trajectory.quaternion_wxyz[row])))
+            heading += np.radians(camera.heading_deg)
             radius = _FIELD_OF_VIEW * sheet.width / sheet.pixels_per_metre(xy)
-            sectors.append(_points(sheet.project(sector(np.array([*xy, heading]), radius, np.radians(fov_deg)))))
+            sectors.append(
+                _points(sheet.project(sector(np.array([*xy, heading]), radius, np.radians(camera.horizontal_fov_deg))))
+            )
     return marks, tuple(sectors)
 
 

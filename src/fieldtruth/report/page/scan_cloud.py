@@ -8,15 +8,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag import topics as table
 from fieldtruth.bag.calibration import read_static_frames
 from fieldtruth.bag.decode import points
-from fieldtruth.bag.reader import BagError, decoder, open_bag
+from fieldtruth.bag.reader import BagError, BagReader, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.rig import Rig
 from fieldtruth.report.drawing.cloud import Cloud
 from fieldtruth.report.page.bag_pass import UNEXPECTED, stamp_of, usable_topics
 from fieldtruth.report.page.class_counts import class_ids
@@ -38,45 +36,70 @@ class ScanCloud(Cloud):
     """Side [m] of a voxel."""
     frame: str
     """Frame of the points: the world, or the sensor's own frame if its pose is not known."""
+    parts: tuple[tuple[str, int], ...]
+    """Names of the LiDARs and numbers of their points, which follow each other."""
     note: str = ""
     """Remark about the poses for the reader."""
 
 
 def accumulate_scans(run: Run, trajectory: Trajectory | None) -> ScanCloud | None:
-    """Accumulate up to 120 scans, evenly spread over the run; None if it has no cloud.
+    """Accumulate up to 120 scans of each LiDAR, evenly spread over the run; None if it has no cloud.
 
-    Without a trajectory or the sensor's mount, the result is the middle scan of the run in the sensor's frame.
+    Without a trajectory or the mount of the first LiDAR, the result is its middle scan in its own frame.
 
     Raises:
         BagError: the bag is damaged, or its clouds have no x, y, z.
     """
-    if table.POINTS not in usable_topics(run)[0]:
+    lidars = [lidar for lidar in run.rig.lidars if lidar.topic in usable_topics(run)[0]]
+    if not lidars:
         return None
     with open_bag(run.bag) as bag:
-        index, decode = bag.index([table.POINTS])[table.POINTS], decoder(bag)
-        voxels, last = _Voxels(), len(index.stamps_ns) - 1
+        found = [_accumulated(run, bag, lidar.topic, trajectory) for lidar in lidars]
+    same = [each for each in found if each.frame == found[0].frame]
+    for each in same:
+        each.reduce(LARGEST // len(same))
+    voxel = max(each.voxel for each in same)
+    for each in same:
+        each.coarsen(voxel)
+    names = [lidar.name for lidar in lidars]
+    notes = [each.note for each in same]
+    notes += [f"The cloud of {name} is not shown." for name, e in zip(names, found, strict=True) if e not in same]
+    return ScanCloud(
+        xyz=np.concatenate([each.xyz for each in same]),
+        label=np.concatenate([each.label for each in same]),
+        scans=sum(each.scans for each in same),
+        voxel=voxel,
+        frame=found[0].frame,
+        parts=tuple((name, len(e.xyz)) for name, e in zip(names, found, strict=True) if e in same),
+        note=" ".join(dict.fromkeys(filter(None, notes))),
+    )
 
-        def scan(row: int) -> tuple[Any, int]:
-            raw = bag.message(bag.chunk(int(index.chunk[row])), int(index.offset[row]))
-            cloud = decode(raw)
-            return cloud, stamp_of(cloud, raw)
 
-        middle, _ = scan((last + 1) // 2)
-        base_from_sensor, note = _mount(run, middle.header.frame_id)
-        if trajectory is None or base_from_sensor is None:
-            voxels.add(*_returns(middle))
-            return voxels.cloud(1, middle.header.frame_id, note or "The bag has no true poses.")
-        scans = 0
-        for row in np.unique(np.linspace(0, last, SCANS).round().astype(int)).tolist():
-            cloud, stamp = scan(row)
-            try:
-                world_from_sensor = trajectory.world_from_base(stamp) @ base_from_sensor
-            except BagError:  # before the first pose or after the last
-                continue
-            xyz, label = _returns(cloud)
-            voxels.add(frames.transform(world_from_sensor, xyz), label)
-            scans += 1
-        return voxels.cloud(scans, "world", note)
+def _accumulated(run: Run, bag: BagReader, topic: str, trajectory: Trajectory | None) -> "_Voxels":
+    index, decode = bag.index([topic])[topic], decoder(bag)
+    last = len(index.stamps_ns) - 1
+
+    def scan(row: int) -> tuple[Any, int]:
+        raw = bag.message(bag.chunk(int(index.chunk[row])), int(index.offset[row]))
+        cloud = decode(raw)
+        return cloud, stamp_of(cloud, raw)
+
+    middle, _ = scan((last + 1) // 2)
+    base_from_sensor, note = _mount(run, middle.header.frame_id)
+    if trajectory is None or base_from_sensor is None:
+        voxels = _Voxels(middle.header.frame_id, note or "The bag has no true poses.")
+        voxels.add(*_returns(topic, middle))
+        return voxels
+    voxels = _Voxels("world", note)
+    for row in np.unique(np.linspace(0, last, SCANS).round().astype(int)).tolist():
+        cloud, stamp = scan(row)
+        try:
+            world_from_sensor = trajectory.world_from_base(stamp) @ base_from_sensor
+        except BagError:  # before the first pose or after the last
+            continue
+        xyz, label = _returns(topic, cloud)
+        voxels.add(frames.transform(world_from_sensor, xyz), label)
+    return voxels
 
 
 def _mount(run: Run, frame: str) -> tuple[Array | None, str]:
@@ -84,13 +107,14 @@ def _mount(run: Run, frame: str) -> tuple[Array | None, str]:
     try:
         return read_static_frames(run).base_from(frame), ""
     except UNEXPECTED:  # no frames, not this one, or an invalid rotation
-        mounts = (run.experiment.rig if run.experiment else Rig()).mounts()
+        mounts = run.rig.mounts()
     if frame in mounts:
-        return mounts[frame].base_from_sensor, f"The bag has no pose of {frame}; the paper's Table 2 was used."
+        source = "the paper's Table 2" if run.experiment is None else "that of experiment.yaml"
+        return mounts[frame].base_from_sensor, f"The bag has no pose of {frame}; {source} was used."
     return None, f"The bag has no pose of {frame} on the robot, so this is one scan in that frame."
 
 
-def _returns(cloud: Any) -> tuple[Array, NDArray[np.uint8]]:
+def _returns(topic: str, cloud: Any) -> tuple[Array, NDArray[np.uint8]]:
     """Finite points (n, 3) [m] of a message in its own frame, and their class ids (n,).
 
     Raises:
@@ -100,37 +124,41 @@ def _returns(cloud: Any) -> tuple[Array, NDArray[np.uint8]]:
         rows = points(cloud)
         xyz = np.column_stack([rows[axis] for axis in "xyz"]).astype(np.float64)
     except (KeyError, ValueError, TypeError, IndexError) as error:
-        raise BagError(f"{table.POINTS}: clouds must have x, y and z ({error})") from error
+        raise BagError(f"{topic}: clouds must have x, y and z ({error})") from error
     with np.errstate(over="ignore", invalid="ignore"):
         good = np.isfinite(xyz).all(axis=1) & ((xyz**2).sum(axis=1) < _MAX_RANGE**2)
     return xyz[good], class_ids(rows)[good]
 
 
 class _Voxels:
-    """Keeps the first point of each voxel; voxels grow while there are too many."""
+    """Scans in a frame, of which the first point of each voxel is kept; voxels grow while there are too many."""
 
-    def __init__(self) -> None:
-        self._xyz, self._label = [np.zeros((0, 3))], [np.zeros(0, np.uint8)]
-        self._voxel, self._count = _FINEST, 0
+    def __init__(self, frame: str, note: str) -> None:
+        self.frame, self.note, self.scans = frame, note, 0
+        self.xyz, self.label, self.voxel = np.zeros((0, 3)), np.zeros(0, np.uint8), _FINEST
+        self._new: list[tuple[Array, NDArray[np.uint8]]] = []
+        self._count = 0
 
     def add(self, xyz: Array, label: NDArray[np.uint8]) -> None:
-        self._xyz.append(xyz)
-        self._label.append(label)
+        self.scans += 1
+        self._new.append((xyz, label))
         self._count += len(xyz)
         if self._count > _BUFFER:
-            self._reduce(_BUFFER // 2)
+            self.reduce(_BUFFER // 2)
 
-    def cloud(self, scans: int, frame: str, note: str) -> ScanCloud:
-        self._reduce(LARGEST)
-        return ScanCloud(xyz=self._xyz[0], label=self._label[0], scans=scans, voxel=self._voxel, frame=frame, note=note)
+    def coarsen(self, voxel: float) -> None:
+        if voxel > self.voxel:
+            self.voxel = voxel
+            self.reduce(len(self.xyz))
 
-    def _reduce(self, most: int) -> None:
-        xyz, label = np.concatenate(self._xyz), np.concatenate(self._label)
+    def reduce(self, most: int) -> None:
+        xyz = np.concatenate([self.xyz, *(xyz for xyz, _ in self._new)])
+        label = np.concatenate([self.label, *(label for _, label in self._new)])
         while True:
-            x, y, z = (np.floor(xyz / self._voxel).astype(np.int64) & 0x1FFFFF).T
+            x, y, z = (np.floor(xyz / self.voxel).astype(np.int64) & 0x1FFFFF).T
             first = np.sort(np.unique((x << 42) | (y << 21) | z, return_index=True)[1])
             xyz, label = xyz[first], label[first]
             if len(xyz) <= most:
                 break
-            self._voxel *= _COARSENING
-        self._xyz, self._label, self._count = [xyz], [label], len(xyz)
+            self.voxel *= _COARSENING
+        self.xyz, self.label, self._new, self._count = xyz, label, [], len(xyz)

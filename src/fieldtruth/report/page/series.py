@@ -22,16 +22,21 @@ SPEED, TILT, HEADING, HEIGHT = "speed", "tilt", "heading", "height"
 TURNING, ACCELERATION, WHEELS, GNSS = "turning", "acceleration", "wheels", "gnss"
 
 Lines = dict[str, dict[str, Line]]
-"""Lines by curve and channel."""
+"""Lines by curve and channel. The key of a curve is its kind; of one of several sensors, ``kind of name``."""
 Row = tuple[float, ...]
+Time = tuple[int, int, int]
+"""First and last stamp [ns], and the number of intervals that readings are reduced to."""
 
 
 class Collector:
-    """Collects the messages of one topic; 4096 rows are processed at once, which is fast and bounds memory."""
+    """Collects the messages of one topic; 4096 rows are processed at once, which is fast and bounds memory.
 
-    def __init__(self, start_ns: int, end_ns: int, channels: Mapping[str, Sequence[str]]) -> None:
-        self._channels = channels
-        self._decimators = {curve: Decimator(len(names), start_ns, end_ns) for curve, names in channels.items()}
+    ``sensor`` is the name of one of several sensors of its kind, else empty.
+    """
+
+    def __init__(self, time: Time, channels: Mapping[str, Sequence[str]], sensor: str = "") -> None:
+        self._channels, self.sensor = channels, sensor
+        self._decimators = {curve: Decimator(len(names), *time) for curve, names in channels.items()}
         self._stamps, self._values = array("q"), array("d")
 
     def row(self, message: Any) -> Row:
@@ -49,9 +54,12 @@ class Collector:
         """Return the decimated lines."""
         self._flush()
         return {
-            curve: dict(zip(names, self._decimators[curve].lines(), strict=True))
+            self._key(curve): dict(zip(names, self._decimators[curve].lines(), strict=True))
             for curve, names in self._channels.items()
         }
+
+    def _key(self, curve: str) -> str:
+        return f"{curve} of {self.sensor}" if self.sensor else curve
 
     def _flush(self) -> None:
         if self._stamps:
@@ -77,9 +85,9 @@ class Motion(Collector):
     Speed [m/s]; roll and pitch [deg]; heading [deg], 0 along x, which is north; height [m].
     """
 
-    def __init__(self, start_ns: int, end_ns: int, *, from_model_states: bool) -> None:
+    def __init__(self, time: Time, *, from_model_states: bool) -> None:
         channels = {SPEED: ["speed"], TILT: ["roll", "pitch"], HEADING: ["heading"], HEIGHT: ["height"]}
-        super().__init__(start_ns, end_ns, channels)
+        super().__init__(time, channels)
         self.from_model_states = from_model_states
         self._states = ModelStatesReader()
         self._yaw = 0.0
@@ -127,8 +135,8 @@ class Motion(Collector):
 class Inertial(Collector):
     """sensor_msgs/Imu in its own frame: angular velocity [rad/s] and acceleration [m/s^2]."""
 
-    def __init__(self, start_ns: int, end_ns: int) -> None:
-        super().__init__(start_ns, end_ns, {TURNING: "xyz", ACCELERATION: "xyz"})
+    def __init__(self, time: Time, sensor: str = "") -> None:
+        super().__init__(time, {TURNING: "xyz", ACCELERATION: "xyz"}, sensor)
 
     def row(self, message: Any) -> Row:
         """Angular velocity, linear acceleration."""
@@ -142,8 +150,8 @@ class Inertial(Collector):
 class Fixes(Collector):
     """sensor_msgs/NavSatFix as north, east, up [m] from the first fix."""
 
-    def __init__(self, start_ns: int, end_ns: int) -> None:
-        super().__init__(start_ns, end_ns, {GNSS: ["north", "east", "up"]})
+    def __init__(self, time: Time, sensor: str = "") -> None:
+        super().__init__(time, {GNSS: ["north", "east", "up"]}, sensor)
         self.first: tuple[float, float, float] | None = None
 
     def row(self, message: Any) -> Row:
@@ -164,8 +172,8 @@ class Fixes(Collector):
 class Wheel(Collector):
     """std_msgs/Float32 with the angular speed [rad/s] of one wheel; ``name`` is its channel."""
 
-    def __init__(self, start_ns: int, end_ns: int, name: str) -> None:
-        super().__init__(start_ns, end_ns, {WHEELS: [name]})
+    def __init__(self, time: Time, name: str) -> None:
+        super().__init__(time, {WHEELS: [name]})
 
     def row(self, message: Any) -> Row:
         """Angular speed."""

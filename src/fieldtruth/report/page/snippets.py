@@ -46,7 +46,8 @@ def snippets(run: Run) -> list[Snippet]:
         Snippet("fieldtruth", "Python", _fieldtruth(run, path)),
         Snippet("rosbags, without ROS", "Python", _ROSBAGS.format(path=path)),
     ]
-    if table.POINTS in run.counts and table.photograph("left") in run.counts:
+    clouds, images = [lidar.topic for lidar in run.rig.lidars[:1]], run.rig.imagers[:1]
+    if clouds and images and run.counts.keys() >= {*clouds, images[0].topic_of("photograph")}:
         found.append(Snippet("PyTorch", "Python", _PYTORCH.format(path=path)))
     if table.ODOMETRY in run.counts:
         found.append(Snippet("evo", "shell", f"evo_traj bag {bag} {table.ODOMETRY} --plot"))
@@ -63,7 +64,8 @@ def snippets(run: Run) -> list[Snippet]:
 
 def _fieldtruth(run: Run, path: str) -> str:
     """A program that reads the topic with the richest content."""
-    decoders = {table.POINTS: "ft.bag.points(reading.message)", table.tag("left"): "ft.bag.image(reading.message)"}
+    decoders = dict.fromkeys([lidar.topic for lidar in run.rig.lidars], "ft.bag.points(reading.message)")
+    decoders |= dict.fromkeys([each.topic_of("tag") for each in run.rig.imagers], "ft.bag.image(reading.message)")
     topic = next((topic for topic in decoders if topic in run.counts), min(run.counts))
     return _FIELDTRUTH.format(path=path, topic=ascii(topic), value=decoders.get(topic, "reading.message"))
 

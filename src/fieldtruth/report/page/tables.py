@@ -3,6 +3,7 @@
 """Tables of a page: key figures, class shares, calibration, topics, checksums."""
 
 import math
+from collections.abc import Iterable
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -18,9 +19,10 @@ from fieldtruth.core.lenses import COEFFICIENTS, Lens, fields_of_view
 from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.files import VERSION_KEY
 from fieldtruth.experiment.yaml_io import parse_mapping
+from fieldtruth.report.drawing.geometry import heading_of
 from fieldtruth.report.drawing.style import class_colour
 from fieldtruth.report.drawing.text import TIMES, file_size, fixed, percent, shortened, trimmed
-from fieldtruth.report.page.bag_pass import UNEXPECTED, BagSummary, usable_topics
+from fieldtruth.report.page.bag_pass import UNEXPECTED, BagSummary, published, usable_topics
 
 ROWS: Final = 200
 """Maximum number of rows of a table; a bag can have any number of topics and frames."""
@@ -54,14 +56,19 @@ class ClassRow(NamedTuple):
 class CameraRow(NamedTuple):
     """Calibration of a camera from its CameraInfo."""
 
-    side: str
+    name: str
     frame: str
     size: str
     fov: str
     horizontal_fov_deg: float
+    heading_deg: float
+    """Direction in which it looks, about z from the robot's x axis."""
+    is_pinhole: bool
     distortion: str
     k: tuple[tuple[str, ...], ...]
     p: tuple[tuple[str, ...], ...]
+    baseline: str
+    """Distance [m] from the left camera of its pair; empty for a left or a single camera."""
 
 
 class FrameRow(NamedTuple):
@@ -80,13 +87,18 @@ def key_figures(run: Run, summary: BagSummary) -> list[Figure]:
         if run.duration_s > 0:
             figures.append(Figure(f"{trajectory.length_m / run.duration_s:.2f}", "m/s", "mean speed"))
     counted = {
-        "stereo pairs": run.counts.get(table.photograph("left"), 0),
-        "LiDAR scans": run.counts.get(table.POINTS, 0),
+        "stereo pairs": _count(run, [i.topic_of("photograph") for i in run.rig.imagers if i.side == "left"]),
+        "single images": _count(run, [i.topic_of("photograph") for i in run.rig.imagers if not i.side]),
+        "LiDAR scans": _count(run, [lidar.topic for lidar in run.rig.lidars]),
         "labelled pixels": sum(int(counts[1:].sum()) for counts in summary.pixels.values()),
-        "labelled points": 0 if summary.points is None else int(summary.points[1:].sum()),
+        "labelled points": sum(int(counts[1:].sum()) for counts in summary.points.values()),
     }
     figures += [Figure(f"{count:,}", "", label) for label, count in counted.items() if count]
     return [*figures, Figure(*file_size(run.bag.stat().st_size), "bag")]
+
+
+def _count(run: Run, topics: Iterable[str]) -> int:
+    return sum(run.counts.get(topic, 0) for topic in topics)
 
 
 def about(run: Run, summary: BagSummary) -> dict[str, str]:
@@ -112,16 +124,17 @@ def about(run: Run, summary: BagSummary) -> dict[str, str]:
         if experiment.seconds is not None:
             found["Time limit"] = f"{experiment.seconds:g} s"
     found["Stamps"] = f"{run.start_ns / 1e9:.3f} s to {run.end_ns / 1e9:.3f} s"
-    if summary.first_fix is not None:
-        latitude, longitude, height = summary.first_fix
-        found["First fix"] = f"{fixed(latitude, 7)}°, {fixed(longitude, 7)}°, {fixed(height, 2)} m"
+    for sensor, (latitude, longitude, height) in summary.first_fixes.items():
+        term = f"First fix of {sensor}" if sensor else "First fix"
+        found[term] = f"{fixed(latitude, 7)}°, {fixed(longitude, 7)}°, {fixed(height, 2)} m"
     return found | {"Messages": f"{sum(run.counts.values()):,} in {len(run.counts)} topics"}
 
 
 def class_rows(summary: BagSummary) -> tuple[list[ClassRow], ClassRow | None]:
     """Rows of the classes with at least one pixel or point, and the sums; None if nothing was counted."""
-    pixels = sum(summary.pixels.values(), np.zeros(len(CLASSES), np.int64))
-    points = np.zeros(len(CLASSES), np.int64) if summary.points is None else summary.points
+    pixels, points = (
+        sum(counts.values(), np.zeros(len(CLASSES), np.int64)) for counts in (summary.pixels, summary.points)
+    )
     counted = [counts for counts in (pixels, points) if counts.any()]
     if not counted:
         return [], None
@@ -144,11 +157,11 @@ def _share(counts: Counts, label: int, longest: float) -> Share | None:
     return Share(int(counts[label]), percent(share, 2), round(100 * share / longest, 2))
 
 
-def camera_rows(run: Run) -> tuple[list[CameraRow], str]:
-    """Calibration of each camera that publishes it, and the baseline [m] as text; empty if not known."""
-    rows, baseline = [], ""
-    for side in table.SIDES:
-        if (topic := table.camera_info(side)) not in usable_topics(run)[0]:
+def camera_rows(run: Run) -> list[CameraRow]:
+    """Calibration of each view of a camera that publishes it."""
+    rows, usable = [], usable_topics(run)[0]
+    for imager in run.rig.imagers:
+        if (topic := imager.topic_of("camera_info")) not in usable:
             continue
         try:
             info = first_message(run, topic)
@@ -159,22 +172,24 @@ def camera_rows(run: Run) -> tuple[list[CameraRow], str]:
         angles = _fields_of_view(info, k, size)
         with np.errstate(divide="ignore", invalid="ignore"):
             distance = -p[0, 3] / p[0, 0]
+        known = imager.side == "right" and math.isfinite(distance) and distance
         coefficients = " ".join(f"{d:g}" for d in info.D[:12])
         rows.append(
             CameraRow(
-                side=side,
+                name=imager.name,
                 frame=shortened(info.header.frame_id),
                 size=f"{size[0]} {TIMES} {size[1]}",
                 fov=f"{angles[0]:.2f}° {TIMES} {angles[1]:.2f}°",
                 horizontal_fov_deg=float(angles[0]),
+                heading_deg=float(np.degrees(heading_of(imager))),
+                is_pinhole=not np.any(info.D) and info.distortion_model == "plumb_bob",
                 distortion=shortened(f"{info.distortion_model}, D = {coefficients}"),
                 k=_matrix(k),
                 p=_matrix(p),
+                baseline=f"{distance:.4f} m" if known else "",
             )
         )
-        if side == "right" and math.isfinite(distance) and distance:
-            baseline = f"{distance:.4f} m"
-    return rows, baseline
+    return rows
 
 
 def _fields_of_view(info: Any, k: Array, size: tuple[int, int]) -> tuple[float, float]:
@@ -233,7 +248,7 @@ def rpy_deg(rotation: Array) -> tuple[float, float, float]:
 
 def topic_rows(run: Run) -> list[tuple[str, str, int, str]]:
     """Name, type, count and rate of each topic; those that fieldtruth publishes come first."""
-    order = {topic.name: k for k, topic in enumerate(table.TOPICS)}
+    order = {topic.name: k for k, topic in enumerate(published(run))}
     return [
         (shortened(name), shortened(run.msgtypes[name].replace("/msg/", "/")), count, _rate(count, run.duration_s))
         for name, count in sorted(run.counts.items(), key=lambda item: (order.get(item[0], len(order)), item[0]))

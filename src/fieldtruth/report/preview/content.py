@@ -12,10 +12,10 @@ from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.progress import Progress
 from fieldtruth.drive.expected_path import expected_path, experiments_in, pose_on_ground, poses_along
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
+from fieldtruth.experiment.camera_config import Imager
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.render.bake import bake
+from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.render.camera import Camera, CameraImages
 from fieldtruth.report.drawing.aerial import Aerial, render_aerial
 from fieldtruth.report.drawing.cloud import Cloud
@@ -41,7 +41,7 @@ class Route(NamedTuple):
 
 
 class View(NamedTuple):
-    """Images of the left camera at a viewpoint: x, y [m] and heading [rad]."""
+    """Images of the camera of a sheet at a viewpoint: x, y [m] and heading [rad]."""
 
     viewpoint: Array  # (3,)
     images: CameraImages
@@ -56,6 +56,8 @@ class SheetContent:
     viewpoints: Array
     shares: ClassShares
     aerial: Aerial
+    camera: Imager | None
+    """The first view of the rig, that of ``views``; None for a rig without cameras."""
     views: tuple[View, ...]
     cloud: Cloud
 
@@ -98,27 +100,38 @@ def collect_content(
         shares = count_classes(scene, rig, poses, workers=workers)
     with progress.stage("render images"):
         aerial = render_aerial(baked, aerial_width)
-        camera, base_from_optical = Camera(rig.stereo, baked), rig.stereo.left.base_from_sensor @ CAMERA_FROM_OPTICAL
-        views = tuple(
-            View(viewpoints[row], camera.render(poses[row] @ base_from_optical))
-            for row in most_informative(shares.pixels, viewpoints[:, :2], VIEWS)
-        )
+        imager = next(iter(rig.imagers), None)
+        views = () if imager is None else _views(imager, baked, poses, viewpoints, shares)
     with progress.stage("scan"):
         cloud = _scan(scene, rig, poses[:: max(1, -(-len(poses) // SCANS))])
     return SheetContent(
-        world=world, routes=routes, viewpoints=viewpoints, shares=shares, aerial=aerial, views=views, cloud=cloud
+        world=world,
+        routes=routes,
+        viewpoints=viewpoints,
+        shares=shares,
+        aerial=aerial,
+        camera=imager,
+        views=views,
+        cloud=cloud,
     )
 
 
+def _views(
+    imager: Imager, baked: BakedScene, poses: Sequence[Array], viewpoints: Array, shares: ClassShares
+) -> tuple[View, ...]:
+    camera = Camera(imager.config, baked)
+    rows = most_informative(shares.pixels, viewpoints[:, :2], VIEWS)
+    return tuple(View(viewpoints[row], camera.render(poses[row] @ imager.base_from_optical)) for row in rows)
+
+
 def _scan(scene: Scene, rig: Rig, poses: Sequence[Array]) -> Cloud:
-    """Returns inside the edges of the world, from a scan at each pose world_from_base (4, 4)."""
-    lidar = Lidar(rig.lidar, scene)
+    """Returns inside the edges of the world, from a scan of each LiDAR at each pose world_from_base (4, 4)."""
+    lidars = [(Lidar(config, scene), config.mount.base_from_sensor) for config in rig.lidars]
     xyz, label = [np.zeros((0, 3))], [np.zeros(0, np.uint8)]
-    for pose in poses:
-        world_from_lidar = pose @ rig.lidar.mount.base_from_sensor
+    for lidar, world_from_lidar in ((lidar, pose @ mount) for pose in poses for lidar, mount in lidars):
         scan = lidar.scan(world_from_lidar)
         points = frames.transform(world_from_lidar, scan.xyz)
         inside = (np.abs(points[:, :2]) < np.array(scene.world.size) / 2).all(axis=1)
         xyz.append(points[inside])
         label.append(scan.label[inside])
-    return Cloud(xyz=np.concatenate(xyz), label=np.concatenate(label), scans=len(poses))
+    return Cloud(xyz=np.concatenate(xyz), label=np.concatenate(label), scans=len(poses) * len(lidars))

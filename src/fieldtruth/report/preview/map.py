@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.patheffects import AbstractPathEffect, withStroke
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.camera_config import CameraConfig
+from fieldtruth.experiment.camera_config import Imager
 from fieldtruth.report.drawing.aerial import Aerial
-from fieldtruth.report.drawing.geometry import arc, distance_along, sector
+from fieldtruth.report.drawing.geometry import arc, distance_along, heading_of, sector
 from fieldtruth.report.drawing.style import FONT, INK, RED, ROUTES
 from fieldtruth.report.preview.content import Route, SheetContent, View
 
@@ -22,7 +22,7 @@ _SCALE: Final = 10.0  # [m]
 _FIELD_OF_VIEW: Final = 4.5  # [m] that the sectors extend
 
 
-def draw_map(axes: Axes, content: SheetContent, lens: CameraConfig) -> None:
+def draw_map(axes: Axes, content: SheetContent) -> None:
     """Draw on axes whose unit is the pixel of the aerial view."""
     aerial = content.aerial
     for route in content.routes:
@@ -35,7 +35,8 @@ def draw_map(axes: Axes, content: SheetContent, lens: CameraConfig) -> None:
         _draw_arrows(axes, line, route.path, colour)
         _draw_start(axes, line[0], route, colour, aerial)
     for number, view in enumerate(content.views, 1):
-        _draw_viewpoint(axes, aerial, view, number, np.radians(lens.horizontal_fov_deg))
+        assert content.camera is not None
+        _draw_viewpoint(axes, aerial, view, number, content.camera)
     _draw_scale_and_north(axes, aerial)
 
 
@@ -80,8 +81,11 @@ def _draw_start(axes: Axes, start: Array, route: Route, colour: str, aerial: Aer
     _write(axes, column, row, route.name, 7.6, color=INK, bbox=plate, zorder=6)
 
 
-def _draw_viewpoint(axes: Axes, aerial: Aerial, view: View, number: int, fov: float) -> None:
-    outline = aerial.ground_pixels(sector(view.viewpoint, _FIELD_OF_VIEW, fov))
+def _draw_viewpoint(axes: Axes, aerial: Aerial, view: View, number: int, camera: Imager) -> None:
+    x, y, heading = view.viewpoint
+    seen = np.array([x, y, heading + heading_of(camera)])
+    fov = np.radians(camera.config.horizontal_fov_deg)
+    outline = aerial.ground_pixels(sector(seen, _FIELD_OF_VIEW, fov))
     axes.fill(*outline.T, facecolor="white", alpha=0.45, linewidth=0.0, zorder=3)
     badge(axes, outline[0, 0], outline[0, 1], number)
 

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.report.drawing.cloud import draw_cloud, looking
 from fieldtruth.report.drawing.geometry import distance_along
 from fieldtruth.report.drawing.style import MUTED, PIXELS, POINTS
@@ -44,8 +43,8 @@ def draw_sheet(content: SheetContent, pixels: int) -> NDArray[np.uint8]:
     paper = Paper(WIDTH, cloud_top + _CLOUD[1] + _EDGE, pixels)
     _write_title(paper, content.world)
     _write_heading(paper, _EDGE, _MAP_TOP, "Aerial view", _map_caption(content))
-    draw_map(paper.image_at(content.aerial.photo, _EDGE, _MAP_TOP, _INNER, aerial), content, StereoConfig())
-    _write_heading(paper, _EDGE, views_top, "Camera views", "left camera: photograph and class of each pixel")
+    draw_map(paper.image_at(content.aerial.photo, _EDGE, _MAP_TOP, _INNER, aerial), content)
+    _write_heading(paper, _EDGE, views_top, "Camera views", _views_caption(content))
     for number, view in enumerate(content.views, 1):
         left, photo = _EDGE + (number - 1) * (column + _GAP), view.images.photo
         axes = paper.image_at(photo, left, views_top, column, view_height)
@@ -79,6 +78,12 @@ def _map_caption(content: SheetContent) -> str:
         return "north is right"
     names = ", ".join(f"{route.name} {distance_along(route.path)[-1]:.0f} m" for route in content.routes)
     return f"north is right; routes ({names}) start at x, waypoints are circles of {WAYPOINT_RADIUS:.0f} m radius"
+
+
+def _views_caption(content: SheetContent) -> str:
+    if content.camera is None:
+        return "the rig has no camera"
+    return f"{content.camera.name} camera: photograph and class of each pixel"
 
 
 def _cloud_image(content: SheetContent, pixels: int) -> NDArray[np.uint8]:

@@ -15,7 +15,7 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.sense.beams import column_times_ns, ray_times_ns
+from fieldtruth.sense.beams import ray_times_ns, sweep_times_ns
 from fieldtruth.sense.lidar import Lidar, ray_directions
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, RebuiltWorld, at
@@ -56,6 +56,7 @@ In worlds whose ids do not fit into 16 bits ``instance`` is "<u4".
 _ROUNDING: Final = 1e-6
 """Share of a range by which single precision may exceed the limits."""
 _CLOCKS: Final = {"time": "<f4", "timestamp": "<f8"}
+_OF_MAKER: Final = {"ouster": {"reflectivity": "<u2", "ring": "|u1", "ambient": "<u2", "range": "<u4"}}
 _CLOCK_ROUNDING: Final = 1e-6
 """[s], which a double resolves for stamps of today, and single precision within a scan."""
 _RETURNS: Final = np.array([c.label is not Label.VOID and c.label not in NO_RETURN for c in CLASSES])
@@ -94,6 +95,7 @@ def _check_cloud(
     timed = {"t": "<u4"} if config.spinning or "t" in kinds else {}
     clock = config.time_field if config.spinning else None
     timed |= {clock: _CLOCKS[clock]} if clock else {}
+    timed |= _OF_MAKER[config.point_fields] if config.point_fields else {}
     wide = {"instance": "<u4"} if classes.has_wide_ids else {}
     whole = kinds == FIELDS | timed | wide and message.is_dense and not message.is_bigendian
     tally[LAYOUT].see(bool(whole), f"{where}: fields {', '.join(kinds)}")
@@ -113,6 +115,8 @@ def _check_cloud(
         tally[FINITE].see_all(np.asarray(np.isfinite(xyz).all(axis=-1)), lambda k: f"{row(k)}: {xyz[k]} m")
         if {"ring", "column"} <= kinds.keys():
             _check_rays(cloud, xyz, config, rays, row)
+    if whole and config.point_fields == "ouster":
+        _check_ouster(cloud, xyz, tally, rays, row)
     if whole and clock:
         start = read.stamp_ns(message.header) if clock == "timestamp" else 0
         due = (start + cloud["t"].astype(np.int64)) / 1e9
@@ -121,6 +125,16 @@ def _check_cloud(
     if whole:
         real = np.flatnonzero(cloud["label"] < N_CLASSES)
         classes.see(cloud["instance"][real], cloud["label"][real], lambda k: row(int(real[k])))
+
+
+def _check_ouster(cloud: NDArray[np.void], xyz: Array, tally: Tally, rays: Tally, row: Callable[[int], str]) -> None:
+    dark = (cloud["reflectivity"] == cloud["label"]) & (cloud["ambient"] == 0)
+    tally[INTENSITY].see_all(
+        dark, lambda k: f"{row(k)}: reflectivity {cloud['reflectivity'][k]}, ambient {cloud['ambient'][k]}"
+    )
+    range_mm = 1000.0 * np.linalg.norm(xyz, axis=-1)
+    near = np.abs(cloud["range"] - range_mm) < 0.5 + 1e-6  # an integer
+    rays[RANGE].see_all(near, lambda k: f"{row(k)}: range {cloud['range'][k]} mm, point at {range_mm[k]:.3f} mm")
 
 
 def _check_rays(
@@ -160,9 +174,16 @@ def _times(config: LidarConfig) -> NDArray[np.int64]:
 
 
 @cache
-def _column_times(config: LidarConfig) -> list[int]:
-    """Times [ns] after a scan's stamp at which its columns leave; one for all if the LiDAR does not spin."""
-    return [int(t) for t in column_times_ns(config)] if config.spinning else [0]
+def _sweep_times(config: LidarConfig) -> list[int]:
+    """Times [ns] after a scan's stamp at which its columns begin and the last one ends; 0 if the LiDAR stands."""
+    return [int(t) for t in sweep_times_ns(config)] if config.spinning else [0]
+
+
+@cache
+def _lag(config: LidarConfig) -> Array:
+    """Share (rings,) of a column's time after which each ring fires."""
+    offsets = np.array(config.firing_offsets_ns or (0,) * config.rings)
+    return offsets * (1e-9 * config.rate_hz * config.columns)
 
 
 class RetracedClouds(Checker):
@@ -178,21 +199,21 @@ class RetracedClouds(Checker):
 
     def see(self, raw: RawMessage, message: Any) -> None:
         """Process a message."""
-        end = raw.stamp_ns + _column_times(self._configs[raw.topic])[-1]
+        end = raw.stamp_ns + _sweep_times(self._configs[raw.topic])[-1]
         self._context.motion.when_known(end, lambda: self._submit(raw, message))
 
     def _submit(self, raw: RawMessage, message: Any) -> None:
         config, state = self._configs[raw.topic], self._context.motion.state
-        base_from_lidar, stamps = config.mount.base_from_sensor, [raw.stamp_ns + t for t in _column_times(config)]
+        base_from_lidar, stamps = config.mount.base_from_sensor, [raw.stamp_ns + t for t in _sweep_times(config)]
         poses = np.stack([state(stamp).world_from_base @ base_from_lidar for stamp in stamps])
         # The last scan of a spinning LiDAR is completed after the end of the bag, where no pose is known.
         known = np.searchsorted(stamps, self._context.motion.motion.stamps_ns[-1], "right")
         seed = raw.stamp_ns if self._sampler.takes(raw.stamp_ns, config.name) else None
-        columns = known if len(poses) > 1 else config.columns
+        columns = min(known - 1, config.columns) if len(poses) > 1 else config.columns
         self._context.jobs.append(lambda: self._compare(raw, message, poses, columns, seed))
 
     def _compare(self, raw: RawMessage, message: Any, poses: Array, columns: int, seed: int | None) -> list[Tally]:
-        """Scan again from a pose for each column (n, 4, 4), or from one for all (1, 4, 4); compare some columns."""
+        """Scan again from poses as ``Lidar.scan`` takes them, or from one (1, 4, 4); compare the first ``columns``."""
         config = self._configs[raw.topic]
         try:
             cloud = read.points(message)
@@ -212,7 +233,9 @@ class RetracedClouds(Checker):
 
         def reading(k: int) -> RayReading:
             column, ring = divmod(k, config.rings)
-            pose = poses[column % len(poses)]
+            pose = poses[0]
+            if len(poses) > 1:
+                pose = poses[column] + _lag(config)[ring] * (poses[column + 1] - poses[column])
             range_m = float(np.linalg.norm(bag.xyz[k].astype(np.float64)))
             return RayReading(
                 f"{at(raw)}, column {column}, ring {ring}", pose[:3, 3], pose[:3, :3] @ _directions(config)[k],

@@ -1,0 +1,74 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Sub-command for the robot and its sensors: rig."""
+
+import argparse
+from pathlib import Path
+from typing import Final
+
+from fieldtruth.cli.arguments import AddCommand, UsageError
+from fieldtruth.core.errors import UnknownNameError
+
+_ENDINGS: Final = {"tree": (".txt", ".md"), "urdf": (".urdf", ".xml"), "camchain": (".yaml", ".yml")}
+_EXAMPLES: Final = """\
+examples:
+  fieldtruth rig park_1                                  the tree of its frames and a table of its sensors
+  fieldtruth rig park_1 --preview                        park_1_rig.png: fields of view, blind spots
+  fieldtruth rig my.yaml --to urdf --out robot.urdf      for RViz and robot_state_publisher
+  fieldtruth rig my.yaml --to camchain                   the cameras for Kalibr
+"""
+
+
+def _rig(options: argparse.Namespace) -> None:
+    if options.to is not None and options.preview:
+        raise UsageError("give either --to or --preview")
+    if options.to not in (None, *_ENDINGS):
+        raise UnknownNameError("format", options.to, _ENDINGS)
+    if options.preview:
+        _preview(options)
+        return
+    from fieldtruth.experiment.files import load_experiment
+    from fieldtruth.report.image_file import check_output_path
+
+    if options.out is not None:
+        check_output_path(options.out, _ENDINGS[options.to or "tree"], overwrite=options.overwrite)
+    rig = load_experiment(options.experiment).rig
+    from fieldtruth.core.files import output_errors, write_atomically
+    from fieldtruth.report.rig import FORMATS, sensor_table
+
+    text = FORMATS[options.to](rig) if options.to is not None else f"{FORMATS['tree'](rig)}\n{sensor_table(rig)}"
+    if options.out is None:
+        print(text, end="")
+        return
+    with output_errors(options.out):
+        write_atomically(options.out, text)
+    print(f"{options.out}: {len(text.splitlines())} lines")
+
+
+def _preview(options: argparse.Namespace) -> None:
+    from fieldtruth.experiment.files import load_experiment
+    from fieldtruth.report.image_file import IMAGE_ENDINGS, check_output_path, write_image
+
+    experiment = load_experiment(options.experiment)
+    path = options.out if options.out is not None else Path(f"{experiment.name}_rig.png")
+    check_output_path(path, IMAGE_ENDINGS, overwrite=options.overwrite)
+    # After the checks: the drawing library takes a second to load.
+    from fieldtruth.report.rig.picture import draw_rig
+
+    picture = draw_rig(experiment.rig, experiment.name)
+    write_image(path, picture, overwrite=options.overwrite)
+    print(f"{path}: {picture.shape[1]} x {picture.shape[0]} pixels, {path.stat().st_size / 1e6:.1f} MB")
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Arguments
+
+
+def add_commands(command: AddCommand) -> None:
+    """Add the sub-command."""
+    rig = command("rig", _rig, "Show the robot's frames and sensors, or write them for other tools.", _EXAMPLES)
+    rig.add_argument("experiment", metavar="EXPERIMENT", help="name from `fieldtruth list`, or a YAML file")
+    rig.add_argument("--to", metavar="FORMAT", help="tree, urdf or camchain (the tree and a table of the sensors)")
+    rig.add_argument("--preview", action="store_true", help="draw the robot, its fields of view and its blind spots")
+    rig.add_argument("--out", metavar="FILE", type=Path, help="file (NAME_rig.png with --preview, else the terminal)")
+    rig.add_argument("--overwrite", action="store_true", help="replace an existing file")

@@ -1,0 +1,161 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""What the cameras and LiDARs of a rig see of flat ground around the robot, and where they are blind."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from fieldtruth.core import frames, lenses
+from fieldtruth.core.arrays import Array, Mask
+from fieldtruth.experiment.camera_config import CameraConfig
+from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.report.rig import body
+from fieldtruth.sense.beams import ring_elevations
+
+HALF: Final = 10.0
+"""Distance [m] from base_link to the sides of the ground that is looked at."""
+STEP: Final = 0.05  # [m] between its points
+AZIMUTHS: Final = 720
+"""Rays of a ring."""
+_ROUNDING: Final = 1e-9  # [rad], so that a beam's own points count
+_PIXELS: Final = 97  # rays along the longer side of an image, borders included
+
+
+@dataclass(frozen=True)
+class Eye:
+    """A LiDAR or one view of a camera: its name, and its pose (4, 4), of a view that of the optical frame."""
+
+    name: str
+    config: LidarConfig | CameraConfig
+    base_from_eye: Array
+
+    @property
+    def position(self) -> Array:
+        """In base_link, (3,) [m]."""
+        return self.base_from_eye[:3, 3]
+
+    @property
+    def nearest(self) -> float:
+        """Range [m] from which it sees."""
+        return self.config.min_range if isinstance(self.config, LidarConfig) else 0.0
+
+    @property
+    def farthest(self) -> float:
+        """Range [m] up to which it sees."""
+        return self.config.max_range if isinstance(self.config, LidarConfig) else self.config.far
+
+    @property
+    def is_lidar(self) -> bool:
+        """Whether it is a LiDAR."""
+        return isinstance(self.config, LidarConfig)
+
+    def sees(self, points_base: Array) -> Mask:
+        """Which of the points (n, 3) [m] in base_link are in its field of view and range; nothing hides any.
+
+        The field of view of a LiDAR has all elevations from its lowest to its highest beam.
+        """
+        points = frames.transform(frames.inverse(self.base_from_eye), points_base)
+        distance = np.linalg.norm(points, axis=1)
+        near, config = (distance >= self.nearest) & (distance <= self.farthest), self.config
+        if isinstance(config, LidarConfig):
+            elevation, beams = np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1])), ring_elevations(config)
+            return np.asarray(near & (elevation >= beams.min() - _ROUNDING) & (elevation <= beams.max() + _ROUNDING))
+        u, v = (lenses.project(config.projection, points) + 0.5).T  # 0: the outer border of the first pixel
+        ahead = points[:, 2] > 0.0 if config.projection.model in lenses.FLAT else True
+        inside = (u >= 0.0) & (u <= config.width) & (v >= 0.0) & (v <= config.height)
+        return np.asarray(inside & ahead & near)
+
+    def rays(self) -> Array:
+        """Unit directions in base_link: all rings at ``AZIMUTHS`` (rings, azimuths, 3), or over the image (n, m, 3).
+
+        The outermost ones of an image are at the borders of its pixels; NaN where a lens has no ray.
+        """
+        config = self.config
+        if isinstance(config, LidarConfig):
+            elevation = ring_elevations(config)[:, None]
+            azimuth = np.linspace(-np.pi, np.pi, AZIMUTHS)[None]
+            level, up = np.cos(elevation), np.broadcast_to(np.sin(elevation), (len(elevation), AZIMUTHS))
+            rays = np.stack([np.cos(azimuth) * level, np.sin(azimuth) * level, up], axis=-1)
+        else:
+            longer = max(config.width, config.height)
+            u, v = (
+                np.linspace(-0.5, side - 0.5, max(3, _PIXELS * side // longer))
+                for side in (config.width, config.height)
+            )
+            rays = lenses.directions(config.projection, u, v[:, None])
+        return np.asarray(rays @ self.base_from_eye[:3, :3].T)
+
+
+def eyes_of(rig: Rig) -> tuple[Eye, ...]:
+    """Return the LiDARs and views of a rig that are enabled."""
+    lidars = tuple(Eye(each.name, each, each.mount.base_from_sensor) for each in rig.lidars)
+    return (*lidars, *(Eye(each.name, each.config, each.base_from_optical) for each in rig.imagers))
+
+
+def ground_hits(eye: Eye, height: float) -> Array:
+    """Points of its rays, shaped as these, on ground at ``height`` [m] in base_link; NaN above and out of range."""
+    rays = eye.rays()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = (height - eye.position[2]) / rays[..., 2]
+        reached = (distance > 0.0) & (distance >= eye.nearest) & (distance <= eye.farthest)
+        points = eye.position + rays * distance[..., None]
+    return np.asarray(np.where(reached[..., None], points, np.nan))
+
+
+def nearest_ground(eye: Eye, height: float) -> float:
+    """Horizontal distance [m] from an eye to the nearest ground that it sees; NaN if it sees none.
+
+    Of an upright LiDAR this is the radius of its blind circle.
+    """
+    x, y, _ = np.moveaxis(ground_hits(eye, height) - eye.position, -1, 0)
+    distance = np.hypot(x, y)
+    return float(np.nanmin(distance)) if np.isfinite(distance).any() else float("nan")
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """Ground points at all pairs of ``axis`` (n,) [m], in x and y of base_link, and who sees them."""
+
+    axis: Array
+    eyes: tuple[Eye, ...]
+    in_view: Mask
+    """(eyes, n, n), by eye, y and x."""
+    hidden: Mask
+    """(eyes, n, n): the robot itself is between. Simulated sensors do not see the robot, real ones do."""
+
+    def seen(self, lidar: bool) -> Mask:
+        """Points (n, n) that a LiDAR sees, or a camera."""
+        chosen = [eye.is_lidar == lidar for eye in self.eyes]
+        return np.asarray((self.in_view & ~self.hidden)[chosen].any(axis=0))
+
+
+def ground_coverage(rig: Rig, half: float = HALF, step: float = STEP) -> Coverage:
+    """Look at flat ground, ``half`` [m] to each side, from all eyes of a rig."""
+    axis = np.linspace(-half, half, 2 * round(half / step) + 1)
+    x, y = (each.ravel() for each in np.meshgrid(axis, axis))
+    points = np.column_stack([x, y, np.full(x.shape, body.ground_height(rig))])
+    boxes = [body.chassis(rig), *(wheel.box for wheel in body.wheels(rig))]
+    eyes, shape = eyes_of(rig), (len(axis), len(axis))
+    in_view, hidden = np.zeros((2, len(eyes), *shape), np.bool_)
+    for k, eye in enumerate(eyes):
+        seen = eye.sees(points)
+        in_view[k] = seen.reshape(shape)
+        behind = np.zeros(len(points), np.bool_)
+        for box in boxes:
+            behind[seen] |= _crosses(box, eye.position, points[seen])
+        hidden[k] = behind.reshape(shape)
+    return Coverage(axis, eyes, in_view, hidden)
+
+
+def _crosses(box: body.Box, start: Array, ends: Array) -> Mask:
+    """Which segments from ``start`` (3,) to ``ends`` (n, 3) cross a box; none if it contains the start."""
+    low, high = box.centre - box.size / 2, box.centre + box.size / 2
+    if ((low < start) & (start < high)).all():
+        return np.zeros(len(ends), np.bool_)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        first, second = (low - start) / (ends - start), (high - start) / (ends - start)
+    enter, leave = np.nanmax(np.minimum(first, second), axis=1), np.nanmin(np.maximum(first, second), axis=1)
+    return np.asarray((enter < leave) & (leave > 0.0) & (enter < 1.0 - 1e-9))

@@ -1,0 +1,149 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Data files of the sensors by name: each figure has a source, is allowed, and is what the documents state."""
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fieldtruth.core.errors import ConfigurationError, UnknownNameError
+from fieldtruth.experiment.files import parse_experiment
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.sensor_config import KINDS, SensorConfig
+from fieldtruth.experiment.sensor_models import TITLES, figures_of, list_models, models
+
+ROUTE = "route: {start: [49.9, 8.9], waypoints: [[49.9001, 8.9]]}"
+PAGE = (Path(__file__).parents[2] / "docs" / "sensors.md").read_text(encoding="utf-8")
+MODELS = [(kind, name) for kind in TITLES for name in list_models(kind)]
+NOT_KEYS = {"lidar": {"firing_cycle_ns"}, "camera": {"baseline"}}
+"""Figures that are not keys of a kind: a LiDAR's columns follow from it, and a single camera ignores it."""
+NOISE = {
+    "imu": r"(gyroscope|accelerometer)_(range|noise_density|bias_instability|random_walk)_\w+",
+    "gnss": r"(horizontal|vertical)_(single|sbas|rtk)_(cep|r50|sigma)_m|velocity_rms_m_s",
+    "wheel_odometry": "counts_per_revolution",
+    "lidar": "range_noise_m",
+}
+"""Names of the errors of a sensor, with their units."""
+
+
+def sensor(kind: str, **values: Any) -> SensorConfig:
+    """The sensor of a rig with one."""
+    own = {} if kind == "wheel_odometry" else {"mount": {"xyz": [0, 0, 2]}}
+    return Rig.model_validate({"sensors": [{"kind": kind, "name": "own", **own, **values}]}).sensors[0]
+
+
+@pytest.mark.parametrize(("kind", "name"), MODELS)
+def test_every_figure_has_a_source(kind: str, name: str) -> None:
+    model = models(kind)[name]
+    assert model.keys() - {"noise", "stored"} == {"description", "figures"}
+    assert model["figures"].keys() - NOT_KEYS.get(kind, set()) <= KINDS[kind].model_fields.keys()
+    for block in model.keys() - {"description"}:
+        for key, figure in model[block].items():
+            assert figure.keys() == {"value", "source"}, key
+            assert len(figure["source"]) > 10, key
+            assert figure["source"] == " ".join(figure["source"].split()), key
+
+
+@pytest.mark.parametrize(("kind", "name"), [*MODELS, *(("stereo", name) for name in list_models("camera"))])
+def test_every_model_gives_its_figures_to_a_sensor_of_any_name(kind: str, name: str) -> None:
+    own = sensor(kind, model=name).model_dump(mode="json")
+    figures = figures_of(kind, name)
+    assert figures
+    for key in figures.keys() - NOT_KEYS.get(kind, set()):
+        given = figures[key] | {k: v for k, v in own[key].items() if k not in figures[key]} if key == "lens" else None
+        assert own[key] == (figures[key] if given is None else given)
+    assert sensor(kind, model=name, rate_hz=12.0).rate_hz == 12.0
+
+
+@pytest.mark.parametrize(("kind", "name"), [(k, n) for k, n in MODELS if "noise" in models(k)[n]])
+def test_noise_is_stored_with_its_units(kind: str, name: str) -> None:
+    for key, figure in models(kind)[name]["noise"].items():
+        assert re.fullmatch(NOISE[kind], key), key
+        values = figure["value"] if isinstance(figure["value"], list) else [figure["value"]]
+        assert all(value > 0 for value in values), key
+
+
+def test_there_are_models_of_every_kind() -> None:
+    assert {"3dm_gx5_25", "vn_100", "mti_630", "bmi088", "adis16470"} <= set(list_models("imu"))
+    assert {"neo_m8n", "zed_f9p", "duro"} <= set(list_models("gnss"))
+    assert {"husky_a200", "encoder_1024"} <= set(list_models("wheel_odometry"))
+    wanted = {
+        "zed_2",
+        "zed_x",
+        "realsense_d435i",
+        "realsense_d455",
+        "blackfly_s_6mm",
+        "oak_d",
+        "fisheye_190",
+        "panorama",
+    }
+    assert wanted <= set(list_models("camera"))
+
+
+def test_the_noise_of_imus_agrees_with_the_random_walk_that_is_stated_beside_it() -> None:
+    """A random walk [deg/sqrt(h)] is 60 times the density [deg/s/sqrt(Hz)] of white noise; sheets round both."""
+    noise = {key: figure["value"] for key, figure in models("imu")["adis16470"]["noise"].items()}
+    walk = 60.0 * noise["gyroscope_noise_density_deg_s_sqrt_hz"]
+    assert walk == pytest.approx(noise["gyroscope_random_walk_deg_sqrt_h"], rel=0.45)
+    walk = 60.0 * 9.80665e-6 * noise["accelerometer_noise_density_ug_sqrt_hz"]
+    assert walk == pytest.approx(noise["accelerometer_random_walk_m_s_sqrt_h"], rel=0.65)
+
+
+def test_the_counts_of_the_husky_are_its_78000_ticks_per_metre() -> None:
+    counts = models("wheel_odometry")["husky_a200"]["noise"]["counts_per_revolution"]["value"]
+    assert counts == round(78_000 * 2 * math.pi * 0.1651)
+
+
+@pytest.mark.parametrize(
+    ("item", "message"),
+    [
+        ("{kind: imu, name: a, model: vn100, mount: {xyz: [0, 0, 2]}}", "imu, nearest first: vn_100, .*; got 'vn100'"),
+        ("{kind: gnss, name: a, model: f9p, mount: {xyz: [0, 0, 2]}}", "gnss, nearest first: zed_f9p, .*; got 'f9p'"),
+        ("{kind: camera, name: a, model: vlp_16, mount: {xyz: [0, 0, 2]}}", "camera, nearest first: .*; got 'vlp_16'"),
+        ("{kind: wheel_odometry, model: husky}", "wheel_odometry, nearest first: husky_a200, .*; got 'husky'"),
+    ],
+)
+def test_an_unknown_model_is_named_by_its_key(item: str, message: str) -> None:
+    text = f"{{name: a, environment: park, {ROUTE}, rig: {{sensors: [{{kind: gnss}}, {item}]}}}}"
+    with pytest.raises(
+        ConfigurationError, match=rf"^a\.yaml: rig\.sensors\[1\]\.model must be a model of kind {message}$"
+    ):
+        parse_experiment(text, "a.yaml")
+
+
+def test_names_of_another_kind_are_unknown() -> None:
+    with pytest.raises(UnknownNameError, match="unknown model of kind imu 'vlp_16'"):
+        figures_of("imu", "vlp_16")
+    assert list_models("radar") == {}
+
+
+def row_of(name: str) -> list[str]:
+    """Cells of the row of a model in the documents, after its name."""
+    [row] = re.findall(rf"^\| `{name}` \|(.*)\|$", PAGE, re.M)
+    return [cell.strip() for cell in row.split("|")]
+
+
+@pytest.mark.parametrize("name", list_models("lidar"))
+def test_the_documents_state_the_figures_of_a_lidar(name: str) -> None:
+    config: Any = sensor("lidar", model=name)
+    _, rings, elevations, columns, limits, *_ = row_of(name)
+    first, last = config.elevations_deg[0], config.elevations_deg[-1]
+    assert rings == f"{config.rings}, ring 0 {'highest' if first > last else 'lowest'}"
+    stated = [float(number) for number in re.findall(r"-?[\d.]+", elevations)]
+    assert stated == pytest.approx([first, last], abs=0.06)
+    assert columns == str(config.columns)
+    assert limits == f"{config.min_range:g} to {config.max_range:g}"
+
+
+@pytest.mark.parametrize(("kind", "name"), [(k, n) for k, n in MODELS if k in ("imu", "gnss", "wheel_odometry")])
+def test_the_documents_state_rates_and_noise(kind: str, name: str) -> None:
+    product, rate, *noise = row_of(name)
+    config = sensor(kind, model=name)
+    assert product in list_models(kind)[name]
+    assert rate == f"{config.rate_hz:g}"
+    stored = [figure["value"] for figure in models(kind)[name]["noise"].values()]
+    values = [f"{v:g}" for value in stored for v in (value if isinstance(value, list) else [value])]
+    assert sorted(re.findall(r"\d+(?:\.\d+)?", " ".join(noise))) == sorted(v for v in values)

@@ -1,0 +1,60 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A short run of a rig with many sensors: driven on flat ground, with fake LiDARs and cameras, in three seconds."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from drive_worlds import make_experiment, make_world
+from many_sensors import many_rig
+from numpy.typing import NDArray
+from record_fakes import FakeCamera, FakeImages, FakeLidar, FakeScan, FakeScene
+
+from fieldtruth.experiment.files import dump_experiment, load_experiment
+
+SECONDS = 0.6
+
+
+class _Lidar(FakeLidar):
+    """Its instances are rows of /gazebo/model_states, which has robot and ground only; times are within a turn."""
+
+    def scan(self, world_from_lidar: NDArray[Any]) -> FakeScan:
+        scan = super().scan(world_from_lidar.reshape(-1, 4, 4)[0])  # the first of those of a spinning LiDAR
+        return replace(scan, instance=scan.instance // 600 % 2, t_ns=scan.t_ns // 10**5)
+
+
+class _Camera(FakeCamera):
+    """Its instances are rows of /gazebo/model_states."""
+
+    def render(self, world_from_optical: NDArray[Any]) -> FakeImages:
+        images = super().render(world_from_optical)
+        return replace(images, instance=images.instance // 300 % 2)
+
+
+def record_many(folder: Path) -> Path:
+    """Record a run in ``folder``, and return its folder; images and clouds depend on the poses of their sensors."""
+    from fieldtruth import pipeline
+    from fieldtruth.record import sensors
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pipeline, "world_of", lambda experiment: replace(make_world(), object_names=("husky", "ground")))
+        patch.setattr(sensors, "Scene", FakeScene)
+        patch.setattr(sensors, "bake", lambda scene, light: scene)
+        patch.setattr(sensors, "Lidar", _Lidar)
+        patch.setattr(sensors, "Camera", _Camera)
+        experiment = make_experiment([(5.0, 2.0)], name="many", environment="park", seconds=SECONDS, rig=many_rig())
+        return pipeline.generate(experiment, folder).parent
+
+
+def with_sensors(run: Path, folder: Path, *names: str) -> Path:
+    """Copy a run, as if its rig had only these sensors, in this order; return the new folder."""
+    folder.mkdir(parents=True)
+    shutil.copy(run / "many.bag", folder)
+    experiment = load_experiment(run / "experiment.yaml")
+    of_name = {sensor.name: sensor for sensor in experiment.rig.sensors}
+    rig = experiment.rig.model_copy(update={"sensors": tuple(of_name[name] for name in names)})
+    (folder / "experiment.yaml").write_text(dump_experiment(experiment.model_copy(update={"rig": rig})))
+    return folder
