@@ -41,7 +41,7 @@ IN_TABLE_2: Final = (GnssConfig, LidarConfig, CameraConfig, ImuConfig)
 class Rig(Frozen):
     """The robot with its sensors."""
 
-    also: ClassVar = (*SECTIONS, *ROBOT_SECTIONS, URDF)
+    also: ClassVar = (*SECTIONS, URDF, *ROBOT_SECTIONS)
 
     robot: Annotated[
         RobotConfig, Field(description="a name from `fieldtruth list robots`, or a mapping with the key model")
