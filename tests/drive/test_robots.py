@@ -26,6 +26,7 @@ from fieldtruth.experiment.files import dump_experiment, parse_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
 from fieldtruth.experiment.robot_models import list_robots, robot_data, robot_names
+from fieldtruth.gazebo.robot.parts import check_rig
 from fieldtruth.world.model import World
 
 ROBOTS = pytest.mark.parametrize("name", robot_names())
@@ -287,3 +288,9 @@ def test_speeds_follow_the_robot() -> None:
                 parse_experiment(text(lines))
         else:
             assert parse_experiment(text(lines)).control.speed == limits[name]
+
+
+def test_a_package_for_gazebo_refuses_a_robot_with_two_wheels() -> None:
+    check_rig(rig_of("warthog"))
+    with pytest.raises(ConfigurationError, match=r"^rig\.robot\.drive must be skid_steer: "):
+        check_rig(rig_of("generic_differential"))
