@@ -66,6 +66,19 @@ def test_left_and_right_are_mount_and_baseline() -> None:
     assert pair.left.xyz == pytest.approx((0.3, 0.2, 0.5), abs=1e-15)
 
 
+def test_one_side_of_a_pair_leaves_the_other_where_it_is() -> None:
+    low = {"kind": "stereo", "baseline": 0.2, "mount": {"xyz": [0.3, 0.0, 0.5], "rpy_deg": [0, 90, 0]}}
+    rig = parsed({"sensors": [low], "cameras": {"left": {"xyz": [0.3, 0.3, 0.5], "rpy_deg": [0, 90, 0]}}})
+    assert rig.stereo.right.xyz == pytest.approx((0.3, -0.1, 0.5), abs=1e-15)
+    assert rig.stereo.baseline == pytest.approx(0.4)
+
+
+def test_a_model_beside_a_list_keeps_what_no_model_says() -> None:
+    item = {"kind": "stereo", "depth": True, "width": 640, "jpeg_quality": 80}
+    pair = parsed({"sensors": [item], "cameras": {"model": "realsense_d435i"}}).stereo
+    assert (pair.depth, pair.jpeg_quality, pair.width, pair.baseline) == (True, 80, 1280, 0.05)
+
+
 def test_a_model_gives_a_pair_its_baseline_and_a_named_sensor_its_figures() -> None:
     assert parsed({"cameras": {"model": "realsense_d435i"}}).stereo.baseline == 0.05
     rig = parsed({"sensors": [lidar(model="vlp_16", max_range=50)]})

@@ -69,8 +69,9 @@ def _is_change(value: Any, known: Any) -> bool:
     return isinstance(value, Mapping) and isinstance(known, Mapping)
 
 
-_IDENTITY: Final = ("kind", "name", "enabled", "topic", "frame", "forward", "mount")
-"""What of a sensor its model does not say."""
+_OWN: Final = ("kind", "name", "enabled", "topic", "frame", "forward", "mount", "sampling", "far", "depth", "instances",
+               "jpeg_quality", "tachometer_rate_hz")  # fmt: skip
+"""What of a sensor no model says."""
 
 
 def with_sections(given: Mapping[str, Any]) -> dict[str, Any]:
@@ -98,7 +99,7 @@ def _changed(items: list[Any], key: str, section: Any) -> list[Any]:
         return [*items[:at], section, *items[at + 1 :]]
     own = items[at].model_dump(exclude_unset=True) if isinstance(items[at], SensorConfig) else items[at]
     if change.get("model") is not None:  # its figures replace those of the item
-        own = {name: value for name, value in own.items() if name in _IDENTITY}
+        own = {name: value for name, value in own.items() if name in _OWN}
     return [*items[:at], part(KINDS[kind], {**own, **change}, key), *items[at + 1 :]]
 
 

@@ -15,10 +15,6 @@ from fieldtruth.experiment.sensor_config import SensorName, TopicName, part
 
 SIDES: Final[tuple[Literal["left", "right"], ...]] = ("left", "right")
 
-PAPER_SIDES: Final = {
-    side: Mount(xyz=(0.15, y, 0.720), rpy_deg=(0.0, 90.0, 0.0)) for side, y in (("left", 0.06), ("right", -0.06))
-}
-
 
 class StereoConfig(CameraConfig):
     """Two identical cameras side by side; by default the paper's ZED 2.
@@ -53,7 +49,8 @@ class StereoConfig(CameraConfig):
         """Take mount and baseline from ``left`` and ``right``, if these are given."""
         if not isinstance(given, Mapping) or not {"left", "right"} & given.keys():
             return given
-        left, right = (part(Mount, given.get(side, PAPER_SIDES[side]), side) for side in SIDES)
+        own = cls.model_validate({key: given[key] for key in ("mount", "baseline") if key in given})
+        left, right = (part(Mount, given.get(side, getattr(own, side)), side) for side in SIDES)
         return {key: value for key, value in given.items() if key not in SIDES} | _between(left, right)
 
     @classmethod
