@@ -12,7 +12,7 @@ import yaml
 from fieldtruth import cli, load_experiment
 from fieldtruth.report.rig import FORMATS, sensor_table
 
-SENSOR = "[{kind: camera, name: eye, frame: eye}]"
+SENSOR = "[{kind: camera, name: view, frame: view}]"
 
 
 @pytest.fixture(autouse=True)
@@ -89,10 +89,10 @@ def test_the_urdf_that_it_writes_can_be_named_in_an_experiment(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     assert cli.main(["rig", "park_1", "--to", "urdf", "--out", "robot.urdf"]) == 0
-    sensors = [{"kind": "camera", "name": "eye", "frame": "GNSS_link"}]
+    sensors = [{"kind": "camera", "name": "view", "frame": "GNSS_link"}]
     values = {"name": "own", "environment": "park", "frames": {"count": 1}}
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(values | {"rig": {"urdf": "robot.urdf", "sensors": sensors}}))
     capsys.readouterr()
     assert cli.main(["rig", "own.yaml", "--to", "tree"]) == 0
     [line] = [line for line in capsys.readouterr().out.splitlines() if line.split()[0] == "GNSS_link"]
-    assert line.split() == ["GNSS_link", "0.1", "0", "0.89", "0", "0", "0", "camera", "eye"]
+    assert line.split() == ["GNSS_link", "0.1", "0", "0.89", "0", "0", "0", "camera", "view"]

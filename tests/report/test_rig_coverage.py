@@ -13,18 +13,18 @@ from fieldtruth.core import lenses
 from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.report.rig import body
-from fieldtruth.report.rig.coverage import Eye, eyes_of, ground_coverage, ground_hits, nearest_ground
+from fieldtruth.report.rig.coverage import SensorView, ground_coverage, ground_hits, nearest_ground, sensor_views
 from fieldtruth.report.rig.picture import draw_rig, ground_classes
 from fieldtruth.sense.lidar import ray_directions
 
 
 def rig_of(**sensor: Any) -> Rig:
-    return Rig.model_validate({"sensors": [{"name": "eye"} | sensor]})
+    return Rig.model_validate({"sensors": [{"name": "view"} | sensor]})
 
 
-def only_eye(rig: Rig) -> Eye:
-    [eye] = eyes_of(rig)
-    return eye
+def only_eye(rig: Rig) -> SensorView:
+    [view] = sensor_views(rig)
+    return view
 
 
 @pytest.mark.parametrize("height", [0.5, 0.826, 2.0])
@@ -43,16 +43,16 @@ def test_the_blind_circle_of_a_lidar_has_the_radius_of_its_lowest_beam(height: f
 def test_rings_of_the_plan_are_where_the_rays_of_the_scan_meet_the_ground() -> None:
     rig = many_rig()
     ground = body.ground_height(rig)
-    for lidar, eye in zip(rig.lidars, eyes_of(rig), strict=False):
-        origin, rays = eye.position, ray_directions(lidar) @ eye.base_from_eye[:3, :3].T
+    for lidar, view in zip(rig.lidars, sensor_views(rig), strict=False):
+        origin, rays = view.position, ray_directions(lidar) @ view.base_from_sensor[:3, :3].T
         down = rays[rays[..., 2] < -0.1]
         hits = origin + down * ((ground - origin[2]) / down[:, 2])[:, None]
         hits = hits[np.linalg.norm(hits - origin, axis=1) > lidar.min_range]
-        assert eye.sees(hits).all()
-        found = ground_hits(eye, ground)
+        assert view.sees(hits).all()
+        found = ground_hits(view, ground)
         assert np.nanmax(np.abs(found[..., 2] - ground)) < 1e-9
         nearest = np.hypot(*(hits - origin)[:, :2].T).min()
-        assert nearest_ground(eye, ground) == pytest.approx(nearest, rel=1e-2)
+        assert nearest_ground(view, ground) == pytest.approx(nearest, rel=1e-2)
 
 
 @pytest.mark.parametrize("pitch", [0.0, 20.0, 60.0])
@@ -69,18 +69,18 @@ def test_a_camera_sees_the_ground_between_its_lower_and_upper_border(pitch: floa
 
 
 def test_fields_of_view_end_where_the_rays_of_the_image_do() -> None:
-    for eye in eyes_of(many_rig()):
-        rays, config = eye.rays(), eye.config
+    for view in sensor_views(many_rig()):
+        rays, config = view.rays(), view.config
         if isinstance(config, LidarConfig):
-            assert eye.sees(eye.position + 5.0 * rays.reshape(-1, 3)).all()
+            assert view.sees(view.position + 5.0 * rays.reshape(-1, 3)).all()
             continue
         within = rays[1:-1, 1:-1].reshape(-1, 3)
-        assert eye.sees(eye.position + 5.0 * within[np.isfinite(within[:, 0])]).all(), eye.name
+        assert view.sees(view.position + 5.0 * within[np.isfinite(within[:, 0])]).all(), view.name
         if config.lens.model == "pinhole":
             u, v = np.array([-0.6, config.width - 0.4, 10.0, 10.0]), np.array([10.0, 10.0, -0.6, config.height - 0.4])
-            beyond = lenses.directions(config.projection, u, v) @ eye.base_from_eye[:3, :3].T
-            assert not eye.sees(eye.position + 5.0 * beyond).any()
-            assert not eye.sees(eye.position - 5.0 * within).any()  # what is behind also has image points
+            beyond = lenses.directions(config.projection, u, v) @ view.base_from_sensor[:3, :3].T
+            assert not view.sees(view.position + 5.0 * beyond).any()
+            assert not view.sees(view.position - 5.0 * within).any()  # what is behind also has image points
 
 
 def test_what_looks_back_sees_ground_behind_the_robot() -> None:

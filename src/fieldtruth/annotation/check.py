@@ -121,8 +121,8 @@ def check_poses(trajectory: Trajectory, streams: Sequence[Stream], rig: Rig, wor
         if (np.abs(world_from_base[:2, 3]) > half).any():
             x, y = half
             raise BagError(f"{when}, outside of {world.name}, which spans x -{x:g} to {x:g} m, y -{y:g} to {y:g} m")
-        eyes = frames.transform(world_from_base, [mount.xyz for mount in mounts])
-        depth = world.terrain.field.height_at(eyes[:, 0], eyes[:, 1]) - eyes[:, 2]
+        origins = frames.transform(world_from_base, [mount.xyz for mount in mounts])
+        depth = world.terrain.field.height_at(origins[:, 0], origins[:, 1]) - origins[:, 2]
         if (depth > 0.0).any():
             raise BagError(
                 f"{when}, so that its sensors are up to {depth.max():.1f} m below the ground of {world.name} "

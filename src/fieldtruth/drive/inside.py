@@ -74,9 +74,9 @@ def _first_inside(world: World, world_from_base: Array, rig: Rig) -> tuple[int, 
 
 def _points(rig: Rig) -> dict[str, tuple[float, float, float]]:
     """Checked points in base_link [m] by frame."""
-    eyes = {config.frame: config.mount.xyz for config in (*rig.lidars, *rig.scene_sensors)}
-    eyes |= {imager.frame: imager.mount.xyz for imager in rig.imagers}
-    return {"base_link": (0.0, 0.0, 0.0), **eyes}
+    origins = {config.frame: config.mount.xyz for config in (*rig.lidars, *rig.scene_sensors)}
+    origins |= {imager.frame: imager.mount.xyz for imager in rig.imagers}
+    return {"base_link": (0.0, 0.0, 0.0), **origins}
 
 
 def _solids(world: World, points: Array) -> Iterator[_Found]:

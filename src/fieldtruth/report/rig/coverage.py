@@ -25,17 +25,17 @@ _PIXELS: Final = 97  # rays along the longer side of an image, borders included
 
 
 @dataclass(frozen=True)
-class Eye:
+class SensorView:
     """A LiDAR or one view of a camera: its name, and its pose (4, 4), of a view that of the optical frame."""
 
     name: str
     config: LidarConfig | CameraConfig
-    base_from_eye: Array
+    base_from_sensor: Array
 
     @property
     def position(self) -> Array:
         """In base_link, (3,) [m]."""
-        return self.base_from_eye[:3, 3]
+        return self.base_from_sensor[:3, 3]
 
     @property
     def nearest(self) -> float:
@@ -57,7 +57,7 @@ class Eye:
 
         The field of view of a LiDAR has all elevations from its lowest to its highest beam.
         """
-        points = frames.transform(frames.inverse(self.base_from_eye), points_base)
+        points = frames.transform(frames.inverse(self.base_from_sensor), points_base)
         distance = np.linalg.norm(points, axis=1)
         near, config = (distance >= self.nearest) & (distance <= self.farthest), self.config
         if isinstance(config, LidarConfig):
@@ -86,31 +86,31 @@ class Eye:
                 for side in (config.width, config.height)
             )
             rays = lenses.directions(config.projection, u, v[:, None])
-        return np.asarray(rays @ self.base_from_eye[:3, :3].T)
+        return np.asarray(rays @ self.base_from_sensor[:3, :3].T)
 
 
-def eyes_of(rig: Rig) -> tuple[Eye, ...]:
+def sensor_views(rig: Rig) -> tuple[SensorView, ...]:
     """Return the LiDARs and views of a rig that are enabled."""
-    lidars = tuple(Eye(each.name, each, each.mount.base_from_sensor) for each in rig.lidars)
-    return (*lidars, *(Eye(each.name, each.config, each.base_from_optical) for each in rig.imagers))
+    lidars = tuple(SensorView(each.name, each, each.mount.base_from_sensor) for each in rig.lidars)
+    return (*lidars, *(SensorView(each.name, each.config, each.base_from_optical) for each in rig.imagers))
 
 
-def ground_hits(eye: Eye, height: float) -> Array:
+def ground_hits(view: SensorView, height: float) -> Array:
     """Points of its rays, shaped as these, on ground at ``height`` [m] in base_link; NaN above and out of range."""
-    rays = eye.rays()
+    rays = view.rays()
     with np.errstate(divide="ignore", invalid="ignore"):
-        distance = (height - eye.position[2]) / rays[..., 2]
-        reached = (distance > 0.0) & (distance >= eye.nearest) & (distance <= eye.farthest)
-        points = eye.position + rays * distance[..., None]
+        distance = (height - view.position[2]) / rays[..., 2]
+        reached = (distance > 0.0) & (distance >= view.nearest) & (distance <= view.farthest)
+        points = view.position + rays * distance[..., None]
     return np.asarray(np.where(reached[..., None], points, np.nan))
 
 
-def nearest_ground(eye: Eye, height: float) -> float:
-    """Horizontal distance [m] from an eye to the nearest ground that it sees; NaN if it sees none.
+def nearest_ground(view: SensorView, height: float) -> float:
+    """Horizontal distance [m] from a view to the nearest ground that it sees; NaN if it sees none.
 
     Of an upright LiDAR this is the radius of its blind circle.
     """
-    x, y, _ = np.moveaxis(ground_hits(eye, height) - eye.position, -1, 0)
+    x, y, _ = np.moveaxis(ground_hits(view, height) - view.position, -1, 0)
     distance = np.hypot(x, y)
     return float(np.nanmin(distance)) if np.isfinite(distance).any() else float("nan")
 
@@ -120,34 +120,34 @@ class Coverage:
     """Ground points at all pairs of ``axis`` (n,) [m], in x and y of base_link, and who sees them."""
 
     axis: Array
-    eyes: tuple[Eye, ...]
+    views: tuple[SensorView, ...]
     in_view: Mask
-    """(eyes, n, n), by eye, y and x."""
+    """(views, n, n), by view, y and x."""
     hidden: Mask
-    """(eyes, n, n): the robot itself is between. Simulated sensors do not see the robot, real ones do."""
+    """(views, n, n): the robot itself is between. Simulated sensors do not see the robot, real ones do."""
 
     def seen(self, lidar: bool) -> Mask:
         """Points (n, n) that a LiDAR sees, or a camera."""
-        chosen = [eye.is_lidar == lidar for eye in self.eyes]
+        chosen = [view.is_lidar == lidar for view in self.views]
         return np.asarray((self.in_view & ~self.hidden)[chosen].any(axis=0))
 
 
 def ground_coverage(rig: Rig, half: float = HALF, step: float = STEP) -> Coverage:
-    """Look at flat ground, ``half`` [m] to each side, from all eyes of a rig."""
+    """Look at flat ground, ``half`` [m] to each side, from all views of a rig."""
     axis = np.linspace(-half, half, 2 * round(half / step) + 1)
     x, y = (each.ravel() for each in np.meshgrid(axis, axis))
     points = np.column_stack([x, y, np.full(x.shape, body.ground_height(rig))])
     boxes = [body.chassis(rig), *(wheel.box for wheel in body.rollers(rig))]
-    eyes, shape = eyes_of(rig), (len(axis), len(axis))
-    in_view, hidden = np.zeros((2, len(eyes), *shape), np.bool_)
-    for k, eye in enumerate(eyes):
-        seen = eye.sees(points)
+    views, shape = sensor_views(rig), (len(axis), len(axis))
+    in_view, hidden = np.zeros((2, len(views), *shape), np.bool_)
+    for k, view in enumerate(views):
+        seen = view.sees(points)
         in_view[k] = seen.reshape(shape)
         behind = np.zeros(len(points), np.bool_)
         for box in boxes:
-            behind[seen] |= _crosses(box, eye.position, points[seen])
+            behind[seen] |= _crosses(box, view.position, points[seen])
         hidden[k] = behind.reshape(shape)
-    return Coverage(axis, eyes, in_view, hidden)
+    return Coverage(axis, views, in_view, hidden)
 
 
 def _crosses(box: body.Box, start: Array, ends: Array) -> Mask:

@@ -17,7 +17,7 @@ from fieldtruth.report.drawing.style import FONT, HAIRLINE, INK, MUTED
 from fieldtruth.report.drawing.text import percent
 from fieldtruth.report.preview.paper import Paper
 from fieldtruth.report.rig import body
-from fieldtruth.report.rig.coverage import Coverage, Eye, ground_coverage, ground_hits, nearest_ground
+from fieldtruth.report.rig.coverage import Coverage, SensorView, ground_coverage, ground_hits, nearest_ground
 from fieldtruth.report.rig.tree import figures
 from fieldtruth.report.rig.views import ABOVE, HULL, SIDE, TYRE, draw_view
 
@@ -36,7 +36,7 @@ _LEGEND_TOP: Final = 8.02
 _ROWS: Final = 24
 """Sensors that are listed."""
 
-_EYES: Final = (
+_COLOURS: Final = (
     *("#1f55d6", "#d9480f", "#0b8f6a", "#a3278f", "#b58900"),
     *("#0c8599", "#c2255c", "#5f6b2f", "#6741d9", "#8d5a2b"),
 )
@@ -53,9 +53,9 @@ _RINGS: Final = 48  # circles of a LiDAR that are drawn
 def draw_rig(rig: Rig, name: str, pixels: int = PIXELS) -> NDArray[np.uint8]:
     """Draw the rig of the experiment ``name``, an image (h, w, 3) in sRGB, ``pixels`` wide."""
     coverage = ground_coverage(rig)
-    eyes = coverage.eyes
-    colours = [_EYES[k % len(_EYES)] for k in range(len(eyes))]
-    rows = (min(len(eyes), _ROWS) + 1) // 2
+    views = coverage.views
+    colours = [_COLOURS[k % len(_COLOURS)] for k in range(len(views))]
+    rows = (min(len(views), _ROWS) + 1) // 2
     paper = Paper(_WIDTH, max(_ABOVE_TOP + _ABOVE_HEIGHT, _LEGEND_TOP + 0.5 + 0.36 * rows) + _EDGE, pixels)
     paper.text(_EDGE - 0.02, 0.6, f"Rig of {name}", 22, weight="bold")
     kinds = {"LiDAR": rig.lidars, "camera view": rig.imagers, "IMU": rig.imus, "GNSS receiver": rig.antennas}
@@ -70,7 +70,7 @@ def draw_rig(rig: Rig, name: str, pixels: int = PIXELS) -> NDArray[np.uint8]:
     )
     for plane, top, height in ((SIDE, _SIDE_TOP, _SIDE_HEIGHT), (ABOVE, _ABOVE_TOP, _ABOVE_HEIGHT)):
         draw_view(
-            _axes(paper, _EDGE, top, _LEFT, height), rig, list(zip(eyes, colours, strict=True)), plane, _LEFT / height
+            _axes(paper, _EDGE, top, _LEFT, height), rig, list(zip(views, colours, strict=True)), plane, _LEFT / height
         )
     _heading(paper, _EDGE, _ABOVE_TOP, "From above", "forward is right, left is up")
     _heading(paper, _PLAN_LEFT, _SIDE_TOP, "Flat ground", "lines: circles of LiDAR beams, borders of images")
@@ -95,9 +95,9 @@ def _draw_plan(axes: Axes, rig: Rig, coverage: Coverage, colours: Sequence[str])
     half = axis[-1] + (axis[1] - axis[0]) / 2
     axes.imshow(image, origin="lower", extent=(-half, half, -half, half), interpolation="nearest")
     axes.set_autoscale_on(False)
-    for eye, colour, in_view in zip(coverage.eyes, colours, coverage.in_view, strict=True):
-        if eye.is_lidar:
-            rings = ground_hits(eye, ground)
+    for view, colour, in_view in zip(coverage.views, colours, coverage.in_view, strict=True):
+        if view.is_lidar:
+            rings = ground_hits(view, ground)
             near = [ring for ring in rings if (np.abs(ring[:, :2]) < axis[-1]).all(axis=1).any()]
             for ring in near[:: len(near) // _RINGS + 1]:
                 axes.plot(*ring[:, :2].T, color=colour, linewidth=0.4, alpha=0.75)
@@ -121,22 +121,22 @@ def _write_legend(paper: Paper, rig: Rig, coverage: Coverage, colours: Sequence[
             paper.box(left, _LEGEND_TOP, 0.17, 0.13, _GROUND[name], edgecolor=HAIRLINE, linewidth=0.5)
             left += 0.35 + paper.text(left + 0.22, _LEGEND_TOP + 0.115, f"{name} {percent(mask.mean(), 0)}", 7.2)
     ground = body.ground_height(rig)
-    for k, (eye, colour) in enumerate(list(zip(coverage.eyes, colours, strict=True))[:_ROWS]):
+    for k, (view, colour) in enumerate(list(zip(coverage.views, colours, strict=True))[:_ROWS]):
         left, top = _PLAN_LEFT + 3.1 * (k % 2), _LEGEND_TOP + 0.34 + 0.36 * (k // 2)
         paper.box(left, top + 0.03, 0.17, 0.1, colour)
-        width = paper.text(left + 0.23, top + 0.12, eye.name, 7.6, weight="bold")
-        paper.text(left + 0.31 + width, top + 0.12, _nearest(eye, ground), 7.2)
-        paper.text(left + 0.23, top + 0.25, figures(eye.config), 5.8, color=MUTED)
-    if len(coverage.eyes) > _ROWS:
+        width = paper.text(left + 0.23, top + 0.12, view.name, 7.6, weight="bold")
+        paper.text(left + 0.31 + width, top + 0.12, _nearest(view, ground), 7.2)
+        paper.text(left + 0.23, top + 0.25, figures(view.config), 5.8, color=MUTED)
+    if len(coverage.views) > _ROWS:
         top = _LEGEND_TOP + 0.34 + 0.36 * (_ROWS // 2)
-        paper.text(_PLAN_LEFT, top + 0.1, f"and {len(coverage.eyes) - _ROWS} more", 7.4, color=MUTED)
+        paper.text(_PLAN_LEFT, top + 0.1, f"and {len(coverage.views) - _ROWS} more", 7.4, color=MUTED)
 
 
-def _nearest(eye: Eye, ground: float) -> str:
-    distance = nearest_ground(eye, ground)
+def _nearest(view: SensorView, ground: float) -> str:
+    distance = nearest_ground(view, ground)
     if np.isnan(distance):
         return "sees no ground"
-    upright = eye.is_lidar and eye.base_from_eye[2, 2] > 1.0 - 1e-9
+    upright = view.is_lidar and view.base_from_sensor[2, 2] > 1.0 - 1e-9
     return f"blind circle of {distance:.2f} m" if upright else f"sees ground from {distance:.2f} m"
 
 

@@ -15,7 +15,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.report.drawing.style import FONT, INK, MUTED
 from fieldtruth.report.rig import body
-from fieldtruth.report.rig.coverage import Eye
+from fieldtruth.report.rig.coverage import SensorView
 
 HULL: Final = "#e9d9a6"
 TYRE: Final = "#8b929c"
@@ -46,13 +46,15 @@ def robot_size(rig: Rig) -> float:
     return float(np.ptp(np.array(corners), axis=0).max())
 
 
-def draw_view(axes: Axes, rig: Rig, eyes: Sequence[tuple[Eye, str]], plane: tuple[int, int], aspect: float) -> None:
-    """Draw the robot and the fields of view of its eyes, each with a colour, into ``axes``.
+def draw_view(
+    axes: Axes, rig: Rig, views: Sequence[tuple[SensorView, str]], plane: tuple[int, int], aspect: float
+) -> None:
+    """Draw the robot and the fields of view of sensors, each with a colour, into ``axes``.
 
     Args:
         axes: empty, ``aspect`` times as wide as high.
         rig: the robot.
-        eyes: whose fields of view are drawn.
+        views: whose fields of view are drawn.
         plane: ``SIDE`` or ``ABOVE``.
         aspect: width divided by height.
     """
@@ -66,8 +68,8 @@ def draw_view(axes: Axes, rig: Rig, eyes: Sequence[tuple[Eye, str]], plane: tupl
     axes.set_autoscale_on(False)
     if plane == SIDE:
         axes.axhline(ground, color=MUTED, linewidth=0.8, zorder=1)
-    for eye, colour in eyes:
-        for shape in _field_of_view(eye, plane, 0.75 * size):
+    for view, colour in views:
+        for shape in _field_of_view(view, plane, 0.75 * size):
             axes.add_patch(Polygon(shape, facecolor=colour, alpha=0.07, linewidth=0.0, zorder=1))
             axes.add_patch(Polygon(shape, fill=False, edgecolor=colour, linewidth=0.8, alpha=0.8, zorder=3))
     _draw_body(axes, rig, plane)
@@ -105,11 +107,11 @@ def _draw_axes(axes: Axes, base_from_frame: Array, plane: tuple[int, int], lengt
     axes.plot(x, y, "o", color=INK, markersize=1.8, zorder=6)
 
 
-def _field_of_view(eye: Eye, plane: tuple[int, int], reach: float) -> Iterator[Array]:
+def _field_of_view(view: SensorView, plane: tuple[int, int], reach: float) -> Iterator[Array]:
     """Outlines (n, 2) of the shadow of its rays; of a LiDAR from the side, of what it scans in this plane."""
-    flat, origin = list(plane), eye.position[list(plane)]
-    if not eye.is_lidar or plane == ABOVE:
-        rays = eye.rays().reshape(-1, 3)[:, flat]
+    flat, origin = list(plane), view.position[list(plane)]
+    if not view.is_lidar or plane == ABOVE:
+        rays = view.rays().reshape(-1, 3)[:, flat]
         points = np.concatenate([[origin], origin + reach * rays[np.isfinite(rays[:, 0])]])
         yield points[ConvexHull(points, qhull_options="QJ").vertices]  # QJ: they may be in one line
         return
@@ -117,7 +119,7 @@ def _field_of_view(eye: Eye, plane: tuple[int, int], reach: float) -> Iterator[A
     around = np.zeros((len(angle), 3))
     around[:, plane[0]], around[:, plane[1]] = np.cos(angle), np.sin(angle)
     rim = origin + reach * around[:, flat]
-    seen = eye.sees(eye.position + around * max(reach, 1.01 * eye.nearest))
+    seen = view.sees(view.position + around * max(reach, 1.01 * view.nearest))
     turned = np.roll(np.arange(len(angle)), -int(np.argmin(seen)))  # begins at a direction that is not seen
     runs = np.split(turned, np.flatnonzero(np.diff(seen[turned].astype(int))) + 1)
     yield from (np.concatenate([[origin], rim[run]]) for run in runs if seen[run[0]])
