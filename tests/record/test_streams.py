@@ -3,6 +3,7 @@
 """A whole recording with fake sensors: topics, stamps, and agreement with the drive."""
 
 from collections import defaultdict
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +40,7 @@ from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.progress import Silent
+from fieldtruth.drive.state import poses_at, state_at
 from fieldtruth.drive.track import stamps_at_rate
 from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
 from fieldtruth.experiment.lidar_config import LidarConfig
@@ -241,6 +243,19 @@ def test_rates_that_do_not_divide_the_physics(tmp_path: Path) -> None:
     stamps = [r.stamp_ns for r in read_bag(tmp_path / "x.bag", ["/stereo/camera/left/tag/img_raw"])]
     assert stamps == [round(k * 1e9 / 30) for k in range(1, 46)]
     assert count_messages(tmp_path / "x.bag")["/os1_cloud_node/points"] == 10
+
+
+def test_poses_at_many_stamps_are_those_at_each() -> None:
+    """Between rows, on rows, before the first and after the last, and where the quaternion changes its sign."""
+    motion = TRACK.motion
+    flipped = replace(
+        motion, quaternion_wxyz=motion.quaternion_wxyz * np.where(np.arange(len(motion.stamps_ns)) % 3, 1, -1)[:, None]
+    )
+    last = int(motion.stamps_ns[-1])
+    stamps = np.array([0, 1, 999_999, 1_000_000, 1_500_001, 2_345_678, 7_000_000, last - 1, last, last + 10**9])
+    for each in (motion, flipped):
+        alone = np.stack([state_at(each, stamp).world_from_base for stamp in stamps.tolist()])
+        np.testing.assert_allclose(poses_at(each, stamps), alone, rtol=0, atol=1e-14)
 
 
 def test_a_spinning_lidar_gets_the_pose_of_each_column() -> None:

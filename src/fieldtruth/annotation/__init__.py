@@ -14,6 +14,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from fieldtruth.annotation.check import check_frames, check_objects, check_poses
 from fieldtruth.annotation.merge import RECORDED, merge_bags
 from fieldtruth.annotation.poses import Poses, read_poses
@@ -158,7 +161,12 @@ def _added_topics(run: Run, rig: Rig) -> list[Topic]:
 
 def _streams(poses: Poses, rig: Rig) -> list[Stream]:
     """Streams at all multiples of a sensor's period for which there are poses, in the order of ``topics_of``."""
-    pose_at = poses.trajectory.world_from_base
+
+    def pose_at(stamp_ns: int | NDArray[np.int64]) -> Array:
+        if isinstance(stamp_ns, np.ndarray):
+            return np.stack([poses.trajectory.world_from_base(stamp) for stamp in stamp_ns.tolist()])
+        return poses.trajectory.world_from_base(stamp_ns)
+
     streams: list[Stream] = []
     for lidar in rig.lidars:
         sweep_ns = round(1e9 / lidar.rate_hz) if lidar.spinning else 0

@@ -8,7 +8,7 @@ import numpy as np
 
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive.track import Motion
+from fieldtruth.drive.track import Motion, Stamps
 
 
 class State(NamedTuple):
@@ -42,6 +42,23 @@ def state_at(motion: Motion, stamp_ns: int) -> State:
     after = after._replace(quaternion_wxyz=same_sign)
     mixed = State(*((1.0 - share) * a + share * b for a, b in zip(before, after, strict=True)))
     return mixed._replace(quaternion_wxyz=mixed.quaternion_wxyz / np.linalg.norm(mixed.quaternion_wxyz))
+
+
+def poses_at(motion: Motion, stamps_ns: Stamps) -> Array:
+    """Poses (n, 4, 4) of base_link in the world at stamps (n,) [ns], to rounding those of ``state_at``.
+
+    A spinning LiDAR needs one for each column; one by one, they would take longer than its rays.
+    """
+    last = len(motion.stamps_ns) - 1
+    after = np.clip(np.searchsorted(motion.stamps_ns, stamps_ns), min(1, last), last)
+    before = np.maximum(after - 1, 0)
+    start, end = motion.stamps_ns[before], motion.stamps_ns[after]
+    share = np.clip((stamps_ns - start) / np.maximum(end - start, 1), 0.0, 1.0)[:, None]
+    a, b = motion.quaternion_wxyz[before], motion.quaternion_wxyz[after]
+    b = b * np.copysign(1.0, np.einsum("ni,ni->n", a, b))[:, None]
+    mixed = (1.0 - share) * a + share * b
+    position = (1.0 - share) * motion.position[before] + share * motion.position[after]
+    return frames.pose_from_quaternion_wxyz(position, mixed / np.linalg.norm(mixed, axis=1, keepdims=True))
 
 
 def _row(motion: Motion, k: int) -> State:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag import base_messages, robot_messages, sensor_messages, topics
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive.state import state_at
+from fieldtruth.drive.state import poses_at, state_at
 from fieldtruth.drive.track import Base, GnssReadings, ImuReadings, Stamps, Track, stamps_at_rate
 from fieldtruth.experiment.camera_config import Imager
 from fieldtruth.experiment.gnss_config import GnssConfig
@@ -27,8 +27,8 @@ from fieldtruth.sense.beams import sweep_times_ns
 from fieldtruth.sense.scene_sensor import SceneSensor
 from fieldtruth.world.model import GROUND_ID, World
 
-PoseAt = Callable[[int], Array]
-"""``world_from_base`` (4, 4) at a stamp [ns]."""
+PoseAt = Callable[[int | Stamps], Array]
+"""``world_from_base`` (4, 4) at a stamp [ns], or (n, 4, 4) at n."""
 
 
 class CameraImages(Protocol):
@@ -86,7 +86,9 @@ def streams_of(world: World, track: Track, rig: Rig, *, latched: bool = False) -
         stamps = track.motion.stamps_ns
         return stamps if track.is_frames else stamps_at_rate(rate_hz, int(stamps[-1]))
 
-    def world_from_base(stamp_ns: int) -> Array:
+    def world_from_base(stamp_ns: int | Stamps) -> Array:
+        if isinstance(stamp_ns, np.ndarray):
+            return poses_at(track.swept, stamp_ns)
         return state_at(track.swept, stamp_ns).world_from_base
 
     streams = _truth(world, track, rig, stamps_at(topics.POSE_RATE), latched=latched)
@@ -159,16 +161,13 @@ def _of_base(base: Base, rig: Rig) -> list[Stream]:
 
 
 def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt) -> Stream:
-    """Clouds at ``stamps`` [ns] of a LiDAR on a base that is at ``world_from_base(stamp_ns)``, (4, 4)."""
+    """Clouds at ``stamps`` [ns] of a LiDAR on a base that is at ``world_from_base(stamp_ns)``."""
     base_from_lidar = config.mount.base_from_sensor
     sweep_ns = sweep_times_ns(config)
 
-    def pose_at(stamp_ns: int) -> Array:
-        return world_from_base(stamp_ns) @ base_from_lidar
-
     def scan(k: int, sensors: Sensors) -> Iterable[bytes]:
         stamp = int(stamps[k])
-        pose = np.stack([pose_at(stamp + int(t)) for t in sweep_ns]) if config.spinning else pose_at(stamp)
+        pose = world_from_base(stamp + sweep_ns if config.spinning else stamp) @ base_from_lidar
         lidar = sensors.lidars[config.name]
         seen = lidar.scan(pose) if config.pattern is None else lidar.scan(pose, stamp)
         yield sensor_messages.point_cloud(

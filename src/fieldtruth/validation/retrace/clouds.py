@@ -14,6 +14,7 @@ from fieldtruth.bag import decode as read
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
+from fieldtruth.drive.state import poses_at
 from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.sense.beams import ray_times_ns, sweep_times_ns
 from fieldtruth.sense.lidar import Lidar, ray_directions
@@ -191,9 +192,9 @@ def _times(config: LidarConfig) -> NDArray[np.int64]:
 
 
 @cache
-def _sweep_times(config: LidarConfig) -> list[int]:
-    """Times [ns] after a scan's stamp at which its columns begin and the last one ends; 0 if the LiDAR stands."""
-    return [int(t) for t in sweep_times_ns(config)] if config.spinning else [0]
+def _sweep_times(config: LidarConfig) -> NDArray[np.int64]:
+    """Times [ns] after a scan's stamp at which its columns begin and the last one ends; 0 if all rays leave at once."""
+    return sweep_times_ns(config) if config.spinning else np.zeros(1, np.int64)
 
 
 @cache
@@ -216,15 +217,19 @@ class RetracedClouds(Checker):
 
     def see(self, raw: RawMessage, message: Any) -> None:
         """Process a message."""
-        end = raw.stamp_ns + _sweep_times(self._configs[raw.topic])[-1]
+        end = raw.stamp_ns + int(_sweep_times(self._configs[raw.topic])[-1])
         self._context.motion.when_known(end, lambda: self._submit(raw, message))
 
     def _submit(self, raw: RawMessage, message: Any) -> None:
-        config, state = self._configs[raw.topic], self._context.motion.state
-        base_from_lidar, stamps = config.mount.base_from_sensor, [raw.stamp_ns + t for t in _sweep_times(config)]
-        poses = np.stack([state(stamp).world_from_base @ base_from_lidar for stamp in stamps])
+        config, motion = self._configs[raw.topic], self._context.motion
+        stamps = raw.stamp_ns + _sweep_times(config)
+        if config.spinning:
+            world_from_base = poses_at(motion.motion, stamps)
+        else:
+            world_from_base = motion.state(raw.stamp_ns).world_from_base[None]
+        poses = world_from_base @ config.mount.base_from_sensor
         # The last scan of a spinning LiDAR is completed after the end of the bag, where no pose is known.
-        known = np.searchsorted(stamps, self._context.motion.motion.stamps_ns[-1], "right")
+        known = int(np.searchsorted(stamps, motion.motion.stamps_ns[-1], "right"))
         seed = raw.stamp_ns if self._sampler.takes(raw.stamp_ns, config.name) else None
         columns = min(known - 1, config.columns) if len(poses) > 1 else config.columns
         self._context.jobs.append(lambda: self._compare(raw, message, poses, columns, seed))
