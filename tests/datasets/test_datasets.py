@@ -113,6 +113,8 @@ def test_every_item_of_every_frame_equals_the_bag_as_rosbags_reads_it(
         in_world = matrix(pose.position, pose.orientation)
         optical = base_from[f"{camera}_camera_optical"]
         assert np.array_equal(sample["K"].ravel(), truth[f"{prefix}/camera_info"][stamp].K)
+        assert sample["distortion_model"] == "plumb_bob"
+        assert not sample["D"].any()
         for key, expected in {
             "world_from_base": in_world,
             "world_from_camera": in_world @ optical,
@@ -137,6 +139,7 @@ def test_types_and_shapes_are_the_documented_ones(small_run: Path) -> None:
         "instances": ("i4", (points,)),
         "rays": ("i8", (points, 3)),
         "K": ("f8", (3, 3)),
+        "D": ("f8", (5,)),
     }
     for key, value in sample.items():
         if isinstance(value, np.ndarray):

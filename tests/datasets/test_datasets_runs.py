@@ -212,7 +212,7 @@ def test_a_batch_is_stacked_and_clouds_are_not_padded(small_run: Path) -> None:
     )
     assert batch["stamp_ns"].tolist() == [frame["stamp_ns"] for frame in frames]
     assert batch["run"] == ["park_1"] * 3
-    assert {key for key, value in batch.items() if isinstance(value, list)} == {"run", *RAGGED}
+    assert {key for key, value in batch.items() if isinstance(value, list)} == {"run", "distortion_model", *RAGGED}
 
 
 @pytest.mark.parametrize("start", ["fork", pytest.param("spawn", marks=pytest.mark.slow)])

@@ -14,6 +14,7 @@ from many_sensors import many_rig
 from rosbags.highlevel import AnyReader
 
 from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.sensor_messages import camera_matrix
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.datasets import RunDataset, collate, open_runs
 
@@ -40,6 +41,23 @@ def test_camera_is_chosen_by_name(camera: str, faked_many_run: Path) -> None:
     np.testing.assert_array_equal(sample["image"], photo.transpose(2, 0, 1))
     base_from_camera = np.linalg.inv(sample["world_from_base"]) @ sample["world_from_camera"]
     np.testing.assert_allclose(base_from_camera, imager.base_from_optical, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("camera", "model", "coefficients"),
+    [("front", "plumb_bob", 5), ("fisheye", "equidistant", 4), ("panorama", "equirectangular", 0)],
+)
+def test_calibration_says_which_lens_a_camera_has(
+    camera: str, model: str, coefficients: int, faked_many_run: Path
+) -> None:
+    sample = RunDataset(faked_many_run, ("image", "calibration"), camera=camera)[0]
+    config = next(imager.config for imager in RIG.imagers if imager.name == camera)
+    assert (sample["distortion_model"], sample["D"].shape) == (model, (coefficients,))
+    np.testing.assert_array_equal(sample["K"], camera_matrix(config))
+    assert sample["K"].any() == (camera != "panorama")
+    pytest.importorskip("torch")
+    batch = collate([sample, sample])
+    assert batch["distortion_model"] == [model, model]
 
 
 @pytest.mark.parametrize(("lidar", "frames"), [("top", 6), ("low", 12)])

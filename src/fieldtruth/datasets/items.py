@@ -53,7 +53,11 @@ class Sample(TypedDict, total=False):
     world_from_lidar: Array
     """(4, 4) true pose of the LiDAR's frame at ``lidar_stamp_ns``."""
     K: Array
-    """(3, 3) pinhole matrix [pixel] of the camera; the centre of the first pixel is (0, 0)."""
+    """(3, 3) pinhole matrix [pixel] of the camera; the centre of the first pixel is (0, 0). Of a panorama zeros."""
+    D: Array
+    """(n,) coefficients of the lens, as in CameraInfo."""
+    distortion_model: str
+    """Model of the lens, as in CameraInfo: plumb_bob with five zeros is a pinhole."""
     base_from_camera: Array
     """(4, 4) mount of the camera's optical frame."""
     base_from_lidar: Array

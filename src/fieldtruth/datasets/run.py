@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One run as a map-style data set: frames by index, in any order, from any process."""
 
+import copy
 import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -128,7 +129,7 @@ class RunDataset:
         if self._poses is not None:
             sample |= self._true_poses(i, self._poses)
         if "calibration" in self.items:
-            sample |= {key: value.copy() for key, value in self._fixed.items()}
+            sample |= copy.deepcopy(self._fixed)
         return cast(Sample, sample)
 
     def _true_poses(self, i: int, poses: Poses) -> dict[str, Array]:
@@ -206,7 +207,7 @@ class _Opened(NamedTuple):
     storage: Storage
     streams: dict[Sensor, list[Stream]]
     poses: Poses | None
-    fixed: dict[str, Array]
+    fixed: dict[str, Any]
     """Calibration by key of the sample."""
 
     def covered(self, stamps_ns: Counts) -> NDArray[np.bool_]:
@@ -225,18 +226,29 @@ def _open(run: Run, topics: Mapping[Sensor, list[str]], items: Sequence[str], so
     with open_bag(run.bag) as bag:
         storage = Storage(bag)
         streams = read_streams(bag, storage, [*readings, *filter(None, (pose, info))])
-    fixed: dict[str, Array] = {}
+    fixed: dict[str, Any] = {}
     if geometry:
         static = read_static_frames(run)
         for sensor, group in topics.items():
             first = _first(storage, streams[group[0]])
             fixed[f"base_from_{sensor}"] = static.base_from(first.header.frame_id)
     if info is not None:
-        fixed["K"] = np.array(_first(storage, streams[info]).K, np.float64).reshape(3, 3)
-        if not (np.isfinite(fixed["K"]).all() and fixed["K"][0, 0] > 0.0 < fixed["K"][1, 1]):
-            raise BagError(f"{info} of {run.bag} has an invalid calibration: K is {fixed['K'].ravel().tolist()}")
+        fixed |= _lens(_first(storage, streams[info]), f"{info} of {run.bag}")
     by_sensor = {sensor: [streams[topic] for topic in group] for sensor, group in topics.items()}
     return _Opened(storage, by_sensor, None if pose is None else Poses(storage, streams[pose]), fixed)
+
+
+def _lens(info: Any, where: str) -> dict[str, Array | str]:
+    """Return ``K``, ``D`` and ``distortion_model`` of a CameraInfo.
+
+    Raises:
+        BagError: not a calibration; of a panorama, K is zeros.
+    """
+    matrix, coefficients = np.array(info.K, np.float64).reshape(3, 3), np.array(info.D, np.float64)
+    pinhole = np.isfinite(matrix).all() and matrix[0, 0] > 0.0 < matrix[1, 1]
+    if not (pinhole or (info.distortion_model == "equirectangular" and not matrix.any())):
+        raise BagError(f"{where} has an invalid calibration: K is {matrix.ravel().tolist()}")
+    return {"K": matrix, "D": coefficients, "distortion_model": str(info.distortion_model)}
 
 
 def _first(storage: Storage, stream: Stream) -> Any:
