@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 
 from fieldtruth import cli
-from fieldtruth.campaign.files import is_campaign
+from fieldtruth.campaign.draw import draw
+from fieldtruth.campaign.files import dump_campaign, is_campaign, load_campaign
+from fieldtruth.core.errors import ConfigurationError
 
 DRAWN = "name: c\nruns: 4\nenvironments: [park]\n"
 
@@ -128,3 +130,32 @@ def test_a_campaign_is_recognised_by_its_keys() -> None:
     for name, text in texts.items():
         Path(name).write_text(text)
     assert [name for name in ("all", *texts, "park_1", "no.yaml") if is_campaign(name)] == ["all", "a.yaml", "b.yaml"]
+
+
+def test_mounts_of_a_urdf_beside_the_file_are_in_the_campaign(tmp_path: Path) -> None:
+    (tmp_path / "robot.urdf").write_text(
+        '<robot name="r"><link name="base_link"/><link name="mast"/><joint name="j" type="fixed">'
+        '<parent link="base_link"/><child link="mast"/><origin xyz="0 0.1 1.25"/></joint></robot>'
+    )
+    text = """\
+name: masts
+environments: [park]
+routes: {random: {length_m: 30}}
+runs: 1
+rigs:
+  - {urdf: robot.urdf, sensors: [{kind: lidar, name: top, frame: mast, rate_hz: {uniform: [5, 10]}}]}
+"""
+    file = tmp_path / "masts.yaml"
+    file.write_text(text)
+    campaign = load_campaign(file)
+    assert "urdf" not in dump_campaign(campaign)
+    (stored := tmp_path / "stored" / "campaign.yaml").parent.mkdir()
+    stored.write_text(dump_campaign(campaign))
+    assert load_campaign(stored) == campaign
+    [run] = draw(campaign)
+    lidar = run.experiment.rig.lidar
+    assert (lidar.name, lidar.mount.xyz) == ("top", (0.0, 0.1, 1.25))
+    assert 5.0 <= lidar.rate_hz <= 10.0
+    file.write_text(text.replace("frame: mast", "frame: mast_2"))
+    with pytest.raises(ConfigurationError, match=r"^.*masts\.yaml: rigs: sensors\[0\]\.frame .*mast"):
+        load_campaign(file)

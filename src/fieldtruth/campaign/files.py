@@ -10,11 +10,14 @@ from pydantic import ValidationError
 
 import fieldtruth
 from fieldtruth.campaign.config import Campaign
-from fieldtruth.core.errors import FieldtruthError, UnknownNameError
+from fieldtruth.core.errors import ConfigurationError, FieldtruthError, UnknownNameError
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import VERSION_KEY, check_version, load_experiment, read_text
-from fieldtruth.experiment.problems import configuration_error
+from fieldtruth.experiment.problems import LocatedError, configuration_error, dotted
+from fieldtruth.experiment.urdf import KEY as URDF
+from fieldtruth.experiment.urdf import with_urdf_mounts
 from fieldtruth.experiment.yaml_io import parse_mapping, write_mapping
 
 ALL: Final = "all"
@@ -45,7 +48,7 @@ def is_campaign(name_or_path: str) -> bool:
 def load_campaign(name_or_path: str | Path) -> Campaign:
     """Load a campaign from a YAML file, or the built-in one named ``all``.
 
-    Paths of experiments and track files may be relative to the file.
+    Paths of experiments, track files and URDFs may be relative to the file.
 
     Raises:
         ConfigurationError: unreadable or invalid file, unknown key, value that is not allowed.
@@ -60,7 +63,29 @@ def load_campaign(name_or_path: str | Path) -> Campaign:
     listed = data.get("experiments")
     if isinstance(listed, list):
         data["experiments"] = [_experiment(entry, path) for entry in listed]
+    if "rigs" in data:
+        data["rigs"] = _mounted(data["rigs"], path)
     return _validated(data, str(path))
+
+
+def _mounted(rigs: Any, path: Path) -> Any:
+    """Return entries of ``rigs`` with the mounts of their URDFs, so that the campaign needs no other file."""
+    if isinstance(rigs, list):
+        return [_mounted(entry, path) for entry in rigs]
+    if not isinstance(rigs, dict) or not isinstance(rigs.get(URDF), str):
+        return rigs
+    try:
+        return _plain(with_urdf_mounts({**rigs, URDF: str(path.parent / rigs[URDF])}))
+    except LocatedError as error:
+        raise ConfigurationError(f"{path}: rigs: {dotted(error.at)} {error}") from error
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_plain(item) for item in value]
+    return value.model_dump(mode="json") if isinstance(value, Mount) else value
 
 
 def dump_campaign(campaign: Campaign) -> str:
