@@ -42,8 +42,8 @@ _TRUTH: Final = (
 def topics_of(rig: Rig, *, latched: bool = False) -> tuple[Topic, ...]:
     """Topics that this rig publishes; ``latched``: static objects have a topic of their own."""
     rows = [row for row in _TRUTH if latched or row.kind != "objects"]
+    absent = set(WHEEL_SPEEDS) - set(rig.wheel_speed_topics)  # of a robot with two wheels
     for sensor in rig.in_order():
-        absent = set(WHEEL_SPEEDS) - set(rig.wheel_speed_topics)
         rows += (topic for topic in sensor.topics() if topic.name not in absent)
         if sensor == rig.wheel_odometry:
             # The controller's rate is that of the IMU.

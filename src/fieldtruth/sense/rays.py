@@ -30,13 +30,17 @@ def cast_rays(scene: Scene, origins: ArrayLike, directions: ArrayLike, max_range
         origins: (n, 3) or (3,) [m] in the world frame.
         directions: (n, 3), of any length above 0, in the world frame.
         max_range: farther surfaces are not hit [m].
+
+    Raises:
+        ValueError: a direction without length, or that is not finite.
     """
     along = np.atleast_2d(np.asarray(directions, np.float64))
-    count = len(along)
+    length, count = np.linalg.norm(along, axis=1, keepdims=True), len(along)
+    if not (np.isfinite(length) & (length > 0.0)).all():
+        raise ValueError("directions must be finite and longer than 0")
     poses = np.tile(np.eye(4), (count, 1, 1))
     poses[:, :3, 3] = origins
-    unit = along / np.linalg.norm(along, axis=1, keepdims=True)
-    beams = Beams(np.ascontiguousarray(unit[:, None]), np.zeros(1), 0.0, max_range, np.ones(256, np.bool_))
+    beams = Beams(np.ascontiguousarray((along / length)[:, None]), np.zeros(1), 0.0, max_range, np.ones(256, np.bool_))
     shape = (count, 1)
     out = LabelBuffers(np.zeros(shape, np.uint8), np.zeros(shape, np.uint32), np.zeros(shape, np.float32))
     trace_beams(scene.rays.handle, scene.hits, new_packet(coherent=False), poses, beams, out)
