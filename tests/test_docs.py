@@ -10,7 +10,9 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from pydantic import BaseModel
@@ -29,6 +31,7 @@ from fieldtruth.experiment.problems import condition_at, models_of
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import MountedConfig
 from fieldtruth.experiment.stereo_config import StereoConfig
+from fieldtruth.validation import validate
 from fieldtruth.world.build import layout_model
 from fieldtruth.world.environments import ENVIRONMENTS
 from fieldtruth.world.model import World
@@ -236,6 +239,12 @@ def test_the_page_on_extending_can_be_followed(monkeypatch: pytest.MonkeyPatch, 
     world = names["world"]
     assert isinstance(world, World)
     assert sum(name.startswith("hazel") for name in world.object_names) == 5
+    finder: Any = names["range_finder"]
+    true = finder.RangeFinder.read
+    monkeypatch.setattr(finder.RangeFinder, "read", lambda self, pose: true(self, pose) + np.float32(0.01))
+    [check] = [check for check in validate(Path("data/park_1")) if check.name == "other sensors"]
+    assert check.passed is False
+    assert "/altimeter at " in check.text
 
 
 @pytest.mark.usefixtures("in_park")
