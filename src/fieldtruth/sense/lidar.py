@@ -106,13 +106,13 @@ class Lidar:
         shape = (config.columns, config.rings)
         self._out = LabelBuffers(np.zeros(shape, np.uint8), np.zeros(shape, np.uint32), np.zeros(shape, np.float32))
 
-    def scan(self, world_from_lidar: Array, stamp_ns: int = 0) -> Scan:
+    def scan(self, world_from_lidar: Array, stamp_ns: int = 0, number: int = 0) -> Scan:
         """Scan from a pose (4, 4), or of a sensor that moves from those at each column's beginning and at the end.
 
         With poses (columns + 1, 4, 4), ``t_ns`` spreads the columns evenly over one period, and each point is in the
         frame of the LiDAR when its ray leaves, as a real scanner reports it. Rings that fire later than their column
         begins have a pose between its pose and the next one, interpolated linearly. The stamp
-        matters to a LiDAR with a ``pattern`` only.
+        matters to a LiDAR with a ``pattern`` only, and the number of the scan to one with a signal.
 
         Raises:
             ValueError: another number of poses.

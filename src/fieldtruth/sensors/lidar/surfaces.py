@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """What beams meet: range, class and instance id as ``sense.lidar`` finds them, and how bright the surface looks."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.core.classes import Label
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import TERRAIN, Grid, HitTable, hit_top, read_grid
@@ -24,7 +24,7 @@ _FAR, _PRIM, _GEOM, _INST, _INST_PRIM = embree.TFAR, embree.PRIM_ID, embree.GEOM
 _NX, _NY, _NZ = embree.NG_X, embree.NG_Y, embree.NG_Z
 _MISS = np.uint32(embree.MISS)
 _GROUND, _TRAIL = int(Label.GROUND), int(Label.TRAIL)
-_intersect: object = embree.intersect
+_intersect: Any = embree.intersect
 
 
 class SurfaceTable(NamedTuple):
@@ -39,20 +39,27 @@ class SurfaceTable(NamedTuple):
     border_width: float  # [m] inwards from a trail's edge
 
 
-class SurfaceBuffers(NamedTuple):
-    """What each ray meets, (columns, rings): as LabelBuffers, and the reflectance that it sees."""
+class EchoBuffers(NamedTuple):
+    """Echoes of each beam, (echoes, columns, rings), the nearest first; the beam's own range is (columns, rings)."""
 
     label: NDArray[np.uint8]
     instance: NDArray[np.uint32]
-    depth: Float32Array  # [m] range, 0 without a return
-    apparent: Float32Array  # reflectance of a matt surface that faces the LiDAR and is as bright
+    depth: Float32Array  # [m] range, 0 without an echo
+    apparent: Float32Array  # reflectance of a matt surface that faces the LiDAR, fills the beam and is as bright
+    mixed: Mask  # whether surfaces of more than one class or object made it
+    true_range: Float32Array  # [m] of what the middle of the beam meets, 0 if that returns nothing
 
 
-def surface_buffers(columns: int, rings: int) -> SurfaceBuffers:
+def echo_buffers(echoes: int, columns: int, rings: int) -> EchoBuffers:
     """Return empty buffers."""
-    shape = (columns, rings)
-    return SurfaceBuffers(
-        np.zeros(shape, np.uint8), np.zeros(shape, np.uint32), np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    shape = (echoes, columns, rings)
+    return EchoBuffers(
+        label=np.zeros(shape, np.uint8),
+        instance=np.zeros(shape, np.uint32),
+        depth=np.zeros(shape, np.float32),
+        apparent=np.zeros(shape, np.float32),
+        mixed=np.zeros(shape, np.bool_),
+        true_range=np.zeros(shape[1:], np.float32),
     )
 
 
@@ -93,7 +100,7 @@ def brightness(value: float, gloss: float, exponent: float, cosine: float) -> fl
     if gloss == 0.0:
         return value * cosine
     mirrored = max(2.0 * cosine * cosine - 1.0, 0.0)
-    return value * ((1.0 - gloss) * cosine + gloss * mirrored**exponent)
+    return value * ((1.0 - gloss) * cosine + gloss * mirrored**exponent)  # type: ignore[no-any-return]
 
 
 @inlined
@@ -136,15 +143,18 @@ def trace_surfaces(
     packet: Packet,
     poses: Array,
     beams: Beams,
-    out: SurfaceBuffers,
+    out: EchoBuffers,
 ) -> None:
-    """Trace all rays as ``sense.lidar.trace_beams`` does, with the same ranges, labels and ids to the last bit."""
+    """Trace all rays as ``sense.lidar.trace_beams`` does, with the same ranges, labels and ids to the last bit.
+
+    The only echo of a beam is that of its middle.
+    """
     hits, surfaces = tables
-    label, instance, distance, apparent = out
+    label, instance, distance, apparent, _, true_range = out
     _, lag, min_range, max_range, returns = beams
     ray, words, valid, arguments = packet
     tops, rotations = hits.geometry_top, surfaces.top_rotation
-    columns, rings = distance.shape
+    columns, rings = true_range.shape
     for lane in range(_LANES):
         set_ray(packet, lane, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.0, max_range)
     for first_column in range(0, columns, _WIDTH):
@@ -166,7 +176,7 @@ def trace_surfaces(
                 if valid[lane] == 0:
                     continue
                 column, ring = first_column + lane % _WIDTH, first_ring + lane // _WIDTH
-                distance[column, ring] = 0.0
+                distance[0, column, ring] = true_range[column, ring] = 0.0
                 top = hit_top(tops, words, lane)
                 range_m = ray[_FAR + lane]
                 if top < 0 or range_m < min_range:
@@ -177,7 +187,7 @@ def trace_surfaces(
                 y = entry(poses, column, share, 1, 3) + range_m * dy
                 class_id, object_id, value, gloss, exponent = surface_of(hits, surfaces, top, words[_PRIM + lane], x, y)
                 if returns[class_id]:
-                    distance[column, ring] = range_m
-                    label[column, ring], instance[column, ring] = class_id, object_id
+                    distance[0, column, ring] = true_range[column, ring] = range_m
+                    label[0, column, ring], instance[0, column, ring] = class_id, object_id
                     cosine = cosine_of(rotations, ray, lane, top)
-                    apparent[column, ring] = brightness(value, gloss, exponent, cosine)
+                    apparent[0, column, ring] = brightness(value, gloss, exponent, cosine)
