@@ -37,8 +37,11 @@ class CameraImages(Protocol):
 class Lidar(Protocol):
     """A LiDAR in a scene."""
 
-    def scan(self, world_from_lidar: Array, stamp_ns: int = 0) -> Scan:
-        """Scan from a pose (4, 4), or from those at each column's beginning and at the end, (columns + 1, 4, 4)."""
+    def scan(self, world_from_lidar: Array, stamp_ns: int = 0, number: int = 0) -> Scan:
+        """Scan from a pose (4, 4), or from those at each column's beginning and at the end, (columns + 1, 4, 4).
+
+        The number of the scan matters to a LiDAR with a signal only.
+        """
         ...
 
 

@@ -20,7 +20,6 @@ def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt) -
         stamp = int(stamps[k])
         pose = world_from_base(stamp + sweep_ns if config.spinning else stamp) @ base_from_lidar
         lidar = sensors.lidars[config.name]
-        seen = lidar.scan(pose) if config.pattern is None else lidar.scan(pose, stamp)
-        yield point_cloud(k, stamp, seen, config, wide_ids=sensors.wide_ids)
+        yield point_cloud(k, stamp, lidar.scan(pose, stamp, k), config, wide_ids=sensors.wide_ids)
 
     return Stream((config.topic,), stamps, scan)
