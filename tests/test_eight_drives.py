@@ -19,12 +19,12 @@ from fieldtruth.drive.bearing import bearing_field
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import Track
-from fieldtruth.experiment import odometry_config
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.record.streams import streams_of
+from fieldtruth.sensors.wheel_odometry import config as odometry_config
 from fieldtruth.world.build import world_of
 from fieldtruth.world.model import World
 

@@ -7,17 +7,18 @@ import pytest
 from record_fakes import FakeScan, make_experiment, make_track, make_world
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag import robot_messages, sensor_messages
+from fieldtruth.bag import robot_messages
 from fieldtruth.bag import types as ros
 from fieldtruth.bag.topics import PAPER_TOPICS
 from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.drive.state import State, state_at
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
 from fieldtruth.experiment.fields import Mount
-from fieldtruth.experiment.lidar_config import TimeField
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.lidar import message as sensor_messages
+from fieldtruth.sensors.lidar.config import TimeField
 
 MD5 = {  # as rosmsg prints them
     "gazebo_msgs/msg/ModelStates": "48c080191eb15c41858319b4d8a609c2",

@@ -14,9 +14,9 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag import sensor_messages
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.sensor_models import list_models
+from fieldtruth.sensors.lidar import message as sensor_messages
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 STAMP = 1_700_000_000_123_456_789
 UINT8, UINT16, UINT32, FLOAT32, FLOAT64 = 2, 4, 6, 7, 8  # sensor_msgs/PointField

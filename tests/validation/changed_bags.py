@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag import sensor_messages
 from fieldtruth.bag import topics as table
 from fieldtruth.bag import types as ros
 from fieldtruth.bag.checksums import CHECKSUMS, checksum_lines
@@ -23,6 +22,7 @@ from fieldtruth.bag.writer import BagWriter
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.sensors.lidar import message as sensor_messages
 from fieldtruth.validation import Check, validate
 
 Change = Callable[[RawMessage, int], RawMessage | list[RawMessage] | None]

@@ -10,12 +10,12 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag import sensor_messages
-from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.sense.beams import ray_times_ns
-from fieldtruth.sense.lidar import ray_directions
+from fieldtruth.sensors.lidar import check as clouds
+from fieldtruth.sensors.lidar import message as sensor_messages
+from fieldtruth.sensors.lidar.beams import ray_times_ns
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.sensing import ray_directions
 from fieldtruth.validation.check import Rule, Tally
-from fieldtruth.validation.retrace import clouds
 
 STAMP = 1_700_000_000_123_456_789
 

@@ -16,11 +16,9 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz
-from fieldtruth.drive import sensors
 from fieldtruth.drive.controller import WaypointFollower, horizontal_from_geodetic
 from fieldtruth.drive.hull import EVERY
 from fieldtruth.drive.monitor import DriveMonitor, Nearing
-from fieldtruth.drive.odometry import read_odometry
 from fieldtruth.drive.physics import STEP_NS, STEP_S, resting_pose
 from fieldtruth.drive.robot import STOP, Command, ramp, wheel_speeds
 from fieldtruth.drive.soil_contact import SoilContact
@@ -30,6 +28,8 @@ from fieldtruth.drive.wheel_contacts import Soil
 from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route
+from fieldtruth.sensors.imu import sensing as sensors
+from fieldtruth.sensors.wheel_odometry.sensing import read_odometry
 from fieldtruth.world.model import World
 
 STOP_SECONDS: Final = 0.5

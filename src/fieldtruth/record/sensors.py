@@ -8,10 +8,10 @@ from fieldtruth.experiment.config import LightConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.streams import Sensors
 from fieldtruth.render.bake import bake
-from fieldtruth.render.camera import Camera
-from fieldtruth.sense.lidar import Lidar
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sense.scene_sensor import SCENE_SENSORS
+from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.lidar.sensing import Lidar
 from fieldtruth.world.model import World
 
 

@@ -12,19 +12,20 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag import base_messages, robot_messages, sensor_messages, topics
+from fieldtruth.bag import base_messages, robot_messages, topics
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.state import poses_at, state_at
 from fieldtruth.drive.track import Base, GnssReadings, ImuReadings, Stamps, Track, stamps_at_rate
-from fieldtruth.experiment.camera_config import Imager
-from fieldtruth.experiment.gnss_config import GnssConfig
-from fieldtruth.experiment.imu_config import ImuConfig
-from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.odometry_config import JOINT_STATES
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import MountedConfig
-from fieldtruth.sense.beams import sweep_times_ns
 from fieldtruth.sense.scene_sensor import SceneSensor
+from fieldtruth.sensors.camera.config import Imager
+from fieldtruth.sensors.gnss.config import GnssConfig
+from fieldtruth.sensors.imu.config import ImuConfig
+from fieldtruth.sensors.lidar import message as sensor_messages
+from fieldtruth.sensors.lidar.beams import sweep_times_ns
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.wheel_odometry.config import JOINT_STATES
 from fieldtruth.world.model import GROUND_ID, World
 
 PoseAt = Callable[[int | Stamps], Array]

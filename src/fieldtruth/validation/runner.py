@@ -13,13 +13,17 @@ from fieldtruth.bag.reader import BagError, BagReader, RawMessage, open_bag
 from fieldtruth.bag.run import find_bag
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.core.progress import Advance, Progress, Silent, timed
+from fieldtruth.sensors.camera import check as images
+from fieldtruth.sensors.camera.check_frames import Sampler
+from fieldtruth.sensors.imu import check as sensors
+from fieldtruth.sensors.lidar import check as clouds
+from fieldtruth.sensors.wheel_odometry import check as odometry
 from fieldtruth.validation import files, streams
 from fieldtruth.validation.check import Check, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, at
 from fieldtruth.validation.files import BagFile
-from fieldtruth.validation.motion import calibration, drive, odometry, poses, sensors
-from fieldtruth.validation.retrace import agreement, clouds, images, reference, scene_sensors, world
-from fieldtruth.validation.retrace.camera_frames import Sampler
+from fieldtruth.validation.motion import calibration, drive, poses
+from fieldtruth.validation.retrace import agreement, reference, scene_sensors, world
 
 SAMPLES: Final = 20
 """Number of stamps of a run at which costly checks are made."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.experiment.camera_config import Imager
+from fieldtruth.sensors.camera.config import Imager
 from fieldtruth.validation.context import Checker, Context
 
 PARTS: Final = ("photograph", "tag", "depth", "instances")

@@ -15,10 +15,10 @@ import numpy as np
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core import frames, geodesy
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive import sensors
 from fieldtruth.drive.physics import GRAVITY
-from fieldtruth.experiment.imu_config import ImuConfig
-from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS
+from fieldtruth.sensors.imu import sensing as sensors
+from fieldtruth.sensors.imu.config import ImuConfig
+from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
 from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import STEP_NS, Checker, Context, at
 

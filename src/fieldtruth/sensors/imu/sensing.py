@@ -22,9 +22,9 @@ from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.drive.physics import GRAVITY, STEP_NS, STEP_S
 from fieldtruth.drive.track import GnssReadings, ImuReadings, Motion, TachometerReadings, stamps_at_rate
 from fieldtruth.experiment.fields import Mount
-from fieldtruth.experiment.gnss_config import GnssConfig
-from fieldtruth.experiment.imu_config import ImuConfig
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.sensors.gnss.config import GnssConfig
+from fieldtruth.sensors.imu.config import ImuConfig
 
 
 def steps_at_rate(rate_hz: float, duration_ns: int) -> Counts:

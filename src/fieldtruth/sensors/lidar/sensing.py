@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.core.classes import NO_RETURN
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.sense import embree
-from fieldtruth.sense.beams import ray_times_ns, ring_elevations
 from fieldtruth.sense.hits import HitTable, LabelBuffers, classify, hit_top
 from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import Packet, new_packet, set_ray
-from fieldtruth.sense.patterns import pattern_directions
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.lidar.beams import ray_times_ns, ring_elevations
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.patterns import pattern_directions
 
 _LANES, _WIDTH, _HEIGHT = embree.LANES, embree.LANES // 4, 4
 _OX, _OY, _OZ, _DX, _DY, _DZ = embree.ORG_X, embree.ORG_Y, embree.ORG_Z, embree.DIR_X, embree.DIR_Y, embree.DIR_Z

@@ -17,8 +17,8 @@ from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__RegionOfInteres
 from fieldtruth.bag import types as ros
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import PALETTE
-from fieldtruth.experiment.camera_config import CameraConfig, Imager
-from fieldtruth.experiment.lidar_config import PointFields, TimeField
+from fieldtruth.sensors.camera.config import CameraConfig, Imager
+from fieldtruth.sensors.lidar.config import PointFields, TimeField
 
 _XYZI: Final = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
 _RING: Final = [("ring", "<u2")]

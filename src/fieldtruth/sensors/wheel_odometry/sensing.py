@@ -11,9 +11,9 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.robot import skid_compensation
-from fieldtruth.drive.sensors import steps_at_rate
 from fieldtruth.drive.track import Stamps, WheelMotion, WheelOdometry
 from fieldtruth.experiment.robot_config import WheelConfig
+from fieldtruth.sensors.imu.sensing import steps_at_rate
 
 
 def effective_track(wheels: WheelConfig) -> float:

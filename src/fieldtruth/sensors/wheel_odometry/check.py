@@ -17,10 +17,10 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz, yaw_from_rotation
 from fieldtruth.drive.controller import WaypointFollower
-from fieldtruth.drive.odometry import advance
-from fieldtruth.drive.sensors import antenna_geodetic
-from fieldtruth.experiment.odometry_config import JOINT_STATES
 from fieldtruth.experiment.route import geodetic_route
+from fieldtruth.sensors.imu.sensing import antenna_geodetic
+from fieldtruth.sensors.wheel_odometry.config import JOINT_STATES
+from fieldtruth.sensors.wheel_odometry.sensing import advance
 from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import Checker, Context, at
 
