@@ -27,7 +27,8 @@ from fieldtruth.drive.track import (
 from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.record.slices import Slices
-from fieldtruth.record.streams import Sensors, streams_of
+from fieldtruth.record.stream import Sensors
+from fieldtruth.record.streams import streams_of
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig

@@ -25,9 +25,9 @@ from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.gazebo import DEFAULT_LAYOUT
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
+from fieldtruth.sensors.camera.message import camera_matrix
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.message import camera_matrix
 from fieldtruth.world.build import load_world
 
 pytestmark = pytest.mark.filterwarnings("ignore:the bag's own messages")

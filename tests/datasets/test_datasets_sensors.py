@@ -16,7 +16,7 @@ from rosbags.highlevel import AnyReader
 from fieldtruth.bag.reader import BagError
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.datasets import RunDataset, collate, open_runs
-from fieldtruth.sensors.lidar.message import camera_matrix
+from fieldtruth.sensors.camera.message import camera_matrix
 
 RIG = many_rig()
 LIDARS = {lidar.name: lidar for lidar in RIG.lidars}

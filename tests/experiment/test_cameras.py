@@ -16,8 +16,8 @@ from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.experiment.sensor_models import figures_of, list_models, models
 from fieldtruth.gazebo import write_gazebo
 from fieldtruth.sensors.camera.lens_config import LensConfig
+from fieldtruth.sensors.camera.message import camera_matrix, distortion, projection_matrix
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
-from fieldtruth.sensors.lidar.message import camera_matrix, distortion, projection_matrix
 
 PAGE = (Path(__file__).parents[2] / "docs" / "cameras.md").read_text(encoding="utf-8")
 TEXT = "name: a\nenvironment: park\nroute: {start: [49.9, 8.9], waypoints: [[49.9001, 8.9]]}\nrig: {cameras: {%s}}\n"

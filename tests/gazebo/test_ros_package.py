@@ -26,8 +26,8 @@ from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.route import geodetic_route, metres_from_route
 from fieldtruth.gazebo.robot import write_robot
 from fieldtruth.gazebo.ros import builtin_experiments, write_ros_package
+from fieldtruth.sensors.camera.message import camera_matrix, projection_matrix
 from fieldtruth.sensors.imu.config import ImuConfig
-from fieldtruth.sensors.lidar.message import camera_matrix, projection_matrix
 from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
 from fieldtruth.world.model import Heightfield, Raster, Terrain, World
 

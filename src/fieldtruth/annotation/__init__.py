@@ -36,8 +36,11 @@ from fieldtruth.experiment.topic import Topic
 from fieldtruth.record.folder import RunFolder, new_folder
 from fieldtruth.record.sensors import sensor_factory
 from fieldtruth.record.slices import Slices, slices_key
-from fieldtruth.record.streams import Stream, imager_stream, lidar_stream, scene_stream
+from fieldtruth.record.stream import Stream
+from fieldtruth.record.streams import scene_stream
+from fieldtruth.sensors.camera.stream import imager_stream
 from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.stream import lidar_stream
 from fieldtruth.world.build import check_layout, load_world
 
 CAMERAS_ONLY = Rig().with_sensors(LidarConfig, enabled=False)

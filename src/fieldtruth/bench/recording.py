@@ -13,7 +13,8 @@ from fieldtruth.bag.topics import topics_of
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.slices import Slices
-from fieldtruth.record.streams import Sensors, streams_of
+from fieldtruth.record.stream import Sensors
+from fieldtruth.record.streams import streams_of
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.sensing import Camera

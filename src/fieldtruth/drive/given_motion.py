@@ -18,9 +18,9 @@ from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import TrackError
 from fieldtruth.core.frames import wxyz_from_xyzw, xyzw_from_wxyz
 from fieldtruth.drive.physics import STEP_NS, STEP_S
+from fieldtruth.drive.readings import read_fixes, read_imus, sweep_steps
 from fieldtruth.drive.track import Motion, Track
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.sensors.imu import sensing as sensors
 
 _BLOCK: Final = 100_000
 """Rows that the rotation spline computes at once; it takes half a kilobyte for each."""
@@ -83,8 +83,8 @@ def readings_along(swept: Motion, rig: Rig) -> Track:
 
     What moves along given poses may have no wheels.
     """
-    motion = swept.first(len(swept.stamps_ns) - sensors.sweep_steps(rig))
-    imus, fixes = sensors.read_imus(motion, rig), sensors.read_fixes(motion, rig)
+    motion = swept.first(len(swept.stamps_ns) - sweep_steps(rig))
+    imus, fixes = read_imus(motion, rig), read_fixes(motion, rig)
     return Track(motion=motion, swept=swept, imus=imus, fixes=fixes, base=None)
 
 

@@ -9,9 +9,9 @@ from fieldtruth.bag.track_file import TrackFile
 from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.drive.given_motion import motion_along, readings_along
 from fieldtruth.drive.inside import check_motion
+from fieldtruth.drive.readings import sweep_steps
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.sensors.imu.sensing import sweep_steps
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 from fieldtruth.world.model import World
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.record.streams import Sensors
+from fieldtruth.record.stream import Sensors
 from fieldtruth.render.bake import bake
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sense.scene_sensor import SCENE_SENSORS

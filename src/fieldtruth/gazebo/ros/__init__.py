@@ -29,8 +29,8 @@ from fieldtruth.gazebo.ros.bridge import bridge_table, image_topics
 from fieldtruth.gazebo.ros.rviz import rviz_configuration
 from fieldtruth.gazebo.templates import render, write
 from fieldtruth.sensors.camera.config import Imager
+from fieldtruth.sensors.camera.message import camera_matrix, projection_matrix
 from fieldtruth.sensors.camera.pinhole import pinhole
-from fieldtruth.sensors.lidar.message import camera_matrix, projection_matrix
 from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS, WheelOdometryConfig
 from fieldtruth.world.model import World
 

@@ -15,16 +15,17 @@ from fieldtruth.bag.reader import BagError
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.sensors.camera.check_frames import PARTS, CameraFrame, CameraFrameChecker, Sampler
+from fieldtruth.sensors.camera.check_frames import PARTS, CameraFrame, CameraFrameChecker
 from fieldtruth.sensors.camera.check_lens import pixel_ray
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
+from fieldtruth.sensors.camera.message import photograph_jpeg
 from fieldtruth.sensors.camera.sensing import Camera
-from fieldtruth.sensors.lidar.message import photograph_jpeg
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Context, RebuiltWorld
 from fieldtruth.validation.retrace.reference import NOTHING, UNKNOWN, RayReading, RayReference, close
 from fieldtruth.validation.retrace.world import ClassComparison, ObjectClasses
+from fieldtruth.validation.sampler import Sampler
 
 FORM: Final = Rule("images have the encoding of their topic and the size of CameraInfo")
 JPEG: Final = Rule("photographs can be decoded")

@@ -1,13 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Readings of IMU, GNSS and tachometers as pure functions of the true motion, without noise.
+"""Readings of an inertial measurement unit as a pure function of the true motion, without noise.
 
-A reading is the state at the physics step nearest to the sensor's due time, and carries that step's own stamp; for
-rates that divide 1000 Hz the two are equal. The IMU reads means over the interval that ends at the stamp, as
-``ImuReadings`` states: their sums are attitude and velocity, and a short drive equals the start of a long one. Means of
-the rotating body's angular velocity and specific force would miss coning and sculling (Savage, Strapdown Inertial
-Navigation Integration Algorithm Design, Journal of Guidance, Control, and Dynamics 21, 1998); the rotation vector and
-the change of velocity of the interval contain both.
+They are means over the interval that ends at the stamp, as ``ImuReadings`` states: their sums are attitude and
+velocity, and a short drive equals the start of a long one. Means of the rotating body's angular velocity and specific
+force would miss coning and sculling (Savage, Strapdown Inertial Navigation Integration Algorithm Design, Journal of
+Guidance, Control, and Dynamics 21, 1998); the rotation vector and the change of velocity of the interval contain both.
 """
 
 import math
@@ -18,28 +16,10 @@ from scipy.spatial.transform import Rotation
 
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.frames import quaternion_wxyz_from_rotation, rotation_from_quaternion_wxyz, xyzw_from_wxyz
-from fieldtruth.core.geodesy import geodetic_from_world
-from fieldtruth.drive.physics import GRAVITY, STEP_NS, STEP_S
-from fieldtruth.drive.track import GnssReadings, ImuReadings, Motion, TachometerReadings, stamps_at_rate
-from fieldtruth.experiment.fields import Mount
-from fieldtruth.experiment.rig import Rig
-from fieldtruth.sensors.gnss.config import GnssConfig
+from fieldtruth.drive.physics import GRAVITY, STEP_S
+from fieldtruth.drive.steps import steps_at_rate
+from fieldtruth.drive.track import ImuReadings, Motion
 from fieldtruth.sensors.imu.config import ImuConfig
-
-
-def steps_at_rate(rate_hz: float, duration_ns: int) -> Counts:
-    """Physics steps (n,), counted from 1, at which a sensor of ``rate_hz`` reads, ``duration_ns`` included."""
-    return np.rint(stamps_at_rate(rate_hz, duration_ns) / STEP_NS).astype(np.int64)
-
-
-def due_step(rate_hz: float, number: int) -> int:
-    """Return the physics step of the reading with this number, from 1, as ``steps_at_rate`` has it."""
-    return round(round(number * (1e9 / rate_hz)) / STEP_NS)
-
-
-def sweep_steps(rig: Rig) -> int:
-    """Physics steps from the stamp of a scan until its last rays leave; 0 unless a LiDAR spins."""
-    return max((math.ceil(1e9 / each.rate_hz / STEP_NS) for each in rig.lidars if each.spinning), default=0)
 
 
 def read_imu(motion: Motion, config: ImuConfig) -> ImuReadings:
@@ -76,35 +56,6 @@ def rotation_vector(before_wxyz: Array, after_wxyz: Array) -> Array:
     before, after = (Rotation.from_quat(xyzw_from_wxyz(q)) for q in (before_wxyz, after_wxyz))
     vectors: Array = (before.inv() * after).as_rotvec()
     return vectors
-
-
-def read_gnss(motion: Motion, config: GnssConfig) -> GnssReadings:
-    """Return the geodetic position of the antenna."""
-    rows = steps_at_rate(config.rate_hz, int(motion.stamps_ns[-1])) - 1
-    geodetic = antenna_geodetic(motion.position[rows], motion.quaternion_wxyz[rows], config.mount)
-    return GnssReadings(stamps_ns=motion.stamps_ns[rows], geodetic=geodetic)
-
-
-def read_imus(motion: Motion, rig: Rig) -> dict[str, ImuReadings]:
-    """Return the readings of every IMU by its name."""
-    return {config.name: read_imu(motion, config) for config in rig.imus}
-
-
-def read_fixes(motion: Motion, rig: Rig) -> dict[str, GnssReadings]:
-    """Return the readings of every GNSS receiver by its name."""
-    return {config.name: read_gnss(motion, config) for config in rig.antennas}
-
-
-def read_tachometers(motion: Motion, wheel_speed: Array, rate_hz: float) -> TachometerReadings:
-    """Return the readings of ``wheel_speed`` (n, 4) [rad/s], given at every physics step."""
-    rows = steps_at_rate(rate_hz, int(motion.stamps_ns[-1])) - 1
-    return TachometerReadings(stamps_ns=motion.stamps_ns[rows], wheel_speed=wheel_speed[rows])
-
-
-def antenna_geodetic(position: Array, quaternion_wxyz: Array, mount: Mount) -> Array:
-    """Latitude [deg], longitude [deg], height [m] (n, 3) of the antenna for poses of base_link (n, 3) and (n, 4)."""
-    lever = rotation_from_quaternion_wxyz(quaternion_wxyz) @ np.array(mount.xyz)
-    return geodetic_from_world(position + lever)
 
 
 def heading(quaternion_wxyz: Array) -> float:

@@ -1,24 +1,16 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of LiDAR and cameras: PointCloud2, CompressedImage, Image and CameraInfo."""
+"""The message of a LiDAR: PointCloud2."""
 
-from typing import Any, Final, Protocol
+from typing import Final, Protocol
 
 import numpy as np
-import simplejpeg
 from numpy.typing import NDArray
-from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__CameraInfo as CameraInfo
-from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__CompressedImage as CompressedImage
-from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__Image as Image
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointCloud2 as PointCloud2
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointField as PointField
-from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__RegionOfInterest as RegionOfInterest
 
 from fieldtruth.bag import types as ros
-from fieldtruth.core.arrays import Array
-from fieldtruth.core.classes import PALETTE
-from fieldtruth.sensors.camera.config import CameraConfig, Imager
-from fieldtruth.sensors.lidar.config import PointFields, TimeField
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 _XYZI: Final = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
 _RING: Final = [("ring", "<u2")]
@@ -55,44 +47,33 @@ class Scan(Protocol):
     def t_ns(self) -> NDArray[np.uint32]: ...  # noqa: D102
 
 
-def point_type(
-    *, spinning: bool, wide_ids: bool, clock: TimeField | None = None, maker: PointFields | None = None
-) -> np.dtype[np.void]:
+def point_type(config: LidarConfig, *, wide_ids: bool) -> np.dtype[np.void]:
     """Type of a point of 24 bytes: x, y, z [m] in os1_lidar; intensity = label, as the paper's reflectivity; ray; ids.
 
-    With ``spinning`` it has ``t`` [ns], the time of its ray after the stamp. Instantaneous scans have none: programs
-    scale it to 0..1 and divide by its range, which is 0 (KISS-ICP aborts). ``wide_ids``: ``instance`` has 32 bits.
-    ``clock`` follows ``t``: ``time`` [s] after the stamp, or ``timestamp`` [s], the sum. ``maker``: fields of its
-    driver; PCL reads a field only if name and type are those that a program declares.
+    That of a LiDAR that spins has ``t`` [ns], the time of its ray after the stamp. Instantaneous scans have none:
+    programs scale it to 0..1 and divide by its range, which is 0 (KISS-ICP aborts). ``wide_ids``: ``instance`` has 32
+    bits. ``time_field`` follows ``t``: ``time`` [s] after the stamp, or ``timestamp`` [s], the sum. ``point_fields``
+    are those of the maker's driver; PCL reads a field only if name and type are those that a program declares.
     """
-    time = [("t", "<u4"), *([(clock, _CLOCKS[clock])] if clock else [])] if spinning else []
+    clock, maker = config.time_field, config.point_fields
+    time = [("t", "<u4"), *([(clock, _CLOCKS[clock])] if clock else [])] if config.spinning else []
     ids = [("column", "<u2"), ("label", "<u2"), ("instance", "<u4" if wide_ids else "<u2")]
     return np.dtype([*_XYZI, *time, *(_MAKERS[maker] if maker else _RING), *ids], align=True)
 
 
-def point_cloud(
-    seq: int,
-    stamp_ns: int,
-    scan: Scan,
-    *,
-    frame: str = "os1_lidar",
-    spinning: bool,
-    wide_ids: bool = False,
-    clock: TimeField | None = None,
-    maker: PointFields | None = None,
-) -> bytes:
+def point_cloud(seq: int, stamp_ns: int, scan: Scan, config: LidarConfig, *, wide_ids: bool = False) -> bytes:
     """Serialise sensor_msgs/PointCloud2 of the returns, in the order of the scan; with ``t`` if the LiDAR spins.
 
     An Ouster's ``reflectivity`` is the label as well, its ``range`` [mm] that of the ray, and its ``ambient`` zero. A
     Livox's ``line`` is the ring, its ``timestamp`` [ns] the time of the ray, and its ``tag`` zero: a sure return.
     """
-    kind = point_type(spinning=spinning, wide_ids=wide_ids, clock=clock, maker=maker)
+    kind, clock, maker = point_type(config, wide_ids=wide_ids), config.time_field, config.point_fields
     points = np.zeros(len(scan.xyz), kind)
     points["x"], points["y"], points["z"] = scan.xyz.T
     points["intensity"] = scan.label
-    if spinning:
+    if config.spinning:
         points["t"] = scan.t_ns
-    if spinning and clock:
+    if config.spinning and clock:
         points[clock] = (scan.t_ns.astype(np.int64) + (stamp_ns if clock == "timestamp" else 0)) / 1e9
     points["ring"], points["column"] = scan.ring, scan.column
     points["label"], points["instance"] = scan.label, scan.instance
@@ -102,7 +83,7 @@ def point_cloud(
     if maker == "livox":
         points["line"], points["timestamp"] = scan.ring, stamp_ns + scan.t_ns.astype(np.int64)
     message = PointCloud2(
-        ros.header(seq, stamp_ns, frame),
+        ros.header(seq, stamp_ns, config.frame),
         height=1,
         width=len(points),
         fields=[
@@ -116,101 +97,3 @@ def point_cloud(
         is_dense=True,
     )
     return ros.serialize(message, "sensor_msgs/msg/PointCloud2")
-
-
-def photograph(seq: int, stamp_ns: int, frame: str, photo: NDArray[np.uint8], quality: int) -> bytes:
-    """Serialise sensor_msgs/CompressedImage of a photograph (h, w, 3) RGB."""
-    data = np.frombuffer(photograph_jpeg(photo, quality), np.uint8)
-    message = CompressedImage(ros.header(seq, stamp_ns, frame), "jpeg", data)
-    return ros.serialize(message, "sensor_msgs/msg/CompressedImage")
-
-
-def photograph_jpeg(photo: NDArray[np.uint8], quality: int) -> bytes:
-    """Encode (h, w, 3) RGB as JPEG with the full resolution of chroma (4:4:4), because PNGs are exported from it.
-
-    At quality 92, photographs of park and forest take 476 and 596 kB and 3.9 and 4.5 ms; 4:2:0 at quality 90, as ROS's
-    own publisher has it, takes 336 and 403 kB and 2.4 and 2.7 ms, with 3.3 dB less PSNR (33.4 and 31.8 dB).
-    """
-    jpeg: bytes = simplejpeg.encode_jpeg(np.ascontiguousarray(photo), quality, "RGB", "444")
-    return jpeg
-
-
-def tag(seq: int, stamp_ns: int, frame: str, label: NDArray[np.uint8]) -> bytes:
-    """Serialise sensor_msgs/Image, rgb8: the flat colour of each label of (h, w)."""
-    height, width = label.shape
-    head = ros.header(seq, stamp_ns, frame)
-    flat = np.take(PALETTE, label, axis=0)  # five times as fast as PALETTE[label], which holds the GIL
-    message = Image(head, height, width, "rgb8", 0, 3 * width, flat.reshape(-1))
-    return ros.serialize(message, "sensor_msgs/msg/Image")
-
-
-def depth(seq: int, stamp_ns: int, frame: str, metres: NDArray[np.float32]) -> bytes:
-    """Serialise sensor_msgs/Image, 32FC1 (REP-118): depth (h, w) [m] along the optical axis; 0 becomes infinite."""
-    far = np.where(metres > 0.0, metres, np.float32(np.inf)).astype("<f4", copy=False)
-    return _image(seq, stamp_ns, frame, "32FC1", far)
-
-
-def instances(seq: int, stamp_ns: int, frame: str, instance: NDArray[np.uint32], *, wide_ids: bool = False) -> bytes:
-    """Serialise sensor_msgs/Image of instance ids (h, w) as in the cloud's ``instance``; 0 for sky.
-
-    It is 16UC1, with ``wide_ids`` 32SC1; ROS has no unsigned encoding of 32 bits.
-    """
-    encoding, kind = ("32SC1", "<i4") if wide_ids else ("16UC1", "<u2")
-    return _image(seq, stamp_ns, frame, encoding, instance.astype(kind))
-
-
-def _image(seq: int, stamp_ns: int, frame: str, encoding: str, pixels: NDArray[Any]) -> bytes:
-    height, width = pixels.shape
-    head = ros.header(seq, stamp_ns, frame)
-    data = np.ascontiguousarray(pixels).reshape(-1).view(np.uint8)
-    message = Image(head, height, width, encoding, 0, pixels.itemsize * width, data)
-    return ros.serialize(message, "sensor_msgs/msg/Image")
-
-
-def camera_matrix(config: CameraConfig) -> Array:
-    """Return K (3, 3) [pixel]. ROS counts from the centre of the first pixel, so the principal point is (w - 1) / 2.
-
-    A panorama has no K: zeros, by which ROS says that a camera is not calibrated.
-    """
-    lens = config.projection
-    if lens.model == "equirectangular":
-        return np.zeros((3, 3))
-    return np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
-
-
-def distortion(config: CameraConfig) -> tuple[str, Array]:
-    """Return ``distortion_model`` and D: of a pinhole ``plumb_bob`` with five zeros, of a panorama no numbers."""
-    lens = config.projection
-    return ("plumb_bob", np.zeros(5)) if lens.model == "pinhole" else (lens.model, np.array(lens.coefficients))
-
-
-def projection_matrix(imager: Imager) -> Array:
-    """Return P (3, 4) [pixel]; of a pair for points in the left optical frame: Tx of the right one is -fx * baseline.
-
-    P describes the rectified image. The two cameras are parallel, so that removing the distortion rectifies: with R the
-    identity and the focal lengths and centre of K, rectified and raw image meet in the middle.
-    """
-    matrix = np.hstack([camera_matrix(imager.config), np.zeros((3, 1))])
-    if imager.baseline:
-        matrix[0, 3] = -matrix[0, 0] * imager.baseline
-    return matrix
-
-
-def camera_info(seq: int, stamp_ns: int, imager: Imager) -> bytes:
-    """Serialise sensor_msgs/CameraInfo. The images are those of the lens, not rectified."""
-    config = imager.config
-    model, coefficients = distortion(config)
-    message = CameraInfo(
-        ros.header(seq, stamp_ns, imager.optical_frame),
-        height=config.height,
-        width=config.width,
-        distortion_model=model,
-        D=coefficients,
-        K=camera_matrix(config).ravel(),
-        R=np.eye(3).ravel(),
-        P=projection_matrix(imager).ravel(),
-        binning_x=0,
-        binning_y=0,
-        roi=RegionOfInterest(0, 0, 0, 0, do_rectify=False),
-    )
-    return ros.serialize(message, "sensor_msgs/msg/CameraInfo")
