@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What SLAM programs must know of a rig: topics, fields, figures and mounts of one LiDAR, one IMU and one camera.
 
-Of a rig with several sensors these are the first LiDAR, the first IMU and the first stereo pair, without a pair the first
-camera. Mounts, lenses and fields of points are those of the messages in the bag.
+Of a rig with several sensors these are the first LiDAR, the first IMU and the first stereo pair, without a pair the
+first camera. Mounts, lenses and fields of points are those of the messages in the bag.
 """
 
 from collections.abc import Mapping
@@ -160,8 +160,13 @@ def _imu(run: Run, imu: Any, static: StaticFrames) -> ImuFacts:
 
 
 def noise_of(imu: Any) -> ImuNoise | None:
-    """Noise of an IMU, of the worst axis; None if it reads exactly."""
-    return None
+    """Noise of an IMU, of the worst axis; None if it reads exactly. What it lacks, as often walks, is assumed."""
+    if (signal := getattr(imu, "signal", None)) is None:
+        return None
+    names = ("noise_density", "random_walk")
+    keys = (f"{triad}_{name}" for name in names for triad in ("gyroscope", "accelerometer"))
+    figures = (float(np.max(getattr(signal, key))) for key in keys)
+    return ImuNoise(*(figure or assumed for figure, assumed in zip(figures, ASSUMED_NOISE, strict=True)))
 
 
 def _view(run: Run, view: Any, static: StaticFrames) -> ViewFacts:

@@ -20,8 +20,8 @@ Files = dict[str, str]
 """Text by name of the file."""
 
 _LEAST_VARIANCE: Final = (0.1, 0.1, 1e-4, 1e-4)
-"""acc_cov, gyr_cov, b_acc_cov, b_gyr_cov in every file of hku-mars/FAST_LIO 7cc4175: room for vibration and for what the
-filter neglects, which is more than most IMUs have of noise."""
+"""acc_cov, gyr_cov, b_acc_cov, b_gyr_cov in every file of hku-mars/FAST_LIO 7cc4175: with room for vibration and for
+what the filter neglects, more than most IMUs have of noise."""
 _MARSIM, _VELODYNE, _OUSTER = 4, 2, 3
 """FAST-LIO2's lidar_type: points without time, with ``time``, with ``t``."""
 _SECOND, _NANOSECOND = 0, 3
@@ -44,7 +44,7 @@ def kiss_icp(facts: Facts) -> Files | str:
 
 
 def rko_lio(facts: Facts) -> Files | str:
-    """RKO-LIO 0.4 (PRBonn/rko_lio a335c17, config.py): mounts in the base frame, here the LiDAR's, as x y z w, x y z."""
+    """RKO-LIO 0.4 (PRBonn/rko_lio a335c17, config.py): mounts in the base frame, here that of the LiDAR."""
     lidar, imu = facts.lidar, facts.imu
     if lidar is None or imu is None:
         return "no LiDAR" if lidar is None else "no IMU"
@@ -64,7 +64,7 @@ def lio_sam(facts: Facts) -> Files | str:
     """LIO-SAM (TixiaoShan/LIO-SAM 0be1fbe, config/params.yaml, include/utility.h, src/imuPreintegration.cpp).
 
     ``extrinsicRot`` turns readings of the IMU into the LiDAR's axes, and so does ``extrinsicRPY`` for the orientation;
-    ``extrinsicTrans`` is the IMU's position in the LiDAR's frame, as the LiDAR's pose is multiplied by it from the right.
+    ``extrinsicTrans`` is the IMU's position in the LiDAR's frame: the LiDAR's pose is multiplied by it from the right.
     """
     lidar, imu = facts.lidar, facts.imu
     if lidar is None or imu is None:

@@ -158,7 +158,9 @@ _ORB: Final = {
 
 
 def _orb_camera(name: str, view: ViewFacts) -> dict[str, Any]:
-    values: dict[str, Any] = dict(zip((f"{name}.{key}" for key in ("fx", "fy", "cx", "cy")), view.intrinsics, strict=True))
+    values: dict[str, Any] = dict(
+        zip((f"{name}.{key}" for key in ("fx", "fy", "cx", "cy")), view.intrinsics, strict=True)
+    )
     if view.model == "equidistant":
         keys, k = ("k1", "k2", "k3", "k4"), view.coefficients
         values |= {f"{name}.overlappingBegin": 0, f"{name}.overlappingEnd": view.width}
