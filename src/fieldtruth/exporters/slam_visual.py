@@ -158,15 +158,15 @@ _ORB: Final = {
 
 
 def _orb_camera(name: str, view: ViewFacts) -> dict[str, Any]:
-    values: dict[str, Any] = dict(
-        zip((f"{name}.{key}" for key in ("fx", "fy", "cx", "cy")), view.intrinsics, strict=True)
-    )
+    keys, figures = ["fx", "fy", "cx", "cy"], view.intrinsics + view.coefficients
+    values: dict[str, Any] = {}
     if view.model == "equidistant":
-        keys, k = ("k1", "k2", "k3", "k4"), view.coefficients
-        values |= {f"{name}.overlappingBegin": 0, f"{name}.overlappingEnd": view.width}
+        keys += ["k1", "k2", "k3", "k4"]
+        values = {f"{name}.overlappingBegin": 0, f"{name}.overlappingEnd": view.width}
     else:
-        keys, k = ("k1", "k2", "p1", "p2", "k3"), view.coefficients or (0.0,) * 5
-    return values | dict(zip((f"{name}.{key}" for key in keys), k, strict=True))
+        keys += ["k1", "k2", "p1", "p2", "k3"]
+        figures += (0.0,) * (9 - len(figures))
+    return dict(zip((f"{name}.{key}" for key in keys), figures, strict=True)) | values
 
 
 def _opencv_matrix(matrix: Array) -> str:

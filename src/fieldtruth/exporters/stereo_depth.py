@@ -41,13 +41,13 @@ Depth of {left} from the photographs of {left} and {right} of {run}, by OpenCV's
 stereo/NS.png: depth along the optical axis, 16 bits, in millimetres; 0 where nothing was matched, or beyond 65.535 m
 stereo/NS.npy: the same in metres, float32; infinite where nothing was matched
 {truth}
-NS is the stamp in nanoseconds. Depth = f B / disparity, with f B = {scale:.6g} pixel m; disparities up to {most} pixels were
-searched, so nothing nearer than {nearest:.2f} m is matched.
+NS is the stamp in nanoseconds. Depth = f B / disparity, with f B = {scale:.6g} pixel m. Disparities up to {most} pixels
+were searched, so nothing nearer than {nearest:.2f} m is matched.
 """
 _TRUTH: Final = """\
 true/NS.png, true/NS.npy: the true depth, in the same units; infinite in the sky
-errors.csv: a row for each range of true depth: pixels, share of them that was matched and, of the matched, the share with
-  a disparity more than 3 pixels wrong and the median of the relative error of the depth
+errors.csv: a row for each range of true depth: pixels, share of them that was matched and, of the matched, the share
+  with a disparity more than 3 pixels wrong and the median of the relative error of the depth
 """
 _NO_TRUTH: Final = "The bag has no true depth to compare with; record it with generate --extras depth.\n"
 

@@ -3,6 +3,7 @@
 """Errors of disparities, by true depth, over any number of images with bounded memory."""
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -62,14 +63,15 @@ def errors_csv(errors: Sequence[Errors]) -> str:
 
 
 def _rows(total: Errors) -> Iterator[str]:
-    for k, (start, end) in enumerate(zip(EDGES[:-1], EDGES[1:], strict=True)):
-        yield _row(start, end, *(int(values[k]) for values in total[:3]), total.histogram[k])
-    yield _row(EDGES[0], EDGES[-1], *(int(values.sum()) for values in total[:3]), total.histogram.sum(axis=0))
+    for k, (start, end) in enumerate(pairwise(EDGES)):
+        yield _row(start, end, Errors(*(values[k] for values in total)))
+    yield _row(EDGES[0], EDGES[-1], Errors(*(values.sum(axis=0) for values in total)))
 
 
-def _row(start: float, end: float, pixels: int, matched: int, bad: int, histogram: Counts) -> str:
+def _row(start: float, end: float, row: Errors) -> str:
+    pixels, matched, bad = int(row.pixels), int(row.matched), int(row.bad)
     shares = f"{matched / pixels:.4f}" if pixels else "", f"{bad / matched:.4f}" if matched else ""
-    return ",".join([f"{start:g}", f"{end:g}", str(pixels), *shares, _median(histogram)])
+    return ",".join([f"{start:g}", f"{end:g}", str(pixels), *shares, _median(row.histogram)])
 
 
 def _median(histogram: Counts) -> str:
