@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Stereo depth: disparities of a textured wall are f B / Z, those of a run nearly, and the table is that of the files."""
+"""Stereo depth: disparities of a wall are f B / Z, those of a run nearly, and the table is that of the files."""
 
 import csv
 import sys

@@ -30,7 +30,7 @@ _SECOND, _NANOSECOND = 0, 3
 
 def numbers(values: Any) -> list[float]:
     """Row by row, without rounding errors of a rotation by right angles."""
-    flat: list[float] = (np.round(np.asarray(values, np.float64), 15) + 0.0).ravel().tolist()
+    flat: list[float] = (np.round(np.asarray(values, np.float64), 12) + 0.0).ravel().tolist()
     return flat
 
 

@@ -6,6 +6,7 @@ Keys and conventions are those of the sources named at each function. A function
 line why the program cannot read these sensors.
 """
 
+import re
 from collections.abc import Mapping
 from typing import Any, Final
 
@@ -20,6 +21,8 @@ from fieldtruth.exporters.slam_programs import Files, numbers
 
 _YAML: Final = "%YAML:1.0\n"
 """The first line of a file that FileStorage reads."""
+_ITEM: Final = re.compile(r"^( *)- ", re.MULTILINE)
+"""Beginning of an item of a list, which FileStorage wants further to the right than the list's key."""
 
 _ESTIMATOR: Final[Mapping[str, Any]] = {
     "verbosity": "INFO", "use_fej": True, "integration": "rk4",
@@ -70,10 +73,14 @@ def open_vins(facts: Facts) -> Files | str:
     rate = {"track_frequency": min(21.0, facts.views[0].rate_hz + 1.0)}
     folder = "open_vins"
     return {
-        f"{folder}/estimator_config.yaml": _YAML + write_mapping({**_ESTIMATOR, **rig, **rate}),
-        f"{folder}/kalibr_imu_chain.yaml": _YAML + write_mapping({"imu0": _kalibr_imu(facts.imu)}),
-        f"{folder}/kalibr_imucam_chain.yaml": _YAML + write_mapping(cameras),
+        f"{folder}/estimator_config.yaml": _text({**_ESTIMATOR, **rig, **rate}),
+        f"{folder}/kalibr_imu_chain.yaml": _text({"imu0": _kalibr_imu(facts.imu)}),
+        f"{folder}/kalibr_imucam_chain.yaml": _text(cameras),
     }
+
+
+def _text(values: Mapping[str, Any]) -> str:
+    return _YAML + _ITEM.sub(r"\1  - ", write_mapping(values))
 
 
 def _kalibr_imu(imu: ImuFacts) -> dict[str, Any]:
@@ -175,4 +182,4 @@ def _opencv_matrix(matrix: Array) -> str:
 
 def _imu_from_camera(imu: ImuFacts, view: ViewFacts) -> Array:
     matrix = frames.inverse(imu.base_from_imu) @ view.base_from_optical
-    return np.asarray(np.round(matrix, 15) + 0.0)
+    return np.asarray(np.round(matrix, 12) + 0.0)
