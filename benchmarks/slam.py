@@ -4,8 +4,8 @@
 
 Run: python benchmarks/slam.py [--signal ideal|datasheet|FILE] [--envs NAME ...] [--seconds S] [--out DIR]
 
-It needs: pip install kiss-icp rko_lio small_gicp evo. For each environment it records a spinning OS1-64 and an IMU of 200
-Hz without cameras, exports the configuration files, runs each program that is installed with and without deskewing, and
+It needs: pip install kiss-icp rko_lio small_gicp evo. For each environment it records a spinning OS1-64 and an IMU of
+200 Hz without cameras, exports the configuration files, runs each program that is installed with and without deskewing, and
 prints a row with evo's errors. Bags and estimates that DIR has already are used again.
 
 Times: a deskewed scan of KISS-ICP is as seen at its end, though it has the stamp of its beginning; RKO-LIO's poses have
@@ -99,7 +99,7 @@ def small_gicp(run: Path, out: Path, deskew: bool) -> Path:
     import small_gicp as gicp
 
     target, pose, motion = gicp.GaussianVoxelMap(1.0), np.eye(4), np.eye(4)
-    lines = []
+    lines: list[str] = []
     for reading in ft.read_bag(run / f"{run.name}.bag", [TOPIC]):
         rows = points(reading.message)
         xyz = np.stack([rows[axis] for axis in "xyz"], axis=1).astype(np.float64)

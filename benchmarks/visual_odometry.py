@@ -4,8 +4,8 @@
 
 Run: python benchmarks/visual_odometry.py RUN [--out estimate.tum]      (pip install opencv-python-headless evo)
 
-Corners of the left photograph (Shi and Tomasi) are tracked to the right one, which gives their position, and to the next
-left one (Lucas and Kanade); the motion is that which explains the tracks of most of them (RANSAC). No map, no loop.
+Corners of the left photograph (Shi and Tomasi) are tracked to the right one, which gives their position, and to the
+next left one (Lucas and Kanade); the motion is that which explains the tracks of most of them (RANSAC). No map, no loop.
 """
 
 import argparse
