@@ -5,8 +5,8 @@
 Run: python benchmarks/slam.py [--signal ideal|datasheet|FILE] [--envs NAME ...] [--seconds S] [--out DIR]
 
 It needs: pip install kiss-icp rko_lio small_gicp evo. For each environment it records a spinning OS1-64 and an IMU of
-200 Hz without cameras, exports the configuration files, runs each program that is installed with and without deskewing, and
-prints a row with evo's errors. Bags and estimates that DIR has already are used again.
+200 Hz without cameras, exports the configuration files, runs each program that is installed with and without
+deskewing, and prints a row with evo's errors. Bags and estimates that DIR has already are used again.
 
 Times: a deskewed scan of KISS-ICP is as seen at its end, though it has the stamp of its beginning; RKO-LIO's poses have
 the stamp of the end. A scan that is not deskewed has no time of its own; it is compared with the pose at its middle.

@@ -5,7 +5,7 @@
 Run: python benchmarks/visual_odometry.py RUN [--out estimate.tum]      (pip install opencv-python-headless evo)
 
 Corners of the left photograph (Shi and Tomasi) are tracked to the right one, which gives their position, and to the
-next left one (Lucas and Kanade); the motion is that which explains the tracks of most of them (RANSAC). No map, no loop.
+next left one (Lucas and Kanade); the motion is that which explains the tracks of most (RANSAC). No map, no loop.
 """
 
 import argparse
@@ -54,7 +54,8 @@ def pairs(run: Run) -> Iterator[Pair]:
         found = waiting.setdefault(reading.stamp_ns, {})
         found[reading.topic] = cv2.cvtColor(image(reading.message), cv2.COLOR_RGB2GRAY)
         if len(found) == 2:
-            yield Pair(reading.stamp_ns, *(waiting.pop(reading.stamp_ns)[topic] for topic in topics))
+            del waiting[reading.stamp_ns]
+            yield Pair(reading.stamp_ns, *(found[topic] for topic in topics))
 
 
 def tracked(first: Grey, second: Grey, corners: Points) -> tuple[Points, NDArray[np.bool_]]:
