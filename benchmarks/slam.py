@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Odometry programs on our clouds, against the true poses of the LiDAR: the tables of docs/slam.md.
 
-Run: python benchmarks/slam.py [--signal ideal|datasheet|FILE] [--envs NAME ...] [--seconds S] [--out DIR]
+Run: python benchmarks/slam.py [--signal ideal|datasheet] [--envs NAME ...] [--seconds S] [--out DIR]
 
 It needs: pip install kiss-icp rko_lio small_gicp evo. For each environment it records a spinning OS1-64 and an IMU of
 200 Hz without cameras, exports the configuration files, runs each program that is installed with and without
@@ -51,10 +51,10 @@ Work = Callable[[Path, Path, bool], Path]
 
 def recorded(environment: str, length_s: float, signal: str, out: Path) -> Path:
     """Folder of the run, which is made unless it is there."""
-    folder = out / signal.replace("/", "_") / f"{environment}_1"
+    folder = out / signal / f"{environment}_1"
     if not (folder / f"{environment}_1.bag").exists():
         experiment = load_experiment(f"{environment}_1").model_copy(update={"rig": RIG})
-        generate(with_overrides(experiment, seconds=length_s, signal=signal), folder.parent)
+        generate(with_overrides(experiment, seconds=length_s, signal={"lidar": signal, "imu": signal}), folder.parent)
     if not (configs := folder / "configs").exists():
         export(folder, "slam-configs", out=configs)
     return folder
@@ -178,7 +178,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--envs", nargs="+", default=["park", "lake", "forest", "hillside"])
     parser.add_argument("--programs", nargs="+", default=list(PROGRAMS), choices=list(PROGRAMS))
-    parser.add_argument("--signal", default="ideal", help="ideal, datasheet or a file, of LiDAR and IMU")
+    parser.add_argument("--signal", default="ideal", choices=["ideal", "datasheet"], help="of LiDAR and IMU")
     parser.add_argument("--seconds", type=float, default=40.0, help="simulated time of each run")
     parser.add_argument("--out", type=Path, default=Path("slam"))
     options = parser.parse_args()
@@ -188,7 +188,7 @@ def main() -> None:
         for program in options.programs:
             work, later = PROGRAMS[program]
             for deskew in (True, False):
-                folder = options.out / "estimates" / options.signal.replace("/", "_") / environment / program
+                folder = options.out / "estimates" / options.signal / environment / program
                 folder = folder / ("deskewed" if deskew else "raw")
                 try:
                     estimate = estimated(work, run, folder, deskew)

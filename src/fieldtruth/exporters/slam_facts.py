@@ -15,6 +15,9 @@ from fieldtruth.bag.calibration import StaticFrames, first_message, read_static_
 from fieldtruth.bag.run import Run
 from fieldtruth.core.arrays import Array
 from fieldtruth.exporters.sequences import first_views
+from fieldtruth.sensors.camera.config import Imager
+from fieldtruth.sensors.imu.config import ImuConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 _UINT8, _UINT32, _FLOAT32 = 2, 6, 7
 """Datatypes of sensor_msgs/PointField."""
@@ -135,7 +138,7 @@ def read_facts(run: Run) -> Facts:
 _OF_VIEW: Final = ("photograph", "camera_info")
 
 
-def _lidar(run: Run, lidar: Any, static: StaticFrames) -> LidarFacts:
+def _lidar(run: Run, lidar: LidarConfig, static: StaticFrames) -> LidarFacts:
     cloud = first_message(run, lidar.topic)
     frame = cloud.header.frame_id
     return LidarFacts(
@@ -153,7 +156,7 @@ def _lidar(run: Run, lidar: Any, static: StaticFrames) -> LidarFacts:
     )
 
 
-def _imu(run: Run, imu: Any, static: StaticFrames) -> ImuFacts:
+def _imu(run: Run, imu: ImuConfig, static: StaticFrames) -> ImuFacts:
     noise = noise_of(imu)
     mount = static.base_from(first_message(run, imu.topic).header.frame_id)
     return ImuFacts(imu.name, imu.topic, mount, imu.rate_hz, noise or ASSUMED_NOISE, noise is None)
@@ -169,7 +172,7 @@ def noise_of(imu: Any) -> ImuNoise | None:
     return ImuNoise(*(figure or assumed for figure, assumed in zip(figures, ASSUMED_NOISE, strict=True)))
 
 
-def _view(run: Run, view: Any, static: StaticFrames) -> ViewFacts:
+def _view(run: Run, view: Imager, static: StaticFrames) -> ViewFacts:
     info = first_message(run, view.topic_of("camera_info"))
     matrix, coefficients = np.asarray(info.K, np.float64), tuple(float(value) for value in info.D)
     distorted = info.distortion_model not in ("", "plumb_bob") or any(coefficients)

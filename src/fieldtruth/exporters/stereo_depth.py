@@ -23,11 +23,11 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.parallel import in_order
 from fieldtruth.datasets.association import Stream, matched, read_streams
 from fieldtruth.datasets.storage import Storage
-from fieldtruth.experiment.camera_config import Imager
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.depth_files import metres_npy, millimetres_png
 from fieldtruth.exporters.sequences import first_views, require_pinholes
 from fieldtruth.exporters.stereo_errors import Errors, errors_csv, errors_of
+from fieldtruth.sensors.camera.config import Imager
 
 NEAREST: Final = 1.0
 """Depth [m] of the largest disparity that is searched."""
