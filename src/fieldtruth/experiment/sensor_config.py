@@ -9,9 +9,12 @@ from typing import Annotated, Any, ClassVar, Final, TypeVar
 from pydantic import Field, ValidationError, model_validator
 
 from fieldtruth.core.errors import nearest_first, suggestion
+from fieldtruth.experiment.clock_config import ClockConfig
 from fieldtruth.experiment.fields import Boolean, Frozen, Mount, Rate
 from fieldtruth.experiment.problems import LocatedError, PartError, condition_at, shortened
 from fieldtruth.experiment.sensor_models import figures_of, models
+from fieldtruth.experiment.signal_config import KEY as SIGNAL
+from fieldtruth.experiment.signal_config import SignalConfig, signal_values
 from fieldtruth.experiment.topic import Topic
 
 _Config = TypeVar("_Config", bound=Frozen)
@@ -27,6 +30,8 @@ FrameName = Annotated[
     str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,63}$", description="the name of a frame: letters, digits and _")
 ]
 
+TRUTH: Final = "/truth"
+"""Ends the name of a topic that has what an ideal sensor reads, beside that of a sensor that is not ideal."""
 KINDS: Final[dict[str, type["SensorConfig"]]] = {}
 """Configuration of each kind of sensor, in the order in which their topics are in a bag."""
 
@@ -39,6 +44,8 @@ class SensorConfig(Frozen):
 
     sees: ClassVar[bool] = True
     """Whether it senses the world around it, so that a reading depends on a pose alone."""
+    datasheet: ClassVar[str] = ""
+    """Model whose data sheet ``signal: datasheet`` means of a sensor without ``model``."""
     needs_mount: ClassVar[bool] = False
     """Whether a rig must give ``mount``, because its default is for a sensor that is used on its own."""
 
@@ -49,6 +56,10 @@ class SensorConfig(Frozen):
     """Gives every value that is not set, from the model's data file. None: the defaults."""
     rate_hz: Rate
     topic: TopicName
+    signal: SignalConfig | None = None
+    """What a real sensor adds to ideal readings. None: ideal."""
+    clock: ClockConfig | None = None
+    """The clock that stamps its messages, and which of them are lost. None: simulated time, and none."""
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
@@ -75,7 +86,10 @@ class SensorConfig(Frozen):
         if isinstance(model, str) and model not in models(kind):
             nearest = ", ".join(nearest_first(model, models(kind))) or "none"
             raise LocatedError(f"must be a model of kind {kind}, nearest first: {nearest}; got {model!r}", ["model"])
-        return cls.completed(dict(given), figures_of(kind, model) if isinstance(model, str) else {})
+        values = cls.completed(dict(given), figures_of(kind, model) if isinstance(model, str) else {})
+        if SIGNAL in values:
+            values[SIGNAL] = signal_values(values[SIGNAL], kind, model if isinstance(model, str) else cls.datasheet)
+        return values
 
     @classmethod
     def of_name(cls, name: str) -> dict[str, Any]:
@@ -91,6 +105,20 @@ class SensorConfig(Frozen):
     def topics(self) -> tuple[Topic, ...]:
         """Topics that it publishes, in the order of its messages."""
         raise NotImplementedError
+
+    @property
+    def is_ideal(self) -> bool:
+        """Whether its messages have the true readings at the true time, and none is lost."""
+        return self.signal is None and self.clock is None
+
+    def with_truth(self, *topics: Topic) -> tuple[Topic, ...]:
+        """Return topics of its readings and, if it is not ideal, those of the ideal readings after them."""
+        ideal = [] if self.is_ideal else [topic._replace(name=topic.name + TRUTH) for topic in topics]
+        return (*topics, *ideal)
+
+    def true_topic(self, name: str) -> str:
+        """Return the topic with the ideal readings of one of its topics that ``with_truth`` knows."""
+        return name if self.is_ideal else name + TRUTH
 
     def frames(self) -> dict[str, Mount]:
         """Its frames that have base_link as parent, by name."""
