@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """From the drive's arrays to messages: clock, transforms, odometry, model states, IMU and GNSS.
 
-Covariances of ideal sensors are all zero: the readings are exact. ROS reads zeros as "unknown", so a filter must be given its own.
+Covariances of ideal sensors are all zero: the readings are exact. ROS reads zeros as "unknown", so a filter must be
+given its own.
 """
 
 import struct

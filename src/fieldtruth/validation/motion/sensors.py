@@ -48,7 +48,7 @@ class Imu(Checker):
     def __init__(self, context: Context) -> None:
         self._motion, self._tally = context.motion, context.tally(IMU)
         self.tallies = [self._tally]
-        self._configs = {config.topic: config for config in context.rig.imus}
+        self._configs = {config.true_topic(config.topic): config for config in context.rig.imus}
         self.topics = tuple(self._configs)
 
     def see(self, raw: RawMessage, message: Any) -> None:
@@ -102,7 +102,8 @@ class Gnss(Checker):
     def __init__(self, context: Context) -> None:
         self._motion, self._tally = context.motion, context.tally(GNSS)
         self.tallies = [self._tally]
-        self._antennas = {config.topic: np.array([config.mount.xyz]) for config in context.rig.antennas}
+        antennas = context.rig.antennas
+        self._antennas = {config.true_topic(config.topic): np.array([config.mount.xyz]) for config in antennas}
         self.topics = tuple(self._antennas)
 
     def see(self, raw: RawMessage, message: Any) -> None:
@@ -124,7 +125,9 @@ class Wheels(Checker):
     """Tachometers against the true motion, with wide tolerances, as wheels slip and skid."""
 
     def __init__(self, context: Context) -> None:
-        self.topics = [name for name in WHEEL_SPEEDS if name in context.run.counts]
+        config = context.rig.wheel_odometry
+        names = WHEEL_SPEEDS if config is None else map(config.true_topic, WHEEL_SPEEDS)
+        self.topics = [name for name in names if name in context.run.counts]
         self._motion, self._tally, self._wheels = context.motion, context.tally(WHEELS), context.rig.wheels
         self.tallies = [self._tally]
         self._speeds: dict[int, dict[str, float]] = {}
