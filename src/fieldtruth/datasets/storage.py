@@ -11,13 +11,13 @@ from typing import Any, Final
 
 from fieldtruth.bag.errors import BagError, read_errors
 from fieldtruth.bag.reader import (
-    with_stamp,
     BagReader,
     RawMessage,
     decoder_of,
     message_at,
     read_chunk,
     types_of,
+    with_stamp,
 )
 
 BUDGET: Final = 64 * 2**20  # [byte]; the chunks of two frames of 1280 x 720 with all items

@@ -81,8 +81,7 @@ def _groups(context: Context) -> list[tuple[str, ...]]:
 
 def loses(context: Context) -> set[str]:
     """Return the topics of sensors that lose readings."""
-    sensors = (each for each in context.rig.sensors if each.clock is not None)
-    lossy = (each for each in sensors if each.clock.drop_share or each.clock.offset_s < 0.0 or each.clock.jitter_s)
+    lossy = [each for each in context.rig.sensors if each.clock is not None and each.clock.may_lose]
     return {topic.name for each in lossy for topic in each.topics() if not topic.name.endswith(TRUTH)}
 
 

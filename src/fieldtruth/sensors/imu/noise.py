@@ -59,8 +59,11 @@ class Triad(NamedTuple):
         def figure(name: str) -> Any:
             return getattr(signal, f"{triad}_{name}")
 
-        axes = [axes_of(figure(name)) for name in ("noise_density", "random_walk", "bias_instability", "bias")]
-        return cls(*axes, *map(figure, ("scale_error", "misalignment", "range", "resolution")))
+        density, walk, bottom, bias = (
+            axes_of(figure(name)) for name in ("noise_density", "random_walk", "bias_instability", "bias")
+        )
+        others = (figure(name) for name in ("scale_error", "misalignment", "range", "resolution"))
+        return cls(density, walk, bottom, bias, *others)
 
     def variances(self, rate_hz: float) -> Array:
         """Variances (3,) of the part of a reading's error that no other reading has: white noise and rounding."""
