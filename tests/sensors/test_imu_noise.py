@@ -32,7 +32,10 @@ def at_rest(seconds: float, rate: float = RATE) -> ImuReadings:
     still = np.zeros((len(stamps), 3))
     attitude = np.tile([1.0, 0.0, 0.0, 0.0], (len(stamps), 1))
     return ImuReadings(
-        stamps_ns=stamps, quaternion_wxyz=attitude, angular_velocity=still, linear_acceleration=still + [0, 0, 9.81]
+        stamps_ns=stamps,
+        quaternion_wxyz=attitude,
+        angular_velocity=still,
+        linear_acceleration=still + np.array([0, 0, 9.81]),
     )
 
 
