@@ -15,10 +15,11 @@ from fieldtruth.bag.reader import RawMessage, decoder_of, open_bag
 from fieldtruth.core.progress import Silent
 from fieldtruth.drive.track import stamps_at_rate
 from fieldtruth.experiment.clock_config import ClockConfig
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.clocks import ClockReadings, read_clock
-from fieldtruth.record.streams import Sensors, lidar_stream
+from fieldtruth.record.stream import Sensors
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.stream import lidar_stream
 
 STAMPS = stamps_at_rate(100.0, 600 * 10**9)
 TYPES = get_typestore(Stores.ROS1_NOETIC)
@@ -133,7 +134,7 @@ def test_times_of_points_follow_the_clock_and_poses_do_not() -> None:
     lidar, seen = FakeLidar(config, FakeScene(make_world())), list[Any]()
 
     class Spinning:
-        def scan(self, world_from_lidar: Any, stamp_ns: int = 0) -> Any:
+        def scan(self, world_from_lidar: Any, stamp_ns: int = 0, number: int = 0) -> Any:
             return lidar.scan(world_from_lidar[0])
 
     def world_from_base(stamp_ns: Any) -> Any:

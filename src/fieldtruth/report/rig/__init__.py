@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The rig of an experiment for readers and other tools: tree of frames, URDF, Kalibr's camchain and imu.yaml, a picture."""
+"""The rig of an experiment for readers and other tools: tree of frames, URDF, files for Kalibr, a picture."""
 
 from collections.abc import Callable
 from typing import Final

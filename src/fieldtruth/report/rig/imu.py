@@ -13,9 +13,9 @@ import warnings
 from typing import Any, Final
 
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
-from fieldtruth.experiment.imu_config import ImuConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.yaml_io import write_mapping
+from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.imu.noise import Triad
 from fieldtruth.sensors.imu.signal import ImuSignal
 

@@ -14,11 +14,11 @@ import numpy as np
 
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.arrays import Array, Mask
-from fieldtruth.experiment.imu_config import ImuConfig
-from fieldtruth.experiment.odometry_config import JOINT_STATES
 from fieldtruth.experiment.sensor_config import TRUTH
+from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.imu.noise import BOTTOM, FLICKER_TIMES_S, Triad
 from fieldtruth.sensors.imu.signal import ImuSignal
+from fieldtruth.sensors.wheel_odometry.config import JOINT_STATES
 from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import Checker, Context
 from fieldtruth.validation.motion.clocks import SIGMAS, see_normal
