@@ -26,7 +26,8 @@ class Gnss(Checker):
     def __init__(self, context: Context) -> None:
         self._motion, self._tally = context.motion, context.tally(GNSS)
         self.tallies = [self._tally]
-        self._antennas = {config.topic: np.array([config.mount.xyz]) for config in context.rig.antennas}
+        antennas = context.rig.antennas
+        self._antennas = {config.true_topic(config.topic): np.array([config.mount.xyz]) for config in antennas}
         self.topics = tuple(self._antennas)
 
     def see(self, raw: RawMessage, message: Any) -> None:

@@ -29,5 +29,5 @@ class GnssConfig(MountedConfig):
         return {**super().of_name(name), "topic": f"/{name}/fix"}
 
     def topics(self) -> tuple[Topic, ...]:
-        """Its positions."""
-        return (self.new_topic(self.topic, "sensor_msgs/msg/NavSatFix"),)
+        """Its positions, and the ideal ones if it is not ideal."""
+        return self.with_truth(self.new_topic(self.topic, "sensor_msgs/msg/NavSatFix"))
