@@ -1,3 +1,3 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""GNSS receivers: satellites, obstacles of their signals, and errors of the position."""
+"""GNSS receiver: configuration, what it senses, messages and checks."""
