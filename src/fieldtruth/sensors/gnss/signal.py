@@ -59,8 +59,8 @@ class GnssSignal(SignalConfig):
     """Carrier-to-noise density ratio in the open at the zenith and at the horizon [dB-Hz]."""
     cn0_min_dbhz: Decibels = 0.0
     """Weaker satellites are not used."""
-    foliage_db_m: Decibels = 0.0
-    """Attenuation of a path through leaves [dB/m]."""
+    leaf_db: Decibels = 0.0
+    """Attenuation of every leaf surface that a ray crosses [dB]."""
 
     range_sigma_m: Metres = 0.0
     range_tau_s: Duration = 1800.0

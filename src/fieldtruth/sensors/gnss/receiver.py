@@ -1,0 +1,104 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The positions that a GNSS receiver measures along a drive, from what its antenna receives through the scene."""
+
+import dataclasses
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from fieldtruth.core import random
+from fieldtruth.core.arrays import Array, Counts, Mask
+from fieldtruth.core.geodesy import geodetic_from_world, world_from_geodetic
+from fieldtruth.drive.track import GnssFixes, GnssReadings
+from fieldtruth.experiment.gnss_config import GnssConfig
+from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.gnss import errors
+from fieldtruth.sensors.gnss.almanac import directions, read_almanac, seconds_of_week
+from fieldtruth.sensors.gnss.signal import GnssSignal
+from fieldtruth.sensors.gnss.solution import solve
+from fieldtruth.sensors.gnss.visibility import amplitudes
+
+NO_FIX: Final = -1
+"""Status of sensor_msgs/NavSatStatus without a position."""
+ALONE: Final = {"single": 0, "sbas": 1, "rtk": 0}
+"""Its status with a position but without a base station: FIX or SBAS_FIX."""
+AIDED: Final = 2
+"""GBAS_FIX, with ambiguities as real or as whole numbers, as ROS drivers have it."""
+SERVICE: Final = {"gps": 1, "galileo": 8}
+
+
+class Sky(NamedTuple):
+    """What an antenna receives at t times of n satellites."""
+
+    directions: Array
+    """Unit vectors (t, n, 3) in the world frame."""
+    ratio: Array
+    """Carrier-to-noise density ratios (t, n) [dB-Hz], -inf of what does not arrive."""
+    used: Mask
+    """(t, n)."""
+
+
+def sky_at(scene: Scene | None, antennas: Array, stamps_ns: Counts, signal: GnssSignal) -> Sky:
+    """Return the sky above antenna positions (t, 3) [m] at stamps (t,); without a scene nothing is in the way."""
+    seconds = seconds_of_week(signal.utc) + np.asarray(stamps_ns) / 1e9
+    toward = directions(read_almanac(signal.constellations), seconds)
+    sine = toward[..., 2]
+    above = errors.in_use(sine, np.full(sine.shape, 100.0), signal)
+    amplitude = above * 1.0
+    if scene is not None and signal.obstacles:
+        leaf = 10.0 ** (-signal.leaf_db / 20.0)
+        for k, antenna in enumerate(antennas):
+            amplitude[k, above[k]] = amplitudes(scene, antenna, toward[k, above[k]], leaf)
+    ratio = errors.carrier_to_noise(sine, amplitude, signal)
+    return Sky(toward, ratio, errors.in_use(sine, ratio, signal))
+
+
+def measure(scene: Scene | None, readings: GnssReadings, config: GnssConfig, seed: int) -> GnssReadings:
+    """Return the readings of a receiver with what it measures added; as they are if its signal is ideal.
+
+    Args:
+        scene: with the obstacles.
+        readings: true positions of the antenna.
+        config: the receiver.
+        seed: of the experiment.
+    """
+    signal = config.signal
+    if signal is None or not len(readings.stamps_ns):
+        return readings
+    antennas = world_from_geodetic(readings.geodetic)
+    sky = sky_at(scene, antennas, readings.stamps_ns, signal)
+    return dataclasses.replace(readings, fixes=fixes_of(sky, readings.geodetic, config, seed))
+
+
+def fixes_of(sky: Sky, geodetic: Array, config: GnssConfig, seed: int) -> GnssFixes:
+    """Return the positions that a receiver at ``geodetic`` (t, 3) measures under a sky."""
+    signal, step_s = config.signal, 1.0 / config.rate_hz
+    assert signal is not None
+
+    def rng(purpose: str) -> np.random.Generator:
+        return random.rng_of(seed, config.name, purpose)
+
+    states = np.zeros(len(geodetic), np.int64)
+    if signal.mode == "rtk":
+        states = errors.rtk_states(rng("rtk"), sky.used.sum(axis=1), step_s, signal)
+    slow, reflected, white = errors.sigmas(sky.directions[..., 2], sky.ratio, states, signal)
+    ranges = (
+        slow * errors.gauss_markov(rng("range"), sky.used.shape, step_s, signal.range_tau_s)
+        + reflected * errors.gauss_markov(rng("multipath"), sky.used.shape, step_s, signal.multipath_tau_s)
+        + white * rng("white").standard_normal(sky.used.shape)
+    )
+    solution = solve(sky.directions, sky.used, np.sqrt(slow**2 + reflected**2 + white**2), ranges)
+    found = solution.dop[:, 0] <= signal.pdop_max  # not where it is NaN
+    covariance = np.where(found[:, None, None], solution.covariance, 0.0)
+    exact = signal.is_exact
+    moved = geodetic if exact else geodetic_from_world(world_from_geodetic(geodetic) + solution.error)
+    return GnssFixes(
+        geodetic=np.where(found[:, None], moved, np.nan),
+        covariance=covariance * (not exact),
+        status=np.where(found, np.where(states == errors.SINGLE, ALONE[signal.mode], AIDED), NO_FIX),
+        service=sum(SERVICE[system] for system in signal.constellations),
+        state=states,
+        satellites=solution.satellites,
+        dop=solution.dop,
+    )
