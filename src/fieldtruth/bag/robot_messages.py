@@ -24,7 +24,7 @@ from fieldtruth.bag.model_states import ROBOT
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.state import State
-from fieldtruth.drive.track import GnssReadings, ImuReadings, Motion
+from fieldtruth.drive.track import GnssFixes, GnssReadings, ImuReadings, Motion
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.model import World
 
@@ -97,17 +97,26 @@ def imu(k: int, readings: ImuReadings, frame: str) -> bytes:
     return ros.serialize(message, "sensor_msgs/msg/Imu")
 
 
-def navsat(k: int, readings: GnssReadings, frame: str) -> bytes:
-    """Serialise sensor_msgs/NavSatFix of the antenna: latitude and longitude [deg], ellipsoidal height [m]."""
-    latitude, longitude, height = map(float, readings.geodetic[k])
+def navsat(k: int, readings: GnssReadings, frame: str, fixes: GnssFixes | None = None) -> bytes:
+    """Serialise sensor_msgs/NavSatFix of the antenna: latitude and longitude [deg], ellipsoidal height [m].
+
+    It is the true position, or with ``fixes`` the measured one, NaN where there is none.
+    """
+    status, kind = NavSatStatus(NavSatStatus.STATUS_FIX, NavSatStatus.SERVICE_GPS), NavSatFix.COVARIANCE_TYPE_UNKNOWN
+    covariance, geodetic = np.zeros(9), readings.geodetic
+    if fixes is not None:
+        status, geodetic = NavSatStatus(int(fixes.status[k]), fixes.service), fixes.geodetic
+        covariance = fixes.covariance[k].ravel()
+        kind = NavSatFix.COVARIANCE_TYPE_KNOWN if covariance.any() else kind
+    latitude, longitude, height = map(float, geodetic[k])
     message = NavSatFix(
         ros.header(k, int(readings.stamps_ns[k]), frame),
-        NavSatStatus(NavSatStatus.STATUS_FIX, NavSatStatus.SERVICE_GPS),
+        status,
         latitude,
         longitude,
         height,
-        position_covariance=np.zeros(9),
-        position_covariance_type=NavSatFix.COVARIANCE_TYPE_UNKNOWN,
+        position_covariance=covariance,
+        position_covariance_type=kind,
     )
     return ros.serialize(message, "sensor_msgs/msg/NavSatFix")
 

@@ -137,7 +137,11 @@ def _imu_stream(config: ImuConfig, readings: ImuReadings) -> Stream:
 
 
 def _gnss_stream(config: GnssConfig, readings: GnssReadings) -> Stream:
-    return Stream((config.topic,), readings.stamps_ns, lambda k, _: [robot_messages.navsat(k, readings, config.frame)])
+    def messages(k: int, _: Sensors) -> list[bytes]:
+        truth = [robot_messages.navsat(k, readings, config.frame)] * (not config.is_ideal)
+        return [robot_messages.navsat(k, readings, config.frame, readings.fixes), *truth]
+
+    return Stream(tuple(topic.name for topic in config.topics()), readings.stamps_ns, messages)
 
 
 def _of_base(base: Base, rig: Rig) -> list[Stream]:

@@ -71,11 +71,20 @@ def sigmas(sine: Array, ratio: Array, state: Counts, signal: GnssSignal) -> tupl
     )
 
 
-def rtk_states(rng: np.random.Generator, usable: Counts, step_s: float, signal: GnssSignal) -> Counts:
-    """State (t,) of an RTK receiver that had its ambiguities before the drive, by the satellites in use (t,).
+def locked(strong: Mask, step_s: float, lock_s: float) -> Mask:
+    """Which satellites (t, n) have been ``strong`` (t, n) for a time [s], as all had been before the first row."""
+    rows = np.arange(len(strong))[:, None]
+    weak_at = np.maximum.accumulate(np.where(strong, -np.inf, rows), axis=0)
+    return np.asarray(strong & ((rows - weak_at) * step_s >= lock_s))
 
-    A longer series begins with a shorter one.
+
+def rtk_states(rng: np.random.Generator, ratio: Array, step_s: float, signal: GnssSignal) -> Counts:
+    """State (t,) of an RTK receiver by the carrier-to-noise density ratios (t, n) of the satellites in use, else -inf.
+
+    It had its ambiguities before the drive. The phase of a satellite that was too weak counts from its beginning again,
+    and takes ``rtk_fix_s`` to be of use. A longer series begins with a shorter one.
     """
+    usable = locked(ratio >= signal.rtk_cn0_min_dbhz, step_s, signal.rtk_fix_s).sum(axis=1)
     chance = rng.random((len(usable), 3))
     lost = chance[:, 0] < _probability(signal.rtk_losses_per_hour, step_s)
     cut = chance[:, 1] < _probability(signal.link_losses_per_hour, step_s)

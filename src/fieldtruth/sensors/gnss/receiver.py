@@ -10,7 +10,8 @@ import numpy as np
 from fieldtruth.core import random
 from fieldtruth.core.arrays import Array, Counts, Mask
 from fieldtruth.core.geodesy import geodetic_from_world, world_from_geodetic
-from fieldtruth.drive.track import GnssFixes, GnssReadings
+from fieldtruth.drive.track import GnssFixes, GnssReadings, Track
+from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.gnss_config import GnssConfig
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.gnss import errors
@@ -18,6 +19,7 @@ from fieldtruth.sensors.gnss.almanac import directions, read_almanac, seconds_of
 from fieldtruth.sensors.gnss.signal import GnssSignal
 from fieldtruth.sensors.gnss.solution import solve
 from fieldtruth.sensors.gnss.visibility import amplitudes
+from fieldtruth.world.model import World
 
 NO_FIX: Final = -1
 """Status of sensor_msgs/NavSatStatus without a position."""
@@ -45,13 +47,23 @@ def sky_at(scene: Scene | None, antennas: Array, stamps_ns: Counts, signal: Gnss
     toward = directions(read_almanac(signal.constellations), seconds)
     sine = toward[..., 2]
     above = errors.in_use(sine, np.full(sine.shape, 100.0), signal)
-    amplitude = above * 1.0
+    amplitude = np.where(above, 1.0, 0.0)
     if scene is not None and signal.obstacles:
         leaf = 10.0 ** (-signal.leaf_db / 20.0)
         for k, antenna in enumerate(antennas):
             amplitude[k, above[k]] = amplitudes(scene, antenna, toward[k, above[k]], leaf)
     ratio = errors.carrier_to_noise(sine, amplitude, signal)
     return Sky(toward, ratio, errors.in_use(sine, ratio, signal))
+
+
+def with_fixes(track: Track, world: World, experiment: Experiment) -> Track:
+    """Return a track with what the receivers of a rig measure, unless all are ideal."""
+    receivers = [config for config in experiment.rig.antennas if config.signal is not None]
+    if not receivers:
+        return track
+    scene = Scene(world) if any(config.signal.obstacles for config in receivers if config.signal) else None
+    fixes = {each.name: measure(scene, track.fixes[each.name], each, experiment.seed) for each in receivers}
+    return dataclasses.replace(track, fixes={**track.fixes, **fixes})
 
 
 def measure(scene: Scene | None, readings: GnssReadings, config: GnssConfig, seed: int) -> GnssReadings:
@@ -81,7 +93,7 @@ def fixes_of(sky: Sky, geodetic: Array, config: GnssConfig, seed: int) -> GnssFi
 
     states = np.zeros(len(geodetic), np.int64)
     if signal.mode == "rtk":
-        states = errors.rtk_states(rng("rtk"), sky.used.sum(axis=1), step_s, signal)
+        states = errors.rtk_states(rng("rtk"), np.where(sky.used, sky.ratio, -np.inf), step_s, signal)
     slow, reflected, white = errors.sigmas(sky.directions[..., 2], sky.ratio, states, signal)
     ranges = (
         slow * errors.gauss_markov(rng("range"), sky.used.shape, step_s, signal.range_tau_s)

@@ -73,12 +73,14 @@ class GnssSignal(SignalConfig):
     rtk_fixed_sigma_m: Metres = 0.0
     """The same when they are."""
     rtk_white_sigma_m: Metres = 0.0
+    rtk_cn0_min_dbhz: Decibels = 0.0
+    """The phase of weaker satellites cannot be followed."""
     rtk_min_satellites: Annotated[Integer, Field(ge=4, le=100)] = 4
-    """With fewer the ambiguities are lost."""
+    """With fewer whose phase is followed the ambiguities are lost."""
     rtk_losses_per_hour: Annotated[Number, Field(ge=0, le=3600)] = 0.0
     """How often they are lost otherwise."""
     rtk_fix_s: Seconds = 0.0
-    """Time until they are found again."""
+    """Time until they are found again, and until the phase of a satellite that was too weak is of use."""
     link_losses_per_hour: Annotated[Number, Field(ge=0, le=3600)] = 0.0
     """How often the corrections stop; the receiver is alone until they return."""
     link_loss_s: Seconds = 0.0

@@ -49,7 +49,7 @@ def solve(directions: Array, used: Mask, sigma: Array, errors: Array) -> Solutio
     axes = np.diagonal(cofactor, axis1=1, axis2=2)
     dop = np.sqrt(np.stack([axes[:, :3].sum(axis=1), axes[:, :2].sum(axis=1), axes[:, 2]], axis=-1))
     local = _ENU @ covariance[:, :3, :3] @ _ENU.T
-    return Solution(*(_spread(values, solved) for values in (moved[:, :3], local, dop)), count)
+    return Solution(_spread(moved[:, :3], solved), _spread(local, solved), _spread(dop, solved), count)
 
 
 def _inverse(matrices: Array) -> Array:

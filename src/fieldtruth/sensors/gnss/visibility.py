@@ -41,6 +41,7 @@ _SURFACE: Final = np.full(256, _OPAQUE, np.uint8)
 _SURFACE[[int(label) for label in LEAVES]] = _LEAF
 _SURFACE[16:] = _OPEN  # the robot, whose antenna stands above it, and drops of rain
 _LANES = embree.LANES
+Kinds = NDArray[np.uint8]
 _X, _Y, _DX, _DY = embree.ORG_X, embree.ORG_Y, embree.DIR_X, embree.DIR_Y
 _T, _PRIM = embree.TFAR, embree.PRIM_ID
 _intersect: Any = embree.intersect
@@ -76,17 +77,15 @@ def amplitudes(scene: Scene, antenna: Array, directions: Array, leaf: float) -> 
         directions: unit vectors (n, 3) in the world to the satellites.
         leaf: share of the amplitude that passes a leaf.
     """
-    share = np.zeros((len(directions), RAYS))
-    _trace(
-        scene.rays.handle, scene.hits, new_packet(coherent=False), ray_paths(antenna, directions), (leaf, _SURFACE), share
-    )
+    share, paths = np.zeros((len(directions), RAYS)), ray_paths(antenna, directions)
+    _trace(scene.rays.handle, scene.hits, new_packet(coherent=False), paths, (leaf, _SURFACE), share)
     mean: Array = share.mean(axis=1)
     return mean
 
 
 @kernel
 def _trace(
-    scene: np.uint64, hits: HitTable, packet: Packet, paths: Array, surfaces: tuple[float, NDArray[np.uint8]], out: Array
+    scene: np.uint64, hits: HitTable, packet: Packet, paths: Array, surfaces: tuple[float, Kinds], out: Array
 ) -> None:
     """Follow rays along their ``paths``; ``out`` (n, rays) is the share of the amplitude that arrives."""
     leaf, kinds = surfaces
