@@ -19,13 +19,12 @@ SINGLE, FLOAT, FIXED = 0, 1, 2
 """States of an RTK receiver: alone, ambiguities as real numbers, and as whole ones."""
 
 
-def gauss_markov(rng: np.random.Generator, shape: tuple[int, int], step_s: float, tau_s: float) -> Array:
-    """Return series (t, n) of unit variance whose autocorrelation is exp(-lag / tau); the first rows are stationary.
+def gauss_markov(rng: np.random.Generator, shape: tuple[int, int], kept: float) -> Array:
+    """Return series (t, n) of unit variance whose correlation over k steps is ``kept`` to the power of k.
 
-    A longer series begins with a shorter one.
+    It is stationary from the first row on, and a longer series begins with a shorter one.
     """
     white = rng.standard_normal(shape)
-    kept = np.exp(-step_s / tau_s)
     white[1:] *= np.sqrt(1.0 - kept * kept)
     series: Array = lfilter([1.0], [1.0, -kept], white, axis=0)
     return series

@@ -16,6 +16,7 @@ from fieldtruth.experiment.gnss_config import GnssConfig
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.gnss import errors
 from fieldtruth.sensors.gnss.almanac import directions, read_almanac, seconds_of_week
+from fieldtruth.sensors.gnss.navigation import Process, follow
 from fieldtruth.sensors.gnss.signal import GnssSignal
 from fieldtruth.sensors.gnss.solution import solve
 from fieldtruth.sensors.gnss.visibility import amplitudes
@@ -94,20 +95,21 @@ def fixes_of(sky: Sky, geodetic: Array, config: GnssConfig, seed: int) -> GnssFi
     states = np.zeros(len(geodetic), np.int64)
     if signal.mode == "rtk":
         states = errors.rtk_states(rng("rtk"), np.where(sky.used, sky.ratio, -np.inf), step_s, signal)
-    slow, reflected, white = errors.sigmas(sky.directions[..., 2], sky.ratio, states, signal)
-    ranges = (
-        slow * errors.gauss_markov(rng("range"), sky.used.shape, step_s, signal.range_tau_s)
-        + reflected * errors.gauss_markov(rng("multipath"), sky.used.shape, step_s, signal.multipath_tau_s)
-        + white * rng("white").standard_normal(sky.used.shape)
-    )
-    solution = solve(sky.directions, sky.used, np.sqrt(slow**2 + reflected**2 + white**2), ranges)
-    found = solution.dop[:, 0] <= signal.pdop_max  # not where it is NaN
-    covariance = np.where(found[:, None, None], solution.covariance, 0.0)
-    exact = signal.is_exact
-    moved = geodetic if exact else geodetic_from_world(world_from_geodetic(geodetic) + solution.error)
+    sigma = errors.sigmas(sky.directions[..., 2], sky.ratio, states, signal)
+    solution = solve(sky.directions, sky.used, np.sqrt(sum(each**2 for each in sigma)))
+    solution.gain[~(solution.dop[:, 0] <= signal.pdop_max)] = np.nan
+    kept = [float(np.exp(-step_s / tau)) for tau in (signal.range_tau_s, signal.multipath_tau_s)]
+    processes = [
+        Process(errors.gauss_markov(rng(name), sky.used.shape, share), each, share)
+        for name, each, share in zip(("range", "multipath", "white"), sigma, [*kept, 0.0], strict=True)
+    ]
+    memory = np.where(np.diff(states, prepend=-1), 0.0, np.exp(-step_s / max(signal.filter_s, 1e-9)))
+    error, covariance = follow(solution.gain, processes, memory)
+    found, exact = np.isfinite(error[:, 0]), signal.is_exact
+    moved = geodetic if exact else geodetic_from_world(world_from_geodetic(geodetic) + error)
     return GnssFixes(
         geodetic=np.where(found[:, None], moved, np.nan),
-        covariance=covariance * (not exact),
+        covariance=np.where(found[:, None, None] & (not exact), covariance, 0.0),
         status=np.where(found, np.where(states == errors.SINGLE, ALONE[signal.mode], AIDED), NO_FIX),
         service=sum(SERVICE[system] for system in signal.constellations),
         state=states,

@@ -68,6 +68,9 @@ class GnssSignal(SignalConfig):
     multipath_tau_s: Duration = 20.0
     white_sigma_m: Metres = 0.0
 
+    filter_s: Seconds = 0.0
+    """Time over which the receiver averages its solutions, less its motion."""
+
     rtk_float_sigma_m: Metres = 0.0
     """Error of a range while ambiguities are not whole numbers; correlated over ``multipath_tau_s``."""
     rtk_fixed_sigma_m: Metres = 0.0
