@@ -41,15 +41,19 @@ def joint_states(k: int, odometry: WheelOdometry) -> bytes:
     return ros.serialize(message, "sensor_msgs/msg/JointState")
 
 
-def wheel_odometry(k: int, odometry: WheelOdometry) -> bytes:
-    """Serialise nav_msgs/Odometry: the pose of base_link in odom, the twist in base_link; both are planar."""
+def wheel_odometry(k: int, odometry: WheelOdometry, covariances: tuple[Array, Array] | None = None) -> bytes:
+    """Serialise nav_msgs/Odometry: the pose of base_link in odom, the twist in base_link; both are planar.
+
+    ``covariances`` of pose and twist are (n, 36); without them, they are those of a Husky's driver.
+    """
     (x, y, yaw), (speed, turn_rate) = odometry.pose[k], odometry.twist[k]
     attitude = np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
     pose = ros.Pose(ros.Point(float(x), float(y), 0.0), ros.quaternion(attitude))
     twist = ros.Twist(ros.Vector3(float(speed), 0.0, 0.0), ros.Vector3(0.0, 0.0, float(turn_rate)))
-    covariance = np.diag(VARIANCES).ravel()
+    driver = np.diag(VARIANCES).ravel()
+    of_pose, of_twist = (driver, driver) if covariances is None else (each[k] for each in covariances)
     head = ros.header(k, int(odometry.stamps_ns[k]), ODOM)
-    message = Odometry(head, BASE, PoseWithCovariance(pose, covariance), TwistWithCovariance(twist, covariance))
+    message = Odometry(head, BASE, PoseWithCovariance(pose, of_pose), TwistWithCovariance(twist, of_twist))
     return ros.serialize(message, "nav_msgs/msg/Odometry")
 
 

@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """From the drive's arrays to messages: clock, transforms, odometry, model states, IMU and GNSS.
 
-Covariances are all zero: the readings are exact. ROS reads zeros as "unknown", so a filter must be given its own.
+Covariances of ideal sensors are all zero: the readings are exact. ROS reads zeros as "unknown", so a filter must be
+given its own.
 """
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -29,6 +30,7 @@ from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.model import World
 
 WORLD: Final = "world"
+NO_COVARIANCES: Final = (np.zeros(9), np.zeros(9), np.zeros(9))
 
 
 def clock(stamp_ns: int) -> bytes:
@@ -82,17 +84,20 @@ def odometry(seq: int, stamp_ns: int, state: State) -> bytes:
     return ros.serialize(message, "nav_msgs/msg/Odometry")
 
 
-def imu(k: int, readings: ImuReadings, frame: str) -> bytes:
-    """Serialise sensor_msgs/Imu, all of it in the IMU's frame (REP-145); the orientation is world_from_imu."""
-    zeros = np.zeros(9)
+def imu(k: int, readings: ImuReadings, frame: str, covariances: Sequence[Array] = NO_COVARIANCES) -> bytes:
+    """Serialise sensor_msgs/Imu, all of it in the IMU's frame (REP-145); the orientation is world_from_imu.
+
+    ``covariances`` (9,) are those of orientation, angular velocity and linear acceleration.
+    """
+    attitude, rate, force = covariances
     message = Imu(
         ros.header(k, int(readings.stamps_ns[k]), frame),
         ros.quaternion(readings.quaternion_wxyz[k]),
-        zeros,
+        attitude,
         ros.vector(readings.angular_velocity[k]),
-        zeros,
+        rate,
         ros.vector(readings.linear_acceleration[k]),
-        zeros,
+        force,
     )
     return ros.serialize(message, "sensor_msgs/msg/Imu")
 

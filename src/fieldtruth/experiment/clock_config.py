@@ -18,3 +18,8 @@ class ClockConfig(Frozen):
     """Standard deviation [s] of the normal error that each stamp has of its own."""
     drop_share: Annotated[Number, Field(ge=0, le=0.9)] = 0.0
     """Share of the readings that are lost at random, each with this probability."""
+
+    @property
+    def may_lose(self) -> bool:
+        """Whether readings can be missing: lost ones, and those at which the clock shows 0 or less."""
+        return self.drop_share > 0.0 or self.offset_s < 0.0 or self.jitter_s > 0.0

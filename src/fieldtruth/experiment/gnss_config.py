@@ -31,5 +31,5 @@ class GnssConfig(MountedConfig):
         return {**super().of_name(name), "topic": f"/{name}/fix"}
 
     def topics(self) -> tuple[Topic, ...]:
-        """Its positions, and the true ones if it is not ideal."""
+        """Its positions, and the ideal ones if it is not ideal."""
         return self.with_truth(self.new_topic(self.topic, "sensor_msgs/msg/NavSatFix"))

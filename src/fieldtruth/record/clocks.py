@@ -7,8 +7,9 @@ The stamp of a message in the bag stays the true time of its reading. A clock sh
 would not, a stamp is 1 ns above the one before. A reading whose clock shows 0 or less is lost, as ROS has no such time.
 """
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,9 @@ from fieldtruth.core.random import rng_of
 from fieldtruth.drive.track import Stamps
 from fieldtruth.experiment.clock_config import ClockConfig
 from fieldtruth.experiment.sensor_config import SensorConfig
-from fieldtruth.record.stream import Stream
 
+Parts = tuple[tuple[str, ...], Stamps, Callable[[int, Any], Iterable[bytes]]]
+"""Fields of a ``Stream``."""
 _CLOCK: Final = "clock"
 
 
@@ -29,11 +31,12 @@ class ClockReadings:
     shown_ns: Stamps
     kept: NDArray[np.int64]
 
-    def without_lost(self, stream: Stream) -> Stream:
+    def without_lost(self, stream: Parts) -> Parts:
         """Return a stream of all readings without the lost ones."""
-        if len(self.kept) == len(stream.stamps_ns):
+        topics, stamps_ns, messages = stream
+        if len(self.kept) == len(stamps_ns):
             return stream
-        return Stream(stream.topics, stream.stamps_ns[self.kept], lambda k, own: stream.messages(int(self.kept[k]), own))
+        return topics, stamps_ns[self.kept], lambda k, sensors: messages(int(self.kept[k]), sensors)
 
 
 def read_clock(stamps_ns: Stamps, config: ClockConfig, rng: np.random.Generator) -> ClockReadings:

@@ -7,7 +7,7 @@ A reading depends only on its number, so parts of a recording can be made in any
 
 from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 from fieldtruth.bag import base_messages, robot_messages, sensor_messages, topics
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.state import poses_at, state_at
-from fieldtruth.drive.track import Base, GnssReadings, ImuReadings, Stamps, Track, stamps_at_rate
+from fieldtruth.drive.track import Stamps, Track, stamps_at_rate
 from fieldtruth.experiment.camera_config import Imager
-from fieldtruth.experiment.gnss_config import GnssConfig
-from fieldtruth.experiment.imu_config import ImuConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.odometry_config import JOINT_STATES
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_config import MountedConfig
+from fieldtruth.experiment.sensor_config import MountedConfig, SensorConfig
+from fieldtruth.record.clocks import clock_of
+from fieldtruth.record.measured import gnss_parts, imu_parts, wheel_parts
 from fieldtruth.sense.beams import sweep_times_ns
 from fieldtruth.sense.scene_sensor import SceneSensor
 from fieldtruth.world.model import GROUND_ID, World
@@ -93,10 +92,16 @@ def streams_of(world: World, track: Track, rig: Rig, *, latched: bool = False) -
 
     streams = _truth(world, track, rig, stamps_at(topics.POSE_RATE), latched=latched)
     if not track.is_frames:
-        streams += _measured(track, rig)
-    streams += [lidar_stream(each, stamps_at(each.rate_hz), world_from_base) for each in rig.lidars]
-    streams += [imager_stream(each, stamps_at(each.config.rate_hz), world_from_base) for each in rig.imagers]
-    streams += [scene_stream(each, stamps_at(each.rate_hz), world_from_base) for each in rig.scene_sensors]
+        streams += _measured(track, rig, world.seed)
+    seeing: list[tuple[Any, SensorConfig, Callable[..., Stream]]] = [
+        *((each, each, lidar_stream) for each in rig.lidars),
+        *((each, each.config, imager_stream) for each in rig.imagers),
+        *((each, each, scene_stream) for each in rig.scene_sensors),
+    ]
+    for each, config, make in seeing:
+        stamps = stamps_at(config.rate_hz)
+        clock = clock_of(config, stamps, world.seed)
+        streams.append(Stream(*clock.without_lost(make(each, stamps, world_from_base, clock.shown_ns))))
     return streams
 
 
@@ -126,46 +131,30 @@ def _truth(world: World, track: Track, rig: Rig, poses: Stamps, *, latched: bool
     ]
 
 
-def _measured(track: Track, rig: Rig) -> list[Stream]:
-    streams = [_imu_stream(config, track.imus[config.name]) for config in rig.imus]
-    streams += [_gnss_stream(config, track.fixes[config.name]) for config in rig.antennas]
-    return streams if track.base is None or rig.wheel_odometry is None else streams + _of_base(track.base, rig)
+def _measured(track: Track, rig: Rig, seed: int) -> list[Stream]:
+    streams = [Stream(*parts) for each in rig.imus for parts in imu_parts(each, track.imus[each.name], seed)]
+    streams += [Stream(*parts) for each in rig.antennas for parts in gnss_parts(each, track.fixes[each.name], seed)]
+    return streams if track.base is None or rig.wheel_odometry is None else streams + _of_base(track, rig, seed)
 
 
-def _imu_stream(config: ImuConfig, readings: ImuReadings) -> Stream:
-    return Stream((config.topic,), readings.stamps_ns, lambda k, _: [robot_messages.imu(k, readings, config.frame)])
-
-
-def _gnss_stream(config: GnssConfig, readings: GnssReadings) -> Stream:
-    def messages(k: int, _: Sensors) -> list[bytes]:
-        truth = [robot_messages.navsat(k, readings, config.frame)] * (not config.is_ideal)
-        return [robot_messages.navsat(k, readings, config.frame, readings.fixes), *truth]
-
-    return Stream(tuple(topic.name for topic in config.topics()), readings.stamps_ns, messages)
-
-
-def _of_base(base: Base, rig: Rig) -> list[Stream]:
-    tachometers, odometry, commands = base.tachometers, base.odometry, base.commands
-    speeds = tachometers.wheel_speed
-    config = rig.wheel_odometry
+def _of_base(track: Track, rig: Rig, seed: int) -> list[Stream]:
+    base, config = track.base, rig.wheel_odometry
+    assert base is not None
     assert config is not None
+    commands = base.commands
+    parts = wheel_parts(config, base, track.motion.stamps_ns, rig, seed)
     return [
-        Stream(
-            rig.wheel_speed_topics,
-            tachometers.stamps_ns,
-            lambda k, _: map(base_messages.wheel_speed, speeds[k]),
-        ),
-        Stream(
-            (JOINT_STATES, config.topic),
-            odometry.stamps_ns,
-            lambda k, _: [base_messages.joint_states(k, odometry), base_messages.wheel_odometry(k, odometry)],
-        ),
+        *(Stream(*each) for each in parts),
         Stream((topics.COMMANDS,), commands.stamps_ns, lambda k, _: [base_messages.command(k, commands)]),
     ]
 
 
-def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt) -> Stream:
-    """Clouds at ``stamps`` [ns] of a LiDAR on a base that is at ``world_from_base(stamp_ns)``."""
+def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt, shown: Stamps | None = None) -> Stream:
+    """Clouds at ``stamps`` [ns] of a LiDAR on a base that is at ``world_from_base(stamp_ns)``.
+
+    Their headers have these stamps, or those that its clock has ``shown``.
+    """
+    shown = stamps if shown is None else shown
     base_from_lidar = config.mount.base_from_sensor
     sweep_ns = sweep_times_ns(config)
 
@@ -176,7 +165,7 @@ def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt) -
         seen = lidar.scan(pose) if config.pattern is None else lidar.scan(pose, stamp)
         yield sensor_messages.point_cloud(
             k,
-            stamp,
+            int(shown[k]),
             seen,
             frame=config.frame,
             spinning=config.spinning,
@@ -188,29 +177,34 @@ def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt) -
     return Stream((config.topic,), stamps, scan)
 
 
-def scene_stream(config: MountedConfig, stamps: Stamps, world_from_base: PoseAt) -> Stream:
-    """Readings at ``stamps`` [ns] of a sensor whose kind another package has added."""
+def scene_stream(config: MountedConfig, stamps: Stamps, world_from_base: PoseAt, shown: Stamps | None = None) -> Stream:
+    """Readings at ``stamps`` [ns] of a sensor whose kind another package has added; ``shown`` as in lidar_stream."""
+    shown = stamps if shown is None else shown
     base_from_sensor = config.mount.base_from_sensor
 
     def read(k: int, sensors: Sensors) -> Iterable[bytes]:
         sensor, stamp = sensors.others[config.name], int(stamps[k])
-        return sensor.messages(k, stamp, sensor.read(world_from_base(stamp) @ base_from_sensor))
+        return sensor.messages(k, int(shown[k]), sensor.read(world_from_base(stamp) @ base_from_sensor))
 
     return Stream(tuple(topic.name for topic in config.topics()), stamps, read)
 
 
-def imager_stream(imager: Imager, stamps: Stamps, world_from_base: PoseAt) -> Stream:
-    """Calibration and images at ``stamps`` [ns] of a view on a base that is at ``world_from_base(stamp_ns)``."""
+def imager_stream(imager: Imager, stamps: Stamps, world_from_base: PoseAt, shown: Stamps | None = None) -> Stream:
+    """Calibration and images at ``stamps`` [ns] of a view on a base that is at ``world_from_base(stamp_ns)``.
+
+    Their headers have these stamps, or those that its clock has ``shown``.
+    """
+    shown = stamps if shown is None else shown
     config, frame, base_from_optical = imager.config, imager.optical_frame, imager.base_from_optical
 
     def capture(k: int, sensors: Sensors) -> Iterable[bytes]:
         picture = sensors.cameras[config.name].render(world_from_base(int(stamps[k])) @ base_from_optical)
-        yield sensor_messages.camera_info(k, stamps[k], imager)
-        yield sensor_messages.photograph(k, stamps[k], frame, picture.photo, config.jpeg_quality)
-        yield sensor_messages.tag(k, stamps[k], frame, picture.label)
+        yield sensor_messages.camera_info(k, shown[k], imager)
+        yield sensor_messages.photograph(k, shown[k], frame, picture.photo, config.jpeg_quality)
+        yield sensor_messages.tag(k, shown[k], frame, picture.label)
         if config.depth:
-            yield sensor_messages.depth(k, stamps[k], frame, picture.depth)
+            yield sensor_messages.depth(k, shown[k], frame, picture.depth)
         if config.instances:
-            yield sensor_messages.instances(k, stamps[k], frame, picture.instance, wide_ids=sensors.wide_ids)
+            yield sensor_messages.instances(k, shown[k], frame, picture.instance, wide_ids=sensors.wide_ids)
 
     return Stream(tuple(imager.topics.values()), stamps, capture)

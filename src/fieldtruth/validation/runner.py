@@ -17,7 +17,7 @@ from fieldtruth.validation import files, streams
 from fieldtruth.validation.check import Check, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, at
 from fieldtruth.validation.files import BagFile
-from fieldtruth.validation.motion import calibration, drive, odometry, poses, sensors
+from fieldtruth.validation.motion import calibration, clocks, drive, fixes, measured, odometry, poses, sensors
 from fieldtruth.validation.retrace import agreement, clouds, images, reference, scene_sensors, world
 from fieldtruth.validation.retrace.camera_frames import Sampler
 
@@ -38,6 +38,8 @@ SPECS: Final[tuple[Spec, ...]] = (
 )  # fmt: skip
 """All checks, in the order of the output."""
 
+_NOT_IDEAL: Final = (clocks.CLOCKS, measured.IMU_NOISE, fixes.FIXES, measured.WHEEL_NOISE)
+"""Checks of a run with sensors that are not ideal."""
 _DECODED_BY_HAND: Final = (table.CLOCK, table.MODEL_STATES, table.STATIC_MODEL_STATES)
 
 
@@ -79,7 +81,11 @@ def validate(
     with progress.stage("read and check", run.duration_s) as advance, open_bag(bag) as stored:
         checks = _read(context, stored, workers or cpu_count(), advance, _checkers(context, full, samples))
     found = {check.name: check for check in [checksums, experiment, *checks]}
-    specs = (*SPECS, *[scene_sensors.OTHER_SENSORS] * bool(context.rig.scene_sensors))
+    specs = (
+        *SPECS,
+        *_NOT_IDEAL * (not all(each.is_ideal for each in context.rig.sensors)),
+        *[scene_sensors.OTHER_SENSORS] * bool(context.rig.scene_sensors),
+    )
     return [found.get(spec.name, Check(spec.name, None, context.no_world)) for spec in specs]
 
 
@@ -93,6 +99,7 @@ def _checkers(context: Context, full: bool, samples: int) -> list[Checker]:
         poses.ModelStates(context), poses.Poses(context), drive.Drive(context), world.WorldObjects(context),
         sensors.Imu(context), sensors.Gnss(context), sensors.Wheels(context),
         odometry.WheelOdometry(context), odometry.Commands(context),
+        clocks.Clocks(context), measured.ImuNoise(context), fixes.Fixes(context), measured.WheelNoise(context),
         clouds.Clouds(context, objects), images.Images(context, objects), objects,
         agreement.Agreement(context, pair_sampler),
     ]  # fmt: skip

@@ -14,16 +14,16 @@ Noise Model"). With ``sampling: mean`` that is the exact mean of white noise ove
 Allan deviation is N / sqrt(tau) in both cases.
 
 bias: a constant that is drawn once, plus a random walk with steps K sqrt(dt), whose Allan deviation is K sqrt(tau / 3)
-(IEEE Std 952, C.1.3), plus flicker noise, whose Allan deviation has a flat bottom (C.1.2). Its spectrum B^2 / (2 pi f) is
-the sum of Gauss-Markov processes with equal variances B^2 ln(4) / pi and correlation times of 1 s, 4 s, ... 4096 s, since
-the integral of their spectra over ln T is that of 1 / f. The bottom is B sqrt(2 ln(2) / pi), which data sheets state.
+(IEEE Std 952, C.1.3), plus flicker noise, whose Allan deviation has a flat bottom (C.1.2). Its spectrum B^2 / (2 pi f)
+is the sum of Gauss-Markov processes with equal variances B^2 ln(4) / pi and correlation times of 1 s, 4 s, ... 4096 s,
+since the integral of their spectra over ln T is 1 / f. The bottom is B sqrt(2 ln(2) / pi), which data sheets state.
 
 attitude: the true one turned about the axes of the world by angles that are Gauss-Markov processes.
 """
 
 import math
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from scipy.signal import lfilter
@@ -55,10 +55,15 @@ class Triad(NamedTuple):
     @classmethod
     def of(cls, signal: ImuSignal, triad: str) -> "Triad":
         """Figures of ``gyroscope`` or ``accelerometer``."""
-        names = ("noise_density", "random_walk", "bias_instability", "bias")
-        axes = (axes_of(getattr(signal, f"{triad}_{name}")) for name in names)
-        names = ("scale_error", "misalignment", "range", "resolution")
-        return cls(*axes, *(getattr(signal, f"{triad}_{name}") for name in names))
+
+        def figure(name: str) -> Any:
+            return getattr(signal, f"{triad}_{name}")
+
+        density, walk, bottom, bias = (
+            axes_of(figure(name)) for name in ("noise_density", "random_walk", "bias_instability", "bias")
+        )
+        others = (figure(name) for name in ("scale_error", "misalignment", "range", "resolution"))
+        return cls(density, walk, bottom, bias, *others)
 
     def variances(self, rate_hz: float) -> Array:
         """Variances (3,) of the part of a reading's error that no other reading has: white noise and rounding."""

@@ -42,9 +42,11 @@ class WheelOdometry(Checker):
     def __init__(self, context: Context) -> None:
         self._rig, self._tally = context.rig, context.tally(ODOMETRY)
         config = context.rig.wheel_odometry
-        self._topic = "" if config is None else config.topic
-        self._speed_topics = self._rig.wheel_speed_topics
-        self.topics = () if config is None else (table.TF, *self._speed_topics, JOINT_STATES, config.topic)
+        end = "" if config is None else config.true_topic("")
+        self._topic = "" if config is None else config.topic + end
+        self._speed_topics = tuple(name + end for name in self._rig.wheel_speed_topics)
+        self._joint_states = JOINT_STATES + end
+        self.topics = () if config is None else (table.TF, *self._speed_topics, self._joint_states, self._topic)
         self.tallies = [self._tally]
         self._frames: tuple[int, dict[str, Array]] = (0, {})
         self._speeds: dict[str, tuple[int, float]] = {}
@@ -60,7 +62,7 @@ class WheelOdometry(Checker):
             self._frames = raw.stamp_ns, {name: parts[name] for name in WHEEL_FRAMES if name in parts}
         elif raw.topic in self._speed_topics:
             self._speeds[raw.topic] = raw.stamp_ns, float(message.data)
-        elif raw.topic == JOINT_STATES and set(self._joints) <= set(message.name):
+        elif raw.topic == self._joint_states and set(self._joints) <= set(message.name):
             order = [message.name.index(joint) for joint in self._joints]
             self._see_joints(raw, np.asarray(message.position)[order], np.asarray(message.velocity)[order])
         elif raw.topic == self._topic and raw.stamp_ns == self._stamp:
@@ -100,7 +102,8 @@ class Commands(Checker):
     def __init__(self, context: Context) -> None:
         self._context, self._tally = context, context.tally(COMMANDS)
         self._imu, self._gnss = context.rig.imu, context.rig.gnss
-        self.topics = (self._imu.topic, self._gnss.topic, table.COMMANDS)
+        self._fixes, readings = (each.true_topic(each.topic) for each in (self._gnss, self._imu))
+        self.topics = (readings, self._fixes, table.COMMANDS)
         self.tallies = [self._tally]
         self._heading: tuple[int, float] = (0, 0.0)
         self._follower: WaypointFollower | None = None
@@ -121,9 +124,9 @@ class Commands(Checker):
         follower = self._follower
         if follower is None:
             return
-        if raw.topic == self._gnss.topic:
+        if raw.topic == self._fixes:
             follower.update_fix(message.latitude, message.longitude)
-        elif raw.topic == self._imu.topic:
+        elif raw.topic != table.COMMANDS:
             q = message.orientation
             world_from_imu = rotation_from_quaternion_wxyz(np.array([q.w, q.x, q.y, q.z]))
             base_from_imu = self._imu.mount.base_from_sensor[:3, :3]

@@ -22,12 +22,6 @@ from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS
 from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import STEP_NS, Checker, Context, at
 
-CHI_SQUARE_LARGEST: Final = 45.0
-"""Squared error, normalised by its covariance, that one in 10^9 fixes exceeds: chi-square of three coordinates."""
-CHI_SQUARE_MEAN: Final = (2e-4, 31.0)
-"""Where its mean over a run lies but for one run in 10^6 on either side: that of a single fix, as the largest errors
-last as long as a run."""
-
 ATTITUDE: Final = Rule("the IMU's attitude is the true one, turned by its mount", 1e-9, "rad")
 TURN_RATE: Final = Rule("the gyroscope measures the turn of its interval", 1e-9, "rad/s")
 FORCE: Final = Rule("the accelerometer measures the change of velocity, and gravity", 1e-6, "m/s^2")
@@ -38,11 +32,6 @@ IMU: Final[Spec] = Spec("imu", (ATTITUDE, TURN_RATE, FORCE, IMU_EXACT), "reading
 ANTENNA: Final = Rule("the fix is the true position of the antenna", 1e-6, "m")
 FIX: Final = Rule("each reading is a fix without covariance", minor=True)
 GNSS: Final[Spec] = Spec("gnss", (ANTENNA, FIX), "fixes", "no GNSS receiver, or no true motion")
-
-LARGEST: Final = Rule("no fix is further from the truth than its covariance allows", CHI_SQUARE_LARGEST, "sigma^2")
-TYPICAL: Final = Rule("the errors of a receiver are as large as its covariances state")
-REPORTED: Final = Rule("a fix has a covariance if there are errors, and none without a position")
-MEASURED: Final[Spec] = Spec("gnss signal", (LARGEST, TYPICAL, REPORTED), "measured fixes", "no GNSS receiver with errors")
 
 SLIP: Final = Rule("both wheels of a side roll alike, and all as fast as the robot drives", 0.25, "m/s")
 SKID: Final = Rule("the difference of the sides turns the robot", 0.4, "rad/s")
@@ -59,7 +48,7 @@ class Imu(Checker):
     def __init__(self, context: Context) -> None:
         self._motion, self._tally = context.motion, context.tally(IMU)
         self.tallies = [self._tally]
-        self._configs = {config.topic: config for config in context.rig.imus}
+        self._configs = {config.true_topic(config.topic): config for config in context.rig.imus}
         self.topics = tuple(self._configs)
 
     def see(self, raw: RawMessage, message: Any) -> None:
@@ -108,66 +97,37 @@ def _begin(config: ImuConfig, end_ns: int) -> int:
 
 
 class Gnss(Checker):
-    """True fixes of every receiver against the true position of its antenna, and measured ones by their covariance."""
+    """Fixes of every receiver against the true position of its antenna."""
 
     def __init__(self, context: Context) -> None:
+        self._motion, self._tally = context.motion, context.tally(GNSS)
+        self.tallies = [self._tally]
         antennas = context.rig.antennas
-        self._motion, self._tally, self._measured = context.motion, context.tally(GNSS), context.tally(MEASURED)
-        self.tallies = [self._tally, self._measured]
-        self._true = {config.true_topic(config.topic) for config in antennas}
-        self._antennas = {topic.name: np.array([each.mount.xyz]) for each in antennas for topic in each.topics()}
-        self._exact = {config.topic: config.signal is None or config.signal.is_exact for config in antennas}
-        self._squares: dict[str, list[float]] = {}
+        self._antennas = {config.true_topic(config.topic): np.array([config.mount.xyz]) for config in antennas}
         self.topics = tuple(self._antennas)
 
     def see(self, raw: RawMessage, message: Any) -> None:
         """Process a message."""
         status, covariance = message.status, message.position_covariance
+        found = (status.status, status.service, message.position_covariance_type, bool(covariance.any()))
+        self._tally[FIX].see(found == (0, 1, 0, False), f"{at(raw)}: status, service and covariance {found}")
         fix = np.array([message.latitude, message.longitude, message.altitude])
-        if raw.topic in self._true:
-            found = (status.status, status.service, message.position_covariance_type, bool(covariance.any()))
-            self._tally[FIX].see(found == (0, 1, 0, False), f"{at(raw)}: status, service and covariance {found}")
-            self._motion.when_known(raw.stamp_ns, lambda: self._compare(raw, fix))
-            return
-        stated = covariance.any() and message.position_covariance_type == message.COVARIANCE_TYPE_KNOWN
-        positioned = status.status >= status.STATUS_FIX
-        due = positioned and not self._exact[raw.topic]
-        right = bool(np.isfinite(fix).all()) == positioned and stated == due
-        self._measured[REPORTED].see(right, f"{at(raw)}: status {status.status} with {fix} and {covariance}")
-        if due and stated:
-            matrix = covariance.reshape(3, 3)
-            self._motion.when_known(raw.stamp_ns, lambda: self._normalise(raw, fix, matrix))
-
-    def finish(self) -> None:
-        """Finish the checks after the last message."""
-        low, high = CHI_SQUARE_MEAN
-        for topic, squares in self._squares.items():
-            mean = float(np.mean(squares))
-            self._measured[TYPICAL].see(low <= mean <= high, f"{topic}: mean squared error {mean:.3g} of the covariance")
+        self._motion.when_known(raw.stamp_ns, lambda: self._compare(raw, fix))
 
     def _compare(self, raw: RawMessage, fix: Array) -> None:
-        self._tally[ANTENNA].measure(float(np.linalg.norm(self._error(raw, fix))), at(raw))
-
-    def _normalise(self, raw: RawMessage, fix: Array, covariance: Array) -> None:
-        north, west, up = self._error(raw, fix)
-        error = np.array([-west, north, up])
-        square = float(error @ np.linalg.solve(covariance, error)) if np.linalg.det(covariance) > 0.0 else np.nan
-        self._measured[LARGEST].measure(square, at(raw))
-        self._squares.setdefault(raw.topic, []).append(square)
-
-    def _error(self, raw: RawMessage, fix: Array) -> Array:
-        """Fix less true position of the antenna (3,) [m] in the world frame; NaN for a fix that is no position."""
         antenna = frames.transform(self._motion.state(raw.stamp_ns).world_from_base, self._antennas[raw.topic])[0]
         valid = np.isfinite(fix).all() and abs(fix[0]) <= 90.0
-        error: Array = (geodesy.world_from_geodetic(fix) if valid else fix * np.nan) - antenna
-        return error
+        position = geodesy.world_from_geodetic(fix) if valid else fix * np.nan
+        self._tally[ANTENNA].measure(float(np.linalg.norm(position - antenna)), at(raw))
 
 
 class Wheels(Checker):
     """Tachometers against the true motion, with wide tolerances, as wheels slip and skid."""
 
     def __init__(self, context: Context) -> None:
-        self.topics = [name for name in WHEEL_SPEEDS if name in context.run.counts]
+        config = context.rig.wheel_odometry
+        names = WHEEL_SPEEDS if config is None else map(config.true_topic, WHEEL_SPEEDS)
+        self.topics = [name for name in names if name in context.run.counts]
         self._motion, self._tally, self._wheels = context.motion, context.tally(WHEELS), context.rig.wheels
         self.tallies = [self._tally]
         self._speeds: dict[int, dict[str, float]] = {}
