@@ -106,7 +106,9 @@ def test_without_a_filter_the_covariance_is_that_of_least_squares() -> None:
 
 
 def test_obliquity_and_strength() -> None:
-    assert errors.obliquity(np.array([1.0, 0.0])) == pytest.approx([1.0, 3.04], abs=0.01)
+    for elevation in np.radians([0.0, 5.0, 30.0, 90.0]):  # by the law of sines in the triangle to the layer
+        zenith_there = np.arcsin(6378.137 / (6378.137 + 350.0) * np.cos(elevation))
+        assert errors.obliquity(np.sin(elevation)) == pytest.approx(1.0 / np.cos(zenith_there))
     signal = GnssSignal(cn0_zenith_dbhz=50.0, cn0_horizon_dbhz=40.0)
     ratio = errors.carrier_to_noise(np.array([1.0, 0.5, 1.0]), np.array([1.0, 1.0, 0.5]), signal)
     assert ratio == pytest.approx([50.0, 45.0, 50.0 - 6.0206], abs=1e-3)

@@ -27,9 +27,7 @@ OPEN = Scene(make_world(side=100.0, spacing=10.0))
 def _readings(count: int = 60, x: float = 0.0, y: float = 0.0, z: float = 1.0) -> GnssReadings:
     """A robot that goes north at 0.5 m a reading of 2 Hz."""
     position = np.stack([x + 0.5 * np.arange(count), np.full(count, y), np.full(count, z)], axis=-1)
-    return GnssReadings(
-        stamps_ns=np.arange(1, count + 1) * 500_000_000, geodetic=geodetic_from_world(position)
-    )
+    return GnssReadings(stamps_ns=np.arange(1, count + 1) * 500_000_000, geodetic=geodetic_from_world(position))
 
 
 def _config(**signal: Any) -> GnssConfig:
@@ -48,12 +46,14 @@ def test_ideal_and_without_figures_the_message_is_the_same() -> None:
 def test_a_longer_drive_begins_with_a_shorter_one_and_receivers_differ() -> None:
     config = GnssConfig(signal="datasheet")  # type: ignore[arg-type]
     long, short = (measure(OPEN, _readings(count), config, 4).fixes for count in (60, 20))
-    assert long is not None and short is not None
+    assert long is not None
+    assert short is not None
     assert np.array_equal(long.geodetic[:20], short.geodetic)
     assert np.array_equal(long.covariance[:20], short.covariance)
     other = measure(OPEN, _readings(20), config.model_copy(update={"name": "other"}), 4).fixes
     seeded = measure(OPEN, _readings(20), config, 5).fixes
-    assert other is not None and seeded is not None
+    assert other is not None
+    assert seeded is not None
     assert not np.isclose(other.geodetic, short.geodetic, rtol=0.0, atol=1e-10).any()
     assert not np.isclose(seeded.geodetic, short.geodetic, rtol=0.0, atol=1e-10).any()
 
@@ -64,11 +64,11 @@ def test_walls_on_two_sides_raise_error_and_dilution() -> None:
     ))  # fmt: skip
     config = GnssConfig(signal="datasheet", model="neo_m8n")  # type: ignore[arg-type]
     free, walled = (measure(scene, _readings(), config, 2).fixes for scene in (OPEN, street))
-    assert free is not None and walled is not None
+    assert free is not None
+    assert walled is not None
     assert free.satellites.min() > walled.satellites.max()
     assert (walled.dop[:, 1] > 1.3 * free.dop[:, 1]).all()
-    east, north = (np.sqrt(walled.covariance[:, k, k]).mean() for k in (0, 1))
-    assert east > 1.3 * north  # satellites are left in the north and south only
+    assert (walled.covariance[:, 0, 0] > 1.5 * free.covariance[:, 0, 0]).all()
 
 
 def test_a_box_around_the_antenna_takes_every_fix() -> None:
@@ -76,8 +76,10 @@ def test_a_box_around_the_antenna_takes_every_fix() -> None:
     config = GnssConfig(signal="datasheet")  # type: ignore[arg-type]
     fixes = measure(closed, _readings(), config, 1).fixes
     assert fixes is not None
-    assert (fixes.status == -1).all() and (fixes.satellites == 0).all()
-    assert np.isnan(fixes.geodetic).all() and not fixes.covariance.any()
+    assert (fixes.status == -1).all()
+    assert (fixes.satellites == 0).all()
+    assert np.isnan(fixes.geodetic).all()
+    assert not fixes.covariance.any()
 
 
 def test_status_and_service() -> None:
@@ -86,9 +88,10 @@ def test_status_and_service() -> None:
         assert fixes is not None
         assert (fixes.status == status).all()
         assert fixes.service == 9
-    alone = measure(None, _readings(4), _config(mode="rtk", link_losses_per_hour=3600.0, link_loss_s=1e6), 1).fixes
+    alone = measure(None, _readings(40), _config(mode="rtk", link_losses_per_hour=3600.0, link_loss_s=1e6), 1).fixes
     assert alone is not None
-    assert set(alone.status.tolist()) <= {0, 2} and alone.status[-1] == 0
+    assert set(alone.status.tolist()) <= {0, 2}
+    assert alone.status[-1] == 0
 
 
 @pytest.mark.slow
@@ -98,9 +101,10 @@ def test_the_forest_has_the_larger_error() -> None:
     found = {}
     for name in ("park", "forest"):
         world = load_world(name, 0)
-        height = float(world.terrain.surface.heights.max()) * 0.0 + 1.0
-        ground = world.terrain.surface.height_at(0.0, 0.0) if hasattr(world.terrain.surface, "height_at") else 0.0
-        fixes = measure(Scene(world), _readings(40, x=-10.0, z=height + float(ground)), config, 3).fixes
+        x = -10.0 + 0.5 * np.arange(40)
+        position = np.stack([x, np.zeros(40), world.terrain.surface.height_at(x, np.zeros(40)) + 1.0], axis=-1)
+        true = GnssReadings(stamps_ns=np.arange(1, 41) * 500_000_000, geodetic=geodetic_from_world(position))
+        fixes = measure(Scene(world), true, config, 3).fixes
         assert fixes is not None
         found[name] = fixes
     park, forest = found["park"], found["forest"]
@@ -112,9 +116,9 @@ def test_the_forest_has_the_larger_error() -> None:
 @pytest.mark.parametrize(
     ("signal", "line"),
     [
-        ("{utc: 2020-01-01T00:00:00Z}", r"signal\.utc must .*180 days of the almanac, 2026-07-26"),
+        ("{utc: 2020-01-01T00:00:00Z}", r"signal\.utc: must .*180 days of the almanac, 2026-07-26"),
         ("{utc: noon}", r"signal\.utc must be a time with its zone, like 2026-07-27T08:20:00Z"),
-        ("{constellations: [glonass]}", r"signal\.constellations.* gps"),
+        ("{constellations: [glonass]}", r"signal\.constellations\[0\] must be gps or galileo, got 'glonass'"),
         ("{constellations: [gps, gps]}", r"constellations must differ"),
         ("{mode: ppp}", r"signal\.mode must be"),
         ("{range_sigma: 2.0}", r"unknown key 'rig\.sensors\[0\]\.signal\.range_sigma'; did you mean"),

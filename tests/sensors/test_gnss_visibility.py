@@ -44,7 +44,7 @@ def test_a_wall_in_the_south_takes_the_satellites_behind_it() -> None:
 @pytest.mark.parametrize("count", [0, 1, 3, 7])
 def test_each_leaf_takes_its_share(count: int) -> None:
     leaves = [
-        (quad(f"leaf_{k}", [[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]], "leaf"), at(0, 0, 1.0 + k))
+        (quad(f"leaf_{k}", [[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]], "leaf"), at(0, 0, 1.1 + k))
         for k in range(count)
     ]
     roof = (quad("far", [[50, -9, 0], [60, -9, 0], [60, 9, 0], [50, 9, 0]]), at(0, 0, 0))

@@ -31,7 +31,7 @@ def gauss_markov(rng: np.random.Generator, shape: tuple[int, int], kept: float) 
 
 
 def obliquity(sine: Array) -> Array:
-    """Path through the ionosphere's layer relative to the zenith, by the sine of the elevation: 1 to 3.04.
+    """Path through the ionosphere's layer relative to the zenith, by the sine of the elevation: 1 to 3.14.
 
     Source: RTCA DO-229, appendix A.4.4.10.4, a thin shell 350 km high.
     """
@@ -93,10 +93,10 @@ def rtk_states(rng: np.random.Generator, ratio: Array, step_s: float, signal: Gn
         now = k * step_s
         if cut[k]:
             linked_at = max(linked_at, now + pause[k])
-        alone, broken = now < linked_at, bool(lost[k]) or count < signal.rtk_min_satellites
-        if alone or broken:
+        alone = now < linked_at
+        if alone or lost[k]:
             since = now
-        fixed = not broken and now - since >= signal.rtk_fix_s
+        fixed = not lost[k] and now - since >= signal.rtk_fix_s and count >= signal.rtk_min_satellites
         states[k] = SINGLE if alone else FIXED if fixed else FLOAT
     return states
 

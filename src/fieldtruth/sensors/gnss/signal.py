@@ -27,6 +27,9 @@ Decibels = Annotated[Number, Field(ge=0, le=100)]
 Duration = Annotated[Number, Field(gt=0, le=1e6)]
 
 
+System = Annotated[Literal["gps", "galileo"], Field(description="gps or galileo")]
+
+
 class GnssSignal(SignalConfig):
     """Satellites, obstacles and errors of a receiver; see docs/gnss.md.
 
@@ -44,9 +47,7 @@ class GnssSignal(SignalConfig):
         Field(description="a time with its zone, like 2026-07-27T08:20:00Z"),
     ] = datetime(2026, 7, 27, 8, 20, tzinfo=UTC)
     """Time at simulated time 0."""
-    constellations: Annotated[
-        tuple[Literal["gps", "galileo"], ...], Field(min_length=1, description="a list of gps, galileo")
-    ] = ("gps",)
+    constellations: Annotated[tuple[System, ...], Field(min_length=1, description="a list of gps, galileo")] = ("gps",)
     obstacles: Boolean = False
     """Whether ground, hills, trunks and crowns block or weaken signals."""
     elevation_mask_deg: Annotated[Number, Field(ge=0, le=80)] = 0.0
