@@ -5,10 +5,10 @@
 import numpy as np
 import pytest
 
-from fieldtruth.experiment.gnss_config import GnssConfig
-from fieldtruth.sensors.gnss import errors
+from fieldtruth.sensors.gnss import noise
+from fieldtruth.sensors.gnss.config import GnssConfig
+from fieldtruth.sensors.gnss.measuring import sky_at
 from fieldtruth.sensors.gnss.navigation import ENU, Process, follow
-from fieldtruth.sensors.gnss.receiver import sky_at
 from fieldtruth.sensors.gnss.signal import GnssSignal
 from fieldtruth.sensors.gnss.solution import solve
 
@@ -25,17 +25,17 @@ THREE_AND_ZENITH = _towards(np.array([0.0, 120.0, 240.0, 0.0]), np.array([0.0, 0
 
 
 def test_correlation_of_a_gauss_markov_series_falls_to_1_by_e_at_tau() -> None:
-    series = errors.gauss_markov(RNG(1), (40_000, 20), float(np.exp(-0.5 / 10.0)))
+    series = noise.gauss_markov(RNG(1), (40_000, 20), float(np.exp(-0.5 / 10.0)))
     assert series.var() == pytest.approx(1.0, abs=0.02)
     assert series[0].std() == pytest.approx(1.0, abs=0.6)  # from the first row on
     assert (series[20:] * series[:-20]).mean() == pytest.approx(np.exp(-1.0), abs=0.02)  # 20 steps of 0.5 s are 10 s
     assert (series[40:] * series[:-40]).mean() == pytest.approx(np.exp(-2.0), abs=0.02)
-    start = errors.gauss_markov(RNG(1), (100, 20), float(np.exp(-0.5 / 10.0)))
+    start = noise.gauss_markov(RNG(1), (100, 20), float(np.exp(-0.5 / 10.0)))
     assert np.array_equal(start, series[:100])
 
 
 def test_the_first_row_of_a_gauss_markov_series_is_stationary() -> None:
-    first = errors.gauss_markov(RNG(2), (2, 50_000), 0.99)
+    first = noise.gauss_markov(RNG(2), (2, 50_000), 0.99)
     assert first.std(axis=1) == pytest.approx([1.0, 1.0], abs=0.02)
 
 
@@ -48,7 +48,7 @@ def test_dilution_of_a_symmetric_constellation() -> None:
 
 def test_three_satellites_or_a_plane_have_no_solution() -> None:
     used = np.array([[True, True, True, False], [True, True, True, True]])
-    cone = _towards(np.array([0.0, 90.0, 180.0, 270.0]), np.full(4, 30.0))  # height and clock cannot be told apart
+    cone = _towards(np.array([0.0, 90.0, 180.0, 270.0]), np.full(4, 30.0))  # height and clock have the same effect
     found = solve(np.stack([THREE_AND_ZENITH, cone]), used, np.ones((2, 4)))
     assert np.isnan(found.dop).all()
     assert np.isnan(found.gain).all()
@@ -82,7 +82,7 @@ def test_claimed_covariance_is_that_of_the_errors(memory: float) -> None:
     kept, filtered = (0.99, 0.7, 0.0), np.full(steps, memory)
     ends, covariance = [], np.zeros((3, 3))
     for _ in range(count):
-        parts = [Process(errors.gauss_markov(rng, (steps, 9), k), s, k) for k, s in zip(kept, sigma, strict=True)]
+        parts = [Process(noise.gauss_markov(rng, (steps, 9), k), s, k) for k, s in zip(kept, sigma, strict=True)]
         error, covariances = follow(gain, parts, filtered)
         ends.append(ENU @ error[-1])
         covariance = covariances[-1]
@@ -108,12 +108,12 @@ def test_without_a_filter_the_covariance_is_that_of_least_squares() -> None:
 def test_obliquity_and_strength() -> None:
     for elevation in np.radians([0.0, 5.0, 30.0, 90.0]):  # by the law of sines in the triangle to the layer
         zenith_there = np.arcsin(6378.137 / (6378.137 + 350.0) * np.cos(elevation))
-        assert errors.obliquity(np.sin(elevation)) == pytest.approx(1.0 / np.cos(zenith_there))
+        assert noise.obliquity(np.sin(elevation)) == pytest.approx(1.0 / np.cos(zenith_there))
     signal = GnssSignal(cn0_zenith_dbhz=50.0, cn0_horizon_dbhz=40.0)
-    ratio = errors.carrier_to_noise(np.array([1.0, 0.5, 1.0]), np.array([1.0, 1.0, 0.5]), signal)
+    ratio = noise.carrier_to_noise(np.array([1.0, 0.5, 1.0]), np.array([1.0, 1.0, 0.5]), signal)
     assert ratio == pytest.approx([50.0, 45.0, 50.0 - 6.0206], abs=1e-3)
     noisy = GnssSignal(white_sigma_m=1.0)
-    white = errors.sigmas(np.ones((1, 2)), np.array([[45.0, 25.0]]), np.zeros(1, np.int64), noisy)[2]
+    white = noise.sigmas(np.ones((1, 2)), np.array([[45.0, 25.0]]), np.zeros(1, np.int64), noisy)[2]
     assert white[0] == pytest.approx([1.0, 10.0])  # a hundredth of the power
 
 
@@ -126,7 +126,7 @@ def test_open_sky_has_the_error_of_the_data_sheet(model: str, state: int, middle
     assert signal is not None
     stamps = np.arange(0, 86_400, 600) * 10**9
     sky = sky_at(None, np.zeros((len(stamps), 3)), stamps, signal)
-    sigma = errors.sigmas(sky.directions[..., 2], sky.ratio, np.full(len(stamps), state), signal)
+    sigma = noise.sigmas(sky.directions[..., 2], sky.ratio, np.full(len(stamps), state), signal)
     gain = solve(sky.directions, sky.used, np.sqrt(sum(each**2 for each in sigma))).gain
     drawn = RNG(0).standard_normal((200, *sky.used.shape)) * np.sqrt(sum(each**2 for each in sigma))
     error = np.einsum("tin,ktn->kti", np.nan_to_num(gain), np.where(sky.used, drawn, 0.0))
@@ -136,28 +136,28 @@ def test_open_sky_has_the_error_of_the_data_sheet(model: str, state: int, middle
 def test_phases_are_of_use_some_time_after_they_were_lost() -> None:
     strong = np.array([[1, 1], [0, 1], [1, 1], [1, 1], [1, 0], [1, 1]], bool)
     expected = [[1, 1], [0, 1], [0, 1], [1, 1], [1, 0], [1, 0]]
-    assert errors.locked(strong, 0.5, 1.0).astype(int).tolist() == expected
+    assert noise.locked(strong, 0.5, 1.0).astype(int).tolist() == expected
 
 
 def test_states_of_rtk() -> None:
     signal = GnssSignal(mode="rtk", rtk_cn0_min_dbhz=35.0, rtk_min_satellites=5, rtk_fix_s=2.0)
     ratio = np.full((10, 6), 40.0)
     ratio[3, :2] = 30.0
-    states = errors.rtk_states(RNG(0), ratio, 1.0, signal)
+    states = noise.rtk_states(RNG(0), ratio, 1.0, signal)
     assert states.tolist() == [2, 2, 2, 1, 1, 2, 2, 2, 2, 2]
-    assert (errors.rtk_states(RNG(0), np.full((5, 4), 40.0), 1.0, signal) == errors.FLOAT).all()
+    assert (noise.rtk_states(RNG(0), np.full((5, 4), 40.0), 1.0, signal) == noise.FLOAT).all()
 
 
 def test_rates_of_losses() -> None:
     ratio, hours = np.full((400_000, 6), 40.0), 400_000 / 3600.0
     lost = GnssSignal(mode="rtk", rtk_losses_per_hour=6.0, rtk_fix_s=3.0)
-    states = errors.rtk_states(RNG(1), ratio, 1.0, lost)
+    states = noise.rtk_states(RNG(1), ratio, 1.0, lost)
     begun = np.count_nonzero(np.diff(states) == -1)
     assert begun == pytest.approx(6.0 * hours, abs=5.0 * np.sqrt(6.0 * hours))
-    assert np.count_nonzero(states == errors.FLOAT) == pytest.approx(3 * begun, rel=0.03)
+    assert np.count_nonzero(states == noise.FLOAT) == pytest.approx(3 * begun, rel=0.03)
     cut = GnssSignal(mode="rtk", link_losses_per_hour=6.0, link_loss_s=20.0)
-    states = errors.rtk_states(RNG(2), ratio, 1.0, cut)
+    states = noise.rtk_states(RNG(2), ratio, 1.0, cut)
     share = 6.0 * 20.0 / 3600.0  # of the time, as pauses rarely meet
-    assert np.mean(states == errors.SINGLE) == pytest.approx(share, rel=0.2)
-    assert not (states == errors.FLOAT).any()
-    assert np.array_equal(errors.rtk_states(RNG(2), ratio[:999], 1.0, cut), states[:999])
+    assert np.mean(states == noise.SINGLE) == pytest.approx(share, rel=0.2)
+    assert not (states == noise.FLOAT).any()
+    assert np.array_equal(noise.rtk_states(RNG(2), ratio[:999], 1.0, cut), states[:999])

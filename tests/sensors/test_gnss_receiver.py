@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from sense_worlds import at, box, make_world
 
-from fieldtruth.bag import robot_messages
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.geodesy import geodetic_from_world, world_from_geodetic
 from fieldtruth.drive.track import GnssReadings
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
-from fieldtruth.experiment.gnss_config import GnssConfig
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.gnss.receiver import measure
+from fieldtruth.sensors.gnss import message
+from fieldtruth.sensors.gnss.check import FIXES, Fixes
+from fieldtruth.sensors.gnss.config import GnssConfig
+from fieldtruth.sensors.gnss.measuring import measure
 from fieldtruth.validation.check import Tally
-from fieldtruth.validation.motion.fixes import FIXES, Fixes
 from fieldtruth.world.build import load_world
 
 OPEN = Scene(make_world(side=100.0, spacing=10.0))
@@ -40,7 +40,7 @@ def test_ideal_and_without_figures_the_message_is_the_same() -> None:
     same = measure(OPEN, true, _config(), 1)
     assert same.fixes is not None
     for k in range(60):
-        assert robot_messages.navsat(k, true, "g", same.fixes) == robot_messages.navsat(k, true, "g")
+        assert message.navsat(k, true, "g", same.fixes) == message.navsat(k, true, "g")
 
 
 def test_a_longer_drive_begins_with_a_shorter_one_and_receivers_differ() -> None:

@@ -1,13 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""From the drive's arrays to messages: clock, transforms, odometry, model states, IMU and GNSS.
+"""From the true motion to messages: clock, transforms, odometry, model states.
 
-Covariances of ideal sensors are all zero: the readings are exact. ROS reads zeros as "unknown", so a filter must be
-given its own.
+Covariances are all zero: the poses are exact. ROS reads zeros as "unknown", so a filter must be given its own.
 """
 
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -15,9 +14,6 @@ from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__PoseWithCovar
 from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__TwistWithCovariance as TwistWithCovariance
 from rosbags.typesys.stores.ros1_noetic import nav_msgs__msg__Odometry as Odometry
 from rosbags.typesys.stores.ros1_noetic import rosgraph_msgs__msg__Clock as Clock
-from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__Imu as Imu
-from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__NavSatFix as NavSatFix
-from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__NavSatStatus as NavSatStatus
 
 from fieldtruth.bag import types as ros
 from fieldtruth.bag.base_messages import BASE, WHEEL_FRAMES
@@ -25,12 +21,11 @@ from fieldtruth.bag.model_states import ROBOT
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.state import State
-from fieldtruth.drive.track import GnssFixes, GnssReadings, ImuReadings, Motion
+from fieldtruth.drive.track import Motion
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.model import World
 
 WORLD: Final = "world"
-NO_COVARIANCES: Final = (np.zeros(9), np.zeros(9), np.zeros(9))
 
 
 def clock(stamp_ns: int) -> bytes:
@@ -82,48 +77,6 @@ def odometry(seq: int, stamp_ns: int, state: State) -> bytes:
         TwistWithCovariance(twist, np.zeros(36)),
     )
     return ros.serialize(message, "nav_msgs/msg/Odometry")
-
-
-def imu(k: int, readings: ImuReadings, frame: str, covariances: Sequence[Array] = NO_COVARIANCES) -> bytes:
-    """Serialise sensor_msgs/Imu, all of it in the IMU's frame (REP-145); the orientation is world_from_imu.
-
-    ``covariances`` (9,) are those of orientation, angular velocity and linear acceleration.
-    """
-    attitude, rate, force = covariances
-    message = Imu(
-        ros.header(k, int(readings.stamps_ns[k]), frame),
-        ros.quaternion(readings.quaternion_wxyz[k]),
-        attitude,
-        ros.vector(readings.angular_velocity[k]),
-        rate,
-        ros.vector(readings.linear_acceleration[k]),
-        force,
-    )
-    return ros.serialize(message, "sensor_msgs/msg/Imu")
-
-
-def navsat(k: int, readings: GnssReadings, frame: str, fixes: GnssFixes | None = None) -> bytes:
-    """Serialise sensor_msgs/NavSatFix of the antenna: latitude and longitude [deg], ellipsoidal height [m].
-
-    It is the true position, or with ``fixes`` the measured one, NaN where there is none.
-    """
-    status, kind = NavSatStatus(NavSatStatus.STATUS_FIX, NavSatStatus.SERVICE_GPS), NavSatFix.COVARIANCE_TYPE_UNKNOWN
-    covariance, geodetic = np.zeros(9), readings.geodetic
-    if fixes is not None:
-        status, geodetic = NavSatStatus(int(fixes.status[k]), fixes.service), fixes.geodetic
-        covariance = fixes.covariance[k].ravel()
-        kind = NavSatFix.COVARIANCE_TYPE_KNOWN if covariance.any() else kind
-    latitude, longitude, height = map(float, geodetic[k])
-    message = NavSatFix(
-        ros.header(k, int(readings.stamps_ns[k]), frame),
-        status,
-        latitude,
-        longitude,
-        height,
-        position_covariance=covariance,
-        position_covariance_type=kind,
-    )
-    return ros.serialize(message, "sensor_msgs/msg/NavSatFix")
 
 
 class ModelStatesWriter:

@@ -7,9 +7,8 @@ The stamp of a message in the bag stays the true time of its reading. A clock sh
 would not, a stamp is 1 ns above the one before. A reading whose clock shows 0 or less is lost, as ROS has no such time.
 """
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +17,8 @@ from fieldtruth.core.random import rng_of
 from fieldtruth.drive.track import Stamps
 from fieldtruth.experiment.clock_config import ClockConfig
 from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.record.stream import Stream
 
-Parts = tuple[tuple[str, ...], Stamps, Callable[[int, Any], Iterable[bytes]]]
-"""Fields of a ``Stream``."""
 _CLOCK: Final = "clock"
 
 
@@ -31,12 +29,12 @@ class ClockReadings:
     shown_ns: Stamps
     kept: NDArray[np.int64]
 
-    def without_lost(self, stream: Parts) -> Parts:
+    def without_lost(self, stream: Stream) -> Stream:
         """Return a stream of all readings without the lost ones."""
-        topics, stamps_ns, messages = stream
-        if len(self.kept) == len(stamps_ns):
+        if len(self.kept) == len(stream.stamps_ns):
             return stream
-        return topics, stamps_ns[self.kept], lambda k, sensors: messages(int(self.kept[k]), sensors)
+        kept, messages = self.kept, stream.messages
+        return Stream(stream.topics, stream.stamps_ns[kept], lambda k, sensors: messages(int(kept[k]), sensors))
 
 
 def read_clock(stamps_ns: Stamps, config: ClockConfig, rng: np.random.Generator) -> ClockReadings:

@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.record.streams import Sensors
+from fieldtruth.record.stream import Sensors
 from fieldtruth.render.bake import bake
-from fieldtruth.render.camera import Camera
-from fieldtruth.sense.lidar import Lidar
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sense.scene_sensor import SCENE_SENSORS
+from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.lidar.measuring import new_lidar
 from fieldtruth.world.model import World
 
 
@@ -22,7 +22,7 @@ def sensor_factory(world: World, rig: Rig, light: LightConfig) -> Callable[[], S
     baked = bake(scene, light) if rig.cameras else None
 
     def make() -> Sensors:
-        lidars = {config.name: Lidar(config, scene) for config in rig.lidars}
+        lidars = {config.name: new_lidar(config, scene) for config in rig.lidars}
         cameras = {} if baked is None else {c.name: Camera(c, baked, reuse=True) for c in rig.cameras}
         others = {config.name: SCENE_SENSORS[config.kind](config, scene) for config in rig.scene_sensors}
         return Sensors(lidars, cameras, others, wide_ids)

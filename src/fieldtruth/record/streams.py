@@ -5,77 +5,25 @@
 A reading depends only on its number, so parts of a recording can be made in any order and by any thread.
 """
 
-from collections.abc import Callable, Iterable, Mapping
-from types import MappingProxyType
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fieldtruth.bag import base_messages, robot_messages, sensor_messages, topics
+from fieldtruth.bag import base_messages, robot_messages, topics
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.state import poses_at, state_at
 from fieldtruth.drive.track import Stamps, Track, stamps_at_rate
-from fieldtruth.experiment.camera_config import Imager
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import MountedConfig, SensorConfig
 from fieldtruth.record.clocks import clock_of
-from fieldtruth.record.measured import gnss_parts, imu_parts, wheel_parts
-from fieldtruth.sense.beams import sweep_times_ns
-from fieldtruth.sense.scene_sensor import SceneSensor
+from fieldtruth.record.stream import PoseAt, Sensors, Stream
+from fieldtruth.sensors.camera.stream import imager_stream
+from fieldtruth.sensors.gnss.stream import gnss_streams
+from fieldtruth.sensors.imu.stream import imu_streams
+from fieldtruth.sensors.lidar.stream import lidar_stream
+from fieldtruth.sensors.wheel_odometry.stream import wheel_streams
 from fieldtruth.world.model import GROUND_ID, World
-
-PoseAt = Callable[[int | Stamps], Array]
-"""``world_from_base`` (4, 4) at a stamp [ns], or (n, 4, 4) at n."""
-
-
-class CameraImages(Protocol):
-    """Result of a camera: ``photo`` (h, w, 3) RGB, and ``label``, ``instance``, ``depth`` (h, w)."""
-
-    @property
-    def photo(self) -> NDArray[np.uint8]: ...  # noqa: D102
-    @property
-    def label(self) -> NDArray[np.uint8]: ...  # noqa: D102
-    @property
-    def instance(self) -> NDArray[np.uint32]: ...  # noqa: D102
-    @property
-    def depth(self) -> NDArray[np.float32]: ...  # noqa: D102
-
-
-class Lidar(Protocol):
-    """A LiDAR in a scene."""
-
-    def scan(self, world_from_lidar: Array, stamp_ns: int = 0) -> sensor_messages.Scan:
-        """Scan from a pose (4, 4), or from those at each column's beginning and at the end, (columns + 1, 4, 4)."""
-        ...
-
-
-class Camera(Protocol):
-    """A camera in a scene."""
-
-    def render(self, world_from_optical: Array) -> CameraImages:
-        """Render from a pose (4, 4)."""
-        ...
-
-
-class Sensors(NamedTuple):
-    """The sensors of one worker; they own buffers, so threads must not share them."""
-
-    lidars: Mapping[str, Lidar] = MappingProxyType({})
-    cameras: Mapping[str, Camera] = MappingProxyType({})
-    others: Mapping[str, SceneSensor] = MappingProxyType({})
-    """By name of the sensor; both views of a pair have the same camera."""
-    wide_ids: bool = False
-    """Whether instance ids of their world need more than 16 bits."""
-
-
-class Stream(NamedTuple):
-    """Readings of one source: reading k is taken at ``stamps_ns[k]`` and makes one message for each of ``topics``."""
-
-    topics: tuple[str, ...]
-    stamps_ns: Stamps
-    messages: Callable[[int, Sensors], Iterable[bytes]]
 
 
 def streams_of(world: World, track: Track, rig: Rig, *, latched: bool = False) -> list[Stream]:
@@ -101,7 +49,7 @@ def streams_of(world: World, track: Track, rig: Rig, *, latched: bool = False) -
     for each, config, make in seeing:
         stamps = stamps_at(config.rate_hz)
         clock = clock_of(config, stamps, world.seed)
-        streams.append(Stream(*clock.without_lost(make(each, stamps, world_from_base, clock.shown_ns))))
+        streams.append(clock.without_lost(make(each, stamps, world_from_base, clock.shown_ns)))
     return streams
 
 
@@ -132,49 +80,17 @@ def _truth(world: World, track: Track, rig: Rig, poses: Stamps, *, latched: bool
 
 
 def _measured(track: Track, rig: Rig, seed: int) -> list[Stream]:
-    streams = [Stream(*parts) for each in rig.imus for parts in imu_parts(each, track.imus[each.name], seed)]
-    streams += [Stream(*parts) for each in rig.antennas for parts in gnss_parts(each, track.fixes[each.name], seed)]
-    return streams if track.base is None or rig.wheel_odometry is None else streams + _of_base(track, rig, seed)
-
-
-def _of_base(track: Track, rig: Rig, seed: int) -> list[Stream]:
-    base, config = track.base, rig.wheel_odometry
-    assert base is not None
-    assert config is not None
+    streams = [stream for each in rig.imus for stream in imu_streams(each, track.imus[each.name], seed)]
+    streams += [stream for each in rig.antennas for stream in gnss_streams(each, track.fixes[each.name], seed)]
+    base, wheels = track.base, rig.wheel_odometry
+    if base is None or wheels is None:
+        return streams
     commands = base.commands
-    parts = wheel_parts(config, base, track.motion.stamps_ns, rig, seed)
     return [
-        *(Stream(*each) for each in parts),
+        *streams,
+        *wheel_streams(wheels, rig, base, track.motion.stamps_ns, seed),
         Stream((topics.COMMANDS,), commands.stamps_ns, lambda k, _: [base_messages.command(k, commands)]),
     ]
-
-
-def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt, shown: Stamps | None = None) -> Stream:
-    """Clouds at ``stamps`` [ns] of a LiDAR on a base that is at ``world_from_base(stamp_ns)``.
-
-    Their headers have these stamps, or those that its clock has ``shown``.
-    """
-    shown = stamps if shown is None else shown
-    base_from_lidar = config.mount.base_from_sensor
-    sweep_ns = sweep_times_ns(config)
-
-    def scan(k: int, sensors: Sensors) -> Iterable[bytes]:
-        stamp = int(stamps[k])
-        pose = world_from_base(stamp + sweep_ns if config.spinning else stamp) @ base_from_lidar
-        lidar = sensors.lidars[config.name]
-        seen = lidar.scan(pose) if config.pattern is None else lidar.scan(pose, stamp)
-        yield sensor_messages.point_cloud(
-            k,
-            int(shown[k]),
-            seen,
-            frame=config.frame,
-            spinning=config.spinning,
-            wide_ids=sensors.wide_ids,
-            clock=config.time_field,
-            maker=config.point_fields,
-        )
-
-    return Stream((config.topic,), stamps, scan)
 
 
 def scene_stream(config: MountedConfig, stamps: Stamps, world_from_base: PoseAt, shown: Stamps | None = None) -> Stream:
@@ -187,24 +103,3 @@ def scene_stream(config: MountedConfig, stamps: Stamps, world_from_base: PoseAt,
         return sensor.messages(k, int(shown[k]), sensor.read(world_from_base(stamp) @ base_from_sensor))
 
     return Stream(tuple(topic.name for topic in config.topics()), stamps, read)
-
-
-def imager_stream(imager: Imager, stamps: Stamps, world_from_base: PoseAt, shown: Stamps | None = None) -> Stream:
-    """Calibration and images at ``stamps`` [ns] of a view on a base that is at ``world_from_base(stamp_ns)``.
-
-    Their headers have these stamps, or those that its clock has ``shown``.
-    """
-    shown = stamps if shown is None else shown
-    config, frame, base_from_optical = imager.config, imager.optical_frame, imager.base_from_optical
-
-    def capture(k: int, sensors: Sensors) -> Iterable[bytes]:
-        picture = sensors.cameras[config.name].render(world_from_base(int(stamps[k])) @ base_from_optical)
-        yield sensor_messages.camera_info(k, shown[k], imager)
-        yield sensor_messages.photograph(k, shown[k], frame, picture.photo, config.jpeg_quality)
-        yield sensor_messages.tag(k, shown[k], frame, picture.label)
-        if config.depth:
-            yield sensor_messages.depth(k, shown[k], frame, picture.depth)
-        if config.instances:
-            yield sensor_messages.instances(k, shown[k], frame, picture.instance, wide_ids=sensors.wide_ids)
-
-    return Stream(tuple(imager.topics.values()), stamps, capture)

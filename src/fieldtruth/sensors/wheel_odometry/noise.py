@@ -8,11 +8,11 @@ Systematic Odometry Errors in Mobile Robots, IEEE Transactions on Robotics and A
 
 Counts: an encoder with c counts per revolution has passed floor(c angle / (2 pi) + phase) edges, with a phase in [0, 1)
 that is drawn once. An angle is that number times 2 pi / c, a speed the change of the angle over the time between two
-readings. So the error of an angle is even over one step q, its variance q^2 / 12, and that of a change q^2 / 6.
+readings. Each count has an error that is even over one step q, with the variance q^2 / 12. An angle is the difference
+of two counts, the first at the start, and so is a change: q^2 / 6 for both.
 
-Odometry is dead reckoning from these angles. Its covariance is that of a Husky's driver, which stands for slip, plus
-what the encoders add, to first order: of the radii J J^T s^2, where J is the change of the pose by each e and s the
-deviation of e, and of the counts that of the last angles.
+Odometry is dead reckoning from these angles. They add to its covariance, to first order: of the radii J J^T s^2,
+where J is the change of the pose by each e and s the deviation of e, and of the counts that of the last angles.
 """
 
 import math
@@ -20,11 +20,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from fieldtruth.bag.base_messages import VARIANCES
 from fieldtruth.core.arrays import Array, Counts
-from fieldtruth.drive.odometry import dead_reckoning, effective_track
 from fieldtruth.drive.track import Base, Stamps, TachometerReadings, WheelMotion, WheelOdometry
 from fieldtruth.experiment.robot_config import WheelConfig
+from fieldtruth.sensors.wheel_odometry.sensing import dead_reckoning, effective_track
 from fieldtruth.sensors.wheel_odometry.signal import WheelSignal
 
 _SMALL: Final = 1e-4
@@ -83,16 +82,16 @@ def counted(angle: Array, counts_per_revolution: int | None, phases: Array) -> A
 
 def _covariances(odometry: WheelOdometry, wheels: WheelConfig, signal: WheelSignal) -> tuple[Array, Array]:
     """Return covariances (n, 36) of the pose and of the twist."""
-    pose, twist = (np.tile(np.diag(VARIANCES), (len(odometry.stamps_ns), 1, 1)) for _ in range(2))
+    pose, twist = (np.zeros((len(odometry.stamps_ns), 6, 6)) for _ in range(2))
     of_pose, of_twist = _by_radii(odometry, wheels, signal.radius_error)
     if signal.counts_per_revolution is not None:
-        angle = (2.0 * math.pi / signal.counts_per_revolution) ** 2 / 12.0 * wheels.radius**2
+        way = (2.0 * math.pi / signal.counts_per_revolution) ** 2 / 6.0 * wheels.radius**2
         # The mean of all wheels, and the difference of the means of two sides.
         count = odometry.wheels.angle.shape[1]
-        forward, turn = angle / count, 4.0 * angle / count / effective_track(wheels) ** 2
+        forward, turn = way / count, 4.0 * way / count / effective_track(wheels) ** 2
         of_pose += np.diag([forward, forward, turn])
         seconds = np.diff(odometry.stamps_ns, prepend=0)[:, None, None] / 1e9
-        of_twist += 2.0 * np.diag([forward, turn]) / seconds**2
+        of_twist += np.diag([forward, turn]) / seconds**2
     pose[:, _PLANAR[:, None], _PLANAR] += of_pose
     twist[:, _FORWARD_TURN[:, None], _FORWARD_TURN] += of_twist
     return pose.reshape(-1, 36), twist.reshape(-1, 36)

@@ -43,8 +43,9 @@ class Clocks(Checker):
         self._run, self._tally = context.run, context.tally(CLOCKS)
         self.tallies = [self._tally]
         self._sensors = {each.name: each for each in context.rig.sensors if each.enabled and each.clock is not None}
-        own = [topic for topic in context.topics if topic.sensor in self._sensors and not topic.name.endswith(TRUTH)]
+        own = [topic for each in self._sensors.values() for topic in each.topics() if not topic.name.endswith(TRUTH)]
         self._topics = {topic.name: topic for topic in own if topic.name in self._run.counts}
+        self._begin_s = {name: _begin_s(each.clock) for name, each in self._sensors.items()}
         self.topics = tuple(self._topics)
         self._shown: dict[str, dict[int, int]] = {name: {} for name in self._sensors}
         """By sensor: what its clock shows [ns] by true stamp."""
@@ -53,7 +54,8 @@ class Clocks(Checker):
 
     def see(self, raw: RawMessage, message: Any) -> None:
         """Process a message."""
-        self._seen[raw.topic] = self._seen.get(raw.topic, 0) + 1
+        late = raw.stamp_ns / 1e9 > self._begin_s[self._topics[raw.topic].sensor]
+        self._seen[raw.topic] = self._seen.get(raw.topic, 0) + late
         if not hasattr(message, "header"):
             return
         stamp, shown = stamp_ns(message.header), self._shown[self._topics[raw.topic].sensor]
@@ -79,15 +81,18 @@ class Clocks(Checker):
             see_normal(self._tally, (MEAN, SPREAD, SHAPE), jitter / clock.jitter_s, name)
 
     def _see_lost(self, sensor: SensorConfig, name: str, rate_hz: float) -> None:
-        clock = sensor.clock
+        clock, begin = sensor.clock, int(self._begin_s[sensor.name] * rate_hz + 1e-9)
         assert clock is not None
-        start_s = max(0.0, 6.0 * clock.jitter_s - clock.offset_s) * 1.02  # before that, the clock may show 0 or less
-        due = int(self._run.end_ns / 1e9 * rate_hz + 1e-9) - int(start_s * rate_hz)
-        if start_s or due < 1:
-            return
-        deviation = math.sqrt(clock.drop_share * (1.0 - clock.drop_share) * due)
-        lost = due - self._seen[name]
-        self._tally[LOST].measure((lost - clock.drop_share * due) / max(deviation, 0.1), f"{name}: {lost} of {due}")
+        due = int(self._run.end_ns / 1e9 * rate_hz + 1e-9) - begin
+        if due > 0:
+            deviation = math.sqrt(clock.drop_share * (1.0 - clock.drop_share) * due)
+            lost = due - self._seen[name]
+            self._tally[LOST].measure((lost - clock.drop_share * due) / max(deviation, 0.1), f"{name}: {lost} of {due}")
+
+
+def _begin_s(clock: ClockConfig | None) -> float:
+    """Return the time [s] before which a clock may show 0 or less."""
+    return 0.0 if clock is None else max(0.0, 6.0 * clock.jitter_s - clock.offset_s) * 1.02
 
 
 def see_normal(tally: Tally, rules: tuple[Rule, Rule, Rule], values: Array, where: str) -> None:

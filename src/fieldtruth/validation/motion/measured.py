@@ -14,11 +14,11 @@ import numpy as np
 
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.arrays import Array, Mask
-from fieldtruth.experiment.imu_config import ImuConfig
-from fieldtruth.experiment.odometry_config import JOINT_STATES
 from fieldtruth.experiment.sensor_config import TRUTH
+from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.imu.noise import BOTTOM, FLICKER_TIMES_S, Triad
 from fieldtruth.sensors.imu.signal import ImuSignal
+from fieldtruth.sensors.wheel_odometry.config import JOINT_STATES
 from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import Checker, Context
 from fieldtruth.validation.motion.clocks import SIGMAS, see_normal
@@ -91,7 +91,7 @@ class ImuNoise(Checker):
         limit, step = triad.range or math.inf, triad.resolution
         within: Mask = np.asarray(np.abs(read) <= limit * (1.0 + 1e-9))
         if step is not None:
-            within &= np.abs(read / step - np.rint(read / step)) < 1e-6
+            within &= np.asarray(np.abs(read / step - np.rint(read / step)) < 1e-6)
         self._tally[RANGE].see_all(within.all(axis=1), lambda k: f"{where}: {read[k]}")
         inside = (np.abs(read) < limit - (step or 0.0)).all(axis=1)
         if np.count_nonzero(inside) < _LEAST:

@@ -12,10 +12,10 @@ from fieldtruth.core.arrays import Array, Counts, Mask
 from fieldtruth.core.geodesy import geodetic_from_world, world_from_geodetic
 from fieldtruth.drive.track import GnssFixes, GnssReadings, Track
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.gnss_config import GnssConfig
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.gnss import errors
+from fieldtruth.sensors.gnss import noise
 from fieldtruth.sensors.gnss.almanac import directions, read_almanac, seconds_of_week
+from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.gnss.navigation import Process, follow
 from fieldtruth.sensors.gnss.signal import GnssSignal
 from fieldtruth.sensors.gnss.solution import solve
@@ -47,14 +47,14 @@ def sky_at(scene: Scene | None, antennas: Array, stamps_ns: Counts, signal: Gnss
     seconds = seconds_of_week(signal.utc) + np.asarray(stamps_ns) / 1e9
     toward = directions(read_almanac(signal.constellations), seconds)
     sine = toward[..., 2]
-    above = errors.in_use(sine, np.full(sine.shape, 100.0), signal)
+    above = noise.in_use(sine, np.full(sine.shape, 100.0), signal)
     amplitude = np.where(above, 1.0, 0.0)
     if scene is not None and signal.obstacles:
         leaf = 10.0 ** (-signal.leaf_db / 20.0)
         for k, antenna in enumerate(antennas):
             amplitude[k, above[k]] = amplitudes(scene, antenna, toward[k, above[k]], leaf)
-    ratio = errors.carrier_to_noise(sine, amplitude, signal)
-    return Sky(toward, ratio, errors.in_use(sine, ratio, signal))
+    ratio = noise.carrier_to_noise(sine, amplitude, signal)
+    return Sky(toward, ratio, noise.in_use(sine, ratio, signal))
 
 
 def with_fixes(track: Track, world: World, experiment: Experiment) -> Track:
@@ -94,13 +94,13 @@ def fixes_of(sky: Sky, geodetic: Array, config: GnssConfig, seed: int) -> GnssFi
 
     states = np.zeros(len(geodetic), np.int64)
     if signal.mode == "rtk":
-        states = errors.rtk_states(rng("rtk"), np.where(sky.used, sky.ratio, -np.inf), step_s, signal)
-    sigma = errors.sigmas(sky.directions[..., 2], sky.ratio, states, signal)
+        states = noise.rtk_states(rng("rtk"), np.where(sky.used, sky.ratio, -np.inf), step_s, signal)
+    sigma = noise.sigmas(sky.directions[..., 2], sky.ratio, states, signal)
     solution = solve(sky.directions, sky.used, np.sqrt(sum(each**2 for each in sigma)))
     solution.gain[~(solution.dop[:, 0] <= signal.pdop_max)] = np.nan
     kept = [float(np.exp(-step_s / tau)) for tau in (signal.range_tau_s, signal.multipath_tau_s)]
     processes = [
-        Process(errors.gauss_markov(rng(name), sky.used.shape, share), each, share)
+        Process(noise.gauss_markov(rng(name), sky.used.shape, share), each, share)
         for name, each, share in zip(("range", "multipath", "white"), sigma, [*kept, 0.0], strict=True)
     ]
     memory = np.where(np.diff(states, prepend=-1), 0.0, np.exp(-step_s / max(signal.filter_s, 1e-9)))
@@ -110,7 +110,7 @@ def fixes_of(sky: Sky, geodetic: Array, config: GnssConfig, seed: int) -> GnssFi
     return GnssFixes(
         geodetic=np.where(found[:, None], moved, np.nan),
         covariance=np.where(found[:, None, None] & (not exact), covariance, 0.0),
-        status=np.where(found, np.where(states == errors.SINGLE, ALONE[signal.mode], AIDED), NO_FIX),
+        status=np.where(found, np.where(states == noise.SINGLE, ALONE[signal.mode], AIDED), NO_FIX),
         service=sum(SERVICE[system] for system in signal.constellations),
         state=states,
         satellites=solution.satellites,

@@ -1,6 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Fixes of GNSS receivers with errors: against the truth, by the covariances that they state."""
+"""Fixes of GNSS receivers, compared with the true motion and the mounts.
+
+Ideal ones have no noise, so that the residual is rounding: 1e-9 m, the last digit of a latitude of 49.9 deg. Those with
+errors are compared with the truth by the covariances that they state.
+"""
 
 from typing import Any, Final
 
@@ -12,6 +16,10 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import Checker, Context, at
 
+ANTENNA: Final = Rule("the fix is the true position of the antenna", 1e-6, "m")
+FIX: Final = Rule("each reading is a fix without covariance", minor=True)
+GNSS: Final[Spec] = Spec("gnss", (ANTENNA, FIX), "fixes", "no GNSS receiver, or no true motion")
+
 _LARGEST: Final = 45.0  # one fix in 10^9 exceeds it: chi-square of three coordinates
 _MEAN: Final = (2e-4, 31.0)
 """Where the mean of a run lies but for one run in 10^6 on either side: the law of a single fix, as its largest errors
@@ -21,6 +29,31 @@ LARGEST: Final = Rule("no fix is further from the truth than its covariance allo
 TYPICAL: Final = Rule("the errors of a receiver are as large as its covariances state")
 REPORTED: Final = Rule("a fix has a covariance if there are errors, and nothing has one without a position")
 FIXES: Final[Spec] = Spec("gnss noise", (LARGEST, TYPICAL, REPORTED), "fixes", "no GNSS receiver with a signal")
+
+
+class Gnss(Checker):
+    """Fixes of every receiver against the true position of its antenna."""
+
+    def __init__(self, context: Context) -> None:
+        self._motion, self._tally = context.motion, context.tally(GNSS)
+        self.tallies = [self._tally]
+        antennas = context.rig.antennas
+        self._antennas = {config.true_topic(config.topic): np.array([config.mount.xyz]) for config in antennas}
+        self.topics = tuple(self._antennas)
+
+    def see(self, raw: RawMessage, message: Any) -> None:
+        """Process a message."""
+        status, covariance = message.status, message.position_covariance
+        found = (status.status, status.service, message.position_covariance_type, bool(covariance.any()))
+        self._tally[FIX].see(found == (0, 1, 0, False), f"{at(raw)}: status, service and covariance {found}")
+        fix = np.array([message.latitude, message.longitude, message.altitude])
+        self._motion.when_known(raw.stamp_ns, lambda: self._compare(raw, fix))
+
+    def _compare(self, raw: RawMessage, fix: Array) -> None:
+        antenna = frames.transform(self._motion.state(raw.stamp_ns).world_from_base, self._antennas[raw.topic])[0]
+        valid = np.isfinite(fix).all() and abs(fix[0]) <= 90.0
+        position = geodesy.world_from_geodetic(fix) if valid else fix * np.nan
+        self._tally[ANTENNA].measure(float(np.linalg.norm(position - antenna)), at(raw))
 
 
 class Fixes(Checker):
