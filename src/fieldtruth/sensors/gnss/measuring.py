@@ -43,7 +43,7 @@ class Sky(NamedTuple):
 
 
 def sky_at(scene: Scene | None, antennas: Array, stamps_ns: Counts, signal: GnssSignal) -> Sky:
-    """Return the sky above antenna positions (t, 3) [m] at stamps (t,); without a scene nothing is in the way."""
+    """Return the sky above antenna positions (t, 3) [m] at stamps (t,); without a scene there are no obstacles."""
     seconds = seconds_of_week(signal.utc) + np.asarray(stamps_ns) / 1e9
     toward = directions(read_almanac(signal.constellations), seconds)
     sine = toward[..., 2]

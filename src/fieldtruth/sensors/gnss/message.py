@@ -16,7 +16,7 @@ from fieldtruth.drive.track import GnssFixes, GnssReadings
 def navsat(k: int, readings: GnssReadings, frame: str, fixes: GnssFixes | None = None) -> bytes:
     """Serialise sensor_msgs/NavSatFix of the antenna: latitude and longitude [deg], ellipsoidal height [m].
 
-    It is the true position, or with ``fixes`` the measured one, NaN where there is none.
+    It is the true position, or with ``fixes`` the measured one, NaN without a position.
     """
     status, kind = NavSatStatus(NavSatStatus.STATUS_FIX, NavSatStatus.SERVICE_GPS), NavSatFix.COVARIANCE_TYPE_UNKNOWN
     covariance, geodetic = np.zeros(9), readings.geodetic
