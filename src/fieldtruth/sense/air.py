@@ -1,0 +1,250 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Weather in a laser beam: how much it takes from an echo, and the echoes of its own particles.
+
+Powers are relative to a white Lambert surface at 1 m in clear air that faces the beam: a surface of reflectance rho at
+range R [m] has rho cos(theta) exp(-2 alpha R) / R^2.
+
+- Extinction alpha [1/m]: fog ln 20 / visibility (Koschmieder 1924, 5 % contrast) at 550 nm, at other wavelengths after
+  Kim, McArthur and Korevaar (2001); rain and snow twice the cross-section of their drops (the limit of geometric
+  optics, van de Hulst 1957), whose diameters are exponentially distributed; dust in proportion to its mass.
+- Fog and dust are a soft target (Rasshofer, Spies and Spies, Adv. Radio Sci. 9, 2011): the echo is the pulse, a squared
+  sine, convolved with beta overlap(R) exp(-2 alpha R) / R^2; beta = 0.046 / visibility [1/(m sr)] for fog.
+- Drops and flakes are few: each is an echo of its own, and their number in a part of the beam is Poisson distributed.
+  One of diameter D that covers (D / beam)^2 of the beam is a surface of reflectance 2 pi / lidar ratio.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from fieldtruth.core.arrays import Array
+from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.sense.kernel import inlined
+
+LIGHT_SPEED: Final = 299_792_458.0  # [m/s]
+CONTRAST: Final = 0.05
+"""Contrast of a black object at the meteorological optical range (WMO-No. 8)."""
+FOG_BACKSCATTER: Final = 0.046
+"""Backscatter coefficient [1/(m sr)] times visibility [m] (Rasshofer et al. 2011)."""
+DUST_EXTINCTION: Final = 1.0
+"""[m^2/g] of mineral dust near the ground: 0.5 to 2 (Shimizu et al. 2011, doi 10.2151/sola.7A-001), for every
+wavelength, as its grains are larger than those."""
+DUST_LIDAR_RATIO: Final = 55.0
+"""Extinction over backscatter [sr] of desert dust: 55 +- 5 (Tesche et al. 2009, doi 10.1029/2009JD011862)."""
+RAIN_LIDAR_RATIO: Final = 18.8
+"""[sr] of water drops, 18.8 +- 0.8 (O'Connor, Illingworth and Hogan 2004)."""
+SNOW_LIDAR_RATIO: Final = 29.0
+"""[sr] of ice crystals, 29 +- 12 (Chen, Chiang and Nee 2002)."""
+FLAKE_DENSITY: Final = 0.1
+"""Density of dry flakes over that of water; their extinction at 2 mm/h is then 17 dB/km, and 14 dB/km by the formula
+for dry snow of ITU-R P.1814."""
+_EFFICIENCY: Final = 2.0  # extinction over cross-section of particles much larger than the wavelength
+_OVERLAP: Final = 10.0 / 9.0  # full overlap of beam and receiver over its beginning, 0.9 and 1.0 m (Rasshofer et al.)
+
+LEAST_POWER: Final = 1e-7
+"""Weaker echoes of single particles are left out: a black surface (1 %) at 300 m is as weak."""
+_MOST_POWER: Final = 10.0
+_POWERS: Final = 129
+_RANGES: Final = 65
+_SOFT_STEP: Final = 0.05  # [m]
+
+
+class Beam(NamedTuple):
+    """What the air needs to know of a LiDAR."""
+
+    wavelength_nm: float
+    width_m: float
+    """Diameter of the beam where it leaves the sensor."""
+    divergence_rad: float
+    """Full angle by which the diameter grows."""
+    pulse_ns: float
+    """Width of the pulse at half its power."""
+    min_range: float
+    max_range: float
+
+
+class Air(NamedTuple):
+    """The weather in one LiDAR's beam. Clear air has ``extinction`` 0 and ``has_echoes`` False."""
+
+    extinction: float  # [1/m]
+    has_echoes: bool
+    soft_power: Array  # (s,) greatest power of the soft target in front of a surface at k _SOFT_STEP, the last one any
+    soft_range: Array  # (s,) [m] where it is
+    first_log_power: float  # of count
+    per_log_power: float  # rows of count
+    first_log_range: float
+    per_log_range: float  # columns of count
+    count: Array  # (p, r) mean number of particles nearer than a range whose echo is stronger than a power
+
+
+class Drops(NamedTuple):
+    """Falling particles: n(D) = per_m3_mm exp(-per_mm D) of the melted diameter D [mm]."""
+
+    per_m3_mm: float  # [1/(m^3 mm)]
+    per_mm: float  # [1/mm]
+    swelling: float  # diameter over melted diameter
+    reflectance: float  # of a Lambert surface with the same echo
+
+    @property
+    def extinction(self) -> float:
+        """[1/m]: integral of the efficiency times pi / 4 D^2 n(D)."""
+        return 1e-6 * _EFFICIENCY * np.pi / 2 * self.swelling**2 * self.per_m3_mm / self.per_mm**3
+
+    @property
+    def per_m3(self) -> float:
+        """Number of particles per volume [1/m^3]."""
+        return self.per_m3_mm / self.per_mm
+
+
+def rain(rate_mm_h: float) -> Drops:
+    """Raindrops (Marshall and Palmer 1948)."""
+    return Drops(8000.0, 4.1 * rate_mm_h**-0.21, 1.0, _EFFICIENCY * np.pi / RAIN_LIDAR_RATIO)
+
+
+def snow(rate_mm_h: float) -> Drops:
+    """Snowflakes (Sekhon and Srivastava 1970)."""
+    swelling = FLAKE_DENSITY ** (-1 / 3)
+    reflectance = _EFFICIENCY * np.pi / SNOW_LIDAR_RATIO
+    return Drops(2500.0 * rate_mm_h**-0.94, 2.29 * rate_mm_h**-0.45, swelling, reflectance)
+
+
+def falling(weather: WeatherConfig) -> tuple[Drops, ...]:
+    """Particles of the weather that fall."""
+    found = (rain, weather.rain_mm_h), (snow, weather.snow_mm_h)
+    return tuple(kind(rate) for kind, rate in found if rate > 0)
+
+
+def fog_extinction(visibility_m: float, wavelength_nm: float = 550.0) -> float:
+    """Extinction coefficient of fog [1/m]; below a visibility of 500 m it is the same for every wavelength."""
+    km = visibility_m / 1000
+    size = 1.3 if km > 6 else 0.16 * km + 0.34 if km > 1 else max(km - 0.5, 0.0)
+    return float(-np.log(CONTRAST) / visibility_m * (wavelength_nm / 550.0) ** -size)
+
+
+def extinction(weather: WeatherConfig, wavelength_nm: float) -> float:
+    """Extinction coefficient of all that is in the air [1/m]."""
+    fog = 0.0 if weather.fog_visibility_m is None else fog_extinction(weather.fog_visibility_m, wavelength_nm)
+    return fog + DUST_EXTINCTION * weather.dust_g_m3 + sum(drops.extinction for drops in falling(weather))
+
+
+def backscatter(weather: WeatherConfig) -> float:
+    """Backscatter coefficient of fog and dust [1/(m sr)]."""
+    fog = 0.0 if weather.fog_visibility_m is None else FOG_BACKSCATTER / weather.fog_visibility_m
+    return fog + DUST_EXTINCTION * weather.dust_g_m3 / DUST_LIDAR_RATIO
+
+
+def make_air(weather: WeatherConfig | None, beam: Beam) -> Air:
+    """Tables of the weather in a beam; None is clear air."""
+    weather = WeatherConfig() if weather is None else weather
+    alpha = extinction(weather, beam.wavelength_nm)
+    soft_power, soft_range = _soft_target(np.pi * backscatter(weather), alpha, beam)
+    log_powers = np.linspace(np.log(LEAST_POWER), np.log(_MOST_POWER), _POWERS)
+    log_ranges = np.linspace(np.log(beam.min_range), np.log(beam.max_range), _RANGES)
+    return Air(
+        extinction=alpha,
+        has_echoes=not weather.is_clear,
+        soft_power=soft_power,
+        soft_range=soft_range,
+        first_log_power=float(log_powers[0]),
+        per_log_power=float(1 / (log_powers[1] - log_powers[0])),
+        first_log_range=float(log_ranges[0]),
+        per_log_range=float(1 / (log_ranges[1] - log_ranges[0])),
+        count=sum((_counts(d, alpha, beam, log_powers) for d in falling(weather)), np.zeros((_POWERS, _RANGES))),
+    )
+
+
+def _overlap(range_m: Array, beam: Beam) -> Array:
+    """Share of the beam that the receiver sees: none nearer than min_range, growing linearly to all of it."""
+    return np.asarray(np.clip((range_m / beam.min_range - 1) / (_OVERLAP - 1), 0, 1))
+
+
+def _soft_target(strength: float, alpha: float, beam: Beam) -> tuple[Array, Array]:
+    """Greatest power of the soft target, and its range, in front of surfaces at multiples of _SOFT_STEP.
+
+    A surface at R has its greatest power at R, so the pulse is centred: squared cosine over [-c tau / 2, c tau / 2],
+    tau its width at half the power.
+    """
+    length = LIGHT_SPEED * 1e-9 * beam.pulse_ns  # [m] of range
+    full = _OVERLAP * beam.min_range + length  # beyond it, power falls
+    surfaces = np.arange(0, full + 2 * _SOFT_STEP, _SOFT_STEP)
+    step = length / 400
+    at = np.arange(beam.min_range, full + length, step)
+    density = strength * _overlap(at, beam) * np.exp(-2 * alpha * at) / at**2
+    pulse = np.cos(np.pi * np.arange(-200, 201) / 400) ** 2 * step
+    powers, ranges = np.zeros(len(surfaces)), np.full(len(surfaces), beam.min_range)
+    for k, surface in enumerate(surfaces):
+        echo = np.convolve(np.where(at < surface, density, 0.0), pulse, mode="same")
+        echo[at > surface] = 0.0
+        best = int(np.argmax(echo))
+        powers[k], ranges[k] = echo[best], at[best]
+    return powers, ranges
+
+
+def _counts(drops: Drops, alpha: float, beam: Beam, log_powers: Array) -> Array:
+    """Mean number of particles (p, r) nearer than a range whose echo is stronger than a power."""
+    fine = 16
+    at = np.geomspace(beam.min_range, beam.max_range, (_RANGES - 1) * fine + 1)
+    width = beam.width_m + beam.divergence_rad * at
+    with np.errstate(divide="ignore"):
+        whole = drops.reflectance * _overlap(at, beam) * np.exp(-2 * alpha * at) / at**2  # it would fill the beam
+        covered = np.sqrt(np.exp(log_powers)[:, None] / whole)  # D over the beam's diameter
+        melted_mm = 1000 * width * covered / drops.swelling
+    stronger = np.where(covered < 1, drops.per_m3 * np.exp(-drops.per_mm * melted_mm), 0.0)
+    per_metre = stronger * np.pi / 4 * width**2
+    steps = (per_metre[:, 1:] + per_metre[:, :-1]) / 2 * np.diff(at)
+    total = np.concatenate([np.zeros((len(log_powers), 1)), np.cumsum(steps, axis=1)], axis=1)
+    return np.asarray(total[:, ::fine])
+
+
+@inlined
+def _between(values: Array, row: int, column: int, share: float) -> float:
+    """Entry of a row between two columns."""
+    begin: float = values[row, column]
+    return begin + share * (values[row, column + 1] - begin)
+
+
+@inlined
+def strongest_echo(air: Air, power: float, range_m: float, u1: float, u2: float) -> tuple[float, float, bool]:
+    """Power and range [m] of the strongest echo of a ray, and whether it is a particle's.
+
+    ``power`` is the surface's in clear air and ``range_m`` its range; a ray that meets none has power 0 and the
+    LiDAR's max_range. ``u1`` and ``u2`` are uniform in (0, 1].
+    """
+    power *= np.exp(-2.0 * air.extinction * range_m)
+    particle, at, table, rows = False, range_m, air.count, air.count.shape[0]
+    k = min(int(range_m / _SOFT_STEP), air.soft_power.shape[0] - 1)
+    if air.soft_power[k] > power:
+        power, at, particle = air.soft_power[k], air.soft_range[k], True
+    column = (np.log(range_m) - air.first_log_range) * air.per_log_range
+    if column <= 0.0:
+        return power, at, particle
+    last = min(int(column), table.shape[1] - 2)
+    share = min(column - last, 1.0)
+    rarity = -np.log(u1)  # the strongest one's power is that of which so many are expected to be stronger
+    row = (np.log(max(power, LEAST_POWER)) - air.first_log_power) * air.per_log_power
+    low = min(int(row), rows - 2)
+    below, above = _between(table, low, last, share), _between(table, low + 1, last, share)
+    if rarity >= below + (row - low) * (above - below):
+        return power, at, particle
+    high = rows - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if _between(table, middle, last, share) > rarity:
+            low = middle
+        else:
+            high = middle
+    below, above = _between(table, low, last, share), _between(table, low + 1, last, share)
+    power = np.exp(air.first_log_power + (low + (below - rarity) / (below - above)) / air.per_log_power)
+    wanted = u2 * (below - above)  # particles of about this power, by range
+    left, right = 0, last + 1
+    while right - left > 1:
+        middle = (left + right) // 2
+        if table[low, middle] - table[low + 1, middle] < wanted:
+            left = middle
+        else:
+            right = middle
+    begin = table[low, left] - table[low + 1, left]
+    end = table[low, left + 1] - table[low + 1, left + 1]
+    column = left + (wanted - begin) / max(end - begin, 1e-300)
+    return power, min(np.exp(air.first_log_range + column / air.per_log_range), range_m), True
