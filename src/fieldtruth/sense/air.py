@@ -6,17 +6,18 @@ Powers are relative to a white Lambert surface at 1 m in clear air that faces th
 range R [m] has rho cos(theta) exp(-2 alpha R) / R^2.
 
 - Extinction alpha [1/m]: fog ln 20 / visibility (Koschmieder 1924, 5 % contrast) at 550 nm, at other wavelengths after
-  Kim, McArthur and Korevaar (2001); rain and snow twice the cross-section of their drops (the limit of geometric
-  optics, van de Hulst 1957), whose diameters are exponentially distributed; dust in proportion to its mass.
+  Kim, McArthur and Korevaar (2001); rain and snow the cross-section of their particles, whose
+  diameters are exponentially distributed (as much again is diffracted, but by 1 mrad and less: it stays in the beam); dust in proportion to its mass.
 - Fog and dust are a soft target (Rasshofer, Spies and Spies, Adv. Radio Sci. 9, 2011): the echo is the pulse, a squared
   sine, convolved with beta overlap(R) exp(-2 alpha R) / R^2; beta = 0.046 / visibility [1/(m sr)] for fog.
 - Drops and flakes are few: each is an echo of its own, and their number in a part of the beam is Poisson distributed.
-  One of diameter D that covers (D / beam)^2 of the beam is a surface of reflectance 2 pi / lidar ratio.
+  One of diameter D covers (D / beam)^2 of the beam, as a surface of a reflectance of its own would.
 """
 
 from typing import Final, NamedTuple
 
 import numpy as np
+from scipy.special import gamma
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.weather_config import WeatherConfig
@@ -32,14 +33,14 @@ DUST_EXTINCTION: Final = 1.0
 wavelength, as its grains are larger than those."""
 DUST_LIDAR_RATIO: Final = 55.0
 """Extinction over backscatter [sr] of desert dust: 55 +- 5 (Tesche et al. 2009, doi 10.1029/2009JD011862)."""
-RAIN_LIDAR_RATIO: Final = 18.8
-"""[sr] of water drops, 18.8 +- 0.8 (O'Connor, Illingworth and Hogan 2004)."""
+WATER_INDEX: Final = 1.33
+"""Refractive index (Hale and Querry 1973)."""
+_ABSORBED_NM: Final = 1400.0
+"""Wavelength [nm] from which a drop of 1 mm absorbs what passes through it (Hale and Querry 1973)."""
 SNOW_LIDAR_RATIO: Final = 29.0
 """[sr] of ice crystals, 29 +- 12 (Chen, Chiang and Nee 2002)."""
-FLAKE_DENSITY: Final = 0.1
-"""Density of dry flakes over that of water; their extinction at 2 mm/h is then 17 dB/km, and 14 dB/km by the formula
-for dry snow of ITU-R P.1814."""
-_EFFICIENCY: Final = 2.0  # extinction over cross-section of particles much larger than the wavelength
+FLAKE_DENSITY: Final = (0.178, -0.922)
+"""Density of a flake over that of water at 1 mm, and its power law of the diameter (Brandes et al. 2007)."""
 _OVERLAP: Final = 10.0 / 9.0  # full overlap of beam and receiver over its beginning, 0.9 and 1.0 m (Rasshofer et al.)
 
 LEAST_POWER: Final = 1e-7
@@ -83,13 +84,15 @@ class Drops(NamedTuple):
 
     per_m3_mm: float  # [1/(m^3 mm)]
     per_mm: float  # [1/mm]
-    swelling: float  # diameter over melted diameter
+    size: tuple[float, float]  # diameter [mm] at a melted diameter of 1 mm, and its power law of the melted diameter
     reflectance: float  # of a Lambert surface with the same echo
 
     @property
     def extinction(self) -> float:
-        """[1/m]: integral of the efficiency times pi / 4 D^2 n(D)."""
-        return 1e-6 * _EFFICIENCY * np.pi / 2 * self.swelling**2 * self.per_m3_mm / self.per_mm**3
+        """[1/m]: integral of pi / 4 diameter^2 n(D)."""
+        scale, power = self.size
+        moment = gamma(2 * power + 1) / self.per_mm ** (2 * power + 1)
+        return float(1e-6 * np.pi / 4 * scale**2 * self.per_m3_mm * moment)
 
     @property
     def per_m3(self) -> float:
@@ -97,22 +100,36 @@ class Drops(NamedTuple):
         return self.per_m3_mm / self.per_mm
 
 
-def rain(rate_mm_h: float) -> Drops:
+def drop_reflectance(wavelength_nm: float) -> float:
+    """Reflectance of the Lambert disc that sends as much light back as a drop, in geometric optics.
+
+    The light comes from the front, a convex mirror, and from the back, a mirror behind a lens: F / 4 and
+    (1 - F)^2 F (n / (2 - n))^2 / 4, F Fresnel's reflectance (van de Hulst 1957, section 12.21). The glory of a perfect
+    sphere is brighter, but within 1 mrad (wavelength over diameter), and falling drops are no perfect spheres.
+    """
+    n = WATER_INDEX
+    fresnel = ((n - 1) / (n + 1)) ** 2
+    back = 0.0 if wavelength_nm > _ABSORBED_NM else (1 - fresnel) ** 2 * fresnel * (n / (2 - n)) ** 2
+    return (fresnel + back) / 4
+
+
+def rain(rate_mm_h: float, wavelength_nm: float) -> Drops:
     """Raindrops (Marshall and Palmer 1948)."""
-    return Drops(8000.0, 4.1 * rate_mm_h**-0.21, 1.0, _EFFICIENCY * np.pi / RAIN_LIDAR_RATIO)
+    return Drops(8000.0, 4.1 * rate_mm_h**-0.21, (1.0, 1.0), drop_reflectance(wavelength_nm))
 
 
 def snow(rate_mm_h: float) -> Drops:
-    """Snowflakes (Sekhon and Srivastava 1970)."""
-    swelling = FLAKE_DENSITY ** (-1 / 3)
-    reflectance = _EFFICIENCY * np.pi / SNOW_LIDAR_RATIO
-    return Drops(2500.0 * rate_mm_h**-0.94, 2.29 * rate_mm_h**-0.45, swelling, reflectance)
+    """Snowflakes (Sekhon and Srivastava 1970); extinction over backscatter makes their reflectance."""
+    scale, power = FLAKE_DENSITY
+    size = scale ** (-1 / (3 + power)), 3 / (3 + power)  # the mass, density times diameter^3, remains
+    reflectance = 2 * np.pi / SNOW_LIDAR_RATIO  # the ratio's extinction includes what is diffracted
+    return Drops(2500.0 * rate_mm_h**-0.94, 2.29 * rate_mm_h**-0.45, size, reflectance)
 
 
-def falling(weather: WeatherConfig) -> tuple[Drops, ...]:
+def falling(weather: WeatherConfig, wavelength_nm: float) -> tuple[Drops, ...]:
     """Particles of the weather that fall."""
-    found = (rain, weather.rain_mm_h), (snow, weather.snow_mm_h)
-    return tuple(kind(rate) for kind, rate in found if rate > 0)
+    drops = (rain(weather.rain_mm_h, wavelength_nm),) if weather.rain_mm_h > 0 else ()
+    return (*drops, snow(weather.snow_mm_h)) if weather.snow_mm_h > 0 else drops
 
 
 def fog_extinction(visibility_m: float, wavelength_nm: float = 550.0) -> float:
@@ -125,7 +142,9 @@ def fog_extinction(visibility_m: float, wavelength_nm: float = 550.0) -> float:
 def extinction(weather: WeatherConfig, wavelength_nm: float) -> float:
     """Extinction coefficient of all that is in the air [1/m]."""
     fog = 0.0 if weather.fog_visibility_m is None else fog_extinction(weather.fog_visibility_m, wavelength_nm)
-    return fog + DUST_EXTINCTION * weather.dust_g_m3 + sum(drops.extinction for drops in falling(weather))
+    return (
+        fog + DUST_EXTINCTION * weather.dust_g_m3 + sum(drops.extinction for drops in falling(weather, wavelength_nm))
+    )
 
 
 def backscatter(weather: WeatherConfig) -> float:
@@ -150,7 +169,10 @@ def make_air(weather: WeatherConfig | None, beam: Beam) -> Air:
         per_log_power=float(1 / (log_powers[1] - log_powers[0])),
         first_log_range=float(log_ranges[0]),
         per_log_range=float(1 / (log_ranges[1] - log_ranges[0])),
-        count=sum((_counts(d, alpha, beam, log_powers) for d in falling(weather)), np.zeros((_POWERS, _RANGES))),
+        count=sum(
+            (_counts(d, alpha, beam, log_powers) for d in falling(weather, beam.wavelength_nm)),
+            np.zeros((_POWERS, _RANGES)),
+        ),
     )
 
 
@@ -189,7 +211,7 @@ def _counts(drops: Drops, alpha: float, beam: Beam, log_powers: Array) -> Array:
     with np.errstate(divide="ignore"):
         whole = drops.reflectance * _overlap(at, beam) * np.exp(-2 * alpha * at) / at**2  # it would fill the beam
         covered = np.sqrt(np.exp(log_powers)[:, None] / whole)  # D over the beam's diameter
-        melted_mm = 1000 * width * covered / drops.swelling
+        melted_mm = (1000 * width * covered / drops.size[0]) ** (1 / drops.size[1])
     stronger = np.where(covered < 1, drops.per_m3 * np.exp(-drops.per_mm * melted_mm), 0.0)
     per_metre = stronger * np.pi / 4 * width**2
     steps = (per_metre[:, 1:] + per_metre[:, :-1]) / 2 * np.diff(at)
