@@ -18,13 +18,16 @@ from fieldtruth.sense.air import Air, Beam, Drops, extinction, fog_extinction, m
 BEAM = Beam(wavelength_nm=850, width_m=0.01, divergence_rad=0.0023, pulse_ns=5, min_range=0.8, max_range=120)
 
 
-@njit  # type: ignore[untyped-decorator]
-def _echoes(air: Air, power: float, range_m: float, draws: Array) -> Array:
+def _loop(air: Air, power: float, range_m: float, draws: Array) -> Array:
     found = np.empty((len(draws), 3))
     for k in range(len(draws)):
         echo, at, particle = strongest_echo(air, power, range_m, draws[k, 0], draws[k, 1])
         found[k, 0], found[k, 1], found[k, 2] = echo, at, particle
     return found
+
+
+_compile: Any = njit
+_echoes = _compile(_loop)
 
 
 def _many(weather: dict[str, Any], power: float, range_m: float, count: int = 40_000) -> Array:

@@ -6,8 +6,9 @@ Powers are relative to a white Lambert surface at 1 m in clear air that faces th
 range R [m] has rho cos(theta) exp(-2 alpha R) / R^2.
 
 - Extinction alpha [1/m]: fog ln 20 / visibility (Koschmieder 1924, 5 % contrast) at 550 nm, at other wavelengths after
-  Kim, McArthur and Korevaar (2001); rain and snow the cross-section of their particles, whose
-  diameters are exponentially distributed (as much again is diffracted, but by 1 mrad and less: it stays in the beam); dust in proportion to its mass.
+  Kim, McArthur and Korevaar (2001); rain and snow the cross-section of their particles, whose diameters are
+  exponentially distributed (as much again is diffracted, but by 1 mrad and less: it stays in the beam); dust in
+  proportion to its mass.
 - Fog and dust are a soft target (Rasshofer, Spies and Spies, Adv. Radio Sci. 9, 2011): the echo is the pulse, a squared
   sine, convolved with beta overlap(R) exp(-2 alpha R) / R^2; beta = 0.046 / visibility [1/(m sr)] for fog.
 - Drops and flakes are few: each is an echo of its own, and their number in a part of the beam is Poisson distributed.
@@ -72,11 +73,11 @@ class Air(NamedTuple):
     has_echoes: bool
     soft_power: Array  # (s,) greatest power of the soft target in front of a surface at k _SOFT_STEP, the last one any
     soft_range: Array  # (s,) [m] where it is
-    first_log_power: float  # of count
-    per_log_power: float  # rows of count
+    first_log_power: float  # of numbers
+    per_log_power: float  # rows of numbers
     first_log_range: float
-    per_log_range: float  # columns of count
-    count: Array  # (p, r) mean number of particles nearer than a range whose echo is stronger than a power
+    per_log_range: float  # columns of numbers
+    numbers: Array  # (p, r) mean number of particles nearer than a range whose echo is stronger than a power
 
 
 class Drops(NamedTuple):
@@ -169,7 +170,7 @@ def make_air(weather: WeatherConfig | None, beam: Beam) -> Air:
         per_log_power=float(1 / (log_powers[1] - log_powers[0])),
         first_log_range=float(log_ranges[0]),
         per_log_range=float(1 / (log_ranges[1] - log_ranges[0])),
-        count=sum(
+        numbers=sum(
             (_counts(d, alpha, beam, log_powers) for d in falling(weather, beam.wavelength_nm)),
             np.zeros((_POWERS, _RANGES)),
         ),
@@ -233,8 +234,8 @@ def strongest_echo(air: Air, power: float, range_m: float, u1: float, u2: float)
     ``power`` is the surface's in clear air and ``range_m`` its range; a ray that meets none has power 0 and the
     LiDAR's max_range. ``u1`` and ``u2`` are uniform in (0, 1].
     """
-    power *= np.exp(-2.0 * air.extinction * range_m)
-    particle, at, table, rows = False, range_m, air.count, air.count.shape[0]
+    power = float(power * np.exp(-2.0 * air.extinction * range_m))
+    particle, at, table, rows = False, range_m, air.numbers, air.numbers.shape[0]
     k = min(int(range_m / _SOFT_STEP), air.soft_power.shape[0] - 1)
     if air.soft_power[k] > power:
         power, at, particle = air.soft_power[k], air.soft_range[k], True
