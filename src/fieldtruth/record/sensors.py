@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.record.streams import Sensors
 from fieldtruth.render.bake import bake
 from fieldtruth.render.camera import Camera
@@ -15,11 +16,11 @@ from fieldtruth.sense.scene_sensor import SCENE_SENSORS
 from fieldtruth.world.model import World
 
 
-def sensor_factory(world: World, rig: Rig, light: LightConfig) -> Callable[[], Sensors]:
+def sensor_factory(world: World, rig: Rig, light: LightConfig, weather: WeatherConfig) -> Callable[[], Sensors]:
     """Build the scene and bake its light, and return the function that makes sensors in it."""
     scene = Scene(world)
     wide_ids = world.has_wide_ids
-    baked = bake(scene, light) if rig.cameras else None
+    baked = bake(scene, light, weather) if rig.cameras else None
 
     def make() -> Sensors:
         lidars = {config.name: Lidar(config, scene) for config in rig.lidars}

@@ -224,7 +224,8 @@ def _counts(drops: Drops, alpha: float, beam: Beam, log_powers: Array) -> Array:
 def _between(values: Array, row: int, column: int, share: float) -> float:
     """Entry of a row between two columns."""
     begin: float = values[row, column]
-    return begin + share * (values[row, column + 1] - begin)
+    end: float = values[row, column + 1]
+    return begin + share * (end - begin)
 
 
 @inlined
