@@ -18,7 +18,7 @@ from fieldtruth.bag import types as ros
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.experiment.camera_config import CameraConfig, Imager
-from fieldtruth.experiment.lidar_config import PointFields, TimeField
+from fieldtruth.experiment.lidar_config import Intensity, PointFields, TimeField
 
 _XYZI: Final = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
 _RING: Final = [("ring", "<u2")]
@@ -27,6 +27,15 @@ _MAKERS: Final = {
     "livox": [("tag", "|u1"), ("line", "|u1"), ("timestamp", "<f8"), *_RING],
 }
 """Fields instead of ``ring`` by maker: of FAST-LIO2's ``ouster_ros::Point``, and of livox_ros_driver2's PointCloud2."""
+
+_MEASURED: Final = [
+    ("true_range", "<f4"),
+    ("signal", "<f4"),
+    ("reflectivity", "<f4"),
+    ("echo", "|u1"),
+    ("mixed", "|u1"),
+]
+"""Fields of a LiDAR with a signal; the reflectivity of an Ouster is its own, in percent."""
 
 _CLOCKS: Final = {"time": "<f4", "timestamp": "<f8"}
 _DATATYPES: Final = {
@@ -56,18 +65,25 @@ class Scan(Protocol):
 
 
 def point_type(
-    *, spinning: bool, wide_ids: bool, clock: TimeField | None = None, maker: PointFields | None = None
+    *,
+    spinning: bool,
+    wide_ids: bool,
+    clock: TimeField | None = None,
+    maker: PointFields | None = None,
+    measured: bool = False,
 ) -> np.dtype[np.void]:
     """Type of a point of 24 bytes: x, y, z [m] in os1_lidar; intensity = label, as the paper's reflectivity; ray; ids.
 
     With ``spinning`` it has ``t`` [ns], the time of its ray after the stamp. Instantaneous scans have none: programs
     scale it to 0..1 and divide by its range, which is 0 (KISS-ICP aborts). ``wide_ids``: ``instance`` has 32 bits.
     ``clock`` follows ``t``: ``time`` [s] after the stamp, or ``timestamp`` [s], the sum. ``maker``: fields of its
-    driver; PCL reads a field only if name and type are those that a program declares.
+    driver; PCL reads a field only if name and type are those that a program declares. ``measured``: those of a signal.
     """
     time = [("t", "<u4"), *([(clock, _CLOCKS[clock])] if clock else [])] if spinning else []
     ids = [("column", "<u2"), ("label", "<u2"), ("instance", "<u4" if wide_ids else "<u2")]
-    return np.dtype([*_XYZI, *time, *(_MAKERS[maker] if maker else _RING), *ids], align=True)
+    own = _MAKERS[maker] if maker else _RING
+    added = [field for field in _MEASURED if field[0] not in dict(own)] if measured else []
+    return np.dtype([*_XYZI, *time, *own, *ids, *added], align=True)
 
 
 def point_cloud(
@@ -80,16 +96,24 @@ def point_cloud(
     wide_ids: bool = False,
     clock: TimeField | None = None,
     maker: PointFields | None = None,
+    intensity: Intensity = "class",
+    grid: tuple[int, int] | None = None,
 ) -> bytes:
     """Serialise sensor_msgs/PointCloud2 of the returns, in the order of the scan; with ``t`` if the LiDAR spins.
 
-    An Ouster's ``reflectivity`` is the label as well, its ``range`` [mm] that of the ray, and its ``ambient`` zero. A
-    Livox's ``line`` is the ring, its ``timestamp`` [ns] the time of the ray, and its ``tag`` zero: a sure return.
+    A scan with ``true_range``, ``signal``, ``reflectivity``, ``echo`` and ``mixed`` has them as fields. An Ouster's
+    ``reflectivity`` is that in percent, at most 255, or without it the label; its ``range`` [mm] is that of the point,
+    and its ``ambient`` zero. With ``grid``, (rings, columns), the cloud is organised: a row for each ring, NaN as the
+    coordinates of rays without a return, zero in their other fields but ring and column. A Livox's ``line`` is the
+    ring, its ``timestamp`` [ns] the time of the ray, and its ``tag`` zero: a sure return.
     """
-    kind = point_type(spinning=spinning, wide_ids=wide_ids, clock=clock, maker=maker)
+    measured = {name: values for name, _ in _MEASURED if (values := getattr(scan, name, None)) is not None}
+    kind = point_type(spinning=spinning, wide_ids=wide_ids, clock=clock, maker=maker, measured=bool(measured))
     points = np.zeros(len(scan.xyz), kind)
     points["x"], points["y"], points["z"] = scan.xyz.T
-    points["intensity"] = scan.label
+    points["intensity"] = measured["reflectivity"] if intensity == "reflectivity" else scan.label
+    for name, values in measured.items():
+        points[name] = values
     if spinning:
         points["t"] = scan.t_ns
     if spinning and clock:
@@ -97,25 +121,36 @@ def point_cloud(
     points["ring"], points["column"] = scan.ring, scan.column
     points["label"], points["instance"] = scan.label, scan.instance
     if maker == "ouster":
-        points["reflectivity"] = scan.label
+        points["reflectivity"] = np.minimum(np.rint(100.0 * measured["reflectivity"]), 255) if measured else scan.label
         points["range"] = np.rint(1000.0 * np.linalg.norm(scan.xyz.astype(np.float64), axis=1))
     if maker == "livox":
         points["line"], points["timestamp"] = scan.ring, stamp_ns + scan.t_ns.astype(np.int64)
+    rows = points[None] if grid is None else _organised(points, *grid)
     message = PointCloud2(
         ros.header(seq, stamp_ns, frame),
-        height=1,
-        width=len(points),
+        height=rows.shape[0],
+        width=rows.shape[1],
         fields=[
             PointField(name, offset, _DATATYPES[base.str], 1)
             for name, (base, offset, *_) in (kind.fields or {}).items()
         ],
         is_bigendian=False,
         point_step=kind.itemsize,
-        row_step=points.nbytes,
-        data=points.view(np.uint8),
-        is_dense=True,
+        row_step=rows.shape[1] * kind.itemsize,
+        data=rows.reshape(-1).view(np.uint8),
+        is_dense=grid is None,
     )
     return ros.serialize(message, "sensor_msgs/msg/PointCloud2")
+
+
+def _organised(points: NDArray[np.void], rings: int, columns: int) -> NDArray[np.void]:
+    """Spread points over all rays, (rings, columns)."""
+    spread = np.zeros((rings, columns), points.dtype)
+    for axis in "xyz":
+        spread[axis] = np.nan
+    spread["ring"], spread["column"] = np.arange(rings)[:, None], np.arange(columns)
+    spread[points["ring"], points["column"]] = points
+    return spread
 
 
 def photograph(seq: int, stamp_ns: int, frame: str, photo: NDArray[np.uint8], quality: int) -> bytes:

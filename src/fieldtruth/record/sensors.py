@@ -10,9 +10,9 @@ from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.record.streams import Sensors
 from fieldtruth.render.bake import bake
 from fieldtruth.render.camera import Camera
-from fieldtruth.sense.lidar import Lidar
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sense.scene_sensor import SCENE_SENSORS
+from fieldtruth.sensors.lidar.measuring import new_lidar
 from fieldtruth.world.model import World
 
 
@@ -23,7 +23,7 @@ def sensor_factory(world: World, rig: Rig, light: LightConfig, weather: WeatherC
     baked = bake(scene, light, weather) if rig.cameras else None
 
     def make() -> Sensors:
-        lidars = {config.name: Lidar(config, scene) for config in rig.lidars}
+        lidars = {config.name: new_lidar(config, scene) for config in rig.lidars}
         cameras = {} if baked is None else {c.name: Camera(c, baked, reuse=True) for c in rig.cameras}
         others = {config.name: SCENE_SENSORS[config.kind](config, scene) for config in rig.scene_sensors}
         return Sensors(lidars, cameras, others, wide_ids)

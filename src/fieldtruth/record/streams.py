@@ -47,8 +47,11 @@ class CameraImages(Protocol):
 class Lidar(Protocol):
     """A LiDAR in a scene."""
 
-    def scan(self, world_from_lidar: Array, stamp_ns: int = 0) -> sensor_messages.Scan:
-        """Scan from a pose (4, 4), or from those at each column's beginning and at the end, (columns + 1, 4, 4)."""
+    def scan(self, world_from_lidar: Array, stamp_ns: int = 0, number: int = 0) -> sensor_messages.Scan:
+        """Scan from a pose (4, 4), or from those at each column's beginning and at the end, (columns + 1, 4, 4).
+
+        The number of the scan matters to a LiDAR with a signal only.
+        """
         ...
 
 
@@ -169,7 +172,7 @@ def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt) -
         stamp = int(stamps[k])
         pose = world_from_base(stamp + sweep_ns if config.spinning else stamp) @ base_from_lidar
         lidar = sensors.lidars[config.name]
-        seen = lidar.scan(pose) if config.pattern is None else lidar.scan(pose, stamp)
+        seen = lidar.scan(pose, stamp) if config.signal is None else lidar.scan(pose, stamp, k)
         yield sensor_messages.point_cloud(
             k,
             stamp,
@@ -179,6 +182,8 @@ def lidar_stream(config: LidarConfig, stamps: Stamps, world_from_base: PoseAt) -
             wide_ids=sensors.wide_ids,
             clock=config.time_field,
             maker=config.point_fields,
+            intensity=config.intensity,
+            grid=(config.rings, config.columns) if config.organised else None,
         )
 
     return Stream((config.topic,), stamps, scan)
