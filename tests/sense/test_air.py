@@ -13,7 +13,18 @@ from scipy.optimize import brentq, minimize_scalar
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.weather_config import WeatherConfig
-from fieldtruth.sense.air import Air, Beam, Drops, extinction, fog_extinction, make_air, rain, snow, strongest_echo
+from fieldtruth.sense.air import (
+    Air,
+    Beam,
+    Drops,
+    extinction,
+    fog_extinction,
+    make_air,
+    rain,
+    snow,
+    strongest_echo,
+    transmitted,
+)
 
 BEAM = Beam(wavelength_nm=850, width_m=0.01, divergence_rad=0.0023, pulse_ns=5, min_range=0.8, max_range=120)
 
@@ -21,7 +32,7 @@ BEAM = Beam(wavelength_nm=850, width_m=0.01, divergence_rad=0.0023, pulse_ns=5, 
 def _loop(air: Air, power: float, range_m: float, draws: Array) -> Array:
     found = np.empty((len(draws), 3))
     for k in range(len(draws)):
-        echo, at, particle = strongest_echo(air, power, range_m, draws[k, 0], draws[k, 1])
+        echo, at, particle = strongest_echo(air, power * transmitted(air, range_m), range_m, draws[k, 0], draws[k, 1])
         found[k, 0], found[k, 1], found[k, 2] = echo, at, particle
     return found
 

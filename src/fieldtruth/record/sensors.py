@@ -23,7 +23,7 @@ def sensor_factory(world: World, rig: Rig, light: LightConfig, weather: WeatherC
     baked = bake(scene, light, weather) if rig.cameras else None
 
     def make() -> Sensors:
-        lidars = {config.name: new_lidar(config, scene) for config in rig.lidars}
+        lidars = {config.name: new_lidar(config, scene, weather) for config in rig.lidars}
         cameras = {} if baked is None else {c.name: Camera(c, baked, reuse=True) for c in rig.cameras}
         others = {config.name: SCENE_SENSORS[config.kind](config, scene) for config in rig.scene_sensors}
         return Sensors(lidars, cameras, others, wide_ids)

@@ -188,7 +188,7 @@ def _soft_target(strength: float, alpha: float, beam: Beam) -> tuple[Array, Arra
     A surface at R has its greatest power at R, so the pulse is centred: squared cosine over [-c tau / 2, c tau / 2],
     tau its width at half the power.
     """
-    length = LIGHT_SPEED * 1e-9 * beam.pulse_ns  # [m] of range
+    length = LIGHT_SPEED * 1e-9 * max(beam.pulse_ns, 1e-6)  # [m] of range
     full = _OVERLAP * beam.min_range + length  # beyond it, power falls
     surfaces = np.arange(0, full + 2 * _SOFT_STEP, _SOFT_STEP)
     step = length / 400
@@ -229,13 +229,18 @@ def _between(values: Array, row: int, column: int, share: float) -> float:
 
 
 @inlined
+def transmitted(air: Air, range_m: float) -> float:
+    """Share of a surface's power that the air leaves, there and back."""
+    return np.exp(-2.0 * air.extinction * range_m)  # type: ignore[no-any-return]
+
+
+@inlined
 def strongest_echo(air: Air, power: float, range_m: float, u1: float, u2: float) -> tuple[float, float, bool]:
     """Power and range [m] of the strongest echo of a ray, and whether it is a particle's.
 
-    ``power`` is the surface's in clear air and ``range_m`` its range; a ray that meets none has power 0 and the
-    LiDAR's max_range. ``u1`` and ``u2`` are uniform in (0, 1].
+    ``power`` is the surface's in this air and ``range_m`` its range; a ray that meets none has power 0 and the LiDAR's
+    max_range. ``u1`` and ``u2`` are uniform in (0, 1].
     """
-    power = float(power * np.exp(-2.0 * air.extinction * range_m))
     particle, at, table, rows = False, range_m, air.numbers, air.numbers.shape[0]
     k = min(int(range_m / _SOFT_STEP), air.soft_power.shape[0] - 1)
     if air.soft_power[k] > power:
