@@ -10,7 +10,10 @@ range R [m] has rho cos(theta) exp(-2 alpha R) / R^2.
   exponentially distributed (as much again is diffracted, but by 1 mrad and less: it stays in the beam); dust in
   proportion to its mass.
 - Fog and dust are a soft target (Rasshofer, Spies and Spies, Adv. Radio Sci. 9, 2011): the echo is the pulse, a squared
-  sine, convolved with beta overlap(R) exp(-2 alpha R) / R^2; beta = 0.046 / visibility [1/(m sr)] for fog.
+  sine, convolved with beta overlap(R) exp(-2 alpha R) / R^2; beta = 0.046 / visibility [1/(m sr)] for fog. It is flat
+  over metres, so that the noise of counted photons decides where its maximum is found.
+- A receiver whose field of view is as wide as the beam sees (divergence R / width)^2 of it where that is below 1 (the
+  geometric compression of a coaxial lidar; Halldorsson and Langerholc 1978).
 - Drops and flakes are few: each is an echo of its own, and their number in a part of the beam is Poisson distributed.
   One of diameter D covers (D / beam)^2 of the beam, as a surface of a reflectance of its own would.
 """
@@ -19,6 +22,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.special import gamma
+from scipy.stats import norm
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.weather_config import WeatherConfig
@@ -42,14 +46,13 @@ SNOW_LIDAR_RATIO: Final = 29.0
 """[sr] of ice crystals, 29 +- 12 (Chen, Chiang and Nee 2002)."""
 FLAKE_DENSITY: Final = (0.178, -0.922)
 """Density of a flake over that of water at 1 mm, and its power law of the diameter (Brandes et al. 2007)."""
-_OVERLAP: Final = 10.0 / 9.0  # full overlap of beam and receiver over its beginning, 0.9 and 1.0 m (Rasshofer et al.)
-
 LEAST_POWER: Final = 1e-7
 """Weaker echoes of single particles are left out: a black surface (1 %) at 300 m is as weak."""
 _MOST_POWER: Final = 10.0
 _POWERS: Final = 129
 _RANGES: Final = 65
-_SOFT_STEP: Final = 0.05  # [m]
+_SOFT_STEP: Final = 0.1  # [m]
+_FINE: Final = 100  # steps of a pulse
 
 
 class Beam(NamedTuple):
@@ -64,6 +67,8 @@ class Beam(NamedTuple):
     """Width of the pulse at half its power."""
     min_range: float
     max_range: float
+    gain: float = 0.0
+    """Photons of an echo of power 1. 0: no noise."""
 
 
 class Air(NamedTuple):
@@ -72,7 +77,9 @@ class Air(NamedTuple):
     extinction: float  # [1/m]
     has_echoes: bool
     soft_power: Array  # (s,) greatest power of the soft target in front of a surface at k _SOFT_STEP, the last one any
-    soft_range: Array  # (s,) [m] where it is
+    soft_share: Array  # (s, c) probability that it is found in one of the cells up to a cell
+    cell: float  # [m] length of a cell, within which the pulse merges echoes; the first begins at min_range
+    min_range: float  # [m]
     first_log_power: float  # of numbers
     per_log_power: float  # rows of numbers
     first_log_range: float
@@ -158,14 +165,17 @@ def make_air(weather: WeatherConfig | None, beam: Beam) -> Air:
     """Tables of the weather in a beam; None is clear air."""
     weather = WeatherConfig() if weather is None else weather
     alpha = extinction(weather, beam.wavelength_nm)
-    soft_power, soft_range = _soft_target(np.pi * backscatter(weather), alpha, beam)
+    cell = LIGHT_SPEED / 2e9 * max(beam.pulse_ns, 1e-6)
+    soft_power, soft_share = _soft_target(np.pi * backscatter(weather), alpha, beam, cell)
     log_powers = np.linspace(np.log(LEAST_POWER), np.log(_MOST_POWER), _POWERS)
     log_ranges = np.linspace(np.log(beam.min_range), np.log(beam.max_range), _RANGES)
     return Air(
         extinction=alpha,
         has_echoes=not weather.is_clear,
         soft_power=soft_power,
-        soft_range=soft_range,
+        soft_share=soft_share,
+        cell=cell,
+        min_range=beam.min_range,
         first_log_power=float(log_powers[0]),
         per_log_power=float(1 / (log_powers[1] - log_powers[0])),
         first_log_range=float(log_ranges[0]),
@@ -178,30 +188,42 @@ def make_air(weather: WeatherConfig | None, beam: Beam) -> Air:
 
 
 def _overlap(range_m: Array, beam: Beam) -> Array:
-    """Share of the beam that the receiver sees: none nearer than min_range, growing linearly to all of it."""
-    return np.asarray(np.clip((range_m / beam.min_range - 1) / (_OVERLAP - 1), 0, 1))
+    """Share of the beam that the receiver sees; all of it without a divergence."""
+    seen = np.minimum((beam.divergence_rad * range_m / beam.width_m) ** 2, 1.0) if beam.divergence_rad else 1.0
+    return np.asarray(np.where(range_m < beam.min_range, 0.0, seen))
 
 
-def _soft_target(strength: float, alpha: float, beam: Beam) -> tuple[Array, Array]:
-    """Greatest power of the soft target, and its range, in front of surfaces at multiples of _SOFT_STEP.
+def _soft_target(strength: float, alpha: float, beam: Beam, cell: float) -> tuple[Array, Array]:
+    """Greatest power of the soft target, and where it is found, in front of surfaces at multiples of _SOFT_STEP.
 
     A surface at R has its greatest power at R, so the pulse is centred: squared cosine over [-c tau / 2, c tau / 2],
-    tau its width at half the power.
+    tau its width at half the power, which makes cells of c tau / 2.
     """
-    length = LIGHT_SPEED * 1e-9 * max(beam.pulse_ns, 1e-6)  # [m] of range
-    full = _OVERLAP * beam.min_range + length  # beyond it, power falls
-    surfaces = np.arange(0, full + 2 * _SOFT_STEP, _SOFT_STEP)
-    step = length / 400
-    at = np.arange(beam.min_range, full + length, step)
+    seen = beam.width_m / beam.divergence_rad if beam.divergence_rad else 0.0  # from here on, power falls
+    cells = int(np.ceil(max(3 * seen - beam.min_range, 0.0) / cell)) + 3
+    step, last = 2 * cell / _FINE, beam.min_range + cells * cell
+    at = beam.min_range + step * (np.arange(cells * _FINE // 2) + 0.5)
     density = strength * _overlap(at, beam) * np.exp(-2 * alpha * at) / at**2
-    pulse = np.cos(np.pi * np.arange(-200, 201) / 400) ** 2 * step
-    powers, ranges = np.zeros(len(surfaces)), np.full(len(surfaces), beam.min_range)
+    pulse = np.cos(np.pi * np.arange(-_FINE // 2, _FINE // 2 + 1) / _FINE) ** 2 * step
+    surfaces = np.arange(0, last + _SOFT_STEP, _SOFT_STEP)
+    powers, shares = np.zeros(len(surfaces)), np.ones((len(surfaces), cells))
     for k, surface in enumerate(surfaces):
         echo = np.convolve(np.where(at < surface, density, 0.0), pulse, mode="same")
-        echo[at > surface] = 0.0
-        best = int(np.argmax(echo))
-        powers[k], ranges[k] = echo[best], at[best]
-    return powers, ranges
+        best = np.where(at < surface, echo, 0.0).reshape(cells, -1).max(axis=1)
+        powers[k], shares[k] = best.max(), np.cumsum(_chance_of_most(beam.gain * best, best))
+    return powers, shares
+
+
+def _chance_of_most(photons: Array, powers: Array) -> Array:
+    """Probability of each cell that most photons are counted there: normal with the variance of Poisson's law."""
+    if photons.max() == 0.0:
+        return (np.arange(len(powers)) == powers.argmax()).astype(np.float64)
+    spread = np.sqrt(np.maximum(photons, 1e-12))
+    x = np.linspace(-6, 6, 301)[:, None, None] * spread[:, None] + photons[:, None]  # (301, of cell, against cell)
+    below = norm.cdf((x - photons) / spread)
+    below[:, np.arange(len(photons)), np.arange(len(photons))] = 1.0
+    chance = (norm.pdf(np.linspace(-6, 6, 301))[:, None] * below.prod(axis=2)).sum(axis=0)
+    return np.asarray(chance / chance.sum())
 
 
 def _counts(drops: Drops, alpha: float, beam: Beam, log_powers: Array) -> Array:
@@ -229,6 +251,17 @@ def _between(values: Array, row: int, column: int, share: float) -> float:
 
 
 @inlined
+def _soft_range(air: Air, k: int, u: float) -> float:
+    """Range at which the greatest power of a soft target is found, by a number u in (0, 1]."""
+    j, begin = 0, 0.0
+    while j < air.soft_share.shape[1] - 1 and air.soft_share[k, j] < u:
+        begin = air.soft_share[k, j]
+        j += 1
+    share = (u - begin) / max(air.soft_share[k, j] - begin, 1e-12)
+    return float(air.min_range + air.cell * (j + min(share, 1.0)))
+
+
+@inlined
 def transmitted(air: Air, range_m: float) -> float:
     """Share of a surface's power that the air leaves, there and back."""
     return np.exp(-2.0 * air.extinction * range_m)  # type: ignore[no-any-return]
@@ -244,7 +277,7 @@ def strongest_echo(air: Air, power: float, range_m: float, u1: float, u2: float)
     particle, at, table, rows = False, range_m, air.numbers, air.numbers.shape[0]
     k = min(int(range_m / _SOFT_STEP), air.soft_power.shape[0] - 1)
     if air.soft_power[k] > power:
-        power, at, particle = air.soft_power[k], air.soft_range[k], True
+        power, at, particle = air.soft_power[k], min(_soft_range(air, k, u2), range_m), True
     column = (np.log(range_m) - air.first_log_range) * air.per_log_range
     if column <= 0.0:
         return power, at, particle

@@ -13,7 +13,7 @@ from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.sense.air import LIGHT_SPEED, Air, Beam, make_air, strongest_echo, transmitted
 from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sensors.lidar.draws import uniforms
-from fieldtruth.sensors.lidar.noise import limit_of
+from fieldtruth.sensors.lidar.noise import limit_of, receiver_of
 from fieldtruth.sensors.lidar.surfaces import EchoBuffers
 
 DRAW: Final = 15
@@ -32,6 +32,7 @@ def beam_of(config: LidarConfig) -> Beam:
         pulse_ns=2e9 * signal.pulse_length / LIGHT_SPEED,
         min_range=config.min_range,
         max_range=config.max_range,
+        gain=receiver_of(signal).gain,
     )
 
 
