@@ -76,6 +76,15 @@ def test_light_of_the_air_is_the_horizons(scene: Scene) -> None:
     assert np.ptp(far.reshape(-1, 3).astype(int), axis=0).max() <= 1
 
 
+def test_no_shadow_of_the_sun_in_fog_and_as_much_light(scene: Scene) -> None:
+    clear, fog = (
+        bake(scene, LightConfig(), each).shading.light for each in (None, WeatherConfig(fog_visibility_m=100))
+    )
+    assert fog.sun_rgb.max() < 1e-6
+    on_ground = clear.dome.mean + clear.sun_rgb * clear.sun[2] / np.pi
+    np.testing.assert_allclose(fog.dome.mean, on_ground, rtol=1e-5)
+
+
 def test_haze_of_long_visibility_is_bluer() -> None:
     """Small droplets scatter blue more; large ones every wavelength alike."""
     fog, mist = (air_of(WeatherConfig(fog_visibility_m=each)) for each in (100.0, 4000.0))

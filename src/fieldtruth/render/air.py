@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Weather in photographs: light on its way to the camera is scattered out of the ray, and light of the air into it.
 
-Along a distance d the radiance L becomes L exp(-alpha d) + A (1 - exp(-alpha d)) with the horizon's radiance A
-(Koschmieder 1924), in addition to the haze of clear air, in which a black object is visible for 5.4 km.
+Along a distance d the radiance L becomes L exp(-alpha d) + A (1 - exp(-alpha d)) (Koschmieder 1924), in addition to
+the haze of clear air, in which a black object is visible for 5.4 km. A is as bright as the horizon and has the colour
+of all light from above, as drops scatter all colours alike. What the sun loses on its way down comes from all sides.
 """
 
 from typing import Final
@@ -12,7 +13,7 @@ import numpy as np
 
 from fieldtruth.core.arrays import Float32Array
 from fieldtruth.experiment.weather_config import WeatherConfig
-from fieldtruth.render.tables import EXPOSURE, HAZE_PER_METRE, Shading
+from fieldtruth.render.tables import EXPOSURE, HAZE_PER_METRE, LightTable, Shading
 from fieldtruth.sense.air import extinction
 from fieldtruth.sense.kernel import light_kernel
 from fieldtruth.sense.ray_batch import RayBatch
@@ -29,6 +30,16 @@ def air_of(weather: WeatherConfig | None) -> Float32Array:
         return np.zeros(3, np.float32)
     fog = 0.0 if weather.fog_visibility_m is None else HAZE_PER_METRE  # a visibility is that of all the air
     return np.array([extinction(weather, each) - fog for each in WAVELENGTHS_NM], np.float32).clip(0.0)
+
+
+def light_in(air: Float32Array, light: LightTable) -> LightTable:
+    """Return the light in weather: less sun, as much more of the sky, and the light of the air as horizon."""
+    high = float(light.sun[2])
+    left = np.exp(-air * np.float32(LAYER / high))
+    mean = light.dome.mean + (1 - left) * light.sun_rgb * np.float32(high / np.pi)
+    horizon = light.dome.horizon.mean() * mean / mean.mean()
+    dome = light.dome._replace(mean=mean, horizon=horizon)
+    return light._replace(sun_rgb=light.sun_rgb * left, dome=dome)
 
 
 @light_kernel

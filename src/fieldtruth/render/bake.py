@@ -12,7 +12,7 @@ from fieldtruth.core.cache_folder import cache_folder
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.experiment.weather_config import WeatherConfig
-from fieldtruth.render.air import air_of
+from fieldtruth.render.air import air_of, light_in
 from fieldtruth.render.light import bake_light
 from fieldtruth.render.light_cache import cached_light
 from fieldtruth.render.materials import material_table
@@ -61,7 +61,7 @@ def bake(
         hits=scene.hits,
         surfaces=surface_table(scene, table.vertex_sky),
         materials=materials,
-        light=table,
+        light=light_in(air, table) if air.any() else table,
         has_water=bool((materials.mirror > 0).any()),
         exposure=_exposure(table),
         air=air,

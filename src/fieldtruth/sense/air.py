@@ -46,6 +46,9 @@ SNOW_LIDAR_RATIO: Final = 29.0
 """[sr] of ice crystals, 29 +- 12 (Chen, Chiang and Nee 2002)."""
 FLAKE_DENSITY: Final = (0.178, -0.922)
 """Density of a flake over that of water at 1 mm, and its power law of the diameter (Brandes et al. 2007)."""
+FLAKE_AREA: Final = 0.5
+"""Share of the circle about a flake that it covers; extinction is then between those of wet and of dry snow of ITU-R
+P.1814 at 1 mm/h."""
 LEAST_POWER: Final = 1e-7
 """Weaker echoes of single particles are left out: a black surface (1 %) at 300 m is as weak."""
 _MOST_POWER: Final = 10.0
@@ -92,7 +95,9 @@ class Drops(NamedTuple):
 
     per_m3_mm: float  # [1/(m^3 mm)]
     per_mm: float  # [1/mm]
-    size: tuple[float, float]  # diameter [mm] at a melted diameter of 1 mm, and its power law of the melted diameter
+    size: tuple[
+        float, float
+    ]  # diameter [mm] of a disc of its area at a melted diameter of 1 mm, and its power law of the melted diameter
     reflectance: float  # of a Lambert surface with the same echo
 
     @property
@@ -129,7 +134,7 @@ def rain(rate_mm_h: float, wavelength_nm: float) -> Drops:
 def snow(rate_mm_h: float) -> Drops:
     """Snowflakes (Sekhon and Srivastava 1970); extinction over backscatter makes their reflectance."""
     scale, power = FLAKE_DENSITY
-    size = scale ** (-1 / (3 + power)), 3 / (3 + power)  # the mass, density times diameter^3, remains
+    size = FLAKE_AREA**0.5 * scale ** (-1 / (3 + power)), 3 / (3 + power)  # density times diameter^3 remains
     reflectance = 2 * np.pi / SNOW_LIDAR_RATIO  # the ratio's extinction includes what is diffracted
     return Drops(2500.0 * rate_mm_h**-0.94, 2.29 * rate_mm_h**-0.45, size, reflectance)
 
@@ -190,7 +195,7 @@ def make_air(weather: WeatherConfig | None, beam: Beam) -> Air:
 def _overlap(range_m: Array, beam: Beam) -> Array:
     """Share of the beam that the receiver sees; all of it without a divergence."""
     seen = np.minimum((beam.divergence_rad * range_m / beam.width_m) ** 2, 1.0) if beam.divergence_rad else 1.0
-    return np.asarray(np.where(range_m < beam.min_range, 0.0, seen))
+    return np.asarray(np.where(range_m < beam.min_range, 0.0, seen), np.float64)
 
 
 def _soft_target(strength: float, alpha: float, beam: Beam, cell: float) -> tuple[Array, Array]:
@@ -202,8 +207,8 @@ def _soft_target(strength: float, alpha: float, beam: Beam, cell: float) -> tupl
     seen = beam.width_m / beam.divergence_rad if beam.divergence_rad else 0.0  # from here on, power falls
     cells = int(np.ceil(max(3 * seen - beam.min_range, 0.0) / cell)) + 3
     step, last = 2 * cell / _FINE, beam.min_range + cells * cell
-    at = beam.min_range + step * (np.arange(cells * _FINE // 2) + 0.5)
-    density = strength * _overlap(at, beam) * np.exp(-2 * alpha * at) / at**2
+    at: Array = beam.min_range + step * (np.arange(cells * _FINE // 2) + 0.5)
+    density: Array = strength * _overlap(at, beam) * np.exp(-2 * alpha * at) / at**2
     pulse = np.cos(np.pi * np.arange(-_FINE // 2, _FINE // 2 + 1) / _FINE) ** 2 * step
     surfaces = np.arange(0, last + _SOFT_STEP, _SOFT_STEP)
     powers, shares = np.zeros(len(surfaces)), np.ones((len(surfaces), cells))
@@ -222,14 +227,14 @@ def _chance_of_most(photons: Array, powers: Array) -> Array:
     x = np.linspace(-6, 6, 301)[:, None, None] * spread[:, None] + photons[:, None]  # (301, of cell, against cell)
     below = norm.cdf((x - photons) / spread)
     below[:, np.arange(len(photons)), np.arange(len(photons))] = 1.0
-    chance = (norm.pdf(np.linspace(-6, 6, 301))[:, None] * below.prod(axis=2)).sum(axis=0)
-    return np.asarray(chance / chance.sum())
+    chance: Array = (norm.pdf(np.linspace(-6, 6, 301))[:, None] * below.prod(axis=2)).sum(axis=0)
+    return chance / chance.sum()
 
 
 def _counts(drops: Drops, alpha: float, beam: Beam, log_powers: Array) -> Array:
     """Mean number of particles (p, r) nearer than a range whose echo is stronger than a power."""
     fine = 16
-    at = np.geomspace(beam.min_range, beam.max_range, (_RANGES - 1) * fine + 1)
+    at = np.exp(np.linspace(np.log(beam.min_range), np.log(beam.max_range), (_RANGES - 1) * fine + 1))
     width = beam.width_m + beam.divergence_rad * at
     with np.errstate(divide="ignore"):
         whole = drops.reflectance * _overlap(at, beam) * np.exp(-2 * alpha * at) / at**2  # it would fill the beam
