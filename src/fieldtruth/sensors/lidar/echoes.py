@@ -24,7 +24,7 @@ from fieldtruth.sense.hits import HitTable, hit_top
 from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.lidar import Beams, aimed, entry
 from fieldtruth.sense.packets import Packet, set_ray
-from fieldtruth.sensors.lidar.noise import Receiver, turned
+from fieldtruth.sensors.lidar.noise import Receiver
 from fieldtruth.sensors.lidar.signal import LidarSignal
 from fieldtruth.sensors.lidar.surfaces import EchoBuffers, SurfaceTable, brightness, cosine_of, surface_of
 
@@ -43,6 +43,7 @@ class SubRays(NamedTuple):
     """The rays of a beam, which echoes are reported, and memory for the rays of one tile of beams."""
 
     offset: Array  # (TURNS, rays, 2) [rad] across and up
+    scale: float  # of a direction with an offset, to unit length
     weight: Array  # (rays,) share of the power
     choice: int
     pulse_length: float  # [m]
@@ -67,6 +68,7 @@ def sub_rays_of(signal: LidarSignal) -> SubRays:
     memory = _LANES * count
     return SubRays(
         offset=offset,
+        scale=float(1.0 / np.sqrt(1.0 + radius**2)),
         weight=np.array([0.5, *(count - 1) * (0.5 / (count - 1),)]),
         choice=("strongest", "last", "two").index(signal.returns),
         pulse_length=signal.pulse_length,
@@ -89,16 +91,26 @@ def _set_tile(poses: Array, beams: Beams, rays: SubRays, first_column: int, firs
     for beam in range(_LANES):
         column, ring = min(first_column + beam % _WIDTH, columns - 1), min(first_ring + beam // _WIDTH, rings - 1)
         share, turn = lag[ring], (7 * ring + 5 * column) % TURNS
-        middle = directions[column, ring, 0], directions[column, ring, 1], directions[column, ring, 2]
+        x, y, z = (
+            entry(poses, column, share, 0, 3),
+            entry(poses, column, share, 1, 3),
+            entry(poses, column, share, 2, 3),
+        )
+        dx, dy, dz = aimed(poses, column, share, beams, ring)
+        a, b, c = directions[column, ring, 0], directions[column, ring, 1], directions[column, ring, 2]
+        flat = np.sqrt(a * a + b * b)
+        e, f = (-b / flat, a / flat) if flat > 1e-9 else (0.0, 1.0)
+        ex, ey, ez = _rotated(poses, column, share, e, f, 0.0)  # across
+        ux, uy, uz = _rotated(poses, column, share, -c * f, c * e, a * f - b * e)  # up
         for number in range(count):
+            origin[slot, 0], origin[slot, 1], origin[slot, 2] = x, y, z
             if number == 0:
-                found = aimed(poses, column, share, beams, ring)
+                direction[slot, 0], direction[slot, 1], direction[slot, 2] = dx, dy, dz
             else:
-                a, b, c = turned(middle, offset[turn, number, 0], offset[turn, number, 1])
-                found = _rotated(poses, column, share, a, b, c)
-            for axis in range(3):
-                origin[slot, axis] = entry(poses, column, share, axis, 3)
-            direction[slot, 0], direction[slot, 1], direction[slot, 2] = found
+                across, up = offset[turn, number, 0], offset[turn, number, 1]
+                direction[slot, 0] = (dx + across * ex + up * ux) * rays.scale
+                direction[slot, 1] = (dy + across * ey + up * uy) * rays.scale
+                direction[slot, 2] = (dz + across * ez + up * uz) * rays.scale
             slot += 1
 
 
