@@ -95,9 +95,8 @@ class Drops(NamedTuple):
 
     per_m3_mm: float  # [1/(m^3 mm)]
     per_mm: float  # [1/mm]
-    size: tuple[
-        float, float
-    ]  # diameter [mm] of a disc of its area at a melted diameter of 1 mm, and its power law of the melted diameter
+    size: tuple[float, float]
+    """Diameter [mm] of a disc of its area at a melted diameter of 1 mm, and its power law of the melted diameter."""
     reflectance: float  # of a Lambert surface with the same echo
 
     @property
@@ -227,8 +226,8 @@ def _chance_of_most(photons: Array, powers: Array) -> Array:
     x = np.linspace(-6, 6, 301)[:, None, None] * spread[:, None] + photons[:, None]  # (301, of cell, against cell)
     below = norm.cdf((x - photons) / spread)
     below[:, np.arange(len(photons)), np.arange(len(photons))] = 1.0
-    chance: Array = (norm.pdf(np.linspace(-6, 6, 301))[:, None] * below.prod(axis=2)).sum(axis=0)
-    return chance / chance.sum()
+    chance = (norm.pdf(np.linspace(-6, 6, 301))[:, None] * below.prod(axis=2)).sum(axis=0)
+    return np.asarray(chance / chance.sum(), np.float64)
 
 
 def _counts(drops: Drops, alpha: float, beam: Beam, log_powers: Array) -> Array:

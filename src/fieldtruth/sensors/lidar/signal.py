@@ -60,8 +60,9 @@ class LidarSignal(SignalConfig):
     def _consistent(self) -> Self:
         if self.sub_rays % 2 == 0:
             raise ValueError(f"sub_rays must be an odd number, got {self.sub_rays}")
-        if self.sub_rays > 1 and self.divergence_deg == 0.0:
-            raise ValueError(f"divergence_deg must be above 0 with {self.sub_rays} sub_rays, got 0")
+        for name in ("divergence_deg", "pulse_length"):
+            if self.sub_rays > 1 and getattr(self, name) == 0.0:
+                raise ValueError(f"{name} must be above 0 with {self.sub_rays} sub_rays, got 0")
         signals = [signal for signal, _ in self.range_noise]
         if sorted(set(signals)) != signals:
             raise ValueError(f"range_noise must have rising signals, got {', '.join(f'{s:g}' for s in signals)}")
