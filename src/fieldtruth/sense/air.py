@@ -206,7 +206,7 @@ def _soft_target(strength: float, alpha: float, beam: Beam, cell: float) -> tupl
     seen = beam.width_m / beam.divergence_rad if beam.divergence_rad else 0.0  # from here on, power falls
     cells = int(np.ceil(max(3 * seen - beam.min_range, 0.0) / cell)) + 3
     step, last = 2 * cell / _FINE, beam.min_range + cells * cell
-    at: Array = beam.min_range + step * (np.arange(cells * _FINE // 2) + 0.5)
+    at = np.asarray(beam.min_range + step * (np.arange(cells * _FINE // 2) + 0.5), np.float64)
     density: Array = strength * _overlap(at, beam) * np.exp(-2 * alpha * at) / at**2
     pulse = np.cos(np.pi * np.arange(-_FINE // 2, _FINE // 2 + 1) / _FINE) ** 2 * step
     surfaces = np.arange(0, last + _SOFT_STEP, _SOFT_STEP)
@@ -221,7 +221,7 @@ def _soft_target(strength: float, alpha: float, beam: Beam, cell: float) -> tupl
 def _chance_of_most(photons: Array, powers: Array) -> Array:
     """Probability of each cell that most photons are counted there: normal with the variance of Poisson's law."""
     if photons.max() == 0.0:
-        return (np.arange(len(powers)) == powers.argmax()).astype(np.float64)
+        return np.asarray(np.arange(len(powers)) == powers.argmax(), np.float64)
     spread = np.sqrt(np.maximum(photons, 1e-12))
     x = np.linspace(-6, 6, 301)[:, None, None] * spread[:, None] + photons[:, None]  # (301, of cell, against cell)
     below = norm.cdf((x - photons) / spread)
