@@ -77,7 +77,7 @@ def test_truth_of_particles_and_of_surfaces(scene: Scene, weather: dict[str, Any
     rows = np.searchsorted(known, rays(found)[particle]).clip(0, len(known) - 1)
     there = (behind > 0) & (known[rows] == rays(found)[particle])
     np.testing.assert_array_equal(behind[there], clear.true_range[rows[there]])
-    assert there.sum() > 5 or "rain_mm_h" in weather
+    assert there.sum() > 5 or "snow_mm_h" not in weather
 
 
 def test_surfaces_fade_with_twice_their_range(scene: Scene) -> None:
