@@ -24,6 +24,7 @@ from fieldtruth.experiment.odometry_config import JOINT_STATES
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import MountedConfig
 from fieldtruth.sense.beams import sweep_times_ns
+from fieldtruth.sense.robot_view import RobotView
 from fieldtruth.sense.scene_sensor import SceneSensor
 from fieldtruth.world.model import GROUND_ID, World
 
@@ -55,8 +56,8 @@ class Lidar(Protocol):
 class Camera(Protocol):
     """A camera in a scene."""
 
-    def render(self, world_from_optical: Array) -> CameraImages:
-        """Render from a pose (4, 4)."""
+    def render(self, world_from_optical: Array, robot: RobotView | None = None) -> CameraImages:
+        """Render from a pose (4, 4), with what the view sees of the robot."""
         ...
 
 
@@ -67,6 +68,8 @@ class Sensors(NamedTuple):
     cameras: Mapping[str, Camera] = MappingProxyType({})
     others: Mapping[str, SceneSensor] = MappingProxyType({})
     """By name of the sensor; both views of a pair have the same camera."""
+    robot: Mapping[str, RobotView] = MappingProxyType({})
+    """What the views see of the robot, by name of the view; empty if they do not see it."""
     wide_ids: bool = False
     """Whether instance ids of their world need more than 16 bits."""
 
@@ -200,7 +203,9 @@ def imager_stream(imager: Imager, stamps: Stamps, world_from_base: PoseAt) -> St
     config, frame, base_from_optical = imager.config, imager.optical_frame, imager.base_from_optical
 
     def capture(k: int, sensors: Sensors) -> Iterable[bytes]:
-        picture = sensors.cameras[config.name].render(world_from_base(int(stamps[k])) @ base_from_optical)
+        camera, pose = sensors.cameras[config.name], world_from_base(int(stamps[k])) @ base_from_optical
+        robot = sensors.robot.get(imager.name)
+        picture = camera.render(pose) if robot is None else camera.render(pose, robot)
         yield sensor_messages.camera_info(k, stamps[k], imager)
         yield sensor_messages.photograph(k, stamps[k], frame, picture.photo, config.jpeg_quality)
         yield sensor_messages.tag(k, stamps[k], frame, picture.label)

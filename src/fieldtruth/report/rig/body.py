@@ -7,22 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_body import Box, Cylinder
+from fieldtruth.experiment.robot_body import Box, Cylinder, rollers
 from fieldtruth.experiment.robot_body import chassis_box as chassis
-from fieldtruth.experiment.robot_body import rollers
 from fieldtruth.experiment.robot_body import wheel_cylinders as wheels
 
 __all__ = [
-    "Box",
-    "Cylinder",
-    "Inertia",
-    "chassis",
-    "chassis_inertia",
-    "ground_height",
-    "rollers",
-    "wheel_inertia",
-    "wheels",
-]
     "Box",
     "Cylinder",
     "Inertia",
