@@ -14,7 +14,6 @@ import numpy as np
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.render.gbuffer import AIR_MIN
 from fieldtruth.render.shading import EXPOSURE
-from fieldtruth.render.sky import sky_radiance
 from fieldtruth.render.tables import LightTable, Shading
 from fieldtruth.render.visibility import sun_disc, visibility
 from fieldtruth.sense.hits import Grid, read_grid
@@ -65,19 +64,26 @@ def _sun_at(table: Array, sunlit: Grid, level: float, x: float, y: float, z: flo
         if enters(table, part, x, y, z, sun[0], sun[1], sun[2])[0] < np.inf:
             return 0.0
     along = (level - z) / max(sun[2], 0.1)
-    return read_grid(sunlit, x + along * sun[0], y + along * sun[1])
+    return float(read_grid(sunlit, x + along * sun[0], y + along * sun[1]))
 
 
 @inlined
-def _mirrored(light: LightTable, normal: _Vector, ray: _Vector, reflectance: float) -> _Vector:
-    """Light of the sky that a glossy surface reflects along a ray to the camera (Schlick 1994)."""
-    cosine = -(normal[0] * ray[0] + normal[1] * ray[1] + normal[2] * ray[2])
-    x, y, z = (ray[0] + 2.0 * cosine * normal[0], ray[1] + 2.0 * cosine * normal[1], ray[2] + 2.0 * cosine * normal[2])
-    if reflectance == 0.0 or z <= 0.0:
-        return 0.0, 0.0, 0.0
-    share = reflectance + (1.0 - reflectance) * (1.0 - min(max(cosine, 0.0), 1.0)) ** 5
-    r, g, b = sky_radiance(light.dome.rgb, x, y, z)
-    return share * r, share * g, share * b
+def _turned(pose: Array, x: float, y: float, z: float) -> _Vector:
+    return (
+        pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z,
+        pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z,
+        pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z,
+    )
+
+
+@inlined
+def _reflected(normal: _Vector, ray: _Vector, reflectance: float) -> float:
+    """Share of the sky's light that dull varnish reflects to the camera, with Schlick's approximation (1994)."""
+    length = np.sqrt(ray[0] * ray[0] + ray[1] * ray[1] + ray[2] * ray[2])
+    cosine = -(normal[0] * ray[0] + normal[1] * ray[1] + normal[2] * ray[2]) / length
+    if reflectance == 0.0 or ray[2] + 2.0 * cosine * length * normal[2] <= 0.0:
+        return 0.0
+    return reflectance + (1.0 - reflectance) * (1.0 - min(max(cosine, 0.0), 1.0)) ** 5
 
 
 @kernel
@@ -95,28 +101,25 @@ def _paint(
     """Blend the samples into their pixels; ``poses`` are those of base_link and of the camera's origin in it (3,)."""
     pixel, share, own_depth, points, normals, material = samples
     pose, eye = poses
-    turn, width, mean = pose[:3, :3], depth.shape[1], light.dome.mean
-    sun = turn.T @ light.sun
-    above = (sun[0], sun[1], sun[2])
+    width, mean, sun = depth.shape[1], light.dome.mean, (light.sun[0], light.sun[1], light.sun[2])
+    above = _turned(pose.T, sun[0], sun[1], sun[2])
     open_sky = AIR_MIN + (1.0 - AIR_MIN) * read_grid(light.ground_sky, pose[0, 3], pose[1, 3])
-    scale, colour = EXPOSURE * exposure, np.zeros(3)
-    cover = 0.0
+    scale, colour, cover = EXPOSURE * exposure, np.zeros(3), 0.0
     for k in range(len(pixel)):
         v, u = pixel[k] // width, pixel[k] % width
         if depth[v, u] == 0.0 or own_depth[k] < depth[v, u]:
-            px, py, pz = points[k, 0], points[k, 1], points[k, 2]
-            n = turn @ normals[k].astype(np.float64)
-            ray = turn @ (points[k] - eye)
-            ray /= np.sqrt((ray * ray).sum())
-            front = max(n[0] * light.sun[0] + n[1] * light.sun[1] + n[2] * light.sun[2], 0.0) / np.pi
+            x, y, z = points[k, 0], points[k, 1], points[k, 2]
+            n = _turned(pose, normals[k, 0], normals[k, 1], normals[k, 2])
+            ray = _turned(pose, x - eye[0], y - eye[1], z - eye[2])
+            front = max(n[0] * sun[0] + n[1] * sun[1] + n[2] * sun[2], 0.0) / np.pi
             if front > 0.0:
-                front *= _sun_at(table, sunlit, level, px, py, pz, above)
+                front *= _sun_at(table, sunlit, level, x, y, z, above)
             up = 0.5 + 0.5 * n[2]
             sky, below = open_sky * up, (0.35 + 0.65 * open_sky) * (1.0 - up)
-            glint = _mirrored(light, (n[0], n[1], n[2]), (ray[0], ray[1], ray[2]), _MIRROR[material[k]])
+            mirrored = open_sky * _reflected(n, ray, _MIRROR[material[k]])
             for channel in range(3):
                 falling = light.sun_rgb[channel] * front + mean[channel] * sky + light.bounce[channel] * below
-                value = _ALBEDO[material[k], channel] * falling + open_sky * glint[channel]
+                value = _ALBEDO[material[k], channel] * falling + mirrored * mean[channel]
                 colour[channel] += share[k] * scale * value
             cover += share[k]
         if k + 1 == len(pixel) or pixel[k + 1] != pixel[k]:
