@@ -19,6 +19,8 @@ from fieldtruth.world.model import Heightfield, Instance, Mesh, Raster, World
 
 F8 = NDArray[np.float64]
 
+RAY = np.zeros(3), np.array([1.0, 0.0, 0.0])
+"""In base_link, of sensors whose robot is not visible."""
 HALF = np.array([1.0, 2.0, 3.0])
 POSE = frames.pose((10.0, 0.0, 20.0), (0.0, 0.0, 90.0))
 CONFIG = LidarConfig(columns=32, rings=24, min_range=0.5, max_range=60.0)

@@ -83,7 +83,7 @@ def _reflected(normal: _Vector, ray: _Vector, reflectance: float) -> float:
     cosine = -(normal[0] * ray[0] + normal[1] * ray[1] + normal[2] * ray[2]) / length
     if reflectance == 0.0 or ray[2] + 2.0 * cosine * length * normal[2] <= 0.0:
         return 0.0
-    return reflectance + (1.0 - reflectance) * (1.0 - min(max(cosine, 0.0), 1.0)) ** 5
+    return reflectance + (1.0 - reflectance) * (1.0 - min(max(cosine, 0.0), 1.0)) ** 5  # type: ignore[no-any-return]
 
 
 @kernel
