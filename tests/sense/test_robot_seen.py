@@ -308,14 +308,14 @@ def test_depth_of_every_lens_leads_to_the_surface_of_the_robot(lens: dict[str, A
 
 
 def test_samples_of_a_pixel_cover_it_as_far_as_the_robot_does() -> None:
-    rig = camera_at((0.1, 0.02, DECK + 1.0), (0.0, 90.0, 0.0), width=200, height=200)
+    rig = camera_at((0.1, 0.02, DECK + 1.3), (0.0, 90.0, 0.0), width=200, height=200)
     view = view_of(rig)
     cover = np.bincount(view.samples.pixel, view.samples.share, 200 * 200).reshape(200, 200)
     lens = rig.imagers[0].config.projection
     assert cover.max() == pytest.approx(1.0)
     assert ((cover > 0.01) & (cover < 0.99)).sum() > 100
     # The front edge of the deck, 0.395 m ahead of the camera: what it covers of the column between the wheels.
-    assert cover[:100, 100].sum() == pytest.approx(lens.fy * 0.395 + 99.5 - lens.cy, abs=0.13)
+    assert cover[:100, 100].sum() == pytest.approx(lens.fy * 0.395 / 1.3 + 99.5 - lens.cy, abs=0.13)
     assert (np.diff(view.samples.pixel) >= 0).all()
 
 
