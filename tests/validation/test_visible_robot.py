@@ -35,7 +35,7 @@ ROBOT = int(Label.ROBOT)
 RIG = Rig.model_validate({
     "visible": True,
     "sensors": [{
-        "kind": "lidar", "columns": 128, "rings": 46, "vertical_fov_deg": 90.0, "min_range": 0.3,
+        "kind": "lidar", "columns": 512, "rings": 46, "vertical_fov_deg": 90.0, "min_range": 0.3,
         "mount": {"xyz": [0.1, 0.05, 0.6], "rpy_deg": [3.0, 25.0, 20.0]},
     }],
 })  # fmt: skip
@@ -47,7 +47,7 @@ def test_the_search_finds_what_the_formulas_find() -> None:
     for robot in ("husky", "warthog", "generic_differential"):
         rig = Rig.model_validate({"robot": robot, "visible": True})
         table, parts = part_table(visible_parts(rig)), robot_parts(rig)
-        met = 0
+        errors = []
         for _ in range(60):
             origin = rng.normal(size=3)
             origin *= 2.5 / np.linalg.norm(origin)
@@ -59,10 +59,11 @@ def test_the_search_finds_what_the_formulas_find() -> None:
             if not np.isfinite(expected):
                 assert not sure
             elif sure:
-                met += 1
-                assert min(abs(hit.range_m - expected) for hit in hits) < 1e-9
+                assert any(abs(hit.range_m - expected) <= hit.tolerance for hit in hits)
+                errors.append(min(abs(hit.range_m - expected) for hit in hits))
                 assert sure[0].range_m > expected - 1e-9
-        assert met > 20
+        assert len(errors) > 20
+        assert np.median(errors) < 1e-9
         assert robot_hits(parts, np.array([0.0, 0.0, 0.1]), np.array([0.0, 0.0, 1.0])) == []  # from inside
 
 
