@@ -16,8 +16,9 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.rig import Rig
 
 _GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0
-_STEPS: Final = 80
-"""Each divides an interval by 1.618, or by 2: together by more than double precision resolves."""
+_SECTIONS: Final = 60
+_HALVINGS: Final = 45
+"""Each divides an interval by 1.618, or by 2: together by 1e12, so that 10 m become 1e-11 m."""
 _SKIN: Final = 1e-3  # [m] of air at a part from which it is not seen
 _BLUR: Final = 2e-5  # [m] by which single precision may move rays and surfaces
 
@@ -56,10 +57,11 @@ def _round(centre: tuple[float, float, float], radius: float, width: float) -> O
 def robot_hits(parts: Sequence[Outside], origin: Array, direction: Array) -> list[RobotHit]:
     """Where a ray from ``origin`` (3,) along the unit vector ``direction`` (3,), both in base_link, meets each part."""
     found = []
+    (x, y, z), (dx, dy, dz) = origin.tolist(), direction.tolist()
     for outside in parts:
 
         def along(t: float, outside: Outside = outside) -> float:
-            return outside(*(origin + t * direction).tolist())
+            return outside(x + t * dx, y + t * dy, z + t * dz)
 
         if along(0.0) <= _SKIN:
             continue
@@ -74,7 +76,7 @@ def robot_hits(parts: Sequence[Outside], origin: Array, direction: Array) -> lis
 def _least(along: Callable[[float], float], end: float) -> float:
     """Where a convex function is least between 0 and ``end`` (golden sections)."""
     low, high = 0.0, end
-    for _ in range(_STEPS):
+    for _ in range(_SECTIONS):
         left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
         if along(left) <= along(right):
             high = right
@@ -86,7 +88,7 @@ def _least(along: Callable[[float], float], end: float) -> float:
 def _reached(along: Callable[[float], float], end: float, level: float) -> float:
     """Where a function that falls from 0 to ``end`` reaches a level."""
     low, high = 0.0, end
-    for _ in range(_STEPS):
+    for _ in range(_HALVINGS):
         middle = (low + high) / 2
         low, high = (low, middle) if along(middle) <= level else (middle, high)
     return high
