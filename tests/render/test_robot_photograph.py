@@ -10,15 +10,15 @@ from sense_worlds import at, box, make_world
 
 from fieldtruth.core import frames
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.camera_config import Imager
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import Box, Cylinder
 from fieldtruth.render.bake import BakedScene, bake
-from fieldtruth.render.camera import Camera, CameraImages
 from fieldtruth.sense.robot_rays import part_table
 from fieldtruth.sense.robot_view import RobotView, robot_view, robot_views
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import Imager
+from fieldtruth.sensors.camera.sensing import Camera, CameraImages
 
 ROBOT = int(Label.ROBOT)
 NORTH = LightConfig(sun_azimuth_deg=0.0, sun_elevation_deg=40.0)

@@ -15,11 +15,11 @@ from fieldtruth.core.lenses import FLAT, directions
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import RIM, Box, Cylinder, visible_parts
 from fieldtruth.report.rig.coverage import ground_coverage
-from fieldtruth.sense.label_camera import LabelCamera
-from fieldtruth.sense.lidar import Lidar, Scan, ray_directions
 from fieldtruth.sense.robot_rays import METAL, NO_FACE, PAINT, RUBBER, material_of, meet, part_table
 from fieldtruth.sense.robot_view import RobotView, robot_view, robot_views
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.labels import LabelCamera
+from fieldtruth.sensors.lidar.sensing import Lidar, Scan, ray_directions
 
 F8 = NDArray[np.float64]
 HUSKY = Rig()

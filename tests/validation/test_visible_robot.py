@@ -21,9 +21,9 @@ from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import Box, Cylinder, visible_parts
 from fieldtruth.pipeline import generate
-from fieldtruth.sense.lidar import Lidar, ray_directions
 from fieldtruth.sense.robot_rays import meet, part_table
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.lidar.sensing import Lidar, ray_directions
 from fieldtruth.validation import Check
 from fieldtruth.validation.retrace.reference import NOTHING, RayReading, mismatches
 from fieldtruth.validation.retrace.robot import robot_hits, robot_parts

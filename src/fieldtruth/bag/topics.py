@@ -9,11 +9,11 @@ from collections.abc import Container
 from typing import Final
 
 from fieldtruth.experiment.config import FRAME_RATE, Experiment
-from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.sensor_config import KINDS
-from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.experiment.topic import Topic
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
 
 TRUTH_RATE: Final = 1000.0  # [Hz]; the physics rate
 MOST_REPEATED: Final = 500

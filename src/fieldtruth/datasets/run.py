@@ -23,9 +23,9 @@ from fieldtruth.datasets.association import Stream, associate, explain_no_frame,
 from fieldtruth.datasets.items import GEOMETRY, ITEMS, Sample, Sensor
 from fieldtruth.datasets.poses import Poses, pose_topic
 from fieldtruth.datasets.storage import Storage
-from fieldtruth.experiment.camera_config import Imager
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.ontology.label_map import LabelMap, label_map_of
+from fieldtruth.sensors.camera.config import Imager
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 DEFAULT_ITEMS: Final = ("image", "mask")
 _SENSORS: Final[tuple[Sensor, ...]] = ("camera", "lidar")

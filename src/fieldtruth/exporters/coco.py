@@ -26,11 +26,11 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import ids_png
 from fieldtruth.core.progress import timed
-from fieldtruth.experiment.camera_config import Imager
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.coco_json import Picture, coco_files
 from fieldtruth.exporters.coco_segments import Numbering, categories_of, segments_of
 from fieldtruth.exporters.frames import checked_jpeg
+from fieldtruth.sensors.camera.config import Imager
 
 _STREAMS: Final = ("photograph", "tag", "instances")
 _MOST_WAITING: Final = 100

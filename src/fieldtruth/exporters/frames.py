@@ -23,10 +23,10 @@ from fieldtruth.bag.trajectory import Trajectory, read_trajectory
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.datasets.association import Stream, matched, read_streams
 from fieldtruth.datasets.storage import Storage
-from fieldtruth.experiment.camera_config import Imager
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.exporters.sequences import returns
 from fieldtruth.ontology.label_map import LabelMap
+from fieldtruth.sensors.camera.config import Imager
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 EXTRAS: Final = ("depth", "instances")
 """Images that a camera may have beside photographs and labels."""

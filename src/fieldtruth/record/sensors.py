@@ -7,13 +7,13 @@ from collections.abc import Callable
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import visible_parts
-from fieldtruth.record.streams import Sensors
+from fieldtruth.record.stream import Sensors
 from fieldtruth.render.bake import bake
-from fieldtruth.render.camera import Camera
-from fieldtruth.sense.lidar import Lidar
 from fieldtruth.sense.robot_view import robot_views
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sense.scene_sensor import SCENE_SENSORS
+from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.lidar.measuring import new_lidar
 from fieldtruth.world.model import World
 
 
@@ -25,7 +25,7 @@ def sensor_factory(world: World, rig: Rig, light: LightConfig) -> Callable[[], S
     parts, views = visible_parts(rig), robot_views(rig)
 
     def make() -> Sensors:
-        lidars = {config.name: Lidar(config, scene, parts) for config in rig.lidars}
+        lidars = {config.name: new_lidar(config, scene, parts) for config in rig.lidars}
         cameras = {} if baked is None else {c.name: Camera(c, baked, reuse=True) for c in rig.cameras}
         others = {config.name: SCENE_SENSORS[config.kind](config, scene) for config in rig.scene_sensors}
         return Sensors(lidars, cameras, others, views, wide_ids)

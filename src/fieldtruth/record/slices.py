@@ -26,7 +26,7 @@ from fieldtruth.core.files import output_errors, remove
 from fieldtruth.core.progress import Advance, Progress
 from fieldtruth.core.seal import is_sealed
 from fieldtruth.experiment.topic import Topic
-from fieldtruth.record.streams import Sensors, Stream
+from fieldtruth.record.stream import Sensors, Stream
 
 SLICE_NS: Final = 10**9
 """Simulated time [ns] in a slice."""

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from typing import Final
 
 from fieldtruth.core.lenses import FLAT, fields_of_view
-from fieldtruth.experiment.camera_config import CameraConfig
-from fieldtruth.experiment.lens_config import LensConfig
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
-from fieldtruth.experiment.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.lens_config import LensConfig
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 _SAMPLING: Final = {
     "mean": "reads means over the interval that ends at the stamp, from the motion at 1 kHz: turns about all\n"

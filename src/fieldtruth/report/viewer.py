@@ -26,8 +26,8 @@ from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.files import atomic_output, output_errors
 from fieldtruth.core.progress import Progress, Silent, timed
-from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS
 from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
 
 RATE: Final = 5.0  # [Hz]
 TIMELINE: Final = "time"

@@ -12,12 +12,12 @@ from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array, Float32Array, Index
 from fieldtruth.core.classes import Label
 from fieldtruth.core.lenses import FLAT, directions
-from fieldtruth.experiment.camera_config import Imager
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import visible_parts
 from fieldtruth.sense.hits import LabelBuffers
 from fieldtruth.sense.packets import IntArray
 from fieldtruth.sense.robot_rays import NO_FACE, material_of, meet, part_table
+from fieldtruth.sensors.camera.config import Imager
 from fieldtruth.world.model import ROBOT_ID
 
 EDGE_SAMPLES: Final = 4

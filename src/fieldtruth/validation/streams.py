@@ -16,9 +16,9 @@ from fieldtruth.bag.base_messages import BASE, ODOM, WHEEL_FRAMES
 from fieldtruth.bag.decode import stamp_ns
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.robot_messages import WORLD
-from fieldtruth.experiment.camera_config import STREAMS
-from fieldtruth.experiment.odometry_config import JOINT_STATES, WHEEL_SPEEDS
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.sensors.camera.config import STREAMS
+from fieldtruth.sensors.wheel_odometry.config import JOINT_STATES, WHEEL_SPEEDS
 from fieldtruth.validation.check import Check, Count, Rule, Spec
 from fieldtruth.validation.context import STEP_NS, Checker, Context, at
 

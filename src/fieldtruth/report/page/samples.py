@@ -14,9 +14,9 @@ from fieldtruth.bag.reader import decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.core.png import encode_png
-from fieldtruth.experiment.camera_config import Imager
 from fieldtruth.report.drawing.images import downscaled, jpeg_below
 from fieldtruth.report.page.bag_pass import UNEXPECTED, reason, usable_topics
+from fieldtruth.sensors.camera.config import Imager
 
 SAMPLES: Final = 6
 STREAMS_SHOWN: Final = ("photograph", "tag")

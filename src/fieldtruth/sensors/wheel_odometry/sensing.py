@@ -1,18 +1,18 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Wheel odometry: dead reckoning from the angles of the wheels with the model of a skid-steered or differential robot.
+"""Readings of tachometers, and wheel odometry: dead reckoning from the angles of the wheels.
 
-Like ``diff_drive_controller``, the driver of a real Husky: a side's advance is the mean of its wheels, the robot
-turns by the difference of the sides over the effective track, and moves on an arc from one reading to the next. Slip is
-what it does not see, so its error is that of a real robot.
+The model is that of a skid-steered or differential robot, as in ``diff_drive_controller``, the driver of a real Husky:
+a side's advance is the mean of its wheels, the robot turns by the difference of the sides over the effective track, and
+moves on an arc from one reading to the next. Slip is what it does not see, so its error is that of a real robot.
 """
 
 import numpy as np
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.robot import skid_compensation
-from fieldtruth.drive.sensors import steps_at_rate
-from fieldtruth.drive.track import Stamps, WheelMotion, WheelOdometry
+from fieldtruth.drive.steps import steps_at_rate
+from fieldtruth.drive.track import Motion, Stamps, TachometerReadings, WheelMotion, WheelOdometry
 from fieldtruth.experiment.robot_config import WheelConfig
 
 
@@ -41,3 +41,9 @@ def read_odometry(stamps_ns: Stamps, wheels: WheelMotion, config: WheelConfig, r
         pose=np.column_stack([np.cumsum(chord * np.cos(middle)), np.cumsum(chord * np.sin(middle)), yaw]),
         twist=np.column_stack([forward, turn]) / seconds[:, None],
     )
+
+
+def read_tachometers(motion: Motion, wheel_speed: Array, rate_hz: float) -> TachometerReadings:
+    """Return the readings of ``wheel_speed`` (n, 4) [rad/s], given at every physics step."""
+    rows = steps_at_rate(rate_hz, int(motion.stamps_ns[-1])) - 1
+    return TachometerReadings(stamps_ns=motion.stamps_ns[rows], wheel_speed=wheel_speed[rows])

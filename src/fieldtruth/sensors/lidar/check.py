@@ -15,15 +15,15 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
 from fieldtruth.drive.state import poses_at
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.robot_body import visible_parts
-from fieldtruth.sense.beams import ray_times_ns, sweep_times_ns
-from fieldtruth.sense.lidar import Lidar, ray_directions
+from fieldtruth.sensors.lidar.beams import ray_times_ns, sweep_times_ns
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.sensing import Lidar, ray_directions
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, RebuiltWorld, at
-from fieldtruth.validation.retrace.camera_frames import Sampler
 from fieldtruth.validation.retrace.reference import RayReading, RayReference, close
 from fieldtruth.validation.retrace.world import N_CLASSES, ClassComparison, ObjectClasses
+from fieldtruth.validation.sampler import Sampler
 
 LAYOUT: Final = Rule("clouds have the fields of this package's points")
 FINITE: Final = Rule("points are finite")

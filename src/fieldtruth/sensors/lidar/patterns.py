@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.sense.beams import column_times_ns
+from fieldtruth.sensors.lidar.beams import column_times_ns
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 AVIA_FOV_DEG: Final = (70.4, 77.2)
 PRISMS_HZ: Final = (7294.0 / 60.0, -4664.0 / 60.0)

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.classes import PALETTE
-from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.sense.hits import LabelBuffers
-from fieldtruth.sense.lens import ray_table
 from fieldtruth.sense.packets import new_packet
-from fieldtruth.sense.pinhole import pinhole
 from fieldtruth.sense.ray_batch import BLOCK, View, label_image, new_batch
 from fieldtruth.sense.robot_view import RobotView, hide_world
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.pinhole import pinhole
+from fieldtruth.sensors.camera.ray_table import ray_table
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,7 +4,7 @@
 
 from typing import NamedTuple
 
-from fieldtruth.experiment.camera_config import CameraConfig
+from fieldtruth.sensors.camera.config import CameraConfig
 
 
 class Pinhole(NamedTuple):

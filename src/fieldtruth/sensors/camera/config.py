@@ -11,9 +11,9 @@ from pydantic import Field, model_validator
 from fieldtruth.core import frames, lenses
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.fields import Boolean, Integer, Mount, Number, Range, Rate
-from fieldtruth.experiment.lens_config import LensConfig
 from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, SensorName, TopicName
 from fieldtruth.experiment.topic import Topic
+from fieldtruth.sensors.camera.lens_config import LensConfig
 
 CAMERA_FROM_OPTICAL = frames.pose((0.0, 0.0, 0.0), (0.0, 0.0, -90.0))
 """The paper's camera frames (x down, y left, z forward) from REP-103 optical frames (x right, y down, z forward)."""

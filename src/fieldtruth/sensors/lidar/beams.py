@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 
 def ring_elevations(config: LidarConfig) -> Array:

@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.core.classes import NO_RETURN, Label
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.robot_body import Box, Cylinder
 from fieldtruth.sense import embree
-from fieldtruth.sense.beams import ray_times_ns, ring_elevations
 from fieldtruth.sense.hits import HitTable, LabelBuffers, classify, hit_top
 from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import Packet, new_packet, set_ray
-from fieldtruth.sense.patterns import pattern_directions
 from fieldtruth.sense.robot_scan import RobotScan
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.lidar.beams import ray_times_ns, ring_elevations
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.patterns import pattern_directions
 from fieldtruth.world.model import ROBOT_ID
 
 _LANES, _WIDTH, _HEIGHT = embree.LANES, embree.LANES // 4, 4
@@ -112,13 +112,32 @@ class Lidar:
         self._out = LabelBuffers(np.zeros(shape, np.uint8), np.zeros(shape, np.uint32), np.zeros(shape, np.float32))
         self._robot = RobotScan(robot, config, self._beams.directions) if robot else None
 
-    def scan(self, world_from_lidar: Array, stamp_ns: int = 0) -> Scan:
+    def scan(self, world_from_lidar: Array, stamp_ns: int = 0, number: int = 0) -> Scan:
         """Scan from a pose (4, 4), or of a sensor that moves from those at each column's beginning and at the end.
 
         With poses (columns + 1, 4, 4), ``t_ns`` spreads the columns evenly over one period, and each point is in the
         frame of the LiDAR when its ray leaves, as a real scanner reports it. Rings that fire later than their column
         begins have a pose between its pose and the next one, interpolated linearly. The stamp
-        matters to a LiDAR with a ``pattern`` only.
+        matters to a LiDAR with a ``pattern`` only, and the number of the scan to one with a signal.
+
+        Raises:
+            ValueError: another number of poses.
+        """
+        poses, moving = self._poses(world_from_lidar, stamp_ns)
+        trace_beams(self.scene.rays.handle, self.scene.hits, self._packet, poses, self._beams, self._out)
+        if self._robot is not None:
+            seen = self._robot_before(self._robot, poses)
+            rows = self._robot.column[seen], self._robot.ring[seen]
+            self._out.depth[rows] = self._returned(self._robot.range_m[seen])
+            self._out.label[rows], self._out.instance[rows] = int(Label.ROBOT), ROBOT_ID
+        found = _new_scan(int(np.count_nonzero(self._out.depth)))
+        _collect(self._beams.directions, self._out, found)
+        if moving:
+            found.t_ns[:] = self._times_ns[found.column, found.ring]
+        return found
+
+    def _poses(self, world_from_lidar: Array, stamp_ns: int) -> tuple[Array, bool]:
+        """Return the poses (columns + 1, 4, 4) of a scan and whether the sensor moves, and aim the beams.
 
         Raises:
             ValueError: another number of poses.
@@ -130,48 +149,43 @@ class Lidar:
         if moving and len(world_from_lidar) != config.columns + 1:
             raise ValueError(f"poses must be {config.columns + 1}, one more than columns, got {len(world_from_lidar)}")
         poses = np.ascontiguousarray(np.broadcast_to(world_from_lidar, (config.columns + 1, 4, 4)))
-        trace_beams(self.scene.rays.handle, self.scene.hits, self._packet, poses, self._beams, self._out)
-        if self._robot is not None:
-            self._see_robot(self._robot, poses)
-        found = _new_scan(int(np.count_nonzero(self._out.depth)))
-        _collect(self._beams.directions, self._out, found)
-        if moving:
-            found.t_ns[:] = self._times_ns[found.column, found.ring]
-        return found
+        return poses, moving
 
-    def _see_robot(self, robot: RobotScan, poses: Array) -> None:
-        """Put the robot in front of what is behind it; what is in front of it, and nothing else, is traced again."""
+    def _robot_before(self, robot: RobotScan, poses: Array) -> Mask:
+        """Whether nothing is before the robot on each of its rays (n,), which alone are traced again."""
         if self.config.pattern is not None:
             robot.aim(self._beams.directions)
         column, ring, range_m = robot.column, robot.ring, robot.range_m
         if not len(column):
-            return
+            return np.zeros(0, np.bool_)
         own = poses[column] + self._beams.lag[ring][:, None, None] * (poses[column + 1] - poses[column])
         rays = np.ascontiguousarray(self._beams.directions[column, ring][:, None])
         beams = Beams(rays, np.zeros(1), 0.0, float(range_m.max()), np.ones(256, np.bool_))
-        before = LabelBuffers(*(np.zeros((len(column), 1), buffer.dtype) for buffer in self._out))
+        before = LabelBuffers(*(np.zeros((len(column), 1), kind) for kind in (np.uint8, np.uint32, np.float32)))
         trace_beams(self.scene.rays.handle, self.scene.hits, self._packet, own, beams, before)
         world_m = before.depth[:, 0]
-        seen = (world_m == 0.0) | (range_m < world_m)
-        rows = column[seen], ring[seen]
-        self._out.depth[rows] = np.where(range_m < self.config.min_range, 0.0, range_m)[seen]
-        self._out.label[rows], self._out.instance[rows] = int(Label.ROBOT), ROBOT_ID
+        return np.asarray((world_m == 0.0) | (range_m < world_m))
+
+    def _returned(self, range_m: Float32Array) -> Float32Array:
+        """Ranges (n,) of the robot, 0 where it is too near for a return."""
+        return np.where(range_m < self.config.min_range, np.float32(0.0), range_m)
 
 
 @inlined
-def _at(poses: Array, k: int, share: float, row: int, column: int) -> float:
+def entry(poses: Array, k: int, share: float, row: int, column: int) -> float:
     """Entry of a pose between poses ``k`` and ``k + 1``; with the share 0 exactly that of pose ``k``."""
     begin: float = poses[k, row, column]
     return begin if share == 0.0 else begin + share * (poses[k + 1, row, column] - begin)
 
 
 @inlined
-def _rotated(poses: Array, k: int, share: float, beams: Beams, ring: int) -> tuple[float, float, float]:
+def aimed(poses: Array, k: int, share: float, beams: Beams, ring: int) -> tuple[float, float, float]:
+    """Direction in the world of the beam of a ring that leaves ``share`` of a column's time after column ``k``."""
     a, b, c = beams.directions[k, ring, 0], beams.directions[k, ring, 1], beams.directions[k, ring, 2]
     return (
-        _at(poses, k, share, 0, 0) * a + _at(poses, k, share, 0, 1) * b + _at(poses, k, share, 0, 2) * c,
-        _at(poses, k, share, 1, 0) * a + _at(poses, k, share, 1, 1) * b + _at(poses, k, share, 1, 2) * c,
-        _at(poses, k, share, 2, 0) * a + _at(poses, k, share, 2, 1) * b + _at(poses, k, share, 2, 2) * c,
+        entry(poses, k, share, 0, 0) * a + entry(poses, k, share, 0, 1) * b + entry(poses, k, share, 0, 2) * c,
+        entry(poses, k, share, 1, 0) * a + entry(poses, k, share, 1, 1) * b + entry(poses, k, share, 1, 2) * c,
+        entry(poses, k, share, 2, 0) * a + entry(poses, k, share, 2, 1) * b + entry(poses, k, share, 2, 2) * c,
     )
 
 
@@ -197,10 +211,10 @@ def trace_beams(
                 valid[lane] = -1 if column < columns and ring < rings else 0
                 column, ring = min(column, columns - 1), min(ring, rings - 1)
                 share = lag[ring]
-                dx, dy, dz = _rotated(poses, column, share, beams, ring)
-                ray[_OX + lane] = _at(poses, column, share, 0, 3)
-                ray[_OY + lane] = _at(poses, column, share, 1, 3)
-                ray[_OZ + lane] = _at(poses, column, share, 2, 3)
+                dx, dy, dz = aimed(poses, column, share, beams, ring)
+                ray[_OX + lane] = entry(poses, column, share, 0, 3)
+                ray[_OY + lane] = entry(poses, column, share, 1, 3)
+                ray[_OZ + lane] = entry(poses, column, share, 2, 3)
                 ray[_DX + lane], ray[_DY + lane], ray[_DZ + lane] = dx, dy, dz
                 ray[_FAR + lane] = max_range
                 words[_GEOM + lane], words[_INST + lane], words[_INST_PRIM + lane] = _MISS, _MISS, _MISS
@@ -215,9 +229,9 @@ def trace_beams(
                 if top < 0 or range_m < min_range:
                     continue
                 share = lag[ring]
-                dx, dy, _ = _rotated(poses, column, share, beams, ring)
-                x = _at(poses, column, share, 0, 3) + range_m * dx
-                y = _at(poses, column, share, 1, 3) + range_m * dy
+                dx, dy, _ = aimed(poses, column, share, beams, ring)
+                x = entry(poses, column, share, 0, 3) + range_m * dx
+                y = entry(poses, column, share, 1, 3) + range_m * dy
                 class_id, object_id = classify(hits, top, words[_PRIM + lane], x, y)
                 if returns[class_id]:
                     distance[column, ring] = range_m

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from fieldtruth.experiment.fields import Boolean, Integer, Mount, Number, Range, Rate
 from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, SensorName, TopicName
 from fieldtruth.experiment.topic import Topic
+from fieldtruth.sensors.lidar.signal import LidarSignal
 
 MOST_RINGS: Final = 256
 Elevation = Annotated[Number, Field(gt=-90, lt=90)]
@@ -17,6 +18,7 @@ Turn = Annotated[Number, Field(ge=-180, le=180)]
 Delay = Annotated[Integer, Field(ge=0, le=100_000_000)]
 TimeField = Literal["time", "timestamp"]
 PointFields = Literal["ouster", "livox"]
+Intensity = Literal["class", "reflectivity"]
 Pattern = Literal["avia", "mid_360"]
 _PER_RING: Final = {"min_length": 1, "max_length": MOST_RINGS}
 
@@ -69,6 +71,12 @@ class LidarConfig(MountedConfig):
     pattern: Annotated[Pattern, Field(description="avia or mid_360")] | None = None
     """Of a Livox, whose rays differ from scan to scan; elevations and offsets are not used. None: it turns evenly."""
 
+    intensity: Annotated[Intensity, Field(description="class or reflectivity")] = "class"
+    """Of points: the class id, as in the paper, or with a ``signal`` the reflectivity, 1 for a white surface."""
+    organised: Boolean = False
+    """True: clouds have a row for each ring and a point for each column, NaN for rays without a return."""
+    signal: LidarSignal | None = None
+
     @classmethod
     def of_name(cls, name: str) -> dict[str, Any]:
         """Topic and frame that a LiDAR has by its name."""
@@ -91,6 +99,14 @@ class LidarConfig(MountedConfig):
     def _valid_range(self) -> Self:
         if self.min_range >= self.max_range:
             raise ValueError(f"min_range must be below max_range {self.max_range!r}, got {self.min_range!r}")
+        return self
+
+    @model_validator(mode="after")
+    def _valid_signal(self) -> Self:
+        if self.intensity == "reflectivity" and self.signal is None:
+            raise ValueError("intensity must be class without a signal, got reflectivity; set signal: datasheet")
+        if self.organised and self.signal is not None and self.signal.returns == "two":
+            raise ValueError("organised must be false with two returns: a cloud of columns has one point per ray")
         return self
 
     @model_validator(mode="after")

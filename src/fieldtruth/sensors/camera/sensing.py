@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.render.photograph import new_framebuffer, render_image, render_linear
 from fieldtruth.render.robot import paint_robot
 from fieldtruth.render.tonemap import tonemap
 from fieldtruth.sense.hits import LabelBuffers
-from fieldtruth.sense.label_camera import LabelCamera, LabelImages
 from fieldtruth.sense.robot_view import RobotView, hide_world
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from fieldtruth.core import frames
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, OPTICAL, CameraConfig, Imager
 from fieldtruth.experiment.fields import Mount, Positive
 from fieldtruth.experiment.sensor_config import SensorName, TopicName, part
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, OPTICAL, CameraConfig, Imager
 
 SIDES: Final[tuple[Literal["left", "right"], ...]] = ("left", "right")
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from fieldtruth.core.arrays import Float32Array
 from fieldtruth.core.lenses import FLAT, Lens, directions
-from fieldtruth.experiment.camera_config import CameraConfig
+from fieldtruth.sensors.camera.config import CameraConfig
 
 NO_TABLE: Final[Float32Array] = np.zeros((0, 0, 4), np.float32)
 """Of a pinhole."""

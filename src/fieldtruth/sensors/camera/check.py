@@ -12,20 +12,21 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
 from fieldtruth.bag.reader import BagError
-from fieldtruth.bag.sensor_messages import photograph_jpeg
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.experiment.camera_config import Imager
-from fieldtruth.render.camera import Camera
-from fieldtruth.sense.label_camera import LabelCamera, LabelImages
 from fieldtruth.sense.robot_view import robot_views
+from fieldtruth.sensors.camera.check_frames import PARTS, CameraFrame, CameraFrameChecker
+from fieldtruth.sensors.camera.check_lens import pixel_ray
+from fieldtruth.sensors.camera.config import Imager
+from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
+from fieldtruth.sensors.camera.message import photograph_jpeg
+from fieldtruth.sensors.camera.sensing import Camera
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Context, RebuiltWorld
-from fieldtruth.validation.retrace.camera_frames import PARTS, CameraFrame, CameraFrameChecker, Sampler
-from fieldtruth.validation.retrace.lens import pixel_ray
 from fieldtruth.validation.retrace.reference import NOTHING, UNKNOWN, RayReading, RayReference, close
 from fieldtruth.validation.retrace.world import ClassComparison, ObjectClasses
+from fieldtruth.validation.sampler import Sampler
 
 FORM: Final = Rule("images have the encoding of their topic and the size of CameraInfo")
 JPEG: Final = Rule("photographs can be decoded")

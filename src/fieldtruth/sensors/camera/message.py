@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of LiDAR and cameras: PointCloud2, CompressedImage, Image and CameraInfo."""
+"""Messages of a camera: CompressedImage, Image and CameraInfo."""
 
-from typing import Any, Final, Protocol
+from typing import Any
 
 import numpy as np
 import simplejpeg
@@ -10,112 +10,12 @@ from numpy.typing import NDArray
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__CameraInfo as CameraInfo
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__CompressedImage as CompressedImage
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__Image as Image
-from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointCloud2 as PointCloud2
-from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointField as PointField
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__RegionOfInterest as RegionOfInterest
 
 from fieldtruth.bag import types as ros
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import PALETTE
-from fieldtruth.experiment.camera_config import CameraConfig, Imager
-from fieldtruth.experiment.lidar_config import PointFields, TimeField
-
-_XYZI: Final = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
-_RING: Final = [("ring", "<u2")]
-_MAKERS: Final = {
-    "ouster": [("reflectivity", "<u2"), ("ring", "|u1"), ("ambient", "<u2"), ("range", "<u4")],
-    "livox": [("tag", "|u1"), ("line", "|u1"), ("timestamp", "<f8"), *_RING],
-}
-"""Fields instead of ``ring`` by maker: of FAST-LIO2's ``ouster_ros::Point``, and of livox_ros_driver2's PointCloud2."""
-
-_CLOCKS: Final = {"time": "<f4", "timestamp": "<f8"}
-_DATATYPES: Final = {
-    "<f4": PointField.FLOAT32,
-    "<f8": PointField.FLOAT64,
-    "<u4": PointField.UINT32,
-    "<u2": PointField.UINT16,
-    "|u1": PointField.UINT8,
-}
-
-
-class Scan(Protocol):
-    """Result of a LiDAR, a row per return (n): ``xyz`` (n, 3) [m] in os1_lidar, ``t_ns`` after the stamp."""
-
-    @property
-    def xyz(self) -> NDArray[np.float32]: ...  # noqa: D102
-    @property
-    def label(self) -> NDArray[np.uint8]: ...  # noqa: D102
-    @property
-    def instance(self) -> NDArray[np.uint32]: ...  # noqa: D102
-    @property
-    def ring(self) -> NDArray[np.uint16]: ...  # noqa: D102
-    @property
-    def column(self) -> NDArray[np.uint16]: ...  # noqa: D102
-    @property
-    def t_ns(self) -> NDArray[np.uint32]: ...  # noqa: D102
-
-
-def point_type(
-    *, spinning: bool, wide_ids: bool, clock: TimeField | None = None, maker: PointFields | None = None
-) -> np.dtype[np.void]:
-    """Type of a point of 24 bytes: x, y, z [m] in os1_lidar; intensity = label, as the paper's reflectivity; ray; ids.
-
-    With ``spinning`` it has ``t`` [ns], the time of its ray after the stamp. Instantaneous scans have none: programs
-    scale it to 0..1 and divide by its range, which is 0 (KISS-ICP aborts). ``wide_ids``: ``instance`` has 32 bits.
-    ``clock`` follows ``t``: ``time`` [s] after the stamp, or ``timestamp`` [s], the sum. ``maker``: fields of its
-    driver; PCL reads a field only if name and type are those that a program declares.
-    """
-    time = [("t", "<u4"), *([(clock, _CLOCKS[clock])] if clock else [])] if spinning else []
-    ids = [("column", "<u2"), ("label", "<u2"), ("instance", "<u4" if wide_ids else "<u2")]
-    return np.dtype([*_XYZI, *time, *(_MAKERS[maker] if maker else _RING), *ids], align=True)
-
-
-def point_cloud(
-    seq: int,
-    stamp_ns: int,
-    scan: Scan,
-    *,
-    frame: str = "os1_lidar",
-    spinning: bool,
-    wide_ids: bool = False,
-    clock: TimeField | None = None,
-    maker: PointFields | None = None,
-) -> bytes:
-    """Serialise sensor_msgs/PointCloud2 of the returns, in the order of the scan; with ``t`` if the LiDAR spins.
-
-    An Ouster's ``reflectivity`` is the label as well, its ``range`` [mm] that of the ray, and its ``ambient`` zero. A
-    Livox's ``line`` is the ring, its ``timestamp`` [ns] the time of the ray, and its ``tag`` zero: a sure return.
-    """
-    kind = point_type(spinning=spinning, wide_ids=wide_ids, clock=clock, maker=maker)
-    points = np.zeros(len(scan.xyz), kind)
-    points["x"], points["y"], points["z"] = scan.xyz.T
-    points["intensity"] = scan.label
-    if spinning:
-        points["t"] = scan.t_ns
-    if spinning and clock:
-        points[clock] = (scan.t_ns.astype(np.int64) + (stamp_ns if clock == "timestamp" else 0)) / 1e9
-    points["ring"], points["column"] = scan.ring, scan.column
-    points["label"], points["instance"] = scan.label, scan.instance
-    if maker == "ouster":
-        points["reflectivity"] = scan.label
-        points["range"] = np.rint(1000.0 * np.linalg.norm(scan.xyz.astype(np.float64), axis=1))
-    if maker == "livox":
-        points["line"], points["timestamp"] = scan.ring, stamp_ns + scan.t_ns.astype(np.int64)
-    message = PointCloud2(
-        ros.header(seq, stamp_ns, frame),
-        height=1,
-        width=len(points),
-        fields=[
-            PointField(name, offset, _DATATYPES[base.str], 1)
-            for name, (base, offset, *_) in (kind.fields or {}).items()
-        ],
-        is_bigendian=False,
-        point_step=kind.itemsize,
-        row_step=points.nbytes,
-        data=points.view(np.uint8),
-        is_dense=True,
-    )
-    return ros.serialize(message, "sensor_msgs/msg/PointCloud2")
+from fieldtruth.sensors.camera.config import CameraConfig, Imager
 
 
 def photograph(seq: int, stamp_ns: int, frame: str, photo: NDArray[np.uint8], quality: int) -> bytes:
