@@ -38,8 +38,9 @@ def _real(sensor: SensorConfig) -> str:
     what = ["errors of a real sensor (`signal` in experiment.yaml)"] * (sensor.signal is not None)
     if (clock := sensor.clock) is not None:
         what.append(
-            f"a clock of its own (offset {clock.offset_s:g} s, drift {clock.drift_ppm:g} ppm, jitter {clock.jitter_s:g} s; "
-            f"{clock.drop_share:.1%} of its readings are lost); stamps in the bag are the true time"
+            f"a clock of its own (offset {clock.offset_s:g} s, drift {clock.drift_ppm:g} ppm, "
+            f"jitter {clock.jitter_s:g} s; {clock.drop_share:.1%} of its readings are lost); "
+            "stamps in the bag are the true time"
         )
     truth = [topic.name for topic in sensor.topics() if topic.name.endswith(TRUTH)]
     ideal = f". Ideal readings: {', '.join(f'`{name}`' for name in truth)}" if truth else ""
