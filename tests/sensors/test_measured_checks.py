@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The checks of clocks and noise pass what the package makes, and find each figure that is wrong by a tenth or a sign."""
+"""The checks of clocks and noise pass what the package makes, and find each figure that is wrong."""
 
 from collections.abc import Callable
 from types import SimpleNamespace
