@@ -3,8 +3,8 @@
 """Readings of real wheel encoders from the true angles of the wheels: arrays to arrays, for a whole drive at once.
 
 Radii: a wheel whose radius is R (1 + e), where the robot assumes R, turns by 1 / (1 + e) of what the robot expects over
-the same distance. The e are drawn once (Borenstein and Feng, Measurement and Correction of Systematic Odometry Errors in
-Mobile Robots, IEEE Transactions on Robotics and Automation 12, 1996).
+the same distance. The e are drawn once (Borenstein and Feng, Measurement and Correction of Systematic Odometry Errors
+in Mobile Robots, IEEE Transactions on Robotics and Automation 12, 1996).
 
 Counts: an encoder with c counts per revolution has passed floor(c angle / (2 pi) + phase) edges, with a phase in [0, 1)
 that is drawn once. An angle is that number times 2 pi / c, a speed the change of the angle over the time between two
