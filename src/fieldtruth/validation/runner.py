@@ -43,7 +43,7 @@ SPECS: Final[tuple[Spec, ...]] = (
 )  # fmt: skip
 """All checks, in the order of the output."""
 
-_NOT_IDEAL: Final = (clocks.CLOCKS, measured.IMU_NOISE, measured.WHEEL_NOISE)
+_NOT_IDEAL: Final = (clocks.CLOCKS, measured.IMU_NOISE, gnss.FIXES, measured.WHEEL_NOISE)
 """Checks of a run with sensors that are not ideal."""
 _DECODED_BY_HAND: Final = (table.CLOCK, table.MODEL_STATES, table.STATIC_MODEL_STATES)
 
@@ -101,7 +101,7 @@ def _checkers(context: Context, full: bool, samples: int) -> list[Checker]:
         poses.ModelStates(context), poses.Poses(context), drive.Drive(context), world.WorldObjects(context),
         imu.Imu(context), gnss.Gnss(context), wheels.Wheels(context),
         wheels.WheelOdometry(context), commands.Commands(context),
-        clocks.Clocks(context), measured.ImuNoise(context), measured.WheelNoise(context),
+        clocks.Clocks(context), measured.ImuNoise(context), gnss.Fixes(context), measured.WheelNoise(context),
         lidar.Clouds(context, objects), camera.Images(context, objects), objects,
         agreement.Agreement(context, pair_sampler),
     ]  # fmt: skip

@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Literal
 from fieldtruth.experiment.fields import Mount, Rate
 from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, SensorName, TopicName
 from fieldtruth.experiment.topic import Topic
+from fieldtruth.sensors.gnss.signal import GnssSignal
 
 
 class GnssConfig(MountedConfig):
@@ -22,6 +23,7 @@ class GnssConfig(MountedConfig):
     frame: FrameName = "GNSS_link"
     mount: Mount = Mount(xyz=(0.10, 0.0, 0.890))
     rate_hz: Rate = 2.0
+    signal: GnssSignal | None = None
 
     @classmethod
     def of_name(cls, name: str) -> dict[str, Any]:

@@ -19,5 +19,5 @@ def gnss_streams(config: GnssConfig, true: GnssReadings, seed: int) -> list[Stre
         return [ideal]
     clock = clock_of(config, stamps, seed)
     shown = replace(true, stamps_ns=clock.shown_ns)
-    own = Stream((config.topic,), stamps, lambda k, _: [message.navsat(k, shown, config.frame)])
+    own = Stream((config.topic,), stamps, lambda k, _: [message.navsat(k, shown, config.frame, true.fixes)])
     return [clock.without_lost(own), ideal]
