@@ -14,7 +14,7 @@ from fieldtruth.experiment.fields import Boolean, Frozen, Mount, Rate
 from fieldtruth.experiment.problems import LocatedError, PartError, condition_at, shortened
 from fieldtruth.experiment.sensor_models import figures_of, models
 from fieldtruth.experiment.signal_config import KEY as SIGNAL
-from fieldtruth.experiment.signal_config import FORMS, SignalConfig, signal_values
+from fieldtruth.experiment.signal_config import SignalConfig, signal_values
 from fieldtruth.experiment.topic import Topic
 
 _Config = TypeVar("_Config", bound=Frozen)
@@ -56,7 +56,7 @@ class SensorConfig(Frozen):
     """Gives every value that is not set, from the model's data file. None: the defaults."""
     rate_hz: Rate
     topic: TopicName
-    signal: Annotated[SignalConfig | None, Field(description=FORMS)] = None
+    signal: SignalConfig | None = None
     """What a real sensor adds to ideal readings. None: ideal."""
     clock: ClockConfig | None = None
     """The clock that stamps its messages, and which of them are lost. None: simulated time, and none."""
