@@ -42,7 +42,7 @@ RADII: Final = Rule("wheels turn by what their radii make of the true angles", S
 ROUNDING: Final = Rule("angles differ by at most a count from those of the true wheels", 1.0 + 1e-6, "counts")
 WHEEL_NOISE: Final[Spec] = Spec("wheel noise", (COUNTS, RADII, ROUNDING), "readings", "no encoders with a signal")
 _LEAST: Final = 100
-"""Fewest readings whose distribution is compared."""
+"""Readings of which a distribution can be told."""
 _FINE: Final = 1e-9
 """Step [rad] for encoders without counts: rounding of the computer."""
 
@@ -92,8 +92,8 @@ class ImuNoise(Checker):
         within: Mask = np.asarray(np.abs(read) <= limit * (1.0 + 1e-9))
         if step is not None:
             within &= np.asarray(np.abs(read / step - np.rint(read / step)) < 1e-6)
-        self._tally[RANGE].see_all(np.asarray(within.all(axis=1), np.bool_), lambda k: f"{where}: {read[k]}")
-        inside = (np.abs(read) < limit - (step or 0.0)).all(axis=1)
+        self._tally[RANGE].see_all(np.asarray(within.all(axis=1)), lambda k: f"{where}: {read[k]}")
+        inside: Mask = np.asarray((np.abs(read) < limit - (step or 0.0)).all(axis=1))
         if np.count_nonzero(inside) < _LEAST:
             return
         read, true = read[inside], true[inside]
