@@ -76,7 +76,7 @@ class PreparedHere:
     def slices(self, folder: Path) -> Slices:
         """Build the scene and bake its light for the slices in a folder."""
         streams = self.streams()
-        sensors = sensor_factory(self.world, self.sensed(), self.experiment.light)
+        sensors = sensor_factory(self.world, self.sensed(), self.experiment.light, self.experiment.weather)
         return Slices(folder, streams, topics_of_run(self.experiment, latched=self.latched), sensors)
 
     def streams(self) -> list[Stream]:

@@ -92,8 +92,8 @@ class ImuNoise(Checker):
         within: Mask = np.asarray(np.abs(read) <= limit * (1.0 + 1e-9))
         if step is not None:
             within &= np.asarray(np.abs(read / step - np.rint(read / step)) < 1e-6)
-        self._tally[RANGE].see_all(within.all(axis=1), lambda k: f"{where}: {read[k]}")
-        inside = (np.abs(read) < limit - (step or 0.0)).all(axis=1)
+        self._tally[RANGE].see_all(np.asarray(within.all(axis=1)), lambda k: f"{where}: {read[k]}")
+        inside: Mask = np.asarray((np.abs(read) < limit - (step or 0.0)).all(axis=1))
         if np.count_nonzero(inside) < _LEAST:
             return
         read, true = read[inside], true[inside]
