@@ -283,6 +283,8 @@ SHAPES_SLICES = (
     "sensors/camera/sensing",
     "world/model",
     "sensors/lidar/message",
+    "sensors/camera/message",
+    "sensors/imu/stream",
     "record/streams",
 )
 LEAVES_SLICES = ("report/card", "exporters/pcd", "validation/check", "datasets/run", "cli/__main__")

@@ -33,7 +33,7 @@ SLICE_NS: Final = 10**9
 _PROGRESS_NS: Final = 10**8
 """Simulated time [ns] between two reports of progress."""
 
-_MODULES: Final = ("fieldtruth.record.slices", "fieldtruth.record.sensors")
+_MODULES: Final = ("fieldtruth.record.slices", "fieldtruth.record.sensors", "fieldtruth.record.streams")
 LIBRARIES: Final = ("numpy", "scipy", "numba", "embreex", "simplejpeg", "lz4", "rosbags")
 """Distributions whose version shapes the bytes of a slice."""
 
