@@ -56,7 +56,7 @@ def _annotate(options: argparse.Namespace) -> None:
     world = (
         WorldConfig(options.world)
         if like is None
-        else WorldConfig(like.environment, like.seed, like.layout, like.light)
+        else WorldConfig(like.environment, like.seed, like.layout, like.light, like.weather)
     )
     if options.seed is not None:
         world = replace(world, seed=options.seed)

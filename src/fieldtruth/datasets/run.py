@@ -223,7 +223,7 @@ def _open(run: Run, topics: Mapping[Sensor, list[str]], items: Sequence[str], so
     camera = source.camera if "calibration" in items and "camera" in topics else None
     info = None if camera is None else camera.topic_of("camera_info")
     run.require(*[table.TF_STATIC] * geometry, *filter(None, [info]))
-    with open_bag(run.bag) as bag:
+    with open_bag(run.bag, true_stamps=run.clocked) as bag:
         storage = Storage(bag)
         streams = read_streams(bag, storage, [*readings, *filter(None, (pose, info))])
     fixed: dict[str, Any] = {}

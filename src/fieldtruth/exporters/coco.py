@@ -77,7 +77,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     for imager in imagers:
         (target / "images" / imager.name).mkdir(parents=True)
         (target / "panoptic" / imager.name).mkdir(parents=True)
-    with open_bag(run.bag) as bag, options.progress.stage("images", run.duration_s) as advance:
+    with open_bag(run.bag, true_stamps=run.clocked) as bag, options.progress.stage("images", run.duration_s) as advance:
         names, _ = read_objects(run)
         numbering = Numbering(categories, options.label_map, names)
         source = _Source(_cameras(run, imagers), read_trajectory(run), numbering, decoder(bag))

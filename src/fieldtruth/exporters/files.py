@@ -77,7 +77,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     counts: dict[tuple[str, str], Counts] = {}
     with (
         ExitStack() as stack,
-        open_bag(run.bag) as bag,
+        open_bag(run.bag, true_stamps=run.clocked) as bag,
         options.progress.stage("write files", run.duration_s) as advance,
     ):
         write_line = _line_writers(stack, bag, target, [text for text in all_texts if text.topic in topics])

@@ -5,7 +5,8 @@
 A reading depends only on its number, so parts of a recording can be made in any order and by any thread.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 
@@ -14,11 +15,12 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.drive.state import poses_at, state_at
 from fieldtruth.drive.track import Stamps, Track, stamps_at_rate
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_config import MountedConfig
+from fieldtruth.experiment.sensor_config import MountedConfig, SensorConfig
+from fieldtruth.record.clocks import clock_of
 from fieldtruth.record.stream import PoseAt, Sensors, Stream
 from fieldtruth.sensors.camera.stream import imager_stream
-from fieldtruth.sensors.gnss.stream import gnss_stream
-from fieldtruth.sensors.imu.stream import imu_stream
+from fieldtruth.sensors.gnss.stream import gnss_streams
+from fieldtruth.sensors.imu.stream import imu_streams
 from fieldtruth.sensors.lidar.stream import lidar_stream
 from fieldtruth.sensors.wheel_odometry.stream import wheel_streams
 from fieldtruth.world.model import GROUND_ID, World
@@ -38,10 +40,16 @@ def streams_of(world: World, track: Track, rig: Rig, *, latched: bool = False) -
 
     streams = _truth(world, track, rig, stamps_at(topics.POSE_RATE), latched=latched)
     if not track.is_frames:
-        streams += _measured(track, rig)
-    streams += [lidar_stream(each, stamps_at(each.rate_hz), world_from_base) for each in rig.lidars]
-    streams += [imager_stream(each, stamps_at(each.config.rate_hz), world_from_base) for each in rig.imagers]
-    streams += [scene_stream(each, stamps_at(each.rate_hz), world_from_base) for each in rig.scene_sensors]
+        streams += _measured(track, rig, world.seed)
+    seeing: list[tuple[Any, SensorConfig, Callable[..., Stream]]] = [
+        *((each, each, lidar_stream) for each in rig.lidars),
+        *((each, each.config, imager_stream) for each in rig.imagers),
+        *((each, each, scene_stream) for each in rig.scene_sensors),
+    ]
+    for each, config, make in seeing:
+        stamps = stamps_at(config.rate_hz)
+        clock = clock_of(config, stamps, world.seed)
+        streams.append(clock.without_lost(make(each, stamps, world_from_base, clock.shown_ns)))
     return streams
 
 
@@ -71,26 +79,27 @@ def _truth(world: World, track: Track, rig: Rig, poses: Stamps, *, latched: bool
     ]
 
 
-def _measured(track: Track, rig: Rig) -> list[Stream]:
-    streams = [imu_stream(config, track.imus[config.name]) for config in rig.imus]
-    streams += [gnss_stream(config, track.fixes[config.name]) for config in rig.antennas]
+def _measured(track: Track, rig: Rig, seed: int) -> list[Stream]:
+    streams = [stream for each in rig.imus for stream in imu_streams(each, track.imus[each.name], seed)]
+    streams += [stream for each in rig.antennas for stream in gnss_streams(each, track.fixes[each.name], seed)]
     base, wheels = track.base, rig.wheel_odometry
     if base is None or wheels is None:
         return streams
     commands = base.commands
     return [
         *streams,
-        *wheel_streams(wheels, rig.wheel_speed_topics, base),
+        *wheel_streams(wheels, rig, base, track.motion.stamps_ns, seed),
         Stream((topics.COMMANDS,), commands.stamps_ns, lambda k, _: [base_messages.command(k, commands)]),
     ]
 
 
-def scene_stream(config: MountedConfig, stamps: Stamps, world_from_base: PoseAt) -> Stream:
-    """Readings at ``stamps`` [ns] of a sensor whose kind another package has added."""
+def scene_stream(config: MountedConfig, stamps: Stamps, world_from_base: PoseAt, shown: Stamps | None = None) -> Stream:
+    """Readings at ``stamps`` [ns] of a sensor whose kind another package has added; ``shown`` as in lidar_stream."""
+    shown = stamps if shown is None else shown
     base_from_sensor = config.mount.base_from_sensor
 
     def read(k: int, sensors: Sensors) -> Iterable[bytes]:
         sensor, stamp = sensors.others[config.name], int(stamps[k])
-        return sensor.messages(k, stamp, sensor.read(world_from_base(stamp) @ base_from_sensor))
+        return sensor.messages(k, int(shown[k]), sensor.read(world_from_base(stamp) @ base_from_sensor))
 
     return Stream(tuple(topic.name for topic in config.topics()), stamps, read)

@@ -22,7 +22,7 @@ from fieldtruth.validation import files, streams
 from fieldtruth.validation.check import Check, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, at
 from fieldtruth.validation.files import BagFile
-from fieldtruth.validation.motion import calibration, commands, drive, poses
+from fieldtruth.validation.motion import calibration, clocks, commands, drive, measured, poses
 from fieldtruth.validation.retrace import agreement, reference, scene_sensors, world
 from fieldtruth.validation.sampler import Sampler
 
@@ -43,6 +43,8 @@ SPECS: Final[tuple[Spec, ...]] = (
 )  # fmt: skip
 """All checks, in the order of the output."""
 
+_NOT_IDEAL: Final = (clocks.CLOCKS, measured.IMU_NOISE, gnss.FIXES, measured.WHEEL_NOISE)
+"""Checks of a run with sensors that are not ideal."""
 _DECODED_BY_HAND: Final = (table.CLOCK, table.MODEL_STATES, table.STATIC_MODEL_STATES)
 
 
@@ -84,7 +86,8 @@ def validate(
     with progress.stage("read and check", run.duration_s) as advance, open_bag(bag) as stored:
         checks = _read(context, stored, workers or cpu_count(), advance, _checkers(context, full, samples))
     found = {check.name: check for check in [checksums, experiment, *checks]}
-    specs = (*SPECS, *[scene_sensors.OTHER_SENSORS] * bool(context.rig.scene_sensors))
+    real = not all(sensor.is_ideal for sensor in context.rig.sensors)
+    specs = (*SPECS, *_NOT_IDEAL * real, *[scene_sensors.OTHER_SENSORS] * bool(context.rig.scene_sensors))
     return [found.get(spec.name, Check(spec.name, None, context.no_world)) for spec in specs]
 
 
@@ -98,6 +101,7 @@ def _checkers(context: Context, full: bool, samples: int) -> list[Checker]:
         poses.ModelStates(context), poses.Poses(context), drive.Drive(context), world.WorldObjects(context),
         imu.Imu(context), gnss.Gnss(context), wheels.Wheels(context),
         wheels.WheelOdometry(context), commands.Commands(context),
+        clocks.Clocks(context), measured.ImuNoise(context), gnss.Fixes(context), measured.WheelNoise(context),
         lidar.Clouds(context, objects), camera.Images(context, objects), objects,
         agreement.Agreement(context, pair_sampler),
     ]  # fmt: skip

@@ -92,7 +92,7 @@ def summarize_bag(run: Run, workers: int, progress: Progress) -> BagSummary:
     if not wanted:  # an empty list would mean all topics
         return summary
     counts: dict[str, Counts] = {}
-    with progress.stage("read the bag", run.duration_s) as advance, open_bag(run.bag) as bag:
+    with progress.stage("read the bag", run.duration_s) as advance, open_bag(run.bag, true_stamps=run.clocked) as bag:
         decode = decoder(bag)
 
         def large_messages() -> Iterator[RawMessage]:

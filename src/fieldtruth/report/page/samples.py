@@ -72,7 +72,7 @@ def read_samples(run: Run) -> tuple[list[Sample], dict[str, str]]:
     if not wanted:
         return samples, unreadable
     near_ns = {t: _near_ns(each) for each in imagers for t in map(each.topic_of, STREAMS_SHOWN)}
-    with open_bag(run.bag) as bag:
+    with open_bag(run.bag, true_stamps=run.clocked) as bag:
         decode, index = decoder(bag), bag.index(wanted)
 
         def nearest(topic: str, stamp: int) -> tuple[int, Any] | None:

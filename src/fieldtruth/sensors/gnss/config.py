@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Literal
 from fieldtruth.experiment.fields import Mount, Rate
 from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, SensorName, TopicName
 from fieldtruth.experiment.topic import Topic
+from fieldtruth.sensors.gnss.signal import GnssSignal
 
 
 class GnssConfig(MountedConfig):
@@ -22,6 +23,7 @@ class GnssConfig(MountedConfig):
     frame: FrameName = "GNSS_link"
     mount: Mount = Mount(xyz=(0.10, 0.0, 0.890))
     rate_hz: Rate = 2.0
+    signal: GnssSignal | None = None
 
     @classmethod
     def of_name(cls, name: str) -> dict[str, Any]:
@@ -29,5 +31,5 @@ class GnssConfig(MountedConfig):
         return {**super().of_name(name), "topic": f"/{name}/fix"}
 
     def topics(self) -> tuple[Topic, ...]:
-        """Its positions."""
-        return (self.new_topic(self.topic, "sensor_msgs/msg/NavSatFix"),)
+        """Its positions, and the ideal ones if it is not ideal."""
+        return self.with_truth(self.new_topic(self.topic, "sensor_msgs/msg/NavSatFix"))

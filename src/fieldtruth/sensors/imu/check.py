@@ -34,7 +34,7 @@ class Imu(Checker):
     def __init__(self, context: Context) -> None:
         self._motion, self._tally = context.motion, context.tally(IMU)
         self.tallies = [self._tally]
-        self._configs = {config.topic: config for config in context.rig.imus}
+        self._configs = {config.true_topic(config.topic): config for config in context.rig.imus}
         self.topics = tuple(self._configs)
 
     def see(self, raw: RawMessage, message: Any) -> None:

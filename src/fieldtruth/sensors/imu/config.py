@@ -9,6 +9,7 @@ from pydantic import Field
 from fieldtruth.experiment.fields import Mount, Rate
 from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, SensorName, TopicName
 from fieldtruth.experiment.topic import Topic
+from fieldtruth.sensors.imu.signal import ImuSignal
 
 
 class ImuConfig(MountedConfig):
@@ -27,6 +28,7 @@ class ImuConfig(MountedConfig):
     sampling: Annotated[Literal["mean", "instant"], Field(description="mean or instant")] = "mean"
     """mean: over the interval between two readings, so that integrating gives the motion; instant: over the physics
     step that ends at the stamp, as in Gazebo."""
+    signal: ImuSignal | None = None
 
     @classmethod
     def of_name(cls, name: str) -> dict[str, Any]:
@@ -34,5 +36,5 @@ class ImuConfig(MountedConfig):
         return {**super().of_name(name), "topic": f"/{name}/data"}
 
     def topics(self) -> tuple[Topic, ...]:
-        """Its readings."""
-        return (self.new_topic(self.topic, "sensor_msgs/msg/Imu"),)
+        """Its readings, and the ideal ones if it is not ideal."""
+        return self.with_truth(self.new_topic(self.topic, "sensor_msgs/msg/Imu"))

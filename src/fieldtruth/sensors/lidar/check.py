@@ -83,7 +83,7 @@ class Clouds(Checker):
 
         def work() -> list[Tally]:
             try:
-                _check_cloud(message, config, labels, rays, classes, where)
+                _check_cloud(raw, message, config, labels, rays, classes)
             except (ValueError, KeyError, TypeError, IndexError) as error:  # bytes that do not hold these fields
                 labels[LAYOUT].see(False, f"{where}: {error}")
             return [labels, rays, classes.tally]
@@ -92,9 +92,9 @@ class Clouds(Checker):
 
 
 def _check_cloud(
-    message: Any, config: LidarConfig, tally: Tally, rays: Tally, classes: ClassComparison, where: str
+    raw: RawMessage, message: Any, config: LidarConfig, tally: Tally, rays: Tally, classes: ClassComparison
 ) -> None:
-    cloud = read.points(message)
+    cloud, where = read.points(message), at(raw)
     kinds = {name: kind.str for name, (kind, *_) in (cloud.dtype.fields or {}).items()}
     timed = {"t": "<u4"} if config.spinning or "t" in kinds else {}
     clock = config.time_field if config.spinning else None
@@ -118,7 +118,7 @@ def _check_cloud(
         xyz = np.stack([cloud[axis] for axis in "xyz"], axis=-1).astype(np.float64)
         tally[FINITE].see_all(np.asarray(np.isfinite(xyz).all(axis=-1)), lambda k: f"{row(k)}: {xyz[k]} m")
         if {"ring", "column"} <= kinds.keys():
-            _check_rays(cloud, xyz, _rays_at(config, read.stamp_ns(message.header)), config, rays, row)
+            _check_rays(cloud, xyz, _rays_at(config, raw.stamp_ns), config, rays, row)
     stamp = read.stamp_ns(message.header)
     if whole and config.point_fields == "ouster":
         _check_ouster(cloud, xyz, tally, rays, row)
@@ -246,14 +246,14 @@ class RetracedClouds(Checker):
         lidars = vars(self._own)
         if config.name not in lidars:
             lidars[config.name] = Lidar(config, self._rebuilt.scene)
-        scan = lidars[config.name].scan(poses if len(poses) > 1 else poses[0], read.stamp_ns(message.header))
+        scan = lidars[config.name].scan(poses if len(poses) > 1 else poses[0], raw.stamp_ns)
         own = _Dense.of(config, scan.column, scan.ring, scan.xyz, scan.label, scan.instance)
         bag, own = bag.first(columns * config.rings), own.first(columns * config.rings)
         same = (bag.label == own.label) & (bag.instance == own.instance)
         equal = bool(same.all()) and np.array_equal(bag.xyz, own.xyz)
         same &= close(bag.xyz, own.xyz).all(axis=1)
 
-        directions = _rays_at(config, read.stamp_ns(message.header))
+        directions = _rays_at(config, raw.stamp_ns)
 
         def reading(k: int) -> RayReading:
             column, ring = divmod(k, config.rings)

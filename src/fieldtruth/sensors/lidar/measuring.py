@@ -8,8 +8,12 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.random import rng_of
+from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.sense.packets import new_packet
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.echoes import sub_rays_of, trace_echoes
+from fieldtruth.sensors.lidar.in_air import WeatherInAir
 from fieldtruth.sensors.lidar.noise import Reading, measure, new_reading, receiver_of
 from fieldtruth.sensors.lidar.sensing import Lidar
 from fieldtruth.sensors.lidar.surfaces import EchoBuffers, echo_buffers, surface_table, trace_surfaces
@@ -24,7 +28,8 @@ class SignalLidar(Lidar):
     """A LiDAR in a scene, as ``Lidar``, that measures as its ``signal`` says. Use one per thread.
 
     Of a signal with one ray per beam, labels, instance ids and ``true_range`` of the points are those of the ideal
-    LiDAR, to the last bit; some of its points are missing.
+    LiDAR, to the last bit; some of its points are missing. With more rays ``true_range`` still is, and class and id are
+    those of the surface that makes the echo.
     """
 
     def __init__(self, config: LidarConfig, scene: Scene, in_air: InAir | None = None) -> None:
@@ -32,6 +37,9 @@ class SignalLidar(Lidar):
         signal = config.signal
         assert signal is not None
         self._receiver, self._in_air = receiver_of(signal), in_air
+        self._sub_rays = sub_rays_of(signal) if signal.sub_rays > 1 else None
+        if self._sub_rays is not None:
+            self._packet = new_packet(coherent=True)  # a fourth faster in the forest, a tenth in the park
         self._tables = scene.hits, surface_table(scene)
         self._echoes = echo_buffers(2 if signal.returns == "two" else 1, config.columns, config.rings)
         self._points = new_reading(self._echoes.depth.size)
@@ -46,7 +54,11 @@ class SignalLidar(Lidar):
         key = np.uint64(
             rng_of(self.scene.world.seed, self.config.name, "scan", number).integers(1 << 64, dtype=np.uint64)
         )
-        trace_surfaces(self.scene.rays.handle, self._tables, self._packet, poses, self._beams, self._echoes)
+        traced = self.scene.rays.handle, self._tables, self._packet, poses, self._beams
+        if self._sub_rays is None:
+            trace_surfaces(*traced, self._echoes)
+        else:
+            trace_echoes(*traced, self._receiver, self._sub_rays, self._echoes)
         if self._in_air is not None:
             self._in_air(self._echoes, key)
         count = measure(self._receiver, key, self._beams.directions, self._echoes, self._points)
@@ -60,6 +72,8 @@ class SignalLidar(Lidar):
         return rng_of(self.scene.world.seed, self.config.name, "scan", number).integers(1 << 64, dtype=np.uint64)
 
 
-def new_lidar(config: LidarConfig, scene: Scene) -> Lidar:
-    """Return a LiDAR in a scene, with the signal of its configuration if it has one."""
-    return Lidar(config, scene) if config.signal is None else SignalLidar(config, scene)
+def new_lidar(config: LidarConfig, scene: Scene, weather: WeatherConfig | None = None) -> Lidar:
+    """Return a LiDAR in a scene, with the signal of its configuration if it has one; an ideal one sees no weather."""
+    if config.signal is None:
+        return Lidar(config, scene)
+    return SignalLidar(config, scene, None if weather is None or weather.is_clear else WeatherInAir(config, weather))

@@ -128,7 +128,7 @@ def measure(receiver: Receiver, key: np.uint64, directions: Array, echoes: EchoB
 
     Directions (columns, rings, 3). Draws depend on ``key``, ray and echo, not on what else returns.
     """
-    labels, instances, depths, apparents, mixes, true_range = echoes
+    labels, instances, depths, apparents, mixes, _, true_range = echoes
     gain, threshold, step, angle = receiver.gain, receiver.threshold, receiver.resolution, receiver.angle
     count, columns, rings = depths.shape
     k = 0

@@ -45,6 +45,10 @@ class LidarSignal(SignalConfig):
     """Standard deviation of the angles that it reports, across and along the ring."""
     divergence_deg: Annotated[Number, Field(ge=0, le=5)] = 0.0
     """Angle in which the beam has more than half of its greatest irradiance (FWHM); used with ``sub_rays``."""
+    beam_diameter: Positive = 0.01
+    """[m] where the beam leaves the LiDAR; matters to single drops and flakes in the air."""
+    wavelength_nm: Annotated[Number, Field(ge=400, le=2000)] = 905.0
+    """Matters to light fog, and to rain above 1400."""
     sub_rays: SubRays = 1
     """Rays that stand for the width of one beam: 1, or an odd number: one in the middle and a ring around it."""
     returns: Returns = "strongest"
@@ -56,8 +60,9 @@ class LidarSignal(SignalConfig):
     def _consistent(self) -> Self:
         if self.sub_rays % 2 == 0:
             raise ValueError(f"sub_rays must be an odd number, got {self.sub_rays}")
-        if self.sub_rays > 1 and self.divergence_deg == 0.0:
-            raise ValueError(f"divergence_deg must be above 0 with {self.sub_rays} sub_rays, got 0")
+        for name in ("divergence_deg", "pulse_length"):
+            if self.sub_rays > 1 and getattr(self, name) == 0.0:
+                raise ValueError(f"{name} must be above 0 with {self.sub_rays} sub_rays, got 0")
         signals = [signal for signal, _ in self.range_noise]
         if sorted(set(signals)) != signals:
             raise ValueError(f"range_noise must have rising signals, got {', '.join(f'{s:g}' for s in signals)}")

@@ -44,9 +44,10 @@ class WheelOdometry(Checker):
     def __init__(self, context: Context) -> None:
         self._rig, self._tally = context.rig, context.tally(ODOMETRY)
         config = context.rig.wheel_odometry
-        self._topic = "" if config is None else config.topic
-        self._speed_topics = self._rig.wheel_speed_topics
-        self.topics = () if config is None else (table.TF, *self._speed_topics, JOINT_STATES, config.topic)
+        end = "" if config is None else config.true_topic("")
+        self._topic, self._joint_states = "" if config is None else config.topic + end, JOINT_STATES + end
+        self._speed_topics = tuple(name + end for name in self._rig.wheel_speed_topics)
+        self.topics = () if config is None else (table.TF, *self._speed_topics, self._joint_states, self._topic)
         self.tallies = [self._tally]
         self._frames: tuple[int, dict[str, Array]] = (0, {})
         self._speeds: dict[str, tuple[int, float]] = {}
@@ -62,7 +63,7 @@ class WheelOdometry(Checker):
             self._frames = raw.stamp_ns, {name: parts[name] for name in WHEEL_FRAMES if name in parts}
         elif raw.topic in self._speed_topics:
             self._speeds[raw.topic] = raw.stamp_ns, float(message.data)
-        elif raw.topic == JOINT_STATES and set(self._joints) <= set(message.name):
+        elif raw.topic == self._joint_states and set(self._joints) <= set(message.name):
             order = [message.name.index(joint) for joint in self._joints]
             self._see_joints(raw, np.asarray(message.position)[order], np.asarray(message.velocity)[order])
         elif raw.topic == self._topic and raw.stamp_ns == self._stamp:
@@ -100,7 +101,9 @@ class Wheels(Checker):
     """Tachometers against the true motion, with wide tolerances, as wheels slip and skid."""
 
     def __init__(self, context: Context) -> None:
-        self.topics = [name for name in WHEEL_SPEEDS if name in context.run.counts]
+        config = context.rig.wheel_odometry
+        names = WHEEL_SPEEDS if config is None else map(config.true_topic, WHEEL_SPEEDS)
+        self.topics = [name for name in names if name in context.run.counts]
         self._motion, self._tally, self._wheels = context.motion, context.tally(WHEELS), context.rig.wheels
         self.tallies = [self._tally]
         self._speeds: dict[int, dict[str, float]] = {}

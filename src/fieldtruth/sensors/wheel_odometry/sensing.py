@@ -30,14 +30,18 @@ def advance(turned: Array, wheels: WheelConfig) -> tuple[Array, Array]:
 def read_odometry(stamps_ns: Stamps, wheels: WheelMotion, config: WheelConfig, rate_hz: float) -> WheelOdometry:
     """Return wheel odometry for the rotation of the wheels at every physics step, which has these stamps [ns]."""
     rows = steps_at_rate(rate_hz, int(stamps_ns[-1])) - 1
-    stamps, angle = stamps_ns[rows], wheels.angle[rows]
-    forward, turn = advance(np.diff(angle, axis=0, prepend=np.zeros((1, angle.shape[1]))), config)
+    return dead_reckoning(stamps_ns[rows], WheelMotion(angle=wheels.angle[rows], speed=wheels.speed[rows]), config)
+
+
+def dead_reckoning(stamps_ns: Stamps, wheels: WheelMotion, config: WheelConfig) -> WheelOdometry:
+    """Return wheel odometry for the angles of the wheels at the stamps of its readings; they are 0 at time 0."""
+    forward, turn = advance(np.diff(wheels.angle, axis=0, prepend=np.zeros((1, wheels.angle.shape[1]))), config)
     yaw = np.cumsum(turn)
     middle, chord = yaw - turn / 2, forward * np.sinc(turn / (2 * np.pi))
-    seconds = np.diff(stamps, prepend=0) / 1e9
+    seconds = np.diff(stamps_ns, prepend=0) / 1e9
     return WheelOdometry(
-        stamps_ns=stamps,
-        wheels=WheelMotion(angle=angle, speed=wheels.speed[rows]),
+        stamps_ns=stamps_ns,
+        wheels=wheels,
         pose=np.column_stack([np.cumsum(chord * np.cos(middle)), np.cumsum(chord * np.sin(middle)), yaw]),
         twist=np.column_stack([forward, turn]) / seconds[:, None],
     )

@@ -22,12 +22,13 @@ COMMANDS: Final[Spec] = Spec("commands", (COMMAND,), "commands", f"no {table.COM
 
 
 class Commands(Checker):
-    """Commands against the controller, which gets the fixes and the headings of the bag."""
+    """Commands against the controller, which gets the ideal fixes and headings of the bag."""
 
     def __init__(self, context: Context) -> None:
         self._context, self._tally = context, context.tally(COMMANDS)
         self._imu, self._gnss = context.rig.imu, context.rig.gnss
-        self.topics = (self._imu.topic, self._gnss.topic, table.COMMANDS)
+        self._fixes, readings = (each.true_topic(each.topic) for each in (self._gnss, self._imu))
+        self.topics = (readings, self._fixes, table.COMMANDS)
         self.tallies = [self._tally]
         self._heading: tuple[int, float] = (0, 0.0)
         self._follower: WaypointFollower | None = None
@@ -48,9 +49,9 @@ class Commands(Checker):
         follower = self._follower
         if follower is None:
             return
-        if raw.topic == self._gnss.topic:
+        if raw.topic == self._fixes:
             follower.update_fix(message.latitude, message.longitude)
-        elif raw.topic == self._imu.topic:
+        elif raw.topic != table.COMMANDS:
             q = message.orientation
             world_from_imu = rotation_from_quaternion_wxyz(np.array([q.w, q.x, q.y, q.z]))
             base_from_imu = self._imu.mount.base_from_sensor[:3, :3]
