@@ -8,15 +8,15 @@ from sense_worlds import at, make_world, quad
 
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Float32Array
-from fieldtruth.experiment.camera_config import OPTICAL
 from fieldtruth.experiment.config import LightConfig
-from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.render.air import WAVELENGTHS_NM, air_of
 from fieldtruth.render.bake import BakedScene, bake
-from fieldtruth.render.camera import Camera
 from fieldtruth.sense.air import extinction
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import OPTICAL
+from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
 
 SMALL = StereoConfig(width=320, height=184)
 POSE = frames.pose((0, 0, 5.0), (0, 0, 0)) @ OPTICAL

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from sense_worlds import at, floating, quad
 
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.sense.air import extinction
-from fieldtruth.sense.lidar import Lidar
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.measuring import new_lidar
 from fieldtruth.sensors.lidar.noise import Reading
+from fieldtruth.sensors.lidar.sensing import Lidar
 
 WALL = 15.0  # [m]
 POSE = at(0, 0, 0)

@@ -7,11 +7,11 @@ from collections.abc import Callable
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.weather_config import WeatherConfig
-from fieldtruth.record.streams import Sensors
+from fieldtruth.record.stream import Sensors
 from fieldtruth.render.bake import bake
-from fieldtruth.render.camera import Camera
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sense.scene_sensor import SCENE_SENSORS
+from fieldtruth.sensors.camera.sensing import Camera
 from fieldtruth.sensors.lidar.measuring import new_lidar
 from fieldtruth.world.model import World
 

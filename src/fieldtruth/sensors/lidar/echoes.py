@@ -22,9 +22,9 @@ from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import HitTable, hit_top
 from fieldtruth.sense.kernel import inlined, kernel
-from fieldtruth.sense.lidar import Beams, aimed, entry
 from fieldtruth.sense.packets import Packet, set_ray
 from fieldtruth.sensors.lidar.noise import Receiver
+from fieldtruth.sensors.lidar.sensing import Beams, aimed, entry
 from fieldtruth.sensors.lidar.signal import LidarSignal
 from fieldtruth.sensors.lidar.surfaces import EchoBuffers, SurfaceTable, brightness, cosine_of, surface_of
 

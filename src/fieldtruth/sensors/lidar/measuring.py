@@ -8,14 +8,14 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.random import rng_of
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.weather_config import WeatherConfig
-from fieldtruth.sense.lidar import Lidar
 from fieldtruth.sense.packets import new_packet
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.echoes import sub_rays_of, trace_echoes
 from fieldtruth.sensors.lidar.in_air import WeatherInAir
 from fieldtruth.sensors.lidar.noise import Reading, measure, new_reading, receiver_of
+from fieldtruth.sensors.lidar.sensing import Lidar
 from fieldtruth.sensors.lidar.surfaces import EchoBuffers, echo_buffers, surface_table, trace_surfaces
 
 InAir = Callable[[EchoBuffers, np.uint64], None]

@@ -43,10 +43,10 @@ class Receiver(NamedTuple):
 class Reading(NamedTuple):
     """The points of one revolution, ordered by column, ring and echo.
 
-    As ``sense.lidar.Scan``, with ``range_m`` as measured; ``true_range`` [m] is that of the middle of the beam as the
-    ideal LiDAR has it, 0 if that meets nothing; ``signal`` [photon], 0 if every pulse returns; ``reflectivity`` the
-    reflectance of a matt surface that faces the LiDAR at the measured range and has this signal; ``echo`` 0 for the
-    nearest of a beam; ``mixed`` 1 if surfaces of more than one class or object made the echo.
+    As ``sensors.lidar.sensing.Scan``, with ``range_m`` as measured; ``true_range`` [m] is that of the middle of the
+    beam as the ideal LiDAR has it, 0 if that meets nothing; ``signal`` [photon], 0 if every pulse returns;
+    ``reflectivity`` the reflectance of a matt surface that faces the LiDAR at the measured range and has this signal;
+    ``echo`` 0 for the nearest of a beam; ``mixed`` 1 if surfaces of more than one class or object made the echo.
     """
 
     xyz: Float32Array

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What beams meet: range, class and instance id as ``sense.lidar`` finds them, and how bright the surface looks."""
+"""What beams meet: range, class and instance id as the ideal LiDAR finds them, and how bright the surface looks."""
 
 from typing import Any, NamedTuple
 
@@ -12,10 +12,10 @@ from fieldtruth.core.classes import Label
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import TERRAIN, Grid, HitTable, hit_top, read_grid
 from fieldtruth.sense.kernel import inlined, kernel
-from fieldtruth.sense.lidar import Beams, aimed, entry
 from fieldtruth.sense.packets import Packet, set_ray
 from fieldtruth.sense.scene import Scene, grid_of
 from fieldtruth.sensors.lidar.reflectance import reflectance_of
+from fieldtruth.sensors.lidar.sensing import Beams, aimed, entry
 from fieldtruth.world.model import GROUND_ID, Raster, World
 
 _LANES, _WIDTH, _HEIGHT = embree.LANES, embree.LANES // 4, 4
@@ -147,7 +147,7 @@ def trace_surfaces(
     beams: Beams,
     out: EchoBuffers,
 ) -> None:
-    """Trace all rays as ``sense.lidar.trace_beams`` does, with the same ranges, labels and ids to the last bit.
+    """Trace all rays as ``sensing.trace_beams`` does, with the same ranges, labels and ids to the last bit.
 
     The only echo of a beam is that of its middle.
     """
