@@ -13,8 +13,7 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.render.gbuffer import AIR_MIN
-from fieldtruth.render.tables import EXPOSURE
-from fieldtruth.render.tables import LightTable, Shading
+from fieldtruth.render.tables import EXPOSURE, LightTable, Shading
 from fieldtruth.render.visibility import sun_disc, visibility
 from fieldtruth.sense.hits import Grid, read_grid
 from fieldtruth.sense.kernel import inlined, kernel
