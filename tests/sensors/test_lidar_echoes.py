@@ -13,6 +13,7 @@ from sense_worlds import at, box, floating, quad
 from fieldtruth.bag import decode
 from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.sensor_models import datasheet_of
+from fieldtruth.exporters.sequences import xyz_and_reflectance
 from fieldtruth.record.streams import Sensors, lidar_stream
 from fieldtruth.sense.lidar import Lidar
 from fieldtruth.sense.scene import Scene
@@ -200,3 +201,18 @@ def test_organised_clouds(signal: dict[str, Any] | None) -> None:
     assert np.isnan(grid["z"][~finite]).all()
     assert not grid["label"][~finite].any()
     assert grid.T[finite.T].tobytes() == plain.tobytes()
+
+
+def test_reflectivity_of_clouds() -> None:
+    """Of a signal as in the cloud, of an Ouster from percent; an ideal Ouster's is the class and is not passed on."""
+    scene = floating(*ROOM)
+    _, own = cloud(scene, LidarConfig(columns=128, signal=SHEET))
+    _, ouster = cloud(scene, LidarConfig(columns=128, signal=SHEET, point_fields="ouster"))
+    _, ideal = cloud(scene, LidarConfig(columns=128, point_fields="ouster"))
+    assert np.array_equal(decode.reflectivity(own), own["reflectivity"])
+    assert decode.reflectivity(ouster) == pytest.approx(own["reflectivity"], abs=0.0051)
+    assert ideal["reflectivity"].any()
+    assert not decode.reflectivity(ideal).any()
+    assert np.array_equal(xyz_and_reflectance(own)[:, 3], own["reflectivity"])
+    assert np.array_equal(xyz_and_reflectance(own)[:, 0], own["x"])
+    assert not xyz_and_reflectance(ideal)[:, 3].any()

@@ -18,7 +18,7 @@ from fieldtruth.validation.check import Check, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, at
 from fieldtruth.validation.files import BagFile
 from fieldtruth.validation.motion import calibration, drive, odometry, poses, sensors
-from fieldtruth.validation.retrace import agreement, clouds, images, reference, scene_sensors, world
+from fieldtruth.validation.retrace import agreement, clouds, images, noisy_clouds, reference, scene_sensors, world
 from fieldtruth.validation.retrace.camera_frames import Sampler
 
 SAMPLES: Final = 20
@@ -79,7 +79,11 @@ def validate(
     with progress.stage("read and check", run.duration_s) as advance, open_bag(bag) as stored:
         checks = _read(context, stored, workers or cpu_count(), advance, _checkers(context, full, samples))
     found = {check.name: check for check in [checksums, experiment, *checks]}
-    specs = (*SPECS, *[scene_sensors.OTHER_SENSORS] * bool(context.rig.scene_sensors))
+    specs = (
+        *SPECS,
+        *[noisy_clouds.NOISE] * noisy_clouds.noisy(context.rig.lidars),
+        *[scene_sensors.OTHER_SENSORS] * bool(context.rig.scene_sensors),
+    )
     return [found.get(spec.name, Check(spec.name, None, context.no_world)) for spec in specs]
 
 

@@ -48,15 +48,7 @@ class SignalLidar(Lidar):
         Raises:
             ValueError: another number of poses.
         """
-        poses, moving = self._poses(world_from_lidar, stamp_ns)
-        key = np.uint64(
-            rng_of(self.scene.world.seed, self.config.name, "scan", number).integers(1 << 64, dtype=np.uint64)
-        )
-        traced = self.scene.rays.handle, self._tables, self._packet, poses, self._beams
-        if self._sub_rays is None:
-            trace_surfaces(*traced, self._echoes)
-        else:
-            trace_echoes(*traced, self._receiver, self._sub_rays, self._echoes)
+        moving, key = self._trace(world_from_lidar, stamp_ns), self._key(number)
         if self._in_air is not None:
             self._in_air(self._echoes, key)
         count = measure(self._receiver, key, self._beams.directions, self._echoes, self._points)
@@ -64,6 +56,21 @@ class SignalLidar(Lidar):
         if moving:
             found.t_ns[:] = self._times_ns[found.column, found.ring]
         return found
+
+    def echoes(self, world_from_lidar: Array, stamp_ns: int = 0) -> EchoBuffers:
+        """Echoes before what the air and the receiver make of them; overwritten by the next scan."""
+        self._trace(world_from_lidar, stamp_ns)
+        return self._echoes
+
+    def _trace(self, world_from_lidar: Array, stamp_ns: int) -> bool:
+        """Fill the buffers of echoes, and say whether the sensor moves."""
+        poses, moving = self._poses(world_from_lidar, stamp_ns)
+        traced = self.scene.rays.handle, self._tables, self._packet, poses, self._beams
+        if self._sub_rays is None:
+            trace_surfaces(*traced, self._echoes)
+        else:
+            trace_echoes(*traced, self._receiver, self._sub_rays, self._echoes)
+        return moving
 
     def _key(self, number: int) -> np.uint64:
         """Key of what a scan draws: it depends on the experiment's seed, the LiDAR's name and the scan's number."""

@@ -25,6 +25,8 @@ from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Context
 from fieldtruth.validation.retrace.camera_frames import CameraFrame, CameraFrameChecker, Sampler
+from fieldtruth.validation.retrace.clouds import rays_at
+from fieldtruth.validation.retrace.noisy_clouds import ideal_points
 
 # Shares in 360 views of four environments were up to 0.006, 0.075 and 0.048; in 446 views of pairs of sensors that are
 # 0.05 to 1.5 m apart, 0.15 to 1.6 m above base_link, up to 0.006 for objects, 0.010 in front, and 0.9 behind.
@@ -58,6 +60,7 @@ class _View(NamedTuple):
     optical_from_lidar: Array
     neighbours: bool
     where: str
+    lidar: LidarConfig
 
 
 class Agreement(CameraFrameChecker):
@@ -106,7 +109,7 @@ class Agreement(CameraFrameChecker):
             return
         self._tally.skipped = f"fewer than {FEW} points of a cloud are on flat parts of an image"
         part = self._tally.part()
-        view = _View(cloud, frame, k, optical_from_lidar, neighbours, f"{frame.at('tag')}, {lidar.topic}")
+        view = _View(cloud, frame, k, optical_from_lidar, neighbours, f"{frame.at('tag')}, {lidar.topic}", lidar)
         self.context.jobs.append(lambda: [_compare(part, view)])
 
     def _skip(self, reason: str) -> None:
@@ -125,7 +128,9 @@ def _not_comparable(lens: Any, lidar: LidarConfig) -> str:
 def _compare(tally: Tally, view: _View) -> Tally:
     frame = view.frame
     try:
-        points = read.points(view.cloud)
+        points = ideal_points(
+            read.points(view.cloud), view.lidar, rays_at(view.lidar, read.stamp_ns(view.cloud.header))
+        )
         label = read.labels(read.image(frame.parts["tag"]))
         depth = read.depth(frame.parts["depth"]) if "depth" in frame.parts else None
         instance = read.instances(frame.parts["instances"]) if "instances" in frame.parts else None

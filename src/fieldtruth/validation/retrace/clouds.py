@@ -18,9 +18,11 @@ from fieldtruth.drive.state import poses_at
 from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.sense.beams import ray_times_ns, sweep_times_ns
 from fieldtruth.sense.lidar import Lidar, ray_directions
+from fieldtruth.sensors.lidar.measuring import SignalLidar
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, RebuiltWorld, at
 from fieldtruth.validation.retrace.camera_frames import Sampler
+from fieldtruth.validation.retrace.noisy_clouds import NoiseTally, ideal_points, layout_of
 from fieldtruth.validation.retrace.reference import RayReading, RayReference, close
 from fieldtruth.validation.retrace.world import N_CLASSES, ClassComparison, ObjectClasses
 
@@ -101,26 +103,30 @@ def _check_cloud(
     timed |= {clock: _CLOCKS[clock]} if clock else {}
     timed |= _OF_MAKER[config.point_fields] if config.point_fields else {}
     wide = {"instance": "<u4"} if classes.has_wide_ids else {}
-    whole = kinds == FIELDS | timed | wide and message.is_dense and not message.is_bigendian
+    fields = FIELDS | timed | wide | layout_of(config)
+    whole = kinds == fields and message.is_dense != config.organised and not message.is_bigendian
     tally[LAYOUT].see(bool(whole), f"{where}: fields {', '.join(kinds)}")
+
+    directions = rays_at(config, read.stamp_ns(message.header))
+    cloud = ideal_points(cloud, config, directions)
 
     def row(k: int) -> str:
         return f"{where}, row {k}"
 
-    if {"label", "intensity"} <= kinds.keys():
+    if {"label", "intensity"} <= kinds.keys() and config.intensity == "class":
         label, intensity = cloud["label"], cloud["intensity"]
         same = label == intensity
         tally[INTENSITY].see_all(same, lambda k: f"{row(k)}: label {label[k]}, intensity {intensity[k]:g}")
-    if found := [cloud[name] for name in ("label", "intensity") if name in kinds]:
+    if found := [cloud[name] for name in ("label", *["intensity"] * (config.signal is None)) if name in kinds]:
         returning = np.isin(found[0], np.flatnonzero(_RETURNS))
         tally[RETURNING].see_all(returning, lambda k: f"{row(k)}: class {found[0][k]:g}")
     if {"x", "y", "z"} <= kinds.keys():
         xyz = np.stack([cloud[axis] for axis in "xyz"], axis=-1).astype(np.float64)
         tally[FINITE].see_all(np.asarray(np.isfinite(xyz).all(axis=-1)), lambda k: f"{row(k)}: {xyz[k]} m")
         if {"ring", "column"} <= kinds.keys():
-            _check_rays(cloud, xyz, _rays_at(config, read.stamp_ns(message.header)), config, rays, row)
+            _check_rays(cloud, xyz, directions, config, rays, row)
     stamp = read.stamp_ns(message.header)
-    if whole and config.point_fields == "ouster":
+    if whole and config.point_fields == "ouster" and config.signal is None:
         _check_ouster(cloud, xyz, tally, rays, row)
     if whole and config.point_fields == "livox":
         _check_livox(cloud, stamp, tally, rays, row)
@@ -174,7 +180,7 @@ def _check_rays(
     tally[DIRECTION].measure_all(aside[inside], lambda k: row(int(np.flatnonzero(inside)[k])))
 
 
-def _rays_at(config: LidarConfig, stamp_ns: int) -> Array:
+def rays_at(config: LidarConfig, stamp_ns: int) -> Array:
     """Directions (columns * rings, 3) of a scan at a stamp by number of the ray."""
     return _directions(config, 0 if config.pattern is None else stamp_ns)
 
@@ -210,7 +216,8 @@ class RetracedClouds(Checker):
     def __init__(self, context: Context, rebuilt: RebuiltWorld, reference: RayReference, sampler: Sampler) -> None:
         self._context, self._rebuilt, self._reference, self._sampler = context, rebuilt, reference, sampler
         self._tally = context.tally(RETRACED_CLOUDS)
-        self.tallies = [self._tally]
+        self.noise = NoiseTally(strict=context.experiment is not None)
+        self.tallies = [self._tally, self.noise]
         self._own = threading.local()
         self._configs = {config.topic: config for config in context.rig.lidars}
         self.topics = tuple(self._configs)
@@ -238,7 +245,9 @@ class RetracedClouds(Checker):
         """Scan again from poses as ``Lidar.scan`` takes them, or from one (1, 4, 4); compare the first ``columns``."""
         config = self._configs[raw.topic]
         try:
-            cloud = read.points(message)
+            measured = read.points(message)
+            directions = rays_at(config, read.stamp_ns(message.header))
+            cloud = ideal_points(measured, config, directions)
             xyz = np.stack([cloud[axis] for axis in "xyz"], axis=-1)
             bag = _Dense.of(config, cloud["column"], cloud["ring"], xyz, cloud["label"], cloud["instance"])
         except (ValueError, KeyError):
@@ -246,16 +255,22 @@ class RetracedClouds(Checker):
         lidars = vars(self._own)
         if config.name not in lidars:
             lidars[config.name] = Lidar(config, self._rebuilt.scene)
-        scan = lidars[config.name].scan(poses if len(poses) > 1 else poses[0], read.stamp_ns(message.header))
+        aimed = poses if len(poses) > 1 else poses[0], read.stamp_ns(message.header)
+        scan = lidars[config.name].scan(*aimed)
         own = _Dense.of(config, scan.column, scan.ring, scan.xyz, scan.label, scan.instance)
         bag, own = bag.first(columns * config.rings), own.first(columns * config.rings)
-        same = (bag.label == own.label) & (bag.instance == own.instance)
-        equal = bool(same.all()) and np.array_equal(bag.xyz, own.xyz)
-        same &= close(bag.xyz, own.xyz).all(axis=1)
+        checked = np.arange(len(bag.label))
+        if config.signal is not None:
+            self._add_noise(config, measured, aimed, columns)
+            checked = np.flatnonzero(bag.xyz.any(axis=1))  # others did not return
+            elsewhere = (bag.label == Label.PARTICLE) | (config.signal.sub_rays > 1)  # than in the middle of the beam
+            bag.label[elsewhere], bag.instance[elsewhere] = own.label[elsewhere], own.instance[elsewhere]
+        same = ((bag.label == own.label) & (bag.instance == own.instance))[checked]
+        equal = bool(same.all()) and np.array_equal(bag.xyz[checked], own.xyz[checked])
+        same &= close(bag.xyz, own.xyz).all(axis=1)[checked]
 
-        directions = _rays_at(config, read.stamp_ns(message.header))
-
-        def reading(k: int) -> RayReading:
+        def reading(j: int) -> RayReading:
+            k = int(checked[j])
             column, ring = divmod(k, config.rings)
             pose = poses[0]
             if len(poses) > 1:
@@ -269,6 +284,13 @@ class RetracedClouds(Checker):
         part = self._tally.part()
         part[EQUAL_CLOUDS].see(equal, at(raw))
         return [part, self._reference.compare(part[SAME_RETURNS], np.flatnonzero(~same), len(same), reading, seed)]
+
+    def _add_noise(self, config: LidarConfig, cloud: NDArray[np.void], aimed: tuple[Array, int], columns: int) -> None:
+        """Count the noise of a cloud against the echoes that its LiDAR expects from the rebuilt world."""
+        lidars, name = vars(self._own), f"signal of {config.name}"
+        if name not in lidars:
+            lidars[name] = SignalLidar(config, self._rebuilt.scene)
+        self.noise.add(config, cloud, lidars[name].echoes(*aimed), columns)
 
 
 class _Dense(NamedTuple):
