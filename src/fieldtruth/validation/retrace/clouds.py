@@ -5,7 +5,7 @@
 import threading
 from collections.abc import Callable
 from functools import cache, lru_cache
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from fieldtruth.sensors.lidar.measuring import SignalLidar
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, RebuiltWorld, at
 from fieldtruth.validation.retrace.camera_frames import Sampler
+from fieldtruth.validation.retrace.dense_cloud import DenseCloud
 from fieldtruth.validation.retrace.noisy_clouds import NoiseTally, ideal_points, layout_of
 from fieldtruth.validation.retrace.reference import RayReading, RayReference, close
 from fieldtruth.validation.retrace.world import N_CLASSES, ClassComparison, ObjectClasses
@@ -249,7 +250,7 @@ class RetracedClouds(Checker):
             directions = rays_at(config, read.stamp_ns(message.header))
             cloud = ideal_points(measured, config, directions)
             xyz = np.stack([cloud[axis] for axis in "xyz"], axis=-1)
-            bag = _Dense.of(config, cloud["column"], cloud["ring"], xyz, cloud["label"], cloud["instance"])
+            bag = DenseCloud.of(config, cloud["column"], cloud["ring"], xyz, cloud["label"], cloud["instance"])
         except (ValueError, KeyError):
             return []  # the check of labels reports the layout
         lidars = vars(self._own)
@@ -257,17 +258,17 @@ class RetracedClouds(Checker):
             lidars[config.name] = Lidar(config, self._rebuilt.scene)
         aimed = poses if len(poses) > 1 else poses[0], read.stamp_ns(message.header)
         scan = lidars[config.name].scan(*aimed)
-        own = _Dense.of(config, scan.column, scan.ring, scan.xyz, scan.label, scan.instance)
+        own = DenseCloud.of(config, scan.column, scan.ring, scan.xyz, scan.label, scan.instance)
         bag, own = bag.first(columns * config.rings), own.first(columns * config.rings)
         checked = np.arange(len(bag.label))
         if config.signal is not None:
             self._add_noise(config, measured, aimed, columns)
             checked = np.flatnonzero(bag.xyz.any(axis=1))  # others did not return
-            elsewhere = (bag.label == Label.PARTICLE) | (config.signal.sub_rays > 1)  # than in the middle of the beam
-            bag.label[elsewhere], bag.instance[elsewhere] = own.label[elsewhere], own.instance[elsewhere]
-        same = ((bag.label == own.label) & (bag.instance == own.instance))[checked]
+            # A particle or an edge may have made the echo; the true range is that of the middle of the beam.
+            bag = bag.labelled_as(own, (bag.label == Label.PARTICLE) | (config.signal.sub_rays > 1))
+        same = np.equal(bag.label, own.label)[checked] & np.equal(bag.instance, own.instance)[checked]
         equal = bool(same.all()) and np.array_equal(bag.xyz[checked], own.xyz[checked])
-        same &= close(bag.xyz, own.xyz).all(axis=1)[checked]
+        same &= close(bag.xyz[checked], own.xyz[checked]).all(axis=1)
 
         def reading(j: int) -> RayReading:
             k = int(checked[j])
@@ -291,29 +292,3 @@ class RetracedClouds(Checker):
         if name not in lidars:
             lidars[name] = SignalLidar(config, self._rebuilt.scene)
         self.noise.add(config, cloud, lidars[name].echoes(*aimed), columns)
-
-
-class _Dense(NamedTuple):
-    """A value for each ray of the LiDAR; 0 without a return."""
-
-    xyz: NDArray[np.float32]
-    label: NDArray[np.uint16]
-    instance: NDArray[np.uint32]
-
-    @classmethod
-    def of(cls, config: LidarConfig, column: Any, ring: Any, *values: Any) -> "_Dense":
-        """Spread returns over all rays; those of rays that do not exist are reported by the check of rays."""
-        number, count = column.astype(np.int64) * config.rings + ring, config.columns * config.rings
-        inside = (number >= 0) & (number < count)
-        parts: list[NDArray[Any]] = [
-            np.zeros((count, 3), np.float32),
-            np.zeros(count, np.uint16),
-            np.zeros(count, np.uint32),
-        ]
-        for part, value in zip(parts, values, strict=True):
-            part[number[inside]] = value[inside]
-        return cls(*parts)
-
-    def first(self, count: int) -> "_Dense":
-        """The values of the first ``count`` rays."""
-        return _Dense(self.xyz[:count], self.label[:count], self.instance[:count])
