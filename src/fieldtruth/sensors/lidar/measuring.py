@@ -36,8 +36,7 @@ class SignalLidar(Lidar):
         assert signal is not None
         self._receiver, self._in_air = receiver_of(signal), in_air
         self._sub_rays = sub_rays_of(signal) if signal.sub_rays > 1 else None
-        if self._sub_rays is not None:
-            self._packet = new_packet(coherent=True)  # a fourth faster in the forest, a tenth in the park
+        self._coherent = new_packet(coherent=True)
         self._tables = scene.hits, surface_table(scene)
         self._echoes = echo_buffers(2 if signal.returns == "two" else 1, config.columns, config.rings)
         self._points = new_reading(self._echoes.depth.size)
@@ -65,11 +64,11 @@ class SignalLidar(Lidar):
     def _trace(self, world_from_lidar: Array, stamp_ns: int) -> bool:
         """Fill the buffers of echoes, and say whether the sensor moves."""
         poses, moving = self._poses(world_from_lidar, stamp_ns)
-        traced = self.scene.rays.handle, self._tables, self._packet, poses, self._beams
+        rays, tables, packets = self.scene.rays.handle, self._tables, (self._packet, self._coherent)
         if self._sub_rays is None:
-            trace_surfaces(*traced, self._echoes)
+            trace_surfaces(rays, tables, self._packet, poses, self._beams, self._echoes)
         else:
-            trace_echoes(*traced, self._receiver, self._sub_rays, self._echoes)
+            trace_echoes(rays, tables, packets, poses, self._beams, self._receiver, self._sub_rays, self._echoes)
         return moving
 
     def _key(self, number: int) -> np.uint64:
