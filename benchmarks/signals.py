@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core import frames
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.sensor_models import datasheet_of
-from fieldtruth.sense.lidar import Lidar
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.measuring import new_lidar
+from fieldtruth.sensors.lidar.sensing import Lidar
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World
 

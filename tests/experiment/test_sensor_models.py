@@ -22,10 +22,9 @@ NOT_KEYS = {"lidar": {"firing_cycle_ns"}, "camera": {"baseline"}}
 """Figures that are not keys of a kind: a LiDAR's columns follow from it, and a single camera ignores it."""
 NOISE = {
     "imu": r"(gyroscope|accelerometer)_(range|noise_density|bias_instability|random_walk)_\w+",
-    "gnss": r"(horizontal|vertical)_(single|sbas|rtk)_(cep|r50|sigma)_m|velocity_rms_m_s",
     "wheel_odometry": "counts_per_revolution",
 }
-"""Names of the errors of a sensor, with their units; those of a LiDAR are fields of its signal."""
+"""Names of the errors of a sensor, with their units; those of LiDARs and GNSS receivers are fields of their signals."""
 
 
 def sensor(kind: str, **values: Any) -> SensorConfig:
@@ -141,7 +140,7 @@ def test_the_documents_state_the_figures_of_a_lidar(name: str) -> None:
     assert limits == f"{config.min_range:g} to {config.max_range:g}"
 
 
-@pytest.mark.parametrize(("kind", "name"), [(k, n) for k, n in MODELS if k in ("imu", "gnss", "wheel_odometry")])
+@pytest.mark.parametrize(("kind", "name"), [(k, n) for k, n in MODELS if k in ("imu", "wheel_odometry")])
 def test_the_documents_state_rates_and_noise(kind: str, name: str) -> None:
     product, rate, *noise = row_of(name)
     config = sensor(kind, model=name)

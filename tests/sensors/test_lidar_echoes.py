@@ -11,16 +11,17 @@ from rosbags.typesys import Stores, get_typestore
 from sense_worlds import at, box, floating, quad
 
 from fieldtruth.bag import decode
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.sensor_models import datasheet_of
 from fieldtruth.exporters.sequences import xyz_and_reflectance
-from fieldtruth.record.streams import Sensors, lidar_stream
-from fieldtruth.sense.lidar import Lidar
+from fieldtruth.record.stream import Sensors
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.echoes import TURNS, sub_rays_of
 from fieldtruth.sensors.lidar.measuring import SignalLidar, new_lidar
 from fieldtruth.sensors.lidar.noise import Reading
+from fieldtruth.sensors.lidar.sensing import Lidar
 from fieldtruth.sensors.lidar.signal import LidarSignal
+from fieldtruth.sensors.lidar.stream import lidar_stream
 
 WIDTH = 0.4  # [deg], FWHM
 RADIUS = 2.0 * WIDTH / np.sqrt(8.0 * np.log(2.0))  # [deg] of the ring of rays

@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 from sense_worlds import at, box, floating
 
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.sensor_models import datasheet_of
-from fieldtruth.sense.lidar import Lidar, ray_directions
+from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.measuring import SignalLidar
+from fieldtruth.sensors.lidar.sensing import Lidar, ray_directions
 from fieldtruth.validation.check import Check
 from fieldtruth.validation.retrace.noisy_clouds import NoiseTally, ideal_points
 

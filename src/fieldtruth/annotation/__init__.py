@@ -30,14 +30,18 @@ from fieldtruth.core.files import locked, output_errors
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.experiment.config import LightConfig
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import KINDS
 from fieldtruth.experiment.topic import Topic
+from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.record.folder import RunFolder, new_folder
 from fieldtruth.record.sensors import sensor_factory
 from fieldtruth.record.slices import Slices, slices_key
-from fieldtruth.record.streams import Stream, imager_stream, lidar_stream, scene_stream
+from fieldtruth.record.stream import Stream
+from fieldtruth.record.streams import scene_stream
+from fieldtruth.sensors.camera.stream import imager_stream
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.stream import lidar_stream
 from fieldtruth.world.build import check_layout, load_world
 
 CAMERAS_ONLY = Rig().with_sensors(LidarConfig, enabled=False)
@@ -46,13 +50,14 @@ CAMERAS_ONLY = Rig().with_sensors(LidarConfig, enabled=False)
 
 @dataclass(frozen=True)
 class WorldConfig:
-    """The world in which a bag was recorded, and its light; an experiment has the same fields."""
+    """The world in which a bag was recorded, its light and weather; an experiment has the same fields."""
 
     environment: str
     seed: int = 0
     layout: Mapping[str, Any] | None = None
     """Changes to the environment's configuration."""
     light: LightConfig = field(default_factory=LightConfig)
+    weather: WeatherConfig = field(default_factory=WeatherConfig)
 
 
 def annotate(
@@ -125,8 +130,8 @@ def _slices(
     check_objects(run, world)
     check_poses(poses.trajectory, streams, rig, world)
     with progress.stage("prepare the scene"):
-        sensors = sensor_factory(world, rig, config.light)
-    path = folder.slices(slices_key(world, rig, config.light, poses.trajectory))
+        sensors = sensor_factory(world, rig, config.light, config.weather)
+    path = folder.slices(slices_key(world, rig, config.light, config.weather, poses.trajectory))
     return Slices(path, streams, added, sensors, start_ns=min(int(stream.stamps_ns[0]) for stream in streams) - 1)
 
 

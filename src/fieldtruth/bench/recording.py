@@ -11,14 +11,15 @@ import numpy as np
 
 from fieldtruth.bag.topics import topics_of
 from fieldtruth.drive.track import Track
-from fieldtruth.experiment.camera_config import CameraConfig
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.slices import Slices
-from fieldtruth.record.streams import Sensors, streams_of
+from fieldtruth.record.stream import Sensors
+from fieldtruth.record.streams import streams_of
 from fieldtruth.render.bake import BakedScene
-from fieldtruth.render.camera import Camera
-from fieldtruth.sense.lidar import Lidar
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.sensing import Lidar
 
 SECONDS: Final = 4
 """Simulated time [s] that is recorded, one slice per second: a multiple of the usual numbers of workers."""

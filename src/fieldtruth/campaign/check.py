@@ -32,7 +32,7 @@ def check_campaign(campaign: Campaign, source: str) -> None:
         for position, end in _ends(f"layouts.{environment}", tree):
             check_layout(environment, end, f"{source}: {position}")
     _check_routes(campaign.routes, source)
-    for key, name in (("seeds", "seed"), ("lights", "light"), ("rigs", "rig")):
+    for key, name in (("seeds", "seed"), ("lights", "light"), ("weathers", "weather"), ("rigs", "rig")):
         for position, end in _ends(key, getattr(campaign, key)):
             for experiment in campaign.experiments:
                 _check_values(changed_values(experiment, {name: end}), f"{source}: {position}: {experiment.name}")

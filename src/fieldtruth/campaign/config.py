@@ -96,6 +96,7 @@ class Campaign(Frozen):
     )
     routes: Distributed = BUILT_IN
     lights: Distributed = Field(default_factory=dict)
+    weathers: Distributed = Field(default_factory=dict)
     rigs: Distributed = Field(default_factory=dict)
     seconds: Distributed = None
     """End of each run [s] of simulated time."""
@@ -123,7 +124,7 @@ class Campaign(Frozen):
 
     @model_validator(mode="after")
     def _axes(self) -> Self:
-        for key in ("environments", "seeds", "routes", "lights", "rigs"):
+        for key in ("environments", "seeds", "routes", "lights", "weathers", "rigs"):
             tree = getattr(self, key)
             if tree is not None and tree != ():
                 self._check_axis(key, tree)
@@ -155,5 +156,6 @@ _ENTRIES: Final[dict[str, tuple[tuple[type, ...], str]]] = {
     "layouts": ((Mapping,), "a mapping of layout keys, or a list of mappings"),
     "routes": ((str, Mapping), ROUTES),
     "lights": ((Mapping,), "a mapping of light keys, or a list of mappings"),
+    "weathers": ((Mapping,), "a mapping of weather keys, or a list of mappings"),
     "rigs": ((Mapping,), "a mapping of rig keys, or a list of mappings"),
 }

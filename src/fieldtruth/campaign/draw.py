@@ -28,7 +28,7 @@ from fieldtruth.experiment.problems import configuration_error
 from fieldtruth.experiment.sections import SECTIONS
 
 _RUN, _LAYOUT, _SPLIT = range(3)
-_AXES: Final = ("environments", "seeds", "routes", "lights", "rigs", "seconds")
+_AXES: Final = ("environments", "seeds", "routes", "lights", "weathers", "rigs", "seconds")
 
 
 class PlannedRun(NamedTuple):
@@ -56,6 +56,7 @@ class Entries(NamedTuple):
     layout: Tree
     route: Tree
     light: Tree
+    weather: Tree
     rig: Tree
 
 
@@ -98,13 +99,14 @@ def _some(campaign: Campaign) -> Iterator[Entries]:
         seed = int(_entry(campaign, "seeds", k, default=0))
         layouts = axis(campaign.layouts.get(environment, {}))
         layout = layouts.draw(_rng(campaign, _LAYOUT, environment, seed))
-        rest = [_entry(campaign, key, k) for key in ("routes", "lights", "rigs")]
+        rest = [_entry(campaign, key, k) for key in ("routes", "lights", "weathers", "rigs")]
         yield Entries(environment, seed, layout, *rest)
 
 
 def _every(campaign: Campaign) -> Iterator[Entries]:
     seeds = (0,) if campaign.seeds is None else entries(campaign.seeds)
-    axes = [entries(tree) for tree in (campaign.environments, campaign.routes, campaign.lights, campaign.rigs)]
+    trees = campaign.environments, campaign.routes, campaign.lights, campaign.weathers, campaign.rigs
+    axes = [entries(tree) for tree in trees]
     if len(seeds) * math.prod(map(len, axes)) > MOST_RUNS:
         raise ConfigurationError(f"runs: {PRODUCT} gives more than {MOST_RUNS} runs; give fewer entries")
     for seed, environment in ((s, e) for s in seeds for e in entries(campaign.environments)):
@@ -117,7 +119,7 @@ def _every(campaign: Campaign) -> Iterator[Entries]:
             drawn(layout, _rng(campaign, _LAYOUT, environment, seed, i))
             for i, layout in enumerate(entries(campaign.layouts.get(environment, {})))
         ]
-        others = product(layouts, routes, entries(campaign.lights), entries(campaign.rigs))
+        others = product(layouts, routes, *axes[2:])
         yield from (Entries(environment, seed, *other) for other in others)
 
 
@@ -131,7 +133,8 @@ def _made(campaign: Campaign, taken: Entries, k: int) -> Experiment:
     rng = _rng(campaign, _RUN, k, "routes", 1)
     route = _built_in(taken.environment) if taken.route == BUILT_IN else [taken.route]
     base = _route(route[int(rng.integers(len(route)))], rng)
-    light, rig = (drawn(part, _rng(campaign, _RUN, k, key, 1)) for part, key in ((taken.light, "l"), (taken.rig, "r")))
+    parts = (taken.light, "l"), (taken.weather, "w"), (taken.rig, "r")
+    light, weather, rig = (drawn(part, _rng(campaign, _RUN, k, key, 1)) for part, key in parts)
     values = base | {
         "name": f"{campaign.name}_{k + 1:05d}",
         "description": "",
@@ -139,6 +142,7 @@ def _made(campaign: Campaign, taken: Entries, k: int) -> Experiment:
         "seed": taken.seed,
         "layout": taken.layout,
         "light": light,
+        "weather": weather,
         "rig": rig,
     }
     return _finished(campaign, values, k)
@@ -148,6 +152,7 @@ def _changed(campaign: Campaign, experiment: Experiment, k: int) -> Experiment:
     """Return a listed experiment with what the campaign changes in it."""
     changes: dict[str, Any] = {
         "light": _entry(campaign, "lights", k),
+        "weather": _entry(campaign, "weathers", k),
         "rig": _entry(campaign, "rigs", k),
         **({} if campaign.seeds is None else {"seed": _entry(campaign, "seeds", k)}),
     }

@@ -10,6 +10,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Mount, Number, Positive
 from fieldtruth.experiment.problems import LocatedError
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.weather_config import WeatherConfig
 
 Latitude = Annotated[Number, Field(ge=-90, le=90)]
 Longitude = Annotated[Number, Field(ge=-180, le=180)]
@@ -168,6 +169,7 @@ class Experiment(Frozen):
     control: ControlConfig = ControlConfig()
     rig: Rig = Rig()
     light: LightConfig = LightConfig()
+    weather: WeatherConfig = WeatherConfig()
     static_objects: StaticObjects = "auto"
 
     @model_validator(mode="after")

@@ -6,23 +6,24 @@ from collections.abc import Callable
 
 from fieldtruth.experiment.config import LightConfig
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.record.streams import Sensors
+from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.record.stream import Sensors
 from fieldtruth.render.bake import bake
-from fieldtruth.render.camera import Camera
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sense.scene_sensor import SCENE_SENSORS
+from fieldtruth.sensors.camera.sensing import Camera
 from fieldtruth.sensors.lidar.measuring import new_lidar
 from fieldtruth.world.model import World
 
 
-def sensor_factory(world: World, rig: Rig, light: LightConfig) -> Callable[[], Sensors]:
+def sensor_factory(world: World, rig: Rig, light: LightConfig, weather: WeatherConfig) -> Callable[[], Sensors]:
     """Build the scene and bake its light, and return the function that makes sensors in it."""
     scene = Scene(world)
     wide_ids = world.has_wide_ids
-    baked = bake(scene, light) if rig.cameras else None
+    baked = bake(scene, light, weather) if rig.cameras else None
 
     def make() -> Sensors:
-        lidars = {config.name: new_lidar(config, scene) for config in rig.lidars}
+        lidars = {config.name: new_lidar(config, scene, weather) for config in rig.lidars}
         cameras = {} if baked is None else {c.name: Camera(c, baked, reuse=True) for c in rig.cameras}
         others = {config.name: SCENE_SENSORS[config.kind](config, scene) for config in rig.scene_sensors}
         return Sensors(lidars, cameras, others, wide_ids)

@@ -11,6 +11,8 @@ import numpy as np
 from fieldtruth.core.cache_folder import cache_folder
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.experiment.config import LightConfig
+from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.render.air import air_of, light_in
 from fieldtruth.render.light import bake_light
 from fieldtruth.render.light_cache import cached_light
 from fieldtruth.render.materials import material_table
@@ -34,28 +36,36 @@ class BakedScene:
 
 
 def bake(
-    scene: Scene, light: LightConfig | None = None, *, workers: int | None = None, folder: Path | None = None
+    scene: Scene,
+    light: LightConfig | None = None,
+    weather: WeatherConfig | None = None,
+    *,
+    workers: int | None = None,
+    folder: Path | None = None,
 ) -> BakedScene:
     """Compute the light of a scene, or read it from the cache.
 
     Args:
         scene: the world in the ray tracer.
         light: direction of the sun; None takes the defaults.
+        weather: what is in the air; None is clear air.
         workers: threads; None takes every available core. The result does not depend on it.
         folder: cache folder; None takes the user's.
     """
     light = LightConfig() if light is None else light
     workers = cpu_count() if workers is None else workers
     table = cached_light(scene, light, folder or cache_folder(), lambda: bake_light(scene, light, workers))
-    materials = material_table(scene.world)
+    materials, air = material_table(scene.world), air_of(weather)
     shading = Shading(
         scene=scene.rays.handle,
         hits=scene.hits,
         surfaces=surface_table(scene, table.vertex_sky),
         materials=materials,
-        light=table,
+        light=light_in(air, table) if air.any() else table,
         has_water=bool((materials.mirror > 0).any()),
         exposure=_exposure(table),
+        air=air,
+        has_weather=bool((air > 0).any()),
     )
     return BakedScene(scene=scene, shading=shading)
 

@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shading: the light that each hit sends to the camera, from the sun, the sky, the ground, and through water."""
 
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.render.air import dim
 from fieldtruth.render.gbuffer import (
     FIELDS,
     GLOSS,
@@ -22,7 +23,7 @@ from fieldtruth.render.gbuffer import (
 )
 from fieldtruth.render.mesh_gbuffer import mesh_gbuffer
 from fieldtruth.render.sky import sky_radiance
-from fieldtruth.render.tables import LightTable, Shading
+from fieldtruth.render.tables import EXPOSURE, HAZE_PER_METRE, LightTable, Shading
 from fieldtruth.render.visibility import SHADOW_RANGE
 from fieldtruth.render.water import (
     SecondaryBatch,
@@ -37,9 +38,6 @@ from fieldtruth.sense.hits import TERRAIN
 from fieldtruth.sense.kernel import inlined, kernel, light_kernel
 from fieldtruth.sense.packets import IntArray, Packet, new_packet, set_shadow_ray
 from fieldtruth.sense.ray_batch import RayBatch, new_batch
-
-EXPOSURE: Final = 3.9
-HAZE_PER_METRE: Final = 1.0 / 1800.0
 
 _EXPOSURE, _PER_PI, _HAZE = np.float32(EXPOSURE), np.float32(1.0 / np.pi), np.float32(HAZE_PER_METRE)
 _LEAF_GLOW = np.array([2.6, 2.8, 1.0], np.float32)  # light through a leaf is yellower than light from it
@@ -80,8 +78,15 @@ def new_shading_buffers(count: int) -> ShadingBuffers:
 def shade_batch(shading: Shading, buffers: ShadingBuffers, count: int, pixel: float) -> None:
     """Compute ``colour`` of the traced rays; ``pixel`` is the angle [rad] of one pixel."""
     _shade(shading, buffers, buffers.batch, count, pixel, buffers.gbuffer, buffers.colour)
-    if not shading.has_water:
-        return
+    if shading.has_water:
+        _shade_water(shading, buffers, count, pixel)
+    if shading.has_weather:
+        dim(shading, buffers.batch, count, buffers.colour)
+
+
+@kernel
+def _shade_water(shading: Shading, buffers: ShadingBuffers, count: int, pixel: float) -> None:
+    """Add the bottom and what is reflected to the colour of water."""
     second = buffers.secondary
     found = water_rays(buffers.batch, buffers.gbuffer, count, pixel, False, second)
     trace_secondary(shading.scene, shading.hits.geometry_top, buffers.packet, second, found)
@@ -90,6 +95,8 @@ def shade_batch(shading: Shading, buffers: ShadingBuffers, count: int, pixel: fl
     found = water_rays(buffers.batch, buffers.gbuffer, count, pixel, True, second)
     trace_secondary(shading.scene, shading.hits.geometry_top, buffers.packet, second, found)
     _shade(shading, buffers, second.batch, found, pixel, second.gbuffer, second.colour)
+    if shading.has_weather:
+        dim(shading, second.batch, found, second.colour)
     blend_reflection(second, found, buffers.colour)
 
 

@@ -13,6 +13,9 @@ from fieldtruth.render.sky import Dome
 from fieldtruth.sense.hits import Grid, HitTable
 from fieldtruth.sense.packets import IntArray
 
+EXPOSURE: Final = 3.9
+HAZE_PER_METRE: Final = 1.0 / 1800.0
+"""Extinction coefficient [1/m] of clear air."""
 NO_SHADOW: Final = -2
 """Value of ``LightTable.top_leaf`` for the backdrop."""
 AIR_TEXEL: Final = 1.0  # [m] of air_sky along x and y, from the world's corner
@@ -82,3 +85,5 @@ class Shading(NamedTuple):
     light: LightTable
     has_water: bool
     exposure: np.float32  # relative to an open meadow
+    air: Float32Array  # (3,) extinction [1/m] of the weather by channel
+    has_weather: bool

@@ -115,6 +115,8 @@ def about(run: Run, summary: BagSummary) -> dict[str, str]:
             "Made by": f"fieldtruth {shortened(str(_version(run)))}",
             "Sun": f"azimuth {light.sun_azimuth_deg:g}°, elevation {light.sun_elevation_deg:g}°",
         }
+        if not experiment.weather.is_clear:
+            found["Weather"] = experiment.weather.text
         if experiment.frames is not None:
             found["Motion"] = f"none: {experiment.frames.count} separate frames"
         elif experiment.drive is None:

@@ -22,9 +22,9 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import HitTable, hit_top
 from fieldtruth.sense.kernel import inlined, kernel
-from fieldtruth.sense.lidar import Beams, aimed, entry
 from fieldtruth.sense.packets import Packet, set_ray
 from fieldtruth.sensors.lidar.noise import Receiver
+from fieldtruth.sensors.lidar.sensing import Beams, aimed, entry
 from fieldtruth.sensors.lidar.signal import LidarSignal
 from fieldtruth.sensors.lidar.surfaces import EchoBuffers, SurfaceTable, brightness, cosine_of, surface_of
 
@@ -51,6 +51,7 @@ class SubRays(NamedTuple):
     origin: Array  # (LANES * rays, 3)
     direction: Array  # (LANES * rays, 3) in the world
     range_m: Array  # (LANES * rays,) 0 for none
+    clear: Array  # (LANES * rays,) [m] up to which nothing is there
     power: Array  # of a matt white surface at 1 m that faces the LiDAR: 1
     label: NDArray[np.int64]
     instance: NDArray[np.int64]
@@ -76,6 +77,7 @@ def sub_rays_of(signal: LidarSignal) -> SubRays:
         origin=np.zeros((memory, 3)),
         direction=np.zeros((memory, 3)),
         range_m=np.zeros(memory),
+        clear=np.zeros(memory),
         power=np.zeros(memory),
         label=np.zeros(memory, np.int64),
         instance=np.zeros(memory, np.int64),
@@ -160,7 +162,10 @@ def trace_echoes(
                 _trace(scene, tables, packets[min(first, 1)], beams, rays, first)
             for beam in range(_LANES):
                 column, ring = first_column + beam % _WIDTH, first_ring + beam // _WIDTH
-                if column < columns and ring < rings and not _one_echo(rays, beam, column, ring, out):
+                if column >= columns or ring >= rings:
+                    continue
+                out.clear[column, ring] = rays.clear[beam]
+                if not _one_echo(rays, beam, column, ring, out):
                     make_echoes(rays, beam, receiver, column, ring, out)
 
 
@@ -191,6 +196,7 @@ def _trace(
         slot = first + lane
         range_m[slot] = 0.0
         top, distance = hit_top(tops, words, lane), np.float64(ray[_FAR + lane])
+        rays.clear[slot] = distance
         if valid[lane] == 0 or top < 0 or distance < beams.min_range:
             continue
         x, y = origin[slot, 0] + distance * direction[slot, 0], origin[slot, 1] + distance * direction[slot, 1]

@@ -8,12 +8,14 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.random import rng_of
-from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.sense.lidar import Lidar
+from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.sense.packets import new_packet
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.echoes import sub_rays_of, trace_echoes
+from fieldtruth.sensors.lidar.in_air import WeatherInAir
 from fieldtruth.sensors.lidar.noise import Reading, measure, new_reading, receiver_of
+from fieldtruth.sensors.lidar.sensing import Lidar
 from fieldtruth.sensors.lidar.surfaces import EchoBuffers, echo_buffers, surface_table, trace_surfaces
 
 InAir = Callable[[EchoBuffers, np.uint64], None]
@@ -76,6 +78,8 @@ class SignalLidar(Lidar):
         return rng_of(self.scene.world.seed, self.config.name, "scan", number).integers(1 << 64, dtype=np.uint64)
 
 
-def new_lidar(config: LidarConfig, scene: Scene) -> Lidar:
-    """Return a LiDAR in a scene, with the signal of its configuration if it has one."""
-    return Lidar(config, scene) if config.signal is None else SignalLidar(config, scene)
+def new_lidar(config: LidarConfig, scene: Scene, weather: WeatherConfig | None = None) -> Lidar:
+    """Return a LiDAR in a scene, with the signal of its configuration if it has one; an ideal one sees no weather."""
+    if config.signal is None:
+        return Lidar(config, scene)
+    return SignalLidar(config, scene, None if weather is None or weather.is_clear else WeatherInAir(config, weather))

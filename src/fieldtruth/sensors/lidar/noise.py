@@ -43,10 +43,10 @@ class Receiver(NamedTuple):
 class Reading(NamedTuple):
     """The points of one revolution, ordered by column, ring and echo.
 
-    As ``sense.lidar.Scan``, with ``range_m`` as measured; ``true_range`` [m] is that of the middle of the beam as the
-    ideal LiDAR has it, 0 if that meets nothing; ``signal`` [photon], 0 if every pulse returns; ``reflectivity`` the
-    reflectance of a matt surface that faces the LiDAR at the measured range and has this signal; ``echo`` 0 for the
-    nearest of a beam; ``mixed`` 1 if surfaces of more than one class or object made the echo.
+    As ``sensors.lidar.sensing.Scan``, with ``range_m`` as measured; ``true_range`` [m] is that of the middle of the
+    beam as the ideal LiDAR has it, 0 if that meets nothing; ``signal`` [photon], 0 if every pulse returns;
+    ``reflectivity`` the reflectance of a matt surface that faces the LiDAR at the measured range and has this signal;
+    ``echo`` 0 for the nearest of a beam; ``mixed`` 1 if surfaces of more than one class or object made the echo.
     """
 
     xyz: Float32Array
@@ -128,7 +128,7 @@ def measure(receiver: Receiver, key: np.uint64, directions: Array, echoes: EchoB
 
     Directions (columns, rings, 3). Draws depend on ``key``, ray and echo, not on what else returns.
     """
-    labels, instances, depths, apparents, mixes, true_range = echoes
+    labels, instances, depths, apparents, mixes, _, true_range = echoes
     gain, threshold, step, angle = receiver.gain, receiver.threshold, receiver.resolution, receiver.angle
     count, columns, rings = depths.shape
     k = 0

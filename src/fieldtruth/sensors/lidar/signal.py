@@ -45,6 +45,10 @@ class LidarSignal(SignalConfig):
     """Standard deviation of the angles that it reports, across and along the ring."""
     divergence_deg: Annotated[Number, Field(ge=0, le=5)] = 0.0
     """Angle in which the beam has more than half of its greatest irradiance (FWHM); used with ``sub_rays``."""
+    beam_diameter: Positive = 0.01
+    """[m] where the beam leaves the LiDAR; matters to single drops and flakes in the air."""
+    wavelength_nm: Annotated[Number, Field(ge=400, le=2000)] = 905.0
+    """Matters to light fog, and to rain above 1400."""
     sub_rays: SubRays = 1
     """Rays that stand for the width of one beam: 1, or an odd number: one in the middle and a ring around it."""
     returns: Returns = "strongest"

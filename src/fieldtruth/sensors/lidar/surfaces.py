@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What beams meet: range, class and instance id as ``sense.lidar`` finds them, and how bright the surface looks."""
+"""What beams meet: range, class and instance id as the ideal LiDAR finds them, and how bright the surface looks."""
 
 from typing import Any, NamedTuple
 
@@ -12,10 +12,10 @@ from fieldtruth.core.classes import Label
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import TERRAIN, Grid, HitTable, hit_top, read_grid
 from fieldtruth.sense.kernel import inlined, kernel
-from fieldtruth.sense.lidar import Beams, aimed, entry
 from fieldtruth.sense.packets import Packet, set_ray
 from fieldtruth.sense.scene import Scene, grid_of
 from fieldtruth.sensors.lidar.reflectance import reflectance_of
+from fieldtruth.sensors.lidar.sensing import Beams, aimed, entry
 from fieldtruth.world.model import GROUND_ID, Raster, World
 
 _LANES, _WIDTH, _HEIGHT = embree.LANES, embree.LANES // 4, 4
@@ -47,6 +47,7 @@ class EchoBuffers(NamedTuple):
     depth: Float32Array  # [m] range, 0 without an echo
     apparent: Float32Array  # reflectance of a matt surface that faces the LiDAR, fills the beam and is as bright
     mixed: Mask  # whether surfaces of more than one class or object made it
+    clear: Float32Array  # [m] up to which nothing is in the middle of the beam
     true_range: Float32Array  # [m] of what the middle of the beam meets, 0 if that returns nothing
 
 
@@ -59,6 +60,7 @@ def echo_buffers(echoes: int, columns: int, rings: int) -> EchoBuffers:
         depth=np.zeros(shape, np.float32),
         apparent=np.zeros(shape, np.float32),
         mixed=np.zeros(shape, np.bool_),
+        clear=np.zeros(shape[1:], np.float32),
         true_range=np.zeros(shape[1:], np.float32),
     )
 
@@ -145,12 +147,12 @@ def trace_surfaces(
     beams: Beams,
     out: EchoBuffers,
 ) -> None:
-    """Trace all rays as ``sense.lidar.trace_beams`` does, with the same ranges, labels and ids to the last bit.
+    """Trace all rays as ``sensing.trace_beams`` does, with the same ranges, labels and ids to the last bit.
 
     The only echo of a beam is that of its middle.
     """
     hits, surfaces = tables
-    label, instance, distance, apparent, _, true_range = out
+    label, instance, distance, apparent, _, clear, true_range = out
     _, lag, min_range, max_range, returns = beams
     ray, words, valid, arguments = packet
     tops, rotations = hits.geometry_top, surfaces.top_rotation
@@ -178,7 +180,7 @@ def trace_surfaces(
                 column, ring = first_column + lane % _WIDTH, first_ring + lane // _WIDTH
                 distance[0, column, ring] = true_range[column, ring] = 0.0
                 top = hit_top(tops, words, lane)
-                range_m = ray[_FAR + lane]
+                clear[column, ring] = range_m = ray[_FAR + lane]
                 if top < 0 or range_m < min_range:
                     continue
                 share = lag[ring]

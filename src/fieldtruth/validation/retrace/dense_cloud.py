@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Mask
-from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 
 class DenseCloud(NamedTuple):

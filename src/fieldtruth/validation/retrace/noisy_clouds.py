@@ -8,6 +8,7 @@ and the signal's figures give the deviation of its range and the probability tha
 
 import threading
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -15,8 +16,9 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.noise import limit_of
+from fieldtruth.sensors.lidar.sensing import ray_directions
 from fieldtruth.sensors.lidar.signal import LidarSignal
 from fieldtruth.sensors.lidar.surfaces import EchoBuffers
 from fieldtruth.validation.check import Check, Rule, Spec, Tally
@@ -30,6 +32,16 @@ _ERRORS: Final = 5.0
 _SLACK: Final = 0.02
 """Share of a deviation that echoes of wide beams may differ by, whose rays another processor may place otherwise."""
 _LOST: Final = 0.002
+
+
+def rays_at(config: LidarConfig, stamp_ns: int) -> Array:
+    """Directions (columns * rings, 3) of a scan at a stamp by number of the ray."""
+    return _directions(config, 0 if config.pattern is None else stamp_ns)
+
+
+@lru_cache(maxsize=16)
+def _directions(config: LidarConfig, stamp_ns: int) -> Array:
+    return ray_directions(config, stamp_ns).reshape(-1, 3)
 
 
 def ideal_points(cloud: NDArray[np.void], config: LidarConfig, directions: Array) -> NDArray[np.void]:

@@ -72,7 +72,7 @@ def rebuild(run: Run, *, quick: bool, full: bool, progress: Progress) -> tuple[R
             world = world_of(run.experiment)
             scene = Scene(world)
             photographs = any(imager.topic_of("photograph") in run.counts for imager in run.rig.imagers)
-            baked = bake(scene, run.experiment.light) if full and photographs else None
+            baked = bake(scene, run.experiment.light, run.experiment.weather) if full and photographs else None
     except FieldtruthError as error:
         return None, f"the world cannot be built: {error}"
     return RebuiltWorld(world, scene, baked), ""
