@@ -30,7 +30,7 @@ NOISE: Final[Spec] = Spec("noise of LiDARs", (BIAS, WIDTH, RETURNED), skipped="n
 
 _ERRORS: Final = 5.0
 _SLACK: Final = 0.02
-"""Share of a deviation that echoes of wide beams may differ by, whose rays another processor may place otherwise."""
+"""Share of a deviation that echoes of wide beams may differ by, whose rays may meet other surfaces on another processor."""
 _LOST: Final = 0.002
 
 
@@ -121,7 +121,7 @@ class NoiseTally(Tally):
 
     def result(self) -> Check:
         """Return the check."""
-        for name, (count, total, squares, returned, expected, variance) in self._sums.items():
+        for name, (count, total, squares, returned, expected, variance) in sorted(self._sums.items()):
             mean, width = total / max(count, 1.0), np.sqrt(squares / max(count, 1.0))
             slack = _ERRORS / np.sqrt(max(count, 1.0))
             text = f"{name}: {count:,.0f} points, mean {mean:.4f}, deviation {width:.4f} of that expected"
