@@ -21,6 +21,7 @@ BUILT_IN: Final = "built-in"
 """Entry of ``routes``: a route of the environment's built-in experiments."""
 PRODUCT: Final = "product"
 ROUTES: Final = f"{BUILT_IN}, {{random: {{length_m: ...}}}}, {{frames: {{count: ...}}}}, or a list of these"
+SIGNALS: Final = "ideal, datasheet, or a mapping of sensors, or their kinds, to these or to figures"
 DRAWN_ONLY: Final = ("environments", "layouts", "routes", "runs")
 """Keys that a campaign of listed experiments does not have."""
 
@@ -101,6 +102,7 @@ class Campaign(Frozen):
     cameras: Boolean | None = None
     lidar: Boolean | None = None
     extras: tuple[str, ...] | None = None
+    signal: Annotated[Literal["ideal", "datasheet"] | dict[str, Any] | None, Field(description=SIGNALS)] = None
     split: Split | None = None
     """None: all runs in one folder."""
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Campaigns as YAML files: recognise, load, override, and write the effective one."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,11 +14,12 @@ from fieldtruth.core.errors import ConfigurationError, FieldtruthError, UnknownN
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import Mount
-from fieldtruth.experiment.files import VERSION_KEY, check_version, load_experiment, read_text
+from fieldtruth.experiment.files import VERSION_KEY, check_version, load_experiment
 from fieldtruth.experiment.problems import LocatedError, configuration_error, dotted
+from fieldtruth.experiment.signal_config import with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.urdf import with_urdf_mounts
-from fieldtruth.experiment.yaml_io import parse_mapping, write_mapping
+from fieldtruth.experiment.yaml_io import parse_mapping, read_text, write_mapping
 
 ALL: Final = "all"
 """Name of the campaign of the built-in experiments."""
@@ -69,9 +70,10 @@ def load_campaign(name_or_path: str | Path) -> Campaign:
 
 
 def _mounted(rigs: Any, path: Path) -> Any:
-    """Return entries of ``rigs`` with the mounts of their URDFs, so that the campaign needs no other file."""
+    """Return entries of ``rigs`` with what their URDFs and signals say, so that the campaign needs no other file."""
     if isinstance(rigs, list):
         return [_mounted(entry, path) for entry in rigs]
+    rigs = with_signal_files(rigs, path.parent)
     if not isinstance(rigs, dict) or not isinstance(rigs.get(URDF), str):
         return rigs
     try:
@@ -105,12 +107,13 @@ def with_changes(
     cameras: bool | None = None,
     lidar: bool | None = None,
     extras: Sequence[str] | None = None,
+    signal: str | Mapping[str, Any] | None = None,
 ) -> Campaign:
     """Return a copy whose runs have other values; None keeps those of the campaign.
 
     ``seed`` is the root of what is drawn, or the seed of every listed experiment.
     """
-    changes = {"seconds": seconds, "cameras": cameras, "lidar": lidar, "extras": extras}
+    changes = {"seconds": seconds, "cameras": cameras, "lidar": lidar, "extras": extras, "signal": signal}
     changes["seeds" if campaign.experiments else "seed"] = seed
     values: dict[str, Any] = {name: getattr(campaign, name) for name in campaign.model_fields_set}
     return _validated(values | {key: value for key, value in changes.items() if value is not None}, "")

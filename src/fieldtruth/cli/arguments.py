@@ -42,12 +42,15 @@ def add_workers(parser: Parser, output: str) -> None:
 
 def changes(options: argparse.Namespace) -> dict[str, Any]:
     """Return what the options of ``generate`` change in an experiment, or in each one of a campaign; None: nothing."""
+    from fieldtruth.experiment.files import read_signal
+
     return {
         "seconds": options.seconds,
         "seed": options.seed,
         "cameras": False if options.no_cameras else None,
         "lidar": False if options.no_lidar else None,
         "extras": options.extras,
+        "signal": None if options.signal is None else read_signal(options.signal),
     }
 
 

@@ -190,6 +190,7 @@ def add_commands(command: AddCommand) -> None:
     generate.add_argument(
         "--extras", metavar="LIST", type=words, help="more images of each camera: depth, instances or depth,instances"
     )
+    generate.add_argument("--signal", metavar="SIGNAL", help="ideal, datasheet or FILE: readings as of real sensors")
     generate.add_argument("--overwrite", action="store_true", help="discard an existing run in the output folder")
     campaigns.add_arguments(generate)
 

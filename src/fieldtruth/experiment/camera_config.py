@@ -36,6 +36,8 @@ class CameraConfig(MountedConfig):
 
     needs_mount: ClassVar[bool] = True
 
+    datasheet: ClassVar[str] = "zed_2"
+
     kind: Literal["camera"] = "camera"
     name: SensorName = "camera"
     topic: TopicName = "/camera"

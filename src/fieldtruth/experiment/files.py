@@ -3,7 +3,7 @@
 """Experiments as YAML files: load, override values, and write the complete effective configuration."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,13 +16,13 @@ from fieldtruth.experiment.catalogue import experiment_names, experiment_text
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.problems import configuration_error, shortened
+from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.experiment.signal_config import DATASHEET, IDEAL, KEY, with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF
-from fieldtruth.experiment.yaml_io import parse_mapping, write_mapping
+from fieldtruth.experiment.yaml_io import parse_mapping, read_text, write_mapping
 
 VERSION_KEY: Final = "fieldtruth"
 """Key of the version that wrote a file; optional in files written by hand."""
-
-MAX_FILE_SIZE: Final = 4 << 20  # [byte]; enough for 50,000 waypoints, and keeps bags from being parsed
 
 EXTRAS: Final = ("depth", "instances")
 """Optional image streams of a camera, besides photograph and tag."""
@@ -38,7 +38,7 @@ def load_experiment(name_or_path: str | Path) -> Experiment:
 
     A string with a slash or ending in .yaml or .yml is a path; any other is a name first, then a file in the current
     folder. Environment and layout are checked by the world (``fieldtruth.check_experiment``), not here. Paths of a
-    track file and of a URDF may be relative to the YAML file.
+    track file, of a URDF and of the figures of a signal may be relative to the YAML file.
 
     Raises:
         UnknownNameError: neither a built-in experiment nor a file.
@@ -54,13 +54,15 @@ def load_experiment(name_or_path: str | Path) -> Experiment:
 def parse_experiment(text: str, source: str = "", folder: Path | None = None) -> Experiment:
     """Parse an experiment from YAML text; errors as in load_experiment, with ``source`` in front.
 
-    The path of a URDF may be relative to ``folder``, by default the current one.
+    Paths of a URDF and of signals may be relative to ``folder``, by default the current one.
     """
     data = parse_mapping(text, source or "experiment")
     check_version(data.pop(VERSION_KEY, None), source)
     rig = data.get("rig")
     if folder is not None and isinstance(rig, dict) and isinstance(rig.get(URDF), str) and rig[URDF]:
-        data["rig"] = rig | {URDF: str(folder / rig[URDF])}
+        data["rig"] = rig = rig | {URDF: str(folder / rig[URDF])}
+    if folder is not None and rig is not None:
+        data["rig"] = with_signal_files(rig, folder)
     return _validated(data, source)
 
 
@@ -92,6 +94,7 @@ def with_overrides(
     cameras: bool | None = None,
     lidar: bool | None = None,
     extras: Sequence[str] | None = None,
+    signal: str | Mapping[str, Any] | None = None,
 ) -> Experiment:
     """Return a validated copy with other values; None keeps the experiment's value.
 
@@ -102,6 +105,8 @@ def with_overrides(
         cameras: whether the cameras are simulated.
         lidar: whether the LiDARs are simulated.
         extras: image streams of ``EXTRAS`` that cameras publish besides photograph and tag; the others are off.
+        signal: of every sensor whose kind has one: ``ideal``, ``datasheet``, or a mapping of names or kinds of sensors
+            to their ``signal``; see ``read_signal``.
 
     Raises:
         ConfigurationError: a value that is not allowed.
@@ -118,7 +123,40 @@ def with_overrides(
             if name not in EXTRAS:
                 raise UnknownNameError("extra", name, EXTRAS)
         rig = rig.with_sensors(CameraConfig, **{name: name in extras for name in EXTRAS})
-    return _validated(values | {"rig": rig.model_dump()}, "")
+    dumped = rig.model_dump()
+    if signal is not None:
+        signals = _signals(signal, rig.sensors)
+        dumped["sensors"] = [item | signals.get(item["name"], {}) for item in dumped["sensors"]]
+    return _validated(values | {"rig": dumped}, "")
+
+
+def read_signal(given: str) -> str | dict[str, Any]:
+    """Return ``ideal``, ``datasheet``, or what a YAML file says: a mapping of names or kinds of sensors to ``signal``.
+
+    Raises:
+        ConfigurationError: none of them, or a file that cannot be read.
+    """
+    if given in (IDEAL, DATASHEET):
+        return given
+    if not _looks_like_path(given):
+        raise ConfigurationError(f"{KEY} must be {IDEAL}, {DATASHEET} or the path of a YAML file, got {given!r}")
+    return parse_mapping(read_text(Path(given)), given)
+
+
+def _signals(given: str | Mapping[str, Any], sensors: Sequence[SensorConfig]) -> dict[str, dict[str, Any]]:
+    """Value of ``signal`` by name of the sensor; those whose kind has no signal, or that are not given, have none.
+
+    Raises:
+        ConfigurationError: a key that is no sensor of the rig.
+    """
+    noisy = [sensor for sensor in sensors if sensor.datasheet]
+    if isinstance(given, str):
+        return {sensor.name: {KEY: given} for sensor in noisy}
+    known = [*dict.fromkeys(each for sensor in noisy for each in (sensor.name, sensor.kind))]
+    if unknown := [key for key in given if key not in known]:
+        raise ConfigurationError(f"{KEY}: {unknown[0]!r} must be a sensor of the rig or its kind: {', '.join(known)}")
+    chosen = {sensor.name: given.get(sensor.name, given.get(sensor.kind)) for sensor in noisy}
+    return {name: {KEY: value} for name, value in chosen.items() if value is not None}
 
 
 def _beside(experiment: Experiment, folder: Path) -> Experiment:
@@ -131,26 +169,6 @@ def _beside(experiment: Experiment, folder: Path) -> Experiment:
 
 def _looks_like_path(name: str | Path) -> bool:
     return isinstance(name, Path) or "/" in name or name.endswith((".yaml", ".yml"))
-
-
-def read_text(path: Path) -> str:
-    """Read a configuration file.
-
-    Raises:
-        ConfigurationError: it cannot be read, is not UTF-8, or is too large for a configuration.
-    """
-    try:
-        if path.is_dir():
-            raise ConfigurationError(f"{path} is a folder; give a YAML file in it")
-        if path.stat().st_size > MAX_FILE_SIZE:
-            raise ConfigurationError(f"{path} is too large for a configuration: more than {MAX_FILE_SIZE >> 20} MiB")
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ConfigurationError(f"cannot read {path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise ConfigurationError(f"cannot read {path}: byte {error.start} is not UTF-8") from error
-    except ValueError as error:  # a path with a null byte
-        raise ConfigurationError(f"cannot read {str(path)!r}: {error}") from error
 
 
 def _validated(data: dict[str, Any], source: str) -> Experiment:

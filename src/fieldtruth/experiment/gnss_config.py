@@ -14,6 +14,8 @@ class GnssConfig(MountedConfig):
 
     sees: ClassVar[bool] = False
 
+    datasheet: ClassVar[str] = "duro"
+
     kind: Literal["gnss"] = "gnss"
     name: SensorName = "gnss"
     topic: TopicName = "/navsat/fix"

@@ -16,6 +16,8 @@ class ImuConfig(MountedConfig):
 
     sees: ClassVar[bool] = False
 
+    datasheet: ClassVar[str] = "3dm_gx5_25"
+
     kind: Literal["imu"] = "imu"
     name: SensorName = "imu"
     topic: TopicName = "/imu/data"

@@ -3,7 +3,7 @@
 """Configuration of the LiDAR; defaults from the paper's Tables 1, 2 and 5."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Final, Literal, Self
+from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -23,6 +23,8 @@ _PER_RING: Final = {"min_length": 1, "max_length": MOST_RINGS}
 
 class LidarConfig(MountedConfig):
     """Rotating multi-beam LiDAR; by default the paper's Ouster OS1-64."""
+
+    datasheet: ClassVar[str] = "os1_64_gen1"
 
     kind: Literal["lidar"] = "lidar"
     name: SensorName = "lidar"

@@ -17,6 +17,8 @@ class WheelOdometryConfig(SensorConfig):
 
     sees: ClassVar[bool] = False
 
+    datasheet: ClassVar[str] = "husky_a200"
+
     kind: Literal["wheel_odometry"] = "wheel_odometry"
     name: SensorName = "wheel_odometry"
     topic: TopicName = "/odometry/wheel"

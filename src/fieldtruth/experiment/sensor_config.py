@@ -12,6 +12,8 @@ from fieldtruth.core.errors import nearest_first, suggestion
 from fieldtruth.experiment.fields import Boolean, Frozen, Mount, Rate
 from fieldtruth.experiment.problems import LocatedError, PartError, condition_at, shortened
 from fieldtruth.experiment.sensor_models import figures_of, models
+from fieldtruth.experiment.signal_config import KEY as SIGNAL
+from fieldtruth.experiment.signal_config import SignalConfig, signal_values
 from fieldtruth.experiment.topic import Topic
 
 _Config = TypeVar("_Config", bound=Frozen)
@@ -39,6 +41,8 @@ class SensorConfig(Frozen):
 
     sees: ClassVar[bool] = True
     """Whether it senses the world around it, so that a reading depends on a pose alone."""
+    datasheet: ClassVar[str] = ""
+    """Model whose data sheet ``signal: datasheet`` means of a sensor without ``model``."""
     needs_mount: ClassVar[bool] = False
     """Whether a rig must give ``mount``, because its default is for a sensor that is used on its own."""
 
@@ -49,6 +53,8 @@ class SensorConfig(Frozen):
     """Gives every value that is not set, from the model's data file. None: the defaults."""
     rate_hz: Rate
     topic: TopicName
+    signal: SignalConfig | None = None
+    """What a real sensor adds to ideal readings. None: ideal."""
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
@@ -75,7 +81,10 @@ class SensorConfig(Frozen):
         if isinstance(model, str) and model not in models(kind):
             nearest = ", ".join(nearest_first(model, models(kind))) or "none"
             raise LocatedError(f"must be a model of kind {kind}, nearest first: {nearest}; got {model!r}", ["model"])
-        return cls.completed(dict(given), figures_of(kind, model) if isinstance(model, str) else {})
+        values = cls.completed(dict(given), figures_of(kind, model) if isinstance(model, str) else {})
+        if SIGNAL in values:
+            values[SIGNAL] = signal_values(values[SIGNAL], kind, model if isinstance(model, str) else cls.datasheet)
+        return values
 
     @classmethod
     def of_name(cls, name: str) -> dict[str, Any]:

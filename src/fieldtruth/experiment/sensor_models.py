@@ -26,8 +26,8 @@ _FOLDERS: Final = {"stereo": "camera"}
 def models(kind: str) -> dict[str, dict[str, Any]]:
     """Return the models of a kind of sensor by name; none of a kind that is not the package's.
 
-    Each has a ``description``, its ``figures`` and, not simulated yet, ``noise`` and ``stored``: mappings of keys to
-    ``value`` and ``source``. Figures are keys of the sensor's configuration, with a few exceptions: a single camera has
+    Each has a ``description``, its ``figures``, ``noise`` and, not simulated, ``stored``: mappings of keys to ``value``
+    and ``source``. Figures are keys of the sensor's configuration, with a few exceptions: a single camera has
     no ``baseline``, and a LiDAR with ``firing_cycle_ns`` has its ``columns`` from that and its rate.
     """
     folder = _FOLDERS.get(kind, kind)
@@ -52,3 +52,8 @@ def figures_of(kind: str, name: str) -> dict[str, Any]:
     if name not in models(kind):
         raise UnknownNameError(f"model of kind {kind}", name, models(kind))
     return {key: figure["value"] for key, figure in models(kind)[name]["figures"].items()}
+
+
+def datasheet_of(kind: str, name: str) -> dict[str, Any]:
+    """Values of the ``noise`` of a model by key; empty if it has none."""
+    return {key: figure["value"] for key, figure in models(kind).get(name, {}).get("noise", {}).items()}

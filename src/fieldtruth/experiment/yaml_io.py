@@ -4,12 +4,14 @@
 
 import re
 from collections.abc import Hashable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Final
 
 import yaml
 
 from fieldtruth.core.errors import ConfigurationError
 
+MAX_FILE_SIZE: Final = 4 << 20  # [byte]; enough for 50,000 waypoints, and keeps bags from being parsed
 _EXPONENT: Final = re.compile(r"^[-+]?[0-9]+(?:\.[0-9]*)?[eE][-+]?[0-9]+$")
 
 
@@ -65,3 +67,23 @@ def parse_mapping(text: str, source: str) -> dict[str, Any]:
 def write_mapping(data: Mapping[str, object]) -> str:
     """Write a mapping of plain values in its own order; :func:`parse_mapping` reads back an equal one."""
     return yaml.dump(dict(data), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120)
+
+
+def read_text(path: Path) -> str:
+    """Read a configuration file.
+
+    Raises:
+        ConfigurationError: it cannot be read, is not UTF-8, or is too large for a configuration.
+    """
+    try:
+        if path.is_dir():
+            raise ConfigurationError(f"{path} is a folder; give a YAML file in it")
+        if path.stat().st_size > MAX_FILE_SIZE:
+            raise ConfigurationError(f"{path} is too large for a configuration: more than {MAX_FILE_SIZE >> 20} MiB")
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ConfigurationError(f"cannot read {path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigurationError(f"cannot read {path}: byte {error.start} is not UTF-8") from error
+    except ValueError as error:  # a path with a null byte
+        raise ConfigurationError(f"cannot read {str(path)!r}: {error}") from error
