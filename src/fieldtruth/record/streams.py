@@ -7,7 +7,7 @@ A reading depends only on its number, so parts of a recording can be made in any
 
 from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +60,14 @@ class Camera(Protocol):
         ...
 
 
+class SignalCamera(Camera, Protocol):
+    """A camera with the signal of a real one."""
+
+    def capture(self, imager: Imager, number: int, stamp_ns: int, world_from_base: PoseAt) -> CameraImages:
+        """Photograph ``number`` of a view at a stamp [ns]; the other images are those of the pose at the stamp."""
+        ...
+
+
 class Sensors(NamedTuple):
     """The sensors of one worker; they own buffers, so threads must not share them."""
 
@@ -95,7 +103,10 @@ def streams_of(world: World, track: Track, rig: Rig, *, latched: bool = False) -
     if not track.is_frames:
         streams += _measured(track, rig)
     streams += [lidar_stream(each, stamps_at(each.rate_hz), world_from_base) for each in rig.lidars]
-    streams += [imager_stream(each, stamps_at(each.config.rate_hz), world_from_base) for each in rig.imagers]
+    streams += [
+        imager_stream(each, stamps_at(each.config.rate_hz), world_from_base, stands=track.is_frames)
+        for each in rig.imagers
+    ]
     streams += [scene_stream(each, stamps_at(each.rate_hz), world_from_base) for each in rig.scene_sensors]
     return streams
 
@@ -195,12 +206,21 @@ def scene_stream(config: MountedConfig, stamps: Stamps, world_from_base: PoseAt)
     return Stream(tuple(topic.name for topic in config.topics()), stamps, read)
 
 
-def imager_stream(imager: Imager, stamps: Stamps, world_from_base: PoseAt) -> Stream:
-    """Calibration and images at ``stamps`` [ns] of a view on a base that is at ``world_from_base(stamp_ns)``."""
+def imager_stream(imager: Imager, stamps: Stamps, world_from_base: PoseAt, *, stands: bool = False) -> Stream:
+    """Calibration and images at ``stamps`` [ns] of a view on a base that is at ``world_from_base(stamp_ns)``.
+
+    Where the base ``stands`` at each stamp, it has not moved there: exposure and metering have the pose at the stamp.
+    """
     config, frame, base_from_optical = imager.config, imager.optical_frame, imager.base_from_optical
 
+    def look(k: int, camera: Camera) -> CameraImages:
+        if config.signal is None:
+            return camera.render(world_from_base(int(stamps[k])) @ base_from_optical)
+        pose_at = _standing_at(world_from_base(int(stamps[k]))) if stands else world_from_base
+        return cast("SignalCamera", camera).capture(imager, k, int(stamps[k]), pose_at)
+
     def capture(k: int, sensors: Sensors) -> Iterable[bytes]:
-        picture = sensors.cameras[config.name].render(world_from_base(int(stamps[k])) @ base_from_optical)
+        picture = look(k, sensors.cameras[config.name])
         yield sensor_messages.camera_info(k, stamps[k], imager)
         yield sensor_messages.photograph(k, stamps[k], frame, picture.photo, config.jpeg_quality)
         yield sensor_messages.tag(k, stamps[k], frame, picture.label)
@@ -210,3 +230,7 @@ def imager_stream(imager: Imager, stamps: Stamps, world_from_base: PoseAt) -> St
             yield sensor_messages.instances(k, stamps[k], frame, picture.instance, wide_ids=sensors.wide_ids)
 
     return Stream(tuple(imager.topics.values()), stamps, capture)
+
+
+def _standing_at(pose: Array) -> PoseAt:
+    return lambda stamps: np.tile(pose, (len(stamps), 1, 1)) if isinstance(stamps, np.ndarray) else pose

@@ -41,17 +41,22 @@ class Camera(LabelCamera):
 
     def render(self, world_from_optical: Array) -> CameraImages:
         """Photograph, label, instance and depth images from a pose (4, 4)."""
-        images = self._images
-        if images is None:
-            h, w = self.config.height, self.config.width
-            images = CameraImages(
-                label=np.empty((h, w), np.uint8),
-                instance=np.empty((h, w), np.uint32),
-                depth=np.empty((h, w), np.float32),
-                photo=np.empty((h, w, 3), np.uint8),
-            )
+        images = self._own_images()
         labels = LabelBuffers(images.label, images.instance, images.depth)
         render_image(self._shading, self._framebuffer, self._view(world_from_optical), labels, images.photo)
+        return images
+
+    def _own_images(self) -> CameraImages:
+        """Arrays of images, new ones unless they are reused."""
+        if self._images is not None:
+            return self._images
+        h, w = self.config.height, self.config.width
+        images = CameraImages(
+            label=np.empty((h, w), np.uint8),
+            instance=np.empty((h, w), np.uint32),
+            depth=np.empty((h, w), np.float32),
+            photo=np.empty((h, w, 3), np.uint8),
+        )
         if self._reuse:
             self._images = images
         return images

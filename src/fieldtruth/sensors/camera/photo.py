@@ -24,7 +24,7 @@ class Developer:
         h, w = config.height, config.width
         rows, columns = np.arange(h)[:, None], np.arange(w)
         vignetting = signal.vignetting_power or any(signal.vignetting_polynomial)
-        self._share = illumination(config, signal, columns, rows) if vignetting else _NONE[0:0, :, 0]
+        self._share = illumination(config, signal, columns, rows) if vignetting else np.zeros((0, 0), np.float32)
         self._light = np.empty((h, w, 3), np.float32)
         shape = raw_shape(signal, h, w)
         self._raw = np.empty(shape, np.float32)
