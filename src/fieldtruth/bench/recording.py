@@ -15,9 +15,9 @@ from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.slices import Slices
+from fieldtruth.record.sensors import camera_of
 from fieldtruth.record.streams import Sensors, streams_of
 from fieldtruth.render.bake import BakedScene
-from fieldtruth.render.camera import Camera
 from fieldtruth.sense.lidar import Lidar
 
 SECONDS: Final = 4
@@ -67,7 +67,7 @@ def sensors_of(baked: BakedScene, rig: Rig, *, used: bool = False) -> Sensors:
     ``used``: after the first use of their memory, which a long run pays once.
     """
     lidars = {config.name: Lidar(config, baked.scene) for config in rig.lidars}
-    cameras = {config.name: Camera(config, baked, reuse=True) for config in rig.cameras}
+    cameras = {config.name: camera_of(config, baked) for config in rig.cameras}
     if used:
         for camera in cameras.values():
             camera.render(np.eye(4))
