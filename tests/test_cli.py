@@ -209,7 +209,7 @@ def test_shares_counts_the_given_experiments(
 
     def count(experiments: list[fieldtruth.Experiment], *, workers: int, progress: object) -> dict[str, Any]:
         calls.append(([(experiment.name, experiment.seed) for experiment in experiments], workers))
-        row = np.zeros((1, 16), np.int64)
+        row = np.zeros((1, 18), np.int64)
         row[0, [1, 15]] = 3, 1
         return {experiment.name: fieldtruth.ClassShares(pixels=row, points=row) for experiment in experiments}
 

@@ -33,6 +33,7 @@ from .datasets import Runs as Runs
 from .datasets import collate as collate
 from .datasets import open_runs as open_runs
 from .datasets import split as split
+from .degradation import degrade as degrade
 from .drive.plan import plan_route as plan_route
 from .drive.track import Track as Track
 from .experiment.camera_config import OPTICAL as OPTICAL

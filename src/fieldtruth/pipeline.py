@@ -21,11 +21,12 @@ from fieldtruth.drive.standing import standing_robot
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.folder import RunFolder, run_folder
 from fieldtruth.record.following import follow_track, with_stored_track, without_wheels
 from fieldtruth.record.sensors import sensor_factory
 from fieldtruth.record.slices import SliceFolder, Slices, slices_key
-from fieldtruth.record.streams import streams_of
+from fieldtruth.record.streams import Stream, streams_of
 from fieldtruth.report.card import data_card
 from fieldtruth.world.build import check_experiment, world_of
 from fieldtruth.world.model import World
@@ -72,10 +73,17 @@ class PreparedHere:
 
     def slices(self, folder: Path) -> Slices:
         """Build the scene and bake its light for the slices in a folder."""
-        rig, latched = self.experiment.rig, self.latched
-        sensors = sensor_factory(self.world, rig, self.experiment.light)
-        topics = topics_of_run(self.experiment, latched=latched)
-        return Slices(folder, streams_of(self.world, self.track, rig, latched=latched), topics, sensors)
+        streams = self.streams()
+        sensors = sensor_factory(self.world, self.sensed(), self.experiment.light)
+        return Slices(folder, streams, topics_of_run(self.experiment, latched=self.latched), sensors)
+
+    def streams(self) -> list[Stream]:
+        """Return every stream of the recording."""
+        return streams_of(self.world, self.track, self.experiment.rig, latched=self.latched)
+
+    def sensed(self) -> Rig:
+        """Return the rig with the sensors that are needed to make the streams."""
+        return self.experiment.rig
 
     def card(self, counts: Mapping[str, int]) -> str:
         """Return the data card."""

@@ -33,7 +33,7 @@ class Truth(NamedTuple):
 
     def pixels(self) -> NDArray[np.int64]:
         """Pixels of all images by class id."""
-        return sum((np.bincount(p.label.ravel(), minlength=16) for p in self.pictures.values()), np.zeros(16, np.int64))
+        return sum((np.bincount(p.label.ravel(), minlength=18) for p in self.pictures.values()), np.zeros(18, np.int64))
 
 
 def read_truth(bag: Path) -> Truth:

@@ -25,7 +25,7 @@ from fieldtruth.ontology.label_map import LABEL_MAPS
 
 THINGS = {2: "trunk and branch", 3: "treetop", 4: "bush", 5: "rock", 8: "lamp post", 9: "trash bin", 10: "table",
           11: "bench", 12: "post", 13: "cable"}  # fmt: skip
-STUFF = {1: "ground", 6: "high grass", 7: "trail", 14: "water", 15: "sky"}
+STUFF = {1: "ground", 6: "high grass", 7: "trail", 14: "water", 15: "sky", 16: "robot", 17: "particle"}
 SIDES = ("left", "right")
 INSTANCES = "/stereo/camera/left/instances"
 TAGS = "/stereo/camera/left/tag/img_raw"

@@ -91,10 +91,10 @@ def test_datasets_loads_the_folder(folder: Path, truth: Truth, library: Any) -> 
     features = library.Features._from_yaml_list(header["dataset_info"][0]["features"])
     assert features == loaded["train"].features
     assert features["classes"].feature.names[15] == "sky"
-    counts = np.zeros(16, np.int64)
+    counts = np.zeros(18, np.int64)
     for row in loaded["val"]:
         assert row["image"].size == (320, 184)
-        counts += np.bincount(np.asarray(row["mask"]).ravel(), minlength=16)
+        counts += np.bincount(np.asarray(row["mask"]).ravel(), minlength=18)
     np.testing.assert_array_equal(counts, truth.pixels())
     clouds = library.load_dataset(str(folder), "clouds", split="train")
     assert [len(row["x"]) for row in clouds] == [len(truth.clouds[stamp]) for stamp in sorted(truth.clouds)]
@@ -112,12 +112,12 @@ def test_mlcroissant_loads_the_records(folder: Path, truth: Truth) -> None:
     assert dataset.metadata.personal_sensitive_information == ["There are no people and no personal data."]
     assert any(limit.startswith("Everything is simulated.") for limit in dataset.metadata.data_limitations)
     assert [row["classes/name"] for row in dataset.records("classes")][1] == "ground"
-    counts = {b"train": np.zeros(16, np.int64), b"val": np.zeros(16, np.int64)}
+    counts = {b"train": np.zeros(18, np.int64), b"val": np.zeros(16, np.int64)}
     for row in dataset.records("images"):
         picture = truth.pictures[row["images/stamp_ns"], row["images/camera"].decode()]
         assert row["images/image"].size == (320, 184)
         np.testing.assert_array_equal(np.asarray(row["images/depth"]), picture.depth)
-        counts[row["images/split"]] += np.bincount(np.asarray(row["images/mask"]).ravel(), minlength=16)
+        counts[row["images/split"]] += np.bincount(np.asarray(row["images/mask"]).ravel(), minlength=18)
     for count in counts.values():
         np.testing.assert_array_equal(count, truth.pixels())
 

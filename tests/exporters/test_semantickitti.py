@@ -219,8 +219,8 @@ def test_images_are_photographs_with_the_stamp_of_a_cloud(made: Path, bag: Path,
 def test_configuration_describes_the_classes(made: Path, clouds: list[Any], description: dict[str, Any]) -> None:
     assert description["labels"] == {c.label.value: c.name for c in CLASSES}
     assert description["color_map"][8] == [20, 97, 204]  # blue first
-    counts = np.sum([np.bincount(points(cloud)["label"], minlength=16) for cloud in clouds], axis=0)
-    assert description["content"] == {i: counts[i] / counts.sum() for i in range(16)}
+    counts = np.sum([np.bincount(points(cloud)["label"], minlength=18) for cloud in clouds], axis=0)
+    assert description["content"] == {i: counts[i] / counts.sum() for i in range(18)}
     assert description["sequences"][0] | {"world_from_first_cam0": None} == {
         "run": "park_1",
         "clouds": len(clouds),
@@ -229,8 +229,8 @@ def test_configuration_describes_the_classes(made: Path, clouds: list[Any], desc
         "first_stamp_ns": stamp_ns(clouds[0].header),
         "world_from_first_cam0": None,
     }
-    assert [number for number, ignored in description["learning_ignore"].items() if ignored] == [0, 14, 15]
-    assert description["learning_map"] == {i: i for i in range(16)}
+    assert [number for number, ignored in description["learning_ignore"].items() if ignored] == [0, 14, 15, 16, 17]
+    assert description["learning_map"] == {i: i for i in range(18)}
     assert description["split"] == {"train": [0], "valid": [], "test": []}
 
 

@@ -127,10 +127,10 @@ def test_a_shuffled_loop_counts_the_pixels_of_the_bag(folder: Path, truth: Truth
     decoded = shuffled.decode(webdataset.handle_extension("mask.png", image), "rgb8").to_tuple(
         "left.jpg", "left.mask.png", "right.mask.png", "__key__"
     )
-    counts, keys = np.zeros(16, np.int64), []
+    counts, keys = np.zeros(18, np.int64), []
     for photo, left, right, key in decoded:
         assert photo.shape == (*left.shape, 3)
-        counts += np.bincount(left.ravel(), minlength=16) + np.bincount(right.ravel(), minlength=16)
+        counts += np.bincount(left.ravel(), minlength=18) + np.bincount(right.ravel(), minlength=16)
         keys.append(key)
     np.testing.assert_array_equal(counts, truth.pixels())
     assert keys != sorted(keys)
@@ -166,9 +166,9 @@ def test_loader_of_pytorch_reads_it_with_two_workers(folder: Path, truth: Truth)
     loader = torch.utils.data.DataLoader(
         decoded.to_tuple("left.jpg", "left.mask.png").batched(2), batch_size=None, num_workers=2
     )
-    counts = np.zeros(16, np.int64)
+    counts = np.zeros(18, np.int64)
     for photos, masks in loader:
         assert photos.shape[1:] == (3, *masks.shape[1:])
-        counts += np.bincount(np.asarray(masks).ravel(), minlength=16)
+        counts += np.bincount(np.asarray(masks).ravel(), minlength=18)
     left = [picture.label for (_, side), picture in truth.pictures.items() if side == "left"]
-    np.testing.assert_array_equal(counts, np.bincount(np.ravel(left), minlength=16))
+    np.testing.assert_array_equal(counts, np.bincount(np.ravel(left), minlength=18))

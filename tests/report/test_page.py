@@ -61,7 +61,7 @@ def test_experiment_facts(page: Page, small_run: Path) -> None:
 
 
 def test_class_shares_count_every_pixel_and_point(page: Page, messages: Messages) -> None:
-    pixels = dict.fromkeys(range(1, 16), 0)
+    pixels = dict.fromkeys(range(1, len(CLASSES)), 0)
     for topic in TAGS:
         for _, tag in messages[topic]:
             codes, counts = np.unique(tag.data.reshape(-1, 3) @ [65536, 256, 1], return_counts=True)
@@ -70,7 +70,7 @@ def test_class_shares_count_every_pixel_and_point(page: Page, messages: Messages
     label = np.concatenate(
         [cloud.data.reshape(-1, 24)[:, 20:22].copy().view("<u2")[:, 0] for _, cloud in messages[POINTS]]
     )
-    points = np.bincount(label, minlength=16)
+    points = np.bincount(label, minlength=len(CLASSES))
     rows = {row[0]: row[1:] for row in page.rows(".//table[@class='shares']")}
     assert set(rows) == {row.name for row in CLASSES[1:] if pixels[row.label] or points[row.label]}
     for row in CLASSES[1:]:

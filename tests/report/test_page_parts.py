@@ -77,7 +77,7 @@ def test_pixels_are_counted_by_colour(encoding: str, order: int) -> None:
     message = SimpleNamespace(
         encoding=encoding, width=56, height=40, step=56 * 3 + 8, is_bigendian=0, data=padded.ravel()
     )
-    expected = np.bincount(label.ravel(), minlength=16)
+    expected = np.bincount(label.ravel(), minlength=18)
     expected[[label[0, 0], label[39, 55]]] -= 1
     expected[0] = 2
     assert count_pixels(message).tolist() == expected.tolist()
@@ -90,8 +90,8 @@ def test_tag_image_with_one_byte_per_pixel_is_an_error() -> None:
 
 
 def test_class_ids_come_from_label_or_intensity() -> None:
-    both = np.array([(3.0, 7), (4.0, 15), (5.0, 16), (5.0, 0)], [("intensity", "<f4"), ("label", "<u2")])
-    assert class_ids(both).tolist() == [7, 15, 0, 0]
+    both = np.array([(3.0, 7), (4.0, 17), (5.0, 18), (5.0, 0)], [("intensity", "<f4"), ("label", "<u2")])
+    assert class_ids(both).tolist() == [7, 17, 0, 0]
     intensity = np.array([3.0, 3.5, -1.0, 200.0, np.nan, 13.0], "<f4")
     assert class_ids(intensity.view([("intensity", "<f4")])).tolist() == [3, 0, 0, 0, 0, 13]
     assert class_ids(np.zeros(2, [("x", "<f4")])).tolist() == [0, 0]

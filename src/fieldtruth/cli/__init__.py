@@ -22,7 +22,7 @@ from fieldtruth.cli.interrupts import INTERRUPTED, interrupts
 from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning, UnknownNameError
 
 USER_ERROR: Final = 2
-RESUMABLE: Final = ("generate", "annotate")
+RESUMABLE: Final = ("generate", "annotate", "degrade")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

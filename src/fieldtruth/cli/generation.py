@@ -56,7 +56,6 @@ def _generate_one(options: argparse.Namespace) -> None:
     experiment = with_overrides(_checked_experiment(options.experiment), **changes(options))
     start = time.monotonic()
     # After the checks: compiled kernels and physics take a second to load.
-    from fieldtruth.bag.decode import count_messages
     from fieldtruth.core.progress import show_progress
     from fieldtruth.pipeline import generate
 
@@ -69,12 +68,36 @@ def _generate_one(options: argparse.Namespace) -> None:
             overwrite=options.overwrite,
             progress=progress,
         )
+    _print_bag(bag, start)
+
+
+def _print_bag(bag: Path, start: float) -> None:
+    from fieldtruth.bag.decode import count_messages
+
     took = time.monotonic() - start
     counts = count_messages(bag)
     print(
         f"{bag}: {sum(counts.values())} messages of {len(counts)} topics, {bag.stat().st_size / 1e6:.1f} MB; "
         f"this run took {took:.0f} s"
     )
+
+
+def _degrade(options: argparse.Namespace) -> None:
+    from fieldtruth.core.progress import show_progress
+    from fieldtruth.degradation import degrade
+    from fieldtruth.experiment.files import read_signal
+
+    start, signal = time.monotonic(), read_signal(options.model)
+    with show_progress() as progress:
+        bag = degrade(
+            options.run_path,
+            options.out,
+            signal=signal,
+            workers=options.workers,
+            overwrite=options.overwrite,
+            progress=progress,
+        )
+    _print_bag(bag, start)
 
 
 @contextmanager
@@ -193,6 +216,13 @@ def add_commands(command: AddCommand) -> None:
     generate.add_argument("--signal", metavar="SIGNAL", help="ideal, datasheet or FILE: readings as of real sensors")
     generate.add_argument("--overwrite", action="store_true", help="discard an existing run in the output folder")
     campaigns.add_arguments(generate)
+
+    degrade = command("degrade", _degrade, "Add to a finished run what real sensors add: the bag of generate --signal.")
+    degrade.add_argument("run_path", metavar="RUN", type=Path, help="folder of a run, or its bag")
+    degrade.add_argument("--model", metavar="SIGNAL", default="datasheet", help="datasheet (default) or a YAML FILE")
+    degrade.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder of data sets")
+    degrade.add_argument("--overwrite", action="store_true", help="discard an existing run in the output folder")
+    add_workers(degrade, "the bag")
 
     _add_preview(command("preview", _preview, "Draw an overview sheet of an environment."))
     _add_shares(command("shares", _shares, "Count the pixels and points of each class."))

@@ -4,6 +4,7 @@
 
 Ids 1 to 13 are the paper's reflectivities. Water, sky and void are ours: neither returns a laser pulse,
 so the paper gives them no reflectivity. Table is (0, 0, 0); void has no colour, because no pixel is ever void.
+Robot and particle (rain, snow, fog, dust in the air) occur only in runs whose experiment asks for them.
 """
 
 from enum import IntEnum
@@ -32,6 +33,8 @@ class Label(IntEnum):
     CABLE = 13
     WATER = 14
     SKY = 15
+    ROBOT = 16
+    PARTICLE = 17
 
 
 class SemanticClass(NamedTuple):
@@ -59,11 +62,16 @@ CLASSES: Final[tuple[SemanticClass, ...]] = (
     SemanticClass(Label.CABLE, "cable", (255, 153, 153)),
     SemanticClass(Label.WATER, "water", (33, 112, 178)),
     SemanticClass(Label.SKY, "sky", (127, 127, 127)),
+    SemanticClass(Label.ROBOT, "robot", (0, 255, 255)),
+    SemanticClass(Label.PARTICLE, "particle", (178, 128, 255)),
 )
 
 PALETTE: Final[NDArray[np.uint8]] = np.array([c.rgb or (0, 0, 0) for c in CLASSES], np.uint8)
-"""(16, 3) flat colour per class id; row 0 (void) is never written."""
+"""(18, 3) flat colour per class id; row 0 (void) is never written."""
 PALETTE.setflags(write=False)
 
 NO_RETURN: Final[frozenset[Label]] = frozenset({Label.WATER, Label.SKY})
 """Classes that return no laser pulse."""
+
+NOT_OF_WORLDS: Final[frozenset[Label]] = frozenset({Label.ROBOT, Label.PARTICLE})
+"""Classes that no object of a world has: the robot that carries the sensors, and what floats in the air."""

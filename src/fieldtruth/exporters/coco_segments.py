@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pycocotools import mask as coco_mask
 
 from fieldtruth.bag.reader import BagError
-from fieldtruth.core.classes import CLASSES, Label
+from fieldtruth.core.classes import CLASSES, NOT_OF_WORLDS, Label
 from fieldtruth.ontology.label_map import LabelMap
 
 _SUPERCATEGORIES: Final = {
@@ -34,8 +34,10 @@ _SUPERCATEGORIES: Final = {
     Label.CABLE: "structure",
     Label.WATER: "water",
     Label.SKY: "sky",
+    Label.ROBOT: "robot",
+    Label.PARTICLE: "air",
 }
-STUFF: Final = frozenset({Label.GROUND, Label.TRAIL, Label.HIGH_GRASS, Label.WATER, Label.SKY})
+STUFF: Final = frozenset({Label.GROUND, Label.TRAIL, Label.HIGH_GRASS, Label.WATER, Label.SKY}) | NOT_OF_WORLDS
 """Classes that are not countable. A class of another ontology is countable if all of ours that it holds are."""
 
 _BITS: Final = 24

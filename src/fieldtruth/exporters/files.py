@@ -48,7 +48,7 @@ _PER_RUN: Final = {
 
 
 class _Encoded(NamedTuple):
-    """Files of a message, bytes by folder, and counts by class id (16,) of "pixels" or "points" of a sensor."""
+    """Files of a message, bytes by folder, and counts by class id (18,) of "pixels" or "points" of a sensor."""
 
     files: Mapping[str, bytes]
     counts: Mapping[tuple[str, str], Counts] = {}

@@ -14,7 +14,7 @@ import numpy as np
 import xlsxwriter
 
 from fieldtruth.core.arrays import Array, Counts
-from fieldtruth.core.classes import CLASSES
+from fieldtruth.core.classes import CLASSES, NOT_OF_WORLDS
 from fieldtruth.ontology.label_map import LabelMap
 
 SHARES: Final = "class shares"
@@ -62,12 +62,13 @@ def write_sheet(
     Args:
         path: the .xlsx file.
         name: of the run.
-        pixels: (16,) by class id, of each camera by name (``left``, ``right``).
-        points: (16,) by class id, of each LiDAR by name.
+        pixels: (18,) by class id, of each camera by name (``left``, ``right``).
+        points: (18,) by class id, of each LiDAR by name.
         label_map: adds a table in the classes of this ontology.
     """
     columns = [*_columns("pixels", "camera", pixels), *_columns("points", "LiDAR", points)]
-    rows = [_Class(*row) for row in CLASSES if row.rgb is not None or _occurs(row.label, columns)]
+    usual = [row.label for row in CLASSES if row.rgb is not None and row.label not in NOT_OF_WORLDS]
+    rows = [_Class(*row) for row in CLASSES if row.label in usual or _occurs(row.label, columns)]
     with xlsxwriter.Workbook(str(path), {"in_memory": True}) as book:
         book.set_properties({"title": f"{name}: share of each class in pixels and points", "created": _CREATED})
         _write_table(book, SHARES, rows, columns)

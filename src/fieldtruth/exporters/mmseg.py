@@ -89,7 +89,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
 
 
 def train_ids(labels: LabelMap) -> NDArray[np.uint8]:
-    """Train id by our class id (16,): numbers without gaps in the order of the ontology's ids; void is ignored."""
+    """Train id by our class id (18,): numbers without gaps in the order of the ontology's ids; void is ignored."""
     used = _classes(labels)
     numbers = [used.index(number) if number in used else IGNORED for number in labels.ids.tolist()]
     return np.array(numbers, np.uint8)

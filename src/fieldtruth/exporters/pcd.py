@@ -87,7 +87,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
 
 
 def _ids_and_colours(label_map: LabelMap | None) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Written id by class id (16,), and RGB by written id (n, 3)."""
+    """Written id by class id (18,), and RGB by written id (n, 3)."""
     if label_map is None:
         return np.arange(len(CLASSES), dtype=np.uint8), PALETTE
     return label_map.ids, label_map.colours()

@@ -22,7 +22,7 @@ from fieldtruth.bag.reader import BagError, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core.arrays import Array, Counts
-from fieldtruth.core.classes import NO_RETURN, Label
+from fieldtruth.core.classes import NO_RETURN, NOT_OF_WORLDS, Label
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
 from fieldtruth.core.progress import timed
@@ -196,7 +196,9 @@ def _description(runs: Sequence[Run], written: Sequence[_Written], label_map: La
     split = _split(len(runs))
     counts = sum((written[number].points for number in split["train"]), np.zeros(256, np.int64))
     total = max(int(counts.sum()), 1)
-    seen = {number for label, number in ids.items() if label not in NO_RETURN} - {ids[Label.VOID]}
+    occurring = sum((done.points for done in written), np.zeros(256, np.int64))
+    seen = {ids[label] for label in set(Label) - NO_RETURN - NOT_OF_WORLDS - {Label.VOID}}
+    seen |= {ids[label] for label in NOT_OF_WORLDS if occurring[ids[label]]} - {ids[Label.VOID]}
     return {
         "name": "fieldtruth" if label_map is OWN else f"fieldtruth, labels of {label_map.name}",
         "labels": {number: other.name for number, other in classes.items()},

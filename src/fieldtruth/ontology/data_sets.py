@@ -181,6 +181,8 @@ _NAMES: Final[dict[Label, tuple[str, str, str, str, str]]] = {
     Label.CABLE: ("object", "container/generic-object", "wire", "obstacle", "obstacle"),
     Label.WATER: ("water", "water", "water", "natural_ground", "non-Nav (Forbidden)"),
     Label.SKY: ("sky", "sky", "sky", "sky", "background"),
+    Label.ROBOT: ("void", "void", "ego_vehicle", "other", "background"),
+    Label.PARTICLE: ("void", "void", "outlier", "other", "background"),
 }
 """Class names in the order of ``_CLASSES``."""
 

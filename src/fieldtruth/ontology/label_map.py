@@ -18,7 +18,7 @@ class LabelMap(NamedTuple):
 
     name: str
     ids: NDArray[np.uint8]
-    """(16,) ids of the ontology by our class id; row 0 is its void class."""
+    """(18,) ids of the ontology by our class id; row 0 is its void class."""
     classes: Mapping[int, OntologyClass]
     """All classes of the ontology by id; ``ids`` uses some of them."""
 

@@ -33,19 +33,19 @@ SPACING: Final = 2.0  # [m]
 
 @dataclass(frozen=True, kw_only=True)
 class ClassShares:
-    """Counts by viewpoint and class id: ``pixels`` and ``points`` are (poses, 16)."""
+    """Counts by viewpoint and class id: ``pixels`` and ``points`` are (poses, 18)."""
 
     pixels: Counts
     points: Counts
 
     @property
     def pixel_share(self) -> Array:
-        """Share of each class (16,) in all pixels; zeros without pixels."""
+        """Share of each class (18,) in all pixels; zeros without pixels."""
         return _share(self.pixels)
 
     @property
     def point_share(self) -> Array:
-        """Share of each class (16,) in all points; zeros without points."""
+        """Share of each class (18,) in all points; zeros without points."""
         return _share(self.points)
 
     def as_dict(self) -> dict[str, Any]:

@@ -8,7 +8,7 @@ a tint only distinguishes materials that share a texture.
 
 from typing import Final
 
-from fieldtruth.core.classes import Label
+from fieldtruth.core.classes import NOT_OF_WORLDS, Label
 from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.world.ground_types import GROUND_TYPES
 from fieldtruth.world.library import Entry, Section, validated
@@ -32,8 +32,9 @@ _FIRST: Final = """
 
 def _material(name: str, entry: Entry, source: str) -> Material:
     label = str(entry.get("label", "")).upper()
-    if label not in Label.__members__:
-        names = ", ".join(m.lower() for m in Label.__members__)
+    allowed = [each.name for each in Label if each not in NOT_OF_WORLDS]
+    if label not in allowed:
+        names = ", ".join(name.lower() for name in allowed)
         raise ConfigurationError(f"{source}: label must be one of {names}, got {entry.get('label')!r}")
     material = validated(Material, {"texture": name, **entry, "name": name, "label": Label[label]}, source)
     if material.texture not in TEXTURES:

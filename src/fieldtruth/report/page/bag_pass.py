@@ -42,9 +42,9 @@ class BagSummary:
     first_fixes: dict[str, tuple[float, float, float]] = field(default_factory=dict)
     """Latitude, longitude [deg], height [m] by sensor; the name is empty if there is one receiver."""
     pixels: dict[str, Counts] = field(default_factory=dict)
-    """Pixels by class id (16,) of each tag topic; row 0 counts colours that no class has."""
+    """Pixels by class id (18,) of each tag topic; row 0 counts colours that no class has."""
     points: dict[str, Counts] = field(default_factory=dict)
-    """Points by class id (16,) of each topic of clouds."""
+    """Points by class id (18,) of each topic of clouds."""
     unreadable: dict[str, str] = field(default_factory=dict)
     """By topic that exists and cannot be shown: the reason."""
 

@@ -16,7 +16,7 @@ _CODES: Final = (PALETTE.astype(np.int64) @ [1, 256, 65536]).astype(np.int64)
 
 
 def count_pixels(tag: Any) -> Counts:
-    """Count the pixels of a tag image message by class id (16,); row 0 counts colours that no class has.
+    """Count the pixels of a tag image message by class id (18,); row 0 counts colours that no class has.
 
     Raises:
         BagError: the image does not have three bytes per pixel.
@@ -27,7 +27,7 @@ def count_pixels(tag: Any) -> Counts:
 
 
 def count_points(cloud: Any) -> Counts:
-    """Count the points of a cloud message by class id (16,); row 0 counts points without a class."""
+    """Count the points of a cloud message by class id (18,); row 0 counts points without a class."""
     return np.bincount(class_ids(points(cloud)), minlength=len(CLASSES)).astype(np.int64)
 
 

@@ -16,7 +16,7 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.robot_messages import ModelStatesWriter
 from fieldtruth.bag.run import EXPERIMENT, Run
 from fieldtruth.core.arrays import Mask
-from fieldtruth.core.classes import CLASSES, Label
+from fieldtruth.core.classes import CLASSES, NOT_OF_WORLDS, Label
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.files import VERSION_KEY
@@ -151,7 +151,7 @@ class ObjectClasses(Checker):
             own = allowed_by_name(names) if rebuilt is None else allowed_by_world(rebuilt.world)
             allowed = np.full((len(own) + 2, N_CLASSES), not names)
             allowed[: len(own)] = own
-            allowed[:, Label.SKY] = False
+            allowed[:, [Label.SKY, *NOT_OF_WORLDS]] = False
             allowed[0] = np.arange(N_CLASSES) == Label.SKY
             allowed[:, Label.VOID] = True  # the checks of labels and colours report it
             self._names, self._allowed = names, allowed

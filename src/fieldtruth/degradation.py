@@ -1,0 +1,155 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Noise for a run that is finished: the same bag as if it had been generated with these signals.
+
+World and drive are made again from the run's experiment, because what a real sensor reads depends on surfaces that no
+ideal message states. What cameras and LiDARs without a signal have sensed is taken from the bag.
+"""
+
+import threading
+from collections.abc import Container
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from fieldtruth.bag.checksums import sha256_of
+from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.reader import BagReader, open_bag
+from fieldtruth.bag.run import Run, open_run
+from fieldtruth.bag.topics import ODOMETRY
+from fieldtruth.bag.track_file import TrackFile
+from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.core.progress import Progress
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.files import with_overrides
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.pipeline import PreparedHere, generate, prepare
+from fieldtruth.record.slices import slices_key
+from fieldtruth.record.streams import Sensors, Stream
+
+_CHUNKS: Final = 16
+"""Decompressed parts of the bag in memory, some for each worker thread."""
+
+
+def degrade(
+    source: Path | str,
+    out: Path | str,
+    *,
+    signal: str | dict[str, Any] = "datasheet",
+    workers: int | None = None,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> Path:
+    """Add to the sensors of a finished run what real ones add: ``out/NAME/NAME.bag`` and what belongs beside it.
+
+    Args:
+        source: folder of a run of this package, or its bag; not changed.
+        out: folder of data sets.
+        signal: as in ``with_overrides``: ``datasheet``, or a mapping of names or kinds of sensors to their ``signal``.
+        workers: as in ``generate``.
+        overwrite: as in ``generate``.
+        progress: as in ``generate``.
+
+    Returns:
+        Path of the new bag; its bytes are those of ``generate`` with the same signals.
+
+    Raises:
+        BagError: no such run, one without its experiment, one that has signals already, or one that this version of
+            the package would not record again.
+        ConfigurationError: a signal that is not allowed, or none.
+        OutputError, EngineError, SliceError: as ``generate``.
+    """
+    run = open_run(source)
+    if run.experiment is None:
+        raise BagError(f"{run.bag} has no experiment.yaml beside it; only a run of fieldtruth can be degraded")
+    if noisy := [sensor.name for sensor in run.rig.sensors if sensor.signal is not None]:
+        raise BagError(f"{run.bag} has signals of real sensors already: {', '.join(noisy)}")
+    experiment = with_overrides(run.experiment, signal=signal)
+    changed = [new for new, old in zip(experiment.rig.sensors, run.rig.sensors, strict=True) if new != old]
+    if not any(sensor.enabled for sensor in changed):
+        raise ConfigurationError("signal must change a sensor of the run: all of them stay ideal")
+    with open_bag(run.bag) as bag:
+        stored = _Stored(bag, run.rig, {sensor.name for sensor in changed})
+
+        def engine(experiment: Experiment, given: TrackFile | None, progress: Progress) -> _Degraded:
+            made = prepare(experiment, given, progress)
+            return _Degraded(made.experiment, made.world, made.track, run, stored)
+
+        return generate(experiment, out, engine=engine, workers=workers, overwrite=overwrite, progress=progress)
+
+
+class _Stored:
+    """Messages in a bag of the cameras and other seeing sensors that stay as they are; threads may share it."""
+
+    def __init__(self, bag: BagReader, rig: Rig, changed: Container[str]) -> None:
+        kept = (sensor for sensor in rig.in_order() if sensor.sees and sensor.name not in changed)
+        self.sensors = {sensor.name for sensor in kept}
+        topics = [topic.name for sensor in rig.in_order() if sensor.name in self.sensors for topic in sensor.topics()]
+        self._bag, self._index = bag, bag.index([topic for topic in topics if topic in bag.counts])
+        self._lock = threading.Lock()
+        self._chunk = lru_cache(_CHUNKS)(bag.chunk)
+
+    def replaces(self, stream: Stream) -> Stream:
+        """Return the stream of the bag with these topics; the stream itself if the bag has none.
+
+        Raises:
+            BagError: the bag has readings at other stamps.
+        """
+        if not self._index.keys() >= {*stream.topics}:
+            return stream
+        for topic in stream.topics:
+            if not np.array_equal(self._index[topic].stamps_ns, stream.stamps_ns):
+                raise _other_version(self._bag, topic)
+        return Stream(
+            stream.topics, stream.stamps_ns, lambda k, _: [self._message(topic, k) for topic in stream.topics]
+        )
+
+    def _message(self, topic: str, k: int) -> bytes:
+        index = self._index[topic]
+        with self._lock:
+            return self._bag.message(self._chunk(int(index.chunk[k])), int(index.offset[k])).data
+
+    def check(self, stream: Stream) -> None:
+        """Raise BagError unless the first and the last message of a topic are those of a stream."""
+        (topic,) = stream.topics
+        index = self._bag.index([topic])[topic]
+        for k in (0, -1):
+            found = self._bag.message(self._bag.chunk(int(index.chunk[k])), int(index.offset[k])).data
+            if [found] != list(stream.messages(range(len(stream.stamps_ns))[k], Sensors())):
+                raise _other_version(self._bag, topic)
+
+
+def _other_version(bag: BagReader, topic: str) -> BagError:
+    return BagError(
+        f"{bag.path} differs in {topic} from what this version of fieldtruth records; generate it again, with --signal"
+    )
+
+
+@dataclass(frozen=True)
+class _Degraded(PreparedHere):
+    """A run that takes what stays as it was from a bag."""
+
+    run: Run
+    stored: _Stored
+
+    @property
+    def key(self) -> str:
+        """Key of its slices."""
+        return slices_key(super().key, sha256_of(self.run.bag))
+
+    def streams(self) -> list[Stream]:
+        """Return its streams; raises BagError if the robot drove otherwise in the bag."""
+        streams = super().streams()
+        for stream in streams:
+            if stream.topics == (ODOMETRY,):
+                self.stored.check(stream)
+        return [self.stored.replaces(stream) for stream in streams]
+
+    def sensed(self) -> Rig:
+        """Return the rig with the sensors whose readings are not in the bag."""
+        rig = super().sensed()
+        kept = tuple(sensor for sensor in rig.sensors if sensor.name not in self.stored.sensors)
+        return rig.model_copy(update={"sensors": kept})
