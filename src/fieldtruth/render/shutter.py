@@ -5,10 +5,10 @@
 The camera has a pose of its own for each strip of STRIP rows, and for each of the pictures that are averaged.
 """
 
+from functools import cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.render.edges import find_edges
@@ -24,6 +24,7 @@ STRIP: Final = 4
 """Rows with the same pose, a packet of rays high: at 60 deg/s, 1000 pixels of focal length and 20 ms for 720 rows a
 strip is 0.12 pixels from the next one."""
 _COLUMNS: Final = BLOCK // STRIP
+_ORDERS: Final = 200
 _TILE_WIDTH, _TILE_HEIGHT, _LANES = embree.TILE_WIDTH, embree.TILE_HEIGHT, embree.LANES
 _BRIGHTEST: Final = 8.0
 """Light of a sample, so that one glint does not dominate its pixel; the ideal camera's curve is white from there."""
@@ -121,10 +122,17 @@ def render_points(shading: Shading, buffers: ShadingBuffers, view: View, count: 
     shade_batch(shading, buffers, count, pixel)
 
 
-def offsets_of(count: int) -> NDArray[np.float64]:
-    """Points (n, 2) [pixel] of a pixel, relative to its centre: a lattice with even spacing (Hammersley 1960)."""
-    k = np.arange(count)
-    bits = np.zeros(count)
-    for bit in range(8):
-        bits += ((k >> bit) & 1) / 2.0 ** (bit + 1)
-    return np.stack([(k + 0.5) / count - 0.5, bits + 0.5 / 256 - 0.5], axis=-1)
+@cache
+def offsets_of(count: int) -> Array:
+    """Points (n, 2) [pixel] of a pixel around its centre: one in each row and column of n x n (Latin hypercube).
+
+    They are in the order that least correlates with time: if they drifted over the exposure, the blur would change.
+    """
+    rng, time, best = np.random.default_rng(count), np.arange(count), np.zeros((3, count))
+    least = np.inf
+    for _ in range(_ORDERS if count > 1 else 0):
+        found = np.stack([time, rng.permutation(count), rng.permutation(count)])
+        drift = float(np.abs(np.corrcoef(found)[np.triu_indices(3, 1)]).sum())
+        if drift < least:
+            best, least = found, drift
+    return np.ascontiguousarray(((best[1:] + 0.5) / count - 0.5).T)
