@@ -139,7 +139,7 @@ def test_lens_blur_has_its_width() -> None:
 
 @pytest.mark.parametrize("mosaic", ["rggb", "grbg", "gbrg", "bggr"])
 def test_colours_between_filters_are_linear(mosaic: str) -> None:
-    """Bilinear interpolation gives back light that changes linearly over the image, each channel in its own direction."""
+    """Bilinear interpolation gives back light that changes linearly, each channel in its own direction."""
     u, v = np.meshgrid(np.linspace(0.1, 0.5, SIZE), np.linspace(0.1, 0.4, SIZE))
     light = np.stack([u, v, 0.5 * (u + v)], axis=-1).astype(np.float32)
     signal, found = CameraSignal(mosaic=mosaic, response="srgb"), np.empty_like(light)
@@ -252,7 +252,9 @@ def test_shutters_and_filters_are_those_of_the_makers() -> None:
     assert mono == {"oak_d", "realsense_d435i"}
 
 
-TEXT = "name: a\nenvironment: park\nroute: {{metres: {{start: [0, 0], waypoints: [[5, 0]]}}}}\nrig: {{cameras: {{{}}}}}\n"
+TEXT = (
+    "name: a\nenvironment: park\nroute: {{metres: {{start: [0, 0], waypoints: [[5, 0]]}}}}\nrig: {{cameras: {{{}}}}}\n"
+)
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from fieldtruth.bag.reader import open_bag
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.pipeline import generate
+from fieldtruth.record.following import without_wheels
 from fieldtruth.validation import validate
 
 
@@ -60,5 +61,6 @@ def test_run_is_valid_and_says_what_is_not_compared(runs: dict[str, Path]) -> No
 
 def test_frames_have_a_signal_too(tmp_path: Path) -> None:
     """The robot stands: a frame does not see the poses of others through its shutter or its metering."""
-    bag = generate(_experiment("datasheet", route=None, frames={"count": 3}), tmp_path, workers=1)
+    values = without_wheels(_experiment("datasheet")).model_dump() | {"route": None, "frames": {"count": 3}}
+    bag = generate(Experiment.model_validate(values | {"seconds": None, "drive": None}), tmp_path, workers=1)
     assert len(_messages(bag)["/stereo/camera/left/real/compressed"]) == 3

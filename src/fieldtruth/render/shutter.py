@@ -48,9 +48,7 @@ def _set_strip(top: int, left: int, height: int, width: int, dx: float, dy: floa
 
 
 @kernel
-def render_strips(
-    shading: Shading, framebuffer: Framebuffer, view: View, poses: Array, labels: LabelBuffers
-) -> None:
+def render_strips(shading: Shading, framebuffer: Framebuffer, view: View, poses: Array, labels: LabelBuffers) -> None:
     """Render the light ``framebuffer.linear`` like ``render_linear``, with poses (strips, 4, 4) world_from_optical.
 
     Labels are those that the moving camera sees; edges need them.

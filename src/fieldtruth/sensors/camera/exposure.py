@@ -109,5 +109,3 @@ def _daylight(kelvin: float) -> Array:
         x = 0.237040 + t * (0.24748 + t * (1.9018 - 2.0064 * t))
     y = -3.0 * x * x + 2.870 * x - 0.275
     return np.asarray(_RGB_FROM_XYZ @ [x / y, 1.0, (1.0 - x - y) / y])
-
-

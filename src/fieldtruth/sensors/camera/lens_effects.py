@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fieldtruth.core import lenses
-from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.core.arrays import Float32Array
 from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.render.tonemap import SPILL
 from fieldtruth.sense.kernel import kernel
@@ -78,9 +78,8 @@ def blur(light: Float32Array, spread: Float32Array, scratch: Float32Array) -> No
                     light[v, u, channel] += spread[k] * (scratch[up, u, channel] + scratch[down, u, channel])
 
 
-def with_glare(light: Array, share: float) -> Array:
-    """Spread a share of the mean light (n, 3) evenly over the image; in the array that is given."""
+def add_glare(light: Float32Array, share: float) -> None:
+    """Spread a share of the mean of light (..., 3) evenly over the image."""
     mean = light.reshape(-1, 3).mean(axis=0, dtype=np.float64)
     light *= np.float32(1.0 - share)
-    light += np.asarray(share * mean, light.dtype)
-    return light
+    light += np.asarray(share * mean, np.float32)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.random import rng_of
 from fieldtruth.experiment.camera_config import CameraConfig
-from fieldtruth.sensors.camera.lens_effects import blur, illumination, point_spread, spill, with_glare
+from fieldtruth.sensors.camera.lens_effects import blur, illumination, point_spread, spill, add_glare
 from fieldtruth.sensors.camera.raw import Sensor, expose, interpolate, raw_shape, sensor_of
 from fieldtruth.sensors.camera.response import FULL_SCALE, apply_curve, curve_of
 from fieldtruth.sensors.camera.signal import CameraSignal
@@ -32,7 +32,9 @@ class Developer:
         self._normal = np.empty(shape, np.float32) if self._is_noisy else _NONE
         self._patterns: dict[str, tuple[Float32Array, Float32Array]] = {}
 
-    def raw(self, linear: Array, view: str, number: int, factor: float, gain: float) -> tuple[Float32Array, Sensor]:
+    def raw(
+        self, linear: Float32Array, view: str, number: int, factor: float, gain: float
+    ) -> tuple[Float32Array, Sensor]:
         """Raw values (h, w, n) of light (h, w, 3), and the sensor that made them.
 
         Args:
@@ -47,7 +49,7 @@ class Developer:
         if signal.lens_blur_px:
             blur(light, point_spread(signal.lens_blur_px), np.empty_like(light))
         if signal.glare:
-            with_glare(light, signal.glare)
+            add_glare(light, signal.glare)
         if self._is_noisy:
             rng_of(self.seed, view, number).standard_normal(out=self._normal, dtype=np.float32)
         sensor = sensor_of(signal, gain)
@@ -56,11 +58,8 @@ class Developer:
 
     def photograph(self, raw: Float32Array, sensor: Sensor, balance: Array, photo: NDArray[np.uint8]) -> None:
         """Write the photograph (h, w, 3) of raw values, with gains ``balance`` (3,) for white balance."""
-        signal, gains = self.signal, balance
-        if signal.mosaic == "mono":
-            gains = np.ones(3)
-        else:
-            gains = balance / np.array(signal.responsivity)
+        signal = self.signal
+        gains = np.ones(3) if signal.mosaic == "mono" else balance / np.array(signal.responsivity)
         interpolate(raw, sensor, FULL_SCALE[signal.response], self._light)
         apply_curve(self._light, np.asarray(gains, np.float32), curve_of(signal.response), photo)
 

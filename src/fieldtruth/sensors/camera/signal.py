@@ -93,7 +93,9 @@ class CameraSignal(SignalConfig):
         if self.bits is None and self.black_level:
             raise ValueError("bits is required with black_level")
         if self.bits is not None and self.black_level >= 2**self.bits // 2:
-            raise ValueError(f"black_level must be below half of the range of bits: {self.bits}, got {self.black_level}")
+            raise ValueError(
+                f"black_level must be below half of the range of bits: {self.bits}, got {self.black_level}"
+            )
         if self.max_gain_db < self.gain_db:
             raise ValueError(f"max_gain_db must be at least gain_db, {self.gain_db:g}, got {self.max_gain_db:g}")
         return self

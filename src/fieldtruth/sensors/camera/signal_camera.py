@@ -18,7 +18,7 @@ from fieldtruth.render.shutter import STRIP, offsets_of, render_mean, render_poi
 from fieldtruth.sense.hits import LabelBuffers
 from fieldtruth.sense.ray_batch import View, label_image, trace
 from fieldtruth.sensors.camera.exposure import Exposure, exposure_of, metered_exposure, metering_lags, white_balance
-from fieldtruth.sensors.camera.lens_effects import illumination, with_glare
+from fieldtruth.sensors.camera.lens_effects import illumination, add_glare
 from fieldtruth.sensors.camera.photo import Developer
 from fieldtruth.sensors.camera.signal import CameraSignal
 
@@ -97,8 +97,9 @@ class SignalCamera(Camera):
         batch.image[:, :count] = self._meter_points
         pixel = self.config.width / METERING[0] / lens.fx
         render_points(self._shading, self._framebuffer.shading, self._view(world_from_optical), count, pixel)
-        seen = self._framebuffer.shading.colour[:count] * self._meter_share
-        return with_glare(seen, self.signal.glare)
+        seen = np.asarray(self._framebuffer.shading.colour[:count] * self._meter_share, np.float32)
+        add_glare(seen, self.signal.glare)
+        return seen.astype(np.float64)
 
     def expose(self, imager: Imager, stamp_ns: int, world_from_base: PoseAt, time_s: float) -> CameraImages:
         """Fill ``linear`` with the light of an exposure around a stamp; returns the images of the pose at the stamp.
