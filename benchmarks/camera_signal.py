@@ -8,6 +8,7 @@ photograph of the same pose; the least of a few. Docs: docs/camera_signal.md.
 
 import argparse
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from time import thread_time
 from typing import Any
@@ -121,7 +122,7 @@ def spectrum_slope(luminance: Array) -> float:
     power = np.abs(np.fft.fft2(square)) ** 2
     radius = np.hypot(*np.meshgrid(np.fft.fftfreq(side), np.fft.fftfreq(side)))
     rings = np.geomspace(1 / 64, 1 / 4, 16)
-    found = [power[(radius >= a) & (radius < b)].mean() for a, b in zip(rings[:-1], rings[1:], strict=True)]
+    found = [power[(radius >= a) & (radius < b)].mean() for a, b in pairwise(rings)]
     return float(np.polyfit(np.log(np.sqrt(rings[:-1] * rings[1:])), np.log(found), 1)[0])
 
 

@@ -14,8 +14,8 @@ from fieldtruth.drive.track import Track
 from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.record.slices import Slices
 from fieldtruth.record.sensors import camera_of
+from fieldtruth.record.slices import Slices
 from fieldtruth.record.streams import Sensors, streams_of
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.sense.lidar import Lidar

@@ -18,7 +18,7 @@ from fieldtruth.render.shutter import STRIP, offsets_of, render_mean, render_poi
 from fieldtruth.sense.hits import LabelBuffers
 from fieldtruth.sense.ray_batch import View, label_image, trace
 from fieldtruth.sensors.camera.exposure import Exposure, exposure_of, metered_exposure, metering_lags, white_balance
-from fieldtruth.sensors.camera.lens_effects import illumination, add_glare
+from fieldtruth.sensors.camera.lens_effects import add_glare, illumination
 from fieldtruth.sensors.camera.photo import Developer
 from fieldtruth.sensors.camera.signal import CameraSignal
 
