@@ -46,8 +46,8 @@ EFFECTS: dict[str, dict[str, Any]] = {
     "mosaic with noise": {"mosaic": "rggb", "photon_noise": True, "full_well_e": 6300.0, "read_noise_e": 2.5},
     "response sRGB": {"response": "srgb"},
     "rolling shutter, 18 ms": {"readout_ms": 18.0},
-    **{f"blur, {n} pictures": {"exposure_time_ms": 50.0, "blur_samples": n} for n in (2, 4, 8)},
-    "rolling shutter and 4 pictures": {"readout_ms": 18.0, "exposure_time_ms": 50.0, "blur_samples": 4},
+    **{f"blur, {n} sub-frames": {"exposure_time_ms": 50.0, "blur_samples": n} for n in (2, 4, 8)},
+    "rolling shutter and 4 sub-frames": {"readout_ms": 18.0, "exposure_time_ms": 50.0, "blur_samples": 4},
     "datasheet of the ZED 2": datasheet_of("stereo", "zed_2"),
 }
 

@@ -190,20 +190,20 @@ def test_camera_set_to_warmer_light_makes_the_scene_blue() -> None:
 
 @pytest.mark.parametrize("strength", [1.0, 0.5])
 def test_gray_world_makes_the_mean_grey(strength: float) -> None:
-    preview = np.tile([0.1, 0.2, 0.05], (50, 1))
-    gains = white_balance(CameraSignal(gray_world=strength), [preview], 2.0)
+    image = np.tile([0.1, 0.2, 0.05], (50, 1))
+    gains = white_balance(CameraSignal(gray_world=strength), [image], 2.0)
     assert gains / gains[1] == pytest.approx([2.0**strength, 1.0, 4.0**strength])
 
 
 @pytest.mark.parametrize("response", ["filmic", "srgb", "linear"])
 def test_automatic_exposure_reaches_its_target(response: str) -> None:
     signal = CameraSignal(exposure="automatic", response=response, metering_target=0.4)
-    preview = np.random.default_rng(1).uniform(0.0, 0.3, (500, 3))
-    factor = metered_exposure(signal, [preview])
-    assert encoded(factor * preview @ np.array([0.2126, 0.7152, 0.0722]), signal.response).mean() == pytest.approx(
+    image = np.random.default_rng(1).uniform(0.0, 0.3, (500, 3))
+    factor = metered_exposure(signal, [image])
+    assert encoded(factor * image @ np.array([0.2126, 0.7152, 0.0722]), signal.response).mean() == pytest.approx(
         0.4, abs=1e-4
     )
-    assert metered_exposure(signal, [preview * 4.0]) == pytest.approx(factor / 4.0, rel=1e-4)
+    assert metered_exposure(signal, [image * 4.0]) == pytest.approx(factor / 4.0, rel=1e-4)
 
 
 def test_automatic_exposure_follows_a_step_of_light() -> None:

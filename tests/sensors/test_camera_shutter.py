@@ -131,13 +131,13 @@ def test_blur_is_as_wide_as_the_motion_during_the_exposure(post: BakedScene, rat
     assert means[1] == pytest.approx(means[0], abs=0.25)  # around the stamp
 
 
-def test_longer_exposure_of_a_camera_that_stands_is_the_same_picture(clutter: BakedScene) -> None:
+def test_longer_exposure_of_a_camera_that_stands_is_the_same_photograph(clutter: BakedScene) -> None:
     still = capture(clutter, turning(0.0), response="srgb")
     long = capture(clutter, turning(0.0), response="srgb", exposure_time_ms=100.0, readout_ms=30.0)
     assert np.array_equal(still.photo, long.photo)
 
 
-def test_strips_with_one_pose_are_the_ideal_picture(clutter: BakedScene) -> None:
+def test_strips_with_one_pose_are_the_ideal_photograph(clutter: BakedScene) -> None:
     camera = SignalCamera(camera_config(readout_ms=10.0), clutter, 3)
     pose = turning(0.0)(STAMP) @ camera.config.imagers()[0].base_from_optical
     camera.render(pose)

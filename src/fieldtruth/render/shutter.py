@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Light of a moving camera: rows that are read one after the other, and means over the time of exposure.
 
-The camera has a pose of its own for each strip of STRIP rows, and for each of the pictures that are averaged.
+The camera has a pose of its own for each strip of STRIP rows, and for each of the sub-frames that are averaged.
 """
 
 from functools import cache
@@ -75,9 +75,9 @@ def render_strips(shading: Shading, framebuffer: Framebuffer, view: View, poses:
 
 @kernel
 def render_mean(shading: Shading, framebuffer: Framebuffer, view: View, poses: Array, offsets: Array) -> None:
-    """Render the mean light ``framebuffer.linear`` of n pictures with poses (n, strips, 4, 4) world_from_optical.
+    """Render the mean light ``framebuffer.linear`` of n sub-frames with poses (n, strips, 4, 4) world_from_optical.
 
-    Picture i has rays through points that are ``offsets[i]`` (n, 2) [pixel] from the pixel centres, which smooths edges
+    Sub-frame i has rays through points that are ``offsets[i]`` (n, 2) [pixel] from the pixel centres, which smooths edges
     instead of further rays there.
     """
     buffers, linear = framebuffer.shading, framebuffer.linear
@@ -85,10 +85,10 @@ def render_mean(shading: Shading, framebuffer: Framebuffer, view: View, poses: A
     batch, colour = buffers.batch, buffers.colour
     share, brightest = np.float32(1.0 / len(poses)), np.float32(_BRIGHTEST)
     linear[:] = np.float32(0.0)
-    for picture in range(len(poses)):
-        dx, dy = offsets[picture, 0], offsets[picture, 1]
+    for frame in range(len(poses)):
+        dx, dy = offsets[frame, 0], offsets[frame, 1]
         for upper in range(0, height, STRIP):
-            own = View(poses[picture, upper // STRIP], view.pinhole, view.far, view.table)
+            own = View(poses[frame, upper // STRIP], view.pinhole, view.far, view.table)
             for left in range(0, width, _COLUMNS):
                 count = _set_strip(upper, left, height, width, dx, dy, batch.image)
                 trace(shading.scene, shading.hits.geometry_top, buffers.packet, own, batch, count)

@@ -56,13 +56,13 @@ def metering_lags(signal: CameraSignal) -> Array:
     return np.asarray(signal.metering_delay_s - signal.metering_time_s * np.log1p(-quantiles))
 
 
-def metered_exposure(signal: CameraSignal, previews: Sequence[Array]) -> float:
+def metered_exposure(signal: CameraSignal, images: Sequence[Array]) -> float:
     """Factor on the light of metering images (n, 3) each: the mean in stops of what brings each to the target.
 
     Each of them is searched for on its own by bisection: mean luminance after the response curve, with light above
     white clipped, rises with the factor.
     """
-    stops = [_stops_to_target(preview @ LUMINANCE, signal.response, signal.metering_target) for preview in previews]
+    stops = [_stops_to_target(image @ LUMINANCE, signal.response, signal.metering_target) for image in images]
     return float(2.0 ** np.mean(stops))
 
 
@@ -77,16 +77,16 @@ def _stops_to_target(luminance: Array, response: Response, target: float) -> flo
     return (low + high) / 2.0
 
 
-def white_balance(signal: CameraSignal, previews: Sequence[Array], factor: float) -> Array:
+def white_balance(signal: CameraSignal, images: Sequence[Array], factor: float) -> Array:
     """Gains (3,) on light that is relative to the scene's daylight; the least is 1, so that white stays white.
 
-    ``previews`` are metering images (n, 3) whose light is to be multiplied with ``factor``.
+    ``images`` are metering images (n, 3) whose light is to be multiplied with ``factor``.
     """
     gains = np.array(signal.white_balance_gains)
     if signal.white_balance_k is not None:
         gains = gains / daylight(signal.white_balance_k)
-    if signal.gray_world and previews:
-        mean = np.mean([np.clip(factor * preview, 0.0, 1.0).mean(axis=0) for preview in previews], axis=0)
+    if signal.gray_world and images:
+        mean = np.mean([np.clip(factor * image, 0.0, 1.0).mean(axis=0) for image in images], axis=0)
         grey = np.clip(mean[1] / np.maximum(mean, 1e-9), 1.0 / _GREY_LIMIT, _GREY_LIMIT)
         gains = gains * grey**signal.gray_world
     return np.asarray(gains / gains.min())

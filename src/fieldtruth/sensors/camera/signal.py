@@ -58,7 +58,7 @@ class CameraSignal(SignalConfig):
     readout_ms: _Milliseconds = 0.0
     """Time between the first and one past the last row of a rolling shutter; 0: a global one."""
     blur_samples: Annotated[Integer, Field(ge=1, le=256)] = 8
-    """Most pictures that are averaged over the exposure time, one for each pixel of motion."""
+    """Most sub-frames that are averaged over the exposure time, one for each pixel of motion."""
 
     # Sensor, in the terms of EMVA Standard 1288, release 4.0
     mosaic: Mosaic = "none"

@@ -78,19 +78,19 @@ class SignalCamera(Camera):
         """
         if self._last is not None and self._last[0] == stamp_ns:
             return self._last[1]
-        signal, world, previews = self.signal, float(self._shading.exposure), list[Array]()
+        signal, world, images = self.signal, float(self._shading.exposure), list[Array]()
         if signal.exposure == "automatic" or signal.gray_world:
             stamps = stamp_ns - np.rint(metering_lags(signal) * 1e9).astype(np.int64)
             base_from_optical = self.config.imagers()[0].base_from_optical
-            previews = [self.preview(pose @ base_from_optical) for pose in world_from_base(np.maximum(stamps, 0))]
+            images = [self.metering_image(pose @ base_from_optical) for pose in world_from_base(np.maximum(stamps, 0))]
         stops = 2.0**signal.exposure_ev
-        factor = stops * (metered_exposure(signal, previews) if signal.exposure == "automatic" else 1.0)
+        factor = stops * (metered_exposure(signal, images) if signal.exposure == "automatic" else 1.0)
         exposure = exposure_of(signal, factor * world)
-        found = exposure, white_balance(signal, previews, exposure.total / world)
+        found = exposure, white_balance(signal, images, exposure.total / world)
         self._last = stamp_ns, found
         return found
 
-    def preview(self, world_from_optical: Array) -> Array:
+    def metering_image(self, world_from_optical: Array) -> Array:
         """Metering image (n, 3): light at the world's exposure of rays that are evenly spread over the image."""
         batch, lens = self._framebuffer.shading.batch, self.pinhole
         count = self._meter_points.shape[1]
