@@ -77,8 +77,8 @@ def render_strips(shading: Shading, framebuffer: Framebuffer, view: View, poses:
 def render_mean(shading: Shading, framebuffer: Framebuffer, view: View, poses: Array, offsets: Array) -> None:
     """Render the mean light ``framebuffer.linear`` of n sub-frames with poses (n, strips, 4, 4) world_from_optical.
 
-    Sub-frame i has rays through points that are ``offsets[i]`` (n, 2) [pixel] from the pixel centres, which smooths edges
-    instead of further rays there.
+    Sub-frame i has rays through points that are ``offsets[i]`` (n, 2) [pixel] from the pixel centres, which smooths
+    edges instead of further rays there.
     """
     buffers, linear = framebuffer.shading, framebuffer.linear
     height, width, _ = linear.shape
