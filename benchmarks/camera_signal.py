@@ -16,19 +16,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag.sensor_messages import photograph_jpeg
 from fieldtruth.bench.sensors import poses_on_route
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.sensor_models import datasheet_of
-from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.message import photograph_jpeg
 from fieldtruth.sensors.camera.response import LUMINANCE
 from fieldtruth.sensors.camera.signal import CameraSignal
 from fieldtruth.sensors.camera.signal_camera import SignalCamera
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.world.build import world_of
 
 YAW_RATE = 0.5  # [rad/s] of the robot that turns

@@ -17,12 +17,12 @@ import numpy as np
 from fieldtruth.core.arrays import Mask
 from fieldtruth.core.progress import Silent
 from fieldtruth.datasets import RunDataset
-from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.pipeline import prepare
 from fieldtruth.record.following import without_wheels
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 NEAR_PIXELS = 100
 """A named object counts as shown where it has so many pixels of 320 x 184."""

@@ -17,9 +17,9 @@ from fieldtruth.core.classes import Label
 from fieldtruth.drive.bearing import bearing_field
 from fieldtruth.drive.expected_path import expected_path, pose_on_ground, poses_along
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.interchange.inventory import COLUMNS, inventory
+from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.build import load_world
 from fieldtruth.world.environments.forest.plants import TREE_DETAIL
 from fieldtruth.world.ground_types import ISO_CLASSES

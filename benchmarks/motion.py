@@ -26,14 +26,14 @@ from fieldtruth.core.errors import DriveError
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz, yaw_from_rotation
 from fieldtruth.drive.physics import build_physics
 from fieldtruth.drive.plan import plan_route
-from fieldtruth.drive.sensors import point_velocity, read_imu
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import Motion, Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
-from fieldtruth.experiment.imu_config import ImuConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.topic import WHEELS
+from fieldtruth.sensors.imu.config import ImuConfig
+from fieldtruth.sensors.imu.sensing import point_velocity, read_imu
 from fieldtruth.world.build import world_of
 from fieldtruth.world.model import World
 

@@ -10,7 +10,7 @@ import fieldtruth as ft
 from fieldtruth.bench.bare import MODES, BareTracer
 from fieldtruth.bench.sensors import pixel_directions, poses_on_route
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.sense.lidar import ray_directions
+from fieldtruth.sensors.lidar.sensing import ray_directions
 
 VIEWS, TRIES = 6, 3
 

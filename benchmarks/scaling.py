@@ -21,8 +21,8 @@ from fieldtruth.bench.sensors import poses_on_route
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.render.bake import bake
-from fieldtruth.render.camera import Camera
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.sensing import Camera
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import Instance, World
 

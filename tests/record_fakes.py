@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from fieldtruth import frames, geodesy
 from fieldtruth.bag.topics import topics_of
 from fieldtruth.core.classes import Label
-from fieldtruth.drive.odometry import read_odometry
 from fieldtruth.drive.track import (
     Base,
     Commands,
@@ -25,13 +24,15 @@ from fieldtruth.drive.track import (
     WheelMotion,
     stamps_at_rate,
 )
-from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.config import Experiment, RouteConfig
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.record.slices import Slices
-from fieldtruth.record.streams import Sensors, streams_of
+from fieldtruth.record.stream import Sensors
+from fieldtruth.record.streams import streams_of
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.wheel_odometry.sensing import read_odometry
 from fieldtruth.world.model import Heightfield, Instance, Raster, Terrain, World
 
 SMALL = paper_rig(stereo=StereoConfig(width=64, height=48))

@@ -21,15 +21,15 @@ from fieldtruth.core import frames
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.route import metres_from_route, route_from_metres
-from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.render.bake import bake
 from fieldtruth.sense.embree import Engine, RayScene
-from fieldtruth.sense.label_camera import LabelCamera
-from fieldtruth.sense.lidar import Lidar, ray_directions
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.labels import LabelCamera
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.sensing import Lidar, ray_directions
 from fieldtruth.world.environments import ENVIRONMENTS, Environment
 from fieldtruth.world.environments.park.build import build as build_park
 from fieldtruth.world.environments.park.config import Config as ParkConfig

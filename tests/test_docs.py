@@ -23,14 +23,14 @@ from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import parse_experiment
-from fieldtruth.experiment.gnss_config import GnssConfig
-from fieldtruth.experiment.imu_config import ImuConfig
-from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.odometry_config import WheelOdometryConfig
 from fieldtruth.experiment.problems import condition_at, models_of
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import MountedConfig
-from fieldtruth.experiment.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.gnss.config import GnssConfig
+from fieldtruth.sensors.imu.config import ImuConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 from fieldtruth.validation import validate
 from fieldtruth.world.build import layout_model
 from fieldtruth.world.environments import ENVIRONMENTS

@@ -19,12 +19,12 @@ from fieldtruth.drive.bearing import bearing_field
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import Track
-from fieldtruth.experiment import odometry_config
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.record.streams import streams_of
+from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
 from fieldtruth.world.build import world_of
 from fieldtruth.world.model import World
 
@@ -88,7 +88,7 @@ def test_message_counts_are_duration_times_rate(name: str) -> None:
         topics.CLOCK: 1000, topics.MODEL_STATES: 1000, paper_topics.IMU: 50, paper_topics.NAVSAT: 2,
         paper_topics.POINTS: 10,
         **{name(side): 25 for name in (paper_topics.photograph, paper_topics.tag) for side in paper_topics.SIDES},
-        **dict.fromkeys(odometry_config.WHEEL_SPEEDS, 10),
+        **dict.fromkeys(WHEEL_SPEEDS, 10),
     }  # fmt: skip
     found = {topic: len(s.stamps_ns) for s in streams_of(driven_world, track, experiment.rig) for topic in s.topics}
     for topic, rate in rates.items():

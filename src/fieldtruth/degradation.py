@@ -28,7 +28,7 @@ from fieldtruth.experiment.files import with_overrides
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.pipeline import PreparedHere, generate, prepare
 from fieldtruth.record.slices import slices_key
-from fieldtruth.record.streams import Sensors, Stream
+from fieldtruth.record.stream import Sensors, Stream
 
 _CHUNKS: Final = 16
 """Decompressed parts of the bag in memory, some for each worker thread."""

@@ -26,8 +26,10 @@ from fieldtruth.record.folder import RunFolder, run_folder
 from fieldtruth.record.following import follow_track, with_stored_track, without_wheels
 from fieldtruth.record.sensors import sensor_factory
 from fieldtruth.record.slices import SliceFolder, Slices, slices_key
-from fieldtruth.record.streams import Stream, streams_of
+from fieldtruth.record.stream import Stream
+from fieldtruth.record.streams import streams_of
 from fieldtruth.report.card import data_card
+from fieldtruth.sensors.gnss.measuring import with_fixes
 from fieldtruth.world.build import check_experiment, world_of
 from fieldtruth.world.model import World
 
@@ -100,11 +102,10 @@ def prepare(experiment: Experiment, given: TrackFile | None, progress: Progress)
 
 def track_in(world: World, experiment: Experiment, given: TrackFile | None, advance: Advance | None = None) -> Track:
     """Plan the route and drive, follow the poses of a track file, or stand the robot where frames are taken."""
-    if given is not None:
-        return follow_track(experiment, world, given)
-    if experiment.frames is not None:
+    if experiment.frames is not None and given is None:
         return standing_robot(world, experiment)
-    return plan_and_drive(world, experiment, advance)
+    track = plan_and_drive(world, experiment, advance) if given is None else follow_track(experiment, world, given)
+    return with_fixes(track, world, experiment)
 
 
 def generate(

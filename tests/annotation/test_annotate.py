@@ -34,11 +34,11 @@ from fieldtruth.bag.decode import image, read_bag, static_transforms
 from fieldtruth.bag.run import open_run
 from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.experiment.stereo_config import StereoConfig
-from fieldtruth.render.camera import Camera
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.build import load_world
 
 END = 320_000_000  # [ns]; 8 images of either camera, 3 clouds

@@ -18,16 +18,16 @@ from annotate_bags import stored, write
 from fieldtruth import annotation
 from fieldtruth.annotation import annotate
 from fieldtruth.bag.decode import image, points, read_bag, stamp_ns, static_transforms
-from fieldtruth.bag.sensor_messages import camera_matrix
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import PALETTE
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import paper_rig
-from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.gazebo import DEFAULT_LAYOUT
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
+from fieldtruth.sensors.camera.message import camera_matrix
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.build import load_world
 
 pytestmark = pytest.mark.filterwarnings("ignore:the bag's own messages")

@@ -18,10 +18,10 @@ from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.experiment.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World
 

@@ -7,17 +7,21 @@ import pytest
 from record_fakes import FakeScan, make_experiment, make_track, make_world
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag import robot_messages, sensor_messages
+from fieldtruth.bag import robot_messages
 from fieldtruth.bag import types as ros
 from fieldtruth.bag.topics import PAPER_TOPICS
 from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.drive.state import State, state_at
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
 from fieldtruth.experiment.fields import Mount
-from fieldtruth.experiment.lidar_config import TimeField
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.stereo_config import StereoConfig
+from fieldtruth.sensors.camera import message as camera
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.gnss.message import navsat
+from fieldtruth.sensors.imu.message import imu
+from fieldtruth.sensors.lidar.config import LidarConfig, TimeField
+from fieldtruth.sensors.lidar.message import point_cloud
 
 MD5 = {  # as rosmsg prints them
     "gazebo_msgs/msg/ModelStates": "48c080191eb15c41858319b4d8a609c2",
@@ -64,7 +68,7 @@ def test_clock() -> None:
 
 
 def test_imu_is_in_imu_link_with_quaternions_in_ros_order() -> None:
-    message = back(robot_messages.imu(7, TRACK.imus["imu"], "imu_link"), "sensor_msgs/msg/Imu")
+    message = back(imu(7, TRACK.imus["imu"], "imu_link"), "sensor_msgs/msg/Imu")
     assert (message.header.seq, read.stamp_ns(message.header)) == (7, 160_000_000)
     assert message.header.frame_id == "imu_link"
     assert wxyz(message.orientation) == TRACK.imus["imu"].quaternion_wxyz[7].tolist()
@@ -74,7 +78,7 @@ def test_imu_is_in_imu_link_with_quaternions_in_ros_order() -> None:
 
 
 def test_navsat() -> None:
-    message = back(robot_messages.navsat(1, TRACK.fixes["gnss"], "GNSS_link"), "sensor_msgs/msg/NavSatFix")
+    message = back(navsat(1, TRACK.fixes["gnss"], "GNSS_link"), "sensor_msgs/msg/NavSatFix")
     assert (message.header.frame_id, read.stamp_ns(message.header)) == ("GNSS_link", 10**9)
     assert [message.latitude, message.longitude, message.altitude] == TRACK.fixes["gnss"].geodetic[1].tolist()
     assert message.status.status == message.status.STATUS_FIX
@@ -140,7 +144,7 @@ def fake_scan(n: int) -> FakeScan:
 @pytest.mark.parametrize("spinning", [False, True])
 def test_cloud(spinning: bool) -> None:
     scan = fake_scan(300)
-    message = back(sensor_messages.point_cloud(5, STAMP, scan, spinning=spinning), "sensor_msgs/msg/PointCloud2")
+    message = back(point_cloud(5, STAMP, scan, LidarConfig(spinning=spinning)), "sensor_msgs/msg/PointCloud2")
     points = read.points(message)
     assert (message.header.frame_id, message.height, message.width) == ("os1_lidar", 1, 300)
     assert message.is_dense
@@ -154,9 +158,7 @@ def test_cloud(spinning: bool) -> None:
 
 @pytest.mark.parametrize(("spinning", "size"), [(False, 24), (True, 28)])
 def test_only_the_points_of_a_spinning_lidar_have_times(spinning: bool, size: int) -> None:
-    message = back(
-        sensor_messages.point_cloud(5, STAMP, fake_scan(300), spinning=spinning), "sensor_msgs/msg/PointCloud2"
-    )
+    message = back(point_cloud(5, STAMP, fake_scan(300), LidarConfig(spinning=spinning)), "sensor_msgs/msg/PointCloud2")
     time = {"t": (16, 6)} if spinning else {}
     assert {f.name: (f.offset, f.datatype) for f in message.fields} == {
         "x": (0, 7),
@@ -177,7 +179,7 @@ def test_the_time_of_a_point_as_its_makers_driver_has_it(clock: TimeField, datat
     """Seconds after the stamp (32 bits) or in all (64 bits), beside t; none without a spinning LiDAR."""
     scan = fake_scan(30)
     message = back(
-        sensor_messages.point_cloud(5, STAMP, scan, spinning=True, clock=clock), "sensor_msgs/msg/PointCloud2"
+        point_cloud(5, STAMP, scan, LidarConfig(spinning=True, time_field=clock)), "sensor_msgs/msg/PointCloud2"
     )
     assert {f.name: f.datatype for f in message.fields}[clock] == datatype
     seconds = read.points(message)[clock].astype(np.float64)
@@ -185,7 +187,7 @@ def test_the_time_of_a_point_as_its_makers_driver_has_it(clock: TimeField, datat
     np.testing.assert_allclose(seconds, due, rtol=6e-8 if clock == "time" else 2e-16, atol=0)
     np.testing.assert_array_equal(read.points(message)["t"], scan.t_ns)
     still = back(
-        sensor_messages.point_cloud(5, STAMP, scan, spinning=False, clock=clock), "sensor_msgs/msg/PointCloud2"
+        point_cloud(5, STAMP, scan, LidarConfig(spinning=False, time_field=clock)), "sensor_msgs/msg/PointCloud2"
     )
     assert not {clock, "t"} & {f.name for f in still.fields}
 
@@ -193,15 +195,13 @@ def test_the_time_of_a_point_as_its_makers_driver_has_it(clock: TimeField, datat
 def test_empty_cloud() -> None:
     none = np.zeros(0)
     scan = FakeScan(np.zeros((0, 3), np.float32), *(none.astype(t) for t in ("u1", "u2", "u2", "u2", "u4")))
-    message = back(sensor_messages.point_cloud(0, STAMP, scan, spinning=False), "sensor_msgs/msg/PointCloud2")
+    message = back(point_cloud(0, STAMP, scan, LidarConfig()), "sensor_msgs/msg/PointCloud2")
     assert (message.width, len(read.points(message))) == (0, 0)
 
 
 def test_tag_is_exact() -> None:
     label = np.arange(48 * 64).reshape(48, 64) % 15 + 1
-    message = back(
-        sensor_messages.tag(0, STAMP, "left_camera_optical", label.astype(np.uint8)), "sensor_msgs/msg/Image"
-    )
+    message = back(camera.tag(0, STAMP, "left_camera_optical", label.astype(np.uint8)), "sensor_msgs/msg/Image")
     assert (message.encoding, message.step, message.header.frame_id) == ("rgb8", 192, "left_camera_optical")
     np.testing.assert_array_equal(read.image(message), PALETTE[label])
 
@@ -209,9 +209,7 @@ def test_tag_is_exact() -> None:
 def test_photograph_is_close_to_its_pixels() -> None:
     y, x = np.mgrid[:48, :64]
     photo = np.stack([2 * x + 50, 3 * y + 20, x + y], axis=-1).astype(np.uint8)
-    message = back(
-        sensor_messages.photograph(0, STAMP, "right_camera_optical", photo, 95), "sensor_msgs/msg/CompressedImage"
-    )
+    message = back(camera.photograph(0, STAMP, "right_camera_optical", photo, 95), "sensor_msgs/msg/CompressedImage")
     assert (message.format, message.header.frame_id) == ("jpeg", "right_camera_optical")
     assert np.abs(read.image(message).astype(int) - photo).max() <= 6
 
@@ -219,7 +217,7 @@ def test_photograph_is_close_to_its_pixels() -> None:
 def test_calibration_of_the_zed() -> None:
     config = StereoConfig()
     left, right = (
-        back(sensor_messages.camera_info(0, STAMP, imager), "sensor_msgs/msg/CameraInfo") for imager in config.imagers()
+        back(camera.camera_info(0, STAMP, imager), "sensor_msgs/msg/CameraInfo") for imager in config.imagers()
     )
     fx, fy = 640 / np.tan(np.radians(34.5)), 360 / np.tan(np.radians(21.0))
     assert left.K.tolist() == pytest.approx([fx, 0, 639.5, 0, fy, 359.5, 0, 0, 1], rel=1e-14)
@@ -232,7 +230,7 @@ def test_calibration_of_the_zed() -> None:
 
 
 def test_the_outer_pixel_edges_span_the_field_of_view() -> None:
-    k = sensor_messages.camera_matrix(StereoConfig())
+    k = camera.camera_matrix(StereoConfig())
     corner = np.linalg.inv(k) @ [-0.5, -0.5, 1.0]
     assert np.degrees(np.arctan(corner[:2])).tolist() == pytest.approx([-34.5, -21.0], rel=1e-12)
 
@@ -244,8 +242,8 @@ def test_projection_matrices_agree_with_the_transforms() -> None:
         frames.transform(frames.inverse(mount.base_from_sensor @ CAMERA_FROM_OPTICAL), point_base)[0]
         for mount in (config.left, config.right)
     )
-    pixel = sensor_messages.camera_matrix(config) @ in_right
-    projected = sensor_messages.projection_matrix(config.imagers()[1]) @ [*in_left, 1.0]
+    pixel = camera.camera_matrix(config) @ in_right
+    projected = camera.projection_matrix(config.imagers()[1]) @ [*in_left, 1.0]
     np.testing.assert_allclose(projected / projected[2], pixel / pixel[2], atol=1e-9)
 
 

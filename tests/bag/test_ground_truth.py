@@ -15,8 +15,8 @@ from fieldtruth.core.classes import CLASSES, PALETTE, Label
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.pipeline import generate
-from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.world.build import load_world
 
 pytestmark = pytest.mark.slow  # full-size images

@@ -14,9 +14,9 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag import sensor_messages
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.sensor_models import list_models
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.message import point_cloud
 
 STAMP = 1_700_000_000_123_456_789
 UINT8, UINT16, UINT32, FLOAT32, FLOAT64 = 2, 4, 6, 7, 8  # sensor_msgs/PointField
@@ -61,9 +61,7 @@ def message(config: LidarConfig) -> Any:
         column=steps.astype(np.uint16),
         t_ns=(steps * 1_000_000).astype(np.uint32),
     )
-    data = sensor_messages.point_cloud(
-        1, STAMP, scan, spinning=config.spinning, clock=config.time_field, maker=config.point_fields
-    )
+    data = point_cloud(1, STAMP, scan, config)
     return get_typestore(Stores.ROS1_NOETIC).deserialize_ros1(data, "sensor_msgs/msg/PointCloud2")
 
 

@@ -14,11 +14,11 @@ from fieldtruth.bag.track_file import TrackFile, read_track_file
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthError, TrackError, UnknownNameError
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
 from fieldtruth.experiment.config import DriveConfig
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.exporters import export
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
 
 RPY = np.array([[10.0, -20.0, 30.0], [11.0, -21.0, 40.0], [12.0, -22.0, 50.0]])
 XYZW = Rotation.from_euler("xyz", RPY, degrees=True).as_quat()

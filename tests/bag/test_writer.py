@@ -5,14 +5,14 @@ from pathlib import Path
 import pytest
 from rosbags.rosbag1 import Reader
 
-from fieldtruth.bag.base_messages import wheel_speed
 from fieldtruth.bag.decode import read_bag
 from fieldtruth.bag.robot_messages import clock
 from fieldtruth.bag.topics import CLOCK
 from fieldtruth.bag.topics import PAPER_TOPICS as TOPICS
 from fieldtruth.bag.writer import BagWriter
 from fieldtruth.core.errors import OutputError
-from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS
+from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
+from fieldtruth.sensors.wheel_odometry.message import wheel_speed
 
 TOPIC = WHEEL_SPEEDS[0]
 

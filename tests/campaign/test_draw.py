@@ -24,8 +24,8 @@ from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.config import RandomRouteConfig
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import load_experiment, with_overrides
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig, paper_rig
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 ENVIRONMENTS = ["forest", "hillside", "lake", "park"]
 

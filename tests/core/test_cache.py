@@ -31,10 +31,10 @@ def key_after_edit(path: Path, *modules: str) -> str:
     return cache_key(modules)
 
 
-@pytest.mark.parametrize("edited", ["core/classes.py", "sense/lidar.py", "sense/kernel.py", "world/model.py"])
+@pytest.mark.parametrize("edited", ["core/classes.py", "sensors/lidar/sensing.py", "sense/kernel.py", "world/model.py"])
 def test_the_key_of_the_lidar_changes_with_every_module_that_it_imports(copied_source: Path, edited: str) -> None:
-    before = cache_key(["fieldtruth.sense.lidar"])
-    assert key_after_edit(copied_source / edited, "fieldtruth.sense.lidar") != before
+    before = cache_key(["fieldtruth.sensors.lidar.sensing"])
+    assert key_after_edit(copied_source / edited, "fieldtruth.sensors.lidar.sensing") != before
 
 
 @pytest.mark.parametrize("edited", ["trees/lime.yaml", "rocks/slab.yaml", "materials/ground.yaml"])
@@ -48,8 +48,8 @@ def test_the_key_of_worlds_changes_with_every_species_rock_type_and_material(cop
 
 @pytest.mark.parametrize("edited", ["report/card.py", "cli/__init__.py", "validation/__init__.py"])
 def test_the_key_of_the_lidar_does_not_change_with_other_modules(copied_source: Path, edited: str) -> None:
-    before = cache_key(["fieldtruth.sense.lidar"])
-    assert key_after_edit(copied_source / edited, "fieldtruth.sense.lidar") == before
+    before = cache_key(["fieldtruth.sensors.lidar.sensing"])
+    assert key_after_edit(copied_source / edited, "fieldtruth.sensors.lidar.sensing") == before
 
 
 def write(folder: Path, **sources: str) -> Path:

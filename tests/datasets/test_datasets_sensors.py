@@ -14,9 +14,9 @@ from many_sensors import many_rig
 from rosbags.highlevel import AnyReader
 
 from fieldtruth.bag.reader import BagError
-from fieldtruth.bag.sensor_messages import camera_matrix
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.datasets import RunDataset, collate, open_runs
+from fieldtruth.sensors.camera.message import camera_matrix
 
 RIG = many_rig()
 LIDARS = {lidar.name: lidar for lidar in RIG.lidars}

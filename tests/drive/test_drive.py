@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from drive_worlds import hills, make_experiment, make_world
 
-from fieldtruth.drive.sensors import due_step, steps_at_rate
 from fieldtruth.drive.simulate import drive
+from fieldtruth.drive.steps import due_step, steps_at_rate
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import ControlConfig
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import paper_rig
+from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.model import World
 
 

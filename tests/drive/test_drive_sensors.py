@@ -11,13 +11,16 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz, wxyz_from_xyzw
 from fieldtruth.core.geodesy import world_from_geodetic
 from fieldtruth.drive.physics import STEP_NS
-from fieldtruth.drive.sensors import point_velocity, read_gnss, read_imu, read_tachometers, steps_at_rate
 from fieldtruth.drive.simulate import drive
+from fieldtruth.drive.steps import steps_at_rate
 from fieldtruth.drive.track import Motion, Track
 from fieldtruth.experiment.fields import Mount
-from fieldtruth.experiment.gnss_config import GnssConfig
-from fieldtruth.experiment.imu_config import ImuConfig
 from fieldtruth.experiment.rig import paper_rig
+from fieldtruth.sensors.gnss.config import GnssConfig
+from fieldtruth.sensors.gnss.sensing import read_gnss
+from fieldtruth.sensors.imu.config import ImuConfig
+from fieldtruth.sensors.imu.sensing import point_velocity, read_imu
+from fieldtruth.sensors.wheel_odometry.sensing import read_tachometers
 
 
 def made_motion(position: Array, rotation: Rotation, velocity: Array, turn_rate: Array) -> Motion:

@@ -13,8 +13,8 @@ from fieldtruth.core.frames import rotation_from_quaternion_wxyz, wxyz_from_xyzw
 from fieldtruth.drive.given_motion import motion_along, readings_along
 from fieldtruth.drive.track import Motion, Track
 from fieldtruth.experiment.fields import Mount
-from fieldtruth.experiment.imu_config import ImuConfig
 from fieldtruth.experiment.rig import Rig, paper_rig
+from fieldtruth.sensors.imu.config import ImuConfig
 
 GRAVITY = 9.81
 IN_MIDDLE = paper_rig(imu=ImuConfig(rate_hz=1000.0, mount=Mount(xyz=(0.0, 0.0, 0.0))))

@@ -9,9 +9,9 @@ from drive_worlds import make_world, obstacle
 from fieldtruth.core.errors import TrackError
 from fieldtruth.drive.given_motion import motion_along
 from fieldtruth.drive.inside import check_motion
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.experiment.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.model import World
 
 BARE = paper_rig(stereo=StereoConfig(enabled=False), lidar=LidarConfig(enabled=False))

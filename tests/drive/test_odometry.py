@@ -8,10 +8,10 @@ from drive_worlds import make_experiment, make_world, tilted
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz, yaw_from_rotation
-from fieldtruth.drive.odometry import effective_track, read_odometry
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import Track, WheelMotion, WheelOdometry
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.sensors.wheel_odometry.sensing import effective_track, read_odometry
 from fieldtruth.world.model import World
 
 RIG = Rig()

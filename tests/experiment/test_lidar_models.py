@@ -8,8 +8,8 @@ import pytest
 
 from fieldtruth import ConfigurationError
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.sensor_models import figures_of, list_models
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 LIDARS = list_models("lidar")
 

@@ -13,13 +13,13 @@ from fieldtruth.bag.robot_messages import rig_transforms
 from fieldtruth.bag.topics import PAPER_TOPICS, topics_of
 from fieldtruth.core import frames
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import dump_experiment, parse_experiment, with_overrides
-from fieldtruth.experiment.imu_config import ImuConfig
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.experiment.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.imu.config import ImuConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 SMALL = {"name": "x", "environment": "park", "route": {"metres": {"start": [0, 0], "waypoints": [[9, 9]]}}}
 

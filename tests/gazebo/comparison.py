@@ -16,13 +16,13 @@ from scipy.ndimage import binary_dilation
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import NO_RETURN, PALETTE, Label
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, OPTICAL, CameraConfig
-from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.stereo_config import StereoConfig
-from fieldtruth.sense.label_camera import LabelCamera, LabelImages
-from fieldtruth.sense.lidar import Lidar, ray_directions
-from fieldtruth.sense.pinhole import Pinhole, pinhole
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, OPTICAL, CameraConfig
+from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
+from fieldtruth.sensors.camera.pinhole import Pinhole, pinhole
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.sensing import Lidar, ray_directions
 from fieldtruth.validation.retrace.tracer import ReferenceTracer
 
 RANGE: Final = 0.005

@@ -15,11 +15,11 @@ from scipy.spatial.transform import Rotation
 
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, OPTICAL
 from fieldtruth.experiment.fields import Mount
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.sense.pinhole import pinhole
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, OPTICAL
+from fieldtruth.sensors.camera.pinhole import pinhole
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 RATE_HZ = 10.0
 

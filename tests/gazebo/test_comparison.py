@@ -11,11 +11,11 @@ from sense_worlds import at, box, make_world
 
 from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE, Label
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
-from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.stereo_config import StereoConfig
-from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
+from fieldtruth.sensors.camera.labels import LabelCamera
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.model import Raster
 
 LIDAR: Final = LidarConfig(columns=8, rings=5, vertical_fov_deg=40.0, min_range=0.1)

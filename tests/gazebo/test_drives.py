@@ -21,10 +21,10 @@ from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.drive.expected_path import experiments_in
 from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.files import with_overrides
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import paper_rig
-from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 pytestmark = [pytest.mark.gazebo, pytest.mark.skipif(bool(missing_ros()), reason=missing_ros() or "-")]
 

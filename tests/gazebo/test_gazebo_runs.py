@@ -13,10 +13,10 @@ from rig_models import add_rig, beams, tour
 
 from fieldtruth.core import frames
 from fieldtruth.core.geodesy import geodetic_from_world
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import paper_rig
-from fieldtruth.sense.lidar import ray_directions
-from fieldtruth.sense.pinhole import pinhole
+from fieldtruth.sensors.camera.pinhole import pinhole
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.sensing import ray_directions
 
 needs_gazebo = pytest.mark.skipif(bool(missing_chroot()), reason=missing_chroot() or "-")
 

@@ -22,16 +22,16 @@ from fieldtruth.bag import topics
 from fieldtruth.bag.robot_messages import rig_transforms
 from fieldtruth.core import frames
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.gnss_config import GnssConfig
-from fieldtruth.experiment.imu_config import ImuConfig
-from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.odometry_config import WheelOdometryConfig
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.gazebo.robot import Flavour, shapes, write_robot
-from fieldtruth.sense.lidar import ray_directions
-from fieldtruth.sense.pinhole import pinhole
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.pinhole import pinhole
+from fieldtruth.sensors.gnss.config import GnssConfig
+from fieldtruth.sensors.imu.config import ImuConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.sensing import ray_directions
+from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 
 __all__ = ["fake"]
 ROS = pytest.mark.parametrize("ros", [1, 2])

@@ -19,17 +19,17 @@ from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.drive.robot import ROTOR_INERTIA, wheel_speeds
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
 from fieldtruth.experiment.fields import Mount
-from fieldtruth.experiment.imu_config import ImuConfig
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.robot_config import RobotConfig
-from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.gazebo.robot import Flavour, shapes, write_robot
-from fieldtruth.sense.lidar import ray_directions
-from fieldtruth.sense.pinhole import pinhole
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
+from fieldtruth.sensors.camera.pinhole import pinhole
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.imu.config import ImuConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.sensing import ray_directions
 
 HUSKY = RobotConfig()
 FLAVOURS = get_args(Flavour)

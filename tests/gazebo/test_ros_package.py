@@ -18,17 +18,17 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.bag import topics
-from fieldtruth.bag.sensor_messages import camera_matrix, projection_matrix
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.drive.controller import WaypointFollower
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import load_experiment, parse_experiment
-from fieldtruth.experiment.imu_config import ImuConfig
-from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.route import geodetic_route, metres_from_route
 from fieldtruth.gazebo.robot import write_robot
 from fieldtruth.gazebo.ros import builtin_experiments, write_ros_package
+from fieldtruth.sensors.camera.message import camera_matrix, projection_matrix
+from fieldtruth.sensors.imu.config import ImuConfig
+from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
 from fieldtruth.world.model import Heightfield, Raster, Terrain, World
 
 TILTED = paper_rig(imu=ImuConfig(mount=Mount(xyz=(0.1, 0.0, 0.2), rpy_deg=(20.0, -75.0, 130.0))))

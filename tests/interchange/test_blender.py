@@ -22,12 +22,12 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.state import state_at
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
 from fieldtruth.experiment.files import load_experiment, with_overrides
-from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.interchange import write_scene
-from fieldtruth.sense.label_camera import LabelCamera, LabelImages
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
+from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.world.build import load_world
 
 SCRIPT: Final = Path(__file__).with_name("blender_render.py")

@@ -15,12 +15,12 @@ from PIL import Image
 from scipy.spatial import cKDTree
 
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.interchange import write_scene
 from fieldtruth.interchange.gltf_materials import nearest_step
 from fieldtruth.interchange.ground import ground_tiles
-from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.labels import LabelCamera
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World
 

@@ -277,7 +277,16 @@ def test_the_key_of_slices_depends_on_every_input_value() -> None:
     assert slices_key(changed, 1) != slices_key(world, 1)
 
 
-SHAPES_SLICES = ("core/classes", "sense/lidar", "render/camera", "world/model", "bag/sensor_messages", "record/streams")
+SHAPES_SLICES = (
+    "core/classes",
+    "sensors/lidar/sensing",
+    "sensors/camera/sensing",
+    "world/model",
+    "sensors/lidar/message",
+    "sensors/camera/message",
+    "sensors/imu/stream",
+    "record/streams",
+)
 LEAVES_SLICES = ("report/card", "exporters/pcd", "validation/check", "datasets/run", "cli/__main__")
 
 

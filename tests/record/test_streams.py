@@ -42,11 +42,12 @@ from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.progress import Silent
 from fieldtruth.drive.state import poses_at, state_at
 from fieldtruth.drive.track import stamps_at_rate
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.experiment.stereo_config import StereoConfig
-from fieldtruth.record.streams import Sensors, streams_of
+from fieldtruth.record.stream import Sensors
+from fieldtruth.record.streams import streams_of
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 SECONDS = 2.5
 EXPERIMENT = make_experiment(SECONDS, seed=3)

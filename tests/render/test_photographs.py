@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from sense_worlds import F8, Placed, at, box, make_world, quad
 
 from fieldtruth.core import frames
-from fieldtruth.experiment.camera_config import OPTICAL
 from fieldtruth.experiment.config import LightConfig
-from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.render.bake import BakedScene, bake
-from fieldtruth.render.camera import Camera, CameraImages
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import OPTICAL
+from fieldtruth.sensors.camera.sensing import Camera, CameraImages
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
 
 SMALL = StereoConfig(width=320, height=184)
 SUNS = [(118.0, 41.0), (250.0, 30.0), (0.0, 45.0), (-40.0, 60.0)]

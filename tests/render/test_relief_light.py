@@ -7,13 +7,13 @@ import pytest
 from sense_worlds import F8, make_world
 
 from fieldtruth.core import frames
-from fieldtruth.experiment.camera_config import OPTICAL
 from fieldtruth.experiment.config import LightConfig
-from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.render.bake import bake
-from fieldtruth.render.camera import Camera
 from fieldtruth.render.light import bake_light
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import OPTICAL
+from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
 
 SUN = LightConfig(sun_azimuth_deg=0.0, sun_elevation_deg=40.0)  # in the north, at +x
 WAVE = 0.4  # [m]

@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 from sense_worlds import at, box, make_world, quad
 
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.camera_config import OPTICAL
-from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.render.bake import bake
-from fieldtruth.render.camera import Camera
 from fieldtruth.render.gbuffer import FIELDS, MIRROR
 from fieldtruth.render.water import new_secondary_batch, water_rays
-from fieldtruth.sense.label_camera import LabelCamera
-from fieldtruth.sense.lidar import Lidar
 from fieldtruth.sense.ray_batch import new_batch
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import OPTICAL
+from fieldtruth.sensors.camera.labels import LabelCamera
+from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.sensing import Lidar
 
 COUNT = 48
 F8 = NDArray[np.float64]

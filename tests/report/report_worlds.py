@@ -8,10 +8,10 @@ from functools import cache
 import numpy as np
 
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.experiment.route import route_from_metres
-from fieldtruth.experiment.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.environments.park.build import build as build_park
 from fieldtruth.world.environments.park.config import Config as ParkConfig
 from fieldtruth.world.model import Heightfield, Raster, World

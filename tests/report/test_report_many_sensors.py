@@ -23,9 +23,7 @@ from fieldtruth.core import frames
 from fieldtruth.core.classes import Label
 from fieldtruth.core.progress import Silent
 from fieldtruth.drive.expected_path import pose_on_ground
-from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.fields import Mount
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.report.card_sensors import cloud_frames, frame_content, imu_lines, odometry_lines, sensor_lines
 from fieldtruth.report.page import write_report
@@ -36,6 +34,8 @@ from fieldtruth.report.preview.sheet import draw_sheet
 from fieldtruth.report.shares import count_classes
 from fieldtruth.report.viewer import view
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 VIEWS = ["pair_left", "pair_right", "front", "rear", "fisheye", "panorama"]
 TAGS = {imager.name: imager.topic_of("tag") for imager in many_rig().imagers}

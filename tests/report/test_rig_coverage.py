@@ -10,12 +10,12 @@ import pytest
 from many_sensors import many_rig
 
 from fieldtruth.core import lenses
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.report.rig import body
 from fieldtruth.report.rig.coverage import SensorView, ground_coverage, ground_hits, nearest_ground, sensor_views
 from fieldtruth.report.rig.picture import draw_rig, ground_classes
-from fieldtruth.sense.lidar import ray_directions
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.sensing import ray_directions
 
 
 def rig_of(**sensor: Any) -> Rig:

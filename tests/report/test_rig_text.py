@@ -14,11 +14,11 @@ from fieldtruth.bag.robot_messages import rig_transforms
 from fieldtruth.core import frames, lenses
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
-from fieldtruth.experiment.camera_config import CameraConfig
-from fieldtruth.experiment.imu_config import ImuConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_models import list_robots
 from fieldtruth.report.rig import FORMATS, sensor_table
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.imu.config import ImuConfig
 
 RIGS = pytest.mark.parametrize("rig", [Rig(), many_rig()], ids=["paper", "many"])
 

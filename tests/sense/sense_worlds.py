@@ -11,9 +11,9 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.sense.lidar import Lidar
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.sensing import Lidar
 from fieldtruth.world import assembly
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import Heightfield, Instance, Material, Mesh, Raster, Terrain, World

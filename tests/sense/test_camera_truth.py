@@ -8,12 +8,12 @@ from sense_worlds import F8, Placed, at, box, floating, make_world, quad
 
 from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE, Label
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL, OPTICAL
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.stereo_config import StereoConfig
-from fieldtruth.sense.label_camera import LabelCamera, LabelImages, tag_image
-from fieldtruth.sense.pinhole import pinhole
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, OPTICAL
+from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages, tag_image
+from fieldtruth.sensors.camera.pinhole import pinhole
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
 
 CONFIG = StereoConfig()
 WIDTH, HEIGHT = 1280, 720

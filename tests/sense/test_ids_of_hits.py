@@ -9,15 +9,15 @@ import pytest
 from sense_worlds import at, box, make_world
 
 from fieldtruth.core import frames
-from fieldtruth.experiment.camera_config import OPTICAL
 from fieldtruth.experiment.config import LightConfig
-from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.render.bake import bake
-from fieldtruth.render.camera import Camera
-from fieldtruth.sense.label_camera import LabelCamera
-from fieldtruth.sense.lidar import Lidar
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import OPTICAL
+from fieldtruth.sensors.camera.labels import LabelCamera
+from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.sensing import Lidar
 from fieldtruth.world.model import World
 
 IDS = (2, 65_535, 65_536 + 2, 3 * 65_536 + 2)

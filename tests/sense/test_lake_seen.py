@@ -11,15 +11,15 @@ from sense_worlds import built_scene, make_world, trace_rays
 
 from fieldtruth.core import frames
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.camera_config import OPTICAL
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.experiment.stereo_config import StereoConfig
-from fieldtruth.sense.label_camera import LabelCamera
-from fieldtruth.sense.lidar import Lidar
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import OPTICAL
+from fieldtruth.sensors.camera.labels import LabelCamera
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.lidar.sensing import Lidar
 from fieldtruth.world.furniture import hang, make_cable, make_power_pole
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.trails import Line

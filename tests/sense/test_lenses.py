@@ -10,13 +10,13 @@ from sense_worlds import F8, Placed, at, box, floating, quad
 
 from fieldtruth.core.classes import Label
 from fieldtruth.core.lenses import FLAT, Lens, directions, fields_of_view, greatest_angle, project
-from fieldtruth.experiment.lens_config import LensConfig
-from fieldtruth.experiment.stereo_config import StereoConfig
-from fieldtruth.sense.label_camera import LabelCamera
-from fieldtruth.sense.lens import NO_TABLE, ray_table
-from fieldtruth.sense.pinhole import pinhole
 from fieldtruth.sense.ray_batch import View, new_batch, set_directions
-from fieldtruth.validation.retrace.lens import pixel_ray
+from fieldtruth.sensors.camera.check_lens import pixel_ray
+from fieldtruth.sensors.camera.labels import LabelCamera
+from fieldtruth.sensors.camera.lens_config import LensConfig
+from fieldtruth.sensors.camera.pinhole import pinhole
+from fieldtruth.sensors.camera.ray_table import NO_TABLE, ray_table
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
 
 WIDTH, HEIGHT = 640, 360
 BARREL = (-0.28, 0.09, 0.001, -0.0007, -0.01)

@@ -11,9 +11,9 @@ from sense_worlds import BOX_CORNERS, BOX_FACES, F8, Placed, at, box, floating, 
 
 from fieldtruth.core import frames
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.sense.lidar import Lidar, Scan, ray_directions
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.sensing import Lidar, Scan, ray_directions
 
 TOLERANCE = 1e-4  # [m]
 

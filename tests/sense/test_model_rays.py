@@ -11,11 +11,11 @@ from sense_worlds import F8, at, box, floating
 from fieldtruth import cli
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.sensor_models import list_models
-from fieldtruth.sense.beams import column_times_ns, ray_times_ns, sweep_times_ns
-from fieldtruth.sense.lidar import Lidar, ray_directions
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.lidar.beams import column_times_ns, ray_times_ns, sweep_times_ns
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.sensing import Lidar, ray_directions
 
 TOLERANCE = 1e-4  # [m]
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from sense_worlds import F8, at, box, floating
 
-from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.sense.beams import column_times_ns
-from fieldtruth.sense.lidar import Lidar, ray_directions
+from fieldtruth.sensors.lidar.beams import column_times_ns
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.sensing import Lidar, ray_directions
 
 PERIOD_NS = 100_000_000
 

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.frames import pose_from_quaternion_wxyz
 from fieldtruth.drive.physics import resting_pose
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.sense.lidar import Lidar
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.sensing import Lidar
 from fieldtruth.world.build import load_world, reserved_corridors
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import GROUND_ID, World

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from sense_worlds import BOX_CORNERS, BOX_FACES, at, box, make_mesh, make_world, trace_rays
 
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.stereo_config import StereoConfig
-from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.labels import LabelCamera
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.world.model import Raster
 
 

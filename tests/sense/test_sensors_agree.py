@@ -12,14 +12,14 @@ from sense_worlds import F8, built_scene, trace_rays
 
 from fieldtruth.core import frames
 from fieldtruth.core.classes import PALETTE, Label
-from fieldtruth.experiment.camera_config import CAMERA_FROM_OPTICAL
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import metres_from_route
-from fieldtruth.sense.label_camera import LabelCamera, LabelImages, tag_image
-from fieldtruth.sense.lidar import Lidar, Scan
-from fieldtruth.sense.pinhole import pinhole
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
+from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages, tag_image
+from fieldtruth.sensors.camera.pinhole import pinhole
+from fieldtruth.sensors.lidar.sensing import Lidar, Scan
 
 RIG = Rig()
 LENS = pinhole(RIG.stereo)

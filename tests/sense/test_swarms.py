@@ -9,10 +9,10 @@ import pytest
 from sense_worlds import at, box, make_world, trace_rays
 
 from fieldtruth.core.classes import Label
-from fieldtruth.experiment.camera_config import OPTICAL
-from fieldtruth.experiment.stereo_config import StereoConfig
-from fieldtruth.sense.label_camera import LabelCamera
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import OPTICAL
+from fieldtruth.sensors.camera.labels import LabelCamera
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.world.model import Swarm, World
 
 

@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import parse_experiment
 from fieldtruth.experiment.sensor_models import datasheet_of, models
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.exposure import (
     METERINGS,
     daylight,

@@ -13,18 +13,18 @@ from numpy.typing import NDArray
 from sense_worlds import F8, Placed, at, box, make_world
 
 from fieldtruth.core import frames
-from fieldtruth.drive.sensors import sweep_steps
+from fieldtruth.drive.readings import sweep_steps
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.sensor_models import datasheet_of
-from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.render.bake import BakedScene, bake
-from fieldtruth.render.camera import Camera, CameraImages
 from fieldtruth.render.shutter import render_strips, strips_of
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.sensing import Camera, CameraImages
 from fieldtruth.sensors.camera.signal import CameraSignal
 from fieldtruth.sensors.camera.signal_camera import SignalCamera
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
 
 WIDTH, HEIGHT = 320, 240
 STAMP = 2_000_000_000

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag import sensor_messages
 from fieldtruth.bag import topics as table
 from fieldtruth.bag import types as ros
 from fieldtruth.bag.checksums import CHECKSUMS, checksum_lines
@@ -23,6 +22,9 @@ from fieldtruth.bag.writer import BagWriter
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.sensors.camera.message import instances
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.message import point_cloud
 from fieldtruth.validation import Check, validate
 
 Change = Callable[[RawMessage, int], RawMessage | list[RawMessage] | None]
@@ -118,11 +120,11 @@ def with_wide_ids(run: Path, target: Path, until_ns: int) -> Path:
             scan.xyz = np.stack([points[axis] for axis in "xyz"], axis=-1)
             scan.instance = wide(points["instance"])
             stamp = read.stamp_ns(message.header)
-            data = sensor_messages.point_cloud(message.header.seq, stamp, scan, spinning=False, wide_ids=True)
+            data = point_cloud(message.header.seq, stamp, scan, LidarConfig(), wide_ids=True)
             return raw._replace(data=data)
         if raw.topic in changed:
             head, ids = message.header, wide(read.instances(message))
-            data = sensor_messages.instances(head.seq, read.stamp_ns(head), head.frame_id, ids, wide_ids=True)
+            data = instances(head.seq, read.stamp_ns(head), head.frame_id, ids, wide_ids=True)
             return raw._replace(data=data)
         return raw
 

@@ -10,12 +10,12 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag import sensor_messages
-from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.sense.beams import ray_times_ns
-from fieldtruth.sense.lidar import ray_directions
+from fieldtruth.sensors.lidar import check as clouds
+from fieldtruth.sensors.lidar.beams import ray_times_ns
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.message import point_cloud
+from fieldtruth.sensors.lidar.sensing import ray_directions
 from fieldtruth.validation.check import Rule, Tally
-from fieldtruth.validation.retrace import clouds
 
 STAMP = 1_700_000_000_123_456_789
 
@@ -54,8 +54,7 @@ def test_one_wrong_value_of_a_model_is_found(model: str, field: str, rule: Rule)
         column=column,
         t_ns=ray_times_ns(config).ravel().astype(np.uint32),
     )
-    clock, maker = config.time_field, config.point_fields
-    data = sensor_messages.point_cloud(1, STAMP, scan, spinning=True, clock=clock, maker=maker)
+    data = point_cloud(1, STAMP, scan, config)
     message: Any = get_typestore(Stores.ROS1_NOETIC).deserialize_ros1(data, "sensor_msgs/msg/PointCloud2")
     assert set(counts(message, config).values()) == {0}
     points = read.points(message).copy()

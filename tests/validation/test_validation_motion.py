@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.model_states import ModelStatesReader
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.experiment.odometry_config import JOINT_STATES, WHEEL_SPEEDS
+from fieldtruth.sensors.wheel_odometry.config import JOINT_STATES, WHEEL_SPEEDS
 
 MILLI = 1e-3
 HEADER = 4 + 8 + 4  # number, stamp, length of the frame's name

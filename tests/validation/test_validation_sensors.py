@@ -28,8 +28,8 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.experiment.gnss_config import GnssConfig
 from fieldtruth.pipeline import generate
+from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.validation import Check, validate
 
 Validate = Callable[..., list[Check]]

@@ -10,7 +10,7 @@ from changed_bags import IMU, POINTS, RIGHT, failures_of
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS
+from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
 
 PHOTOGRAPH = RIGHT.topic_of("photograph")
 MOVED: dict[tuple[str, int], tuple[int, bool, bool]] = {  # by [ns], in the header, in the bag

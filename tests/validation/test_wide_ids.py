@@ -25,11 +25,11 @@ from fieldtruth.bag.run import open_run
 from fieldtruth.core.png import ids_png
 from fieldtruth.datasets import RunDataset
 from fieldtruth.experiment.rig import paper_rig
-from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.exporters import export
 from fieldtruth.exporters.coco_segments import Numbering, categories_of
 from fieldtruth.record import sensors
 from fieldtruth.report.viewer import view
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.validation import validate
 from fieldtruth.world.model import World
 

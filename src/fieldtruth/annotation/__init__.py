@@ -30,14 +30,17 @@ from fieldtruth.core.files import locked, output_errors
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.experiment.config import LightConfig
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import KINDS
 from fieldtruth.experiment.topic import Topic
 from fieldtruth.record.folder import RunFolder, new_folder
 from fieldtruth.record.sensors import sensor_factory
 from fieldtruth.record.slices import Slices, slices_key
-from fieldtruth.record.streams import Stream, imager_stream, lidar_stream, scene_stream
+from fieldtruth.record.stream import Stream
+from fieldtruth.record.streams import scene_stream
+from fieldtruth.sensors.camera.stream import imager_stream
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.stream import lidar_stream
 from fieldtruth.world.build import check_layout, load_world
 
 CAMERAS_ONLY = Rig().with_sensors(LidarConfig, enabled=False)

@@ -17,7 +17,7 @@ from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.record.streams import Stream
+from fieldtruth.record.stream import Stream
 from fieldtruth.world.model import World
 
 _SAME: Final = 1e-3

@@ -14,8 +14,8 @@ from fieldtruth.bag.reader import BagError, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.camera_config import Imager
-from fieldtruth.experiment.lidar_config import LidarConfig
+from fieldtruth.sensors.camera.config import Imager
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 BASE: Final = "base_link"
 

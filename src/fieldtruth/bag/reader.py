@@ -54,7 +54,9 @@ _TIME: Final = b"time="
 class BagReader:
     """An open bag, from ``open_bag``; one thread at a time may read it."""
 
-    def __init__(self, path: Path, reader: "_LeanReader", *, own_names: bool) -> None:
+    def __init__(
+        self, path: Path, reader: "_LeanReader", *, own_names: bool, true_stamps: Collection[str] = ()
+    ) -> None:
         self.path = path
         self._reader = reader
         own_names = own_names or ODOMETRY in reader.topics  # the paper's data set has none, ours always
@@ -64,6 +66,9 @@ class BagReader:
         """Messages by topic."""
         self.msgtypes: Mapping[str, str] = {c.topic: c.msgtype for c in self._by_id.values()}
         """Message type by topic."""
+        headed = {c.topic for c in self._by_id.values() if _has_header(c.msgdef.data)}
+        self.true_stamps = headed.intersection(true_stamps)
+        """Topics whose headers are given the stamps in the bag."""
         self.start_ns: int = reader.start_time
         self.end_ns: int = reader.end_time - 1
         """Stamp [ns] of the last message."""
@@ -135,6 +140,8 @@ class BagReader:
     def _raw(self, row: tuple[int, int, int, int, bytes]) -> RawMessage:
         stamp, _, _, number, data = row
         connection = self._by_id[number]
+        if connection.topic in self.true_stamps:
+            data = with_stamp(data, stamp)
         return RawMessage(stamp, connection.topic, connection.msgtype, data, number)
 
     def _index_rows(self, info: ChunkInfo, wanted: Set[int]) -> Iterator[tuple[int, tuple[int, int, int]]]:
@@ -159,13 +166,26 @@ def _name(topic: str, topics: Collection[str]) -> str:
     return name if name not in topics else topic
 
 
+def with_stamp(data: bytes, stamp_ns: int) -> bytes:
+    """Return a message that begins with a header (``seq``, seconds, nanoseconds) with another stamp [ns]."""
+    return b"".join((data[:4], struct.pack("<LL", *divmod(stamp_ns, 10**9)), data[12:]))
+
+
+def _has_header(definition: str) -> bool:
+    """Whether the first field of a message type is a header."""
+    lines = (line.split("#")[0].strip() for line in definition.splitlines())
+    first = next((line for line in lines if line and "=" not in line), "")
+    return first.split(" ")[0] in ("Header", "std_msgs/Header")
+
+
 @contextmanager
-def open_bag(path: Path | str, *, own_names: bool = False) -> Iterator[BagReader]:
+def open_bag(path: Path | str, *, own_names: bool = False, true_stamps: Collection[str] = ()) -> Iterator[BagReader]:
     """Open a bag for reading.
 
     Args:
         path: the file.
         own_names: keep the names of the topics of the paper's data set; otherwise they are ours (``standard_name``).
+        true_stamps: topics whose headers are read with the stamps in the bag, as ``Run.clocked`` has them.
 
     Raises:
         BagError: no such file, not a bag, a truncated one, or one with a damaged index.
@@ -176,7 +196,7 @@ def open_bag(path: Path | str, *, own_names: bool = False) -> Iterator[BagReader
         reader.open()
     try:
         with read_errors(path):
-            bag = BagReader(path, reader, own_names=own_names)
+            bag = BagReader(path, reader, own_names=own_names, true_stamps=true_stamps)
         yield bag
     finally:
         reader.close()

@@ -1,8 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""From the drive's arrays to messages: clock, transforms, odometry, model states, IMU and GNSS.
+"""From the true motion to messages: clock, transforms, odometry, model states.
 
-Covariances are all zero: the readings are exact. ROS reads zeros as "unknown", so a filter must be given its own.
+Covariances are all zero: the poses are exact. ROS reads zeros as "unknown", so a filter must be given its own.
 """
 
 import struct
@@ -14,9 +14,6 @@ from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__PoseWithCovar
 from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__TwistWithCovariance as TwistWithCovariance
 from rosbags.typesys.stores.ros1_noetic import nav_msgs__msg__Odometry as Odometry
 from rosbags.typesys.stores.ros1_noetic import rosgraph_msgs__msg__Clock as Clock
-from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__Imu as Imu
-from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__NavSatFix as NavSatFix
-from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__NavSatStatus as NavSatStatus
 
 from fieldtruth.bag import types as ros
 from fieldtruth.bag.base_messages import BASE, WHEEL_FRAMES
@@ -24,7 +21,7 @@ from fieldtruth.bag.model_states import ROBOT
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.state import State
-from fieldtruth.drive.track import GnssReadings, ImuReadings, Motion
+from fieldtruth.drive.track import Motion
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.model import World
 
@@ -80,36 +77,6 @@ def odometry(seq: int, stamp_ns: int, state: State) -> bytes:
         TwistWithCovariance(twist, np.zeros(36)),
     )
     return ros.serialize(message, "nav_msgs/msg/Odometry")
-
-
-def imu(k: int, readings: ImuReadings, frame: str) -> bytes:
-    """Serialise sensor_msgs/Imu, all of it in the IMU's frame (REP-145); the orientation is world_from_imu."""
-    zeros = np.zeros(9)
-    message = Imu(
-        ros.header(k, int(readings.stamps_ns[k]), frame),
-        ros.quaternion(readings.quaternion_wxyz[k]),
-        zeros,
-        ros.vector(readings.angular_velocity[k]),
-        zeros,
-        ros.vector(readings.linear_acceleration[k]),
-        zeros,
-    )
-    return ros.serialize(message, "sensor_msgs/msg/Imu")
-
-
-def navsat(k: int, readings: GnssReadings, frame: str) -> bytes:
-    """Serialise sensor_msgs/NavSatFix of the antenna: latitude and longitude [deg], ellipsoidal height [m]."""
-    latitude, longitude, height = map(float, readings.geodetic[k])
-    message = NavSatFix(
-        ros.header(k, int(readings.stamps_ns[k]), frame),
-        NavSatStatus(NavSatStatus.STATUS_FIX, NavSatStatus.SERVICE_GPS),
-        latitude,
-        longitude,
-        height,
-        position_covariance=np.zeros(9),
-        position_covariance_type=NavSatFix.COVARIANCE_TYPE_UNKNOWN,
-    )
-    return ros.serialize(message, "sensor_msgs/msg/NavSatFix")
 
 
 class ModelStatesWriter:

@@ -11,6 +11,7 @@ from fieldtruth.bag.reader import BagError, open_bag
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.sensor_config import TRUTH
 
 EXPERIMENT: str = "experiment.yaml"
 """The experiment beside a bag."""
@@ -48,6 +49,15 @@ class Run(NamedTuple):
     def rig(self) -> Rig:
         """The rig that recorded it; of a bag from elsewhere the paper's."""
         return Rig() if self.experiment is None else self.experiment.rig
+
+    @property
+    def clocked(self) -> frozenset[str]:
+        """Topics whose headers have a sensor's own time, while their stamps in the bag are the true ones."""
+        if self.experiment is None:
+            return frozenset()
+        sensors = (sensor for sensor in self.rig.sensors if sensor.clock is not None)
+        topics = (topic.name for sensor in sensors for topic in sensor.topics())
+        return frozenset(name for name in topics if name in self.counts and not name.endswith(TRUTH))
 
     @property
     def world(self) -> str | None:

@@ -9,11 +9,11 @@ from collections.abc import Container
 from typing import Final
 
 from fieldtruth.experiment.config import FRAME_RATE, Experiment
-from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.experiment.sensor_config import KINDS
-from fieldtruth.experiment.stereo_config import StereoConfig
+from fieldtruth.experiment.sensor_config import KINDS, TRUTH
 from fieldtruth.experiment.topic import Topic
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
 
 TRUTH_RATE: Final = 1000.0  # [Hz]; the physics rate
 MOST_REPEATED: Final = 500
@@ -42,7 +42,8 @@ _TRUTH: Final = (
 def topics_of(rig: Rig, *, latched: bool = False) -> tuple[Topic, ...]:
     """Topics that this rig publishes; ``latched``: static objects have a topic of their own."""
     rows = [row for row in _TRUTH if latched or row.kind != "objects"]
-    absent = set(WHEEL_SPEEDS) - set(rig.wheel_speed_topics)  # of a robot with two wheels
+    others = set(WHEEL_SPEEDS) - set(rig.wheel_speed_topics)  # of a robot with two wheels
+    absent = others | {name + TRUTH for name in others}
     for sensor in rig.in_order():
         rows += (topic for topic in sensor.topics() if topic.name not in absent)
         if sensor == rig.wheel_odometry:

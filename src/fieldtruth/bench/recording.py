@@ -11,14 +11,15 @@ import numpy as np
 
 from fieldtruth.bag.topics import topics_of
 from fieldtruth.drive.track import Track
-from fieldtruth.experiment.camera_config import CameraConfig
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.record.sensors import camera_of
 from fieldtruth.record.slices import Slices
-from fieldtruth.record.streams import Sensors, streams_of
+from fieldtruth.record.stream import Sensors
+from fieldtruth.record.streams import streams_of
 from fieldtruth.render.bake import BakedScene
-from fieldtruth.sense.lidar import Lidar
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.signal_camera import new_camera
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.sensing import Lidar
 
 SECONDS: Final = 4
 """Simulated time [s] that is recorded, one slice per second: a multiple of the usual numbers of workers."""
@@ -67,7 +68,7 @@ def sensors_of(baked: BakedScene, rig: Rig, *, used: bool = False) -> Sensors:
     ``used``: after the first use of their memory, which a long run pays once.
     """
     lidars = {config.name: Lidar(config, baked.scene) for config in rig.lidars}
-    cameras = {config.name: camera_of(config, baked) for config in rig.cameras}
+    cameras = {config.name: new_camera(config, baked) for config in rig.cameras}
     if used:
         for camera in cameras.values():
             camera.render(np.eye(4))

@@ -12,14 +12,14 @@ from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.lenses import directions
 from fieldtruth.drive.physics import resting_pose
-from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.config import Route
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.render.bake import BakedScene
-from fieldtruth.render.camera import Camera
-from fieldtruth.sense.lidar import Lidar, ray_directions
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.lidar.sensing import Lidar, ray_directions
 from fieldtruth.world.model import World
 
 _TRIAL_POSES = 4

@@ -42,8 +42,8 @@ def _annotate(options: argparse.Namespace) -> None:
     from fieldtruth.annotation import WorldConfig, annotate
     from fieldtruth.core.progress import show_progress
     from fieldtruth.experiment.files import load_experiment
-    from fieldtruth.experiment.lidar_config import LidarConfig
     from fieldtruth.experiment.rig import Rig
+    from fieldtruth.sensors.lidar.config import LidarConfig
 
     like = None if options.experiment is None else load_experiment(options.experiment)
     if like is not None and like.environment != options.world:

@@ -9,13 +9,15 @@ from typing import Final
 from fieldtruth.cli.arguments import AddCommand, UsageError
 from fieldtruth.core.errors import UnknownNameError
 
-_ENDINGS: Final = {"tree": (".txt", ".md"), "urdf": (".urdf", ".xml"), "camchain": (".yaml", ".yml")}
+_YAML: Final = (".yaml", ".yml")
+_ENDINGS: Final = {"tree": (".txt", ".md"), "urdf": (".urdf", ".xml"), "camchain": _YAML, "imu": _YAML}
 _EXAMPLES: Final = """\
 examples:
   fieldtruth rig park_1                                  the tree of its frames and a table of its sensors
   fieldtruth rig park_1 --preview                        park_1_rig.png: fields of view, blind spots
   fieldtruth rig my.yaml --to urdf --out robot.urdf      for RViz and robot_state_publisher
   fieldtruth rig my.yaml --to camchain                   the cameras for Kalibr
+  fieldtruth rig my.yaml --to imu                        the noise of the IMUs for Kalibr
 """
 
 
@@ -68,7 +70,7 @@ def add_commands(command: AddCommand) -> None:
     """Add the sub-command."""
     rig = command("rig", _rig, "Show the robot's frames and sensors, or write them for other tools.", _EXAMPLES)
     rig.add_argument("experiment", metavar="EXPERIMENT", help="name from `fieldtruth list`, or a YAML file")
-    rig.add_argument("--to", metavar="FORMAT", help="tree, urdf or camchain (the tree and a table of the sensors)")
+    rig.add_argument("--to", metavar="FORMAT", help="tree, urdf, camchain or imu (the tree and a table of the sensors)")
     rig.add_argument("--preview", action="store_true", help="draw the robot, its fields of view and its blind spots")
     rig.add_argument("--out", metavar="FILE", type=Path, help="file (NAME_rig.png with --preview, else the terminal)")
     rig.add_argument("--overwrite", action="store_true", help="replace an existing file")

@@ -23,9 +23,9 @@ from fieldtruth.datasets.association import Stream, associate, explain_no_frame,
 from fieldtruth.datasets.items import GEOMETRY, ITEMS, Sample, Sensor
 from fieldtruth.datasets.poses import Poses, pose_topic
 from fieldtruth.datasets.storage import Storage
-from fieldtruth.experiment.camera_config import Imager
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.ontology.label_map import LabelMap, label_map_of
+from fieldtruth.sensors.camera.config import Imager
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 DEFAULT_ITEMS: Final = ("image", "mask")
 _SENSORS: Final[tuple[Sensor, ...]] = ("camera", "lidar")
@@ -223,7 +223,7 @@ def _open(run: Run, topics: Mapping[Sensor, list[str]], items: Sequence[str], so
     camera = source.camera if "calibration" in items and "camera" in topics else None
     info = None if camera is None else camera.topic_of("camera_info")
     run.require(*[table.TF_STATIC] * geometry, *filter(None, [info]))
-    with open_bag(run.bag) as bag:
+    with open_bag(run.bag, true_stamps=run.clocked) as bag:
         storage = Storage(bag)
         streams = read_streams(bag, storage, [*readings, *filter(None, (pose, info))])
     fixed: dict[str, Any] = {}

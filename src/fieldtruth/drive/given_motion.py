@@ -4,8 +4,8 @@
 
 Positions follow a cubic spline through the poses, orientations SciPy's rotation spline: velocity, turn rate and their
 derivatives are continuous. The rate of the physics samples both; velocity and turn rate are those of the step that ends
-at the stamp, as in the physics (``drive.sensors``). So their sums over all steps are the path and the attitude, and the
-IMU of a track that was recorded from the physics reads what it read there. A noisy file makes a noisy IMU.
+at the stamp, as in the physics (``sensors.imu.sensing``). So their sums over all steps are the path and the attitude,
+and the IMU of a track that was recorded from the physics reads what it read there. A noisy file makes a noisy IMU.
 """
 
 from typing import Final
@@ -17,8 +17,8 @@ from scipy.spatial.transform import Rotation, RotationSpline
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import TrackError
 from fieldtruth.core.frames import wxyz_from_xyzw, xyzw_from_wxyz
-from fieldtruth.drive import sensors
 from fieldtruth.drive.physics import STEP_NS, STEP_S
+from fieldtruth.drive.readings import read_fixes, read_imus, sweep_steps
 from fieldtruth.drive.track import Motion, Track
 from fieldtruth.experiment.rig import Rig
 
@@ -83,8 +83,8 @@ def readings_along(swept: Motion, rig: Rig) -> Track:
 
     What moves along given poses may have no wheels.
     """
-    motion = swept.first(len(swept.stamps_ns) - sensors.sweep_steps(rig))
-    imus, fixes = sensors.read_imus(motion, rig), sensors.read_fixes(motion, rig)
+    motion = swept.first(len(swept.stamps_ns) - sweep_steps(rig))
+    imus, fixes = read_imus(motion, rig), read_fixes(motion, rig)
     return Track(motion=motion, swept=swept, imus=imus, fixes=fixes, base=None)
 
 

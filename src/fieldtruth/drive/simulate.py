@@ -16,20 +16,23 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz
-from fieldtruth.drive import sensors
 from fieldtruth.drive.controller import WaypointFollower, horizontal_from_geodetic
 from fieldtruth.drive.hull import EVERY
 from fieldtruth.drive.monitor import DriveMonitor, Nearing
-from fieldtruth.drive.odometry import read_odometry
 from fieldtruth.drive.physics import STEP_NS, STEP_S, resting_pose
+from fieldtruth.drive.readings import read_fixes, read_imus, sweep_steps
 from fieldtruth.drive.robot import STOP, Command, ramp, wheel_speeds
 from fieldtruth.drive.soil_contact import SoilContact
+from fieldtruth.drive.steps import due_step, steps_at_rate
 from fieldtruth.drive.surroundings import Following, FollowingState, Surroundings
 from fieldtruth.drive.track import Base, Commands, Motion, Track, WheelMotion
 from fieldtruth.drive.wheel_contacts import Soil
 from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route
+from fieldtruth.sensors.gnss.sensing import antenna_geodetic
+from fieldtruth.sensors.imu.sensing import heading
+from fieldtruth.sensors.wheel_odometry.sensing import read_odometry, read_tachometers
 from fieldtruth.world.model import World
 
 STOP_SECONDS: Final = 0.5
@@ -147,7 +150,7 @@ class Drive:
             DriveError: as ``drive``.
         """
         end = math.inf if seconds is None else max(1, round(seconds / STEP_S))
-        sweep, arrived = sensors.sweep_steps(self._rig), False
+        sweep, arrived = sweep_steps(self._rig), False
         while True:
             if self._follower.finished and not arrived:
                 arrived, end = True, min(end, self._robot.step + round(STOP_SECONDS / STEP_S))
@@ -159,24 +162,24 @@ class Drive:
         return _track(self._blocks, int(end), np.array(commands[1:]), self._rig)
 
     def _command(self) -> Command:
-        return self._follower.command(sensors.heading(self._state[_QUATERNION]))
+        return self._follower.command(heading(self._state[_QUATERNION]))
 
     def _advance(self, end: float = math.inf) -> None:
         """Drive to the next reading of the IMU, or to the step ``end``."""
         robot, began = self._robot, self._robot.step
         self._commands.append(self._command())
-        next_reading = sensors.due_step(self._rig.imu.rate_hz, len(self._commands))
+        next_reading = due_step(self._rig.imu.rate_hz, len(self._commands))
         block = robot.advance(self._commands[-1], int(min(next_reading, end)) - began)
         self._blocks.append(block)
         self._state = block[-1]
-        while (fix := sensors.due_step(self._rig.gnss.rate_hz, self._fixes + 1)) <= robot.step:
+        while (fix := due_step(self._rig.gnss.rate_hz, self._fixes + 1)) <= robot.step:
             self._read_fix(block[fix - began - 1])
             self._fixes += 1
         if self._progress is not None and int(robot.seconds) > int(began * STEP_S):
             self._progress(robot.seconds)
 
     def _read_fix(self, state: Array) -> None:
-        latitude, longitude, _ = sensors.antenna_geodetic(state[_POSITION], state[_QUATERNION], self._rig.gnss.mount)
+        latitude, longitude, _ = antenna_geodetic(state[_POSITION], state[_QUATERNION], self._rig.gnss.mount)
         self._follower.update_fix(float(latitude), float(longitude))
 
 
@@ -274,7 +277,7 @@ def _track(blocks: list[Array], count: int, commands: Array, rig: Rig) -> Track:
     motion = swept.first(count)
     speeds, angles = np.split(np.arange(_WHEELS, merged[0].shape[1]), 2)
     wheels = WheelMotion(angle=columns(angles)[:count], speed=columns(speeds)[:count])
-    imus, fixes = sensors.read_imus(motion, rig), sensors.read_fixes(motion, rig)
+    imus, fixes = read_imus(motion, rig), read_fixes(motion, rig)
     base = _base(motion, wheels, commands, rig)
     return Track(motion=motion, swept=swept, imus=imus, fixes=fixes, base=base)
 
@@ -283,10 +286,10 @@ def _base(motion: Motion, wheels: WheelMotion, commands: Array, rig: Rig) -> Bas
     config = rig.wheel_odometry
     if config is None:
         return None
-    stamps = motion.stamps_ns[sensors.steps_at_rate(rig.imu.rate_hz, int(motion.stamps_ns[-1])) - 1]
+    stamps = motion.stamps_ns[steps_at_rate(rig.imu.rate_hz, int(motion.stamps_ns[-1])) - 1]
     return Base(
         wheels=wheels,
-        tachometers=sensors.read_tachometers(motion, wheels.speed, config.tachometer_rate_hz),
+        tachometers=read_tachometers(motion, wheels.speed, config.tachometer_rate_hz),
         odometry=read_odometry(motion.stamps_ns, wheels, rig.wheels, config.rate_hz),
         commands=Commands(stamps_ns=stamps, command=commands[: len(stamps)].reshape(-1, 2)),
     )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array
+from fieldtruth.core.arrays import Array, Counts
 
 Stamps = NDArray[np.int64]
 """Simulated time (n,) [ns]."""
@@ -64,11 +64,33 @@ class ImuReadings:
 
 
 @dataclass(frozen=True, kw_only=True)
+class GnssFixes:
+    """What a receiver measures; rows without a position have NaN there, and zeros in the covariance."""
+
+    geodetic: Array
+    """(n, 3) latitude, longitude [deg], ellipsoidal height [m]."""
+    covariance: Array
+    """(n, 3, 3) of the position in east, north, up [m^2]; zeros without errors."""
+    status: Counts
+    """(n,) of sensor_msgs/NavSatStatus."""
+    service: int
+    """Satellite systems, of sensor_msgs/NavSatStatus."""
+    state: Counts
+    """(n,) of RTK: 0 alone, 1 float, 2 fixed."""
+    satellites: Counts
+    """(n,) satellites in use."""
+    dop: Array
+    """(n, 3): position, horizontal and vertical dilution of precision; NaN below four satellites."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class GnssReadings:
     """Position of the antenna: ``geodetic`` (n, 3) latitude, longitude [deg], ellipsoidal height [m]."""
 
     stamps_ns: Stamps
     geodetic: Array
+    fixes: GnssFixes | None = None
+    """What the receiver measures; None if its signal is ideal."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,15 +11,15 @@ from pydantic import ValidationError
 
 import fieldtruth
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
-from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.catalogue import experiment_names, experiment_text
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.problems import configuration_error, shortened
 from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.experiment.signal_config import DATASHEET, IDEAL, KEY, with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.yaml_io import parse_mapping, read_text, write_mapping
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 VERSION_KEY: Final = "fieldtruth"
 """Key of the version that wrote a file; optional in files written by hand."""

@@ -8,12 +8,7 @@ from typing import Annotated, Any, ClassVar, Final, Self, TypeVar
 
 from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
 
-from fieldtruth.experiment.camera_config import CameraConfig, Imager
 from fieldtruth.experiment.fields import Frozen, Mount
-from fieldtruth.experiment.gnss_config import GnssConfig
-from fieldtruth.experiment.imu_config import ImuConfig
-from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS, WheelOdometryConfig
 from fieldtruth.experiment.rig_check import check_sensors
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
 from fieldtruth.experiment.sections import (
@@ -24,9 +19,14 @@ from fieldtruth.experiment.sections import (
     with_sections,
 )
 from fieldtruth.experiment.sensor_config import MountedConfig, SensorConfig, sensor_of
-from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.urdf import with_urdf_mounts
+from fieldtruth.sensors.camera.config import CameraConfig, Imager
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.gnss.config import GnssConfig
+from fieldtruth.sensors.imu.config import ImuConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS, WheelOdometryConfig
 
 _Config = TypeVar("_Config", bound=SensorConfig)
 Sensor = Annotated[SerializeAsAny[SensorConfig], BeforeValidator(sensor_of)]

@@ -5,13 +5,13 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 
-from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.fields import Mount
-from fieldtruth.experiment.gnss_config import GnssConfig
-from fieldtruth.experiment.odometry_config import WheelOdometryConfig
 from fieldtruth.experiment.problems import LocatedError
 from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.gnss.config import GnssConfig
+from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 
 OWN_TOPICS: Final = (
     "/clock",

@@ -10,13 +10,13 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from fieldtruth.experiment.fields import Boolean, Frozen, Mount, Rate
-from fieldtruth.experiment.gnss_config import GnssConfig
-from fieldtruth.experiment.imu_config import ImuConfig
-from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.odometry_config import WheelOdometryConfig
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
 from fieldtruth.experiment.sensor_config import KINDS, SensorConfig, part
-from fieldtruth.experiment.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.gnss.config import GnssConfig
+from fieldtruth.sensors.imu.config import ImuConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 
 
 class TachometerConfig(Frozen):

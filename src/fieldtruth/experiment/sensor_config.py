@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar, Final, TypeVar
 from pydantic import Field, ValidationError, model_validator
 
 from fieldtruth.core.errors import nearest_first, suggestion
+from fieldtruth.experiment.clock_config import ClockConfig
 from fieldtruth.experiment.fields import Boolean, Frozen, Mount, Rate
 from fieldtruth.experiment.problems import LocatedError, PartError, condition_at, shortened
 from fieldtruth.experiment.sensor_models import figures_of, models
@@ -29,6 +30,8 @@ FrameName = Annotated[
     str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,63}$", description="the name of a frame: letters, digits and _")
 ]
 
+TRUTH: Final = "/truth"
+"""Ends the name of a topic that has what an ideal sensor reads, beside that of a sensor that is not ideal."""
 KINDS: Final[dict[str, type["SensorConfig"]]] = {}
 """Configuration of each kind of sensor, in the order in which their topics are in a bag."""
 
@@ -55,6 +58,8 @@ class SensorConfig(Frozen):
     topic: TopicName
     signal: SignalConfig | None = None
     """What a real sensor adds to ideal readings. None: ideal."""
+    clock: ClockConfig | None = None
+    """The clock that stamps its messages, and which of them are lost. None: simulated time, and none."""
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
@@ -100,6 +105,20 @@ class SensorConfig(Frozen):
     def topics(self) -> tuple[Topic, ...]:
         """Topics that it publishes, in the order of its messages."""
         raise NotImplementedError
+
+    @property
+    def is_ideal(self) -> bool:
+        """Whether its messages have the true readings at the true time, and none is lost."""
+        return self.signal is None and self.clock is None
+
+    def with_truth(self, *topics: Topic) -> tuple[Topic, ...]:
+        """Return topics of its readings and, if it is not ideal, those of the ideal readings after them."""
+        ideal = [] if self.is_ideal else [topic._replace(name=topic.name + TRUTH) for topic in topics]
+        return (*topics, *ideal)
+
+    def true_topic(self, name: str) -> str:
+        """Return the topic with the ideal readings of one of its topics that ``with_truth`` knows."""
+        return name if self.is_ideal else name + TRUTH
 
     def frames(self) -> dict[str, Mount]:
         """Its frames that have base_link as parent, by name."""

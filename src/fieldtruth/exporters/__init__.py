@@ -83,6 +83,15 @@ FORMATS: Final[dict[str, Format]] = {
         joins=True,
         publishes=True,
     ),
+    "slam-configs": Format(
+        "slam_configs",
+        "_slam",
+        "configuration files of KISS-ICP, RKO-LIO, LIO-SAM, FAST-LIO2, OpenVINS and ORB-SLAM3",
+        moves=True,
+    ),
+    "stereo-depth": Format(
+        "stereo_depth", "_stereo_depth", "depth from matching the photographs of a pair, with its errors", library="cv2"
+    ),
 }
 
 

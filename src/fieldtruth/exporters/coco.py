@@ -26,11 +26,11 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import ids_png
 from fieldtruth.core.progress import timed
-from fieldtruth.experiment.camera_config import Imager
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.coco_json import Picture, coco_files
 from fieldtruth.exporters.coco_segments import Numbering, categories_of, segments_of
 from fieldtruth.exporters.frames import checked_jpeg
+from fieldtruth.sensors.camera.config import Imager
 
 _STREAMS: Final = ("photograph", "tag", "instances")
 _MOST_WAITING: Final = 100
@@ -77,7 +77,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     for imager in imagers:
         (target / "images" / imager.name).mkdir(parents=True)
         (target / "panoptic" / imager.name).mkdir(parents=True)
-    with open_bag(run.bag) as bag, options.progress.stage("images", run.duration_s) as advance:
+    with open_bag(run.bag, true_stamps=run.clocked) as bag, options.progress.stage("images", run.duration_s) as advance:
         names, _ = read_objects(run)
         numbering = Numbering(categories, options.label_map, names)
         source = _Source(_cameras(run, imagers), read_trajectory(run), numbering, decoder(bag))

@@ -9,7 +9,7 @@ import csv
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
-from io import BytesIO, StringIO
+from io import StringIO
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -27,6 +27,7 @@ from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png, ids_png
 from fieldtruth.core.progress import timed
 from fieldtruth.exporters import Options
+from fieldtruth.exporters.depth_files import metres_npy, millimetres_png
 from fieldtruth.exporters.files_layout import CALIBRATION, OBJECTS, README, SHEET, Folder, folders, readme
 from fieldtruth.exporters.files_sheet import write_sheet
 from fieldtruth.exporters.files_text import (
@@ -39,7 +40,6 @@ from fieldtruth.exporters.files_text import (
 from fieldtruth.exporters.sequences import returns
 from fieldtruth.ontology.label_map import LabelMap
 
-_MAX_DEPTH: Final = 65535.0  # [mm]
 _PER_RUN: Final = {
     CALIBRATION: "projection of the cameras, their baseline, and the pose of every sensor",
     OBJECTS: "columns id,name: the objects in the instance images",
@@ -77,7 +77,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     counts: dict[tuple[str, str], Counts] = {}
     with (
         ExitStack() as stack,
-        open_bag(run.bag) as bag,
+        open_bag(run.bag, true_stamps=run.clocked) as bag,
         options.progress.stage("write files", run.duration_s) as advance,
     ):
         write_line = _line_writers(stack, bag, target, [text for text in all_texts if text.topic in topics])
@@ -200,12 +200,8 @@ def _tag(name: str, label_map: LabelMap | None, message: Any) -> _Encoded:
 
 
 def _depth(name: str, message: Any) -> _Encoded:
-    metres, raw = depth(message), BytesIO()
-    np.save(raw, metres.astype("<f4", copy=False), allow_pickle=False)
-    millimetres = np.multiply(metres, 1000.0, dtype=np.float64)
-    np.rint(millimetres, out=millimetres)
-    np.copyto(millimetres, 0.0, where=~((millimetres > 0.0) & (millimetres <= _MAX_DEPTH)))
-    return _Encoded({f"depth_{name}": encode_png(millimetres.astype(np.uint16)), f"depth_{name}_raw": raw.getvalue()})
+    metres = depth(message)
+    return _Encoded({f"depth_{name}": millimetres_png(metres), f"depth_{name}_raw": metres_npy(metres)})
 
 
 def _instances(name: str, message: Any) -> _Encoded:

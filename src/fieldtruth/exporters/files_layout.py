@@ -9,11 +9,11 @@ from typing import Final, NamedTuple
 import fieldtruth
 from fieldtruth.bag.run import Run
 from fieldtruth.core.classes import CLASSES
-from fieldtruth.experiment.camera_config import STREAMS, CameraConfig, Imager
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.exporters.files_text import TextFile
 from fieldtruth.ontology.label_map import LabelMap
+from fieldtruth.sensors.camera.config import STREAMS, CameraConfig, Imager
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 README: Final = "README.txt"
 SHEET: Final = "data_proportion.xlsx"

@@ -24,10 +24,10 @@ from fieldtruth.bag.reader import BagError, Decoder, RawMessage
 from fieldtruth.bag.run import Run
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.gnss_config import GnssConfig
-from fieldtruth.experiment.imu_config import ImuConfig
-from fieldtruth.experiment.odometry_config import JOINT_STATES, WHEEL_SPEEDS, WheelOdometryConfig
 from fieldtruth.experiment.topic import WHEELS
+from fieldtruth.sensors.gnss.config import GnssConfig
+from fieldtruth.sensors.imu.config import ImuConfig
+from fieldtruth.sensors.wheel_odometry.config import JOINT_STATES, WHEEL_SPEEDS, WheelOdometryConfig
 
 Numbers = tuple[float | np.float32, ...]
 Row = Callable[[RawMessage], tuple[int, Numbers]]

@@ -23,10 +23,10 @@ from fieldtruth.bag.trajectory import Trajectory, read_trajectory
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.datasets.association import Stream, matched, read_streams
 from fieldtruth.datasets.storage import Storage
-from fieldtruth.experiment.camera_config import Imager
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.exporters.sequences import returns
 from fieldtruth.ontology.label_map import LabelMap
+from fieldtruth.sensors.camera.config import Imager
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 EXTRAS: Final = ("depth", "instances")
 """Images that a camera may have beside photographs and labels."""
@@ -96,7 +96,7 @@ class Frames:
         self._topics = {imager.name: _image_topics(run, imager, extras) for imager in imagers}
         images = [topic for topics in self._topics.values() for topic in topics.values()]
         clouds = {lidar.name: lidar.topic for lidar in lidars}
-        with open_bag(run.bag) as bag:
+        with open_bag(run.bag, true_stamps=run.clocked) as bag:
             self._storage = Storage(bag)
             streams = read_streams(bag, self._storage, [*images, *clouds.values()])
         chosen = matched([streams[topic] for topic in images or clouds.values()])
@@ -200,7 +200,7 @@ def count_common(run: Run, imagers: Sequence[Imager]) -> int:
         BagError: the bag is damaged.
     """
     topics = [topic for imager in imagers for topic in _image_topics(run, imager, EXTRAS).values()]
-    with open_bag(run.bag) as bag:
+    with open_bag(run.bag, true_stamps=run.clocked) as bag:
         return len(matched([*read_streams(bag, Storage(bag), topics).values()])[0].stamps_ns)
 
 

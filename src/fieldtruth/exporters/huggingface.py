@@ -16,7 +16,6 @@ from fieldtruth.bag.calibration import first_message
 from fieldtruth.bag.run import Run
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png, ids_png
-from fieldtruth.experiment.camera_config import Imager
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.croissant import CROISSANT, croissant_text
 from fieldtruth.exporters.frames import LIDAR, Frame, Frames, Source, cameras_of, lidars_of, require_frames
@@ -25,6 +24,7 @@ from fieldtruth.exporters.parquet import Column, ParquetFiles, Table, Written
 from fieldtruth.exporters.splits import SPLITS, Member
 from fieldtruth.exporters.tiff import encode_tiff
 from fieldtruth.ontology.label_map import OWN, LabelMap
+from fieldtruth.sensors.camera.config import Imager
 
 _CLASSES: Final = Column("classes", "classes", "the classes that occur")
 _RUN: Final = Column("run", "string", "name of the run")

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, Final
 import yaml
 
 import fieldtruth
-from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.exporters.splits import Member
 from fieldtruth.ontology.label_map import LabelMap
 from fieldtruth.report.card import card_part
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
 
 if TYPE_CHECKING:
     from fieldtruth.exporters.parquet import Table

@@ -113,7 +113,10 @@ def _write_frames(run: Run, folder: Path, options: Options) -> _Written:
             (folder / name / f"{number:06d}.png").write_bytes(encode_png(image(photograph)))
         return frame.stamp_ns, frame.apart_ns
 
-    with open_bag(run.bag) as bag, options.progress.stage(f"{run.name}: frames", run.duration_s) as advance:
+    with (
+        open_bag(run.bag, true_stamps=run.clocked) as bag,
+        options.progress.stage(f"{run.name}: frames", run.duration_s) as advance,
+    ):
         frames = enumerate(timed(paired_frames(bag, first_lidar(run).topic, topics), advance, run.start_ns))
         saved = list(in_order(frames, save, options.workers))
     if not saved:

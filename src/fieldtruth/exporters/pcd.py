@@ -70,7 +70,10 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         rows = _with_colours(returns(cloud, run), ids, colours)
         (folders[topic] / f"{stamp}.pcd").write_bytes(_header(rows, world_from_lidar) + rows.tobytes())
 
-    with open_bag(run.bag) as bag, options.progress.stage("write the clouds", run.duration_s) as advance:
+    with (
+        open_bag(run.bag, true_stamps=run.clocked) as bag,
+        options.progress.stage("write the clouds", run.duration_s) as advance,
+    ):
         decode, seen = decoder(bag), set[tuple[str, int]]()
 
         def clouds() -> Iterator[tuple[str, Any]]:

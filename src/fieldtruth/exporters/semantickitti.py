@@ -120,7 +120,10 @@ def _write_clouds(run: Run, folder: Path, options: Options) -> tuple[list[int], 
         (mapped | instance << np.uint32(16)).astype("<u4").tofile(folder / "labels" / f"{number:06d}.label")
         return np.bincount(mapped, minlength=256)
 
-    with open_bag(run.bag) as bag, options.progress.stage(f"{run.name}: clouds", run.duration_s) as advance:
+    with (
+        open_bag(run.bag, true_stamps=run.clocked) as bag,
+        options.progress.stage(f"{run.name}: clouds", run.duration_s) as advance,
+    ):
         decode = decoder(bag)
 
         def clouds() -> Iterator[tuple[int, Any]]:
@@ -164,7 +167,10 @@ def _write_images(run: Run, stamps_ns: Sequence[int], folder: Path, options: Opt
 
     if not present:
         return 0
-    with open_bag(run.bag) as bag, options.progress.stage(f"{run.name}: images", run.duration_s) as advance:
+    with (
+        open_bag(run.bag, true_stamps=run.clocked) as bag,
+        options.progress.stage(f"{run.name}: images", run.duration_s) as advance,
+    ):
         decode = decoder(bag)
 
         def jobs() -> Iterator[tuple[Path, Any]]:

@@ -23,9 +23,9 @@ from fieldtruth.bag.trajectory import seconds
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES
-from fieldtruth.experiment.camera_config import OPTICAL, Imager
-from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.stereo_config import StereoConfig
+from fieldtruth.sensors.camera.config import OPTICAL, Imager
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 CLOUDS: Final = "velodyne"
 IMAGES: Final = ("image_2", "image_3")

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.trajectory import read_trajectory, seconds
+from fieldtruth.bag.trajectory import Trajectory, read_trajectory, seconds
+from fieldtruth.core import frames
+from fieldtruth.core.arrays import Array
 from fieldtruth.exporters import Options
 
 
@@ -17,10 +19,21 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         BagError: the bag has no true poses, or is damaged.
     """
     (run,) = runs
-    with options.progress.stage("write the trajectory"), target.open("w", encoding="ascii") as file:
+    with options.progress.stage("write the trajectory"):
         trajectory = read_trajectory(run)
-        file.write("# true poses of base_link in the world: x north, y west, z up\n# t[s] x[m] y[m] z[m] qx qy qz qw\n")
-        rows = zip(trajectory.stamps_ns, trajectory.position, trajectory.quaternion_wxyz, strict=True)
-        for stamp_ns, (x, y, z), (qw, qx, qy, qz) in rows:
-            values = " ".join(repr(float(value)) for value in (x, y, z, qx, qy, qz, qw))
-            file.write(f"{seconds(int(stamp_ns))} {values}\n")
+        target.write_text(tum_text(trajectory), encoding="ascii")
+
+
+def tum_text(trajectory: Trajectory, base_from_sensor: Array | None = None) -> str:
+    """Lines of the poses of base_link or, with its mount (4, 4), of a sensor."""
+    position, quaternion = trajectory.position, trajectory.quaternion_wxyz
+    if base_from_sensor is not None:
+        world_from_sensor = frames.pose_from_quaternion_wxyz(position, quaternion) @ base_from_sensor
+        position = world_from_sensor[:, :3, 3]
+        quaternion = frames.quaternion_wxyz_from_rotation(world_from_sensor[:, :3, :3])
+    frame = "base_link" if base_from_sensor is None else "the sensor"
+    lines = [f"# true poses of {frame} in the world: x north, y west, z up\n# t[s] x[m] y[m] z[m] qx qy qz qw\n"]
+    for stamp_ns, (x, y, z), (qw, qx, qy, qz) in zip(trajectory.stamps_ns, position, quaternion, strict=True):
+        values = " ".join(repr(float(value)) for value in (x, y, z, qx, qy, qz, qw))
+        lines.append(f"{seconds(int(stamp_ns))} {values}\n")
+    return "".join(lines)

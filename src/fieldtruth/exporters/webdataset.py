@@ -26,13 +26,13 @@ from fieldtruth.bag.checksums import sha256_of
 from fieldtruth.bag.run import Run
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
-from fieldtruth.experiment.camera_config import Imager
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.frames import LIDAR, Frames, Source, cameras_of, count_common, lidars_of, require_frames
 from fieldtruth.exporters.splits import SPLITS, Member
 from fieldtruth.exporters.zipped import add_member
 from fieldtruth.ontology.label_map import OWN, LabelMap
+from fieldtruth.sensors.camera.config import Imager
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 DATASET: Final = "dataset.json"
 

@@ -9,10 +9,10 @@ from fieldtruth.bag.track_file import TrackFile
 from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.drive.given_motion import motion_along, readings_along
 from fieldtruth.drive.inside import check_motion
-from fieldtruth.drive.sensors import sweep_steps
+from fieldtruth.drive.readings import sweep_steps
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.odometry_config import WheelOdometryConfig
+from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 from fieldtruth.world.model import World
 
 

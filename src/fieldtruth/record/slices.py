@@ -26,14 +26,14 @@ from fieldtruth.core.files import output_errors, remove
 from fieldtruth.core.progress import Advance, Progress
 from fieldtruth.core.seal import is_sealed
 from fieldtruth.experiment.topic import Topic
-from fieldtruth.record.streams import Sensors, Stream
+from fieldtruth.record.stream import Sensors, Stream
 
 SLICE_NS: Final = 10**9
 """Simulated time [ns] in a slice."""
 _PROGRESS_NS: Final = 10**8
 """Simulated time [ns] between two reports of progress."""
 
-_MODULES: Final = ("fieldtruth.record.slices", "fieldtruth.record.sensors")
+_MODULES: Final = ("fieldtruth.record.slices", "fieldtruth.record.sensors", "fieldtruth.record.streams")
 LIBRARIES: Final = ("numpy", "scipy", "numba", "embreex", "simplejpeg", "lz4", "rosbags")
 """Distributions whose version shapes the bytes of a slice."""
 

@@ -20,6 +20,7 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.report.card_sensors import (
     cloud_frames,
+    fix_lines,
     frame_content,
     imu_lines,
     odometry_lines,
@@ -64,7 +65,7 @@ def data_card(experiment: Experiment, world: World, track: Track, counts: Mappin
         seed=experiment.seed,
         topics="\n".join(_topics(experiment, counts, latches_objects(experiment, len(world.instances)))),
         objects_topic=objects_topic(counts),
-        sensors="\n".join(sensor_lines(rig)),
+        sensors="\n".join([*sensor_lines(rig), *fix_lines(track)]),
         rays=ray_depths(rig),
         clouds=cloud_frames(rig),
         classes="\n".join(_classes()),

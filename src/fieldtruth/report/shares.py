@@ -19,13 +19,13 @@ from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive.expected_path import expected_path, pose_on_ground, poses_along
-from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.sense.label_camera import LabelCamera
-from fieldtruth.sense.lidar import Lidar
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.labels import LabelCamera
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.sensing import Lidar
 from fieldtruth.world.build import world_of
 
 SPACING: Final = 2.0  # [m]

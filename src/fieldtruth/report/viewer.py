@@ -26,8 +26,8 @@ from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.files import atomic_output, output_errors
 from fieldtruth.core.progress import Progress, Silent, timed
-from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS
 from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
 
 RATE: Final = 5.0  # [Hz]
 TIMELINE: Final = "time"
@@ -97,7 +97,10 @@ class _Log:
         path = read_trajectory(run).position
         self.recording.log("world/path", rr.LineStrips3D([path[:: max(1, len(path) // 5000)]], radii=0.02), static=True)
         senders = {topic: sender for topic, sender in self._senders().items() if topic in run.counts}
-        with progress.stage("log the run", run.duration_s) as advance, open_bag(run.bag) as bag:
+        with (
+            progress.stage("log the run", run.duration_s) as advance,
+            open_bag(run.bag, true_stamps=run.clocked) as bag,
+        ):
             decode = decoder(bag)
             for raw in timed(bag.messages(list(senders)), advance, run.start_ns):
                 if not self._is_skipped(raw):

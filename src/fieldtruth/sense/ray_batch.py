@@ -13,9 +13,9 @@ from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import HitTable, LabelBuffers, classify, hit_top
 from fieldtruth.sense.kernel import inlined, kernel
-from fieldtruth.sense.lens import NO_TABLE
 from fieldtruth.sense.packets import IntArray, Packet, set_ray
-from fieldtruth.sense.pinhole import Pinhole
+from fieldtruth.sensors.camera.pinhole import Pinhole
+from fieldtruth.sensors.camera.ray_table import NO_TABLE
 
 BLOCK_WIDTH: Final = 128
 BLOCK_HEIGHT: Final = 32

@@ -13,13 +13,18 @@ from fieldtruth.bag.reader import BagError, BagReader, RawMessage, open_bag
 from fieldtruth.bag.run import find_bag
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.core.progress import Advance, Progress, Silent, timed
+from fieldtruth.sensors.camera import check as camera
+from fieldtruth.sensors.gnss import check as gnss
+from fieldtruth.sensors.imu import check as imu
+from fieldtruth.sensors.lidar import check as lidar
+from fieldtruth.sensors.wheel_odometry import check as wheels
 from fieldtruth.validation import files, streams
 from fieldtruth.validation.check import Check, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, at
 from fieldtruth.validation.files import BagFile
-from fieldtruth.validation.motion import calibration, drive, odometry, poses, sensors
-from fieldtruth.validation.retrace import agreement, clouds, images, reference, scene_sensors, world
-from fieldtruth.validation.retrace.camera_frames import Sampler
+from fieldtruth.validation.motion import calibration, clocks, commands, drive, measured, poses
+from fieldtruth.validation.retrace import agreement, reference, scene_sensors, world
+from fieldtruth.validation.sampler import Sampler
 
 SAMPLES: Final = 20
 """Number of stamps of a run at which costly checks are made."""
@@ -31,13 +36,15 @@ SPECS: Final[tuple[Spec, ...]] = (
     files.CHECKSUMS_SPEC, files.EXPERIMENT_SPEC, files.STRUCTURE, MESSAGES,
     streams.TOPICS, streams.COUNTS, streams.STAMPS, streams.SYNCHRONISATION, streams.CLOCK, streams.HEADERS,
     streams.FRAMES, calibration.CALIBRATION, poses.STATIC_OBJECTS, poses.MOTION, poses.POSES, drive.DRIVE,
-    sensors.IMU, sensors.GNSS, sensors.WHEELS, odometry.ODOMETRY, odometry.COMMANDS,
-    clouds.LABELS, clouds.RAYS, images.IMAGES, images.TAG_COLOURS, images.DEPTH, world.OBJECT_CLASSES,
-    agreement.LIDAR_AND_CAMERAS, world.WORLD, clouds.RETRACED_CLOUDS, images.RETRACED_IMAGES, images.PHOTOGRAPHS,
+    imu.IMU, gnss.GNSS, wheels.WHEELS, wheels.ODOMETRY, commands.COMMANDS,
+    lidar.LABELS, lidar.RAYS, camera.IMAGES, camera.TAG_COLOURS, camera.DEPTH, world.OBJECT_CLASSES,
+    agreement.LIDAR_AND_CAMERAS, world.WORLD, lidar.RETRACED_CLOUDS, camera.RETRACED_IMAGES, camera.PHOTOGRAPHS,
     reference.INDEPENDENT_RAYS,
 )  # fmt: skip
 """All checks, in the order of the output."""
 
+_NOT_IDEAL: Final = (clocks.CLOCKS, measured.IMU_NOISE, gnss.FIXES, measured.WHEEL_NOISE)
+"""Checks of a run with sensors that are not ideal."""
 _DECODED_BY_HAND: Final = (table.CLOCK, table.MODEL_STATES, table.STATIC_MODEL_STATES)
 
 
@@ -79,7 +86,8 @@ def validate(
     with progress.stage("read and check", run.duration_s) as advance, open_bag(bag) as stored:
         checks = _read(context, stored, workers or cpu_count(), advance, _checkers(context, full, samples))
     found = {check.name: check for check in [checksums, experiment, *checks]}
-    specs = (*SPECS, *[scene_sensors.OTHER_SENSORS] * bool(context.rig.scene_sensors))
+    real = not all(sensor.is_ideal for sensor in context.rig.sensors)
+    specs = (*SPECS, *_NOT_IDEAL * real, *[scene_sensors.OTHER_SENSORS] * bool(context.rig.scene_sensors))
     return [found.get(spec.name, Check(spec.name, None, context.no_world)) for spec in specs]
 
 
@@ -91,16 +99,17 @@ def _checkers(context: Context, full: bool, samples: int) -> list[Checker]:
     checkers: list[Checker] = [
         streams.Stamps(context), streams.Headers(context), calibration.Calibration(context),
         poses.ModelStates(context), poses.Poses(context), drive.Drive(context), world.WorldObjects(context),
-        sensors.Imu(context), sensors.Gnss(context), sensors.Wheels(context),
-        odometry.WheelOdometry(context), odometry.Commands(context),
-        clouds.Clouds(context, objects), images.Images(context, objects), objects,
+        imu.Imu(context), gnss.Gnss(context), wheels.Wheels(context),
+        wheels.WheelOdometry(context), commands.Commands(context),
+        clocks.Clocks(context), measured.ImuNoise(context), gnss.Fixes(context), measured.WheelNoise(context),
+        lidar.Clouds(context, objects), camera.Images(context, objects), objects,
         agreement.Agreement(context, pair_sampler),
     ]  # fmt: skip
     if context.rebuilt is not None:
         rays = reference.RayReference(context, context.rebuilt.world)
         checkers += [
-            clouds.RetracedClouds(context, context.rebuilt, rays, scan_sampler),
-            images.RetracedImages(context, context.rebuilt, rays, image_sampler, full=full),
+            lidar.RetracedClouds(context, context.rebuilt, rays, scan_sampler),
+            camera.RetracedImages(context, context.rebuilt, rays, image_sampler, full=full),
             scene_sensors.SceneSensors(context, context.rebuilt),
             rays,
         ]

@@ -16,9 +16,10 @@ from fieldtruth.bag.base_messages import BASE, ODOM, WHEEL_FRAMES
 from fieldtruth.bag.decode import stamp_ns
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.robot_messages import WORLD
-from fieldtruth.experiment.camera_config import STREAMS
-from fieldtruth.experiment.odometry_config import JOINT_STATES, WHEEL_SPEEDS
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.sensor_config import TRUTH
+from fieldtruth.sensors.camera.config import STREAMS
+from fieldtruth.sensors.wheel_odometry.config import JOINT_STATES, WHEEL_SPEEDS
 from fieldtruth.validation.check import Check, Count, Rule, Spec
 from fieldtruth.validation.context import STEP_NS, Checker, Context, at
 
@@ -57,22 +58,31 @@ _OPEN: Final = 500
 
 def _frame_of(rig: Rig) -> dict[str, str]:
     """Frame in the headers of each topic."""
-    odometry = {} if rig.wheel_odometry is None else {JOINT_STATES: BASE, rig.wheel_odometry.topic: ODOM}
+    wheels = rig.wheel_odometry
+    odometry = {} if wheels is None else {JOINT_STATES: BASE, wheels.topic: ODOM}
     mounted = {each.topic: each.frame for each in (*rig.imus, *rig.antennas, *rig.lidars)}
+    of_truth = {name + TRUTH: frame for name, frame in (odometry | mounted).items()}
     optical = {topic: imager.optical_frame for imager in rig.imagers for topic in map(imager.topic_of, STREAMS)}
-    return {table.ODOMETRY: WORLD, table.TF: WORLD} | odometry | mounted | optical
+    return {table.ODOMETRY: WORLD, table.TF: WORLD} | odometry | mounted | of_truth | optical
 
 
 def _groups(context: Context) -> list[tuple[str, ...]]:
     """Topics of the bag that have the same stamps: those of each camera, for example."""
     odometry, topics = context.rig.wheel_odometry, context.topics
+    wheels = [] if odometry is None else [WHEEL_SPEEDS, (JOINT_STATES, odometry.topic)]
     groups = [
         *(tuple(topic.name for topic in topics if topic.sensor == camera.name) for camera in context.rig.cameras),
-        *([] if odometry is None else [WHEEL_SPEEDS, (JOINT_STATES, odometry.topic)]),
+        *[tuple(name + end for name in group) for group in wheels for end in ("", TRUTH)],
         (table.ODOMETRY, table.TF),
         (table.CLOCK, table.MODEL_STATES),
     ]
     return [tuple(name for name in group if name in context.run.counts) for group in groups]
+
+
+def loses(context: Context) -> set[str]:
+    """Return the topics of sensors that lose readings."""
+    lossy = [each for each in context.rig.sensors if each.clock is not None and each.clock.may_lose]
+    return {topic.name for each in lossy for topic in each.topics() if not topic.name.endswith(TRUTH)}
 
 
 def check_topics(context: Context, digests: dict[str, tuple[str, str]]) -> Check:
@@ -84,7 +94,9 @@ def check_topics(context: Context, digests: dict[str, tuple[str, str]]) -> Check
     """
     run, tally = context.run, context.tally(TOPICS)
     if context.experiment is not None:  # a run that is shorter than a sensor's period has none of its messages
+        lossy = loses(context)
         due = [t for t in context.topics if t.rate_hz is None or t.rate_hz * run.end_ns >= 1e9 - 1.0]
+        due = [t for t in due if t.name not in lossy or t.name in run.counts]
     else:
         due = [t for t in context.topics if t.name in run.counts]
     for topic in due:
@@ -130,6 +142,7 @@ class Stamps(Checker):
         self._clocks = {
             topic.name: _Clock(topic.rate_hz, topic.kind in _ON_STEPS) for topic in present if topic.rate_hz is not None
         }
+        self._clocked, self._lossy = run.clocked, loses(context)
         self._on_rate = {
             name: Count(
                 dataclasses.replace(ON_RATE, text=f"stamps of {name} are k / {clock.rate_hz:g} s"),
@@ -152,7 +165,7 @@ class Stamps(Checker):
         if name in self._last:
             self._stamps[RISING].see(stamp > self._last[name], f"{at(raw)} after {self._last[name]} ns")
         self._last[name] = stamp
-        for inside in _header_stamps(name, message):
+        for inside in _header_stamps(name, message) if name not in self._clocked else ():
             self._stamps[HEADER_STAMP].see(inside == stamp, f"{at(raw)}: header {inside} ns")
         if name in self._clocks:
             self._follow(raw, self._clocks[name])
@@ -173,8 +186,9 @@ class Stamps(Checker):
                 continue  # it follows another clock: the number and the stamps of its messages are unknown
             count, expected, number = self._seen.get(name, 0), clock.count(end), self._number.get(name, 0)
             text = f"{name}: {count:,} messages, {end / 1e9:.3f} s at {clock.rate_hz:g} Hz make {expected:,}"
-            self._counts[COUNT].measure(count - expected, text)
-            self._stamps[NO_GAP].see(number == expected, f"{name} ends with reading {number:,} of {expected:,}")
+            if name not in self._lossy:
+                self._counts[COUNT].measure(count - expected, text)
+                self._stamps[NO_GAP].see(number == expected, f"{name} ends with reading {number:,} of {expected:,}")
         for group, waiting in self._groups:
             for stamp, met in waiting.items():
                 self._together[TOGETHER].see(False, _missing(stamp, group, met))
@@ -188,7 +202,8 @@ class Stamps(Checker):
         number, before = clock.number(raw.stamp_ns), self._number.get(raw.topic, 0)
         due = clock.stamp(number)
         if self._on_rate[raw.topic].see(due == raw.stamp_ns, f"{at(raw)}, due at {due} ns"):
-            self._stamps[NO_GAP].see(number == before + 1, f"{at(raw)}: reading {number} after reading {before}")
+            if raw.topic not in self._lossy:
+                self._stamps[NO_GAP].see(number == before + 1, f"{at(raw)}: reading {number} after reading {before}")
             self._number[raw.topic] = number
 
     def _meet(self, group: tuple[str, ...], waiting: OrderedDict[int, set[str]], raw: RawMessage) -> None:
@@ -218,7 +233,7 @@ class Headers(Checker):
 
     def __init__(self, context: Context) -> None:
         self.topics = [topic.name for topic in context.topics if topic.name in context.run.counts]
-        self._frame_of = _frame_of(context.rig)
+        self._frame_of, self._lossy = _frame_of(context.rig), loses(context)
         self._headers, self._frames = context.tally(HEADERS), context.tally(FRAMES)
         self.tallies = [self._headers, self._frames]
         self._numbers: dict[str, int] = {}
@@ -234,7 +249,8 @@ class Headers(Checker):
         for part in parts:
             header = part.header
             self._numbers[raw.topic] = header.seq + 1
-            self._headers[SEQUENCE].see(header.seq == number, f"{at(raw)}: {header.seq} instead of {number}")
+            right = header.seq >= number if raw.topic in self._lossy else header.seq == number
+            self._headers[SEQUENCE].see(right, f"{at(raw)}: {header.seq} instead of {number}")
             self._named.setdefault(header.frame_id, at(raw))
             if raw.topic == table.TF and part.child_frame_id in WHEEL_FRAMES:
                 self._see_frame(raw, header.frame_id, BASE)

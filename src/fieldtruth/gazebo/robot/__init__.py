@@ -9,17 +9,17 @@ from fieldtruth.bag import topics
 from fieldtruth.core import geodesy
 from fieldtruth.drive.physics import FRICTION
 from fieldtruth.drive.robot import skid_compensation
-from fieldtruth.experiment.camera_config import CameraConfig
-from fieldtruth.experiment.gnss_config import GnssConfig
-from fieldtruth.experiment.imu_config import ImuConfig
-from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.odometry_config import WheelOdometryConfig
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.gazebo.robot import contact, parts, shapes
 from fieldtruth.gazebo.templates import render, write
-from fieldtruth.sense.pinhole import pinhole
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.pinhole import pinhole
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.gnss.config import GnssConfig
+from fieldtruth.sensors.imu.config import ImuConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 
 Flavour = Literal["classic", "gz"]
 """Gazebo 11 with ROS 1, or the newer Gazebo (gz sim) with ROS 2."""

@@ -13,13 +13,13 @@ from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.drive import robot
-from fieldtruth.experiment.camera_config import OPTICAL, Imager
 from fieldtruth.experiment.fields import Mount
-from fieldtruth.experiment.lens_config import LensConfig
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.experiment.topic import WHEELS
+from fieldtruth.sensors.camera.config import OPTICAL, Imager
+from fieldtruth.sensors.camera.lens_config import LensConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 GNSS_MASS: Final = 0.001  # [kg]; a link of its own in ROS 1, whose GNSS plugin reads a link's position
 GNSS_INERTIA: Final = 1e-6  # [kg m^2]

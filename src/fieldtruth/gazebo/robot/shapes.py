@@ -16,15 +16,15 @@ import numpy as np
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.robot import Box, body_boxes
-from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.fields import Mount
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
-from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.gazebo.robot.parts import camera_pose, mount_pose, scan_angles
-from fieldtruth.sense.pinhole import pinhole
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.pinhole import pinhole
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 # Housings that are drawn: data sheets of the OS1 and the ZED-2; a camera and an antenna of usual size.
 _OS1: Final = (0.0425, 0.0735)  # [m] radius, height

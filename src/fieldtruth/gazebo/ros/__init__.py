@@ -13,16 +13,13 @@ from scipy.spatial.transform import Rotation
 
 import fieldtruth
 from fieldtruth.bag import topics
-from fieldtruth.bag.sensor_messages import camera_matrix, projection_matrix
 from fieldtruth.core import geodesy
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.frames import xyzw_from_wxyz
 from fieldtruth.drive.physics import resting_pose
-from fieldtruth.experiment.camera_config import Imager
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.config import DriveConfig, Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment
-from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS, WheelOdometryConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route, metres_from_route
 from fieldtruth.experiment.topic import WHEELS
@@ -31,7 +28,10 @@ from fieldtruth.gazebo.robot.shapes import observers
 from fieldtruth.gazebo.ros.bridge import bridge_table, image_topics
 from fieldtruth.gazebo.ros.rviz import rviz_configuration
 from fieldtruth.gazebo.templates import render, write
-from fieldtruth.sense.pinhole import pinhole
+from fieldtruth.sensors.camera.config import Imager
+from fieldtruth.sensors.camera.message import camera_matrix, projection_matrix
+from fieldtruth.sensors.camera.pinhole import pinhole
+from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS, WheelOdometryConfig
 from fieldtruth.world.model import World
 
 _DEPENDENCIES: Final = {

@@ -5,9 +5,9 @@
 from typing import Any
 
 from fieldtruth.bag import topics
-from fieldtruth.experiment.odometry_config import JOINT_STATES
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.gazebo.robot.parts import cloud_topic
+from fieldtruth.sensors.wheel_odometry.config import JOINT_STATES
 
 
 def bridge_table(rig: Rig) -> list[dict[str, Any]]:

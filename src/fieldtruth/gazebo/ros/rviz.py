@@ -5,8 +5,8 @@
 import re
 from importlib.resources import files
 
-from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.sensors.camera.config import CameraConfig
 
 
 def rviz_configuration(rig: Rig, ros: int) -> str:

@@ -20,11 +20,11 @@ from fieldtruth.core.arrays import Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.progress import Progress, timed
-from fieldtruth.experiment.odometry_config import WHEEL_SPEEDS
 from fieldtruth.experiment.topic import WHEELS, Topic
 from fieldtruth.report.page.class_counts import count_pixels, count_points
 from fieldtruth.report.page.decimate import BUCKETS, CHANNELS
 from fieldtruth.report.page.series import Collector, Fixes, Inertial, Lines, Motion, Wheel
+from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
 
 UNEXPECTED: Final = (BagError, AttributeError, KeyError, TypeError, ValueError, IndexError)
 """Exceptions from a message that differs from what its topic promises."""
@@ -92,7 +92,7 @@ def summarize_bag(run: Run, workers: int, progress: Progress) -> BagSummary:
     if not wanted:  # an empty list would mean all topics
         return summary
     counts: dict[str, Counts] = {}
-    with progress.stage("read the bag", run.duration_s) as advance, open_bag(run.bag) as bag:
+    with progress.stage("read the bag", run.duration_s) as advance, open_bag(run.bag, true_stamps=run.clocked) as bag:
         decode = decoder(bag)
 
         def large_messages() -> Iterator[RawMessage]:

@@ -14,9 +14,9 @@ from fieldtruth.bag.reader import decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.core.png import encode_png
-from fieldtruth.experiment.camera_config import Imager
 from fieldtruth.report.drawing.images import downscaled, jpeg_below
 from fieldtruth.report.page.bag_pass import UNEXPECTED, reason, usable_topics
+from fieldtruth.sensors.camera.config import Imager
 
 SAMPLES: Final = 6
 STREAMS_SHOWN: Final = ("photograph", "tag")
@@ -72,7 +72,7 @@ def read_samples(run: Run) -> tuple[list[Sample], dict[str, str]]:
     if not wanted:
         return samples, unreadable
     near_ns = {t: _near_ns(each) for each in imagers for t in map(each.topic_of, STREAMS_SHOWN)}
-    with open_bag(run.bag) as bag:
+    with open_bag(run.bag, true_stamps=run.clocked) as bag:
         decode, index = decoder(bag), bag.index(wanted)
 
         def nearest(topic: str, stamp: int) -> tuple[int, Any] | None:

@@ -53,7 +53,7 @@ def accumulate_scans(run: Run, trajectory: Trajectory | None) -> ScanCloud | Non
     lidars = [lidar for lidar in run.rig.lidars if lidar.topic in usable_topics(run)[0]]
     if not lidars:
         return None
-    with open_bag(run.bag) as bag:
+    with open_bag(run.bag, true_stamps=run.clocked) as bag:
         found = [_accumulated(run, bag, lidar.topic, trajectory) for lidar in lidars]
     same = [each for each in found if each.frame == found[0].frame]
     for each in same:

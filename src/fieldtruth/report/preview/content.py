@@ -12,17 +12,17 @@ from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.progress import Progress
 from fieldtruth.drive.expected_path import expected_path, experiments_in, pose_on_ground, poses_along
-from fieldtruth.experiment.camera_config import Imager
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.render.bake import BakedScene, bake
-from fieldtruth.render.camera import Camera, CameraImages
 from fieldtruth.report.drawing.aerial import Aerial, render_aerial
 from fieldtruth.report.drawing.cloud import Cloud
 from fieldtruth.report.preview.viewpoints import free_viewpoints, most_informative
 from fieldtruth.report.shares import SPACING, ClassShares, count_classes
-from fieldtruth.sense.lidar import Lidar
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import Imager
+from fieldtruth.sensors.camera.sensing import Camera, CameraImages
+from fieldtruth.sensors.lidar.sensing import Lidar
 from fieldtruth.world.model import World
 
 VIEWS: Final = 4

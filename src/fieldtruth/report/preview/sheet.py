@@ -16,7 +16,7 @@ from fieldtruth.report.preview.chart import draw_shares
 from fieldtruth.report.preview.content import SheetContent
 from fieldtruth.report.preview.map import WAYPOINT_RADIUS, badge, draw_map
 from fieldtruth.report.preview.paper import Paper
-from fieldtruth.sense.label_camera import tag_image
+from fieldtruth.sensors.camera.labels import tag_image
 from fieldtruth.world.environments import list_environments
 from fieldtruth.world.model import World
 

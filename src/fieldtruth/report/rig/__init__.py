@@ -1,16 +1,22 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The rig of an experiment for readers and other tools: tree of frames, URDF, Kalibr's camchain, a picture."""
+"""The rig of an experiment for readers and other tools: tree of frames, URDF, files for Kalibr, a picture."""
 
 from collections.abc import Callable
 from typing import Final
 
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.report.rig.camchain import camchain_text
+from fieldtruth.report.rig.imu import imu_text
 from fieldtruth.report.rig.tree import sensor_table, tree_text
 from fieldtruth.report.rig.urdf import urdf_text
 
-FORMATS: Final[dict[str, Callable[[Rig], str]]] = {"tree": tree_text, "urdf": urdf_text, "camchain": camchain_text}
+FORMATS: Final[dict[str, Callable[[Rig], str]]] = {
+    "tree": tree_text,
+    "urdf": urdf_text,
+    "camchain": camchain_text,
+    "imu": imu_text,
+}
 """Writers of ``fieldtruth rig --to``."""
 
 __all__ = ["FORMATS", "sensor_table"]

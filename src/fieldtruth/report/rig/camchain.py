@@ -14,9 +14,9 @@ import numpy as np
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
-from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.yaml_io import write_mapping
+from fieldtruth.sensors.camera.config import CameraConfig
 
 _HEADER: Final = """\
 # Kalibr's camchain: T_cn_cnm1 takes points of the camera before to this one, T_cam_imu those of the IMU.

@@ -9,11 +9,11 @@ import numpy as np
 
 from fieldtruth.core import frames, lenses
 from fieldtruth.core.arrays import Array, Mask
-from fieldtruth.experiment.camera_config import CameraConfig
-from fieldtruth.experiment.lidar_config import LidarConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.report.rig import body
-from fieldtruth.sense.beams import ring_elevations
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.lidar.beams import ring_elevations
+from fieldtruth.sensors.lidar.config import LidarConfig
 
 HALF: Final = 10.0
 """Distance [m] from base_link to the sides of the ground that is looked at."""

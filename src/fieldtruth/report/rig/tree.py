@@ -11,15 +11,15 @@ from fieldtruth.bag.base_messages import BASE
 from fieldtruth.bag.robot_messages import WORLD, rig_transforms
 from fieldtruth.core import frames, lenses
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.camera_config import CameraConfig
-from fieldtruth.experiment.imu_config import ImuConfig
-from fieldtruth.experiment.lidar_config import LidarConfig
-from fieldtruth.experiment.odometry_config import WheelOdometryConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
-from fieldtruth.experiment.stereo_config import StereoConfig
 from fieldtruth.report.rig import body
-from fieldtruth.sense.beams import ring_elevations
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.imu.config import ImuConfig
+from fieldtruth.sensors.lidar.beams import ring_elevations
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 
 _HEAD: Final = ("frame", "x", "y", "z [m]", "roll", "pitch", "yaw [deg]", "of")
 

@@ -7,9 +7,9 @@ from numpy.typing import ArrayLike
 
 from fieldtruth.core import lenses
 from fieldtruth.core.arrays import Float32Array
-from fieldtruth.experiment.camera_config import CameraConfig
 from fieldtruth.render.tonemap import SPILL
 from fieldtruth.sense.kernel import kernel
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.signal import CameraSignal
 
 

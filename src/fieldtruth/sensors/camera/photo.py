@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.random import rng_of
-from fieldtruth.experiment.camera_config import CameraConfig
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.lens_effects import add_glare, blur, illumination, point_spread, spill
 from fieldtruth.sensors.camera.raw import Sensor, expose, interpolate, raw_shape, sensor_of
 from fieldtruth.sensors.camera.response import FULL_SCALE, apply_curve, curve_of

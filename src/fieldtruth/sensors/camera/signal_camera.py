@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 
 from fieldtruth.core import lenses
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.experiment.camera_config import CameraConfig, Imager
 from fieldtruth.render.bake import BakedScene
-from fieldtruth.render.camera import Camera, CameraImages
 from fieldtruth.render.photograph import render_linear
 from fieldtruth.render.shutter import STRIP, offsets_of, render_mean, render_points, render_strips, strips_of
 from fieldtruth.sense.hits import LabelBuffers
 from fieldtruth.sense.ray_batch import View, label_image, trace
+from fieldtruth.sensors.camera.config import CameraConfig, Imager
 from fieldtruth.sensors.camera.exposure import Exposure, exposure_of, metered_exposure, metering_lags, white_balance
 from fieldtruth.sensors.camera.lens_effects import add_glare, illumination
 from fieldtruth.sensors.camera.photo import Developer
+from fieldtruth.sensors.camera.sensing import Camera, CameraImages
 from fieldtruth.sensors.camera.signal import CameraSignal
 
 PoseAt = Callable[[int | NDArray[np.int64]], Array]
@@ -153,3 +153,10 @@ def _grid(config: CameraConfig) -> Array:
     u = (np.arange(columns) + 0.5) * config.width / columns - 0.5
     v = (np.arange(rows) + 0.5) * config.height / rows - 0.5
     return np.stack([each.ravel() for each in np.meshgrid(u, v)])
+
+
+def new_camera(config: CameraConfig, baked: BakedScene) -> Camera:
+    """Return a camera of a baked scene, with its signal if it has one; for one thread."""
+    if config.signal is None:
+        return Camera(config, baked, reuse=True)
+    return SignalCamera(config, baked, baked.scene.world.seed, reuse=True)

@@ -10,10 +10,10 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.decode import matrix
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.robot_messages import fixed_transforms
-from fieldtruth.bag.sensor_messages import camera_matrix, distortion, projection_matrix
 from fieldtruth.core import frames
 from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.experiment.camera_config import Imager
+from fieldtruth.sensors.camera.config import Imager
+from fieldtruth.sensors.camera.message import camera_matrix, distortion, projection_matrix
 from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import Checker, Context, at
 

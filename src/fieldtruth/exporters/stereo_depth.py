@@ -1,0 +1,170 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Export depth as a stereo camera measures it: semi-global matching of a pair's photographs, and its errors.
+
+OpenCV's StereoSGBM finds for each pixel of the left photograph the disparity d [pixel] to the right one; the depth is
+f B / d. Where the bag has the true depth, it is written as well, with a table of the errors.
+"""
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.bag.calibration import first_message
+from fieldtruth.bag.decode import depth, image
+from fieldtruth.bag.reader import BagError, open_bag
+from fieldtruth.bag.run import Run
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.parallel import in_order
+from fieldtruth.datasets.association import Stream, matched, read_streams
+from fieldtruth.datasets.storage import Storage
+from fieldtruth.exporters import Options
+from fieldtruth.exporters.depth_files import metres_npy, millimetres_png
+from fieldtruth.exporters.sequences import first_views, require_pinholes
+from fieldtruth.exporters.stereo_errors import Errors, errors_csv, errors_of
+from fieldtruth.sensors.camera.config import Imager
+
+NEAREST: Final = 1.0
+"""Depth [m] of the largest disparity that is searched."""
+_BLOCK: Final = 5  # [pixel]
+_UNIT: Final = 16.0
+"""OpenCV's disparities are integers in sixteenths of a pixel."""
+
+_README: Final = """\
+Depth of {left} from the photographs of {left} and {right} of {run}, by OpenCV's StereoSGBM
+
+stereo/NS.png: depth along the optical axis, 16 bits, in millimetres; 0 where nothing was matched, or beyond 65.535 m
+stereo/NS.npy: the same in metres, float32; infinite where nothing was matched
+{truth}
+NS is the stamp in nanoseconds. Depth = f B / disparity, with f B = {scale:.6g} pixel m. Disparities up to {most} pixels
+were searched, so nothing nearer than {nearest:.2f} m is matched.
+"""
+_TRUTH: Final = """\
+true/NS.png, true/NS.npy: the true depth, in the same units; infinite in the sky
+errors.csv: a row for each range of true depth: pixels, share of them that was matched and, of the matched, the share
+  with a disparity more than 3 pixels wrong and the median of the relative error of the depth
+"""
+_NO_TRUTH: Final = "The bag has no true depth to compare with; record it with generate --extras depth.\n"
+
+
+class Pair(NamedTuple):
+    """The geometry of a rectified pair."""
+
+    scale: float
+    """f B [pixel m]."""
+    disparities: int
+    """Number of disparities that are searched, a multiple of 16."""
+
+
+def write(runs: Sequence[Run], target: Path, options: Options) -> None:
+    """Write the folder ``target``: the depth of each pair of photographs, with the true depth and errors if recorded.
+
+    Raises:
+        BagError: the rig has no stereo pair, the bag lacks its photographs or calibration, its lenses are not pinholes,
+            or it is damaged.
+    """
+    (run,) = runs
+    views = first_views(run)
+    if len(views) != 2:
+        raise BagError(f"the rig of {run.bag} has no stereo pair, and stereo-depth matches its photographs")
+    left, right = views
+    topics = [view.topic_of("photograph") for view in views]
+    run.require(*topics, *(view.topic_of("camera_info") for view in views))
+    require_pinholes(run, "stereo-depth")
+    pair = _pair(run, right)
+    if has_truth := left.topic_of("depth") in run.counts:
+        topics.append(left.topic_of("depth"))
+    for folder in ("stereo", "true")[: 1 + has_truth]:
+        (target / folder).mkdir(parents=True)
+    errors = _write_frames(run, topics, pair, target, options)
+    if has_truth:
+        (target / "errors.csv").write_text(errors_csv(errors), encoding="ascii")
+    text = _README.format(
+        left=left.name, right=right.name, run=run.name, truth=_TRUTH if has_truth else _NO_TRUTH, scale=pair.scale,
+        most=pair.disparities - 1, nearest=pair.scale / (pair.disparities - 1),
+    )  # fmt: skip
+    (target / "README.txt").write_text(text, encoding="utf-8")
+
+
+def disparity(left: NDArray[np.uint8], right: NDArray[np.uint8], disparities: int) -> NDArray[np.float32]:
+    """Match two grey photographs (h, w): the disparity (h, w) [pixel] of the left one's pixels; NaN without a match.
+
+    Penalties and filters are those of OpenCV's example stereo_match for its mode "sgbm".
+    """
+    matcher = cv2.StereoSGBM.create(
+        minDisparity=0,
+        numDisparities=disparities,
+        blockSize=_BLOCK,
+        P1=8 * _BLOCK**2,
+        P2=32 * _BLOCK**2,
+        disp12MaxDiff=1,
+        preFilterCap=63,
+        uniquenessRatio=10,
+        speckleWindowSize=100,
+        speckleRange=2,
+    )
+    found = matcher.compute(left, right).astype(np.float32) / np.float32(_UNIT)
+    return np.where(found > 0.0, found, np.float32(np.nan))
+
+
+def _pair(run: Run, right: Imager) -> Pair:
+    info = first_message(run, right.topic_of("camera_info"))
+    scale = -float(np.asarray(info.P)[3])
+    if not scale > 0.0:
+        raise BagError(f"{right.topic_of('camera_info')} of {run.bag} has no baseline: P[3] must be below 0")
+    most = int(info.width) // 2
+    return Pair(scale, 16 * max(min(int(np.ceil(scale / NEAREST)) + 16, most) // 16, 1))
+
+
+def _write_frames(run: Run, topics: Sequence[str], pair: Pair, target: Path, options: Options) -> list[Errors]:
+    """Write the frames and return their errors, if the third topic is that of the true depth."""
+    with open_bag(run.bag) as bag:
+        storage = Storage(bag)
+        found = read_streams(bag, storage, topics)
+    streams = matched([found[topic] for topic in topics])
+    count = len(streams[0].stamps_ns)
+    if not count:
+        raise BagError(f"{run.bag} has no frame: no stamp is common to {', '.join(topics)}")
+    made: list[Errors] = []
+    with options.progress.stage("match the photographs", run.duration_s) as advance:
+        work = partial(_write_frame, storage, streams, pair, target)
+        for errors in in_order(range(count), work, options.workers):
+            made += errors
+            advance(run.duration_s / count)
+    return made
+
+
+def _write_frame(storage: Storage, streams: Sequence[Stream], pair: Pair, target: Path, k: int) -> list[Errors]:
+    messages = [storage.message(s.topic, int(s.chunk[k]), int(s.offset[k])) for s in streams]
+    left, right = (_grey(message) for message in messages[:2])
+    if left.shape != right.shape:
+        raise BagError(f"the photographs of a pair differ in size: {left.shape[::-1]} and {right.shape[::-1]}")
+    found = disparity(left, right, pair.disparities)
+    metres = np.where(np.isnan(found), np.float32(np.inf), np.float32(pair.scale) / found)
+    name = str(int(streams[0].stamps_ns[k]))
+    _save(target / "stereo", name, metres)
+    if len(messages) < 3:
+        return []
+    truth = depth(messages[2])
+    _save(target / "true", name, truth)
+    return [errors_of(found, _disparity_of(truth, pair.scale), truth)]
+
+
+def _grey(message: Any) -> NDArray[np.uint8]:
+    grey: NDArray[np.uint8] = np.asarray(cv2.cvtColor(image(message), cv2.COLOR_RGB2GRAY), np.uint8)
+    return grey
+
+
+def _disparity_of(metres: NDArray[np.float32], scale: float) -> Array:
+    with np.errstate(divide="ignore"):
+        return np.asarray(scale / metres.astype(np.float64))
+
+
+def _save(folder: Path, name: str, metres: NDArray[np.float32]) -> None:
+    (folder / f"{name}.png").write_bytes(millimetres_png(metres))
+    (folder / f"{name}.npy").write_bytes(metres_npy(metres))

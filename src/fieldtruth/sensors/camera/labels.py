@@ -1,0 +1,74 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A camera's label, instance and depth images. They depend on geometry alone, not on light."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.core.classes import PALETTE
+from fieldtruth.sense.hits import LabelBuffers
+from fieldtruth.sense.packets import new_packet
+from fieldtruth.sense.ray_batch import BLOCK, View, label_image, new_batch
+from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.pinhole import pinhole
+from fieldtruth.sensors.camera.ray_table import ray_table
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabelImages:
+    """Class id ``label``, instance id ``instance`` and ``depth`` [m] per pixel, each (h, w).
+
+    Depth is measured along the optical axis; by ``equidistant`` and ``equirectangular`` lenses, which see beyond 90 deg
+    from it, along the ray. Sky has depth 0 and instance id 0, and so have pixels for which the lens has no ray.
+    """
+
+    label: NDArray[np.uint8]
+    instance: NDArray[np.uint32]
+    depth: Float32Array
+
+
+class LabelCamera:
+    """A camera that returns labels only. Use one per thread: each owns its buffers.
+
+    The origin is the optical frame of REP-103: x right, y down, z forward. The ray of pixel (row v, column u) passes
+    through the pixel's centre in the direction ((u - cx) / fx, (v - cy) / fy, 1); with a lens other than the pinhole,
+    in the direction that the lens images on the pixel's centre. Surfaces farther along the ray than ``far`` are sky.
+    There is no noise or exposure time. With ``reuse`` each call overwrites the arrays that the previous call returned,
+    which saves a tenth of the time (measured) in long sequences.
+    """
+
+    def __init__(self, config: CameraConfig, scene: Scene, *, reuse: bool = False) -> None:
+        self.config = config
+        self.scene = scene
+        self.pinhole = pinhole(config)
+        self._table = ray_table(config)
+        self._reuse = reuse
+        self._packet, self._batch = new_packet(coherent=True), new_batch(BLOCK)
+        self._labels: LabelImages | None = None
+
+    def label(self, world_from_optical: Array) -> LabelImages:
+        """Label, instance and depth images from a pose (4, 4)."""
+        images = self._labels
+        if images is None:
+            shape = (self.config.height, self.config.width)
+            images = LabelImages(
+                label=np.empty(shape, np.uint8), instance=np.empty(shape, np.uint32), depth=np.empty(shape, np.float32)
+            )
+        out = LabelBuffers(images.label, images.instance, images.depth)
+        view = self._view(world_from_optical)
+        label_image(self.scene.rays.handle, self.scene.hits, self._packet, view, self._batch, out)
+        if self._reuse:
+            self._labels = images
+        return images
+
+    def _view(self, world_from_optical: Array) -> View:
+        return View(np.ascontiguousarray(world_from_optical, np.float64), self.pinhole, self.config.far, self._table)
+
+
+def tag_image(label: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Tag image (h, w, 3): the flat colour of each class id (h, w)."""
+    return np.take(PALETTE, label, axis=0)

@@ -1,0 +1,62 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The camera: photograph, labels and depth come from the same ray through each pixel's centre."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.core.arrays import Array
+from fieldtruth.render.bake import BakedScene
+from fieldtruth.render.photograph import new_framebuffer, render_image
+from fieldtruth.sense.hits import LabelBuffers
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraImages(LabelImages):
+    """Label, instance and depth images, and the photograph ``photo`` (h, w, 3), sRGB, of the same rays."""
+
+    photo: NDArray[np.uint8]
+
+
+class Camera(LabelCamera):
+    """A ``LabelCamera`` that also renders photographs of a baked scene.
+
+    ``exposure`` is relative to that of an open meadow; None takes the exposure chosen for the world, which suits a
+    camera near the ground.
+    """
+
+    def __init__(
+        self, config: CameraConfig, baked: BakedScene, *, reuse: bool = False, exposure: float | None = None
+    ) -> None:
+        super().__init__(config, baked.scene, reuse=reuse)
+        self._shading = baked.shading
+        if exposure is not None:
+            self._shading = self._shading._replace(exposure=np.float32(exposure))
+        self._framebuffer = new_framebuffer(config.height, config.width)
+        self._images: CameraImages | None = None
+
+    def render(self, world_from_optical: Array) -> CameraImages:
+        """Photograph, label, instance and depth images from a pose (4, 4)."""
+        images = self._own_images()
+        labels = LabelBuffers(images.label, images.instance, images.depth)
+        render_image(self._shading, self._framebuffer, self._view(world_from_optical), labels, images.photo)
+        return images
+
+    def _own_images(self) -> CameraImages:
+        """Arrays of images, new ones unless they are reused."""
+        if self._images is not None:
+            return self._images
+        h, w = self.config.height, self.config.width
+        images = CameraImages(
+            label=np.empty((h, w), np.uint8),
+            instance=np.empty((h, w), np.uint32),
+            depth=np.empty((h, w), np.float32),
+            photo=np.empty((h, w, 3), np.uint8),
+        )
+        if self._reuse:
+            self._images = images
+        return images

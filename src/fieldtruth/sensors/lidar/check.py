@@ -1,0 +1,297 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Clouds: layout, labels and rays of every point; and the cloud that the LiDAR measures in the rebuilt world."""
+
+import threading
+from collections.abc import Callable
+from functools import cache, lru_cache
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.bag import decode as read
+from fieldtruth.bag.reader import RawMessage
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
+from fieldtruth.drive.state import poses_at
+from fieldtruth.sensors.lidar.beams import ray_times_ns, sweep_times_ns
+from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.sensing import Lidar, ray_directions
+from fieldtruth.validation.check import Rule, Spec, Tally
+from fieldtruth.validation.context import Checker, Context, RebuiltWorld, at
+from fieldtruth.validation.retrace.reference import RayReading, RayReference, close
+from fieldtruth.validation.retrace.world import N_CLASSES, ClassComparison, ObjectClasses
+from fieldtruth.validation.sampler import Sampler
+
+LAYOUT: Final = Rule("clouds have the fields of this package's points")
+FINITE: Final = Rule("points are finite")
+INTENSITY: Final = Rule("intensity is the label")
+RETURNING: Final = Rule("classes exist and return a pulse")
+_NO_FIELDS: Final = "no clouds with these fields"
+LABELS: Final[Spec] = Spec("labels", (LAYOUT, FINITE, INTENSITY, RETURNING), "points", _NO_FIELDS)
+
+INDICES: Final = Rule("ring and column exist")
+ORDER: Final = Rule("points are ordered by column and ring, without repetition")
+TIME: Final = Rule("t, where present, is the time at which the ray leaves")
+RANGE: Final = Rule("ranges are within the LiDAR's limits")
+# A point is a direction times a range, each coordinate rounded to 24 bits: it is within 1.2e-7 of its ray.
+DIRECTION: Final = Rule("points lie on the rays of their ring and column", 2.4e-7, "rad")
+RAYS: Final[Spec] = Spec("rays", (INDICES, ORDER, TIME, RANGE, DIRECTION), "points", _NO_FIELDS)
+
+SAME_RETURNS: Final = Rule("LiDARs measure the same returns in the rebuilt world")
+# On the processor that made a run all clouds are equal, and one that is not was changed. On another processor hardly
+# any is, as each holds thousands of ranges, and the rule does not apply.
+EQUAL_CLOUDS: Final = Rule("retraced clouds are equal to the last digit", minor=True, learned=True)
+_NO_CLOUDS: Final = "no clouds, or no true motion"
+RETRACED_CLOUDS: Final[Spec] = Spec("retraced clouds", (SAME_RETURNS, EQUAL_CLOUDS), "rays", _NO_CLOUDS)
+
+FIELDS: Final = {
+    "x": "<f4", "y": "<f4", "z": "<f4", "intensity": "<f4",
+    "ring": "<u2", "column": "<u2", "label": "<u2", "instance": "<u2",
+}  # fmt: skip
+"""Fields of every point, with NumPy types; ``t`` ("<u4") [ns] follows the scan's stamp where a LiDAR spins.
+
+In worlds whose ids do not fit into 16 bits ``instance`` is "<u4".
+"""
+_ROUNDING: Final = 1e-6
+"""Share of a range by which single precision may exceed the limits."""
+_CLOCKS: Final = {"time": "<f4", "timestamp": "<f8"}
+_OF_MAKER: Final = {
+    "ouster": {"reflectivity": "<u2", "ring": "|u1", "ambient": "<u2", "range": "<u4"},
+    "livox": {"tag": "|u1", "line": "|u1", "timestamp": "<f8"},
+}
+_CLOCK_ROUNDING: Final = 1e-6
+"""[s], which a double resolves for stamps of today, and single precision within a scan."""
+_RETURNS: Final = np.array([c.label is not Label.VOID and c.label not in NO_RETURN for c in CLASSES])
+
+
+class Clouds(Checker):
+    """Labels and rays of every cloud."""
+
+    def __init__(self, context: Context, objects: ObjectClasses) -> None:
+        self._context, self._objects = context, objects
+        self._configs = {config.topic: config for config in context.rig.lidars}
+        self.topics = tuple(self._configs)
+        self._labels, self._rays = context.tally(LABELS), context.tally(RAYS)
+        self.tallies = [self._labels, self._rays]
+
+    def see(self, raw: RawMessage, message: Any) -> None:
+        """Process a message."""
+        config, where, classes = self._configs[raw.topic], at(raw), self._objects.comparison()
+        labels, rays = self._labels.part(), self._rays.part()
+
+        def work() -> list[Tally]:
+            try:
+                _check_cloud(raw, message, config, labels, rays, classes)
+            except (ValueError, KeyError, TypeError, IndexError) as error:  # bytes that do not hold these fields
+                labels[LAYOUT].see(False, f"{where}: {error}")
+            return [labels, rays, classes.tally]
+
+        self._context.jobs.append(work)
+
+
+def _check_cloud(
+    raw: RawMessage, message: Any, config: LidarConfig, tally: Tally, rays: Tally, classes: ClassComparison
+) -> None:
+    cloud, where = read.points(message), at(raw)
+    kinds = {name: kind.str for name, (kind, *_) in (cloud.dtype.fields or {}).items()}
+    timed = {"t": "<u4"} if config.spinning or "t" in kinds else {}
+    clock = config.time_field if config.spinning else None
+    timed |= {clock: _CLOCKS[clock]} if clock else {}
+    timed |= _OF_MAKER[config.point_fields] if config.point_fields else {}
+    wide = {"instance": "<u4"} if classes.has_wide_ids else {}
+    whole = kinds == FIELDS | timed | wide and message.is_dense and not message.is_bigendian
+    tally[LAYOUT].see(bool(whole), f"{where}: fields {', '.join(kinds)}")
+
+    def row(k: int) -> str:
+        return f"{where}, row {k}"
+
+    if {"label", "intensity"} <= kinds.keys():
+        label, intensity = cloud["label"], cloud["intensity"]
+        same = label == intensity
+        tally[INTENSITY].see_all(same, lambda k: f"{row(k)}: label {label[k]}, intensity {intensity[k]:g}")
+    if found := [cloud[name] for name in ("label", "intensity") if name in kinds]:
+        returning = np.isin(found[0], np.flatnonzero(_RETURNS))
+        tally[RETURNING].see_all(returning, lambda k: f"{row(k)}: class {found[0][k]:g}")
+    if {"x", "y", "z"} <= kinds.keys():
+        xyz = np.stack([cloud[axis] for axis in "xyz"], axis=-1).astype(np.float64)
+        tally[FINITE].see_all(np.asarray(np.isfinite(xyz).all(axis=-1)), lambda k: f"{row(k)}: {xyz[k]} m")
+        if {"ring", "column"} <= kinds.keys():
+            _check_rays(cloud, xyz, _rays_at(config, raw.stamp_ns), config, rays, row)
+    stamp = read.stamp_ns(message.header)
+    if whole and config.point_fields == "ouster":
+        _check_ouster(cloud, xyz, tally, rays, row)
+    if whole and config.point_fields == "livox":
+        _check_livox(cloud, stamp, tally, rays, row)
+    if whole and clock:
+        start = stamp if clock == "timestamp" else 0
+        due = (start + cloud["t"].astype(np.int64)) / 1e9
+        late = np.abs(cloud[clock] - due) > _CLOCK_ROUNDING
+        rays[TIME].see_all(~late, lambda k: f"{row(k)}: {clock} {cloud[clock][k]} s, due at {due[k]} s")
+    if whole:
+        real = np.flatnonzero(cloud["label"] < N_CLASSES)
+        classes.see(cloud["instance"][real], cloud["label"][real], lambda k: row(int(real[k])))
+
+
+def _check_ouster(cloud: NDArray[np.void], xyz: Array, tally: Tally, rays: Tally, row: Callable[[int], str]) -> None:
+    dark = (cloud["reflectivity"] == cloud["label"]) & (cloud["ambient"] == 0)
+    tally[INTENSITY].see_all(
+        dark, lambda k: f"{row(k)}: reflectivity {cloud['reflectivity'][k]}, ambient {cloud['ambient'][k]}"
+    )
+    range_mm = 1000.0 * np.linalg.norm(xyz, axis=-1)
+    near = np.abs(cloud["range"] - range_mm) < 0.5 + 1e-6  # an integer
+    rays[RANGE].see_all(near, lambda k: f"{row(k)}: range {cloud['range'][k]} mm, point at {range_mm[k]:.3f} mm")
+
+
+def _check_livox(cloud: NDArray[np.void], stamp_ns: int, tally: Tally, rays: Tally, row: Callable[[int], str]) -> None:
+    sure = (cloud["line"] == cloud["ring"]) & (cloud["tag"] == 0)
+    tally[LAYOUT].see_all(sure, lambda k: f"{row(k)}: line {cloud['line'][k]}, tag {cloud['tag'][k]}")
+    due = (stamp_ns + (cloud["t"].astype(np.int64) if "t" in (cloud.dtype.names or ()) else 0)) * 1.0
+    rays[TIME].see_all(cloud["timestamp"] == due, lambda k: f"{row(k)}: timestamp {cloud['timestamp'][k]} ns")
+
+
+def _check_rays(
+    cloud: NDArray[np.void], xyz: Array, directions: Array, config: LidarConfig, tally: Tally, row: Callable[[int], str]
+) -> None:
+    ring, column = cloud["ring"].astype(np.int64), cloud["column"].astype(np.int64)
+    inside = (ring >= 0) & (ring < config.rings) & (column >= 0) & (column < config.columns)
+    tally[INDICES].see_all(inside, lambda k: f"{row(k)}: ring {ring[k]}, column {column[k]}")
+    rising = np.diff(column * config.rings + ring) > 0
+    tally[ORDER].see_all(rising, lambda k: f"{row(k + 1)}: column {column[k + 1]}, ring {ring[k + 1]}")
+    if "t" in (cloud.dtype.names or ()):
+        due = _times(config)[np.where(inside, column * config.rings + ring, 0)]
+        tally[TIME].see_all(cloud["t"] == due, lambda k: f"{row(k)}: {cloud['t'][k]} ns, due at {due[k]} ns")
+    range_m: Array = np.linalg.norm(xyz, axis=-1)
+    least, most = config.min_range * (1 - _ROUNDING), config.max_range * (1 + _ROUNDING)
+    limits = f"limits are {config.min_range:g} and {config.max_range:g} m"
+    tally[RANGE].see_all(
+        np.asarray((range_m >= least) & (range_m <= most)), lambda k: f"{row(k)}: {range_m[k]:.3f} m, {limits}"
+    )
+    rays = directions[np.where(inside, column * config.rings + ring, 0)]
+    with np.errstate(invalid="ignore"):  # points that are not finite break this rule as well
+        aside = np.linalg.norm(xyz - rays * range_m[:, None], axis=-1) / np.maximum(range_m, 1e-9)
+    tally[DIRECTION].measure_all(aside[inside], lambda k: row(int(np.flatnonzero(inside)[k])))
+
+
+def _rays_at(config: LidarConfig, stamp_ns: int) -> Array:
+    """Directions (columns * rings, 3) of a scan at a stamp by number of the ray."""
+    return _directions(config, 0 if config.pattern is None else stamp_ns)
+
+
+@lru_cache(maxsize=16)
+def _directions(config: LidarConfig, stamp_ns: int) -> Array:
+    return ray_directions(config, stamp_ns).reshape(-1, 3)
+
+
+@cache
+def _times(config: LidarConfig) -> NDArray[np.int64]:
+    """Time [ns] after the scan's stamp at which each ray leaves, by number of the ray."""
+    count = config.columns * config.rings
+    return ray_times_ns(config).reshape(-1) if config.spinning else np.zeros(count, np.int64)
+
+
+@cache
+def _sweep_times(config: LidarConfig) -> NDArray[np.int64]:
+    """Times [ns] after a scan's stamp at which its columns begin and the last one ends; 0 if all rays leave at once."""
+    return sweep_times_ns(config) if config.spinning else np.zeros(1, np.int64)
+
+
+@cache
+def _lag(config: LidarConfig) -> Array:
+    """Share (rings,) of a column's time after which each ring fires."""
+    offsets = np.array(config.firing_offsets_ns or (0,) * config.rings)
+    return offsets * (1e-9 * config.rate_hz * config.columns)
+
+
+class RetracedClouds(Checker):
+    """Every cloud, measured again in the rebuilt world and compared ray by ray."""
+
+    def __init__(self, context: Context, rebuilt: RebuiltWorld, reference: RayReference, sampler: Sampler) -> None:
+        self._context, self._rebuilt, self._reference, self._sampler = context, rebuilt, reference, sampler
+        self._tally = context.tally(RETRACED_CLOUDS)
+        self.tallies = [self._tally]
+        self._own = threading.local()
+        self._configs = {config.topic: config for config in context.rig.lidars}
+        self.topics = tuple(self._configs)
+
+    def see(self, raw: RawMessage, message: Any) -> None:
+        """Process a message."""
+        end = raw.stamp_ns + int(_sweep_times(self._configs[raw.topic])[-1])
+        self._context.motion.when_known(end, lambda: self._submit(raw, message))
+
+    def _submit(self, raw: RawMessage, message: Any) -> None:
+        config, motion = self._configs[raw.topic], self._context.motion
+        stamps = raw.stamp_ns + _sweep_times(config)
+        if config.spinning:
+            world_from_base = poses_at(motion.motion, stamps)
+        else:
+            world_from_base = motion.state(raw.stamp_ns).world_from_base[None]
+        poses = world_from_base @ config.mount.base_from_sensor
+        # The last scan of a spinning LiDAR is completed after the end of the bag, where no pose is known.
+        known = int(np.searchsorted(stamps, motion.motion.stamps_ns[-1], "right"))
+        seed = raw.stamp_ns if self._sampler.takes(raw.stamp_ns, config.name) else None
+        columns = min(known - 1, config.columns) if len(poses) > 1 else config.columns
+        self._context.jobs.append(lambda: self._compare(raw, message, poses, columns, seed))
+
+    def _compare(self, raw: RawMessage, message: Any, poses: Array, columns: int, seed: int | None) -> list[Tally]:
+        """Scan again from poses as ``Lidar.scan`` takes them, or from one (1, 4, 4); compare the first ``columns``."""
+        config = self._configs[raw.topic]
+        try:
+            cloud = read.points(message)
+            xyz = np.stack([cloud[axis] for axis in "xyz"], axis=-1)
+            bag = _Dense.of(config, cloud["column"], cloud["ring"], xyz, cloud["label"], cloud["instance"])
+        except (ValueError, KeyError):
+            return []  # the check of labels reports the layout
+        lidars = vars(self._own)
+        if config.name not in lidars:
+            lidars[config.name] = Lidar(config, self._rebuilt.scene)
+        scan = lidars[config.name].scan(poses if len(poses) > 1 else poses[0], raw.stamp_ns)
+        own = _Dense.of(config, scan.column, scan.ring, scan.xyz, scan.label, scan.instance)
+        bag, own = bag.first(columns * config.rings), own.first(columns * config.rings)
+        same = (bag.label == own.label) & (bag.instance == own.instance)
+        equal = bool(same.all()) and np.array_equal(bag.xyz, own.xyz)
+        same &= close(bag.xyz, own.xyz).all(axis=1)
+
+        directions = _rays_at(config, raw.stamp_ns)
+
+        def reading(k: int) -> RayReading:
+            column, ring = divmod(k, config.rings)
+            pose = poses[0]
+            if len(poses) > 1:
+                pose = poses[column] + _lag(config)[ring] * (poses[column + 1] - poses[column])
+            range_m = float(np.linalg.norm(bag.xyz[k].astype(np.float64)))
+            return RayReading(
+                f"{at(raw)}, column {column}, ring {ring}", pose[:3, 3], pose[:3, :3] @ directions[k],
+                range_m, int(bag.label[k]), int(bag.instance[k]), config.min_range, config.max_range, lidar=True,
+            )  # fmt: skip
+
+        part = self._tally.part()
+        part[EQUAL_CLOUDS].see(equal, at(raw))
+        return [part, self._reference.compare(part[SAME_RETURNS], np.flatnonzero(~same), len(same), reading, seed)]
+
+
+class _Dense(NamedTuple):
+    """A value for each ray of the LiDAR; 0 without a return."""
+
+    xyz: NDArray[np.float32]
+    label: NDArray[np.uint16]
+    instance: NDArray[np.uint32]
+
+    @classmethod
+    def of(cls, config: LidarConfig, column: Any, ring: Any, *values: Any) -> "_Dense":
+        """Spread returns over all rays; those of rays that do not exist are reported by the check of rays."""
+        number, count = column.astype(np.int64) * config.rings + ring, config.columns * config.rings
+        inside = (number >= 0) & (number < count)
+        parts: list[NDArray[Any]] = [
+            np.zeros((count, 3), np.float32),
+            np.zeros(count, np.uint16),
+            np.zeros(count, np.uint32),
+        ]
+        for part, value in zip(parts, values, strict=True):
+            part[number[inside]] = value[inside]
+        return cls(*parts)
+
+    def first(self, count: int) -> "_Dense":
+        """The values of the first ``count`` rays."""
+        return _Dense(self.xyz[:count], self.label[:count], self.instance[:count])

@@ -1,0 +1,39 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Configuration of wheel odometry: encoders of the wheels, and what the robot's driver computes from their angles."""
+
+from typing import ClassVar, Final, Literal
+
+from fieldtruth.experiment.fields import Rate
+from fieldtruth.experiment.sensor_config import SensorConfig, SensorName, TopicName
+from fieldtruth.experiment.topic import WHEELS, Topic
+from fieldtruth.sensors.wheel_odometry.signal import WheelSignal
+
+WHEEL_SPEEDS: Final = tuple(f"/gazebo_client/{wheel}_speed" for wheel in WHEELS)
+JOINT_STATES: Final = "/joint_states"
+
+
+class WheelOdometryConfig(SensorConfig):
+    """Speeds of the wheels, joint states and wheel odometry; a rig has one of these or none."""
+
+    sees: ClassVar[bool] = False
+
+    datasheet: ClassVar[str] = "husky_a200"
+
+    kind: Literal["wheel_odometry"] = "wheel_odometry"
+    name: SensorName = "wheel_odometry"
+    topic: TopicName = "/odometry/wheel"
+    rate_hz: Rate = 50.0  # of odometry and joint states; husky_control, control.yaml
+    tachometer_rate_hz: Rate = 10.0  # of the wheels' speeds
+    signal: WheelSignal | None = None
+
+    def topics(self) -> tuple[Topic, ...]:
+        """Wheel speeds, joint states and odometry; a robot with two wheels has the first two speeds only.
+
+        The ideal ones follow if it is not ideal.
+        """
+        return self.with_truth(
+            *(self.new_topic(name, "std_msgs/msg/Float32", self.tachometer_rate_hz) for name in WHEEL_SPEEDS),
+            self.new_topic(JOINT_STATES, "sensor_msgs/msg/JointState"),
+            self.new_topic(self.topic, "nav_msgs/msg/Odometry"),
+        )
