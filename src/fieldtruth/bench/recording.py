@@ -19,7 +19,7 @@ from fieldtruth.record.streams import streams_of
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.sense.robot_view import robot_views
 from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.camera.signal_camera import new_camera
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import Lidar
 
@@ -70,7 +70,7 @@ def sensors_of(baked: BakedScene, rig: Rig, *, used: bool = False) -> Sensors:
     ``used``: after the first use of their memory, which a long run pays once.
     """
     lidars = {config.name: Lidar(config, baked.scene, visible_parts(rig)) for config in rig.lidars}
-    cameras = {config.name: Camera(config, baked, reuse=True) for config in rig.cameras}
+    cameras = {config.name: new_camera(config, baked) for config in rig.cameras}
     if used:
         for camera in cameras.values():
             camera.render(np.eye(4))

@@ -13,7 +13,7 @@ from fieldtruth.render.bake import bake
 from fieldtruth.sense.robot_view import robot_views
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sense.scene_sensor import SCENE_SENSORS
-from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.camera.signal_camera import new_camera
 from fieldtruth.sensors.lidar.measuring import new_lidar
 from fieldtruth.world.model import World
 
@@ -27,7 +27,7 @@ def sensor_factory(world: World, rig: Rig, light: LightConfig, weather: WeatherC
 
     def make() -> Sensors:
         lidars = {config.name: new_lidar(config, scene, weather, parts) for config in rig.lidars}
-        cameras = {} if baked is None else {c.name: Camera(c, baked, reuse=True) for c in rig.cameras}
+        cameras = {} if baked is None else {c.name: new_camera(c, baked) for c in rig.cameras}
         others = {config.name: SCENE_SENSORS[config.kind](config, scene) for config in rig.scene_sensors}
         return Sensors(lidars, cameras, others, views, wide_ids)
 

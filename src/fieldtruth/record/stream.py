@@ -16,6 +16,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.drive.track import Stamps
 from fieldtruth.sense.robot_view import RobotView
 from fieldtruth.sense.scene_sensor import SceneSensor
+from fieldtruth.sensors.camera.config import Imager
 from fieldtruth.sensors.lidar.message import Scan
 
 PoseAt = Callable[[int | Stamps], Array]
@@ -51,6 +52,16 @@ class Camera(Protocol):
 
     def render(self, world_from_optical: Array, robot: RobotView | None = None) -> CameraImages:
         """Render from a pose (4, 4), with what the view sees of the robot."""
+        ...
+
+
+class SignalCamera(Camera, Protocol):
+    """A camera with the signal of a real one."""
+
+    def capture(
+        self, imager: Imager, number: int, stamp_ns: int, world_from_base: PoseAt, robot: RobotView | None = None
+    ) -> CameraImages:
+        """Photograph ``number`` of a view at a stamp [ns]; the other images are those of the pose at the stamp."""
         ...
 
 

@@ -162,6 +162,9 @@ class RetracedImages(CameraFrameChecker):
         self.tallies[0].note = "all images" if full else "a sample of the images"
         if not full:
             self.tallies[1].skipped = "photographs are rendered again with --full"
+        elif noisy := [camera.name for camera in context.run.rig.cameras if camera.signal is not None]:
+            self.tallies[1].note = f"not those of {', '.join(noisy)}, which have the signal of a real camera"
+            self.tallies[1].skipped = "every camera has the signal of a real one; their other images are compared"
         self._own, self._robot = threading.local(), robot_views(context.rig)
 
     def check_frame(self, frame: CameraFrame) -> None:
@@ -182,7 +185,7 @@ class RetracedImages(CameraFrameChecker):
         bag = _pixels(frame, (config.height, config.width))
         if bag is None:
             return []
-        own, difference = self._render(frame.imager, pose, bag.photograph)
+        own, difference = self._render(frame.imager, pose, bag.photograph if config.signal is None else None)
 
         def reading(k: int) -> RayReading:
             v, u = divmod(k, config.width)

@@ -44,24 +44,34 @@ class Camera(LabelCamera):
 
     def render(self, world_from_optical: Array, robot: RobotView | None = None) -> CameraImages:
         """Photograph, label, instance and depth images from a pose (4, 4), with what the view sees of the robot."""
-        images = self._images
-        if images is None:
-            h, w = self.config.height, self.config.width
-            images = CameraImages(
-                label=np.empty((h, w), np.uint8),
-                instance=np.empty((h, w), np.uint32),
-                depth=np.empty((h, w), np.float32),
-                photo=np.empty((h, w, 3), np.uint8),
-            )
+        images = self._own_images()
         labels = LabelBuffers(images.label, images.instance, images.depth)
         shading, buffers, view = self._shading, self._framebuffer, self._view(world_from_optical)
         if robot is None:
             render_image(shading, buffers, view, labels, images.photo)
-        else:
-            render_linear(shading, buffers, view, labels)
-            paint_robot(shading, robot, world_from_optical @ robot.optical_from_base, labels.depth, buffers.linear)
-            hide_world(robot, labels)
-            tonemap(buffers.linear, images.photo)
+            return images
+        render_linear(shading, buffers, view, labels)
+        self._paint(robot, world_from_optical, labels)
+        tonemap(buffers.linear, images.photo)
+        return images
+
+    def _paint(self, robot: RobotView, world_from_optical: Array, labels: LabelBuffers) -> None:
+        """Put the robot before the world, in the light and in the labels."""
+        world_from_base = world_from_optical @ robot.optical_from_base
+        paint_robot(self._shading, robot, world_from_base, labels.depth, self._framebuffer.linear)
+        hide_world(robot, labels)
+
+    def _own_images(self) -> CameraImages:
+        """Arrays of images, new ones unless they are reused."""
+        if self._images is not None:
+            return self._images
+        h, w = self.config.height, self.config.width
+        images = CameraImages(
+            label=np.empty((h, w), np.uint8),
+            instance=np.empty((h, w), np.uint32),
+            depth=np.empty((h, w), np.float32),
+            photo=np.empty((h, w, 3), np.uint8),
+        )
         if self._reuse:
             self._images = images
         return images

@@ -30,7 +30,7 @@ NOISE: Final[Spec] = Spec("noise of LiDARs", (BIAS, WIDTH, RETURNED), skipped="n
 
 _ERRORS: Final = 5.0
 _SLACK: Final = 0.02
-"""Share of a deviation by which echoes of wide beams may differ: on another processor a ray may meet another surface."""
+"""Share of a deviation by which echoes of wide beams may differ: elsewhere a ray may meet another surface."""
 _LOST: Final = 0.002
 
 
