@@ -29,7 +29,7 @@ class _Lidar(FakeLidar):
 class _Camera(FakeCamera):
     """Its instances are rows of /gazebo/model_states."""
 
-    def render(self, world_from_optical: NDArray[Any]) -> FakeImages:
+    def render(self, world_from_optical: NDArray[Any], robot: object = None) -> FakeImages:
         images = super().render(world_from_optical)
         return replace(images, instance=images.instance // 300 % 2)
 
@@ -42,9 +42,9 @@ def record_many(folder: Path) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pipeline, "world_of", lambda experiment: replace(make_world(), object_names=("husky", "ground")))
         patch.setattr(sensors, "Scene", FakeScene)
-        patch.setattr(sensors, "bake", lambda scene, light: scene)
-        patch.setattr(sensors, "Lidar", _Lidar)
-        patch.setattr(sensors, "Camera", _Camera)
+        patch.setattr(sensors, "bake", lambda scene, light, weather: scene)
+        patch.setattr(sensors, "new_lidar", _Lidar)
+        patch.setattr(sensors, "new_camera", _Camera)
         experiment = make_experiment([(5.0, 2.0)], name="many", environment="park", seconds=SECONDS, rig=many_rig())
         return pipeline.generate(experiment, folder).parent
 

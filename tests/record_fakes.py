@@ -152,7 +152,7 @@ class FakeScene:
 class FakeLidar:
     """Returns a number of points that changes from scan to scan, on a line that depends on the LiDAR's pose."""
 
-    def __init__(self, config: LidarConfig, scene: FakeScene, robot: object = ()) -> None:
+    def __init__(self, config: LidarConfig, scene: FakeScene, weather: object = None, robot: object = ()) -> None:
         self.config = config
 
     def scan(self, world_from_lidar: NDArray[np.float64], stamp_ns: int = 0, number: int = 0) -> FakeScan:
@@ -176,7 +176,7 @@ class FakeCamera:
     def __init__(self, config: CameraConfig, scene: FakeScene, *, reuse: bool = False) -> None:
         self.config = config
 
-    def render(self, world_from_optical: NDArray[np.float64]) -> FakeImages:
+    def render(self, world_from_optical: NDArray[np.float64], robot: object = None) -> FakeImages:
         time.sleep(self.pause)
         height, width = self.config.height, self.config.width
         x, y, z = frames.transform(world_from_optical, [[0.2, 0.4, 1.0]])[0]
@@ -209,6 +209,6 @@ def use_fakes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pipeline, "world_of", lambda experiment: make_world(experiment.environment, experiment.seed))
     monkeypatch.setattr(pipeline, "plan_and_drive", lambda world, experiment, _: make_track(world, experiment))
     monkeypatch.setattr(sensors, "Scene", FakeScene)
-    monkeypatch.setattr(sensors, "bake", lambda scene, light: scene)
-    monkeypatch.setattr(sensors, "Lidar", FakeLidar)
-    monkeypatch.setattr(sensors, "Camera", FakeCamera)
+    monkeypatch.setattr(sensors, "bake", lambda scene, light, weather: scene)
+    monkeypatch.setattr(sensors, "new_lidar", FakeLidar)
+    monkeypatch.setattr(sensors, "new_camera", FakeCamera)

@@ -160,9 +160,9 @@ class Counting:
         self.count = 0
         render = Camera.render
 
-        def counted(camera: Camera, pose: Any) -> Any:
+        def counted(camera: Camera, pose: Any, robot: Any = None) -> Any:
             self.count += 1
-            return render(camera, pose)
+            return render(camera, pose, robot)
 
         patch.setattr(Camera, "render", counted)
 

@@ -164,7 +164,7 @@ def test_every_worker_has_its_own_sensors(tmp_path: Path) -> None:
     class Watch(FakeCamera):
         pause = 0.001
 
-        def render(self, world_from_optical):  # type: ignore[no-untyped-def]
+        def render(self, world_from_optical, robot=None):  # type: ignore[no-untyped-def]
             owners.setdefault(id(self), set()).add(threading.get_ident())
             return super().render(world_from_optical)
 

@@ -211,14 +211,14 @@ def test_a_world_with_wide_ids_is_recorded_with_them(tmp_path: Path, monkeypatch
             return scan
 
     class WideCamera(FakeCamera):
-        def render(self, world_from_optical: NDArray[np.float64]) -> Any:
+        def render(self, world_from_optical: NDArray[np.float64], robot: object = None) -> Any:
             pictures = super().render(world_from_optical)
             return pictures.__class__(**{**pictures.__dict__, "instance": pictures.instance + np.uint32(65_500)})
 
     use_fakes(monkeypatch)
     monkeypatch.setattr(pipeline, "world_of", lambda e: wide_world(e.environment, e.seed))
-    monkeypatch.setattr(sensors, "Lidar", WideLidar)
-    monkeypatch.setattr(sensors, "Camera", WideCamera)
+    monkeypatch.setattr(sensors, "new_lidar", WideLidar)
+    monkeypatch.setattr(sensors, "new_camera", WideCamera)
     rig = paper_rig(stereo=StereoConfig(width=64, height=48, instances=True))
     experiment = make_experiment(0.1, rig=rig).model_copy(update={"static_objects": "latched"})
     bag = pipeline.generate(experiment, tmp_path, workers=1)
