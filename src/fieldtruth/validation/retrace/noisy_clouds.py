@@ -30,7 +30,7 @@ NOISE: Final[Spec] = Spec("noise of LiDARs", (BIAS, WIDTH, RETURNED), skipped="n
 
 _ERRORS: Final = 5.0
 _SLACK: Final = 0.02
-"""Share of a deviation that echoes of wide beams may differ by, whose rays may meet other surfaces on another processor."""
+"""Share of a deviation by which echoes may differ: of wide beams, whose rays another processor may let pass an edge."""
 _LOST: Final = 0.002
 
 
