@@ -125,7 +125,8 @@ def add_commands(command: AddCommand) -> None:
         "--to",
         metavar="FORMAT",
         required=True,
-        help="files, zip, semantickitti, kitti, tum, mcap, coco, pcd, webdataset, huggingface or mmseg",
+        help="files, zip, semantickitti, kitti, tum, mcap, coco, pcd, webdataset, huggingface, mmseg, slam-configs or "
+        "stereo-depth",
     )
     export.add_argument("--out", metavar="PATH", type=Path, help="output (beside the bag, named after it)")
     export.add_argument("--label-map", metavar="NAME", help="ontology: rellis, rugd, goose, goose9 or ganav6")

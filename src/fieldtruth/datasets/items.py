@@ -37,7 +37,7 @@ class Sample(TypedDict, total=False):
     depth: NDArray[np.float32]
     """(h, w) [m] along the optical axis; infinite for the sky."""
     instance_mask: NDArray[np.int32]
-    """(h, w) instance ids; 0 for the sky."""
+    """(h, w) instance ids; 0 for sky and robot."""
     cloud: NDArray[np.float32]
     """(n, 3) x, y, z [m] of the returns in the LiDAR's frame; n varies."""
     labels: Counts

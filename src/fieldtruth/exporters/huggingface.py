@@ -51,7 +51,7 @@ _EXTRA_COLUMNS: Final = {
     "instances": Column(
         "instances",
         "image",
-        "instance id of each pixel, PNG, grey, 16 bits (beyond id 65,535: R + 256 G + 65536 B); 0: sky",
+        "instance id of each pixel, PNG, grey, 16 bits (beyond id 65,535: R + 256 G + 65536 B); 0: sky, robot",
     ),
 }
 _CLOUD_COLUMNS: Final = (

@@ -104,7 +104,7 @@ class ViewFacts(NamedTuple):
 
 
 class Facts(NamedTuple):
-    """The sensors that a program can use; those that the bag lacks are None or missing."""
+    """The sensors that a program can use; without one that the bag lacks."""
 
     lidar: LidarFacts | None
     imu: ImuFacts | None

@@ -121,7 +121,7 @@ def _kalibr_lens(view: ViewFacts) -> dict[str, Any] | str:
 
 
 def orb_slam3(facts: Facts) -> Files | str:
-    """ORB-SLAM3 1.0 (UZ-SLAMLab/ORB_SLAM3 4452a3c, Examples/*/EuRoC.yaml, src/Settings.cc).
+    """ORB-SLAM3 1.0 (UZ-SLAMLab/ORB_SLAM3 1464d8f, src/Settings.cc).
 
     ``IMU.T_b_c1`` takes points of the left camera to the IMU, ``Stereo.T_c1_c2`` those of the right camera to the left.
     Numbers that it reads as real have a decimal point.

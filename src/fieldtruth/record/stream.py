@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.track import Stamps
+from fieldtruth.sense.robot_view import RobotView
 from fieldtruth.sense.scene_sensor import SceneSensor
 from fieldtruth.sensors.lidar.message import Scan
 
@@ -48,8 +49,8 @@ class Lidar(Protocol):
 class Camera(Protocol):
     """A camera in a scene."""
 
-    def render(self, world_from_optical: Array) -> CameraImages:
-        """Render from a pose (4, 4)."""
+    def render(self, world_from_optical: Array, robot: RobotView | None = None) -> CameraImages:
+        """Render from a pose (4, 4), with what the view sees of the robot."""
         ...
 
 
@@ -60,6 +61,8 @@ class Sensors(NamedTuple):
     cameras: Mapping[str, Camera] = MappingProxyType({})
     others: Mapping[str, SceneSensor] = MappingProxyType({})
     """By name of the sensor; both views of a pair have the same camera."""
+    robot: Mapping[str, RobotView] = MappingProxyType({})
+    """What the views see of the robot, by name of the view; empty if they do not see it."""
     wide_ids: bool = False
     """Whether instance ids of their world need more than 16 bits."""
 

@@ -46,7 +46,14 @@ def render_image(
     shading: Shading, framebuffer: Framebuffer, view: View, labels: LabelBuffers, photo: NDArray[np.uint8]
 ) -> None:
     """Render labels and photograph (h, w, 3). Extra rays at edges change the photograph only."""
-    height, width, _ = photo.shape
+    render_linear(shading, framebuffer, view, labels)
+    tonemap(framebuffer.linear, photo)
+
+
+@kernel
+def render_linear(shading: Shading, framebuffer: Framebuffer, view: View, labels: LabelBuffers) -> None:
+    """Render labels, and the light of the photograph, ``framebuffer.linear``."""
+    height, width = labels.label.shape
     buffers, linear, edges = framebuffer
     batch, colour = buffers.batch, buffers.colour
     for upper in range(0, height, BLOCK_HEIGHT):
@@ -57,7 +64,6 @@ def render_image(
             shade_batch(shading, buffers, count, 1.0 / view.pinhole.fx)
             _store(batch.image, colour, count, linear)
     _refine(shading, framebuffer, view, find_edges(linear, labels, edges))
-    tonemap(linear, photo)
 
 
 @kernel

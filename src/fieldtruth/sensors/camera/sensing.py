@@ -9,8 +9,11 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.render.bake import BakedScene
-from fieldtruth.render.photograph import new_framebuffer, render_image
+from fieldtruth.render.photograph import new_framebuffer, render_image, render_linear
+from fieldtruth.render.robot import paint_robot
+from fieldtruth.render.tonemap import tonemap
 from fieldtruth.sense.hits import LabelBuffers
+from fieldtruth.sense.robot_view import RobotView, hide_world
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
 
@@ -39,8 +42,8 @@ class Camera(LabelCamera):
         self._framebuffer = new_framebuffer(config.height, config.width)
         self._images: CameraImages | None = None
 
-    def render(self, world_from_optical: Array) -> CameraImages:
-        """Photograph, label, instance and depth images from a pose (4, 4)."""
+    def render(self, world_from_optical: Array, robot: RobotView | None = None) -> CameraImages:
+        """Photograph, label, instance and depth images from a pose (4, 4), with what the view sees of the robot."""
         images = self._images
         if images is None:
             h, w = self.config.height, self.config.width
@@ -51,7 +54,14 @@ class Camera(LabelCamera):
                 photo=np.empty((h, w, 3), np.uint8),
             )
         labels = LabelBuffers(images.label, images.instance, images.depth)
-        render_image(self._shading, self._framebuffer, self._view(world_from_optical), labels, images.photo)
+        shading, buffers, view = self._shading, self._framebuffer, self._view(world_from_optical)
+        if robot is None:
+            render_image(shading, buffers, view, labels, images.photo)
+        else:
+            render_linear(shading, buffers, view, labels)
+            paint_robot(shading, robot, world_from_optical @ robot.optical_from_base, labels.depth, buffers.linear)
+            hide_world(robot, labels)
+            tonemap(buffers.linear, images.photo)
         if self._reuse:
             self._images = images
         return images

@@ -19,7 +19,9 @@ def imager_stream(imager: Imager, stamps: Stamps, world_from_base: PoseAt, shown
     config, frame, base_from_optical = imager.config, imager.optical_frame, imager.base_from_optical
 
     def capture(k: int, sensors: Sensors) -> Iterable[bytes]:
-        picture = sensors.cameras[config.name].render(world_from_base(int(stamps[k])) @ base_from_optical)
+        camera, pose = sensors.cameras[config.name], world_from_base(int(stamps[k])) @ base_from_optical
+        robot = sensors.robot.get(imager.name)
+        picture = camera.render(pose) if robot is None else camera.render(pose, robot)
         yield message.camera_info(k, shown[k], imager)
         yield message.photograph(k, shown[k], frame, picture.photo, config.jpeg_quality)
         yield message.tag(k, shown[k], frame, picture.label)

@@ -15,6 +15,7 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
 from fieldtruth.drive.state import poses_at
+from fieldtruth.experiment.robot_body import visible_parts
 from fieldtruth.sensors.lidar.beams import ray_times_ns, sweep_times_ns
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.measuring import SignalLidar
@@ -245,7 +246,7 @@ class RetracedClouds(Checker):
             return []  # the check of labels reports the layout
         lidars = vars(self._own)
         if config.name not in lidars:
-            lidars[config.name] = Lidar(config, self._rebuilt.scene)
+            lidars[config.name] = Lidar(config, self._rebuilt.scene, visible_parts(self._context.rig))
         aimed = poses if len(poses) > 1 else poses[0], raw.stamp_ns
         scan = lidars[config.name].scan(*aimed)
         own = DenseCloud.of(config, scan.column, scan.ring, scan.xyz, scan.label, scan.instance)
@@ -267,10 +268,11 @@ class RetracedClouds(Checker):
             pose = poses[0]
             if len(poses) > 1:
                 pose = poses[column] + _lag(config)[ring] * (poses[column + 1] - poses[column])
-            range_m = float(np.linalg.norm(bag.xyz[k].astype(np.float64)))
+            range_m, mount = float(np.linalg.norm(bag.xyz[k].astype(np.float64))), config.mount.base_from_sensor
             return RayReading(
                 f"{at(raw)}, column {column}, ring {ring}", pose[:3, 3], pose[:3, :3] @ directions[k],
                 range_m, int(bag.label[k]), int(bag.instance[k]), config.min_range, config.max_range, lidar=True,
+                in_base=(mount[:3, 3], mount[:3, :3] @ directions[k]),
             )  # fmt: skip
 
         part = self._tally.part()
@@ -281,5 +283,5 @@ class RetracedClouds(Checker):
         """Count the noise of a cloud against the echoes that its LiDAR expects from the rebuilt world."""
         lidars, name = vars(self._own), f"signal of {config.name}"
         if name not in lidars:
-            lidars[name] = SignalLidar(config, self._rebuilt.scene)
+            lidars[name] = SignalLidar(config, self._rebuilt.scene, robot=visible_parts(self._context.rig))
         self.noise.add(config, cloud, lidars[name].echoes(*aimed), columns)

@@ -2,14 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """A LiDAR with the signal of a real one."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Final
 
 import numpy as np
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.classes import Label
 from fieldtruth.core.random import rng_of
+from fieldtruth.experiment.robot_body import Box, Cylinder
 from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.sense.packets import new_packet
+from fieldtruth.sense.robot_scan import RobotScan
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.echoes import sub_rays_of, trace_echoes
@@ -17,6 +21,11 @@ from fieldtruth.sensors.lidar.in_air import WeatherInAir
 from fieldtruth.sensors.lidar.noise import Reading, measure, new_reading, receiver_of
 from fieldtruth.sensors.lidar.sensing import Lidar
 from fieldtruth.sensors.lidar.surfaces import EchoBuffers, echo_buffers, surface_table, trace_surfaces
+from fieldtruth.world.model import ROBOT_ID
+
+_ROBOT: Final = np.array([0.05, 0.05, 0.20])
+"""Reflectance of the robot's dark paint, rubber and steel, all matt: as ``iron`` and ``steel`` in reflectance.yaml, and
+rubber as black as the paint (our choice)."""
 
 InAir = Callable[[EchoBuffers, np.uint64], None]
 """Changes echoes as the air between LiDAR and surfaces does: ``apparent`` falls by exp(-2 alpha R), and a particle that
@@ -32,8 +41,10 @@ class SignalLidar(Lidar):
     those of the surface that makes the echo.
     """
 
-    def __init__(self, config: LidarConfig, scene: Scene, in_air: InAir | None = None) -> None:
-        super().__init__(config, scene)
+    def __init__(
+        self, config: LidarConfig, scene: Scene, in_air: InAir | None = None, robot: Sequence[Box | Cylinder] = ()
+    ) -> None:
+        super().__init__(config, scene, robot)
         signal = config.signal
         assert signal is not None
         self._receiver, self._in_air = receiver_of(signal), in_air
@@ -71,15 +82,30 @@ class SignalLidar(Lidar):
             trace_surfaces(rays, tables, self._packet, poses, self._beams, self._echoes)
         else:
             trace_echoes(rays, tables, packets, poses, self._beams, self._receiver, self._sub_rays, self._echoes)
+        if self._robot is not None:
+            self._echo_of_robot(self._robot, poses)
         return moving
+
+    def _echo_of_robot(self, robot: RobotScan, poses: Array) -> None:
+        """Put the robot's echoes instead of those of what it hides."""
+        seen, echoes = self._robot_before(robot, poses), self._echoes
+        beam = slice(None), robot.column[seen], robot.ring[seen]
+        echoes.depth[beam], echoes.mixed[beam] = 0.0, False
+        first = 0, *beam[1:]
+        echoes.depth[first] = echoes.true_range[beam[1:]] = self._returned(robot.range_m[seen])
+        echoes.label[first], echoes.instance[first] = int(Label.ROBOT), ROBOT_ID
+        echoes.apparent[first] = (_ROBOT[robot.material] * robot.cosine)[seen]
 
     def _key(self, number: int) -> np.uint64:
         """Key of what a scan draws: it depends on the experiment's seed, the LiDAR's name and the scan's number."""
         return rng_of(self.scene.world.seed, self.config.name, "scan", number).integers(1 << 64, dtype=np.uint64)
 
 
-def new_lidar(config: LidarConfig, scene: Scene, weather: WeatherConfig | None = None) -> Lidar:
+def new_lidar(
+    config: LidarConfig, scene: Scene, weather: WeatherConfig | None = None, robot: Sequence[Box | Cylinder] = ()
+) -> Lidar:
     """Return a LiDAR in a scene, with the signal of its configuration if it has one; an ideal one sees no weather."""
     if config.signal is None:
-        return Lidar(config, scene)
-    return SignalLidar(config, scene, None if weather is None or weather.is_clear else WeatherInAir(config, weather))
+        return Lidar(config, scene, robot)
+    in_air = None if weather is None or weather.is_clear else WeatherInAir(config, weather)
+    return SignalLidar(config, scene, in_air, robot)
