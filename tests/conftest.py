@@ -14,8 +14,9 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.run import open_run
 from fieldtruth.core.progress import Silent
 from fieldtruth.drive.track import Track
-from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.config import Experiment, LightConfig
 from fieldtruth.experiment.files import load_experiment, with_overrides
+from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.validation import Check, validate
 from fieldtruth.validation.context import RebuiltWorld
 from fieldtruth.validation.retrace import world
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
     from browser_tab import Tab
     from report_pages import Page
 
-    from fieldtruth.experiment.config import LightConfig
-    from fieldtruth.experiment.weather_config import WeatherConfig
     from fieldtruth.render.bake import BakedScene
 
 _LEAN_NS: Final = 520_000_000
@@ -111,7 +110,7 @@ def in_park(park: RebuiltWorld) -> Iterator[None]:
     def is_park(e: Experiment) -> bool:
         return (e.environment, e.seed, e.layout) == ("park", 0, {})
 
-    def baked(scene: Scene, towards: LightConfig, weather: WeatherConfig) -> BakedScene:
+    def baked(scene: Scene, towards: LightConfig, weather: WeatherConfig) -> "BakedScene":
         same = weather.is_clear and (scene, towards) == (park.scene, light)
         return park.baked if same and park.baked is not None else bake(scene, towards, weather)
 

@@ -82,7 +82,7 @@ def impossible(lean_run: Path, tmp_path_factory: pytest.TempPathFactory) -> dict
 
     # A rule that a later edit breaks as well comes first, as only the first mismatch is described.
     edits = [shifted, twice, setting(500, ring=64), setting(500, x=np.nan), too_far]
-    labels = [0, 14, 15, 16, 300]  # void, water, sky, and two that do not exist
+    labels = [0, 14, 15, 18, 300]  # void, water, sky, and two that do not exist
     pairs = enumerate(zip(labels, edits, strict=True))
     changes: Edits = {(POINTS, k): classes(label, edit) for k, (label, edit) in pairs}
     return failures_of(lean_run, tmp_path_factory.mktemp("impossible"), changes)

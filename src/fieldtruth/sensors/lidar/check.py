@@ -138,7 +138,7 @@ def _check_cloud(
         late = np.abs(cloud[clock] - due) > _CLOCK_ROUNDING
         rays[TIME].see_all(~late, lambda k: f"{row(k)}: {clock} {cloud[clock][k]} s, due at {due[k]} s")
     if whole:
-        real = np.flatnonzero(cloud["label"] < N_CLASSES)
+        real = np.flatnonzero((cloud["label"] < N_CLASSES) & (cloud["label"] != Label.PARTICLE))  # of no object
         classes.see(cloud["instance"][real], cloud["label"][real], lambda k: row(int(real[k])))
 
 
