@@ -21,7 +21,7 @@ SECONDS = 0.6
 class _Lidar(FakeLidar):
     """Its instances are rows of /gazebo/model_states, which has robot and ground only; times are within a turn."""
 
-    def scan(self, world_from_lidar: NDArray[Any], stamp_ns: int = 0) -> FakeScan:
+    def scan(self, world_from_lidar: NDArray[Any], stamp_ns: int = 0, number: int = 0) -> FakeScan:
         scan = super().scan(world_from_lidar.reshape(-1, 4, 4)[0])  # the first of those of a spinning LiDAR
         return replace(scan, instance=scan.instance // 600 % 2, t_ns=scan.t_ns // 10**5)
 

@@ -152,10 +152,10 @@ class FakeScene:
 class FakeLidar:
     """Returns a number of points that changes from scan to scan, on a line that depends on the LiDAR's pose."""
 
-    def __init__(self, config: LidarConfig, scene: FakeScene) -> None:
+    def __init__(self, config: LidarConfig, scene: FakeScene, robot: object = ()) -> None:
         self.config = config
 
-    def scan(self, world_from_lidar: NDArray[np.float64], stamp_ns: int = 0) -> FakeScan:
+    def scan(self, world_from_lidar: NDArray[np.float64], stamp_ns: int = 0, number: int = 0) -> FakeScan:
         n = 50 + int(world_from_lidar[0, 3] * 1e4) % 50
         k = np.arange(n)
         return FakeScan(

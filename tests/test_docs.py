@@ -26,6 +26,7 @@ from fieldtruth.experiment.files import parse_experiment
 from fieldtruth.experiment.problems import condition_at, models_of
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import MountedConfig
+from fieldtruth.experiment.signal_config import FORMS
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.imu.config import ImuConfig
@@ -119,7 +120,8 @@ def test_the_page_on_sensors_names_every_value_with_its_default_and_what_is_allo
         name, topic, frame, rate, _ = (cell.strip("`") for cell in paper[default["kind"]])
         assert (name, topic, frame or None) == (default["name"], default["topic"], default.get("frame"))
         assert rate == f"{default['rate_hz']:g} Hz"
-    for key in common - {"kind", "mount"}:
+    assert every["signal"] == FORMS
+    for key in common - {"kind", "mount", "signal"}:
         assert every[key] == condition_at(MountedConfig, [key]), key
 
 

@@ -137,6 +137,7 @@ def test_types_and_shapes_are_the_documented_ones(small_run: Path) -> None:
         "cloud": ("f4", (points, 3)),
         "labels": ("i8", (points,)),
         "instances": ("i4", (points,)),
+        "reflectivity": ("f4", (points,)),
         "rays": ("i8", (points, 3)),
         "K": ("f8", (3, 3)),
         "D": ("f8", (5,)),

@@ -20,11 +20,27 @@ PAGE = (Path(__file__).parents[2] / "docs" / "sensors.md").read_text(encoding="u
 MODELS = [(kind, name) for kind in TITLES for name in list_models(kind)]
 NOT_KEYS = {"lidar": {"firing_cycle_ns"}, "camera": {"baseline"}}
 """Figures that are not keys of a kind: a LiDAR's columns follow from it, and a single camera ignores it."""
-NOISE = {
-    "imu": r"(gyroscope|accelerometer)_(range|noise_density|bias_instability|random_walk)_\w+",
-    "wheel_odometry": "counts_per_revolution",
+RADIANS, GRAVITY = math.pi / 180.0, 9.80665
+UNITS = {
+    "deg/s": RADIANS,
+    "deg/s/sqrt(Hz)": RADIANS,
+    "deg/h": RADIANS / 3600.0,
+    "deg": RADIANS,
+    "g": GRAVITY,
+    "mg": GRAVITY * 1e-3,
+    "ug": GRAVITY * 1e-6,
+    "ug/sqrt(Hz)": GRAVITY * 1e-6,
+    "%": 0.01,
 }
-"""Names of the errors of a sensor, with their units; those of LiDARs and GNSS receivers are fields of their signals."""
+STATED = re.compile(
+    rf": ([\d.]+(?:, [\d.]+)*) ({'|'.join(map(re.escape, sorted(UNITS, key=len, reverse=True)))})(?=;|$)"
+)
+
+
+def stated_of(figure: dict[str, Any]) -> tuple[list[str], str]:
+    """Numbers and unit of the data sheet, which the source of an IMU's figure repeats."""
+    [(numbers, unit)] = STATED.findall(figure["source"])
+    return numbers.split(", "), unit
 
 
 def sensor(kind: str, **values: Any) -> SensorConfig:
@@ -56,12 +72,14 @@ def test_every_model_gives_its_figures_to_a_sensor_of_any_name(kind: str, name: 
     assert sensor(kind, model=name, rate_hz=12.0).rate_hz == 12.0
 
 
-@pytest.mark.parametrize(("kind", "name"), [(k, n) for k, n in MODELS if k in NOISE and "noise" in models(k)[n]])
-def test_noise_is_stored_with_its_units(kind: str, name: str) -> None:
-    for key, figure in models(kind)[name]["noise"].items():
-        assert re.fullmatch(NOISE[kind], key), key
-        values = figure["value"] if isinstance(figure["value"], list) else [figure["value"]]
-        assert all(value > 0 for value in values), key
+REAL = [(k, n) for k, n in MODELS if k in ("imu", "gnss", "wheel_odometry", "lidar") and "noise" in models(k)[n]]
+
+
+@pytest.mark.parametrize(("kind", "name"), REAL)
+def test_noise_is_the_signal_of_a_data_sheet(kind: str, name: str) -> None:
+    config = sensor(kind, model=name, signal="datasheet")
+    assert config.signal is not None
+    assert config.signal.model_fields_set == models(kind)[name]["noise"].keys()
 
 
 def test_there_are_models_of_every_kind() -> None:
@@ -81,13 +99,33 @@ def test_there_are_models_of_every_kind() -> None:
     assert wanted <= set(list_models("camera"))
 
 
+@pytest.mark.parametrize("name", list_models("imu"))
+def test_the_figures_of_imus_are_those_of_the_sheets_in_si_units(name: str) -> None:
+    noise = models("imu")[name]["noise"]
+    assert len(noise) >= 7
+    for key, figure in noise.items():
+        if key != "no_attitude":
+            numbers, unit = stated_of(figure)
+            values = figure["value"] if isinstance(figure["value"], list) else [figure["value"]]
+            assert values == pytest.approx([float(number) * UNITS[unit] for number in numbers], rel=1e-12), key
+            assert ("sqrt" in unit) == ("density" in key), key
+            assert unit in ("deg", "%") or unit.startswith("deg") == key.startswith("gyroscope"), key
+    config: Any = sensor("imu", model=name, signal="datasheet")
+    assert {key: getattr(config.signal, key) for key in noise} == {
+        key: tuple(figure["value"]) if isinstance(figure["value"], list) else figure["value"]
+        for key, figure in noise.items()
+    }
+
+
 def test_the_noise_of_imus_agrees_with_the_random_walk_that_is_stated_beside_it() -> None:
     """A random walk [deg/sqrt(h)] is 60 times the density [deg/s/sqrt(Hz)] of white noise; sheets round both."""
-    noise = {key: figure["value"] for key, figure in models("imu")["adis16470"]["noise"].items()}
-    walk = 60.0 * noise["gyroscope_noise_density_deg_s_sqrt_hz"]
-    assert walk == pytest.approx(noise["gyroscope_random_walk_deg_sqrt_h"], rel=0.45)
-    walk = 60.0 * 9.80665e-6 * noise["accelerometer_noise_density_ug_sqrt_hz"]
-    assert walk == pytest.approx(noise["accelerometer_random_walk_m_s_sqrt_h"], rel=0.65)
+    noise = models("imu")["adis16470"]["noise"]
+    for key, unit, factor, rel in (
+        ("gyroscope_noise_density", "deg", RADIANS, 0.45),
+        ("accelerometer_noise_density", "m/s", 1.0, 0.65),
+    ):
+        [walk] = re.findall(rf"([\d.]+) {unit}/sqrt\(h\)", noise[key]["source"])
+        assert 60.0 * noise[key]["value"] == pytest.approx(float(walk) * factor, rel=rel)
 
 
 def test_the_counts_of_the_husky_are_its_78000_ticks_per_metre() -> None:
@@ -146,6 +184,11 @@ def test_the_documents_state_rates_and_noise(kind: str, name: str) -> None:
     config = sensor(kind, model=name)
     assert product in list_models(kind)[name]
     assert rate == f"{config.rate_hz:g}"
-    stored = [figure["value"] for figure in models(kind)[name]["noise"].values()]
-    values = [f"{v:g}" for value in stored for v in (value if isinstance(value, list) else [value])]
+    stored = models(kind)[name]["noise"]
+    if kind == "imu":  # the page has the units of the sheets
+        shown = (key for key in stored if key.endswith(("_range", "_density", "_instability")))
+        values = [f"{float(number):g}" for key in shown for number in stated_of(stored[key])[0]]
+    else:
+        found = (figure["value"] for figure in stored.values())
+        values = [f"{v:g}" for value in found for v in (value if isinstance(value, list) else [value])]
     assert sorted(re.findall(r"\d+(?:\.\d+)?", " ".join(noise))) == sorted(v for v in values)

@@ -87,7 +87,7 @@ def bad_class(data: bytes) -> bytes:
             no_jpeg,
             "left/real/compressed at 40000000 ns: a compressed image .* is no",
         ),
-        (POINTS, bad_class, "the cloud at 100000000 ns in .*wrong.bag: label must be a class from 0 to 15, got 99"),
+        (POINTS, bad_class, "the cloud at 100000000 ns in .*wrong.bag: label must be a class from 0 to 17, got 99"),
         (POINTS, cut_short, "the message of /os1_cloud_node/points at 100000000 ns is damaged"),
         (MODELS, cut_short, "a message of /gazebo/model_states is damaged"),
         (IMU, cut_short, "the message of /imu/data at 20000000 ns is damaged"),

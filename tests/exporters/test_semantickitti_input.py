@@ -85,8 +85,8 @@ def test_missing_topics_are_named(bag: Path, tmp_path: Path, dropped: tuple[str,
     [
         (
             "label",
-            16,
-            r"the cloud at 100000000 ns in .*odd\.bag: label must be a class from 0 to 15, got 16",
+            18,
+            r"the cloud at 100000000 ns in .*odd\.bag: label must be a class from 0 to 17, got 18",
         ),
         ("x", None, r"must have x, y, z and label or intensity, got y, z, "),
     ],

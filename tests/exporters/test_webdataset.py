@@ -130,7 +130,7 @@ def test_a_shuffled_loop_counts_the_pixels_of_the_bag(folder: Path, truth: Truth
     counts, keys = np.zeros(18, np.int64), []
     for photo, left, right, key in decoded:
         assert photo.shape == (*left.shape, 3)
-        counts += np.bincount(left.ravel(), minlength=18) + np.bincount(right.ravel(), minlength=16)
+        counts += np.bincount(left.ravel(), minlength=18) + np.bincount(right.ravel(), minlength=18)
         keys.append(key)
     np.testing.assert_array_equal(counts, truth.pixels())
     assert keys != sorted(keys)

@@ -265,7 +265,7 @@ def test_a_spinning_lidar_gets_the_pose_of_each_column() -> None:
     seen = []
 
     class Watch(FakeLidar):
-        def scan(self, world_from_lidar: np.typing.NDArray[np.float64], stamp_ns: int = 0) -> FakeScan:
+        def scan(self, world_from_lidar: np.typing.NDArray[np.float64], stamp_ns: int = 0, number: int = 0) -> FakeScan:
             seen.append(world_from_lidar)
             return super().scan(world_from_lidar[0])
 

@@ -54,7 +54,10 @@ def test_the_preview_is_a_picture(capsys: pytest.CaptureFixture[str], tmp_path: 
 ERRORS = [
     (["rig"], "the following arguments are required: EXPERIMENT"),
     (["rig", "park1"], "unknown experiment 'park1'; did you mean 'park_1'? Available: "),
-    (["rig", "park_1", "--to", "urfd"], "unknown format 'urfd'; did you mean 'urdf'? Available: tree, urdf, camchain"),
+    (
+        ["rig", "park_1", "--to", "urfd"],
+        "unknown format 'urfd'; did you mean 'urdf'? Available: tree, urdf, camchain, imu",
+    ),
     (["rig", "park_1", "--to", "urdf", "--preview"], "give either --to or --preview"),
     (["rig", "park_1", "--to", "urdf", "--out", "a.yaml"], "cannot write a.yaml: its name must end in .urdf or .xml"),
     (["rig", "park_1", "--out", "no/a.txt"], "cannot write no/a.txt: the folder no does not exist"),

@@ -149,3 +149,50 @@ def test_without_a_camera_for_kalibr_it_is_one_line(lens: dict[str, object] | No
     with pytest.raises(ConfigurationError, match="no camera for Kalibr") as error:
         FORMATS["camchain"](rig)
     assert line in str(error.value)
+
+
+def imu_files(*imus: dict[str, object]) -> list[dict[str, float]]:
+    mount = {"mount": {"xyz": [0, 0, 0.5]}}
+    rig = Rig.model_validate({"sensors": [{"kind": "imu", "name": f"i{k}", **mount, **i} for k, i in enumerate(imus)]})
+    return list(yaml.safe_load_all(FORMATS["imu"](rig)))
+
+
+def test_kalibrs_imu_file_has_the_noise_of_the_imu() -> None:
+    noise = {
+        "accelerometer_noise_density": 0.01,
+        "accelerometer_random_walk": 2e-4,
+        "gyroscope_noise_density": [1e-3, 3e-3, 2e-3],
+        "gyroscope_random_walk": 4e-5,
+    }
+    [found] = imu_files({"rate_hz": 200.0, "signal": noise})
+    assert found == noise | {"gyroscope_noise_density": 3e-3, "rostopic": "/i0/data", "update_rate": 200.0}
+
+
+def test_a_random_walk_stands_for_bias_instability_where_white_noise_meets_it() -> None:
+    signal = {"gyroscope_noise_density": 1e-3, "gyroscope_bias_instability": 1e-4, "accelerometer_noise_density": 0.1}
+    with pytest.warns(FieldtruthWarning, match="accelerometer_random_walk below 1e-06"):
+        [found] = imu_files({"signal": signal})
+    tau = (1e-3 / 1e-4) ** 2  # where the Allan deviation of white noise is that of the bottom
+    assert found["gyroscope_random_walk"] * (tau / 3.0) ** 0.5 == pytest.approx(1e-4)
+    assert found["accelerometer_random_walk"] == 1e-6
+
+
+def test_an_ideal_imu_gets_values_above_the_zero_that_kalibr_refuses() -> None:
+    with pytest.warns(FieldtruthWarning, match="i1: accelerometer_noise_density, .*, which Kalibr needs"):
+        noisy, ideal = imu_files(
+            {
+                "signal": {
+                    **dict.fromkeys(
+                        [f"{t}_{n}" for t in ("gyroscope", "accelerometer") for n in ("noise_density", "random_walk")],
+                        0.1,
+                    )
+                }
+            },
+            {},
+        )
+    assert {key: value for key, value in noisy.items() if "_" in key and key != "update_rate"} == dict.fromkeys(
+        noisy.keys() - {"rostopic", "update_rate"}, 0.1
+    )
+    assert all(value > 0.0 for key, value in ideal.items() if key != "rostopic")
+    with pytest.raises(ConfigurationError, match="no IMU for Kalibr"):
+        FORMATS["imu"](Rig().with_sensors(ImuConfig, enabled=False))

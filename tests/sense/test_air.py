@@ -13,18 +13,8 @@ from scipy.optimize import brentq, minimize_scalar
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.weather_config import WeatherConfig
-from fieldtruth.sense.air import (
-    Air,
-    Beam,
-    Drops,
-    extinction,
-    fog_extinction,
-    make_air,
-    rain,
-    snow,
-    strongest_echo,
-    transmitted,
-)
+from fieldtruth.sense.air import Air, Beam, extinction, fog_extinction, make_air, strongest_echo, transmitted
+from fieldtruth.sense.drops import Drops, rain, snow
 
 BEAM = Beam(wavelength_nm=850, width_m=0.01, divergence_rad=0.0023, pulse_ns=5, min_range=0.8, max_range=120)
 
@@ -150,7 +140,7 @@ def test_a_surface_returns_until_fog_is_stronger() -> None:
 
 
 def _laid_out(drops: Drops, alpha: float, range_m: float, count: int) -> Array:
-    """Power and range of the brightest particle in each of many beams, all particles laid out; 0 if there is none."""
+    """Power and range of the brightest particle in each of many beams, all particles laid out; 0 in an empty one."""
     rng = np.random.default_rng(8)
     wide = BEAM.width_m + BEAM.divergence_rad * range_m
     brightest = np.zeros((count, 2))

@@ -233,6 +233,7 @@ def test_data_sheets_are_signals() -> None:
     ("signal", "line"),
     [
         ("{sub_rays: 2, divergence_deg: 0.1}", r"sub_rays must be an odd number, got 2"),
+        ("{sub_rays: 3, divergence_deg: 0.1}", r"pulse_length must be above 0 with 3 sub_rays, got 0"),
         ("{sub_rays: 3}", r"divergence_deg must be above 0 with 3 sub_rays, got 0"),
         ("{range_noise: [[10.0, 0.1], [10.0, 0.2]]}", r"range_noise must have rising signals, got 10, 10"),
         ("{range_noise: [[10.0, 0.0]]}", r"range_noise must have deviations above 0; leave it out"),

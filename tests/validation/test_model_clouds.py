@@ -10,6 +10,7 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from fieldtruth.bag import decode as read
+from fieldtruth.bag.reader import RawMessage
 from fieldtruth.sensors.lidar import check as clouds
 from fieldtruth.sensors.lidar.beams import ray_times_ns
 from fieldtruth.sensors.lidar.config import LidarConfig
@@ -24,7 +25,7 @@ def counts(message: Any, config: LidarConfig) -> dict[str, int]:
     """Number of mistakes by rule."""
     classes: Any = SimpleNamespace(has_wide_ids=False, see=lambda *_: None)
     labels, rays = Tally(clouds.LABELS), Tally(clouds.RAYS)
-    clouds._check_cloud(message, config, labels, rays, classes, "here")
+    clouds._check_cloud(RawMessage(STAMP, "here", "", b""), message, config, labels, rays, classes)
     return {rule.text: tally[rule].wrong for tally in (labels, rays) for rule in tally.spec.rules}
 
 

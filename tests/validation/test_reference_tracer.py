@@ -19,6 +19,8 @@ from fieldtruth.world.model import Heightfield, Instance, Mesh, Raster, World
 
 F8 = NDArray[np.float64]
 
+RAY = np.zeros(3), np.array([1.0, 0.0, 0.0])
+"""In base_link, of sensors whose robot is not visible."""
 HALF = np.array([1.0, 2.0, 3.0])
 POSE = frames.pose((10.0, 0.0, 20.0), (0.0, 0.0, 90.0))
 CONFIG = LidarConfig(columns=32, rings=24, min_range=0.5, max_range=60.0)
@@ -64,7 +66,7 @@ def reading(
     origin: tuple[float, ...], direction: tuple[float, ...], range_m: float, label: int, instance: int
 ) -> RayReading:
     unit = np.array(direction) / np.linalg.norm(direction)
-    return RayReading("here", np.array(origin), unit, range_m, label, instance, 0.0, 100.0, lidar=False)
+    return RayReading("here", np.array(origin), unit, range_m, label, instance, 0.0, 100.0, lidar=False, in_base=RAY)
 
 
 def test_ranges_on_a_box_and_a_plane_match_the_closed_form(park: RebuiltWorld) -> None:
@@ -185,7 +187,8 @@ def readings_of(park: RebuiltWorld, scan: Scan) -> list[RayReading]:
         k = returns.get((column, ring))
         measured = (NOTHING, 0, 0) if k is None else (float(scan.range_m[k]), int(scan.label[k]), int(scan.instance[k]))
         ray = pose[:3, :3] @ directions[column, ring]
-        found.append(RayReading("", pose[:3, 3], ray, *measured, CONFIG.min_range, CONFIG.max_range, lidar=True))
+        limits = CONFIG.min_range, CONFIG.max_range
+        found.append(RayReading("", pose[:3, 3], ray, *measured, *limits, lidar=True, in_base=RAY))
     return found
 
 

@@ -205,7 +205,7 @@ def wide_world(environment: str, seed: int) -> World:
 
 def test_a_world_with_wide_ids_is_recorded_with_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class WideLidar(FakeLidar):
-        def scan(self, world_from_lidar: NDArray[np.float64], stamp_ns: int = 0) -> FakeScan:
+        def scan(self, world_from_lidar: NDArray[np.float64], stamp_ns: int = 0, number: int = 0) -> FakeScan:
             scan = super().scan(world_from_lidar)
             scan.instance[:] = 70_000 - np.arange(len(scan.instance))
             return scan

@@ -169,7 +169,8 @@ def _streams(poses: Poses, rig: Rig) -> list[Stream]:
 
     def pose_at(stamp_ns: int | NDArray[np.int64]) -> Array:
         if isinstance(stamp_ns, np.ndarray):
-            return np.stack([poses.trajectory.world_from_base(stamp) for stamp in stamp_ns.tolist()])
+            known = np.clip(stamp_ns, *poses.trajectory.stamps_ns[[0, -1]])  # a camera meters before its stamp
+            return np.stack([poses.trajectory.world_from_base(stamp) for stamp in known.tolist()])
         return poses.trajectory.world_from_base(stamp_ns)
 
     streams: list[Stream] = []

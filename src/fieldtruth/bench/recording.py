@@ -12,12 +12,14 @@ import numpy as np
 from fieldtruth.bag.topics import topics_of
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.robot_body import visible_parts
 from fieldtruth.record.slices import Slices
 from fieldtruth.record.stream import Sensors
 from fieldtruth.record.streams import streams_of
 from fieldtruth.render.bake import BakedScene
+from fieldtruth.sense.robot_view import robot_views
 from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.camera.signal_camera import new_camera
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import Lidar
 
@@ -67,11 +69,11 @@ def sensors_of(baked: BakedScene, rig: Rig, *, used: bool = False) -> Sensors:
 
     ``used``: after the first use of their memory, which a long run pays once.
     """
-    lidars = {config.name: Lidar(config, baked.scene) for config in rig.lidars}
-    cameras = {config.name: Camera(config, baked, reuse=True) for config in rig.cameras}
+    lidars = {config.name: Lidar(config, baked.scene, visible_parts(rig)) for config in rig.lidars}
+    cameras = {config.name: new_camera(config, baked) for config in rig.cameras}
     if used:
         for camera in cameras.values():
             camera.render(np.eye(4))
         for lidar in lidars.values():
             lidar.scan(np.eye(4))
-    return Sensors(lidars, cameras, wide_ids=baked.scene.world.has_wide_ids)
+    return Sensors(lidars, cameras, robot=robot_views(rig), wide_ids=baked.scene.world.has_wide_ids)

@@ -37,13 +37,15 @@ class Sample(TypedDict, total=False):
     depth: NDArray[np.float32]
     """(h, w) [m] along the optical axis; infinite for the sky."""
     instance_mask: NDArray[np.int32]
-    """(h, w) instance ids; 0 for the sky."""
+    """(h, w) instance ids; 0 for sky and robot."""
     cloud: NDArray[np.float32]
     """(n, 3) x, y, z [m] of the returns in the LiDAR's frame; n varies."""
     labels: Counts
     """(n,) class ids."""
     instances: NDArray[np.int32]
     """(n,) instance ids."""
+    reflectivity: NDArray[np.float32]
+    """(n,) reflectance of a matt surface that faces the LiDAR and is as bright; 0 of a LiDAR without a signal."""
     rays: Counts
     """(n, 3) ring, column, and time [ns] after ``lidar_stamp_ns``: 0 where the cloud has no field ``t``."""
     world_from_base: Array
@@ -120,6 +122,10 @@ def _rays(message: Any, ids: Counts) -> Counts:
     return rays
 
 
+def _reflectivity(message: Any, ids: Counts) -> NDArray[np.float32]:
+    return read.reflectivity(_returns(message))
+
+
 def _returns(message: Any) -> NDArray[np.void]:
     """Return the points with finite coordinates; organised clouds have NaN for rays without a return."""
     points = read.points(message)
@@ -147,6 +153,7 @@ ITEMS: Final[dict[str, Item]] = {
     "cloud": Item("lidar", "points", _cloud),
     "labels": Item("lidar", "points", _labels),
     "instances": Item("lidar", "points", _instances),
+    "reflectivity": Item("lidar", "points", _reflectivity),
     "rays": Item("lidar", "points", _rays),
 }
 """Items that are readings of a sensor."""

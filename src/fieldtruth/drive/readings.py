@@ -12,8 +12,13 @@ from fieldtruth.sensors.imu.sensing import read_imu
 
 
 def sweep_steps(rig: Rig) -> int:
-    """Physics steps from the stamp of a scan until its last rays leave; 0 unless a LiDAR spins."""
-    return max((math.ceil(1e9 / each.rate_hz / STEP_NS) for each in rig.lidars if each.spinning), default=0)
+    """Physics steps from a stamp until the last rays of its scan or photograph leave.
+
+    It is 0 unless a LiDAR spins or a camera has a signal with a shutter.
+    """
+    late_ns = [1e9 / each.rate_hz for each in rig.lidars if each.spinning]
+    late_ns += [1e9 * each.signal.late_s for each in rig.cameras if each.signal is not None]
+    return math.ceil(max(late_ns, default=0.0) / STEP_NS)
 
 
 def read_imus(motion: Motion, rig: Rig) -> dict[str, ImuReadings]:

@@ -26,6 +26,8 @@ from numpy.typing import ArrayLike
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.robot_body import Box as Box
+from fieldtruth.experiment.robot_body import chassis_box
 from fieldtruth.experiment.robot_config import GRAVITY, RobotConfig, WheelConfig
 
 _HUSKY: Final = RobotConfig()
@@ -140,13 +142,6 @@ def add_robot(spec: Any, rig: Rig) -> None:
         )
 
 
-class Box(NamedTuple):
-    """An axis-aligned box in base_link: edge lengths (3,) [m] and centre (3,) [m]."""
-
-    size: Array
-    centre: Array
-
-
 def body_boxes(rig: Rig) -> dict[str, Box]:
     """Boxes of the robot's body by name.
 
@@ -155,9 +150,9 @@ def body_boxes(rig: Rig) -> dict[str, Box]:
     """
     robot = rig.robot
     length, width, height = robot.outline
-    deck, top = robot.chassis_top, height - robot.ground_clearance
+    top = height - robot.ground_clearance
     boxes = {
-        "chassis": Box(np.array([length, robot.chassis_width, deck]), np.array([0.0, 0.0, deck / 2])),
+        "chassis": chassis_box(rig),
         "outline": Box(np.array([length, width, top]), np.array([0.0, 0.0, top / 2])),
     }
     mounts = np.array([m.xyz for m in rig.mounts().values() if m.xyz[2] > top])

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Final, Self, TypeVar
 
 from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
 
-from fieldtruth.experiment.fields import Frozen, Mount
+from fieldtruth.experiment.fields import Boolean, Frozen, Mount
 from fieldtruth.experiment.rig_check import check_sensors
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
 from fieldtruth.experiment.sections import (
@@ -50,6 +50,9 @@ class Rig(Frozen):
         tuple[Sensor, ...],
         Field(max_length=64, description="a list of at most 64 sensors: mappings with the keys kind, name, ..."),
     ] = PAPER_SENSORS
+
+    visible: Annotated[Boolean, Field(description="true or false")] = False
+    """Whether the sensors see the robot's chassis and wheels: class robot, instance id 0."""
 
     @model_validator(mode="before")
     @classmethod

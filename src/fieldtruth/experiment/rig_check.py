@@ -22,6 +22,8 @@ OWN_TOPICS: Final = (
     "/ground_truth/odom",
     "/cmd_vel",
 )
+MOST_JITTER: Final = 0.2
+"""Of a clock, in periods of the sensor; with more, stamps would no longer rise by themselves."""
 OWN_FRAMES: Final = ("world", "odom", "base_link")
 
 
@@ -41,6 +43,9 @@ def check_sensors(sensors: Sequence[SensorConfig], own_frames: Mapping[str, Moun
     frames = [[*sensor.frames(), *sensor.optical_frames()] for sensor in sensors]
     _differ(sensors, "frame", frames, dict.fromkeys((*OWN_FRAMES, *own_frames), "the robot"))
     for i, sensor in enumerate(sensors):
+        if sensor.clock is not None and sensor.clock.jitter_s > (most := MOST_JITTER / sensor.rate_hz):
+            at = ("sensors", i, "clock", "jitter_s")
+            raise LocatedError(f"must be at most {most:g}, a fifth of the period; got {sensor.clock.jitter_s:g}", at)
         if sensor.enabled and (sensor.sees or isinstance(sensor, GnssConfig)):
             for frame, mount in sensor.frames().items():
                 _check_outside(mount, frame, robot, ("sensors", i, "mount"))

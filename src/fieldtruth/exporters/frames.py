@@ -146,11 +146,13 @@ class Frames:
             "xyz": np.stack([found.rows[axis].astype("<f4") for axis in "xyz"], axis=1),
             "label": np.take(self._ids, found.label),
         }
-        return cloud | {
+        measured = read.MEASURED if "true_range" in fields else ()
+        cloud |= {
             name: np.ascontiguousarray(found.rows[name])
-            for name in ("instance", "ring", "column", "t")
+            for name in ("instance", "ring", "column", "t", *measured)
             if name in fields
         }
+        return cloud | ({"reflectivity": read.reflectivity(found.rows)} if measured else {})
 
     def empty_clouds(self) -> dict[str, dict[str, NDArray[Any]]]:
         """Return the arrays of a cloud without points of each LiDAR."""

@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from fieldtruth.bag.calibration import first_message
+from fieldtruth.bag.decode import MEASURED
 from fieldtruth.bag.run import Run
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png, ids_png
@@ -50,7 +51,7 @@ _EXTRA_COLUMNS: Final = {
     "instances": Column(
         "instances",
         "image",
-        "instance id of each pixel, PNG, grey, 16 bits (beyond id 65,535: R + 256 G + 65536 B); 0: sky",
+        "instance id of each pixel, PNG, grey, 16 bits (beyond id 65,535: R + 256 G + 65536 B); 0: sky, robot",
     ),
 }
 _CLOUD_COLUMNS: Final = (
@@ -67,6 +68,11 @@ _FIELD_COLUMNS: Final = {
     "ring": Column("ring", "int32[]", "row of the LiDAR's ray"),
     "column": Column("column", "int32[]", "column of the LiDAR's ray"),
     "t": Column("t", "int64[]", "time [ns] of each return after stamp_ns"),
+    "true_range": Column("true_range", "float32[]", "exact range [m] along the middle of each return's beam"),
+    "signal": Column("signal", "float32[]", "photons of each return"),
+    "reflectivity": Column("reflectivity", "float32[]", "reflectivity of each return, 1 for a white surface"),
+    "echo": Column("echo", "int32[]", "number of the echo of its beam, 0 for the nearest"),
+    "mixed": Column("mixed", "int32[]", "1 if surfaces of several classes or objects made the echo"),
 }
 
 
@@ -135,6 +141,7 @@ def _cloud_columns(members: Sequence[Member]) -> tuple[Column, ...]:
     """
     lidars = [(member.run, lidar) for member in members for lidar in lidars_of(member.run)]
     fields = {field.name for run, lidar in lidars for field in first_message(run, lidar.topic).fields}
+    fields -= set() if "true_range" in fields else set(MEASURED)  # an ideal Ouster's reflectivity is the class
     found = [column for name, column in _FIELD_COLUMNS.items() if name in fields]
     names = list(dict.fromkeys(lidar.name for _, lidar in lidars))
     lidar = [Column("lidar", "string", " or ".join(names))] if names != [LIDAR] else []

@@ -35,14 +35,15 @@ from fieldtruth.exporters.sequences import (
     require_pinholes,
     returned,
     times_text,
-    xyz_and_zero,
+    xyz_and_reflectance,
 )
 
 _README: Final = """\
 # Runs as KITTI odometry sequences
 
 - `sequences/NN/image_2`, `image_3`: photographs of the left and right camera (PNG), rectified.
-- `sequences/NN/velodyne`: clouds, float32 x, y, z [m] (x forward, y left, z up) and 0, as reflectance is not simulated.
+- `sequences/NN/velodyne`: clouds, float32 x, y, z [m] (x forward, y left, z up) and reflectivity, 0 of a LiDAR
+  without a signal.
 - `sequences/NN/times.txt`: seconds after the sequence's first frame.
 - `sequences/NN/calib.txt`: projections P0 to P3 (P0 = P2 left, P1 = P3 right); Tr, from the LiDAR to the left camera.
 - `poses/NN.txt`: true pose of the left camera (x right, y down, z forward) relative to its first, 3 x 4 numbers a row.
@@ -108,7 +109,7 @@ def _write_frames(run: Run, folder: Path, options: Options) -> _Written:
 
     def save(numbered: tuple[int, Frame]) -> tuple[int, int]:
         number, frame = numbered
-        xyz_and_zero(returned(frame.cloud, run)).tofile(folder / CLOUDS / f"{number:06d}.bin")
+        xyz_and_reflectance(returned(frame.cloud, run)).tofile(folder / CLOUDS / f"{number:06d}.bin")
         for name, photograph in zip(IMAGES, frame.images, strict=False):
             (folder / name / f"{number:06d}.png").write_bytes(encode_png(image(photograph)))
         return frame.stamp_ns, frame.apart_ns

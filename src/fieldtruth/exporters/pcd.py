@@ -38,7 +38,8 @@ One PCD file (version 0.7, binary) per cloud; its name is the cloud's stamp in n
 - `label`: the id of the class, see the table.
 - All other fields are those of the bag. In a run of fieldtruth they are `intensity` (fieldtruth's id of the class),
   `ring` and `column` of the ray, `instance` (row of /gazebo/model_states; 1 is the ground) and, from a spinning LiDAR,
-  `t` [ns] after the stamp.
+  `t` [ns] after the stamp. From a LiDAR with a signal also `true_range` [m], `signal` [photon], `reflectivity` (1 for a
+  white surface; an Ouster's in percent), `echo` and `mixed`.
 
 | label | class | red green blue |
 |---|---|---|

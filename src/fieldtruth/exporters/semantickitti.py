@@ -40,7 +40,7 @@ from fieldtruth.exporters.sequences import (
     read_geometry,
     returns,
     times_text,
-    xyz_and_zero,
+    xyz_and_reflectance,
 )
 from fieldtruth.ontology.label_map import OWN, LabelMap
 
@@ -49,7 +49,7 @@ _MAX_INSTANCE: Final = 65535
 _HEADER: Final = """\
 # For semantic-kitti-api and networks built on it. sequences/NN/velodyne/*.bin is float32 x, y, z [m] and remission;
 # sequences/NN/labels/*.label is uint32: class in the low, instance id in the high 16 bits.
-# Remission is 0 in all clouds: reflectance is not simulated, and the class must not become an input of a network.
+# Remission is the reflectivity, 1 of a white surface; 0 of an ideal LiDAR: the class must not be a network's input.
 # image_2 (left) and image_3 (right) are the photographs with the stamp of a cloud, under the cloud's number.
 # content is the share of points of the training sequences. Colours are blue, green, red.
 """
@@ -138,14 +138,14 @@ def _write_clouds(run: Run, folder: Path, options: Options) -> tuple[list[int], 
 
 
 def _cloud_arrays(cloud: Any, run: Run) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint32]]:
-    """Points (n, 4) with remission 0, class ids (n,) and instance ids (n,), 0 if the cloud has none."""
+    """Points (n, 4) with remission, class ids (n,) and instance ids (n,), 0 if the cloud has none."""
     found = returns(cloud, run)
     rows, names = found.rows, found.rows.dtype.names or ()
     instance = rows["instance"] if "instance" in names else np.zeros(len(rows), np.uint32)
     if (odd := instance[(instance < 0) | (instance > _MAX_INSTANCE)]).size:
         where = f"the cloud at {stamp_ns(cloud.header)} ns in {run.bag}"
         raise BagError(f"{where}: instance must be from 0 to {_MAX_INSTANCE} in a label file, got {odd[0]}")
-    return xyz_and_zero(rows), found.label, instance.astype(np.uint32)
+    return xyz_and_reflectance(rows), found.label, instance.astype(np.uint32)
 
 
 # ---------------------------------------------------------------------------------------------------------------------

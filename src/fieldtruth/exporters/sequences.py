@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag.calibration import base_from_lidar, first_message, read_calibration, read_static_frames
-from fieldtruth.bag.decode import points, stamp_ns
+from fieldtruth.bag.decode import points, reflectivity, stamp_ns
 from fieldtruth.bag.reader import BagError
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import seconds
@@ -188,14 +188,15 @@ def returned(cloud: Any, run: Run) -> NDArray[np.void]:
     return rows if finite.all() else rows[finite]
 
 
-def xyz_and_zero(rows: NDArray[np.void]) -> NDArray[np.float32]:
-    """(n, 4): x, y, z [m] and 0 as reflectance.
+def xyz_and_reflectance(rows: NDArray[np.void]) -> NDArray[np.float32]:
+    """(n, 4): x, y, z [m] and the reflectivity; 0 of a LiDAR without a signal.
 
-    Reflectance is not simulated; the bag's intensity is the class, which must not become an input of a network.
+    The bag's intensity is the class, which must not become an input of a network.
     """
     values: NDArray[np.float32] = np.zeros((len(rows), 4), "<f4")
     for column, axis in enumerate("xyz"):
         values[:, column] = rows[axis]
+    values[:, 3] = reflectivity(rows)
     return values
 
 

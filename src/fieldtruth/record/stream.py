@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.track import Stamps
+from fieldtruth.sense.robot_view import RobotView
 from fieldtruth.sense.scene_sensor import SceneSensor
+from fieldtruth.sensors.camera.config import Imager
 from fieldtruth.sensors.lidar.message import Scan
 
 PoseAt = Callable[[int | Stamps], Array]
@@ -48,8 +50,18 @@ class Lidar(Protocol):
 class Camera(Protocol):
     """A camera in a scene."""
 
-    def render(self, world_from_optical: Array) -> CameraImages:
-        """Render from a pose (4, 4)."""
+    def render(self, world_from_optical: Array, robot: RobotView | None = None) -> CameraImages:
+        """Render from a pose (4, 4), with what the view sees of the robot."""
+        ...
+
+
+class SignalCamera(Camera, Protocol):
+    """A camera with the signal of a real one."""
+
+    def capture(
+        self, imager: Imager, number: int, stamp_ns: int, world_from_base: PoseAt, robot: RobotView | None = None
+    ) -> CameraImages:
+        """Photograph ``number`` of a view at a stamp [ns]; the other images are those of the pose at the stamp."""
         ...
 
 
@@ -60,6 +72,8 @@ class Sensors(NamedTuple):
     cameras: Mapping[str, Camera] = MappingProxyType({})
     others: Mapping[str, SceneSensor] = MappingProxyType({})
     """By name of the sensor; both views of a pair have the same camera."""
+    robot: Mapping[str, RobotView] = MappingProxyType({})
+    """What the views see of the robot, by name of the view; empty if they do not see it."""
     wide_ids: bool = False
     """Whether instance ids of their world need more than 16 bits."""
 

@@ -6,6 +6,7 @@ A reading depends only on its number, so parts of a recording can be made in any
 """
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -43,7 +44,7 @@ def streams_of(world: World, track: Track, rig: Rig, *, latched: bool = False) -
         streams += _measured(track, rig, world.seed)
     seeing: list[tuple[Any, SensorConfig, Callable[..., Stream]]] = [
         *((each, each, lidar_stream) for each in rig.lidars),
-        *((each, each.config, imager_stream) for each in rig.imagers),
+        *((each, each.config, partial(imager_stream, stands=track.is_frames)) for each in rig.imagers),
         *((each, each, scene_stream) for each in rig.scene_sensors),
     ]
     for each, config, make in seeing:

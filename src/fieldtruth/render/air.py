@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Weather in photographs: light on its way to the camera is scattered out of the ray, and light of the air into it.
+"""Weather in photographs: light towards the camera is scattered out of the ray, and light of the air into it.
 
 Along a distance d the radiance L becomes L exp(-alpha d) + A (1 - exp(-alpha d)) (Koschmieder 1924), in addition to
 the haze of clear air, in which a black object is visible for 5.4 km. A is as bright as the horizon and has the colour
-of all light from above, as drops scatter all colours alike. What the sun loses on its way down comes from all sides.
+of all light from above, as drops scatter all colours alike. What the sun loses above the ground comes from all sides.
 """
 
 from typing import Final

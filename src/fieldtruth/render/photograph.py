@@ -46,8 +46,15 @@ def render_image(
     shading: Shading, framebuffer: Framebuffer, view: View, labels: LabelBuffers, photo: NDArray[np.uint8]
 ) -> None:
     """Render labels and photograph (h, w, 3). Extra rays at edges change the photograph only."""
-    height, width, _ = photo.shape
+    render_linear(shading, framebuffer, view, labels)
+    tonemap(framebuffer.linear, photo)
+
+
+@kernel
+def render_linear(shading: Shading, framebuffer: Framebuffer, view: View, labels: LabelBuffers) -> None:
+    """Render labels, and the light of the photograph, ``framebuffer.linear``."""
     buffers, linear, edges = framebuffer
+    height, width, _ = linear.shape
     batch, colour = buffers.batch, buffers.colour
     for upper in range(0, height, BLOCK_HEIGHT):
         for left in range(0, width, BLOCK_WIDTH):
@@ -55,21 +62,21 @@ def render_image(
             trace(shading.scene, shading.hits.geometry_top, buffers.packet, view, batch, count)
             label_pixels(shading.hits, batch, count, labels)
             shade_batch(shading, buffers, count, 1.0 / view.pinhole.fx)
-            _store(batch.image, colour, count, linear)
-    _refine(shading, framebuffer, view, find_edges(linear, labels, edges))
-    tonemap(linear, photo)
+            store(batch.image, colour, count, linear)
+    refine(shading, framebuffer, view, 0, find_edges(linear, labels, edges))
 
 
 @kernel
-def _store(image: Float32Array, colour: Float32Array, count: int, linear: Float32Array) -> None:
+def store(image: Float32Array, colour: Float32Array, count: int, linear: Float32Array) -> None:
+    """Write the colours of a batch of pixel centres into ``linear`` (h, w, 3)."""
     for k in range(count):
         u, v = int(image[0, k]), int(image[1, k])
         linear[v, u, 0], linear[v, u, 1], linear[v, u, 2] = colour[k, 0], colour[k, 1], colour[k, 2]
 
 
 @kernel
-def _refine(shading: Shading, framebuffer: Framebuffer, view: View, count: int) -> None:
-    """Average each pixel at an edge over the ray through its centre and EXTRA_SAMPLES others.
+def refine(shading: Shading, framebuffer: Framebuffer, view: View, start: int, end: int) -> None:
+    """Average pixels ``start`` to ``end`` of those at edges over the ray through the centre and EXTRA_SAMPLES others.
 
     Samples are clipped at white first, so that one glint does not dominate its pixel.
     """
@@ -77,8 +84,8 @@ def _refine(shading: Shading, framebuffer: Framebuffer, view: View, count: int) 
     image, colour = buffers.batch.image, buffers.colour
     white, share = np.float32(2.0), np.float32(1.0 / (EXTRA_SAMPLES + 1))
     at_once = image.shape[1] // EXTRA_SAMPLES
-    for first in range(0, count, at_once):
-        pixels = min(at_once, count - first)
+    for first in range(start, end, at_once):
+        pixels = min(at_once, end - first)
         for k in range(pixels):
             v, u = edges[first + k, 0], edges[first + k, 1]
             turn = (3 * u + 5 * v) % _TURNS

@@ -11,28 +11,29 @@ from fieldtruth.core.arrays import Float32Array
 from fieldtruth.render.atlas import srgb_from_linear
 from fieldtruth.sense.kernel import kernel
 
-_TOP: Final = 16.0
+FILMIC_TOP: Final = 16.0
 _STEPS: Final = 4096
-_SPILL: Final = 0.07
+SPILL: Final = 0.07
 """Share of a pixel's light that a good lens spills into each of its four neighbours."""
 
 
 def _curve() -> NDArray[np.uint8]:
-    """SRGB bytes over the square root of linear light in [0, _TOP]: a filmic curve (Narkowicz 2015, ACES fit)."""
-    light = np.linspace(0.0, np.sqrt(_TOP), _STEPS) ** 2
+    """SRGB bytes over the square root of linear light in [0, FILMIC_TOP]: a filmic curve (Narkowicz 2015, ACES fit)."""
+    light = np.linspace(0.0, np.sqrt(FILMIC_TOP), _STEPS) ** 2
     film = light * (2.51 * light + 0.03) / (light * (2.43 * light + 0.59) + 0.14)
     return np.rint(255.0 * srgb_from_linear(film)).astype(np.uint8)
 
 
-_CURVE: Final = _curve()
+FILMIC: Final = _curve()
+"""The response curve of an ideal camera."""
 
 
 @kernel
 def tonemap(linear: Float32Array, photo: NDArray[np.uint8]) -> None:
     """Convert exposed linear light (h, w, 3) to sRGB, after spilling light into neighbours as a lens does."""
     height, width, _ = linear.shape
-    scale = np.float32((_STEPS - 1) / np.sqrt(_TOP))
-    keep, spill, top = np.float32(1.0 - 4.0 * _SPILL), np.float32(_SPILL), np.float32(_TOP)
+    scale = np.float32((_STEPS - 1) / np.sqrt(FILMIC_TOP))
+    keep, spill, top = np.float32(1.0 - 4.0 * SPILL), np.float32(SPILL), np.float32(FILMIC_TOP)
     for v in range(height):
         up, down = max(v - 1, 0), min(v + 1, height - 1)
         for u in range(width):
@@ -43,4 +44,4 @@ def tonemap(linear: Float32Array, photo: NDArray[np.uint8]) -> None:
                     + linear[v, left, channel] + linear[v, right, channel]
                 )  # fmt: skip
                 value = keep * linear[v, u, channel] + spill * near
-                photo[v, u, channel] = _CURVE[int(np.sqrt(min(value, top)) * scale + np.float32(0.5))]
+                photo[v, u, channel] = FILMIC[int(np.sqrt(min(value, top)) * scale + np.float32(0.5))]

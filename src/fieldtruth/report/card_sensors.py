@@ -10,7 +10,7 @@ import numpy as np
 from fieldtruth.core.lenses import FLAT, fields_of_view
 from fieldtruth.drive.track import GnssFixes, Track
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.experiment.sensor_config import TRUTH, SensorConfig
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.lens_config import LensConfig
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
@@ -33,7 +33,21 @@ def sensor_lines(rig: Rig) -> list[str]:
         lines += [f"- IMU `{i.name}`: {i.rate_hz:g} Hz in `{i.frame}`, {_SHORT[i.sampling]}." for i in rig.imus]
     if len(rig.antennas) > 1:
         lines += [f"- GNSS receiver `{a.name}`: {a.rate_hz:g} Hz, antenna at `{a.frame}`." for a in rig.antennas]
-    return lines
+    return lines + [_real(sensor) for sensor in rig.in_order() if not sensor.is_ideal]
+
+
+def _real(sensor: SensorConfig) -> str:
+    """What makes a sensor other than ideal."""
+    what = ["errors of a real sensor (`signal` in experiment.yaml)"] * (sensor.signal is not None)
+    if (clock := sensor.clock) is not None:
+        what.append(
+            f"a clock of its own (offset {clock.offset_s:g} s, drift {clock.drift_ppm:g} ppm, "
+            f"jitter {clock.jitter_s:g} s; {clock.drop_share:.1%} of its readings are lost); "
+            "stamps in the bag are the true time"
+        )
+    truth = [topic.name for topic in sensor.topics() if topic.name.endswith(TRUTH)]
+    ideal = f". Ideal readings: {', '.join(f'`{name}`' for name in truth)}" if truth else ""
+    return f"- `{sensor.name}` has {' and '.join(what)}{ideal}."
 
 
 def fix_lines(track: Track) -> list[str]:

@@ -21,6 +21,9 @@ from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive.expected_path import expected_path, pose_on_ground, poses_along
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.robot_body import visible_parts
+from fieldtruth.sense.robot_rays import part_table
+from fieldtruth.sense.robot_view import robot_view
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
@@ -96,6 +99,8 @@ def count_classes(scene: Scene, rig: Rig, poses: Sequence[Array], *, workers: in
     Sensors that are not enabled count, too. Of a stereo pair only the left view counts.
     """
     views = [sensor.imagers()[0] for sensor in rig.sensors if isinstance(sensor, CameraConfig)]
+    parts = visible_parts(rig)
+    robot = {view.name: robot_view(part_table(parts), view) if parts else None for view in views}
     heads = [sensor for sensor in rig.sensors if isinstance(sensor, LidarConfig)]
     pixels, points = (np.zeros((len(poses), len(CLASSES)), np.int64) for _ in range(2))
 
@@ -103,10 +108,10 @@ def count_classes(scene: Scene, rig: Rig, poses: Sequence[Array], *, workers: in
         for view in views:
             camera = LabelCamera(view.config, scene, reuse=True)
             for row in rows:
-                image = camera.label(poses[row] @ view.base_from_optical)
+                image = camera.label(poses[row] @ view.base_from_optical, robot[view.name])
                 pixels[row] += np.bincount(image.label.ravel(), minlength=len(CLASSES))
         for head in heads:
-            lidar = Lidar(head, scene)
+            lidar = Lidar(head, scene, parts)
             for row in rows:
                 scan = lidar.scan(poses[row] @ head.mount.base_from_sensor)
                 points[row] += np.bincount(scan.label, minlength=len(CLASSES))

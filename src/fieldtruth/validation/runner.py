@@ -23,7 +23,7 @@ from fieldtruth.validation.check import Check, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, at
 from fieldtruth.validation.files import BagFile
 from fieldtruth.validation.motion import calibration, clocks, commands, drive, measured, poses
-from fieldtruth.validation.retrace import agreement, reference, scene_sensors, world
+from fieldtruth.validation.retrace import agreement, noisy_clouds, reference, scene_sensors, world
 from fieldtruth.validation.sampler import Sampler
 
 SAMPLES: Final = 20
@@ -87,7 +87,8 @@ def validate(
         checks = _read(context, stored, workers or cpu_count(), advance, _checkers(context, full, samples))
     found = {check.name: check for check in [checksums, experiment, *checks]}
     real = not all(sensor.is_ideal for sensor in context.rig.sensors)
-    specs = (*SPECS, *_NOT_IDEAL * real, *[scene_sensors.OTHER_SENSORS] * bool(context.rig.scene_sensors))
+    noise = [noisy_clouds.NOISE] * noisy_clouds.noisy(context.rig.lidars)
+    specs = (*SPECS, *_NOT_IDEAL * real, *noise, *[scene_sensors.OTHER_SENSORS] * bool(context.rig.scene_sensors))
     return [found.get(spec.name, Check(spec.name, None, context.no_world)) for spec in specs]
 
 

@@ -16,9 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 
-GROUND_ID: Final = 1
-"""Instance id of the ground. Id 0 is the robot, which its own sensors do not see: 0 in an image is a miss."""
+ROBOT_ID: Final = 0
+"""Instance id of the robot. Pixels without an object, of the sky, have it too: they differ in the class."""
 
+GROUND_ID: Final = 1
+"""Instance id of the ground."""
 
 WIDE_IDS: Final = 1 << 16
 """Instance ids from here on do not fit into 16 bits."""

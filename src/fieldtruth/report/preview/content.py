@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Content of a preview sheet, before it is laid out: images, routes, cloud and counts of one environment."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -13,12 +13,14 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.progress import Progress
 from fieldtruth.drive.expected_path import expected_path, experiments_in, pose_on_ground, poses_along
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.robot_body import visible_parts
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.report.drawing.aerial import Aerial, render_aerial
 from fieldtruth.report.drawing.cloud import Cloud
 from fieldtruth.report.preview.viewpoints import free_viewpoints, most_informative
 from fieldtruth.report.shares import SPACING, ClassShares, count_classes
+from fieldtruth.sense.robot_view import RobotView, robot_views
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import Imager
 from fieldtruth.sensors.camera.sensing import Camera, CameraImages
@@ -101,7 +103,7 @@ def collect_content(
     with progress.stage("render images"):
         aerial = render_aerial(baked, aerial_width)
         imager = next(iter(rig.imagers), None)
-        views = () if imager is None else _views(imager, baked, poses, viewpoints, shares)
+        views = () if imager is None else _views(imager, baked, poses, viewpoints, shares, robot_views(rig))
     with progress.stage("scan"):
         cloud = _scan(scene, rig, poses[:: max(1, -(-len(poses) // SCANS))])
     return SheetContent(
@@ -117,16 +119,21 @@ def collect_content(
 
 
 def _views(
-    imager: Imager, baked: BakedScene, poses: Sequence[Array], viewpoints: Array, shares: ClassShares
+    imager: Imager,
+    baked: BakedScene,
+    poses: Sequence[Array],
+    viewpoints: Array,
+    shares: ClassShares,
+    robots: Mapping[str, RobotView],
 ) -> tuple[View, ...]:
-    camera = Camera(imager.config, baked)
+    camera, robot = Camera(imager.config, baked), robots.get(imager.name)
     rows = most_informative(shares.pixels, viewpoints[:, :2], VIEWS)
-    return tuple(View(viewpoints[row], camera.render(poses[row] @ imager.base_from_optical)) for row in rows)
+    return tuple(View(viewpoints[row], camera.render(poses[row] @ imager.base_from_optical, robot)) for row in rows)
 
 
 def _scan(scene: Scene, rig: Rig, poses: Sequence[Array]) -> Cloud:
     """Returns inside the edges of the world, from a scan of each LiDAR at each pose world_from_base (4, 4)."""
-    lidars = [(Lidar(config, scene), config.mount.base_from_sensor) for config in rig.lidars]
+    lidars = [(Lidar(config, scene, visible_parts(rig)), config.mount.base_from_sensor) for config in rig.lidars]
     xyz, label = [np.zeros((0, 3))], [np.zeros(0, np.uint8)]
     for lidar, world_from_lidar in ((lidar, pose @ mount) for pose in poses for lidar, mount in lidars):
         scan = lidar.scan(world_from_lidar)

@@ -6,10 +6,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fieldtruth.core.arrays import Array
-from fieldtruth.drive.robot import Box as Box
-from fieldtruth.drive.robot import body_boxes
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.robot_body import Box, Cylinder, rollers
+from fieldtruth.experiment.robot_body import chassis_box as chassis
+from fieldtruth.experiment.robot_body import wheel_cylinders as wheels
+
+__all__ = [
+    "Box",
+    "Cylinder",
+    "Inertia",
+    "chassis",
+    "chassis_inertia",
+    "ground_height",
+    "rollers",
+    "wheel_inertia",
+    "wheels",
+]
 
 
 class Inertia(NamedTuple):
@@ -20,48 +32,17 @@ class Inertia(NamedTuple):
     centre: tuple[float, ...] = (0.0, 0.0, 0.0)
 
 
-class Wheel(NamedTuple):
-    """A wheel: its frame, centre (3,) [m], radius and width [m], and inertia in its frame; the axle is y."""
-
-    frame: str
-    centre: Array
-    radius: float
-    width: float
-    inertia: Inertia
-
-    @property
-    def box(self) -> Box:
-        """Smallest box around it."""
-        return Box(np.array([2 * self.radius, self.width, 2 * self.radius]), self.centre)
-
-
-def chassis(rig: Rig) -> Box:
-    """Box of the robot's hull without wheels and sensors."""
-    return body_boxes(rig)["chassis"]
-
-
 def chassis_inertia(rig: Rig) -> Inertia:
     """Inertia of the robot without its wheels."""
     robot = rig.robot
-    mass = robot.mass - sum(wheel.inertia.mass for wheel in wheels(rig))
+    mass = robot.mass - len(rig.wheels.names) * rig.wheels.mass
     moments = np.array(robot.chassis_inertia) * (mass / robot.chassis_inertia_mass)
     return Inertia(mass, tuple(moments.tolist()), robot.chassis_centre)
 
 
-def wheels(rig: Rig) -> tuple[Wheel, ...]:
-    """The driven wheels."""
-    mounts, figures = rig.mounts(), rig.wheels
-    inertia, frames = Inertia(figures.mass, figures.inertia), (f"{name}_wheel" for name in figures.names)
-    return tuple(Wheel(name, np.array(mounts[name].xyz), figures.radius, figures.width, inertia) for name in frames)
-
-
-def rollers(rig: Rig) -> tuple[Wheel, ...]:
-    """All that touches the ground: the driven wheels, and the caster of a robot that has one, in base_link."""
-    caster = rig.robot.caster
-    if caster is None:
-        return wheels(rig)
-    centre = np.array([caster.x, 0.0, ground_height(rig) + caster.radius])
-    return (*wheels(rig), Wheel("base_link", centre, caster.radius, caster.width, Inertia(0.0, (0.0, 0.0, 0.0))))
+def wheel_inertia(rig: Rig) -> Inertia:
+    """Inertia of a driven wheel in its frame."""
+    return Inertia(rig.wheels.mass, rig.wheels.inertia)
 
 
 def ground_height(rig: Rig) -> float:

@@ -10,7 +10,9 @@ import numpy as np
 from fieldtruth.core import frames, lenses
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.robot_body import body_parts
 from fieldtruth.report.rig import body
+from fieldtruth.sense.robot_rays import meet, part_table
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.lidar.beams import ring_elevations
 from fieldtruth.sensors.lidar.config import LidarConfig
@@ -124,7 +126,7 @@ class Coverage:
     in_view: Mask
     """(views, n, n), by view, y and x."""
     hidden: Mask
-    """(views, n, n): the robot itself is between. Simulated sensors do not see the robot, real ones do."""
+    """(views, n, n): the robot itself is between, which simulated sensors see with ``rig.visible`` only."""
 
     def seen(self, lidar: bool) -> Mask:
         """Points (n, n) that a LiDAR sees, or a camera."""
@@ -137,25 +139,13 @@ def ground_coverage(rig: Rig, half: float = HALF, step: float = STEP) -> Coverag
     axis = np.linspace(-half, half, 2 * round(half / step) + 1)
     x, y = (each.ravel() for each in np.meshgrid(axis, axis))
     points = np.column_stack([x, y, np.full(x.shape, body.ground_height(rig))])
-    boxes = [body.chassis(rig), *(wheel.box for wheel in body.rollers(rig))]
+    table = part_table(body_parts(rig))
     views, shape = sensor_views(rig), (len(axis), len(axis))
     in_view, hidden = np.zeros((2, len(views), *shape), np.bool_)
     for k, view in enumerate(views):
         seen = view.sees(points)
         in_view[k] = seen.reshape(shape)
-        behind = np.zeros(len(points), np.bool_)
-        for box in boxes:
-            behind[seen] |= _crosses(box, view.position, points[seen])
-        hidden[k] = behind.reshape(shape)
+        away = points - view.position
+        distance = np.linalg.norm(away, axis=1)
+        hidden[k] = (seen & (meet(table, view.position, away / distance[:, None]).range_m < distance)).reshape(shape)
     return Coverage(axis, views, in_view, hidden)
-
-
-def _crosses(box: body.Box, start: Array, ends: Array) -> Mask:
-    """Which segments from ``start`` (3,) to ``ends`` (n, 3) cross a box; none if it contains the start."""
-    low, high = box.centre - box.size / 2, box.centre + box.size / 2
-    if ((low < start) & (start < high)).all():
-        return np.zeros(len(ends), np.bool_)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        first, second = (low - start) / (ends - start), (high - start) / (ends - start)
-    enter, leave = np.nanmax(np.minimum(first, second), axis=1), np.nanmin(np.maximum(first, second), axis=1)
-    return np.asarray((enter < leave) & (leave > 0.0) & (enter < 1.0 - 1e-9))

@@ -42,7 +42,7 @@ def urdf_text(rig: Rig) -> str:
         SubElement(joint, "origin", xyz=_numbers(parent_from_child[:3, 3]), rpy=_numbers(rpy))
         if child in wheels:
             SubElement(joint, "axis", xyz="0 1 0")
-            _add_inertial(link, wheels[child].inertia)
+            _add_inertial(link, body.wheel_inertia(rig))
             _add_tyre(link, wheels[child])
     indent(robot)
     return '<?xml version="1.0"?>\n' + tostring(robot, encoding="unicode") + "\n"
@@ -63,7 +63,7 @@ def _add_base(robot: Element, rig: Rig) -> None:
             _add_tyre(link, roller, roller.centre)
 
 
-def _add_tyre(link: Element, wheel: body.Wheel, centre: Iterable[float] = (0.0, 0.0, 0.0)) -> None:
+def _add_tyre(link: Element, wheel: body.Cylinder, centre: Iterable[float] = (0.0, 0.0, 0.0)) -> None:
     rpy = _numbers((math.pi / 2, 0.0, 0.0))  # the axis of a cylinder is z, that of a wheel y
     for kind in ("visual", "collision"):
         shape = SubElement(link, kind)

@@ -15,9 +15,10 @@ from fieldtruth.bag.reader import BagError
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.core.errors import FieldtruthError
+from fieldtruth.sense.robot_view import robot_views
 from fieldtruth.sensors.camera.check_frames import PARTS, CameraFrame, CameraFrameChecker
 from fieldtruth.sensors.camera.check_lens import pixel_ray
-from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.config import Imager
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
 from fieldtruth.sensors.camera.message import photograph_jpeg
 from fieldtruth.sensors.camera.sensing import Camera
@@ -161,7 +162,10 @@ class RetracedImages(CameraFrameChecker):
         self.tallies[0].note = "all images" if full else "a sample of the images"
         if not full:
             self.tallies[1].skipped = "photographs are rendered again with --full"
-        self._own = threading.local()
+        elif noisy := [camera.name for camera in context.run.rig.cameras if camera.signal is not None]:
+            self.tallies[1].note = f"not those of {', '.join(noisy)}, which have the signal of a real camera"
+            self.tallies[1].skipped = "every camera has the signal of a real one; their other images are compared"
+        self._own, self._robot = threading.local(), robot_views(context.rig)
 
     def check_frame(self, frame: CameraFrame) -> None:
         """Check a frame."""
@@ -176,12 +180,12 @@ class RetracedImages(CameraFrameChecker):
         self.context.jobs.append(lambda: self._compare(frame, pose, frame.stamp_ns if sampled else None))
 
     def _compare(self, frame: CameraFrame, pose: Array, seed: int | None) -> list[Tally]:
-        config = frame.imager.config
+        config, mount = frame.imager.config, frame.imager.base_from_optical
         lens = config.projection
         bag = _pixels(frame, (config.height, config.width))
         if bag is None:
             return []
-        own, difference = self._render(config, pose, bag.photograph)
+        own, difference = self._render(frame.imager, pose, bag.photograph if config.signal is None else None)
 
         def reading(k: int) -> RayReading:
             v, u = divmod(k, config.width)
@@ -193,6 +197,7 @@ class RetracedImages(CameraFrameChecker):
                 f"{frame.at('tag')}, row {v}, column {u}", pose[:3, 3], pose[:3, :3] @ along,
                 NOTHING if bag.label[v, u] == Label.SKY else range_m, int(bag.label[v, u]),
                 UNKNOWN if bag.instance is None else int(bag.instance[v, u]), 0.0, far, lidar=False,
+                in_base=(mount[:3, 3], mount[:3, :3] @ along),
             )  # fmt: skip
 
         same, equal = _same(bag, own)
@@ -206,17 +211,18 @@ class RetracedImages(CameraFrameChecker):
         return [retraced, photographs, sample]
 
     def _render(
-        self, config: CameraConfig, pose: Array, photograph: NDArray[np.uint8] | None
+        self, imager: Imager, pose: Array, photograph: NDArray[np.uint8] | None
     ) -> tuple[LabelImages, float | None]:
         """Render with this thread's camera; returns the images, and the difference of the photographs."""
+        config, robot = imager.config, self._robot.get(imager.name)
         baked, own = self._rebuilt.baked, vars(self._own)
         if photograph is None or baked is None:
             if config.name not in own.setdefault("label", {}):
                 own["label"][config.name] = LabelCamera(config, self._rebuilt.scene, reuse=True)
-            return own["label"][config.name].label(pose), None
+            return own["label"][config.name].label(pose, robot), None
         if config.name not in own.setdefault("photograph", {}):
             own["photograph"][config.name] = Camera(config, baked, reuse=True)
-        images = own["photograph"][config.name].render(pose)
+        images = own["photograph"][config.name].render(pose, robot)
         return images, _difference(photograph, images.photo, config.jpeg_quality)
 
 

@@ -14,6 +14,7 @@ from fieldtruth.experiment.fields import Boolean, Integer, Mount, Number, Range,
 from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, SensorName, TopicName
 from fieldtruth.experiment.topic import Topic
 from fieldtruth.sensors.camera.lens_config import LensConfig
+from fieldtruth.sensors.camera.signal import CameraSignal
 
 CAMERA_FROM_OPTICAL = frames.pose((0.0, 0.0, 0.0), (0.0, 0.0, -90.0))
 """The paper's camera frames (x down, y left, z forward) from REP-103 optical frames (x right, y down, z forward)."""
@@ -53,6 +54,7 @@ class CameraConfig(MountedConfig):
     jpeg_quality: Annotated[Integer, Field(ge=1, le=100)] = 92
     depth: Boolean = False
     instances: Boolean = False
+    signal: CameraSignal | None = None
 
     @classmethod
     def completed(cls, given: dict[str, Any], figures: Mapping[str, Any]) -> dict[str, Any]:
@@ -62,6 +64,12 @@ class CameraConfig(MountedConfig):
         model = lens.get("model") if isinstance(lens, Mapping) else getattr(lens, "model", None)
         whole = {"horizontal_fov_deg": 360.0, "vertical_fov_deg": 180.0} if model == "equirectangular" else {}
         return whole | values
+
+    @model_validator(mode="after")
+    def _possible_signal(self) -> Self:
+        if problem := self.signal and self.signal.problem_with(self.lens.model):
+            raise ValueError(problem)
+        return self
 
     @model_validator(mode="after")
     def _visible(self) -> Self:

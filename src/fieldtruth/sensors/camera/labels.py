@@ -12,6 +12,7 @@ from fieldtruth.core.classes import PALETTE
 from fieldtruth.sense.hits import LabelBuffers
 from fieldtruth.sense.packets import new_packet
 from fieldtruth.sense.ray_batch import BLOCK, View, label_image, new_batch
+from fieldtruth.sense.robot_view import RobotView, hide_world
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.pinhole import pinhole
@@ -50,8 +51,8 @@ class LabelCamera:
         self._packet, self._batch = new_packet(coherent=True), new_batch(BLOCK)
         self._labels: LabelImages | None = None
 
-    def label(self, world_from_optical: Array) -> LabelImages:
-        """Label, instance and depth images from a pose (4, 4)."""
+    def label(self, world_from_optical: Array, robot: RobotView | None = None) -> LabelImages:
+        """Label, instance and depth images from a pose (4, 4), with what the view sees of the robot."""
         images = self._labels
         if images is None:
             shape = (self.config.height, self.config.width)
@@ -61,6 +62,8 @@ class LabelCamera:
         out = LabelBuffers(images.label, images.instance, images.depth)
         view = self._view(world_from_optical)
         label_image(self.scene.rays.handle, self.scene.hits, self._packet, view, self._batch, out)
+        if robot is not None:
+            hide_world(robot, out)
         if self._reuse:
             self._labels = images
         return images

@@ -9,8 +9,11 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.render.bake import BakedScene
-from fieldtruth.render.photograph import new_framebuffer, render_image
+from fieldtruth.render.photograph import new_framebuffer, render_image, render_linear
+from fieldtruth.render.robot import paint_robot
+from fieldtruth.render.tonemap import tonemap
 from fieldtruth.sense.hits import LabelBuffers
+from fieldtruth.sense.robot_view import RobotView, hide_world
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
 
@@ -39,19 +42,36 @@ class Camera(LabelCamera):
         self._framebuffer = new_framebuffer(config.height, config.width)
         self._images: CameraImages | None = None
 
-    def render(self, world_from_optical: Array) -> CameraImages:
-        """Photograph, label, instance and depth images from a pose (4, 4)."""
-        images = self._images
-        if images is None:
-            h, w = self.config.height, self.config.width
-            images = CameraImages(
-                label=np.empty((h, w), np.uint8),
-                instance=np.empty((h, w), np.uint32),
-                depth=np.empty((h, w), np.float32),
-                photo=np.empty((h, w, 3), np.uint8),
-            )
+    def render(self, world_from_optical: Array, robot: RobotView | None = None) -> CameraImages:
+        """Photograph, label, instance and depth images from a pose (4, 4), with what the view sees of the robot."""
+        images = self._own_images()
         labels = LabelBuffers(images.label, images.instance, images.depth)
-        render_image(self._shading, self._framebuffer, self._view(world_from_optical), labels, images.photo)
+        shading, buffers, view = self._shading, self._framebuffer, self._view(world_from_optical)
+        if robot is None:
+            render_image(shading, buffers, view, labels, images.photo)
+            return images
+        render_linear(shading, buffers, view, labels)
+        self._paint(robot, world_from_optical, labels)
+        tonemap(buffers.linear, images.photo)
+        return images
+
+    def _paint(self, robot: RobotView, world_from_optical: Array, labels: LabelBuffers) -> None:
+        """Put the robot before the world, in the light and in the labels."""
+        world_from_base = world_from_optical @ robot.optical_from_base
+        paint_robot(self._shading, robot, world_from_base, labels.depth, self._framebuffer.linear)
+        hide_world(robot, labels)
+
+    def _own_images(self) -> CameraImages:
+        """Arrays of images, new ones unless they are reused."""
+        if self._images is not None:
+            return self._images
+        h, w = self.config.height, self.config.width
+        images = CameraImages(
+            label=np.empty((h, w), np.uint8),
+            instance=np.empty((h, w), np.uint32),
+            depth=np.empty((h, w), np.float32),
+            photo=np.empty((h, w, 3), np.uint8),
+        )
         if self._reuse:
             self._images = images
         return images

@@ -4,8 +4,8 @@
 
 import threading
 from collections.abc import Callable
-from functools import cache, lru_cache
-from typing import Any, Final, NamedTuple
+from functools import cache
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +15,15 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
 from fieldtruth.drive.state import poses_at
+from fieldtruth.experiment.robot_body import visible_parts
 from fieldtruth.sensors.lidar.beams import ray_times_ns, sweep_times_ns
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.sensing import Lidar, ray_directions
+from fieldtruth.sensors.lidar.measuring import SignalLidar
+from fieldtruth.sensors.lidar.sensing import Lidar
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, RebuiltWorld, at
+from fieldtruth.validation.retrace.dense_cloud import DenseCloud
+from fieldtruth.validation.retrace.noisy_clouds import NoiseTally, ideal_points, layout_of, rays_at
 from fieldtruth.validation.retrace.reference import RayReading, RayReference, close
 from fieldtruth.validation.retrace.world import N_CLASSES, ClassComparison, ObjectClasses
 from fieldtruth.validation.sampler import Sampler
@@ -101,26 +105,30 @@ def _check_cloud(
     timed |= {clock: _CLOCKS[clock]} if clock else {}
     timed |= _OF_MAKER[config.point_fields] if config.point_fields else {}
     wide = {"instance": "<u4"} if classes.has_wide_ids else {}
-    whole = kinds == FIELDS | timed | wide and message.is_dense and not message.is_bigendian
+    fields = FIELDS | timed | wide | layout_of(config)
+    whole = kinds == fields and message.is_dense != config.organised and not message.is_bigendian
     tally[LAYOUT].see(bool(whole), f"{where}: fields {', '.join(kinds)}")
+
+    directions = rays_at(config, raw.stamp_ns)
+    cloud = ideal_points(cloud, config, directions)
 
     def row(k: int) -> str:
         return f"{where}, row {k}"
 
-    if {"label", "intensity"} <= kinds.keys():
+    if {"label", "intensity"} <= kinds.keys() and config.intensity == "class":
         label, intensity = cloud["label"], cloud["intensity"]
         same = label == intensity
         tally[INTENSITY].see_all(same, lambda k: f"{row(k)}: label {label[k]}, intensity {intensity[k]:g}")
-    if found := [cloud[name] for name in ("label", "intensity") if name in kinds]:
+    if found := [cloud[name] for name in ("label", *["intensity"] * (config.signal is None)) if name in kinds]:
         returning = np.isin(found[0], np.flatnonzero(_RETURNS))
         tally[RETURNING].see_all(returning, lambda k: f"{row(k)}: class {found[0][k]:g}")
     if {"x", "y", "z"} <= kinds.keys():
         xyz = np.stack([cloud[axis] for axis in "xyz"], axis=-1).astype(np.float64)
         tally[FINITE].see_all(np.asarray(np.isfinite(xyz).all(axis=-1)), lambda k: f"{row(k)}: {xyz[k]} m")
         if {"ring", "column"} <= kinds.keys():
-            _check_rays(cloud, xyz, _rays_at(config, raw.stamp_ns), config, rays, row)
+            _check_rays(cloud, xyz, directions, config, rays, row)
     stamp = read.stamp_ns(message.header)
-    if whole and config.point_fields == "ouster":
+    if whole and config.point_fields == "ouster" and config.signal is None:
         _check_ouster(cloud, xyz, tally, rays, row)
     if whole and config.point_fields == "livox":
         _check_livox(cloud, stamp, tally, rays, row)
@@ -174,16 +182,6 @@ def _check_rays(
     tally[DIRECTION].measure_all(aside[inside], lambda k: row(int(np.flatnonzero(inside)[k])))
 
 
-def _rays_at(config: LidarConfig, stamp_ns: int) -> Array:
-    """Directions (columns * rings, 3) of a scan at a stamp by number of the ray."""
-    return _directions(config, 0 if config.pattern is None else stamp_ns)
-
-
-@lru_cache(maxsize=16)
-def _directions(config: LidarConfig, stamp_ns: int) -> Array:
-    return ray_directions(config, stamp_ns).reshape(-1, 3)
-
-
 @cache
 def _times(config: LidarConfig) -> NDArray[np.int64]:
     """Time [ns] after the scan's stamp at which each ray leaves, by number of the ray."""
@@ -210,7 +208,8 @@ class RetracedClouds(Checker):
     def __init__(self, context: Context, rebuilt: RebuiltWorld, reference: RayReference, sampler: Sampler) -> None:
         self._context, self._rebuilt, self._reference, self._sampler = context, rebuilt, reference, sampler
         self._tally = context.tally(RETRACED_CLOUDS)
-        self.tallies = [self._tally]
+        self.noise = NoiseTally(strict=context.experiment is not None)
+        self.tallies = [self._tally, self.noise]
         self._own = threading.local()
         self._configs = {config.topic: config for config in context.rig.lidars}
         self.topics = tuple(self._configs)
@@ -238,60 +237,51 @@ class RetracedClouds(Checker):
         """Scan again from poses as ``Lidar.scan`` takes them, or from one (1, 4, 4); compare the first ``columns``."""
         config = self._configs[raw.topic]
         try:
-            cloud = read.points(message)
+            measured = read.points(message)
+            directions = rays_at(config, raw.stamp_ns)
+            cloud = ideal_points(measured, config, directions)
             xyz = np.stack([cloud[axis] for axis in "xyz"], axis=-1)
-            bag = _Dense.of(config, cloud["column"], cloud["ring"], xyz, cloud["label"], cloud["instance"])
+            bag = DenseCloud.of(config, cloud["column"], cloud["ring"], xyz, cloud["label"], cloud["instance"])
         except (ValueError, KeyError):
             return []  # the check of labels reports the layout
         lidars = vars(self._own)
         if config.name not in lidars:
-            lidars[config.name] = Lidar(config, self._rebuilt.scene)
-        scan = lidars[config.name].scan(poses if len(poses) > 1 else poses[0], raw.stamp_ns)
-        own = _Dense.of(config, scan.column, scan.ring, scan.xyz, scan.label, scan.instance)
+            lidars[config.name] = Lidar(config, self._rebuilt.scene, visible_parts(self._context.rig))
+        aimed = poses if len(poses) > 1 else poses[0], raw.stamp_ns
+        scan = lidars[config.name].scan(*aimed)
+        own = DenseCloud.of(config, scan.column, scan.ring, scan.xyz, scan.label, scan.instance)
         bag, own = bag.first(columns * config.rings), own.first(columns * config.rings)
-        same = (bag.label == own.label) & (bag.instance == own.instance)
-        equal = bool(same.all()) and np.array_equal(bag.xyz, own.xyz)
-        same &= close(bag.xyz, own.xyz).all(axis=1)
+        checked = np.arange(len(bag.label))
+        if config.signal is not None:
+            if self._context.experiment is None or self._context.experiment.weather.is_clear:
+                self._add_noise(config, measured, aimed, columns)
+            checked = np.flatnonzero(bag.xyz.any(axis=1))  # others did not return
+            # A particle or an edge may have made the echo; the true range is that of the middle of the beam.
+            bag = bag.labelled_as(own, (bag.label == Label.PARTICLE) | (config.signal.sub_rays > 1))
+        same = np.equal(bag.label, own.label)[checked] & np.equal(bag.instance, own.instance)[checked]
+        equal = bool(same.all()) and np.array_equal(bag.xyz[checked], own.xyz[checked])
+        same &= close(bag.xyz[checked], own.xyz[checked]).all(axis=1)
 
-        directions = _rays_at(config, raw.stamp_ns)
-
-        def reading(k: int) -> RayReading:
+        def reading(j: int) -> RayReading:
+            k = int(checked[j])
             column, ring = divmod(k, config.rings)
             pose = poses[0]
             if len(poses) > 1:
                 pose = poses[column] + _lag(config)[ring] * (poses[column + 1] - poses[column])
-            range_m = float(np.linalg.norm(bag.xyz[k].astype(np.float64)))
+            range_m, mount = float(np.linalg.norm(bag.xyz[k].astype(np.float64))), config.mount.base_from_sensor
             return RayReading(
                 f"{at(raw)}, column {column}, ring {ring}", pose[:3, 3], pose[:3, :3] @ directions[k],
                 range_m, int(bag.label[k]), int(bag.instance[k]), config.min_range, config.max_range, lidar=True,
+                in_base=(mount[:3, 3], mount[:3, :3] @ directions[k]),
             )  # fmt: skip
 
         part = self._tally.part()
         part[EQUAL_CLOUDS].see(equal, at(raw))
         return [part, self._reference.compare(part[SAME_RETURNS], np.flatnonzero(~same), len(same), reading, seed)]
 
-
-class _Dense(NamedTuple):
-    """A value for each ray of the LiDAR; 0 without a return."""
-
-    xyz: NDArray[np.float32]
-    label: NDArray[np.uint16]
-    instance: NDArray[np.uint32]
-
-    @classmethod
-    def of(cls, config: LidarConfig, column: Any, ring: Any, *values: Any) -> "_Dense":
-        """Spread returns over all rays; those of rays that do not exist are reported by the check of rays."""
-        number, count = column.astype(np.int64) * config.rings + ring, config.columns * config.rings
-        inside = (number >= 0) & (number < count)
-        parts: list[NDArray[Any]] = [
-            np.zeros((count, 3), np.float32),
-            np.zeros(count, np.uint16),
-            np.zeros(count, np.uint32),
-        ]
-        for part, value in zip(parts, values, strict=True):
-            part[number[inside]] = value[inside]
-        return cls(*parts)
-
-    def first(self, count: int) -> "_Dense":
-        """The values of the first ``count`` rays."""
-        return _Dense(self.xyz[:count], self.label[:count], self.instance[:count])
+    def _add_noise(self, config: LidarConfig, cloud: NDArray[np.void], aimed: tuple[Array, int], columns: int) -> None:
+        """Count the noise of a cloud against the echoes that its LiDAR expects from the rebuilt world."""
+        lidars, name = vars(self._own), f"signal of {config.name}"
+        if name not in lidars:
+            lidars[name] = SignalLidar(config, self._rebuilt.scene, robot=visible_parts(self._context.rig))
+        self.noise.add(config, cloud, lidars[name].echoes(*aimed), columns)

@@ -18,7 +18,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.core.arrays import Array
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import HitTable, hit_top
 from fieldtruth.sense.kernel import inlined, kernel
@@ -47,7 +47,7 @@ class SubRays(NamedTuple):
     weight: Array  # (rays,) share of the power
     choice: int
     pulse_length: float  # [m]
-    beam: NDArray[np.int64]  # (LANES * rays,) of a tile, the rays of a beam one after the other; so are those below
+    number: NDArray[np.int64]  # (LANES * rays,) of the ray in its beam; see _slot; so are those below
     origin: Array  # (LANES * rays, 3)
     direction: Array  # (LANES * rays, 3) in the world
     range_m: Array  # (LANES * rays,) 0 for none
@@ -73,7 +73,7 @@ def sub_rays_of(signal: LidarSignal) -> SubRays:
         weight=np.array([0.5, *(count - 1) * (0.5 / (count - 1),)]),
         choice=("strongest", "last", "two").index(signal.returns),
         pulse_length=signal.pulse_length,
-        beam=np.arange(memory) // count,
+        number=np.array([0] * _LANES + [*range(1, count)] * _LANES),
         origin=np.zeros((memory, 3)),
         direction=np.zeros((memory, 3)),
         range_m=np.zeros(memory),
@@ -86,10 +86,16 @@ def sub_rays_of(signal: LidarSignal) -> SubRays:
 
 
 @inlined
+def _slot(beam: int, number: int, count: int) -> int:
+    """Row of a ray of a tile's beam: first the middles of all beams, then the other rays of each beam."""
+    return beam if number == 0 else _LANES + beam * (count - 1) + number - 1
+
+
+@inlined
 def _set_tile(poses: Array, beams: Beams, rays: SubRays, first_column: int, first_ring: int) -> None:
     """Origins and directions in the world of the rays of a tile; ray 0 of a beam is its own to the last bit."""
     origin, direction, offset, directions, lag = rays.origin, rays.direction, rays.offset, beams.directions, beams.lag
-    columns, rings, count, slot = directions.shape[0], directions.shape[1], offset.shape[1], 0
+    columns, rings, count = directions.shape[0], directions.shape[1], offset.shape[1]
     for beam in range(_LANES):
         column, ring = min(first_column + beam % _WIDTH, columns - 1), min(first_ring + beam // _WIDTH, rings - 1)
         share, turn = lag[ring], (7 * ring + 5 * column) % TURNS
@@ -105,6 +111,7 @@ def _set_tile(poses: Array, beams: Beams, rays: SubRays, first_column: int, firs
         ex, ey, ez = _rotated(poses, column, share, e, f, 0.0)  # across
         ux, uy, uz = _rotated(poses, column, share, -c * f, c * e, a * f - b * e)  # up
         for number in range(count):
+            slot = _slot(beam, number, count)
             origin[slot, 0], origin[slot, 1], origin[slot, 2] = x, y, z
             if number == 0:
                 direction[slot, 0], direction[slot, 1], direction[slot, 2] = dx, dy, dz
@@ -113,7 +120,6 @@ def _set_tile(poses: Array, beams: Beams, rays: SubRays, first_column: int, firs
                 direction[slot, 0] = (dx + across * ex + up * ux) * rays.scale
                 direction[slot, 1] = (dy + across * ey + up * uy) * rays.scale
                 direction[slot, 2] = (dz + across * ez + up * uz) * rays.scale
-            slot += 1
 
 
 @inlined
@@ -129,7 +135,7 @@ def _rotated(poses: Array, column: int, share: float, a: float, b: float, c: flo
 def trace_echoes(
     scene: np.uint64,
     tables: tuple[HitTable, SurfaceTable],
-    packet: Packet,
+    packets: tuple[Packet, Packet],
     poses: Array,
     beams: Beams,
     receiver: Receiver,
@@ -138,76 +144,78 @@ def trace_echoes(
 ) -> None:
     """Trace the rays of all beams in tiles of neighbouring columns and rings, and make echoes of what they meet.
 
-    Packets hold all rays of a few neighbouring beams.
+    The middles of beams are traced in the packets of ``trace_beams``, so that their ranges are the same to the last
+    bit; other packets, of coherent rays, hold the other rays of a few neighbouring beams.
     """
-    ray = packet.ray
     count = rays.weight.shape[0]
     columns, rings = out.true_range.shape
     for lane in range(_LANES):
-        set_ray(packet, lane, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.0, beams.max_range)
+        set_ray(packets[0], lane, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.0, beams.max_range)
+        set_ray(packets[1], lane, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.0, beams.max_range)
     for first_column in range(0, columns, _WIDTH):
         for first_ring in range(0, rings, _HEIGHT):
             _set_tile(poses, beams, rays, first_column, first_ring)
-            _trace_tile(scene, tables, packet, beams, rays, ray)
+            for beam in range(_LANES):
+                column, ring = first_column + beam % _WIDTH, first_ring + beam // _WIDTH
+                packets[0].valid[beam] = -1 if column < columns and ring < rings else 0
+            for first in range(0, _LANES * count, _LANES):
+                _trace(scene, tables, packets[min(first, 1)], beams, rays, first)
             for beam in range(_LANES):
                 column, ring = first_column + beam % _WIDTH, first_ring + beam // _WIDTH
                 if column >= columns or ring >= rings:
                     continue
-                out.clear[column, ring] = rays.clear[beam * count]
-                if not _one_echo(rays, beam * count, column, ring, out):
-                    make_echoes(rays, beam * count, receiver, column, ring, out)
+                out.clear[column, ring] = rays.clear[beam]
+                if not _one_echo(rays, beam, column, ring, out):
+                    make_echoes(rays, beam, receiver, column, ring, out)
 
 
 @inlined
-def _trace_tile(
+def _trace(
     scene: np.uint64,
     tables: tuple[HitTable, SurfaceTable],
     packet: Packet,
     beams: Beams,
     rays: SubRays,
-    ray: Float32Array,
+    first: int,
 ) -> None:
-    """Trace the rays of a tile; those of beams beyond the last are as those of the last."""
+    """Trace the rays of a tile from row ``first`` on, as many as a packet has; what is not valid meets nothing."""
     hits, surfaces = tables
-    words, valid, arguments, returns = packet.words, packet.valid, packet.arguments, beams.returns
-    origin, direction, weight, count = rays.origin, rays.direction, rays.weight, rays.weight.shape[0]
+    ray, words, valid, arguments = packet
+    origin, direction, weight, returns = rays.origin, rays.direction, rays.weight, beams.returns
     range_m, power, label, instance = rays.range_m, rays.power, rays.label, rays.instance
     tops, rotations = hits.geometry_top, surfaces.top_rotation
-    for first in range(0, _LANES * count, _LANES):
-        for lane in range(_LANES):
-            slot = first + lane
-            ray[_OX + lane], ray[_OY + lane], ray[_OZ + lane] = origin[slot, 0], origin[slot, 1], origin[slot, 2]
-            ray[_DX + lane], ray[_DY + lane], ray[_DZ + lane] = (
-                direction[slot, 0],
-                direction[slot, 1],
-                direction[slot, 2],
-            )
-            ray[_FAR + lane] = beams.max_range
-            words[_GEOM + lane], words[_INST + lane], words[_INST_PRIM + lane] = _MISS, _MISS, _MISS
-        _intersect(valid.ctypes, scene, ray.ctypes, arguments.ctypes)
-        for lane in range(_LANES):
-            slot = first + lane
-            range_m[slot] = 0.0
-            top, distance = hit_top(tops, words, lane), np.float64(ray[_FAR + lane])
-            rays.clear[slot] = distance
-            if top < 0 or distance < beams.min_range:
-                continue
-            x, y = origin[slot, 0] + distance * direction[slot, 0], origin[slot, 1] + distance * direction[slot, 1]
-            found, object_id, value, gloss, exponent = surface_of(hits, surfaces, top, words[_PRIM + lane], x, y)
-            if returns[found]:
-                bright = brightness(value, gloss, exponent, cosine_of(rotations, ray, lane, top))
-                range_m[slot], label[slot], instance[slot] = distance, found, object_id
-                power[slot] = weight[slot - count * rays.beam[slot]] * bright / (distance * distance)
+    for lane in range(_LANES):
+        slot = first + lane
+        ray[_OX + lane], ray[_OY + lane], ray[_OZ + lane] = origin[slot, 0], origin[slot, 1], origin[slot, 2]
+        ray[_DX + lane], ray[_DY + lane] = direction[slot, 0], direction[slot, 1]
+        ray[_DZ + lane] = direction[slot, 2]
+        ray[_FAR + lane] = beams.max_range
+        words[_GEOM + lane], words[_INST + lane], words[_INST_PRIM + lane] = _MISS, _MISS, _MISS
+    _intersect(valid.ctypes, scene, ray.ctypes, arguments.ctypes)
+    for lane in range(_LANES):
+        slot = first + lane
+        range_m[slot] = 0.0
+        top, distance = hit_top(tops, words, lane), np.float64(ray[_FAR + lane])
+        rays.clear[slot] = distance
+        if valid[lane] == 0 or top < 0 or distance < beams.min_range:
+            continue
+        x, y = origin[slot, 0] + distance * direction[slot, 0], origin[slot, 1] + distance * direction[slot, 1]
+        found, object_id, value, gloss, exponent = surface_of(hits, surfaces, top, words[_PRIM + lane], x, y)
+        if returns[found]:
+            bright = brightness(value, gloss, exponent, cosine_of(rotations, ray, lane, top))
+            range_m[slot], label[slot], instance[slot] = distance, found, object_id
+            power[slot] = weight[rays.number[slot]] * bright / (distance * distance)
 
 
 @inlined
-def _one_echo(rays: SubRays, first: int, column: int, ring: int, out: EchoBuffers) -> bool:
+def _one_echo(rays: SubRays, beam: int, column: int, ring: int, out: EchoBuffers) -> bool:
     """Write the echo of a beam whose rays all meet the same object, within a pulse, and say whether they do."""
     range_m, power, label, instance = rays.range_m, rays.power, rays.label, rays.instance
-    nearest = farthest = range_m[first]
-    total = moment = 0.0
-    for slot in range(first, first + rays.weight.shape[0]):
-        if range_m[slot] == 0.0 or label[slot] != label[first] or instance[slot] != instance[first]:
+    nearest = farthest = range_m[beam]
+    total, moment, count = 0.0, 0.0, rays.weight.shape[0]
+    for number in range(count):
+        slot = _slot(beam, number, count)
+        if range_m[slot] == 0.0 or label[slot] != label[beam] or instance[slot] != instance[beam]:
             return False
         nearest, farthest = min(nearest, range_m[slot]), max(farthest, range_m[slot])
         total += power[slot]
@@ -217,21 +225,22 @@ def _one_echo(rays: SubRays, first: int, column: int, ring: int, out: EchoBuffer
     for echo in range(1, out.depth.shape[0]):
         out.depth[echo, column, ring] = 0.0
     distance = moment / total
-    out.true_range[column, ring], out.depth[0, column, ring] = range_m[first], distance
+    out.true_range[column, ring], out.depth[0, column, ring] = range_m[beam], distance
     out.apparent[0, column, ring], out.mixed[0, column, ring] = total * distance * distance, False
-    out.label[0, column, ring], out.instance[0, column, ring] = label[first], instance[first]
+    out.label[0, column, ring], out.instance[0, column, ring] = label[beam], instance[beam]
     return True
 
 
 @kernel
-def make_echoes(rays: SubRays, first: int, receiver: Receiver, column: int, ring: int, out: EchoBuffers) -> None:
-    """Merge what the rays of a beam meet, slots from ``first`` on, and write the echoes that are reported."""
+def make_echoes(rays: SubRays, beam: int, receiver: Receiver, column: int, ring: int, out: EchoBuffers) -> None:
+    """Merge what the rays of a beam of the tile meet, and write the echoes that are reported."""
     range_m, power, order, count = rays.range_m, rays.power, rays.order, rays.weight.shape[0]
-    out.true_range[column, ring] = range_m[first]
+    out.true_range[column, ring] = range_m[beam]
     for echo in range(out.depth.shape[0]):
         out.depth[echo, column, ring] = 0.0
     left = 0
-    for slot in range(first, first + count):  # in the order of range
+    for number in range(count):  # in the order of range
+        slot = _slot(beam, number, count)
         if range_m[slot] == 0.0:
             continue
         k = left

@@ -2,14 +2,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """A LiDAR with the signal of a real one."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Final
 
 import numpy as np
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.classes import Label
 from fieldtruth.core.random import rng_of
+from fieldtruth.experiment.robot_body import Box, Cylinder
 from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.sense.packets import new_packet
+from fieldtruth.sense.robot_scan import RobotScan
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.echoes import sub_rays_of, trace_echoes
@@ -17,6 +21,11 @@ from fieldtruth.sensors.lidar.in_air import WeatherInAir
 from fieldtruth.sensors.lidar.noise import Reading, measure, new_reading, receiver_of
 from fieldtruth.sensors.lidar.sensing import Lidar
 from fieldtruth.sensors.lidar.surfaces import EchoBuffers, echo_buffers, surface_table, trace_surfaces
+from fieldtruth.world.model import ROBOT_ID
+
+_ROBOT: Final = np.array([0.05, 0.05, 0.20])
+"""Reflectance of the robot's dark paint, rubber and steel, all matt: as ``iron`` and ``steel`` in reflectance.yaml, and
+rubber as black as the paint (our choice)."""
 
 InAir = Callable[[EchoBuffers, np.uint64], None]
 """Changes echoes as the air between LiDAR and surfaces does: ``apparent`` falls by exp(-2 alpha R), and a particle that
@@ -32,14 +41,15 @@ class SignalLidar(Lidar):
     those of the surface that makes the echo.
     """
 
-    def __init__(self, config: LidarConfig, scene: Scene, in_air: InAir | None = None) -> None:
-        super().__init__(config, scene)
+    def __init__(
+        self, config: LidarConfig, scene: Scene, in_air: InAir | None = None, robot: Sequence[Box | Cylinder] = ()
+    ) -> None:
+        super().__init__(config, scene, robot)
         signal = config.signal
         assert signal is not None
         self._receiver, self._in_air = receiver_of(signal), in_air
         self._sub_rays = sub_rays_of(signal) if signal.sub_rays > 1 else None
-        if self._sub_rays is not None:
-            self._packet = new_packet(coherent=True)  # a fourth faster in the forest, a tenth in the park
+        self._coherent = new_packet(coherent=True)
         self._tables = scene.hits, surface_table(scene)
         self._echoes = echo_buffers(2 if signal.returns == "two" else 1, config.columns, config.rings)
         self._points = new_reading(self._echoes.depth.size)
@@ -50,15 +60,7 @@ class SignalLidar(Lidar):
         Raises:
             ValueError: another number of poses.
         """
-        poses, moving = self._poses(world_from_lidar, stamp_ns)
-        key = np.uint64(
-            rng_of(self.scene.world.seed, self.config.name, "scan", number).integers(1 << 64, dtype=np.uint64)
-        )
-        traced = self.scene.rays.handle, self._tables, self._packet, poses, self._beams
-        if self._sub_rays is None:
-            trace_surfaces(*traced, self._echoes)
-        else:
-            trace_echoes(*traced, self._receiver, self._sub_rays, self._echoes)
+        moving, key = self._trace(world_from_lidar, stamp_ns), self._key(number)
         if self._in_air is not None:
             self._in_air(self._echoes, key)
         count = measure(self._receiver, key, self._beams.directions, self._echoes, self._points)
@@ -67,13 +69,43 @@ class SignalLidar(Lidar):
             found.t_ns[:] = self._times_ns[found.column, found.ring]
         return found
 
+    def echoes(self, world_from_lidar: Array, stamp_ns: int = 0) -> EchoBuffers:
+        """Echoes before what the air and the receiver make of them; overwritten by the next scan."""
+        self._trace(world_from_lidar, stamp_ns)
+        return self._echoes
+
+    def _trace(self, world_from_lidar: Array, stamp_ns: int) -> bool:
+        """Fill the buffers of echoes, and say whether the sensor moves."""
+        poses, moving = self._poses(world_from_lidar, stamp_ns)
+        rays, tables, packets = self.scene.rays.handle, self._tables, (self._packet, self._coherent)
+        if self._sub_rays is None:
+            trace_surfaces(rays, tables, self._packet, poses, self._beams, self._echoes)
+        else:
+            trace_echoes(rays, tables, packets, poses, self._beams, self._receiver, self._sub_rays, self._echoes)
+        if self._robot is not None:
+            self._echo_of_robot(self._robot, poses)
+        return moving
+
+    def _echo_of_robot(self, robot: RobotScan, poses: Array) -> None:
+        """Put the robot's echoes instead of those of what it hides."""
+        seen, echoes = self._robot_before(robot, poses), self._echoes
+        beam = slice(None), robot.column[seen], robot.ring[seen]
+        echoes.depth[beam], echoes.mixed[beam] = 0.0, False
+        first = 0, *beam[1:]
+        echoes.depth[first] = echoes.true_range[beam[1:]] = self._returned(robot.range_m[seen])
+        echoes.label[first], echoes.instance[first] = int(Label.ROBOT), ROBOT_ID
+        echoes.apparent[first] = (_ROBOT[robot.material] * robot.cosine)[seen]
+
     def _key(self, number: int) -> np.uint64:
         """Key of what a scan draws: it depends on the experiment's seed, the LiDAR's name and the scan's number."""
         return rng_of(self.scene.world.seed, self.config.name, "scan", number).integers(1 << 64, dtype=np.uint64)
 
 
-def new_lidar(config: LidarConfig, scene: Scene, weather: WeatherConfig | None = None) -> Lidar:
+def new_lidar(
+    config: LidarConfig, scene: Scene, weather: WeatherConfig | None = None, robot: Sequence[Box | Cylinder] = ()
+) -> Lidar:
     """Return a LiDAR in a scene, with the signal of its configuration if it has one; an ideal one sees no weather."""
     if config.signal is None:
-        return Lidar(config, scene)
-    return SignalLidar(config, scene, None if weather is None or weather.is_clear else WeatherInAir(config, weather))
+        return Lidar(config, scene, robot)
+    in_air = None if weather is None or weather.is_clear else WeatherInAir(config, weather)
+    return SignalLidar(config, scene, in_air, robot)

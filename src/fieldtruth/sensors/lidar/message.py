@@ -24,8 +24,8 @@ _MEASURED: Final = [
     ("true_range", "<f4"),
     ("signal", "<f4"),
     ("reflectivity", "<f4"),
-    ("echo", "|u1"),
-    ("mixed", "|u1"),
+    ("echo", "<u2"),
+    ("mixed", "<u2"),
 ]
 """Fields of a LiDAR with a signal; the reflectivity of an Ouster is its own, in percent."""
 

@@ -3,8 +3,8 @@
 """Readings of real wheel encoders from the true angles of the wheels: arrays to arrays, for a whole drive at once.
 
 Radii: a wheel whose radius is R (1 + e), where the robot assumes R, turns by 1 / (1 + e) of what the robot expects over
-the same way. The e are drawn once (systematic errors of odometry: Borenstein and Feng, Measurement and Correction of
-Systematic Odometry Errors in Mobile Robots, IEEE Transactions on Robotics and Automation 12, 1996).
+the same distance. The e are drawn once (Borenstein and Feng, Measurement and Correction of Systematic Odometry Errors
+in Mobile Robots, IEEE Transactions on Robotics and Automation 12, 1996).
 
 Counts: an encoder with c counts per revolution has passed floor(c angle / (2 pi) + phase) edges, with a phase in [0, 1)
 that is drawn once. An angle is that number times 2 pi / c, a speed the change of the angle over the time between two
@@ -85,10 +85,10 @@ def _covariances(odometry: WheelOdometry, wheels: WheelConfig, signal: WheelSign
     pose, twist = (np.zeros((len(odometry.stamps_ns), 6, 6)) for _ in range(2))
     of_pose, of_twist = _by_radii(odometry, wheels, signal.radius_error)
     if signal.counts_per_revolution is not None:
-        way = (2.0 * math.pi / signal.counts_per_revolution) ** 2 / 6.0 * wheels.radius**2
+        variance = (2.0 * math.pi / signal.counts_per_revolution) ** 2 / 6.0 * wheels.radius**2
         # The mean of all wheels, and the difference of the means of two sides.
         count = odometry.wheels.angle.shape[1]
-        forward, turn = way / count, 4.0 * way / count / effective_track(wheels) ** 2
+        forward, turn = variance / count, 4.0 * variance / count / effective_track(wheels) ** 2
         of_pose += np.diag([forward, forward, turn])
         seconds = np.diff(odometry.stamps_ns, prepend=0)[:, None, None] / 1e9
         of_twist += np.diag([forward, turn]) / seconds**2

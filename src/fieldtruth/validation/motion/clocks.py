@@ -33,7 +33,7 @@ CLOCKS: Final[Spec] = Spec(
     "clocks", (CLOCK_RISES, SHOWN, MEAN, SPREAD, SHAPE, LOST), "messages", "all sensors have the simulated time"
 )
 _LEAST: Final = 30
-"""Readings of which a distribution can be told."""
+"""Fewest readings whose distribution is compared."""
 
 
 class Clocks(Checker):

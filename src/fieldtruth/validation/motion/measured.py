@@ -42,7 +42,7 @@ RADII: Final = Rule("wheels turn by what their radii make of the true angles", S
 ROUNDING: Final = Rule("angles differ by at most a count from those of the true wheels", 1.0 + 1e-6, "counts")
 WHEEL_NOISE: Final[Spec] = Spec("wheel noise", (COUNTS, RADII, ROUNDING), "readings", "no encoders with a signal")
 _LEAST: Final = 100
-"""Readings of which a distribution can be told."""
+"""Fewest readings whose distribution is compared."""
 _FINE: Final = 1e-9
 """Step [rad] for encoders without counts: rounding of the computer."""
 

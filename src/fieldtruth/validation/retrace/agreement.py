@@ -25,6 +25,7 @@ from fieldtruth.sensors.camera.check_frames import CameraFrame, CameraFrameCheck
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Context
+from fieldtruth.validation.retrace.noisy_clouds import ideal_points, rays_at
 from fieldtruth.validation.sampler import Sampler
 
 # Shares in 360 views of four environments were up to 0.006, 0.075 and 0.048; in 446 views of pairs of sensors that are
@@ -59,6 +60,7 @@ class _View(NamedTuple):
     optical_from_lidar: Array
     neighbours: bool
     where: str
+    lidar: LidarConfig
 
 
 class Agreement(CameraFrameChecker):
@@ -107,7 +109,7 @@ class Agreement(CameraFrameChecker):
             return
         self._tally.skipped = f"fewer than {FEW} points of a cloud are on flat parts of an image"
         part = self._tally.part()
-        view = _View(cloud, frame, k, optical_from_lidar, neighbours, f"{frame.at('tag')}, {lidar.topic}")
+        view = _View(cloud, frame, k, optical_from_lidar, neighbours, f"{frame.at('tag')}, {lidar.topic}", lidar)
         self.context.jobs.append(lambda: [_compare(part, view)])
 
     def _skip(self, reason: str) -> None:
@@ -126,7 +128,7 @@ def _not_comparable(lens: Any, lidar: LidarConfig) -> str:
 def _compare(tally: Tally, view: _View) -> Tally:
     frame = view.frame
     try:
-        points = read.points(view.cloud)
+        points = ideal_points(read.points(view.cloud), view.lidar, rays_at(view.lidar, frame.stamp_ns))
         label = read.labels(read.image(frame.parts["tag"]))
         depth = read.depth(frame.parts["depth"]) if "depth" in frame.parts else None
         instance = read.instances(frame.parts["instances"]) if "instances" in frame.parts else None

@@ -10,7 +10,7 @@ A ray that grazes an edge has two right answers, as single precision may fall on
 up to the first triangle that the ray cannot have passed, and a reading is right if it is one of them.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any, Final, NamedTuple
 
@@ -21,8 +21,9 @@ from fieldtruth.core.arrays import Array, Index, Mask
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
 from fieldtruth.validation.check import Count, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context
+from fieldtruth.validation.retrace.robot import Outside, RobotHit, robot_hits, robot_parts
 from fieldtruth.validation.retrace.tracer import TERRAIN, Hits, ReferenceTracer, resolution
-from fieldtruth.world.model import World
+from fieldtruth.world.model import ROBOT_ID, World
 
 SAME_RAYS: Final = Rule("rays traced in double precision hit what the bag contains (sample)")
 _NO_SAMPLE: Final = "no clouds and no tag images, or no true motion"
@@ -57,6 +58,8 @@ class RayReading(NamedTuple):
     """[m] beyond which the sensor sees nothing."""
     lidar: bool
     """Whether some classes return nothing."""
+    in_base: tuple[Array, Array]
+    """Origin and direction in base_link."""
 
     def __str__(self) -> str:
         if self.range_m == NOTHING:
@@ -70,6 +73,11 @@ class _Candidate(NamedTuple):
     instance: int
     range_m: float
     tolerance: float
+
+    @property
+    def last(self) -> float:
+        """Range [m] beyond which nothing is seen, if it is opaque."""
+        return self.range_m + self.tolerance
 
     def __str__(self) -> str:
         names = " or ".join(sorted(CLASSES[label].name for label in self.labels))
@@ -86,8 +94,10 @@ class _Candidate(NamedTuple):
         return seen and same_range and reading.label in returning and reading.instance in (self.instance, UNKNOWN)
 
 
-def mismatches(world: World, tracer: ReferenceTracer, readings: list[RayReading]) -> list[str | None]:
-    """Return for each reading None if it is right, else a description of what the ray hits."""
+def mismatches(
+    world: World, tracer: ReferenceTracer, readings: list[RayReading], robot: Sequence[Outside] = ()
+) -> list[str | None]:
+    """Return for each reading None if it is right, else a description of what the ray hits in world and robot."""
     if not readings:
         return []
     origins, directions = np.array([r.origin for r in readings]), np.array([r.direction for r in readings])
@@ -98,8 +108,9 @@ def mismatches(world: World, tracer: ReferenceTracer, readings: list[RayReading]
     opaque = _opaque(hits, tolerance, tracer.side)
     result: list[str | None] = []
     for ray, (first, last) in enumerate(pairwise(np.searchsorted(hits.ray, np.arange(len(readings) + 1)))):
+        own = [(_of_robot(hit), hit.sure) for hit in robot_hits(robot, *readings[ray].in_base)]
+        end = min((candidate.last for candidate, sure in own if sure), default=np.inf)
         candidates: list[_Candidate] = []
-        end = np.inf
         for k in range(first, last):
             range_m = float(hits.range_m[k])
             if range_m - tolerance[k] > end:
@@ -109,11 +120,17 @@ def mismatches(world: World, tracer: ReferenceTracer, readings: list[RayReading]
                 labels = _trail_labels(world, origins[ray] + range_m * directions[ray], range_m, float(hits.cosine[k]))
             candidates.append(_Candidate(labels, int(hits.instance[k]), range_m, float(tolerance[k])))
             if opaque[k]:
-                end = min(end, range_m + float(tolerance[k]))
+                end = min(end, candidates[-1].last)
+        candidates += [candidate for candidate, _ in own if candidate.range_m - candidate.tolerance <= end]
+        candidates.sort(key=lambda candidate: candidate.range_m)
         free = readings[ray].range_m == NOTHING and not np.isfinite(end)
         right = free or any(candidate.agrees(readings[ray]) for candidate in candidates)
         result.append(None if right else f"there is {candidates[0] if candidates else 'nothing up to there'}")
     return result
+
+
+def _of_robot(hit: RobotHit) -> _Candidate:
+    return _Candidate({int(Label.ROBOT)}, ROBOT_ID, hit.range_m, hit.tolerance)
 
 
 def _opaque(hits: Hits, tolerance: Array, side: float) -> Mask:
@@ -145,6 +162,7 @@ class RayReference(Checker):
     def __init__(self, context: Context, world: World) -> None:
         self._world = world
         self._tracer = ReferenceTracer(world)
+        self._robot = robot_parts(context.rig)
         self._tally = context.tally(INDEPENDENT_RAYS)
         self.tallies = [self._tally]
 
@@ -175,7 +193,7 @@ class RayReference(Checker):
         return part
 
     def _wrong(self, readings: list[RayReading]) -> list[str]:
-        found = mismatches(self._world, self._tracer, readings)
+        found = mismatches(self._world, self._tracer, readings, self._robot)
         return [f"{reading}, but {hit}" for reading, hit in zip(readings, found, strict=True) if hit is not None]
 
 

@@ -26,14 +26,14 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, RebuiltWorld, at
 from fieldtruth.world.build import world_of
-from fieldtruth.world.model import GROUND_ID, WIDE_IDS, World
+from fieldtruth.world.model import GROUND_ID, ROBOT_ID, WIDE_IDS, World
 
 NAMES: Final = Rule("objects have the names of the world's objects")
 # Worlds that are built on other processors differ in the last digit.
 OBJECT_POSES: Final = Rule("objects have the poses of the world's objects", 1e-6, "m or of a quaternion")
 WORLD: Final[Spec] = Spec("world", (NAMES, OBJECT_POSES), "objects", f"no {table.MODEL_STATES}")
 
-CLASS_OF_OBJECT: Final = Rule("each instance id is 0 for the sky, or an object that can have this class")
+CLASS_OF_OBJECT: Final = Rule("each instance id is 0 for sky and robot, or an object that can have this class")
 _NO_IDS: Final = "no points or pixels with instance ids"
 OBJECT_CLASSES: Final[Spec] = Spec("object classes", (CLASS_OF_OBJECT,), "points and pixels", _NO_IDS)
 
@@ -152,7 +152,8 @@ class ObjectClasses(Checker):
             allowed = np.full((len(own) + 2, N_CLASSES), not names)
             allowed[: len(own)] = own
             allowed[:, [Label.SKY, *NOT_OF_WORLDS]] = False
-            allowed[0] = np.arange(N_CLASSES) == Label.SKY
+            allowed[ROBOT_ID] = np.arange(N_CLASSES) == Label.SKY
+            allowed[ROBOT_ID, Label.ROBOT] = self._context.rig.visible
             allowed[:, Label.VOID] = True  # the checks of labels and colours report it
             self._names, self._allowed = names, allowed
         return ClassComparison(self._tally.part(), self._allowed, names)

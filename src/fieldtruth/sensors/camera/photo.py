@@ -1,0 +1,75 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The sensor behind the lens: from light to the photograph, with the noise of one reading."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.core.random import rng_of
+from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.lens_effects import add_glare, blur, illumination, point_spread, spill
+from fieldtruth.sensors.camera.raw import Sensor, expose, interpolate, raw_shape, sensor_of
+from fieldtruth.sensors.camera.response import FULL_SCALE, apply_curve, curve_of
+from fieldtruth.sensors.camera.signal import CameraSignal
+
+_NONE: Float32Array = np.zeros((0, 0, 0), np.float32)
+
+
+class Developer:
+    """Makes photographs of light. It owns buffers, so threads must not share it."""
+
+    def __init__(self, config: CameraConfig, signal: CameraSignal, seed: int) -> None:
+        self.config, self.signal, self.seed = config, signal, seed
+        h, w = config.height, config.width
+        rows, columns = np.arange(h)[:, None], np.arange(w)
+        vignetting = signal.vignetting_power or any(signal.vignetting_polynomial)
+        self._share = illumination(config, signal, columns, rows) if vignetting else np.zeros((0, 0), np.float32)
+        self._light = np.empty((h, w, 3), np.float32)
+        shape = raw_shape(signal, h, w)
+        self._raw = np.empty(shape, np.float32)
+        self._is_noisy = signal.photon_noise or signal.read_noise_e > 0.0
+        self._normal = np.empty(shape, np.float32) if self._is_noisy else _NONE
+        self._patterns: dict[str, tuple[Float32Array, Float32Array]] = {}
+
+    def raw(
+        self, linear: Float32Array, view: str, number: int, factor: float, gain: float
+    ) -> tuple[Float32Array, Sensor]:
+        """Raw values (h, w, n) of light (h, w, 3), and the sensor that made them.
+
+        Args:
+            linear: light on the lens.
+            view: name of the view, which with ``number`` selects the noise.
+            number: of the reading.
+            factor: exposure of the sensor to the light.
+            gain: of its amplifier.
+        """
+        signal, light = self.signal, self._light
+        spill(linear, self._share, factor, light)
+        if signal.lens_blur_px:
+            blur(light, point_spread(signal.lens_blur_px), np.empty_like(light))
+        if signal.glare:
+            add_glare(light, signal.glare)
+        if self._is_noisy:
+            rng_of(self.seed, view, number).standard_normal(out=self._normal, dtype=np.float32)
+        sensor = sensor_of(signal, gain)
+        expose(light, sensor, self._normal, *self._pattern(view), self._raw)
+        return self._raw, sensor
+
+    def photograph(self, raw: Float32Array, sensor: Sensor, balance: Array, photo: NDArray[np.uint8]) -> None:
+        """Write the photograph (h, w, 3) of raw values, with gains ``balance`` (3,) for white balance."""
+        signal = self.signal
+        gains = np.ones(3) if signal.mosaic == "mono" else balance / np.array(signal.responsivity)
+        interpolate(raw, sensor, FULL_SCALE[signal.response], self._light)
+        apply_curve(self._light, np.asarray(gains, np.float32), curve_of(signal.response), photo)
+
+    def _pattern(self, view: str) -> tuple[Float32Array, Float32Array]:
+        """Deviations of the pixels of a view in sensitivity and dark signal; empty for none."""
+        if view not in self._patterns:
+            rng, shape = rng_of(self.seed, view, "pattern"), self._raw.shape
+            prnu, dsnu = (
+                sigma * rng.standard_normal(shape, np.float32) if sigma else _NONE
+                for sigma in (np.float32(self.signal.prnu), np.float32(self.signal.dsnu_e))
+            )
+            self._patterns[view] = prnu, dsnu
+        return self._patterns[view]

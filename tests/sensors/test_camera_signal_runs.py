@@ -1,0 +1,66 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Runs with the signal of real cameras: same truth as without, same bytes from any number of workers, valid."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fieldtruth.bag.reader import open_bag
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.files import load_experiment
+from fieldtruth.pipeline import generate
+from fieldtruth.record.following import without_wheels
+from fieldtruth.validation import validate
+
+
+def _experiment(signal: Any, **changes: Any) -> Experiment:
+    values = load_experiment("park_1").model_dump()
+    values["seconds"] = 0.4
+    cameras = {"width": 320, "height": 184, "depth": True, "instances": True, "signal": signal}
+    return Experiment.model_validate({**values, "rig": {"cameras": cameras, "lidar": {"enabled": False}}, **changes})
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Bags of an ideal camera, and of a real one by one worker and by two."""
+    made = {}
+    for name, signal, workers in (("ideal", "ideal", 2), ("one", "datasheet", 1), ("two", "datasheet", 2)):
+        made[name] = generate(_experiment(signal), tmp_path_factory.mktemp(name), workers=workers)
+    return made
+
+
+def _messages(bag: Path) -> dict[str, list[tuple[int, bytes]]]:
+    found: dict[str, list[tuple[int, bytes]]] = {}
+    with open_bag(bag) as reader:
+        for message in reader.messages():
+            found.setdefault(message.topic, []).append((message.stamp_ns, message.data))
+    return found
+
+
+def test_bytes_do_not_depend_on_workers(runs: dict[str, Path]) -> None:
+    assert runs["one"].read_bytes() == runs["two"].read_bytes()
+
+
+def test_only_photographs_differ(runs: dict[str, Path]) -> None:
+    ideal, real = _messages(runs["ideal"]), _messages(runs["one"])
+    assert ideal.keys() == real.keys()
+    assert {topic for topic in ideal if ideal[topic] != real[topic]} == {
+        f"/stereo/camera/{side}/real/compressed" for side in ("left", "right")
+    }
+
+
+def test_run_is_valid_and_says_what_is_not_compared(runs: dict[str, Path]) -> None:
+    checks = {check.name: check for check in validate(runs["one"].parent, full=True)}
+    assert all(check.passed is not False for check in checks.values()), [c for c in checks.values() if not c.passed]
+    assert checks["photographs"].passed is None
+    assert checks["photographs"].text == "every camera has the signal of a real one; their other images are compared"
+    assert checks["retraced images"].passed
+
+
+def test_frames_have_a_signal_too(tmp_path: Path) -> None:
+    """The robot stands: a frame does not see the poses of others through its shutter or its metering."""
+    values = without_wheels(_experiment("datasheet")).model_dump() | {"route": None, "frames": {"count": 3}}
+    bag = generate(Experiment.model_validate(values | {"seconds": None, "drive": None}), tmp_path, workers=1)
+    assert len(_messages(bag)["/stereo/camera/left/real/compressed"]) == 3
