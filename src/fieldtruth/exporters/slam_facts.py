@@ -7,7 +7,7 @@ first camera. Mounts, lenses and fields of points are those of the messages in t
 """
 
 from collections.abc import Mapping
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -162,9 +162,9 @@ def _imu(run: Run, imu: ImuConfig, static: StaticFrames) -> ImuFacts:
     return ImuFacts(imu.name, imu.topic, mount, imu.rate_hz, noise or ASSUMED_NOISE, noise is None)
 
 
-def noise_of(imu: Any) -> ImuNoise | None:
+def noise_of(imu: ImuConfig) -> ImuNoise | None:
     """Noise of an IMU, of the worst axis; None if it reads exactly. What it lacks, as often walks, is assumed."""
-    if (signal := getattr(imu, "signal", None)) is None:
+    if (signal := imu.signal) is None:
         return None
     names = ("noise_density", "random_walk")
     keys = (f"{triad}_{name}" for name in names for triad in ("gyroscope", "accelerometer"))
