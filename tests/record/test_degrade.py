@@ -1,0 +1,86 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Noise for a finished run: the bytes of a run that was generated with it, and what cannot be degraded."""
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fieldtruth.bag.checksums import sha256_of
+from fieldtruth.bag.errors import BagError
+from fieldtruth.cli import main
+from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.degradation import degrade
+from fieldtruth.experiment.config import Experiment
+from fieldtruth.experiment.files import load_experiment, with_overrides
+from fieldtruth.pipeline import generate
+
+pytestmark = pytest.mark.usefixtures("in_park")
+NOISE: dict[str, Any] = {"lidar": {"range_noise": [[12.0, 0.02]]}, "imu": "datasheet", "gnss": "datasheet"}
+
+
+def short() -> Experiment:
+    values = load_experiment("park_1").model_dump()
+    values["seconds"] = 0.6
+    values["rig"]["cameras"] = {"width": 64, "height": 48, "depth": True}
+    values["rig"]["lidar"] = {"columns": 64, "rings": 16, "spinning": True}
+    return Experiment.model_validate(values)
+
+
+@pytest.fixture(scope="module")
+def ideal(in_park: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return generate(short(), tmp_path_factory.mktemp("ideal")).parent
+
+
+@pytest.mark.parametrize("signal", [NOISE, {"stereo": {"read_noise_e": 4.0, "full_well_e": 10000.0}}], ids=["lidar, imu, gnss", "cameras"])
+def test_the_bytes_are_those_of_a_run_with_noise(signal: dict[str, Any], ideal: Path, tmp_path: Path) -> None:
+    """A spinning LiDAR needs poses after the last stamp, which no bag has."""
+    whole = generate(with_overrides(short(), signal=signal), tmp_path / "noisy")
+    before = sha256_of(ideal / "park_1.bag")
+    made = degrade(ideal, tmp_path / "degraded", signal=signal, workers=2)
+    assert sha256_of(made) == sha256_of(whole) != before
+    for name in ("experiment.yaml", "DATASET.md"):
+        assert (made.parent / name).read_bytes() == (whole.parent / name).read_bytes()
+    assert sha256_of(ideal / "park_1.bag") == before
+    with pytest.raises(BagError, match="has signals of real sensors already: "):
+        degrade(made, tmp_path / "twice")
+
+
+def test_cameras_that_stay_ideal_are_not_rendered_again(
+    ideal: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("fieldtruth.record.sensors.bake", lambda *_: pytest.fail("the light was baked"))
+    degrade(ideal, tmp_path, signal={"lidar": {"range_noise": [[12.0, 0.02]]}})
+
+
+def test_a_run_that_would_be_recorded_otherwise_is_refused(ideal: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "park_1"
+    shutil.copytree(ideal, copy)
+    text = (copy / "experiment.yaml").read_text()
+    assert "speed: 0.3\n" in text
+    (copy / "experiment.yaml").write_text(text.replace("speed: 0.3\n", "speed: 0.4\n"))
+    with pytest.raises(BagError, match=r"differs in /ground_truth/odom from what this version of fieldtruth records"):
+        degrade(copy, tmp_path / "out", signal=NOISE)
+
+
+def test_mistakes_are_one_line(ideal: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    alone = tmp_path / "alone.bag"
+    shutil.copy(ideal / "park_1.bag", alone)
+    out, file = str(tmp_path / "out"), tmp_path / "signals.yaml"
+    file.write_text("lidr: datasheet\n")
+    for arguments, line in (
+        ([str(alone)], "has no experiment.yaml beside it"),
+        ([str(tmp_path / "gone")], "gone does not exist"),
+        ([str(ideal), "--model", "loud"], "signal must be ideal, datasheet or the path of a YAML file, got 'loud'"),
+        ([str(ideal), "--model", "ideal"], "signal must change a sensor of the run"),
+        ([str(ideal), "--model", str(file)], "signal: 'lidr' must be a sensor of the rig or its kind: imu, gnss, "),
+    ):
+        assert main(["degrade", *arguments, "--out", out]) == 2
+        error = capsys.readouterr().err
+        assert line in error
+        assert error.count("\n") == 1
+    assert not Path(out).exists()
+    with pytest.raises(ConfigurationError, match="signal must change a sensor"):
+        degrade(ideal, out, signal={})
