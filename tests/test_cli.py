@@ -64,8 +64,8 @@ def with_pipeline(monkeypatch: pytest.MonkeyPatch, recorder: Recorder) -> Record
 
 
 ERRORS = [
-    ([], "no command given; see fieldtruth --help. Available: generate, preview, shares, list, bench, status, "),
-    (["generat"], "unknown command 'generat'; did you mean 'generate'? Available: generate, preview, "),
+    ([], "no command given; see fieldtruth --help. Available: generate, degrade, preview, shares, list, bench, "),
+    (["generat"], "unknown command 'generat'; did you mean 'generate'? Available: generate, degrade, "),
     (["--versoin"], "unknown option '--versoin'; did you mean '--version'? Available: --help, --version"),
     (["list", "--jsn"], "unknown option '--jsn'; Available: --help"),
     (["bench", "--jsn"], "unknown option '--jsn'; did you mean '--json'? Available: --help, --env, --json"),

@@ -34,7 +34,9 @@ def ideal(in_park: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return generate(short(), tmp_path_factory.mktemp("ideal")).parent
 
 
-@pytest.mark.parametrize("signal", [NOISE, {"stereo": {"read_noise_e": 4.0, "full_well_e": 10000.0}}], ids=["lidar, imu, gnss", "cameras"])
+@pytest.mark.parametrize(
+    "signal", [NOISE, {"stereo": {"read_noise_e": 4.0, "full_well_e": 10000.0}}], ids=["lidar, imu, gnss", "cameras"]
+)
 def test_the_bytes_are_those_of_a_run_with_noise(signal: dict[str, Any], ideal: Path, tmp_path: Path) -> None:
     """A spinning LiDAR needs poses after the last stamp, which no bag has."""
     whole = generate(with_overrides(short(), signal=signal), tmp_path / "noisy")

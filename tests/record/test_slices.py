@@ -204,7 +204,7 @@ def test_an_error_in_one_worker_stops_all_and_keeps_finished_slices(
 def test_an_unexpected_error_in_a_worker_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     slices = make_slices(tmp_path, EXPERIMENT)
 
-    def fail(self: FakeCamera, world_from_optical: object) -> None:
+    def fail(self: FakeCamera, world_from_optical: object, robot: object) -> None:
         raise ZeroDivisionError("division by zero")
 
     monkeypatch.setattr(FakeCamera, "render", fail)

@@ -21,6 +21,8 @@ FORMATS: Final = {
     "webdataset": "tar files of frames, for training from a stream",
     "huggingface": "Parquet tables with a card and Croissant metadata",
     "mmseg": "images and train ids in MMSegmentation's layout",
+    "slam-configs": "configuration files of SLAM programs, and true poses of the sensors",
+    "stereo-depth": "depth from matching the photographs of a pair, with its errors",
 }
 """Export formats and their content. Exporters are a higher layer; a test compares the names."""
 
