@@ -5,6 +5,7 @@
 The stages are those of the paper's sections 3 and 4; each passes plain data to the next.
 """
 
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,6 +15,7 @@ from typing import Protocol
 from fieldtruth.bag.decode import count_messages
 from fieldtruth.bag.topics import latches_objects, topics_of_run
 from fieldtruth.bag.track_file import TrackFile, read_track_file
+from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Advance, Progress, Silent
 from fieldtruth.drive.plan import expected_seconds, plan_and_drive
@@ -144,6 +146,7 @@ def generate(
         EngineError: the installed Embree is not the version for which the kernels were written.
     """
     check_experiment(experiment)
+    _warn_of_weather(experiment)
     given = None if experiment.drive is None else read_track_file(experiment.drive)
     if given is not None:
         experiment = with_stored_track(experiment, given)
@@ -157,6 +160,14 @@ def generate(
         run.begin(experiment, overwrite=overwrite, track=text)
         _record(prepared, run, workers, progress)
     return run.bag
+
+
+def _warn_of_weather(experiment: Experiment) -> None:
+    """Warn of LiDARs that no weather reaches."""
+    ideal = ", ".join(lidar.name for lidar in experiment.rig.lidars if lidar.signal is None)
+    if ideal and not experiment.weather.is_clear:
+        what = f"weather has no effect on ideal LiDARs ({ideal}); give them a signal, as --signal datasheet does"
+        warnings.warn(what, FieldtruthWarning, stacklevel=3)
 
 
 def _record(prepared: Prepared, run: RunFolder, workers: int, progress: Progress) -> None:

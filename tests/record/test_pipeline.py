@@ -18,9 +18,10 @@ from record_fakes import make_experiment, make_world, use_fakes
 from fieldtruth import pipeline
 from fieldtruth.bag.growing import GrowingBag
 from fieldtruth.core import cache
-from fieldtruth.core.errors import DriveError, OutputError
+from fieldtruth.core.errors import DriveError, FieldtruthWarning, OutputError
 from fieldtruth.core.files import locked
 from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.pipeline import generate
 from fieldtruth.record.slices import Slices, slices_key
 
@@ -48,6 +49,12 @@ def test_the_written_experiment_gives_the_same_bag(tmp_path: Path) -> None:
     again = load_experiment(first.with_name("experiment.yaml"))
     assert again == make_experiment(1.5, seed=7)
     assert generate(again, tmp_path / "two", workers=2).read_bytes() == first.read_bytes()
+
+
+def test_weather_that_no_lidar_sees_is_a_warning(tmp_path: Path) -> None:
+    foggy = make_experiment(0.2).model_copy(update={"weather": WeatherConfig(fog_visibility_m=50.0)})
+    with pytest.warns(FieldtruthWarning, match=r"no effect on ideal LiDARs \(lidar\); give them a signal"):
+        generate(foggy, tmp_path, workers=1)
 
 
 def test_another_seed_gives_another_bag(tmp_path: Path) -> None:
