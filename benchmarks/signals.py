@@ -18,8 +18,11 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.measuring import new_lidar
 from fieldtruth.sensors.lidar.sensing import Lidar
+from fieldtruth.sensors.lidar.signal import LidarSignal
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World
+
+signal_of = LidarSignal.model_validate
 
 MODEL = "os1_64_gen1"
 
@@ -34,9 +37,14 @@ def poses_in(world: World, count: int) -> Iterator[NDArray[np.float64]]:
 
 def configurations(sheet: dict[str, object]) -> dict[str, LidarConfig]:
     """LiDARs by name, the ideal one first."""
-    rays = {f"{count} rays": LidarConfig(signal={**sheet, "sub_rays": count}) for count in (3, 5, 7)}
-    two = LidarConfig(signal={**sheet, "sub_rays": 3, "returns": "two"})
-    return {"ideal": LidarConfig(), "power and noise": LidarConfig(signal=sheet), **rays, "3 rays, two returns": two}
+    rays = {f"{count} rays": LidarConfig(signal=signal_of({**sheet, "sub_rays": count})) for count in (3, 5, 7)}
+    two = LidarConfig(signal=signal_of({**sheet, "sub_rays": 3, "returns": "two"}))
+    return {
+        "ideal": LidarConfig(),
+        "power and noise": LidarConfig(signal=signal_of(sheet)),
+        **rays,
+        "3 rays, two returns": two,
+    }
 
 
 def main() -> None:

@@ -19,8 +19,8 @@ from matplotlib.image import imread
 import fieldtruth as ft
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.state import state_at
-from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
 from fieldtruth.interchange import write_scene
+from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
 
 SCRIPT = Path(__file__).parents[1] / "tests/interchange/blender_render.py"
 SECONDS = 55.0

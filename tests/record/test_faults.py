@@ -259,7 +259,7 @@ def test_ctrl_c_twice(whole: Content, tmp_path: Path, gap: float) -> None:
 
 def test_an_exception_of_a_worker(whole: Content, tmp_path: Path) -> None:
     def breaking() -> None:
-        FakeCamera.render = fail  # type: ignore[method-assign]
+        FakeCamera.render = fail  # type: ignore[assignment, method-assign]
 
     def fail(self: FakeCamera, world_from_optical: object) -> NoReturn:
         raise MemoryError("out of memory")

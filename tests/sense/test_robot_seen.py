@@ -77,7 +77,7 @@ def test_a_ray_meets_each_face_of_a_box_at_its_distance() -> None:
 def test_a_ray_meets_tread_side_and_rim_of_a_wheel() -> None:
     table = part_table([Cylinder("wheel", np.array([1.0, 2.0, 3.0]), 0.5, 0.2)])
     ahead, left, down = np.array([1.0, 0, 0]), np.array([0, 1.0, 0]), np.array([0, 0, -1.0])
-    rows = [  # origin, direction, range, normal, material
+    rows: list[tuple[Any, ...]] = [  # origin, direction, range, normal, material
         ((-1.0, 2.05, 3.0), ahead, 1.5, -ahead, RUBBER),
         ((1.3, 2.0, 5.0), down, 2.0 - 0.4, (0.6, 0.0, 0.8), RUBBER),  # the tread at the angle of 3 : 4 : 5
         ((1.4, 0.0, 3.0), left, 1.9, -left, RUBBER),
@@ -95,7 +95,10 @@ def test_a_ray_meets_tread_side_and_rim_of_a_wheel() -> None:
 
 
 def test_a_part_is_not_seen_from_inside_nor_from_its_skin() -> None:
-    parts = [Box(np.array([2.0, 2.0, 2.0]), np.zeros(3)), Cylinder("wheel", np.array([0.0, 3.0, 0.0]), 1.0, 1.0)]
+    parts: list[Box | Cylinder] = [
+        Box(np.array([2.0, 2.0, 2.0]), np.zeros(3)),
+        Cylinder("wheel", np.array([0.0, 3.0, 0.0]), 1.0, 1.0),
+    ]
     table, left = part_table(parts), np.array([[0.0, 1.0, 0.0]])
     assert meet(table, (0.0, 0.0, 0.0), left).range_m[0] == 2.5  # through its own wall, to the wheel
     assert meet(table, (0.0, -1.0005, 0.0), left).range_m[0] == pytest.approx(3.5005)
@@ -136,7 +139,8 @@ def test_all_other_returns_are_those_without_the_robot(flat: Scene) -> None:
     own = seen.label == ROBOT
     assert own.sum() > 100
     kept = np.isin(number[0], number[1][~own])
-    for before, after in zip(plain, seen, strict=True):
+    for name in plain._fields:
+        before, after = getattr(plain, name), getattr(seen, name)
         np.testing.assert_array_equal(before[kept], after[~own])
     assert np.isin(number[0][~kept], number[1][own]).all()  # what is missing is behind the robot
 
@@ -187,8 +191,8 @@ def test_nearer_than_the_least_range_the_robot_hides_without_a_return(flat: Scen
     own = with_all.label == ROBOT
     lost = own & (with_all.range_m < 0.72)
     assert 50 < lost.sum() < own.sum()
-    for before, after in zip(with_all, without_near, strict=True):
-        np.testing.assert_array_equal(before[~lost], after)
+    for name in with_all._fields:
+        np.testing.assert_array_equal(getattr(with_all, name)[~lost], getattr(without_near, name))
 
 
 def test_what_is_in_front_of_the_robot_hides_it() -> None:

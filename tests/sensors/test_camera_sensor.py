@@ -29,7 +29,7 @@ from fieldtruth.sensors.camera.signal import CameraSignal
 SIZE = 256
 CONFIG = CameraConfig(width=SIZE, height=SIZE, horizontal_fov_deg=60.0, vertical_fov_deg=50.0)
 FULL_WELL, READ_NOISE, BITS, BLACK = 4000.0, 6.0, 12, 100
-NOISY = {
+NOISY: dict[str, Any] = {
     "photon_noise": True,
     "full_well_e": FULL_WELL,
     "read_noise_e": READ_NOISE,
@@ -60,7 +60,7 @@ def photo_of(light: NDArray[np.float32], balance: Any = (1.0, 1.0, 1.0), **value
 
 @pytest.mark.parametrize("gain", [1.0, 4.0])
 @pytest.mark.parametrize("mosaic", ["none", "mono", "rggb"])
-def test_photon_transfer_curve(gain: float, mosaic: str) -> None:
+def test_photon_transfer_curve(gain: float, mosaic: Any) -> None:
     """Variance over mean of grey patches: the slope is the system gain, the value in the dark is the read noise's."""
     per_electron = gain * (2**BITS - 1 - BLACK) / FULL_WELL
     means, variances = [], []
@@ -77,14 +77,15 @@ def test_photon_transfer_curve(gain: float, mosaic: str) -> None:
 def test_noise_is_white_and_each_photograph_has_its_own() -> None:
     first, second = (raw_of(flat(0.3), number=k, **NOISY)[..., 0] - BLACK for k in (0, 1))
     other = developer(**NOISY).raw(flat(0.3), "right", 0, 1.0, 1.0)[0][..., 0] - BLACK
-    for a, b in [(first, second), (first, other), (first[:, 1:], first[:, :-1]), (first[1:], first[:-1])]:
+    pairs: list[tuple[Any, Any]] = [(first, second), (first, other)]
+    for a, b in [*pairs, (first[:, 1:], first[:, :-1]), (first[1:], first[:-1])]:
         assert abs(np.corrcoef(a.ravel(), b.ravel())[0, 1]) < 0.02
     assert np.array_equal(first, raw_of(flat(0.3), number=0, **NOISY)[..., 0] - BLACK)
 
 
 def test_pattern_stays_the_same() -> None:
     """PRNU scales with light, DSNU does not; both are the same in each photograph of a view."""
-    values = {"full_well_e": FULL_WELL, "prnu": 0.02, "dsnu_e": 10.0, "response": "srgb"}
+    values: dict[str, Any] = {"full_well_e": FULL_WELL, "prnu": 0.02, "dsnu_e": 10.0, "response": "srgb"}
     dark, bright = (raw_of(flat(level), number=7, **values) * FULL_WELL for level in (0.2, 0.8))
     assert bright.std() == pytest.approx(np.hypot(0.02 * 0.8 * FULL_WELL, 10.0), rel=0.02)
     assert dark.std() == pytest.approx(np.hypot(0.02 * 0.2 * FULL_WELL, 10.0), rel=0.02)
@@ -138,7 +139,7 @@ def test_lens_blur_has_its_width() -> None:
 
 
 @pytest.mark.parametrize("mosaic", ["rggb", "grbg", "gbrg", "bggr"])
-def test_colours_between_filters_are_linear(mosaic: str) -> None:
+def test_colours_between_filters_are_linear(mosaic: Any) -> None:
     """Bilinear interpolation gives back light that changes linearly, each channel in its own direction."""
     u, v = np.meshgrid(np.linspace(0.1, 0.5, SIZE), np.linspace(0.1, 0.4, SIZE))
     light = np.stack([u, v, 0.5 * (u + v)], axis=-1).astype(np.float32)
@@ -196,7 +197,7 @@ def test_gray_world_makes_the_mean_grey(strength: float) -> None:
 
 
 @pytest.mark.parametrize("response", ["filmic", "srgb", "linear"])
-def test_automatic_exposure_reaches_its_target(response: str) -> None:
+def test_automatic_exposure_reaches_its_target(response: Any) -> None:
     signal = CameraSignal(exposure="automatic", response=response, metering_target=0.4)
     image = np.random.default_rng(1).uniform(0.0, 0.3, (500, 3))
     factor = metered_exposure(signal, [image])

@@ -192,7 +192,7 @@ def test_photographs_depend_on_their_number_alone(clutter: BakedScene) -> None:
 
 def test_automatic_exposure_brings_a_photograph_to_its_target(clutter: BakedScene) -> None:
     for target in (0.3, 0.5):
-        signal = {"exposure": "automatic", "metering_target": target, "response": "srgb"}
+        signal: dict[str, Any] = {"exposure": "automatic", "metering_target": target, "response": "srgb"}
         photo = capture(clutter, turning(0.0), **signal).photo
         assert (photo / 255.0 @ [0.2126, 0.7152, 0.0722]).mean() == pytest.approx(target, abs=0.03)
 

@@ -23,6 +23,8 @@ from fieldtruth.sensors.lidar.sensing import Lidar
 from fieldtruth.sensors.lidar.signal import LidarSignal
 from fieldtruth.sensors.lidar.stream import lidar_stream
 
+signal_of = LidarSignal.model_validate
+
 WIDTH = 0.4  # [deg], FWHM
 RADIUS = 2.0 * WIDTH / np.sqrt(8.0 * np.log(2.0))  # [deg] of the ring of rays
 SPACING = 360.0 / 8192
@@ -31,7 +33,7 @@ SPACING = 360.0 / 8192
 def scan(scene: Scene, **signal: Any) -> Reading:
     """Scan of beams 0.04 deg apart along each ring."""
     figures = {"divergence_deg": WIDTH, "pulse_length": 1.0, "sub_rays": 7, **signal}
-    config = LidarConfig(columns=8192, rings=16, vertical_fov_deg=1.0, signal=figures, min_range=0.1)
+    config = LidarConfig(columns=8192, rings=16, vertical_fov_deg=1.0, signal=signal_of(figures), min_range=0.1)
     return SignalLidar(config, scene).scan(at(0, 0, 0))
 
 
@@ -48,7 +50,7 @@ def edge(near: float, far: float) -> Scene:
 def about(found: Reading, degrees: float) -> NDArray[np.bool_]:
     """Points of beams within an angle of the x axis."""
     columns = np.minimum(found.column.astype(int), 8192 - found.column.astype(int))
-    return columns * SPACING < degrees
+    return np.asarray(columns * SPACING < degrees)
 
 
 @pytest.mark.parametrize("count", [3, 5, 7, 9])
@@ -158,7 +160,7 @@ SHEET = {**datasheet_of("lidar", "os1_64_gen1"), "reach": [[0.3, 45.0]]}
 
 def test_fields_of_a_cloud_with_a_signal() -> None:
     scene = floating(*ROOM)
-    config = LidarConfig(columns=128, signal=SHEET)
+    config = LidarConfig(columns=128, signal=signal_of(SHEET))
     message, points = cloud(scene, config)
     plain, ideal = cloud(scene, LidarConfig(columns=128))
     scan = SignalLidar(config, scene).scan(config.mount.base_from_sensor, number=3)
@@ -176,8 +178,11 @@ def test_fields_of_a_cloud_with_a_signal() -> None:
 
 def test_intensity_and_an_ousters_fields() -> None:
     scene = floating(*ROOM)
-    _, points = cloud(scene, LidarConfig(columns=128, signal=SHEET, intensity="reflectivity", point_fields="ouster"))
-    config = LidarConfig(columns=128, signal=SHEET)
+    _, points = cloud(
+        scene,
+        LidarConfig(columns=128, signal=signal_of(SHEET), intensity="reflectivity", point_fields="ouster"),
+    )
+    config = LidarConfig(columns=128, signal=signal_of(SHEET))
     scan = SignalLidar(config, scene).scan(config.mount.base_from_sensor, number=3)
     assert np.array_equal(points["intensity"], scan.reflectivity)
     assert points["reflectivity"].dtype == np.uint16
@@ -186,8 +191,8 @@ def test_intensity_and_an_ousters_fields() -> None:
     assert 5 < np.median(points["reflectivity"]) < 30
 
 
-@pytest.mark.parametrize("signal", [None, SHEET])
-def test_organised_clouds(signal: dict[str, Any] | None) -> None:
+@pytest.mark.parametrize("signal", [None, signal_of(SHEET)])
+def test_organised_clouds(signal: LidarSignal | None) -> None:
     """A row for each ring, a point for each column; the returns are those of the plain cloud."""
     scene = floating(ROOM[1])
     _, plain = cloud(scene, LidarConfig(columns=256, signal=signal))
@@ -207,8 +212,8 @@ def test_organised_clouds(signal: dict[str, Any] | None) -> None:
 def test_reflectivity_of_clouds() -> None:
     """Of a signal as in the cloud, of an Ouster from percent; an ideal Ouster's is the class and is not passed on."""
     scene = floating(*ROOM)
-    _, own = cloud(scene, LidarConfig(columns=128, signal=SHEET))
-    _, ouster = cloud(scene, LidarConfig(columns=128, signal=SHEET, point_fields="ouster"))
+    _, own = cloud(scene, LidarConfig(columns=128, signal=signal_of(SHEET)))
+    _, ouster = cloud(scene, LidarConfig(columns=128, signal=signal_of(SHEET), point_fields="ouster"))
     _, ideal = cloud(scene, LidarConfig(columns=128, point_fields="ouster"))
     assert np.array_equal(decode.reflectivity(own), own["reflectivity"])
     assert decode.reflectivity(ouster) == pytest.approx(own["reflectivity"], abs=0.0051)

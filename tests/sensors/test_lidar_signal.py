@@ -25,6 +25,8 @@ from fieldtruth.sensors.lidar.surfaces import EchoBuffers, brightness
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Material
 
+signal_of = LidarSignal.model_validate
+
 F8 = NDArray[np.float64]
 SHEET = datasheet_of("lidar", "os1_64_gen1")
 STONE = 0.28
@@ -33,7 +35,7 @@ STONE = 0.28
 
 def narrow(signal: dict[str, Any], **values: Any) -> LidarConfig:
     """A pencil of 32 x 64 beams about +x of the LiDAR, 0.01 deg apart, twice around: column 0 and its neighbours."""
-    return LidarConfig(columns=8192, rings=64, vertical_fov_deg=0.5, min_range=0.1, signal=signal, **values)
+    return LidarConfig(columns=8192, rings=64, vertical_fov_deg=0.5, min_range=0.1, signal=signal_of(signal), **values)
 
 
 def wall(distance: float, tilt_deg: float = 0.0, *, side: float = 60.0) -> Scene:
@@ -52,7 +54,7 @@ def wall(distance: float, tilt_deg: float = 0.0, *, side: float = 60.0) -> Scene
 
 def ahead(reading: Reading, columns: int = 64) -> NDArray[np.bool_]:
     """Points of the columns about the x axis."""
-    return np.minimum(reading.column.astype(int), 8192 - reading.column.astype(int)) <= columns
+    return np.asarray(np.minimum(reading.column.astype(int), 8192 - reading.column.astype(int)) <= columns)
 
 
 def median_signal(scene: Scene, signal: dict[str, Any]) -> float:
@@ -179,23 +181,23 @@ def test_truth_is_that_of_the_ideal_lidar(moving: bool) -> None:
         poses = np.stack([frames.pose((0.01 * k, 0, 0.5), (0, 0, 0.1 * k)) for k in range(257)])
     signal = {**SHEET, "reach": [[0.3, 45.0]]}
     ideal = Lidar(LidarConfig(**values), room()).scan(poses)
-    found = SignalLidar(LidarConfig(**values, signal=signal), room()).scan(poses)
+    found = SignalLidar(LidarConfig(**values, signal=signal_of(signal)), room()).scan(poses)
     assert 0.3 < len(found.label) / len(ideal.label) < 0.99
     rows = np.searchsorted(ideal.column.astype(int) * 64 + ideal.ring, found.column.astype(int) * 64 + found.ring)
     for name, own in (("label", "label"), ("instance", "instance"), ("range_m", "true_range"), ("t_ns", "t_ns")):
         assert getattr(ideal, name)[rows].tobytes() == getattr(found, own).tobytes(), name
     assert (found.range_m != found.true_range).mean() > 0.99
-    quiet = SignalLidar(LidarConfig(**values, signal={}), room()).scan(poses)
+    quiet = SignalLidar(LidarConfig(**values, signal=LidarSignal()), room()).scan(poses)
     assert all(getattr(quiet, name).tobytes() == getattr(ideal, name).tobytes() for name in ideal._fields)
 
 
 def test_a_scan_depends_on_seed_name_and_number_alone() -> None:
     scene = room()
-    config = LidarConfig(columns=256, signal={**SHEET, "reach": [[1.0, 1000.0]]})
+    config = LidarConfig(columns=256, signal=signal_of({**SHEET, "reach": [[1.0, 1000.0]]}))
     lidar = SignalLidar(config, scene)
     scans = [lidar.scan(at(0, 0, 0), number=k) for k in (0, 1, 2)]
     again = SignalLidar(config, scene).scan(at(0, 0, 0), number=1)
-    assert all(a.tobytes() == b.tobytes() for a, b in zip(again, scans[1], strict=True))
+    assert all(getattr(again, name).tobytes() == getattr(scans[1], name).tobytes() for name in again._fields)
     other = SignalLidar(config.model_copy(update={"name": "top"}), scene).scan(at(0, 0, 0), number=1)
     noises = [scan.range_m - scan.true_range for scan in (*scans, other)]
     assert all(len(noise) == len(noises[0]) for noise in noises)
@@ -215,7 +217,7 @@ def test_reflectance_of_every_material() -> None:
 
 def test_ground_has_the_mixture_of_its_cover() -> None:
     scene = Scene(make_world(side=80.0))
-    found = SignalLidar(LidarConfig(signal={}, max_range=30.0), scene).scan(at(0, 0, 1.2))
+    found = SignalLidar(LidarConfig(signal=LidarSignal(), max_range=30.0), scene).scan(at(0, 0, 1.2))
     elevation = np.radians(22.5 - 45.0 * found.ring / 63)
     assert found.reflectivity == pytest.approx(0.35 * np.sin(-elevation), rel=1e-3)
 

@@ -17,6 +17,9 @@ from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.measuring import new_lidar
 from fieldtruth.sensors.lidar.noise import Reading
 from fieldtruth.sensors.lidar.sensing import Lidar
+from fieldtruth.sensors.lidar.signal import LidarSignal
+
+signal_of = LidarSignal.model_validate
 
 WALL = 15.0  # [m]
 POSE = at(0, 0, 0)
@@ -30,9 +33,9 @@ def scene() -> Scene:
 
 def config(**signal: Any) -> LidarConfig:
     """An OS1-64 of few columns with its data sheet, but for ``signal``."""
-    sheet = LidarConfig(model="os1_64_gen1", signal="datasheet").signal
+    sheet = LidarConfig.model_validate({"model": "os1_64_gen1", "signal": "datasheet"}).signal
     assert sheet is not None
-    return LidarConfig(model="os1_64_gen1", columns=256, signal=sheet.model_dump() | signal)
+    return LidarConfig(model="os1_64_gen1", columns=256, signal=signal_of(sheet.model_dump() | signal))
 
 
 def scan(scene: Scene, number: int = 0, weather: dict[str, Any] | None = None, **signal: Any) -> Reading:

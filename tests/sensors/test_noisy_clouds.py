@@ -13,8 +13,11 @@ from fieldtruth.experiment.sensor_models import datasheet_of
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.measuring import SignalLidar
 from fieldtruth.sensors.lidar.sensing import Lidar, ray_directions
+from fieldtruth.sensors.lidar.signal import LidarSignal
 from fieldtruth.validation.check import Check
 from fieldtruth.validation.retrace.noisy_clouds import NoiseTally, ideal_points
+
+signal_of = LidarSignal.model_validate
 
 SCENE = floating((box("room", (30, 25, 12)), at(0, 0, 0)), (box("pillar", (0.4, 0.3, 9.0), "bark"), at(6, 3, 0)))
 SHEET: dict[str, Any] = {**datasheet_of("lidar", "os1_64_gen1"), "reach": [[0.3, 45.0]]}
@@ -42,7 +45,7 @@ def check(stated: LidarConfig, cloud: NDArray[np.void]) -> Check:
 
 @pytest.mark.parametrize("more", [{}, WIDE])
 def test_the_stated_noise_passes(more: dict[str, Any]) -> None:
-    config = LidarConfig(columns=512, signal={**SHEET, **more})
+    config = LidarConfig(columns=512, signal=signal_of({**SHEET, **more}))
     result = check(config, points(config))
     assert result.passed, result.text
 
@@ -58,15 +61,15 @@ def test_the_stated_noise_passes(more: dict[str, Any]) -> None:
 )
 def test_another_noise_than_stated_fails(change: dict[str, Any], rule: str) -> None:
     """A tenth more or less of the deviation, 2 % of the reach."""
-    cloud = points(LidarConfig(columns=512, signal={**SHEET, **change}))
-    result = check(LidarConfig(columns=512, signal=SHEET), cloud)
+    cloud = points(LidarConfig(columns=512, signal=signal_of({**SHEET, **change})))
+    result = check(LidarConfig(columns=512, signal=signal_of(SHEET)), cloud)
     assert result.passed is False
     assert rule in result.text
 
 
 @pytest.mark.parametrize("bias", [-0.004, 0.004])
 def test_a_bias_of_4_mm_fails(bias: float) -> None:
-    config = LidarConfig(columns=512, signal=SHEET)
+    config = LidarConfig(columns=512, signal=signal_of(SHEET))
     cloud = points(config)
     for axis in "xyz":
         cloud[axis] *= 1.0 + bias / cloud["range_m"]
@@ -78,7 +81,7 @@ def test_a_bias_of_4_mm_fails(bias: float) -> None:
 @pytest.mark.parametrize("more", [{}, WIDE])
 def test_points_at_their_true_ranges(more: dict[str, Any]) -> None:
     """The ideal points of the rays that return, to the last bit, one of a ray."""
-    config = LidarConfig(columns=512, signal={**SHEET, **more})
+    config = LidarConfig(columns=512, signal=signal_of({**SHEET, **more}))
     directions = ray_directions(config).reshape(-1, 3)
     found = ideal_points(points(config), config, directions)
     ideal = Lidar(LidarConfig(columns=512), SCENE).scan(at(0, 0, 0))
