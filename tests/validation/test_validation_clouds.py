@@ -106,6 +106,12 @@ def test_points_that_no_ray_measures_are_found(impossible: dict[str, str], rule:
     assert rule != "ranges are" or ": 2 of" in text  # NaN, and too far
 
 
+@pytest.mark.parametrize("label", [Label.ROBOT, Label.PARTICLE])
+def test_robot_and_particles_are_found_in_a_run_that_has_none(label: Label, lean_run: Path, tmp_path: Path) -> None:
+    edit = setting(7, label=int(label), intensity=int(label), instance=0)
+    assert list(failures_of(lean_run, tmp_path, {(POINTS, 0): edit})) == ["object classes"]
+
+
 def swapped(one: int, another: int) -> Edit:
     """Change the first point of one class to another that its object can have as well."""
 

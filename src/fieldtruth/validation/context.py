@@ -60,6 +60,11 @@ class Context:
         return self.run.rig
 
     @property
+    def has_weather(self) -> bool:
+        """Whether there is something in the air of the run."""
+        return self.experiment is not None and not self.experiment.weather.is_clear
+
+    @property
     def topics(self) -> tuple[Topic, ...]:
         """Topics that the rig publishes, with the rates of this run; of a bag from elsewhere all that are known."""
         if self.experiment is None:

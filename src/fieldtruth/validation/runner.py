@@ -45,6 +45,8 @@ SPECS: Final[tuple[Spec, ...]] = (
 
 _NOT_IDEAL: Final = (clocks.CLOCKS, measured.IMU_NOISE, gnss.FIXES, measured.WHEEL_NOISE)
 """Checks of a run with sensors that are not ideal."""
+ALL_SPECS: Final = (*SPECS, *_NOT_IDEAL, noisy_clouds.NOISE)
+"""All checks, those of runs with sensors that are not ideal included."""
 _DECODED_BY_HAND: Final = (table.CLOCK, table.MODEL_STATES, table.STATIC_MODEL_STATES)
 
 

@@ -138,7 +138,7 @@ def _check_cloud(
         late = np.abs(cloud[clock] - due) > _CLOCK_ROUNDING
         rays[TIME].see_all(~late, lambda k: f"{row(k)}: {clock} {cloud[clock][k]} s, due at {due[k]} s")
     if whole:
-        real = np.flatnonzero((cloud["label"] < N_CLASSES) & (cloud["label"] != Label.PARTICLE))  # of no object
+        real = np.flatnonzero(cloud["label"] < N_CLASSES)
         classes.see(cloud["instance"][real], cloud["label"][real], lambda k: row(int(real[k])))
 
 
@@ -253,7 +253,7 @@ class RetracedClouds(Checker):
         bag, own = bag.first(columns * config.rings), own.first(columns * config.rings)
         checked = np.arange(len(bag.label))
         if config.signal is not None:
-            if self._context.experiment is None or self._context.experiment.weather.is_clear:
+            if not self._context.has_weather:
                 self._add_noise(config, measured, aimed, columns)
             checked = np.flatnonzero(bag.xyz.any(axis=1))  # others did not return
             # A particle or an edge may have made the echo; the true range is that of the middle of the beam.

@@ -154,6 +154,7 @@ class ObjectClasses(Checker):
             allowed[:, [Label.SKY, *NOT_OF_WORLDS]] = False
             allowed[ROBOT_ID] = np.arange(N_CLASSES) == Label.SKY
             allowed[ROBOT_ID, Label.ROBOT] = self._context.rig.visible
+            allowed[ROBOT_ID, Label.PARTICLE] = self._context.has_weather
             allowed[:, Label.VOID] = True  # the checks of labels and colours report it
             self._names, self._allowed = names, allowed
         return ClassComparison(self._tally.part(), self._allowed, names)
