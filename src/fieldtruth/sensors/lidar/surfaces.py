@@ -15,7 +15,7 @@ from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import Packet, set_ray
 from fieldtruth.sense.scene import Scene, grid_of
 from fieldtruth.sensors.lidar.reflectance import reflectance_of
-from fieldtruth.sensors.lidar.sensing import Beams, aimed, entry
+from fieldtruth.sensors.lidar.sensing import Beams, aim_tile, aimed, entry
 from fieldtruth.world.model import GROUND_ID, Raster, World
 
 _LANES, _WIDTH, _HEIGHT = embree.LANES, embree.LANES // 4, 4
@@ -161,18 +161,7 @@ def trace_surfaces(
         set_ray(packet, lane, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.0, max_range)
     for first_column in range(0, columns, _WIDTH):
         for first_ring in range(0, rings, _HEIGHT):
-            for lane in range(_LANES):
-                column, ring = first_column + lane % _WIDTH, first_ring + lane // _WIDTH
-                valid[lane] = -1 if column < columns and ring < rings else 0
-                column, ring = min(column, columns - 1), min(ring, rings - 1)
-                share = lag[ring]
-                dx, dy, dz = aimed(poses, column, share, beams, ring)
-                ray[_OX + lane] = entry(poses, column, share, 0, 3)
-                ray[_OY + lane] = entry(poses, column, share, 1, 3)
-                ray[_OZ + lane] = entry(poses, column, share, 2, 3)
-                ray[_DX + lane], ray[_DY + lane], ray[_DZ + lane] = dx, dy, dz
-                ray[_FAR + lane] = max_range
-                words[_GEOM + lane], words[_INST + lane], words[_INST_PRIM + lane] = _MISS, _MISS, _MISS
+            aim_tile(packet, poses, beams, first_column, first_ring)
             _intersect(valid.ctypes, scene, ray.ctypes, arguments.ctypes)
             for lane in range(_LANES):
                 if valid[lane] == 0:
