@@ -14,17 +14,19 @@ from time import thread_time
 from typing import Any
 
 import numpy as np
+import simplejpeg
 from numpy.typing import NDArray
+from scipy.stats import kurtosis
 
 from fieldtruth.bench.sensors import poses_on_route
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.files import load_experiment, with_overrides
-from fieldtruth.experiment.sensor_models import datasheet_of
+from fieldtruth.experiment.sensor_models import datasheet_of, preset_of
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.message import photograph_jpeg
+from fieldtruth.sensors.camera.message import camera_jpeg
 from fieldtruth.sensors.camera.response import LUMINANCE
 from fieldtruth.sensors.camera.signal import CameraSignal
 from fieldtruth.sensors.camera.signal_camera import SignalCamera
@@ -48,6 +50,14 @@ EFFECTS: dict[str, dict[str, Any]] = {
     "rolling shutter, 18 ms": {"readout_ms": 18.0},
     **{f"blur, {n} sub-frames": {"exposure_time_ms": 50.0, "blur_samples": n} for n in (2, 4, 8)},
     "rolling shutter and 4 sub-frames": {"readout_ms": 18.0, "exposure_time_ms": 50.0, "blur_samples": 4},
+    "bloom": {"bloom": 0.05},
+    "chromatic aberration": {"chromatic_px": (0.9, -0.7)},
+    "fringes": {"fringe_px": (0.8, 1.2)},
+    "colour matrix": {"colour_matrix": preset_of("stereo", "robot")["colour_matrix"]},
+    "sharpening": {"sharpening": 0.9, "sharpening_px": 1.6},
+    "20 drops on the glass": {"lens_drops": 20},
+    "20 specks of dust on it": {"lens_dust": 20},
+    "preset robot": preset_of("stereo", "robot"),
     "datasheet of the ZED 2": datasheet_of("stereo", "zed_2"),
 }
 
@@ -110,6 +120,7 @@ def figures(photo: NDArray[np.uint8]) -> dict[str, float]:
         "dark": float((luminance < 0.03).mean()),
         "saturation": float(((most - least_) / np.maximum(most, 1.0)).mean()),
         "ground contrast": float(np.median(blocks.std(axis=(1, 3)))),
+        "kurtosis": float(kurtosis(np.diff(lower, axis=1), axis=None, fisher=False)),
         "noise": float(1.4826 * np.median(np.abs(kernel)) / 6.0),
         "slope": spectrum_slope(luminance),
     }
@@ -127,16 +138,20 @@ def spectrum_slope(luminance: Array) -> float:
 
 
 def compare(config: CameraConfig, baked: BakedScene, poses: list[Array], folder: Path | None, name: str) -> None:
-    """Print figures of the photographs of an ideal camera and of that of the data sheet."""
-    imager, kinds = config.imagers()[0], {"ideal": {}, "datasheet": datasheet_of("stereo", config.model or "zed_2")}
-    for kind, values in kinds.items():
-        camera = SignalCamera(config.model_copy(update={"signal": CameraSignal(**values)}), baked, 0)
-        photos = [camera.capture(imager, k, STAMP_NS, turning(pose)).photo for k, pose in enumerate(poses)]
+    """Print figures of the photographs, as files have them: ideal, of the data sheet, of the preset robot."""
+    imager, sheet = config.imagers()[0], datasheet_of("stereo", config.model or "zed_2")
+    for kind, values in {"ideal": {}, "datasheet": sheet, "robot": preset_of("stereo", "robot")}.items():
+        own = config.model_copy(update={"signal": CameraSignal(**values)})
+        camera = SignalCamera(own, baked, 0)
+        packed = [
+            camera_jpeg(camera.capture(imager, k, STAMP_NS, turning(pose)).photo, own) for k, pose in enumerate(poses)
+        ]
+        photos = [simplejpeg.decode_jpeg(each, "RGB") for each in packed]
         found = [figures(photo) for photo in photos]
         print(f"{name} {kind:10s}", {key: round(float(np.median([f[key] for f in found])), 4) for key in found[0]})
-        for k, photo in enumerate(photos if folder else []):
+        for k, photo in enumerate(packed if folder else []):
             assert folder is not None
-            (folder / f"{name}_{k}_{kind}.jpg").write_bytes(photograph_jpeg(photo, config.jpeg_quality))
+            (folder / f"{name}_{k}_{kind}.jpg").write_bytes(photo)
 
 
 def main() -> None:

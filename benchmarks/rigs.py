@@ -21,8 +21,8 @@ import fieldtruth as ft
 from fieldtruth.bench import settings_of
 from fieldtruth.bench.recording import Recorded, record, sensors_of
 from fieldtruth.drive.simulate import drive
-from fieldtruth.experiment.config import LightConfig
 from fieldtruth.experiment.files import with_overrides
+from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.world.build import world_of

@@ -20,7 +20,6 @@ import fieldtruth as ft
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.state import state_at
 from fieldtruth.interchange import write_scene
-from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
 
 SCRIPT = Path(__file__).parents[1] / "tests/interchange/blender_render.py"
 SECONDS = 55.0
@@ -30,17 +29,17 @@ def main(path: Path) -> None:
     """Render twice, join, write."""
     experiment = ft.with_overrides(ft.load_experiment("park_1"), seconds=SECONDS)
     world = ft.load_world("park", seed=experiment.seed)
-    cameras = experiment.rig.cameras.model_copy(update={"width": 1024, "height": 576})
+    cameras = experiment.rig.cameras[0].model_copy(update={"width": 1024, "height": 576})
     state = state_at(drive(world, experiment).motion, round(SECONDS * 1e9))
-    pose = state.world_from_base @ cameras.left.base_from_sensor @ CAMERA_FROM_OPTICAL
+    pose = state.world_from_base @ cameras.imagers()[0].base_from_optical
     camera = ft.Camera(cameras, ft.bake(ft.Scene(world)))
     with tempfile.TemporaryDirectory() as folder:
         job = {
             "scene": str(write_scene(world, Path(folder) / "park.glb", to="gltf")),
             "picture": f"{folder}/picture.png",
             "samples": 16,
-            "azimuth_deg": experiment.light.sun_azimuth_deg,
-            "elevation_deg": experiment.light.sun_elevation_deg,
+            "azimuth_deg": experiment.light.values.azimuth_deg,
+            "elevation_deg": experiment.light.values.elevation_deg,
             "world_from_optical": pose.tolist(),
             "fx": camera.pinhole.fx,
             "fy": camera.pinhole.fy,

@@ -39,9 +39,10 @@ def main(path: Path) -> None:
     ground = float(world.terrain.field.height_at(x, y))
     world_from_base = ft.frames.pose((x, y, ground + 0.13228), (0.0, 0.0, 22.0))
     rig = ft.Rig()
-    world_from_optical = world_from_base @ ft.frames.pose(rig.cameras.left.xyz) @ ft.OPTICAL
-    images = ft.Camera(rig.cameras, ft.bake(scene)).render(world_from_optical)
-    scan = ft.Lidar(rig.lidar, scene).scan(world_from_base @ rig.lidar.mount.base_from_sensor)
+    cameras, lidar = rig.cameras[0], rig.lidars[0]
+    world_from_optical = world_from_base @ cameras.imagers()[0].base_from_optical
+    images = ft.Camera(cameras, ft.bake(scene)).render(world_from_optical)
+    scan = ft.Lidar(lidar, scene).scan(world_from_base @ lidar.mount.base_from_sensor)
     tags = ft.tag_image(images.label)
     left = np.concatenate([images.photo, tags])[::2, ::2]
     both = np.concatenate([left, plan(scan, left.shape[0], 560)], axis=1)

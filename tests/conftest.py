@@ -14,8 +14,9 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.run import open_run
 from fieldtruth.core.progress import Silent
 from fieldtruth.drive.track import Track
-from fieldtruth.experiment.config import Experiment, LightConfig
+from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
+from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.validation import Check, validate
 from fieldtruth.validation.context import RebuiltWorld

@@ -40,7 +40,6 @@ from .experiment.catalogue import list_experiments as list_experiments
 from .experiment.config import ControlConfig as ControlConfig
 from .experiment.config import DriveConfig as DriveConfig
 from .experiment.config import Experiment as Experiment
-from .experiment.config import LightConfig as LightConfig
 from .experiment.config import MetresRouteConfig as MetresRouteConfig
 from .experiment.config import RandomRouteConfig as RandomRouteConfig
 from .experiment.config import RouteConfig as RouteConfig
@@ -49,6 +48,7 @@ from .experiment.files import dump_experiment as dump_experiment
 from .experiment.files import load_experiment as load_experiment
 from .experiment.files import parse_experiment as parse_experiment
 from .experiment.files import with_overrides as with_overrides
+from .experiment.light_config import LightConfig as LightConfig
 from .experiment.rig import Rig as Rig
 from .experiment.rig import paper_rig as paper_rig
 from .experiment.robot_config import RobotConfig as RobotConfig

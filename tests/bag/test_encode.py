@@ -209,7 +209,8 @@ def test_tag_is_exact() -> None:
 def test_photograph_is_close_to_its_pixels() -> None:
     y, x = np.mgrid[:48, :64]
     photo = np.stack([2 * x + 50, 3 * y + 20, x + y], axis=-1).astype(np.uint8)
-    message = back(camera.photograph(0, STAMP, "right_camera_optical", photo, 95), "sensor_msgs/msg/CompressedImage")
+    data = camera.photograph(0, STAMP, "right_camera_optical", photo, StereoConfig(jpeg_quality=95))
+    message = back(data, "sensor_msgs/msg/CompressedImage")
     assert (message.format, message.header.frame_id) == ("jpeg", "right_camera_optical")
     assert np.abs(read.image(message).astype(int) - photo).max() <= 6
 

@@ -43,7 +43,7 @@ MISTAKES = [
         "seeds must be an integer, a list of integers or {integers: [first, last]}, ",
     ),
     (DRAWN + "seeds: [1, -1]\n", "seeds[1]: seed must be an integer between 0 and "),
-    (DRAWN + "lights: {sun_elevation_deg: {uniform: [1, 60]}}\n", "lights: light.sun_elevation_deg must be a number "),
+    (DRAWN + "lights: {sun_elevation_deg: {uniform: [-9, 60]}}\n", "lights: light.sun_elevation_deg must be a number "),
     (DRAWN + "lights: {sun_elevation: 40}\n", "lights: unknown key 'light.sun_elevation'; did you mean "),
     (DRAWN + "lights: {sun_elevation_deg: {unifrom: [9, 60]}}\n", "lights: light.sun_elevation_deg must be a number "),
     (

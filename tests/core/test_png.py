@@ -127,7 +127,7 @@ def test_image_without_pixels_is_an_error() -> None:
         encode_png(np.zeros((4, 0, 3), np.uint8))
 
 
-@pytest.mark.parametrize("image", [np.zeros((2, 2, 4), np.uint8), np.zeros((2, 2, 3), np.uint16), np.zeros((2, 2))])
+@pytest.mark.parametrize("image", [np.zeros((2, 2, 4), np.uint8), np.zeros((2, 2, 3), np.uint32), np.zeros((2, 2))])
 def test_other_arrays_are_refused(image: Any) -> None:
     with pytest.raises(ValueError, match="must be"):
         encode_png(image)

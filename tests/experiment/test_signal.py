@@ -99,7 +99,9 @@ def test_one_signal_for_all_sensors(tmp_path: Path) -> None:
     assert with_overrides(ideal, signal=read_signal(str(file))) == ideal
     with pytest.raises(ConfigurationError, match="'lidar' must be a sensor of the rig or its kind: warm, thermometer"):
         with_overrides(ideal, signal={"lidar": "datasheet"})
-    with pytest.raises(ConfigurationError, match="signal must be ideal, datasheet or the path of a YAML file, got 'x'"):
+    with pytest.raises(
+        ConfigurationError, match="signal must be ideal, datasheet, clean, robot or the path of a YAML file, got 'x'"
+    ):
         read_signal("x")
 
 
@@ -112,3 +114,19 @@ def test_child_seeds() -> None:
     assert len(draws) == 12
     assert rng_of(3, "imu", 5).normal() == rng_of(3, "imu", 5).normal()
     assert abs(np.corrcoef(rng_of(0, "a", 1).normal(size=10_000), rng_of(0, "a", 2).normal(size=10_000))[0, 1]) < 0.04
+
+
+@pytest.mark.parametrize(
+    ("sensor", "line"),
+    [
+        ("gnss: {signal: {mode: fast}}", "rig.gnss.signal.mode must be single, sbas or rtk, got 'fast'"),
+        ("lidar: {signal: {returns: all}}", "rig.lidar.signal.returns must be strongest, last or two, got 'all'"),
+    ],
+)
+def test_a_choice_is_refused_with_what_is_allowed(sensor: str, line: str) -> None:
+    with pytest.raises(ConfigurationError) as error:
+        parse_experiment(
+            "name: a\nenvironment: park\nroute: {metres: {start: [0, 0], waypoints: [[5, 0]]}}\n"
+            f"rig: {{{sensor}}}\n"
+        )
+    assert str(error.value) == line

@@ -27,6 +27,11 @@ def digest(path: Path) -> dict[str, str]:
     return {str(p.relative_to(path)): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
 
 
+NEED_CAMERAS = ("kitti", "coco", "mmseg", "stereo-depth")
+OF_WORLDS = ("kitti-object", "occupancy")
+"""Formats that build the world of experiment.yaml."""
+
+
 @pytest.fixture(scope="module")
 def blind_bag(brief_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Bag without the topics of cameras."""
@@ -41,11 +46,13 @@ def test_default_output_and_bytes_for_any_workers(
     to: str, brief_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bag = shutil.copy(brief_run / "park_1.bag", tmp_path)
-    before = digest(Path(bag))
+    if to in OF_WORLDS:
+        shutil.copy(brief_run / "experiment.yaml", tmp_path)
+    before, files = digest(Path(bag)), [path.name for path in tmp_path.iterdir()]
     assert cli.main(["export", str(bag), "--to", to, "--workers", "1"]) == 0
     made = tmp_path / f"park_1{FORMATS[to].suffix}"
     assert capsys.readouterr().out.startswith(f"{made}: ")
-    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([made.name, "park_1.bag"])
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([made.name, *files])
     other = export(Path(bag), to, out=tmp_path / "other" / made.name, workers=2)
     assert digest(other) == digest(made)
     assert digest(Path(bag)) == before
@@ -72,7 +79,7 @@ def test_run_without_cameras_is_exported_or_refused_in_one_line(
 ) -> None:
     code = cli.main(["export", str(blind_bag), "--to", to, "--out", str(tmp_path / "out")])
     error = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
-    assert (code, len(error)) == ((2, 1) if to in ("kitti", "coco", "mmseg", "stereo-depth") else (0, 0)), error
+    assert (code, len(error)) == ((2, 1) if to in NEED_CAMERAS or to in OF_WORLDS else (0, 0)), error
     assert [path.name for path in tmp_path.iterdir()] == ([] if code else ["out"])
 
 

@@ -357,7 +357,7 @@ def test_semantickitti_needs_no_camera(faked_many_run: Path, tmp_path: Path) -> 
     assert not (folder / "image_2").exists()
 
 
-@pytest.mark.parametrize("to", sorted(FORMATS))
+@pytest.mark.parametrize("to", sorted(set(FORMATS) - {"kitti-object"}))  # it needs instances of the first camera
 def test_output_does_not_depend_on_threads(
     to: str, made: Callable[[str], Path], faked_many_run: Path, tmp_path: Path
 ) -> None:

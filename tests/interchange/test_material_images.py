@@ -8,13 +8,15 @@ from io import BytesIO
 import numpy as np
 import pytest
 from interchange_worlds import small_world
+from numpy.typing import NDArray
 from PIL import Image
 
 from fieldtruth.core.classes import Label
 from fieldtruth.interchange.ground import ground_tiles
 from fieldtruth.interchange.ground_image import ground_image
 from fieldtruth.interchange.images import encode_image, material_image
-from fieldtruth.world.model import World
+from fieldtruth.render.atlas import linear_from_srgb, srgb_from_linear
+from fieldtruth.world.model import Terrain, World
 
 LOOKS = {"soil": (200, 40, 10), "gravel": (30, 60, 220), "wood": (90, 90, 90)}
 
@@ -50,7 +52,15 @@ def painted_world() -> World:
     )
 
 
-def test_each_pixel_of_the_ground_has_the_colour_of_the_material_there() -> None:
+def test_each_pixel_of_the_ground_has_the_colour_of_the_material_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Trails here are worn to half their brightness, the other ground is as painted."""
+
+    def worn(terrain: Terrain, rgb: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
+        return np.broadcast_to([1.0, 1.0, 1.0, 0.5], (*rgb.shape[:2], 4))
+
+    monkeypatch.setattr("fieldtruth.render.materials.ground_wear", worn)
+    half = {n: srgb_from_linear(0.5 * linear_from_srgb(np.array(rgb) / 255)) * 255 for n, rgb in LOOKS.items()}
+    expected = {**half, "soil": LOOKS["soil"]}
     world = painted_world()
     for tile in ground_tiles(world, 10.0):
         image = ground_image(world, tile, 20.0)
@@ -62,7 +72,7 @@ def test_each_pixel_of_the_ground_has_the_colour_of_the_material_there() -> None
             clear = (np.abs(edge) > 0.06) & (np.abs(edge + 0.3) > 0.06)
             pixel = image[((1 - at[:, 1]) * 200).astype(int), (at[:, 0] * 200).astype(int)][clear]
             name = np.where(edge > 0, "soil", np.where(edge > -0.3, "wood", "gravel"))[clear]
-            np.testing.assert_allclose(pixel, [LOOKS[n] for n in name], atol=1)
+            np.testing.assert_allclose(pixel, np.array([expected[n] for n in name]), atol=1)
             assert (surface.label == Label.TRAIL) == (name[0] != "soil")
 
 

@@ -9,7 +9,7 @@ import pytest
 from sense_worlds import F8, make_world
 
 from fieldtruth.core import frames
-from fieldtruth.experiment.config import LightConfig
+from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.render.bake import bake
 from fieldtruth.render.materials import CRUMBS
 from fieldtruth.sense.packets import new_packet

@@ -12,10 +12,10 @@ from sense_worlds import at, box, make_world
 
 import fieldtruth
 from fieldtruth.core.cache import import_closure
-from fieldtruth.experiment.config import LightConfig
+from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.render.light import _leaf_sun, bake_light
 from fieldtruth.render.light_cache import cached_light, light_key
-from fieldtruth.render.sky import sun_direction
+from fieldtruth.render.sky.daylight import sun_direction
 from fieldtruth.render.tables import LightTable
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import World
@@ -85,7 +85,7 @@ def test_key_covers_sun_and_everything_that_lets_light_through(scene: Scene) -> 
     assert len(set(keys)) == len(keys)
 
 
-@pytest.mark.parametrize("module", ["sense/packets.py", "sense/embree.py", "sense/kernel.py", "render/sky.py"])
+@pytest.mark.parametrize("module", ["sense/packets.py", "sense/embree.py", "sense/kernel.py", "render/sky/clouds.py"])
 def test_key_covers_every_module_that_bakes(module: str) -> None:
     root = Path(fieldtruth.__file__).parents[1]
     assert root / "fieldtruth" / module in import_closure(["fieldtruth.render.light"], root)
@@ -98,7 +98,7 @@ def test_many_copies_share_the_light_of_a_few_that_are_turned_alike(monkeypatch:
     scene = Scene(
         replace(make_world([*((crown, at(3 * k, 0, 2)) for k in range(1, 12)), (crown, turned)]), size=(4.0, 4.0))
     )
-    sun = sun_direction(SUN.sun_azimuth_deg, SUN.sun_elevation_deg)
+    sun = sun_direction(SUN.values.azimuth_deg, SUN.values.elevation_deg)
     with ThreadPoolExecutor(1) as pool:
         assert len(_leaf_sun(scene, pool, sun)[0]) == 12 * 12
         monkeypatch.setattr("fieldtruth.render.light._MOST_LEAVES", 96)

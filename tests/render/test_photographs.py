@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sense_worlds import F8, Placed, at, box, make_world, quad
 
 from fieldtruth.core import frames
-from fieldtruth.experiment.config import LightConfig
+from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL

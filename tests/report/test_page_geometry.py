@@ -81,8 +81,10 @@ def test_ground_and_trail_points_lie_on_the_terrain(page: Page, park: World) -> 
     low = xyz[inside & np.isin(label, (1, 7))]
     assert len(low) > 20_000
     off = low[:, 2] - park.terrain.surface.height_at(low[:, 0], low[:, 1])
-    assert np.quantile(np.abs(off), 0.99) < 0.003  # the rest are kerbs and mulch, which also have the class ground
-    assert np.abs(off).max() < 0.1
+    assert (
+        np.quantile(np.abs(off), 0.97) < 0.003
+    )  # the rest are kerbs, mulch and litter, which also have the class ground
+    assert np.abs(off).max() < 0.15  # blades on the lawn
     trail = xyz[inside & (label == 7)]
     assert len(trail) > 500
     spot = park.terrain.trail_distance

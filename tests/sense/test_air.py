@@ -13,27 +13,39 @@ from scipy.optimize import brentq, minimize_scalar
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.weather_config import WeatherConfig
-from fieldtruth.sense.air import Air, Beam, extinction, fog_extinction, make_air, strongest_echo, transmitted
+from fieldtruth.sense.air import (
+    Air,
+    Beam,
+    clear_extinction,
+    extinction,
+    fog_extinction,
+    fog_length,
+    make_air,
+    strongest_echo,
+    transmitted,
+)
 from fieldtruth.sense.drops import Drops, rain, snow
 
 BEAM = Beam(wavelength_nm=850, width_m=0.01, divergence_rad=0.0023, pulse_ns=5, min_range=0.8, max_range=120)
 
 
-def _loop(air: Air, power: float, range_m: float, draws: Array) -> Array:
+def _loop(air: Air, power: float, range_m: float, draws: Array, beam: tuple[float, float]) -> Array:
     found = np.empty((len(draws), 3))
     for k in range(len(draws)):
-        echo, at, particle = strongest_echo(air, power * transmitted(air, range_m), range_m, draws[k, 0], draws[k, 1])
+        left = transmitted(air, range_m, beam[0], beam[1])
+        echo, at, particle = strongest_echo(air, power * left, range_m, beam, draws[k, 0], draws[k, 1])
         found[k, 0], found[k, 1], found[k, 2] = echo, at, particle
     return found
 
 
 _compile: Any = njit
 _echoes = _compile(_loop)
+LEVEL = (0.0, 0.0)
 
 
 def _many(weather: dict[str, Any], power: float, range_m: float, count: int = 40_000) -> Array:
     draws = 1 - np.random.default_rng(3).random((count, 2))
-    found: Array = _echoes(make_air(WeatherConfig(**weather), BEAM), power, range_m, draws)
+    found: Array = _echoes(make_air(WeatherConfig(**weather), BEAM), power, range_m, draws, LEVEL)
     return found
 
 
@@ -42,7 +54,7 @@ def test_clear_air_changes_nothing() -> None:
         air = make_air(weather, BEAM)
         assert air.extinction == 0
         assert not air.has_echoes
-        found = _echoes(air, 0.01, 5.0, np.full((10, 2), 1e-9))
+        found = _echoes(air, 0.01, 5.0, np.full((10, 2), 1e-9), LEVEL)
         assert (found == (0.01, 5.0, 0.0)).all()
 
 
@@ -120,7 +132,7 @@ def test_noise_of_photons_spreads_the_ranges_of_fog() -> None:
     """Counts of photons in cells of a pulse's length, drawn: most are counted where the table says."""
     gain, cell = 2_000_000.0, 0.299792458 * 5 / 2
     air = make_air(WeatherConfig(fog_visibility_m=300.0), BEAM._replace(gain=gain))
-    found = _echoes(air, 0.0, 120.0, 1 - np.random.default_rng(3).random((20_000, 2)))[:, 1]
+    found = _echoes(air, 0.0, 120.0, 1 - np.random.default_rng(3).random((20_000, 2)), LEVEL)[:, 1]
     edges = 0.8 + cell * np.arange(air.soft_share.shape[1] + 1)
     middles = np.linspace(edges[:-1], edges[1:], 11).T
     photons = [gain * max(_fog_echo(300.0, at) for at in inside) for inside in middles]
@@ -200,3 +212,45 @@ def test_particles_lie_between_the_sensor_and_the_surface() -> None:
     assert found[:, 2].mean() > 0.1
     assert found[:, 1].min() >= BEAM.min_range
     assert found[:, 1].max() <= 3.0
+
+
+@pytest.mark.parametrize(
+    ("above", "rise", "length"),
+    [(0.0, 4.0, 60.0), (30.0, -29.0, 200.0), (5.0, 1e-3, 50.0), (9.0, 0.0, 10.0), (2.0, 0.3, 9.0)],
+)
+@pytest.mark.parametrize("scale", [3.0, 25.0, 500.0])
+def test_length_in_fog_that_thins_is_the_integral_of_its_density(
+    above: float, rise: float, length: float, scale: float
+) -> None:
+    expected = quad(lambda s: np.exp(-(above + rise * s / length) / scale), 0.0, length)[0]
+    assert fog_length(above, rise, length, scale) == pytest.approx(expected, rel=2e-6)
+    assert fog_length(above, rise, length, 0.0) == length
+
+
+def test_fog_that_thins_returns_less_to_a_beam_that_climbs() -> None:
+    """Its echo is that of the convolution with the density along the beam."""
+    weather = {"fog_visibility_m": 100.0, "fog_height_m": 4.0}
+    air, slope, start = make_air(WeatherConfig(**weather), BEAM), 0.5, 2.0
+    found = _echoes(air, 0.0, 120.0, np.full((1, 2), 0.5), (start, slope))[0]
+    alpha, half = np.log(20) / 100.0, 0.299792458 * 5 / 2
+
+    def density(x: float) -> float:
+        return float(np.exp(-(start + slope * x) / 4.0))
+
+    def echo(at: float) -> float:
+        def part(x: float) -> float:
+            seen = min(0.0023 * x / 0.01, 1.0) ** 2 * density(x) / x**2
+            return float(np.cos(np.pi * (at - x) / 2 / half) ** 2 * seen * np.exp(-2 * alpha * quad(density, 0, x)[0]))
+
+        return np.pi * 0.046 / 100.0 * quad(part, max(0.8, at - half), at + half, limit=60)[0]
+
+    assert found[2] == 1.0
+    assert found[0] == pytest.approx(echo(found[1]), rel=0.12)  # the density at the range stands for all of the pulse
+
+
+def test_clear_air_has_its_visibility_and_scatters_blue_most() -> None:
+    red, green, blue = (clear_extinction(20_000.0, each) for each in (610.0, 550.0, 465.0))
+    assert np.exp(-green * 20_000.0) == pytest.approx(0.05)
+    assert red < green < blue
+    pure = clear_extinction(300_000.0, 465.0) / clear_extinction(300_000.0, 550.0)
+    assert pure == pytest.approx((550 / 465) ** 4.09, rel=0.03)  # next to no aerosol is left

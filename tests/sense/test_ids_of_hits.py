@@ -9,7 +9,7 @@ import pytest
 from sense_worlds import at, box, make_world
 
 from fieldtruth.core import frames
-from fieldtruth.experiment.config import LightConfig
+from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.render.bake import bake
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL

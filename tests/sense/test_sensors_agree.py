@@ -20,6 +20,7 @@ from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages, tag_image
 from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.lidar.sensing import Lidar, Scan
+from fieldtruth.world.model import GROUND_ID
 
 RIG = Rig()
 LENS = pinhole(RIG.stereo)
@@ -130,13 +131,14 @@ def test_ray_from_the_camera_to_a_lidar_point_hits_the_same_object(scene: Scene,
         offset = seen.world - eye
         distance = np.linalg.norm(offset, axis=1)
         rays = trace_rays(scene, np.tile(eye, (len(offset), 1)), offset)
-        hidden = (rays.range_m > 0) & (rays.range_m < distance - 0.01)
         same = (rays.label == seen.label) & (rays.instance == seen.instance)
+        margin = np.where(rays.instance == seen.instance, 0.01, 1e-4)  # a leaf may lie on the ground
+        hidden = (rays.range_m > 0) & (rays.range_m < distance - margin)
         reached = np.abs(rays.range_m - distance) < 0.01
-        # A ray may miss a point within single precision of the border of a leaf or twig: one of 4,000 in a view.
+        # A ray may miss a point within single precision of the border of a leaf, twig or stone: one of 4,000 in a view.
         missed = ~hidden & ~(same & reached)
         assert missed.sum() <= 1, f"{missed.sum()} of {len(missed)}"
-        assert not np.any(missed & np.isin(seen.label, (Label.GROUND, Label.TRAIL)))
+        assert not np.any(missed & (seen.instance == GROUND_ID))
         points, compared = points + len(offset), compared + int(np.sum(~hidden))
     assert points > 20_000
     assert compared > 0.9 * points, f"{compared} of {points} were compared"
@@ -173,13 +175,16 @@ def test_projected_points_land_on_pixels_of_their_class(scene: Scene, views: lis
 
 
 def test_depth_agrees_to_1_cm_where_the_ground_is_near(views: list[View]) -> None:
-    """Within 3 m the pixels are finer than the ground's relief, so that 1 cm suffices on every slope."""
+    """Within 3 m the pixels are finer than the ground's relief, so that 1 cm suffices on every slope.
+
+    That is the ground itself: stalks and leaves that lie on it may be narrower than a pixel.
+    """
     count = 0
     for view in views:
         for side, even in (("left", view.even_left), ("right", view.even_right)):
             seen = project(view, side)
             row, column = np.rint(seen.v).astype(int), np.rint(seen.u).astype(int)
-            ground = np.isin(seen.label, (Label.GROUND, Label.TRAIL)) & even.here[row, column] & (seen.depth < 3.0)
+            ground = (seen.instance == GROUND_ID) & even.here[row, column] & (seen.depth < 3.0)
             difference = (depth_at(even, seen.u, seen.v) - seen.depth)[ground]
             assert difference[difference > -0.05].max() < 0.01
             assert np.abs(difference[difference > -0.05]).max() < 0.01

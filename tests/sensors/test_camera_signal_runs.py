@@ -10,6 +10,7 @@ import pytest
 from fieldtruth.bag.reader import open_bag
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
+from fieldtruth.experiment.sensor_models import preset_of
 from fieldtruth.pipeline import generate
 from fieldtruth.record.following import without_wheels
 from fieldtruth.validation import validate
@@ -24,10 +25,12 @@ def _experiment(signal: Any, **changes: Any) -> Experiment:
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Bags of an ideal camera, and of a real one by one worker and by two."""
+    """Bags of an ideal camera, and of a robot's in rain by one worker and by two."""
     made = {}
-    for name, signal, workers in (("ideal", "ideal", 2), ("one", "datasheet", 1), ("two", "datasheet", 2)):
-        made[name] = generate(_experiment(signal), tmp_path_factory.mktemp(name), workers=workers)
+    rain = {"weather": {"rain_mm_h": 10.0}}
+    robot = preset_of("stereo", "robot") | {"lens_drops": 20}
+    for name, signal, workers, changes in (("ideal", "clean", 2, {}), ("one", robot, 1, rain), ("two", robot, 2, rain)):
+        made[name] = generate(_experiment(signal, **changes), tmp_path_factory.mktemp(name), workers=workers)
     return made
 
 

@@ -11,6 +11,7 @@ from scipy.stats import norm
 from sense_worlds import at, box, floating, make_world, quad
 
 from fieldtruth.core import frames
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.files import parse_experiment
 from fieldtruth.experiment.sensor_models import datasheet_of, list_models
@@ -103,7 +104,7 @@ def test_brightness_of_a_lobe() -> None:
 def test_air_takes_its_share_twice() -> None:
     alpha = 0.01
 
-    def in_air(echoes: EchoBuffers, key: np.uint64) -> None:
+    def in_air(echoes: EchoBuffers, key: np.uint64, _poses: Array, _directions: Array) -> None:
         echoes.apparent[:] *= np.exp(-2.0 * alpha * echoes.depth)
 
     scene = wall(40.0)

@@ -11,7 +11,7 @@ from sense_worlds import at, floating, quad
 
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.weather_config import WeatherConfig
-from fieldtruth.sense.air import extinction
+from fieldtruth.sense.air import extinction, fog_length
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.measuring import new_lidar
@@ -142,3 +142,21 @@ def test_the_last_return_sees_through_snow(scene: Scene) -> None:
     strongest = scan(scene, weather={"snow_mm_h": 5.0})
     hidden = [(r.label == Label.PARTICLE) & (r.true_range > 0) for r in (found, strongest)]
     assert hidden[0].sum() < 0.2 * hidden[1].sum()
+
+
+def test_surfaces_fade_as_in_photographs_where_fog_thins_with_height(scene: Scene) -> None:
+    """The sensor is at the lowest ground; the wall's upper part, 20 deg above it, is in thinner fog."""
+    weather = {"fog_visibility_m": 60.0, "fog_height_m": 2.0}
+    clear, found = scan(scene), scan(scene, weather=weather)
+    known = np.searchsorted(rays(clear), rays(found)).clip(0, len(rays(clear)) - 1)
+    same = (rays(clear)[known] == rays(found)) & (found.label != Label.PARTICLE)
+    high = same & (found.xyz[:, 2] > 2.0)
+    ratio = (found.signal[high] / clear.signal[known[high]]).mean()
+    lowest = float(scene.world.terrain.surface.heights.min())
+    alpha = extinction(WeatherConfig(**weather), 850)
+    left = [
+        np.exp(-2 * alpha * fog_length(-lowest, z, r, 2.0))
+        for z, r in zip(found.xyz[high, 2], found.range_m[high], strict=True)
+    ]
+    assert high.sum() > 50
+    assert ratio == pytest.approx(np.mean(left), rel=0.05)

@@ -17,7 +17,7 @@ from fieldtruth.pipeline import generate
 from fieldtruth.validation import Check, as_json, as_text, validate
 from fieldtruth.validation.__main__ import with_table
 
-NOT_IDEAL = ["clocks", "imu noise", "gnss noise", "wheel noise", "noise of LiDARs"]
+NOT_IDEAL = ["clocks", "imu noise", "gnss noise", "wheel noise", "normals", "optical flow", "noise of LiDARs"]
 NAMES = [
     "checksums", "experiment", "structure", "messages", "topics", "counts", "stamps", "synchronisation", "clock",
     "headers", "frames", "calibration", "static objects", "motion", "poses", "drive", "imu", "gnss", "wheels",

@@ -28,6 +28,10 @@ WIDEST = {
 }  # [m], else 0.02
 
 
+BUDGET = {"fern": 800, "bracken": 450, "nettle": 450, "reed": 450}
+"""Triangles: a fern has 7 fronds of 52 pinnae, nettle and reed 50 to 70 leaves of 6 triangles; else 320."""
+
+
 def grow(species: GrassSpecies, *, share: float = 0.5, seed: int = 5, detail: float = 1.0) -> Mesh:
     height = species.height[0] + share * (species.height[1] - species.height[0])
     return grow_tuft(species, name="tuft", height=height, rng=np.random.default_rng(seed), detail=detail)
@@ -57,7 +61,7 @@ def test_species_of_every_environment_exist() -> None:
 def test_mesh_is_valid_and_within_the_budget(species: GrassSpecies, seed: int) -> None:
     mesh = grow(species, seed=seed)
     assert_valid(mesh, least_area=1e-7)
-    assert 60 <= len(mesh.faces) <= 260
+    assert 60 <= len(mesh.faces) <= BUDGET.get(species.name, 320)
     np.testing.assert_array_equal(np.unique(mesh.faces), np.arange(len(mesh.vertices)))  # every vertex is used
     assert not mesh.colliders
 

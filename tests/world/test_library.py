@@ -111,7 +111,7 @@ def test_rock_type_added_from_one_file_makes_rocks(basalt: str) -> None:
         ("foliage: leaf_rowan", "foliage: leaf_rown", r"rowan\.yaml: unknown material 'leaf_rown'; did you mean"),
         ("  bark_rowan: {label", "  bark_lime: {label", r"materials\.bark_lime is already defined in .*lime\.yaml"),
         (
-            "  bark_rowan: {label: trunk}",
+            "  bark_rowan: {label: trunk, furrows: 0.006, weathering: 0.7}",
             "  bark_rowan: trunk",
             r"rowan\.yaml: materials must be a mapping of mappings",
         ),
@@ -143,7 +143,7 @@ def test_every_data_file_is_read_and_has_a_comment_on_top() -> None:
     for path in data_files():
         assert path.read_text().startswith("# ")
         if path.parent.name == "materials":
-            assert set(yaml.safe_load(path.read_text())) <= {"materials", "textures"}
+            assert set(yaml.safe_load(path.read_text())) <= {"materials", "textures", "seasons"}
         else:
             assert path.stem in folders[path.parent.name]
     mappings: list[Mapping[str, object]] = [*folders.values(), MATERIALS, TEXTURES]

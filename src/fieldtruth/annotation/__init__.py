@@ -29,7 +29,7 @@ from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning, Output
 from fieldtruth.core.files import locked, output_errors
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
-from fieldtruth.experiment.config import LightConfig
+from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import KINDS
 from fieldtruth.experiment.topic import Topic

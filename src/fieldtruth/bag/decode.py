@@ -145,6 +145,23 @@ def instances(message: Any) -> NDArray[np.uint16] | NDArray[np.uint32]:
     return ids
 
 
+def normals(message: Any) -> NDArray[np.float32]:
+    """Return unit normals (h, w, 3) of a sensor_msgs/Image, 32FC3, in the optical frame, towards it; 0 for sky."""
+    if message.encoding != "32FC3":
+        raise BagError(f"encoding of an image of normals must be 32FC3, got {message.encoding!r}")
+    return _pixels(message, np.dtype("<f4"), 3)
+
+
+def flow(message: Any) -> NDArray[np.float32]:
+    """Return optical flow (h, w, 2) [pixel] of a sensor_msgs/Image, 32FC2: to the right and down.
+
+    It leads to the camera's next image, and is NaN where that does not show the same point.
+    """
+    if message.encoding != "32FC2":
+        raise BagError(f"encoding of an image of optical flow must be 32FC2, got {message.encoding!r}")
+    return _pixels(message, np.dtype("<f4"), 2)
+
+
 def labels(tag_image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return the class ids (h, w) of a tag image (h, w, 3).
 

@@ -30,6 +30,8 @@ UNITS: Final = {
     "camera_bare_mrays_per_s": "Mrays/s",
     "label_image_over_bare": "x",
     "photograph_over_bare": "x",
+    "normals_over_bare": "x",
+    "flow_over_bare": "x",
     "images_per_s": "images/s",
     "stereo_pairs_per_s": "pairs/s",
     "image_efficiency": "x",

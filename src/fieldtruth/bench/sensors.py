@@ -3,7 +3,9 @@
 """Sensors against bare Embree: the same rays from the same poses, in turns, so that other load slows both equally."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from time import perf_counter
+from typing import Final
 
 import numpy as np
 
@@ -18,11 +20,14 @@ from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.camera.sensing import Camera
 from fieldtruth.sensors.lidar.sensing import Lidar, ray_directions
 from fieldtruth.world.model import World
 
 _TRIAL_POSES = 4
+_STEP: Final = frames.pose((0.01, 0.0, 0.04), (0.0, 0.5, 0.0))
+"""From an optical frame to that of the next image: 1 m/s and 12 deg/s at 25 Hz."""
 _LIDAR_TRIES = 4  # per try of a camera: scans are short, so that a single interruption matters
 
 
@@ -70,21 +75,31 @@ def measure_lidars(scene: Scene, rig: Rig, poses: Sequence[Array], repeats: int)
 
 def measure_cameras(baked: BakedScene, rig: Rig, poses: Sequence[Array], repeats: int) -> dict[str, float]:
     """Label images and photographs of all cameras against bare rays from poses world_from_base; empty without one."""
-    mrays, total = 0.0, np.zeros(3)
+    mrays, total = 0.0, np.zeros(5)
     for config in rig.cameras:
         camera, directions = Camera(config, baked, reuse=True), pixel_directions(config)
+        geometry = LabelCamera(config.model_copy(update={"normals": True}), baked.scene, reuse=True)
         poses_of = [pose @ imager.base_from_optical for pose in poses for imager in config.imagers()]
         mrays += len(poses_of) * directions.size / 3 / 1e6
-        sensors = [camera.label, camera.render]
+        sensors: list[Callable[[Array], object]] = [camera.label, camera.render]
+        sensors += [geometry.label, partial(_flow, geometry)]
         total += _against_bare(baked.scene, directions, config.far, poses_of, sensors, repeats)
-    bare, label, photo = total.tolist()
+    bare, label, photo, normals, flow = total.tolist()
     if not rig.cameras:
         return {}
     return {
         "camera_bare_mrays_per_s": mrays / bare,
         "label_image_over_bare": label / bare,
         "photograph_over_bare": photo / bare,
+        "normals_over_bare": normals / bare,
+        "flow_over_bare": flow / bare,
     }
+
+
+def _flow(camera: LabelCamera, pose: Array) -> object:
+    """Flow from the labels that the camera has just made from the same pose."""
+    assert camera.last is not None
+    return camera.flow(camera.last, pose, pose @ _STEP)
 
 
 def _against_bare(

@@ -21,7 +21,8 @@ BUILT_IN: Final = "built-in"
 """Entry of ``routes``: a route of the environment's built-in experiments."""
 PRODUCT: Final = "product"
 ROUTES: Final = f"{BUILT_IN}, {{random: {{length_m: ...}}}}, {{frames: {{count: ...}}}}, or a list of these"
-SIGNALS: Final = "ideal, datasheet, or a mapping of sensors, or their kinds, to these or to figures"
+Words = Literal["ideal", "datasheet", "clean", "robot"]
+SIGNALS: Final = "ideal, datasheet, clean, robot, or a mapping of sensors, or their kinds, to these or to figures"
 DRAWN_ONLY: Final = ("environments", "layouts", "routes", "runs")
 """Keys that a campaign of listed experiments does not have."""
 
@@ -103,7 +104,7 @@ class Campaign(Frozen):
     cameras: Boolean | None = None
     lidar: Boolean | None = None
     extras: tuple[str, ...] | None = None
-    signal: Annotated[Literal["ideal", "datasheet"] | dict[str, Any] | None, Field(description=SIGNALS)] = None
+    signal: Annotated[Words | dict[str, Any] | None, Field(description=SIGNALS)] = None
     split: Split | None = None
     """None: all runs in one folder."""
 
@@ -155,7 +156,7 @@ _ENTRIES: Final[dict[str, tuple[tuple[type, ...], str]]] = {
     "seeds": ((int,), "an integer, a list of integers or {integers: [first, last]}"),
     "layouts": ((Mapping,), "a mapping of layout keys, or a list of mappings"),
     "routes": ((str, Mapping), ROUTES),
-    "lights": ((Mapping,), "a mapping of light keys, or a list of mappings"),
+    "lights": ((str, Mapping), "a preset, a mapping of light keys, or a list of both"),
     "weathers": ((Mapping,), "a mapping of weather keys, or a list of mappings"),
     "rigs": ((Mapping,), "a mapping of rig keys, or a list of mappings"),
 }

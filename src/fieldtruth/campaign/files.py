@@ -108,12 +108,14 @@ def with_changes(
     lidar: bool | None = None,
     extras: Sequence[str] | None = None,
     signal: str | Mapping[str, Any] | None = None,
+    light: str | None = None,
 ) -> Campaign:
     """Return a copy whose runs have other values; None keeps those of the campaign.
 
     ``seed`` is the root of what is drawn, or the seed of every listed experiment.
     """
     changes = {"seconds": seconds, "cameras": cameras, "lidar": lidar, "extras": extras, "signal": signal}
+    changes["lights"] = light
     changes["seeds" if campaign.experiments else "seed"] = seed
     values: dict[str, Any] = {name: getattr(campaign, name) for name in campaign.model_fields_set}
     return _validated(values | {key: value for key, value in changes.items() if value is not None}, "")

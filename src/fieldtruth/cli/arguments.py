@@ -50,6 +50,7 @@ def changes(options: argparse.Namespace) -> dict[str, Any]:
         "cameras": False if options.no_cameras else None,
         "lidar": False if options.no_lidar else None,
         "extras": options.extras,
+        "light": options.light,
         "signal": None if options.signal is None else read_signal(options.signal),
     }
 

@@ -211,9 +211,15 @@ def add_commands(command: AddCommand) -> None:
     generate.add_argument("--no-cameras", action="store_true", help="without the stereo pair")
     generate.add_argument("--no-lidar", action="store_true", help="without the LiDAR")
     generate.add_argument(
-        "--extras", metavar="LIST", type=words, help="more images of each camera: depth, instances or depth,instances"
+        "--extras",
+        metavar="LIST",
+        type=words,
+        help="more images of each camera, separated by commas: depth, instances, normals, flow",
     )
-    generate.add_argument("--signal", metavar="SIGNAL", help="ideal, datasheet or FILE: readings as of real sensors")
+    generate.add_argument(
+        "--signal", metavar="SIGNAL", help="ideal, datasheet, robot or FILE: readings as of real sensors"
+    )
+    generate.add_argument("--light", metavar="NAME", help="preset of the light, such as overcast; see docs/light.md")
     generate.add_argument("--overwrite", action="store_true", help="discard an existing run in the output folder")
     campaigns.add_arguments(generate)
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from fieldtruth.cli.arguments import AddCommand, UsageError, add_workers, checked_layout, count, seed
+from fieldtruth.cli.arguments import AddCommand, UsageError, add_workers, checked_layout, count, number, seed
 from fieldtruth.cli.campaigns import warn_of_missing
 
 FAILED: Final = 1
@@ -31,6 +31,8 @@ def _export(options: argparse.Namespace) -> None:
             label_map=options.label_map,
             split=options.split,
             shard_mb=options.shard_mb,
+            boxes=options.boxes,
+            voxel_m=options.voxel,
             workers=options.workers,
             progress=progress,
         )
@@ -125,13 +127,15 @@ def add_commands(command: AddCommand) -> None:
         "--to",
         metavar="FORMAT",
         required=True,
-        help="files, zip, semantickitti, kitti, tum, mcap, coco, pcd, webdataset, huggingface, mmseg, slam-configs or "
-        "stereo-depth",
+        help="files, zip, semantickitti, kitti, kitti-object, tum, mcap, coco, occupancy, pcd, webdataset, "
+        "huggingface, mmseg, slam-configs or stereo-depth",
     )
     export.add_argument("--out", metavar="PATH", type=Path, help="output (beside the bag, named after it)")
     export.add_argument("--label-map", metavar="NAME", help="ontology: rellis, rugd, goose, goose9 or ganav6")
     export.add_argument("--split", metavar="NAME", help="of runs outside folders train, val and test (train)")
     export.add_argument("--shard-mb", metavar="N", type=count, help="largest file of many frames [MB] (500)")
+    export.add_argument("--boxes", action="store_true", help="of coco: boxes of whole objects in image and space")
+    export.add_argument("--voxel", metavar="M", type=number, help="of occupancy: edge length of a voxel [m] (0.1)")
     add_workers(export, "the output")
 
     annotate = command("annotate", _annotate, "Add labelled images to a bag from another simulator.")

@@ -18,7 +18,7 @@ from fieldtruth.core.errors import OutputError
 
 _SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
 _GREY, _RGB, _INDEXED = 0, 2, 3
-_COLOUR_TYPES: Final = {((), "u1"): _GREY, ((), "u2"): _GREY, ((3,), "u1"): _RGB}
+_COLOUR_TYPES: Final = {((), "u1"): _GREY, ((), "u2"): _GREY, ((3,), "u1"): _RGB, ((3,), "u2"): _RGB}
 """PNG colour type by the array's shape beyond (h, w) and its dtype."""
 _NONE, _SUB = 0, 1
 """PNG filters: bytes as they are, and differences to the same byte of the pixel on the left."""
@@ -30,7 +30,7 @@ def encode_png(image: NDArray[np.uint8] | NDArray[np.uint16], *, palette: NDArra
     """Encode an image as PNG.
 
     Args:
-        image: (h, w, 3) RGB of 8 bits, (h, w) grey of 8 or 16 bits, or (h, w) indices into the palette, of 8 bits.
+        image: (h, w, 3) RGB or (h, w) grey of 8 or 16 bits, or (h, w) indices into the palette, of 8 bits.
         palette: RGB colours (n, 3); up to 16 of them are stored with 4 bits per pixel.
 
     Raises:
@@ -41,7 +41,7 @@ def encode_png(image: NDArray[np.uint8] | NDArray[np.uint16], *, palette: NDArra
         raise OutputError(f"cannot encode an image of {width} x {height} pixels as PNG: it must have at least one")
     colour_type = _COLOUR_TYPES.get((image.shape[2:], image.dtype.str[1:]))
     if colour_type is None or (palette is not None and (image.ndim, image.itemsize) != (2, 1)):
-        raise ValueError(f"image must be (h, w, 3) u1, (h, w) u1 or (h, w) u2, got {image.shape} {image.dtype}")
+        raise ValueError(f"image must be (h, w, 3) or (h, w) of u1 or u2, got {image.shape} {image.dtype}")
     bits, colours = 8 * image.itemsize, b""
     if palette is None:
         rows = _filtered(image)

@@ -38,6 +38,10 @@ class Sample(TypedDict, total=False):
     """(h, w) [m] along the optical axis; infinite for the sky."""
     instance_mask: NDArray[np.int32]
     """(h, w) instance ids; 0 for sky and robot."""
+    normals: NDArray[np.float32]
+    """(3, h, w) unit normals of the surfaces, towards the camera, in its optical frame; 0 for the sky."""
+    flow: NDArray[np.float32]
+    """(2, h, w) [pixel] motion to the right and down to the camera's next image; NaN where that does not show it."""
     cloud: NDArray[np.float32]
     """(n, 3) x, y, z [m] of the returns in the LiDAR's frame; n varies."""
     labels: Counts
@@ -90,6 +94,14 @@ def _depth(message: Any, ids: Counts) -> NDArray[np.float32]:
 
 def _instance_mask(message: Any, ids: Counts) -> NDArray[np.int32]:
     return read.instances(message).astype(np.int32)
+
+
+def _normals(message: Any, ids: Counts) -> NDArray[np.float32]:
+    return np.ascontiguousarray(read.normals(message).transpose(2, 0, 1), np.float32)
+
+
+def _flow(message: Any, ids: Counts) -> NDArray[np.float32]:
+    return np.ascontiguousarray(read.flow(message).transpose(2, 0, 1), np.float32)
 
 
 def _cloud(message: Any, ids: Counts) -> NDArray[np.float32]:
@@ -150,6 +162,8 @@ ITEMS: Final[dict[str, Item]] = {
     "mask": Item("camera", "tag", _mask),
     "depth": Item("camera", "depth", _depth),
     "instance_mask": Item("camera", "instances", _instance_mask),
+    "normals": Item("camera", "normals", _normals),
+    "flow": Item("camera", "flow", _flow),
     "cloud": Item("lidar", "points", _cloud),
     "labels": Item("lidar", "points", _labels),
     "instances": Item("lidar", "points", _instances),

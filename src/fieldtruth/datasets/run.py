@@ -24,7 +24,7 @@ from fieldtruth.datasets.items import GEOMETRY, ITEMS, Sample, Sensor
 from fieldtruth.datasets.poses import Poses, pose_topic
 from fieldtruth.datasets.storage import Storage
 from fieldtruth.ontology.label_map import LabelMap, label_map_of
-from fieldtruth.sensors.camera.config import Imager
+from fieldtruth.sensors.camera.config import EXTRAS, Imager
 from fieldtruth.sensors.lidar.config import LidarConfig
 
 DEFAULT_ITEMS: Final = ("image", "mask")
@@ -258,7 +258,7 @@ def _first(storage: Storage, stream: Stream) -> Any:
 def _require(run: Run, topics: Sequence[str], camera: Imager | None) -> None:
     """Check that the bag has the topics; the error for optional ones shows how to record them."""
     for topic in topics:
-        for extra in ("depth", "instances"):
+        for extra in EXTRAS:
             if topic not in run.counts and camera is not None and topic == camera.topic_of(extra):
                 raise BagError(f"{run.bag} has no {topic}; `fieldtruth generate NAME --extras {extra}` records it")
     run.require(*topics)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.classes import Label
-from fieldtruth.world.model import Heightfield, Mesh, World
+from fieldtruth.world.model import LITTER, Heightfield, Mesh, World
 
 BEARING_SPACING: Final = 0.05
 """Greatest spacing [m] of the nodes in a world with stones."""
@@ -63,7 +63,7 @@ def bearing_field(world: World) -> Heightfield:
 
 def hard_surfaces(world: World) -> Iterator[HardSurface]:
     """Yield what is hard and has no collider inside the world: stones of swarms, and the feet of trunks."""
-    for swarm in world.swarms:
+    for swarm in (each for each in world.swarms if each.kind != LITTER):
         inside = (np.abs(swarm.world_from_object[:, :2, 3]) <= np.array(world.size) / 2).all(axis=1)
         for row, name in enumerate(swarm.meshes):
             faces = _faces_of(world, world.meshes[name], HARD)

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from fieldtruth.experiment.fields import Boolean, Frozen, Integer, Mount, Number, Positive
+from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.problems import LocatedError
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.weather_config import WeatherConfig
@@ -25,13 +26,6 @@ OneLine = Annotated[
     str,
     Field(max_length=200, pattern=r"^[^\r\n\x85\u2028\u2029]*$", description="a single line of at most 200 characters"),
 ]
-
-
-class LightConfig(Frozen):
-    """The sun: azimuth clockwise from north, elevation above the horizon [deg]. Default: a summer morning."""
-
-    sun_azimuth_deg: Annotated[Number, Field(ge=-360, le=360)] = 118.0
-    sun_elevation_deg: Annotated[Number, Field(ge=5, le=90)] = 41.0
 
 
 class ControlConfig(Frozen):
@@ -189,6 +183,8 @@ class Experiment(Frozen):
                 raise ValueError("frames exclude drive and seconds: frames.count says how many there are")
             if turning := [lidar.name for lidar in self.rig.lidars if lidar.spinning]:
                 raise ValueError(f"frames need spinning: false of {', '.join(turning)}, as the robot stands still")
+            if flowing := [camera.name for camera in self.rig.cameras if camera.flow]:
+                raise ValueError(f"frames need flow: false of {', '.join(flowing)}, as no frame follows another")
             return self
         if self.route is None and self.drive is None:
             raise ValueError(

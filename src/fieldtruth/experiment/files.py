@@ -15,17 +15,14 @@ from fieldtruth.experiment.catalogue import experiment_names, experiment_text
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.problems import configuration_error, shortened
 from fieldtruth.experiment.sensor_config import SensorConfig
-from fieldtruth.experiment.signal_config import DATASHEET, IDEAL, KEY, with_signal_files
+from fieldtruth.experiment.signal_config import KEY, WORDS, with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.yaml_io import parse_mapping, read_text, write_mapping
-from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.config import EXTRAS, CameraConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 
 VERSION_KEY: Final = "fieldtruth"
 """Key of the version that wrote a file; optional in files written by hand."""
-
-EXTRAS: Final = ("depth", "instances")
-"""Optional image streams of a camera, besides photograph and tag."""
 
 HEADER: Final = """\
 # The whole input of this data set: running it again gives the same bag.
@@ -95,6 +92,7 @@ def with_overrides(
     lidar: bool | None = None,
     extras: Sequence[str] | None = None,
     signal: str | Mapping[str, Any] | None = None,
+    light: str | None = None,
 ) -> Experiment:
     """Return a validated copy with other values; None keeps the experiment's value.
 
@@ -105,15 +103,18 @@ def with_overrides(
         cameras: whether the cameras are simulated.
         lidar: whether the LiDARs are simulated.
         extras: image streams of ``EXTRAS`` that cameras publish besides photograph and tag; the others are off.
-        signal: of every sensor whose kind has one: ``ideal``, ``datasheet``, or a mapping of names or kinds of sensors
-            to their ``signal``; see ``read_signal``.
+        signal: of every sensor whose kind has one: ``ideal``, ``datasheet``, ``robot``, or a mapping of names or
+            kinds of sensors to their ``signal``; see ``read_signal``.
+        light: preset that replaces all of ``light``.
 
     Raises:
         ConfigurationError: a value that is not allowed.
         UnknownNameError: an unknown extra.
     """
     values: dict[str, Any] = experiment.model_dump()
-    values |= {key: value for key, value in (("seconds", seconds), ("seed", seed)) if value is not None}
+    values |= {
+        key: value for key, value in (("seconds", seconds), ("seed", seed), ("light", light)) if value is not None
+    }
     rig = experiment.rig
     for config, enabled in ((CameraConfig, cameras), (LidarConfig, lidar)):
         if enabled is not None:
@@ -131,15 +132,15 @@ def with_overrides(
 
 
 def read_signal(given: str) -> str | dict[str, Any]:
-    """Return ``ideal``, ``datasheet``, or what a YAML file says: a mapping of names or kinds of sensors to ``signal``.
+    """Return one of the words of ``signal``, or a YAML file's mapping of names or kinds of sensors to ``signal``.
 
     Raises:
         ConfigurationError: none of them, or a file that cannot be read.
     """
-    if given in (IDEAL, DATASHEET):
+    if given in WORDS:
         return given
     if not _looks_like_path(given):
-        raise ConfigurationError(f"{KEY} must be {IDEAL}, {DATASHEET} or the path of a YAML file, got {given!r}")
+        raise ConfigurationError(f"{KEY} must be {', '.join(WORDS)} or the path of a YAML file, got {given!r}")
     return parse_mapping(read_text(Path(given)), given)
 
 

@@ -5,7 +5,7 @@
 from collections.abc import Iterator, Sequence
 from difflib import get_close_matches
 from types import NoneType, UnionType
-from typing import Annotated, Any, Final, NamedTuple, Union, get_args, get_origin
+from typing import Annotated, Any, Final, Literal, NamedTuple, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
@@ -160,6 +160,9 @@ def condition_at(model: type[BaseModel], loc: Sequence[int | str]) -> str:
         return info.description
     if models_of(annotation):
         return f"a mapping with the keys {', '.join(models_of(annotation)[0].model_fields)}"
+    if get_origin(annotation) is Literal:
+        *others, last = map(str, get_args(annotation))
+        return f"{', '.join(others)} or {last}" if others else last
     if get_origin(annotation) is tuple:
         items = get_args(annotation)
         return "a list with at least one item" if Ellipsis in items else f"a list of {len(items)} numbers"

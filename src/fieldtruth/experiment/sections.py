@@ -70,7 +70,7 @@ def _is_change(value: Any, known: Any) -> bool:
 
 
 _OWN: Final = ("kind", "name", "enabled", "topic", "frame", "forward", "mount", "sampling", "far", "depth", "instances",
-               "jpeg_quality", "tachometer_rate_hz")  # fmt: skip
+               "normals", "flow", "jpeg_quality", "tachometer_rate_hz")  # fmt: skip
 """What of a sensor no model says."""
 
 

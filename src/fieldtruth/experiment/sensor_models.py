@@ -57,3 +57,12 @@ def figures_of(kind: str, name: str) -> dict[str, Any]:
 def datasheet_of(kind: str, name: str) -> dict[str, Any]:
     """Values of the ``noise`` of a model by key; empty if it has none."""
     return {key: figure["value"] for key, figure in models(kind).get(name, {}).get("noise", {}).items()}
+
+
+@cache
+def preset_of(kind: str, name: str) -> dict[str, Any]:
+    """Values of a signal that is of no model, ``models/presets/KIND_NAME.yaml``, by key; empty without one."""
+    path = files("fieldtruth.experiment") / "models" / "presets" / f"{_FOLDERS.get(kind, kind)}_{name}.yaml"
+    if not path.is_file():
+        return {}
+    return {key: figure["value"] for key, figure in parse_mapping(path.read_text("utf-8"), path.name)["noise"].items()}

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a real sensor adds to ideal readings: ``signal: ideal``, ``datasheet``, a YAML file, or figures of one's own."""
+"""What a real sensor adds to ideal readings: a word, a YAML file, or figures of one's own."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,13 +9,18 @@ from typing import Any, Final
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.fields import Frozen
 from fieldtruth.experiment.problems import LocatedError, shortened
-from fieldtruth.experiment.sensor_models import datasheet_of
+from fieldtruth.experiment.sensor_models import datasheet_of, preset_of
 from fieldtruth.experiment.yaml_io import parse_mapping, read_text
 
 KEY: Final = "signal"
 IDEAL: Final = "ideal"
 DATASHEET: Final = "datasheet"
-FORMS: Final = "ideal, datasheet, the path of a YAML file, or a mapping"
+CLEAN: Final = "clean"
+"""Another word for ideal."""
+ROBOT: Final = "robot"
+"""The signal of photographs as robots take them; of sensors that are no cameras, that of the data sheet."""
+WORDS: Final = (IDEAL, DATASHEET, CLEAN, ROBOT)
+FORMS: Final = f"{', '.join(WORDS)}, the path of a YAML file, or a mapping"
 _ENDINGS: Final = (".yaml", ".yml")
 
 
@@ -34,9 +39,11 @@ def signal_values(given: Any, kind: str, model: str) -> Any:
     Raises:
         LocatedError: not one of the forms, or a file that cannot be read.
     """
-    if given is None or given == IDEAL:
+    if given is None or given in (IDEAL, CLEAN):
         return None
-    if given == DATASHEET:
+    if given == ROBOT and (preset := preset_of(kind, ROBOT)):
+        return preset
+    if given in (DATASHEET, ROBOT):
         if not model:
             raise LocatedError("must be ideal: this kind of sensor has no data sheet", [KEY])
         return datasheet_of(kind, model)

@@ -23,6 +23,7 @@ from fieldtruth.ontology.label_map import LabelMap, label_map_of
 from fieldtruth.record.folder import new_folder
 
 DEFAULT_SHARD_MB: Final = 500
+DEFAULT_VOXEL_M: Final = 0.1
 
 
 class Format(NamedTuple):
@@ -54,9 +55,11 @@ FORMATS: Final[dict[str, Format]] = {
         "semantickitti", "_semantickitti", "clouds with labels, poses, calibration", relabels=True, joins=True
     ),
     "kitti": Format("kitti", "_kitti", "KITTI odometry: images, clouds, poses, calibration", moves=True, joins=True),
+    "kitti-object": Format("kitti_object", "_kitti_object", "KITTI's object detection: boxes of all visible objects"),
     "tum": Format("tum", ".tum", "the true trajectory as a text file", moves=True),
     "mcap": Format("mcap", ".mcap", "ROS 2 messages (CDR), for ROS 2 and Foxglove", library="mcap"),
     "coco": Format("coco", "_coco", "COCO panoptic and detection JSON with images", relabels=True),
+    "occupancy": Format("occupancy", "_occupancy.npz", "the world's surfaces as voxels with classes"),
     "pcd": Format("pcd", "_pcd", "a PCD file per cloud with labels and colours", relabels=True),
     "webdataset": Format(
         "webdataset",
@@ -106,6 +109,10 @@ class Options(NamedTuple):
     """The runs with split and name, of a format that publishes."""
     shard_bytes: int = DEFAULT_SHARD_MB * 10**6
     """Size of a file that holds many frames; it is smaller than this, unless one frame is larger."""
+    boxes: bool = False
+    """Whether annotations have boxes of whole objects, for which the world is built again."""
+    voxel_m: float = DEFAULT_VOXEL_M
+    """Edge length [m] of the voxels of a format that has voxels."""
 
 
 def export(
@@ -116,6 +123,8 @@ def export(
     label_map: str | None = None,
     split: str | None = None,
     shard_mb: int | None = None,
+    boxes: bool = False,
+    voxel_m: float | None = None,
     workers: int | None = None,
     progress: Progress | None = None,
 ) -> Path:
@@ -128,6 +137,8 @@ def export(
         label_map: ontology of the labels; None keeps fieldtruth's classes.
         split: train, val or test, of a format that publishes: for runs that are not in a folder of such a name.
         shard_mb: largest size [MB] of a file that holds many frames, of a format that publishes.
+        boxes: add boxes of whole objects to the annotations of ``coco``.
+        voxel_m: edge length [m] of the voxels of ``occupancy``, by default 0.1.
         workers: threads; None uses all available cores. The output does not depend on it.
         progress: receives the progress.
 
@@ -144,6 +155,9 @@ def export(
     if not FORMATS[to].publishes and (split is not None or shard_mb is not None):
         able = ", ".join(name for name, row in FORMATS.items() if row.publishes)
         raise OutputError(f"format {to!r} has neither splits nor shards; formats that have: {able}")
+    for key, given, only in (("boxes", boxes, "coco"), ("voxel_m", voxel_m is not None, "occupancy")):
+        if given and to != only:
+            raise OutputError(f"format {to!r} has no {key}; the format that has: {only}")
     paths = [Path(path)] if isinstance(path, Path | str) else [Path(each) for each in path]
     chosen = None if label_map is None else _label_map_for(to, label_map)
     members = find_members(paths, split or "train") if FORMATS[to].publishes else []
@@ -154,6 +168,8 @@ def export(
         Silent() if progress is None else progress,
         members,
         (DEFAULT_SHARD_MB if shard_mb is None else shard_mb) * 10**6,
+        boxes,
+        DEFAULT_VOXEL_M if voxel_m is None else voxel_m,
     )
     target = _default_output(to, paths[0], runs[0]) if out is None else Path(out)
     _write(to, runs, target, options)

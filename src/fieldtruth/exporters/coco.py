@@ -27,6 +27,7 @@ from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import ids_png
 from fieldtruth.core.progress import timed
 from fieldtruth.exporters import Options
+from fieldtruth.exporters.coco_boxes import CocoBoxes
 from fieldtruth.exporters.coco_json import Picture, coco_files
 from fieldtruth.exporters.coco_segments import Numbering, categories_of, segments_of
 from fieldtruth.exporters.frames import checked_jpeg
@@ -62,6 +63,7 @@ class _Source(NamedTuple):
     trajectory: Trajectory
     numbering: Numbering
     decode: Decoder
+    boxes: CocoBoxes | None
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
@@ -80,8 +82,10 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     with open_bag(run.bag, true_stamps=run.clocked) as bag, options.progress.stage("images", run.duration_s) as advance:
         names, _ = read_objects(run)
         numbering = Numbering(categories, options.label_map, names)
-        source = _Source(_cameras(run, imagers), read_trajectory(run), numbering, decoder(bag))
-        with coco_files(run, target, options.label_map, categories, names) as files:
+        boxes = CocoBoxes(run, options.label_map, names) if options.boxes else None
+        source = _Source(_cameras(run, imagers), read_trajectory(run), numbering, decoder(bag), boxes)
+        about = {} if boxes is None else boxes.objects()
+        with coco_files(run, target, options.label_map, categories, names, about) as files:
             pictures = in_order(_frames_of(bag, imagers), partial(_write_frame, target, source), options.workers)
             for picture in timed(pictures, advance, run.start_ns):
                 files.add(picture)
@@ -166,7 +170,9 @@ def _write_frame(target: Path, source: _Source, frame: Frame) -> Picture:
         **camera.about,
         "world_from_camera": world_from_optical.tolist(),
     }
-    return Picture(frame.stamp_ns, row, f"{name}.png", segments_of(ids))
+    segments = segments_of(ids)
+    boxes = {} if source.boxes is None else source.boxes.of(frame.camera, segments, world_from_optical)
+    return Picture(frame.stamp_ns, row, f"{name}.png", segments, boxes)
 
 
 def _cameras(run: Run, imagers: Sequence[Imager]) -> dict[str, Camera]:

@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Iterator, Mapping, Sequence, Set
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final, NamedTuple, TextIO
 
 import fieldtruth
@@ -26,6 +27,8 @@ class Picture(NamedTuple):
     panoptic: str
     """File name of its panoptic PNG."""
     segments: list[Segment]
+    boxes: Mapping[int, dict[str, Any]] = MappingProxyType({})
+    """Further keys of the annotations, by id of the segment."""
 
 
 class _Rows:
@@ -67,7 +70,7 @@ class CocoFiles:
                 "bbox": segment.bbox,
                 "iscrowd": int(countable and not object_id),
                 "object_id": object_id,
-            }
+            } | picture.boxes.get(segment.id, {})
             segments.append({"id": segment.id} | known)
             if countable:
                 self._annotation_count += 1
@@ -78,12 +81,20 @@ class CocoFiles:
 
 @contextmanager
 def coco_files(
-    run: Run, folder: Path, label_map: LabelMap | None, categories: Sequence[Category], names: Sequence[str]
+    run: Run,
+    folder: Path,
+    label_map: LabelMap | None,
+    categories: Sequence[Category],
+    names: Sequence[str],
+    about: Mapping[int, Mapping[str, Any]] = MappingProxyType({}),
 ) -> Iterator[CocoFiles]:
-    """Open both files; they are complete when the context ends. ``names`` are those of the objects, by instance id."""
+    """Open both files; they are complete when the context ends. ``names`` are those of the objects, by instance id.
+
+    ``about`` has further keys of objects by instance id.
+    """
     rows = folder / "images.part"
     head = _head(run, label_map)
-    objects = [{"id": number, "name": name} for number, name in enumerate(names)]
+    objects = [{"id": number, "name": name, **about.get(number, {})} for number, name in enumerate(names)]
     countable = [category for category in categories if category.isthing]
     with ExitStack() as stack:
         stack.callback(rows.unlink, missing_ok=True)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.decode import depth, image, instances, labels, reading_stamp, stamp_ns
+from fieldtruth.bag.decode import depth, flow, image, instances, labels, normals, reading_stamp, stamp_ns
 from fieldtruth.bag.model_states import read_objects
 from fieldtruth.bag.reader import BagError, BagReader, RawMessage, decoder, open_bag
 from fieldtruth.bag.run import Run
@@ -37,6 +37,7 @@ from fieldtruth.exporters.files_text import (
     points_csv,
     text_files,
 )
+from fieldtruth.exporters.geometry_files import flow_flo, flow_png, normals_png
 from fieldtruth.exporters.sequences import returns
 from fieldtruth.ontology.label_map import LabelMap
 
@@ -170,6 +171,8 @@ def _encoders(run: Run, label_map: LabelMap | None) -> Mapping[str, _Encoder]:
             imager.topic_of("tag"): partial(_tag, name, label_map),
             imager.topic_of("depth"): partial(_depth, name),
             imager.topic_of("instances"): partial(_instances, name),
+            imager.topic_of("normals"): partial(_normals, name),
+            imager.topic_of("flow"): partial(_flow, name),
         }
     named = {topic: partial(_with_context, run, topic, make) for topic, make in images.items()}
     return named | {lidar.topic: partial(_cloud, run, lidar.name, label_map) for lidar in run.rig.lidars}
@@ -206,6 +209,15 @@ def _depth(name: str, message: Any) -> _Encoded:
 
 def _instances(name: str, message: Any) -> _Encoded:
     return _Encoded({f"instances_{name}": ids_png(instances(message))})
+
+
+def _normals(name: str, message: Any) -> _Encoded:
+    return _Encoded({f"normals_{name}": normals_png(normals(message))})
+
+
+def _flow(name: str, message: Any) -> _Encoded:
+    pixels = flow(message)
+    return _Encoded({f"flow_{name}": flow_png(pixels), f"flow_{name}_raw": flow_flo(pixels)})
 
 
 def _cloud(run: Run, name: str, label_map: LabelMap | None, message: Any) -> _Encoded:

@@ -68,6 +68,24 @@ def _image_folders(imager: Imager, label_map: LabelMap | None) -> Iterator[Folde
         f"instances_{name}",
         "instance id of each pixel, grey, 16 bits (beyond id 65,535: R + 256 G + 65536 B); 0: no object",
     )
+    yield folder(
+        "normals",
+        f"normals_{name}",
+        "unit normals towards the camera in its optical frame (x right, y down, z forward), RGB, 16 bits: "
+        "(sample - 32768) / 32767; 0 0 0: sky",
+    )
+    yield folder(
+        "flow",
+        f"flow_{name}",
+        "optical flow to the next image in pixels, KITTI's RGB, 16 bits: to the right (R - 32768) / 64, down likewise "
+        "of G; B = 0: outside the next image, hidden there, or 512 pixels or more",
+    )
+    yield folder(
+        "flow",
+        f"flow_{name}_raw",
+        "optical flow as in the bag, Middlebury's .flo, float32: above 1e9 where it is not known",
+        ".flo",
+    )
 
 
 def _cloud_folders(lidar: LidarConfig, label_map: LabelMap | None) -> Iterator[Folder]:

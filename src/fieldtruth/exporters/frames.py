@@ -25,11 +25,9 @@ from fieldtruth.datasets.association import Stream, matched, read_streams
 from fieldtruth.datasets.storage import Storage
 from fieldtruth.exporters.sequences import returns
 from fieldtruth.ontology.label_map import LabelMap
-from fieldtruth.sensors.camera.config import Imager
+from fieldtruth.sensors.camera.config import EXTRAS, Imager
 from fieldtruth.sensors.lidar.config import LidarConfig
 
-EXTRAS: Final = ("depth", "instances")
-"""Images that a camera may have beside photographs and labels."""
 LIDAR: Final = "lidar"
 """Name of the LiDAR whose entries are not named after it: the paper's."""
 
@@ -42,7 +40,8 @@ class View(NamedTuple):
     mask: NDArray[np.uint8]
     """(h, w) class ids."""
     extras: dict[str, NDArray[Any]]
-    """``depth`` (h, w) float32 [m] along the optical axis, infinite in the sky, and ``instances`` (h, w) ids."""
+    """``depth`` (h, w) float32 [m] along the optical axis, infinite in the sky, ``instances`` (h, w) ids,
+    ``normals`` (h, w, 3) float32 and ``flow`` (h, w, 2) float32 [pixel]."""
 
 
 class Frame(NamedTuple):

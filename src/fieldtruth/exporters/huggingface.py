@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fieldtruth.bag.calibration import first_message
 from fieldtruth.bag.decode import MEASURED
@@ -52,6 +53,16 @@ _EXTRA_COLUMNS: Final = {
         "instances",
         "image",
         "instance id of each pixel, PNG, grey, 16 bits (beyond id 65,535: R + 256 G + 65536 B); 0: sky, robot",
+    ),
+    "normals": Column(
+        "normals",
+        "float32[]",
+        "unit normals (h, w, 3) towards the camera in its optical frame, row by row; 0 in the sky",
+    ),
+    "flow": Column(
+        "flow",
+        "float32[]",
+        "optical flow (h, w, 2) [pixel] to the camera's next image, row by row; NaN: not seen there",
     ),
 }
 _CLOUD_COLUMNS: Final = (
@@ -114,7 +125,7 @@ def class_names(labels: LabelMap) -> list[str]:
 
 
 def _image_columns(members: Sequence[Member]) -> tuple[Column, ...]:
-    """Columns of the images: depth and instance ids, if any run has them; nothing without photographs."""
+    """Columns of the images: those of ``EXTRAS``, if any run has them; nothing without photographs."""
     views = [(member.run, v) for member in members for views in cameras_of(member.run).values() for v in views]
     found = [
         column
@@ -185,8 +196,13 @@ def _image_rows(member: Member, frame: Frame) -> list[tuple[dict[str, Any], int]
         row: dict[str, Any] = {key: {"bytes": data, "path": name + end} for key, (data, end) in images.items()}
         row |= {"classes": np.unique(view.mask).tolist(), "run": member.name, "camera": camera}
         row |= {"stamp_ns": frame.stamp_ns} | _flat(about, "K", "world_from_camera", "base_from_camera", "D")
+        flat: dict[str, NDArray[Any]] = {
+            key: view.extras[key].ravel() for key in ("normals", "flow") if key in view.extras
+        }
+        row |= flat
         row["distortion_model"] = about.get("distortion_model")
-        rows.append((row, sum(len(data) for data, _ in images.values())))
+        size = sum(len(data) for data, _ in images.values()) + sum(values.nbytes for values in flat.values())
+        rows.append((row, size))
     return rows
 
 

@@ -3,6 +3,7 @@
 """Images of the ground: its materials mixed as in photographs, in one image per tile."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -13,6 +14,7 @@ from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.interchange.ground import GroundTile
 from fieldtruth.interchange.images import encode_image
 from fieldtruth.render.atlas import LEVELS, srgb_from_linear
+from fieldtruth.render.ground_points import patch_offsets
 from fieldtruth.render.materials import material_table
 from fieldtruth.render.tables import MaterialTable
 from fieldtruth.world.model import Raster, World
@@ -68,14 +70,18 @@ def _albedo(world: World, table: MaterialTable, x: Array, y: Array, pixels_per_m
     border = np.where(trail > -table.border_width, table.border, table.trail)
     row = np.where(trail < 0, border, grain[np.ix_(i, j)].T)
     mixed = Raster(values=table.ground[..., :3], spacing=1 / table.per_metre_rgb, x0=x0, y0=y0)
+    wear = replace(mixed, values=table.ground[..., 4])
     linear = np.empty((*x.shape, 3), np.float32)
     code = 2 * row + (trail < 0)
     for found in np.unique(code).tolist():
         (material, on_trail), here = divmod(found, 2), code == found
         texture, repeat = int(table.texture[material]), float(table.repeat[material])
-        texels = _sampled(table, texture, x[here] / repeat, y[here] / repeat, repeat * pixels_per_metre)
+        shift = np.empty((np.count_nonzero(here), 2), np.float32)
+        patch_offsets(x[here].astype(np.float32), y[here].astype(np.float32), table.patch[material], shift)
+        u, v = x[here] / repeat + shift[:, 0], y[here] / repeat + shift[:, 1]
+        texels = _sampled(table, texture, u, v, repeat * pixels_per_metre)
         if on_trail:
-            linear[here] = texels * table.tint[material]
+            linear[here] = texels * table.tint[material] * wear.at(x[here], y[here])[:, None]
         else:
             linear[here] = texels * (mixed.at(x[here], y[here]) / np.maximum(table.atlas.mean[texture], 1e-6))
     return linear

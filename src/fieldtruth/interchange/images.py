@@ -24,7 +24,7 @@ def material_image(world: World, material: str) -> NDArray[np.uint8]:
 
 
 def tinted(texture: NDArray[np.uint8], tint: Sequence[float]) -> NDArray[np.uint8]:
-    """Multiply an image (n, n, 3) sRGB by a linear tint (3,); the result is at most white."""
+    """Multiply the colours (n, n, 3) sRGB of an image by a linear tint (3,); the result is at most white."""
     linear = linear_from_srgb(np.arange(256) / 255.0)[:, None] * np.array(tint)
     table = np.rint(srgb_from_linear(linear) * 255.0).astype(np.uint8)
     return np.stack([table[texture[..., k], k] for k in range(3)], axis=-1)

@@ -17,8 +17,10 @@ from fieldtruth.world.model import Material, Mesh
 
 BREAST_HEIGHT: Final = 1.3
 """Height above the ground [m] at which the diameter of a trunk is measured, as foresters do."""
-TRUNK_WITHIN: Final = 0.5
-"""Distance [m] from a tree's position within which a section of wood belongs to the trunk and not to a branch."""
+TRUNK_WITHIN: Final = 0.8
+"""Distance [m] from a tree's position within which a section of wood belongs to the trunk and not to a branch.
+
+The middle of a crooked oak's trunk is up to 0.7 m aside at breast height."""
 
 
 @dataclass(frozen=True, kw_only=True)

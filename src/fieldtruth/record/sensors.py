@@ -4,7 +4,7 @@
 
 from collections.abc import Callable
 
-from fieldtruth.experiment.config import LightConfig
+from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import visible_parts
 from fieldtruth.experiment.weather_config import WeatherConfig

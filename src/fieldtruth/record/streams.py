@@ -19,6 +19,7 @@ from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import MountedConfig, SensorConfig
 from fieldtruth.record.clocks import clock_of
 from fieldtruth.record.stream import PoseAt, Sensors, Stream
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.stream import imager_stream
 from fieldtruth.sensors.gnss.stream import gnss_streams
 from fieldtruth.sensors.imu.stream import imu_streams
@@ -39,12 +40,16 @@ def streams_of(world: World, track: Track, rig: Rig, *, latched: bool = False) -
             return poses_at(track.swept, stamp_ns)
         return state_at(track.swept, stamp_ns).world_from_base
 
+    def camera_stream(config: CameraConfig) -> Callable[..., Stream]:
+        kept = clock_of(config, stamps_at(config.rate_hz), world.seed).kept
+        return partial(imager_stream, stands=track.is_frames, kept=kept)
+
     streams = _truth(world, track, rig, stamps_at(topics.POSE_RATE), latched=latched)
     if not track.is_frames:
         streams += _measured(track, rig, world.seed)
     seeing: list[tuple[Any, SensorConfig, Callable[..., Stream]]] = [
         *((each, each, lidar_stream) for each in rig.lidars),
-        *((each, each.config, partial(imager_stream, stands=track.is_frames)) for each in rig.imagers),
+        *((each, each.config, camera_stream(each.config)) for each in rig.imagers),
         *((each, each, scene_stream) for each in rig.scene_sensors),
     ]
     for each, config, make in seeing:

@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Weather in photographs: light towards the camera is scattered out of the ray, and light of the air into it.
+"""Air in photographs: light towards the camera is scattered out of the ray, and light of the air into it.
 
-Along a distance d the radiance L becomes L exp(-alpha d) + A (1 - exp(-alpha d)) (Koschmieder 1924), in addition to
-the haze of clear air, in which a black object is visible for 5.4 km. A is as bright as the horizon and has the colour
-of all light from above, as drops scatter all colours alike. What the sun loses above the ground comes from all sides.
+Along a path of optical depth tau the radiance L becomes L exp(-tau) + A (1 - exp(-tau)) (Koschmieder 1924). In clear
+air A is the radiance of the sky at the horizon in the same azimuth: bright and yellow towards the sun, as aerosol
+scatters forwards, and bluish away from it. Weather takes the light of the sun and returns it from all sides, so that A
+is the same in every azimuth and has the colour of all light from above, as drops scatter all colours alike.
 """
 
 from typing import Final
@@ -13,48 +14,142 @@ import numpy as np
 
 from fieldtruth.core.arrays import Float32Array
 from fieldtruth.experiment.weather_config import WeatherConfig
-from fieldtruth.render.tables import EXPOSURE, HAZE_PER_METRE, LightTable, Shading
-from fieldtruth.sense.air import extinction
-from fieldtruth.sense.kernel import light_kernel
+from fieldtruth.render.sky.dome import sky_radiance
+from fieldtruth.render.tables import EXPOSURE, AirTable, LightTable, Shading
+from fieldtruth.sense.air import clear_extinction, extinction, fog_extinction, fog_length
+from fieldtruth.sense.kernel import inlined, light_kernel
 from fieldtruth.sense.ray_batch import RayBatch
 
 WAVELENGTHS_NM: Final = (610.0, 550.0, 465.0)
 """Of red, green and blue: where the matching functions of sRGB's primaries are greatest, about."""
 LAYER: Final = 1000.0
 """[m] up to which the weather reaches: a ray to the sky at elevation e is in it for LAYER / sin(e)."""
+AZIMUTHS: Final = 64
+_ELEVATIONS: Final = np.radians([0.5, 1.0, 1.5, 2.0])
+_SPREAD_DEG: Final = 12.0
+"""Over which A is the mean of the horizon on both sides, so that no cloud stands in the air."""
 
 
-def air_of(weather: WeatherConfig | None) -> Float32Array:
-    """Extinction coefficients (3,) [1/m] of the weather for red, green and blue, beyond that of clear air."""
-    if weather is None or weather.is_clear:
-        return np.zeros(3, np.float32)
-    fog = 0.0 if weather.fog_visibility_m is None else HAZE_PER_METRE  # a visibility is that of all the air
-    return np.array([extinction(weather, each) - fog for each in WAVELENGTHS_NM], np.float32).clip(0.0)
+@inlined
+def azimuth_of(x: float, y: float) -> float:
+    """Azimuth of a direction on a scale from 0 to 4 that needs no arc tangent: the four quarters of |x| + |y| = 1."""
+    along = y / (abs(x) + abs(y) + np.float32(1e-9))
+    if x < np.float32(0.0):
+        return np.float32(2.0) - along  # type: ignore[return-value]
+    return along if along >= np.float32(0.0) else np.float32(4.0) + along  # type: ignore[return-value]
 
 
-def light_in(air: Float32Array, light: LightTable) -> LightTable:
-    """Return the light in weather: less sun, as much more of the sky, and the light of the air as horizon."""
+def air_of(weather: WeatherConfig | None, light: LightTable, heights: Float32Array) -> AirTable:
+    """Return the air of some weather, None for clear, above ground of some heights [m]; ``light`` is of clear air."""
+    weather = WeatherConfig() if weather is None else weather
+    clear = _channels([clear_extinction(weather.visibility_m, each) for each in WAVELENGTHS_NM])
+    every = _channels([extinction(weather, each) for each in WAVELENGTHS_NM])
+    fog = np.zeros(3, np.float32)
+    if weather.fog_visibility_m is not None:  # a visibility is that of all the air
+        fog = _channels([fog_extinction(weather.fog_visibility_m, each) for each in WAVELENGTHS_NM])
+        every, fog = every - np.minimum(fog, clear), (fog - clear).clip(0.0)
+    thins = weather.fog_height_m is not None
+    air = AirTable(
+        clear=clear,
+        even=every - fog if thins else every,
+        fog=fog if thins else np.zeros_like(fog),
+        fog_scale=np.float32(weather.fog_height_m or 0.0),
+        ground=np.float32(heights.min()),
+        light=np.zeros((AZIMUTHS + 1, 3), np.float32),
+        has_weather=bool(every.max() > 0.0),
+    )
+    return air._replace(light=_air_light(air, light, float(heights.mean())))
+
+
+def light_in(air: AirTable, light: LightTable, height: float) -> LightTable:
+    """Return the light in weather on ground of a ``height`` [m]: less of the sun, as much more of the sky."""
+    if not air.has_weather:
+        return light
     high = float(light.sun[2])
-    left = np.exp(-air * np.float32(LAYER / high))
-    mean = light.dome.mean + (1 - left) * light.sun_rgb * np.float32(high / np.pi)
+    left = _sun_left(air, high, height)
+    mean = light.dome.mean + (1 - left) * light.sun_rgb * np.float32(max(high, 0.0) / np.pi)
     horizon = light.dome.horizon.mean() * mean / mean.mean()
-    dome = light.dome._replace(mean=mean, horizon=horizon)
-    return light._replace(sun_rgb=light.sun_rgb * left, dome=dome)
+    return light._replace(sun_rgb=light.sun_rgb * left, dome=light.dome._replace(mean=mean, horizon=horizon))
+
+
+def _channels(values: list[float]) -> Float32Array:
+    return np.array(values, np.float32)
+
+
+def _sun_left(air: AirTable, high: float, height: float) -> Float32Array:
+    """Share of the sun (3,), the sine of whose elevation is ``high``, on ground of a height."""
+    length = LAYER / max(high, 0.05)
+    fog = fog_length(height - float(air.ground), LAYER, length, float(air.fog_scale))
+    return np.asarray(np.exp(-air.even * np.float32(length) - air.fog * np.float32(fog)), np.float32)
+
+
+def _air_light(air: AirTable, light: LightTable, height: float) -> Float32Array:
+    """Radiance A by azimuth: the horizon's as far as the sun is seen, else its mean with the colour of all light."""
+    scale = np.arange(AZIMUTHS + 1) * 4.0 / AZIMUTHS
+    quarter, along = scale // 1 % 4, scale % 1
+    corner = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0], [1.0, 0.0]])
+    start, end = corner[quarter.astype(int)], corner[quarter.astype(int) + 1]
+    x, y = (start + along[:, None] * (end - start)).T
+    azimuth = np.arctan2(y, x)[:, None, None] + np.radians(np.linspace(-_SPREAD_DEG, _SPREAD_DEG, 9))[:, None]
+    towards = np.cos(azimuth) * np.cos(_ELEVATIONS), np.sin(azimuth) * np.cos(_ELEVATIONS)
+    z = np.broadcast_to(np.sin(_ELEVATIONS), towards[0].shape)
+    found = [sky_radiance(light.dome.rgb, *each) for each in zip(towards[0].flat, towards[1].flat, z.flat, strict=True)]
+    horizon: Float32Array = np.array(found, np.float32).reshape(*z.shape, 3).mean(axis=(1, 2))
+    if not air.has_weather:
+        return horizon
+    seen = float(_sun_left(air, float(light.sun[2]), height).mean())
+    return np.asarray(seen * horizon + (1 - seen) * light_in(air, light, height).dome.horizon, np.float32)
 
 
 @light_kernel
 def dim(shading: Shading, batch: RayBatch, count: int, colour: Float32Array) -> None:
     """Change the exposed colours (n, 3) of traced rays as the air does; those for which the lens has no ray stay."""
-    top, direction, distance = batch.top, batch.direction, batch.distance
-    horizon, air = shading.light.dome.horizon, shading.air
-    scale = np.float32(EXPOSURE) * np.sqrt(shading.exposure)  # as of haze: less is scattered where less falls
+    top, direction, distance, air, one = batch.top, batch.direction, batch.distance, shading.air, np.float32(1.0)
+    scale = np.float32(EXPOSURE)  # as much less is scattered as falls, whatever the exposure
+    half, sixth, thin = np.float32(0.5), np.float32(1.0 / 6.0), np.float32(0.1)
+    unseen = np.float32(1e-3)  # a depth that changes no byte by more than one
+    per_azimuth = np.float32(AZIMUTHS / 4)
     for k in range(count):
-        length = distance[k]
+        dx, dy, dz = direction[0, k], direction[1, k], direction[2, k]
+        length, clear = distance[k], one
         if top[k] < 0:
-            dx, dy, dz = direction[0, k], direction[1, k], direction[2, k]
-            if dx * dx + dy * dy + dz * dz < np.float32(0.5):
+            if not air.has_weather or dx * dx + dy * dy + dz * dz < np.float32(0.5):
                 continue
-            length = np.float32(LAYER) / max(dz, np.float32(1e-4))
+            length, clear = np.float32(LAYER) / max(dz, np.float32(1e-4)), np.float32(0.0)
+        elif not air.has_weather and air.clear[2] * length < unseen:
+            continue
+        thick = np.float32(0.0)
+        if air.fog_scale > np.float32(0.0):
+            above = batch.point[2, k] - distance[k] * dz - air.ground
+            thick = np.float32(fog_length(above, max(length * dz, -above), length, air.fog_scale))  # type: ignore[arg-type]
+        at = azimuth_of(dx, dy) * per_azimuth
+        row = min(int(at), AZIMUTHS - 1)
+        share = at - np.float32(row)
         for channel in range(3):
-            left = np.exp(-air[channel] * length)
-            colour[k, channel] = left * colour[k, channel] + (np.float32(1.0) - left) * scale * horizon[channel]
+            depth = (clear * air.clear[channel] + air.even[channel]) * length + air.fog[channel] * thick
+            # 1 - exp(-depth): where that is little, by its first terms.
+            taken = depth * (one - depth * (half - depth * sixth)) if depth < thin else one - np.exp(-depth)
+            glow = air.light[row, channel] + share * (air.light[row + 1, channel] - air.light[row, channel])
+            colour[k, channel] += taken * (scale * glow - colour[k, channel])
+
+
+@inlined
+def air_along(
+    air: AirTable,
+    ray: tuple[float, float, float],
+    start: float,
+    distance: float,
+    left: Float32Array,
+    glow: Float32Array,
+) -> None:
+    """Share ``left`` (3,) of light after a distance from a height ``start`` [m] along a ray, and the air's light."""
+    thick = 0.0
+    if air.fog_scale > 0.0:
+        above = start - float(air.ground)
+        thick = fog_length(above, max(distance * ray[2], -above), distance, float(air.fog_scale))
+    at = azimuth_of(ray[0], ray[1]) * (AZIMUTHS / 4)
+    row = min(int(at), AZIMUTHS - 1)
+    for channel in range(3):
+        depth = (air.clear[channel] + air.even[channel]) * distance + air.fog[channel] * thick
+        left[channel] = np.exp(-depth)
+        glow[channel] = air.light[row, channel] + (at - row) * (air.light[row + 1, channel] - air.light[row, channel])

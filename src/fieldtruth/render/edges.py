@@ -62,7 +62,7 @@ def _apart(instance: NDArray[np.uint32], depth: Float32Array, v: int, u: int, ro
 
 @kernel
 def _mark_edges(linear: Float32Array, labels: LabelBuffers, marked: Mask) -> None:
-    _, instance, depth = labels
+    instance, depth = labels.instance, labels.depth
     height, width = instance.shape
     bright, white = np.empty((2, width), np.float32), np.float32(1.0)
     marked[:] = False

@@ -11,16 +11,20 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.core.arrays import Float32Array
-from fieldtruth.render.atlas import sample
-from fieldtruth.render.tables import Shading
+from fieldtruth.render.atlas import Atlas, sample_lit
+from fieldtruth.render.ground_points import Relief, Texels, Vector, ground_texels
+from fieldtruth.render.probes import READ, among, read_lowest
+from fieldtruth.render.relief_views import view_terms
+from fieldtruth.render.tables import LightTable, Shading
 from fieldtruth.sense.hits import TERRAIN, Grid
 from fieldtruth.sense.kernel import inlined, kernel, light_kernel
 from fieldtruth.sense.packets import IntArray
 from fieldtruth.sense.ray_batch import RayBatch
 
-RED, GREEN, BLUE, NX, NY, NZ, SKY, SUN, TRANSLUCENCY, GLOSS, MIRROR = range(11)
-"""Columns: linear albedo, unit normal, share of open sky, share of the sun, translucency, gloss, mirror."""
-FIELDS: Final = 11
+RED, GREEN, BLUE, NX, NY, NZ, SUN, GLOSS, MIRROR, LIGHT = range(10)
+"""Columns: linear albedo, unit normal, share of the sun, gloss, mirror, and three of light: irradiance over pi from
+sky and surroundings, with what a leaf lets through of all light from behind it, relative to its albedo."""
+FIELDS: Final = 12
 TRACE_SUN: Final = -1.0
 """Value of SUN that requests a shadow ray; other values are the known share of the sun."""
 
@@ -28,8 +32,8 @@ _Corners = tuple[np.float32, np.float32, np.float32, np.float32]
 _PER_PIT = np.float32(1.0 / 0.04)
 """Per radius [m] of a pit. From the middle of the bottom of a round pit, the share 1 / (1 + (depth / radius)^2) of the
 sky's light is seen (the form factor of a disc above a point)."""
-AIR_MIN: Final = np.float32(0.06)
-"""Share of the sky's light that interreflection between leaves and soil brings everywhere."""
+PUDDLE: Final = np.float32(0.004)
+"""Depth [m] below the ground's mean height at which water stands on soaked trails; twice as much on drier ones."""
 
 
 @inlined
@@ -99,14 +103,18 @@ def _slope(surface: Grid, x: np.float32, y: np.float32, step: np.float32) -> tup
 
 
 @inlined
-def _mean_height(ground: Float32Array, u: np.float32, v: np.float32) -> np.float32:
-    """Height [m] of the ground without its relief at node u, v."""
-    zero, one, end = np.float32(0.0), np.float32(1.0), np.float32(1.001)
+def _mean_height(ground: Float32Array, u: np.float32, v: np.float32) -> tuple[np.float32, np.float32, np.float32]:
+    """Height [m] of the ground without its relief at node u, v, and its rise per node along both axes."""
+    zero, end, one = np.float32(0.0), np.float32(1.001), np.uintp(1)
     u = min(max(u, zero), np.float32(ground.shape[0]) - end)
     v = min(max(v, zero), np.float32(ground.shape[1]) - end)
-    i, j = int(u), int(v)
-    fu, fv = u - np.float32(i), v - np.float32(j)
-    return _bilinear(ground, i, j, 3, ((one - fu) * (one - fv), (one - fu) * fv, fu * (one - fv), fu * fv))
+    row, column = int(u), int(v)
+    fu, fv = u - np.float32(row), v - np.float32(column)
+    i, j = np.uintp(row), np.uintp(column)
+    h00, h01, h10, h11 = ground[i, j, 3], ground[i, j + one, 3], ground[i + one, j, 3], ground[i + one, j + one, 3]
+    along_u = (h10 - h00) + ((h11 - h01) - (h10 - h00)) * fv
+    along_v = (h01 - h00) + ((h11 - h10) - (h01 - h00)) * fu
+    return h00 + (h10 - h00) * fu + along_v * fv, along_u, along_v
 
 
 @kernel
@@ -122,60 +130,125 @@ def hits_on(top: IntArray, count: int, on_terrain: bool, rows: IntArray) -> int:
 @light_kernel
 def terrain_gbuffer(shading: Shading, batch: RayBatch, count: int, pixel: float, out: Float32Array) -> None:
     """Fill rows of ``out`` (n, FIELDS) for hits on the terrain; ``pixel`` is the angle [rad] of one pixel."""
-    rows, footprint = np.empty(count, np.int32), np.empty(count, np.float32)
+    rows, descent, hollow = np.empty(count, np.int32), np.empty(count, np.float32), np.empty(count, np.float32)
     found = hits_on(batch.top, count, True, rows)
-    _terrain_normals(shading.materials.surface, batch, rows, found, np.float32(pixel), footprint, out)
-    _terrain_light(shading, batch, rows, found, out)
-    _terrain_colours(shading, batch, rows, found, footprint, out)
+    _terrain_normals(shading.materials.surface, batch, rows, found, np.float32(pixel), out)
+    _terrain_shares(shading, batch, rows, found, descent, hollow, out)
+    _terrain_colours(shading, batch, rows, found, np.float32(pixel), descent, hollow, out)
+    _terrain_light(shading.light, batch, rows, found, out)
 
 
 @light_kernel
 def _terrain_normals(
-    surface: Grid,
-    batch: RayBatch,
-    rows: IntArray,
-    found: int,
-    pixel: np.float32,
-    footprint: Float32Array,
-    out: Float32Array,
+    surface: Grid, batch: RayBatch, rows: IntArray, found: int, pixel: np.float32, out: Float32Array
 ) -> None:
-    """Normals over the ``footprint`` (n,) [m] of a pixel, which is filled, too."""
+    """Normals over the footprint of a pixel."""
     points, distance, foreshortening = batch.point, batch.distance, batch.foreshortening
     half_cell, one, flattest = np.float32(0.5 / surface.per_metre), np.float32(1.0), np.float32(0.05)
     for m in range(found):
         k = np.uintp(rows[m])
         side = distance[k] * pixel / np.sqrt(max(foreshortening[k], flattest))
-        footprint[m] = side
         sx, sy = _slope(surface, points[0, k], points[1, k], max(half_cell, side))
         scale = one / np.sqrt(one + sx * sx + sy * sy)
         out[k, NX], out[k, NY], out[k, NZ] = -sx * scale, -sy * scale, scale
 
 
 @light_kernel
-def _terrain_light(shading: Shading, batch: RayBatch, rows: IntArray, found: int, out: Float32Array) -> None:
-    """Shares of sky and sun, which pits of the relief see less of."""
-    points, materials = batch.point, shading.materials
-    ground, open_sky, sunlit = materials.ground, shading.light.ground_sky, shading.light.ground_sun
+def _terrain_shares(
+    shading: Shading,
+    batch: RayBatch,
+    rows: IntArray,
+    found: int,
+    descent: Float32Array,
+    hollow: Float32Array,
+    out: Float32Array,
+) -> None:
+    """Share of the sun, and of what is not near (in LIGHT), which pits of the relief see less of.
+
+    Also what a ray descends towards the ground without its relief, per unit length, and how deep [m] the hit lies
+    below that ground, each (n,).
+    """
+    points, directions, materials = batch.point, batch.direction, shading.materials
+    ground, near, sunlit = materials.ground, shading.light.ground_near, shading.light.ground_sun
     x0, y0 = np.float32(materials.corner[0]), np.float32(materials.corner[1])
-    per_rgb = np.float32(materials.per_metre_rgb)
-    zero, one = np.float32(0.0), np.float32(1.0)
+    per_rgb, zero, one = np.float32(materials.per_metre_rgb), np.float32(0.0), np.float32(1.0)
     for m in range(found):
         k = np.uintp(rows[m])
         x, y = points[0, k], points[1, k]
-        depth = max(_mean_height(ground, (x - x0) * per_rgb, (y - y0) * per_rgb) - points[2, k], zero) * _PER_PIT
+        height, slope_x, slope_y = _mean_height(ground, (x - x0) * per_rgb, (y - y0) * per_rgb)
+        descent[m] = per_rgb * (slope_x * directions[0, k] + slope_y * directions[1, k]) - directions[2, k]
+        hollow[m] = height - points[2, k]
+        depth = max(hollow[m], zero) * _PER_PIT
         pit = one / (one + depth * depth)
-        out[k, SKY] = (AIR_MIN + (one - AIR_MIN) * _shade_of(open_sky, x, y)) * pit
+        out[k, LIGHT] = _shade_of(near, x, y) * pit
         out[k, SUN] = _shade_of(sunlit, x, y) * pit
 
 
 @light_kernel
+def _terrain_light(light: LightTable, batch: RayBatch, rows: IntArray, found: int, out: Float32Array) -> None:
+    """Light of sky and surroundings."""
+    points, volume = batch.point, light.volume
+    vx, vy = np.float32(light.volume_corner[0]), np.float32(light.volume_corner[1])
+    per, zero, probe = np.float32(light.volume_per_metre), np.float32(0.0), np.empty(READ, np.float32)
+    for m in range(found):
+        k = np.uintp(rows[m])
+        read_lowest(volume, (points[0, k] - vx) * per, (points[1, k] - vy) * per, probe)
+        nx, ny, nz, share = out[k, NX], out[k, NY], out[k, NZ], out[k, LIGHT]
+        for channel in range(3):
+            at = 4 * channel
+            falling = probe[at] + probe[at + 1] * nx + probe[at + 2] * ny + probe[at + 3] * nz
+            out[k, LIGHT + channel] = max(falling, zero) * among(share, out[k, RED + channel])
+
+
+@inlined
+def _mean_texel(
+    atlas: Atlas, texture: np.uintp, texels: Texels, noise: np.float32
+) -> tuple[np.float32, np.float32, np.float32, np.float32]:
+    """Mean linear colour, and mean factor on the sun's light."""
+    level = mip_level(texels.width, noise)
+    red, green, blue, sun = sample_lit(atlas, texture, texels.u, texels.v, level)
+    if texels.samples > 1:
+        u, v = texels.u, texels.v
+        for _ in range(texels.samples - 1):
+            u, v = u + texels.du, v + texels.dv
+            r, g, b, s = sample_lit(atlas, texture, u, v, level)
+            red, green, blue, sun = red + r, green + g, blue + b, sun + s
+        share = np.float32(1.0) / np.float32(texels.samples)
+        red, green, blue, sun = red * share, green * share, blue * share, sun * share
+    return red, green, blue, sun
+
+
+@inlined
+def _far_factors(
+    seen: Float32Array, row: np.uintp, view: Vector, far: np.float32, sun_x: np.float32, sun_y: np.float32
+) -> tuple[np.float32, np.float32]:
+    """Factors on colour and sunlight of relief that is too far away for its heights, see `render.relief_views`."""
+    one = np.float32(1.0)
+    a, b, c, d, e = view_terms(view[0], view[1], view[2], sun_x, sun_y)
+    bright = seen[row, 0, 0] * a + seen[row, 0, 1] * b + seen[row, 0, 2] * c + seen[row, 0, 3] * d + seen[row, 0, 4] * e
+    light = seen[row, 1, 0] * a + seen[row, 1, 1] * b + seen[row, 1, 2] * c + seen[row, 1, 3] * d + seen[row, 1, 4] * e
+    return one + far * bright, one + far * light
+
+
+@light_kernel
 def _terrain_colours(
-    shading: Shading, batch: RayBatch, rows: IntArray, found: int, footprint: Float32Array, out: Float32Array
+    shading: Shading,
+    batch: RayBatch,
+    rows: IntArray,
+    found: int,
+    pixel: np.float32,
+    descent: Float32Array,
+    hollow: Float32Array,
+    out: Float32Array,
 ) -> None:
     """Albedo from the texture of the material, and on the ground from the mixed colour of its surroundings."""
-    points, image, materials = batch.point, batch.image, shading.materials
-    atlas, ground, grain, sizes = materials.atlas, materials.ground, materials.ground_material, materials.atlas.size
-    textures, tints, glosses = materials.texture, materials.tint, materials.gloss
+    points, image, directions, distance = batch.point, batch.image, batch.direction, batch.distance
+    materials, atlas, ground = shading.materials, shading.materials.atlas, shading.materials.ground
+    grain, textures, tints, glosses = materials.ground_material, materials.texture, materials.tint, materials.gloss
+    reliefs, patches, seen, mean_heights = materials.relief, materials.patch, materials.seen, atlas.mean_height
+    sun_x, sun_y = np.float32(shading.light.sun[0]), np.float32(shading.light.sun[1])
+    per_sun = np.float32(1.0) / np.sqrt(max(sun_x * sun_x + sun_y * sun_y, np.float32(1e-9)))
+    sun_x, sun_y = sun_x * per_sun, sun_y * per_sun
     edge, border, border_row, trail_row = (
         shading.hits.trail_distance, np.float32(-materials.border_width), materials.border, materials.trail
     )  # fmt: skip
@@ -184,7 +257,7 @@ def _terrain_colours(
     x0, y0 = np.float32(materials.corner[0]), np.float32(materials.corner[1])
     last_i, last_j = np.float32(grain.shape[0] - 1), np.float32(grain.shape[1] - 1)
     end_u, end_v = np.float32(ground.shape[0] - 1.001), np.float32(ground.shape[1] - 1.001)
-    zero, half, one = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+    zero, half, one, puddles = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(materials.wetness)
     for m in range(found):
         k = np.uintp(rows[m])
         x, y = points[0, k], points[1, k]
@@ -195,18 +268,38 @@ def _terrain_colours(
             gi = int(min(max((x - x0) * per_material + half, zero), last_i))
             gj = int(min(max((y - y0) * per_material + half, zero), last_j))
             row = np.uintp(grain[gi, gj])
-        texture, per_metre = np.uintp(textures[row]), per_repeat[row]
-        texels = footprint[m] * np.float32(sizes[texture, 0]) * per_metre
-        level = mip_level(texels, dither(image[0, k], image[1, k]))
-        red, green, blue = sample(atlas, texture, x * per_metre, y * per_metre, level)
-        out[k, TRANSLUCENCY], out[k, GLOSS], out[k, MIRROR] = zero, glosses[row], zero
-        if trail < zero:
-            out[k, RED], out[k, GREEN], out[k, BLUE] = red * tints[row, 0], green * tints[row, 1], blue * tints[row, 2]
-            continue
+        texture = np.uintp(textures[row])
+        relief = Relief(per_repeat[row], reliefs[row], mean_heights[texture], patches[row])
+        view = directions[0, k], directions[1, k], descent[m]
+        texels = ground_texels(atlas, texture, relief, x, y, view, distance[k] * pixel)
+        red, green, blue, sun = _mean_texel(atlas, texture, texels, dither(image[0, k], image[1, k]))
+        bright, light = _far_factors(seen, row, view, texels.far, sun_x, sun_y)
+        red, green, blue, sun = red * bright, green * bright, blue * bright, sun * light
+        out[k, GLOSS], out[k, MIRROR] = glosses[row], zero
+        out[k, SUN] *= sun
         u, v = min(max((x - x0) * per_rgb, zero), end_u), min(max((y - y0) * per_rgb, zero), end_v)
         i, j = int(u), int(v)
         fu, fv = u - np.float32(i), v - np.float32(j)
         weights = (one - fu) * (one - fv), (one - fu) * fv, fu * (one - fv), fu * fv
+        if trail < zero:
+            wear = _bilinear(ground, i, j, 4, weights)
+            if puddles > zero:
+                wear *= _puddle(hollow[m], puddles, k, out)
+            red, green, blue = red * wear, green * wear, blue * wear
+            out[k, RED], out[k, GREEN], out[k, BLUE] = red * tints[row, 0], green * tints[row, 1], blue * tints[row, 2]
+            continue
         out[k, RED] = _bilinear(ground, i, j, 0, weights) * red * per_mean[texture, 0]
         out[k, GREEN] = _bilinear(ground, i, j, 1, weights) * green * per_mean[texture, 1]
         out[k, BLUE] = _bilinear(ground, i, j, 2, weights) * blue * per_mean[texture, 2]
+
+
+@inlined
+def _puddle(hollow: np.float32, wetness: np.float32, k: np.uintp, out: Float32Array) -> np.float32:
+    """Factor on the albedo below standing water, whose surface is level and glossy."""
+    zero, one = np.float32(0.0), np.float32(1.0)
+    share = min(max((hollow - PUDDLE * (np.float32(2.0) - wetness)) * np.float32(400.0), zero), one) * wetness
+    if share > zero:
+        out[k, GLOSS] += (np.float32(0.6) - out[k, GLOSS]) * share
+        out[k, NX], out[k, NY] = out[k, NX] * (one - share), out[k, NY] * (one - share)
+        out[k, NZ] = np.sqrt(max(one - out[k, NX] * out[k, NX] - out[k, NY] * out[k, NY], zero))
+    return one - np.float32(0.4) * share

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Baking: light that does not change while a robot drives, computed once per scene.
 
-World and sun are static. How much of the sun each patch of ground sees, and how much sky each leaf or corner sees, is
-therefore traced in advance and costs nothing per frame. Only objects' own shadows are traced per pixel, because they
-need more detail than a table can hold.
+World and sun are static. How much of the sun each patch of ground and each leaf sees, what is near them, and what light
+sky and surroundings send through the air, is therefore traced in advance and costs nothing per frame. Only objects' own
+shadows are traced per pixel, because they need more detail than a table can hold.
 """
 
 from collections import Counter
@@ -18,22 +18,26 @@ from numpy.typing import NDArray
 from scipy.ndimage import convolve1d, gaussian_filter, maximum_filter
 
 from fieldtruth.core.arrays import Array, Counts, Float32Array, Index, Mask
-from fieldtruth.experiment.config import LightConfig
-from fieldtruth.render.sky import make_dome, sun_direction
-from fieldtruth.render.tables import AIR_BASE, AIR_LAYER, AIR_TEXEL, NO_SHADOW, LightTable
-from fieldtruth.render.visibility import hemisphere, sun_disc, visibility
+from fieldtruth.experiment.light_config import LightConfig
+from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.render.air import air_of, light_in
+from fieldtruth.render.materials import material_table
+from fieldtruth.render.sky.daylight import SUN_RADIUS_DEG, Daylight, metered_daylight, sun_direction
+from fieldtruth.render.snow import snow_table
+from fieldtruth.render.surfaces import surface_table
+from fieldtruth.render.tables import AIR_TEXEL, NO_SHADOW, AirTable, LightTable, MaterialTable, Shading
+from fieldtruth.render.visibility import SHADOW_RANGE, hemisphere, sun_disc, visibility
+from fieldtruth.render.volume import COEFFICIENTS, LAYERS, NEAR, fill_volume, sphere
+from fieldtruth.render.wire_table import wire_table
 from fieldtruth.sense.hits import Grid
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.grids import coarseness
 from fieldtruth.world.model import Heightfield, Mesh, Raster
 
-SUN_RADIUS_DEG: Final = 0.27
-SUN_RGB: Final = np.array([1.0, 0.93, 0.80], np.float32)
 SUN_TEXEL: Final = 0.05  # [m]
-SKY_TEXEL: Final = 0.25  # [m]
-AIR_LAYERS: Final = 14
-BOUNCE: Final = np.array([0.10, 0.10, 0.05], np.float32)
-"""Light from below: albedo of a sunlit meadow times the sun's irradiance, divided by pi."""
+_NEAR_GROUND: Final = 0.8
+"""[m] within which what stands on the ground, or belongs to the same object, shades a surface by a share of its own;
+the light volume brings what is farther. Of leaves it is ``volume.NEAR``."""
 
 _PARITIES: Final = ((0, 0), (1, 1), (0, 1), (1, 0))
 _BLUR: Final = (0.25, 0.5, 0.25)
@@ -45,34 +49,72 @@ _MOST_LEAVES: Final = 40_000_000
 _LEAF_OFFSET: Final = 0.012  # [m], so that a folded leaf does not shade itself
 
 
-def bake_light(scene: Scene, light: LightConfig, workers: int) -> LightTable:
-    """Compute the light of a scene. The result does not depend on ``workers``."""
-    sun = sun_direction(light.sun_azimuth_deg, light.sun_elevation_deg)
-    disc = sun_disc(sun, SUN_RADIUS_DEG, 12)
+def bake_light(
+    scene: Scene,
+    light: LightConfig,
+    workers: int,
+    weather: WeatherConfig | None = None,
+    materials: MaterialTable | None = None,
+) -> LightTable:
+    """Compute the light of a scene. Only its volume is that in the weather, the rest that in clear air.
+
+    The result does not depend on ``workers``; ``materials`` are made here if they are not given.
+    """
+    sun = sun_direction(light.values.azimuth_deg, light.values.elevation_deg)
+    disc, size = sun_disc(sun, SUN_RADIUS_DEG, 12), scene.world.size
     with ThreadPoolExecutor(workers) as pool:
-        coarser = coarseness(scene.world.size)
-        ground_sun = _ground_grid(scene, pool, SUN_TEXEL * coarser, disc, facing=False)
-        ground_sky = _ground_grid(scene, pool, SKY_TEXEL * coarser, hemisphere(96), facing=True)
-        vertex_sky = _vertex_sky(scene, pool)
+        spacing, step = SUN_TEXEL * coarseness(size), AIR_TEXEL * coarseness(size)
+        x, y = (np.arange(-side / 2, side / 2 + step / 2, step) for side in size)
+        day = metered_daylight(light.values, size, np.random.default_rng([scene.world.seed, 7]), pool)
         leaf_sun, top_leaf = _leaf_sun(scene, pool, sun)
-        air_sky = _air_sky(scene, pool, AIR_TEXEL * coarser)
-    return LightTable(
-        sun=sun,
-        sun_rgb=SUN_RGB,
-        dome=make_dome(sun, np.random.default_rng([scene.world.seed, 7])),
-        bounce=BOUNCE,
-        ground_sun=ground_sun,
-        ground_sky=ground_sky,
-        vertex_sky=vertex_sky,
-        leaf_sun=leaf_sun,
-        air_sky=air_sky,
-        top_base=np.array([top.world_from_object[2, 3] for top in scene.tops], np.float32),
-        top_leaf=top_leaf,
+        table = LightTable(
+            sun=sun,
+            sun_rgb=day.sun_rgb,
+            disc=day.disc,
+            unit=day.unit,
+            cloud_sun=day.cloud_sun,
+            has_cloud_shadow=bool(day.cloud_sun.values.min() < 0.99),
+            dome=day.dome,
+            ground_sun=_below_clouds(_ground_grid(scene, pool, spacing, disc), day),
+            ground_near=_ground_grid(scene, pool, spacing, hemisphere(24), reach=_NEAR_GROUND),
+            vertex_near=_vertex_near(scene, pool),
+            leaf_sun=leaf_sun,
+            volume=np.zeros((len(x), len(y), LAYERS, COEFFICIENTS), np.float32),
+            volume_base=scene.world.terrain.surface.height_at(*np.meshgrid(x, y, indexing="ij")).astype(np.float32),
+            volume_corner=(float(x[0]), float(y[0])),
+            volume_per_metre=1.0 / step,
+            top_leaf=top_leaf,
+        )
+        heights = scene.world.terrain.surface.heights
+        air, materials = air_of(weather, table, heights), materials or material_table(scene.world, sun)
+        lit = light_in(air, table, float(heights.mean()))
+        volume = fill_volume(_unfilled(scene, lit, materials, air), lit.dome.mean - table.dome.mean, pool)
+        return table._replace(volume=volume)
+
+
+def _unfilled(scene: Scene, table: LightTable, materials: MaterialTable, air: AirTable) -> Shading:
+    """What probes need to see the scene."""
+    snow = snow_table(scene.world.terrain)
+    return Shading(
+        scene=scene.rays.handle,
+        hits=scene.hits,
+        surfaces=surface_table(scene, table.vertex_near),
+        materials=materials,
+        light=table,
+        wires=wire_table(scene, materials),
+        has_water=False,
+        exposure=np.float32(1.0),
+        air=air,
+        snow=snow,
+        has_snow=bool(snow.on_top > 0),
     )
 
 
-def _ground_grid(scene: Scene, pool: ThreadPoolExecutor, spacing: float, directions: Array, *, facing: bool) -> Grid:
-    """Visibility of ``directions`` on a grid over the terrain, weighted by the cosine to the vertical if ``facing``.
+def _ground_grid(
+    scene: Scene, pool: ThreadPoolExecutor, spacing: float, directions: Array, *, reach: float | None = None
+) -> Grid:
+    """Visibility of ``directions`` on a grid over the terrain: of the sun, or within ``reach`` [m], weighted by the
+    cosine to the vertical.
 
     It is that just above the relief: shadows are those of objects and of the ground's shape. Each node traces a quarter
     of the directions, its neighbours the others; a blur then combines them, so that all directions have equal weight
@@ -89,8 +131,9 @@ def _ground_grid(scene: Scene, pool: ThreadPoolExecutor, spacing: float, directi
         seen = np.empty(px.shape, np.float32)
         for k, (i, j) in enumerate(_PARITIES):
             own = points[i::2, j::2].reshape(-1, 3)
-            normals = np.tile(up, (len(own), 1)) if facing else None
-            share = visibility(scene.rays.handle, own, normals, directions[k :: len(_PARITIES)], 0.01)
+            normals = None if reach is None else np.tile(up, (len(own), 1))
+            some = directions[k :: len(_PARITIES)]
+            share = visibility(scene.rays.handle, own, normals, some, 0.01, SHADOW_RANGE if reach is None else reach)
             seen[i::2, j::2] = share.reshape(seen[i::2, j::2].shape)
         return seen
 
@@ -99,6 +142,17 @@ def _ground_grid(scene: Scene, pool: ThreadPoolExecutor, spacing: float, directi
     for axis in (0, 1):
         seen = convolve1d(seen, _BLUR, axis=axis, mode="nearest")
     return Grid(seen, float(x[0]), float(y[0]), 1.0 / spacing)
+
+
+def _below_clouds(ground_sun: Grid, day: Daylight) -> Grid:
+    """Share of the sun's disc seen from the ground, times the share of its light that clouds let through."""
+    if day.cloud_sun.values.min() >= 0.99:
+        return ground_sun
+    clouds, (rows, columns) = day.cloud_sun, ground_sun.values.shape
+    raster = Raster(values=clouds.values, spacing=1.0 / clouds.per_metre, x0=clouds.x0, y0=clouds.y0)
+    x, y = (c + np.arange(n) / ground_sun.per_metre for c, n in ((ground_sun.x0, rows), (ground_sun.y0, columns)))
+    share = raster.at(*np.meshgrid(x, y, indexing="ij")).astype(np.float32)
+    return ground_sun._replace(values=ground_sun.values * share)
 
 
 def _above_relief(field: Heightfield) -> Heightfield:
@@ -114,47 +168,30 @@ def _thin_faces(scene: Scene, mesh: Mesh) -> Mask:
     return np.asarray(thin[mesh.material])
 
 
-def _vertex_sky(scene: Scene, pool: ThreadPoolExecutor) -> Float32Array:
-    """Open sky at every vertex of every mesh on its own: objects share meshes, so neighbours cannot be considered."""
-    wood_rays, leaf_rays = hemisphere(24), hemisphere(11)
+def _vertex_near(scene: Scene, pool: ThreadPoolExecutor) -> Float32Array:
+    """Share of directions in which a mesh's own faces are not near, at every vertex of every mesh.
+
+    Objects share meshes, so that neighbours cannot be considered.
+    """
+    wood_rays, leaf_rays = sphere(48, 0.0), sphere(12, 0.0)
     alone = [scene.mesh_rays(mesh) for mesh in scene.meshes]
 
     def one_mesh(row: int) -> Float32Array:
         mesh = scene.meshes[row]
-        open_sky = np.ones(len(mesh.vertices), np.float32)
+        share = np.ones(len(mesh.vertices), np.float32)
         if mesh is scene.world.backdrop:
-            return open_sky
+            return share
         leaf = np.zeros(len(mesh.vertices), np.bool_)
         leaf[mesh.faces[_thin_faces(scene, mesh)].ravel()] = True
         points = mesh.vertices + np.float32(0.004) * mesh.normals
         points[:, 2] = np.maximum(points[:, 2], 0.01)
         rays = alone[row].handle
-        open_sky[~leaf] = visibility(rays, points[~leaf], mesh.normals[~leaf], wood_rays, 0.004)
+        share[~leaf] = visibility(rays, points[~leaf], mesh.normals[~leaf], wood_rays, 0.004, _NEAR_GROUND)
         # Light falls on, and shines through, both sides of a leaf: neither side has more weight.
-        open_sky[leaf] = visibility(rays, points[leaf], None, leaf_rays, 0.004)
-        return open_sky
+        share[leaf] = visibility(rays, points[leaf], None, leaf_rays, 0.004, NEAR)
+        return share
 
     return np.concatenate([*pool.map(one_mesh, range(len(scene.meshes))), np.zeros(0, np.float32)])
-
-
-def _air_sky(scene: Scene, pool: ThreadPoolExecutor, spacing: float) -> Float32Array:
-    """Open sky in the air over the ground, layer by layer: traced at nodes ``spacing`` [m] apart, and interpolated."""
-    field, (length, width) = scene.world.terrain.surface, scene.world.size
-    rays = hemisphere(20)
-
-    def columns(step: float) -> Array:
-        x, y = (np.arange(-side / 2, side / 2 + step / 2, step) for side in (length, width))
-        return np.stack(np.meshgrid(x, y, indexing="ij"))
-
-    (px, py), texels = columns(spacing), columns(AIR_TEXEL)
-    ground = field.height_at(px, py)
-
-    def layer(k: int) -> Float32Array:
-        points = np.stack([px, py, ground + AIR_BASE + k * AIR_LAYER], axis=-1).reshape(-1, 3).astype(np.float32)
-        seen = visibility(scene.rays.handle, points, None, rays, 0.0).reshape(px.shape)
-        return Raster(values=seen, spacing=spacing, x0=-length / 2, y0=-width / 2).at(*texels).astype(np.float32)
-
-    return np.ascontiguousarray(np.stack([*pool.map(layer, range(AIR_LAYERS))], axis=-1))
 
 
 class _Leaves(NamedTuple):

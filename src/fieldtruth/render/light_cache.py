@@ -10,42 +10,59 @@ import numpy as np
 
 from fieldtruth.core.cache import cache_key
 from fieldtruth.core.cache_folder import load_or_make
-from fieldtruth.experiment.config import LightConfig
-from fieldtruth.render.sky import Dome
+from fieldtruth.experiment.light_config import LightConfig
+from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.render.sky.dome import Dome
 from fieldtruth.render.tables import LightTable
 from fieldtruth.sense.hits import Grid
 from fieldtruth.sense.scene import Scene
 
+_GRIDS: Final = ("ground_sun", "ground_near", "cloud_sun")
 _LIBRARIES: Final = ("embreex", "llvmlite", "numba", "numpy", "scipy")
 
 
-def cached_light(scene: Scene, light: LightConfig, folder: Path, make: Callable[[], LightTable]) -> LightTable:
+def cached_light(
+    scene: Scene, light: LightConfig, folder: Path, make: Callable[[], LightTable], weather: WeatherConfig | None = None
+) -> LightTable:
     """Read the light of a scene from a cache folder, or make it and keep it there if the folder can be written."""
-    path = folder / f"light-{scene.world.name}-{light_key(scene, light)}.npz"
+    path = folder / f"light-{scene.world.name}-{light_key(scene, light, weather)}.npz"
     return load_or_make(path, _read, make, _write)
 
 
-def light_key(scene: Scene, light: LightConfig) -> str:
-    """Digest of all that baked light depends on: code, sun, triangles, poses, and what lets light through."""
+def light_key(scene: Scene, light: LightConfig, weather: WeatherConfig | None = None) -> str:
+    """Digest of all that baked light depends on: code, sun, weather, triangles, poses and colours."""
     world, field = scene.world, scene.world.terrain.surface
     ground = (field.heights, field.x0, field.y0, field.spacing)
-    clear = {name: (material.translucency > 0, material.mirror > 0) for name, material in world.materials.items()}
     meshes = [
-        (m.name, m is world.backdrop, m.vertices, m.normals, m.faces, m.material, [clear[n] for n in m.materials])
+        (m.name, m is world.backdrop, m.vertices, m.normals, m.uv, m.faces, m.material, m.materials)
         for m in scene.meshes
     ]
     names = [mesh.name if mesh is not None else "" for mesh, *_ in scene.tops]
-    poses = np.stack([top.world_from_object for top in scene.tops])
-    inputs = (light.model_dump(), world.seed, world.size, ground, meshes, names, poses)
+    poses, tints = (np.array([getattr(top, n) for top in scene.tops]) for n in ("world_from_object", "tint"))
+    colours = (world.materials, world.textures, tints, world.terrain)
+    inputs = (
+        light.values,
+        (weather or WeatherConfig()).model_dump(),
+        world.seed,
+        world.size,
+        ground,
+        meshes,
+        names,
+        poses,
+        colours,
+    )
     return cache_key(["fieldtruth.render.light"], *inputs, libraries=_LIBRARIES)
 
 
 def _write(path: Path, table: LightTable) -> None:
     arrays: dict[str, Any] = {name: value for name, value in table._asdict().items() if isinstance(value, np.ndarray)}
-    for name in ("ground_sun", "ground_sky"):
+    for name in _GRIDS:
         grid: Grid = getattr(table, name)
         arrays |= {name: grid.values, f"{name}_at": np.array([grid.x0, grid.y0, grid.per_metre])}
+    arrays["volume_at"] = np.array([*table.volume_corner, table.volume_per_metre])
+    arrays["has_cloud_shadow"] = np.array(table.has_cloud_shadow)
     arrays |= {f"dome_{name}": value for name, value in table.dome._asdict().items()}
+    arrays["dome_rgb"] = table.dome.rgb.astype(np.float16)  # daylight.py rounds it so
     with path.open("wb") as stream:
         np.savez(stream, allow_pickle=False, **arrays)
 
@@ -53,8 +70,11 @@ def _write(path: Path, table: LightTable) -> None:
 def _read(path: Path) -> LightTable:
     with np.load(path, allow_pickle=False) as stored:
         arrays: dict[str, Any] = dict(stored)
-    grids: dict[str, Any] = {
-        n: Grid(arrays.pop(n), *map(float, arrays.pop(f"{n}_at"))) for n in ("ground_sun", "ground_sky")
-    }
+    grids: dict[str, Any] = {n: Grid(arrays.pop(n), *map(float, arrays.pop(f"{n}_at"))) for n in _GRIDS}
+    arrays["dome_rgb"] = arrays["dome_rgb"].astype(np.float32)
     dome = Dome(**{n: arrays.pop(f"dome_{n}") for n in Dome._fields})
-    return LightTable(dome=dome, **grids, **arrays)
+    x, y, per_metre = map(float, arrays.pop("volume_at"))
+    shaded = bool(arrays.pop("has_cloud_shadow"))
+    return LightTable(
+        dome=dome, has_cloud_shadow=shaded, volume_corner=(x, y), volume_per_metre=per_metre, **grids, **arrays
+    )

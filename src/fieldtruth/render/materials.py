@@ -10,11 +10,24 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, zoom
 
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.render.atlas import make_atlas
+from fieldtruth.render.atlas import Atlas, make_atlas
+from fieldtruth.render.ground_points import Relief
+from fieldtruth.render.ground_wear import ground_wear
+from fieldtruth.render.relief import sun_factors
+from fieldtruth.render.relief_views import TERMS, view_factors
 from fieldtruth.render.tables import MaterialTable
+from fieldtruth.render.wetness import WET_GLOSS, wet_texture
 from fieldtruth.sense.scene import grid_of
 from fieldtruth.world.model import Heightfield, Terrain, World
 
+LEAF_GLOW: Final = np.array([2.6, 2.8, 1.0])
+"""Light through a leaf over light from it by channel, for a translucency of 1: it is yellower."""
+_MOST: Final = 0.9
+"""Of what falls on a leaf, the share that it reflects and transmits at most."""
+_PATCH: Final = 0.8
+"""Side of a patch of ground that shows one part of a tile, in repeats."""
+_WHOLE: Final = ("", "paving")
+"""Ground types, and what has none, whose tiles are not cut into patches."""
 _FINER: Final = 2
 """Nodes of the grid of ground materials per node of the terrain's cover."""
 CRUMBS: Final = 0.015
@@ -24,26 +37,46 @@ MEAN_OVER: Final = 0.1
 """Standard deviation [m] of the Gaussian that separates relief, whose pits are darker, from the ground's shape."""
 
 
-def material_table(world: World) -> MaterialTable:
-    """Tables of a world's materials and ground."""
+def material_table(world: World, sun: Array | None = None, wetness: float = 0.0) -> MaterialTable:
+    """Tables of a world's materials and ground.
+
+    Args:
+        world: the world.
+        sun: unit vector (3,) towards the sun, which lights the relief of ground textures; None lights none.
+        wetness: of the ground, 0 (dry) to 1 (soaked).
+    """
     names, materials = list(world.materials), list(world.materials.values())
     textures = list(world.textures)
-    atlas = make_atlas(list(world.textures.values()))
+    atlas = _atlas(world, sun, wetness)
     terrain = world.terrain
     texture = np.array([textures.index(m.texture) for m in materials], np.int32)
     tint = np.array([m.tint for m in materials], np.float32)
     rows = [names.index(n) for n in terrain.ground_materials]
     rgb, material = _ground(terrain, rows, atlas.mean[texture] * tint)
     solid = solid_surface(terrain)
+    wear = ground_wear(terrain, rgb, world.seed)
+    relief = [m.relief if world.textures[m.texture].shape[2] > 3 else 0.0 for m in materials]
+    seen = np.zeros((len(materials), 2, TERMS), np.float32)
+    for k, m in enumerate(materials):
+        if sun is not None and relief[k] > 0:
+            mean = float(atlas.mean_height[texture[k]])
+            lies = Relief(np.float32(1.0 / m.repeat), np.float32(relief[k]), np.float32(mean), np.float32(0.0))
+            seen[k] = view_factors(atlas, int(texture[k]), lies, sun)
+    ground = [rgb * wear[..., :3], _mean_heights(terrain, solid), wear[..., 3:]]
     return MaterialTable(
         atlas=atlas,
         texture=texture,
         tint=tint,
-        translucency=np.array([m.translucency for m in materials], np.float32),
-        gloss=np.array([m.gloss for m in materials], np.float32),
+        through=_through(np.array([m.translucency for m in materials]), atlas.mean[texture] * tint),
+        gloss=np.array([max(m.gloss, WET_GLOSS * wetness if m.ground_type else 0.0) for m in materials], np.float32),
         mirror=np.array([m.mirror for m in materials], np.float32),
         repeat=np.array([m.repeat for m in materials], np.float32),
-        ground=np.ascontiguousarray(np.concatenate([rgb, _mean_heights(terrain, solid)], axis=-1), np.float32),
+        relief=np.array(relief, np.float32),
+        seen=seen,
+        age=np.array([(m.furrows, m.weathering, m.patches) for m in materials], np.float32),
+        patch=np.array([_PATCH * m.repeat if m.ground_type not in _WHOLE else 0.0 for m in materials], np.float32),
+        wetness=wetness,
+        ground=np.ascontiguousarray(np.concatenate(ground, axis=-1), np.float32),
         ground_material=material,
         surface=grid_of(solid),
         corner=(terrain.cover.x0, terrain.cover.y0),
@@ -55,10 +88,33 @@ def material_table(world: World) -> MaterialTable:
     )
 
 
+def _through(translucency: Array, albedo: Float32Array) -> Float32Array:
+    """Light through a leaf over light from it, (materials, 3); of bright petals, what they do not reflect."""
+    most = np.maximum(_MOST - albedo, 0.0) / np.maximum(albedo, 1e-6)
+    return np.asarray(np.minimum(translucency[:, None] * LEAF_GLOW, most), np.float32)
+
+
+def _atlas(world: World, sun: Array | None, wetness: float) -> Atlas:
+    """Textures of a world; those of ground are lit by the sun and wet."""
+    images = dict(world.textures)
+    ground = {m.texture: m for m in world.materials.values() if m.ground_type}
+    factors = dict[int, Float32Array]()
+    for name, material in ground.items():
+        if sun is not None and material.relief > 0 and images[name].shape[2] > 3:
+            row = list(images).index(name)
+            factors[row] = sun_factors(images[name], material.relief, material.repeat, sun)
+        if wetness > 0:
+            images[name] = wet_texture(images[name], wetness)
+    return make_atlas(list(images.values()), factors)
+
+
 def solid_surface(terrain: Terrain) -> Heightfield:
-    """The ground that photographs shade: the field with the crumbs of its layer, without grass and litter."""
-    field = terrain.field
-    return field if terrain.layer is None else replace(field, heights=field.heights + np.minimum(terrain.layer, CRUMBS))
+    """The ground that photographs shade: the field with the crumbs of its layer and snow, without grass and litter."""
+    field, layer = terrain.field, terrain.layer
+    if layer is None:
+        return field
+    solid = np.minimum(layer, CRUMBS)
+    return replace(field, heights=field.heights + (solid if terrain.snow is None else np.maximum(solid, terrain.snow)))
 
 
 def _mean_heights(terrain: Terrain, field: Heightfield) -> Array:

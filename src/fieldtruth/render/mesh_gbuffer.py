@@ -13,34 +13,31 @@ import numpy as np
 from fieldtruth.core.arrays import Float32Array
 from fieldtruth.render.atlas import sample
 from fieldtruth.render.gbuffer import (
-    AIR_MIN,
     BLUE,
     GLOSS,
     GREEN,
+    LIGHT,
     MIRROR,
     NX,
     NY,
     NZ,
     RED,
-    SKY,
     SUN,
     TRACE_SUN,
-    TRANSLUCENCY,
     dither,
     hits_on,
     mip_level,
 )
+from fieldtruth.render.ground_points import patch_offset
+from fieldtruth.render.probes import READ, among, read_probes
 from fieldtruth.render.tables import (
-    AIR_BASE,
-    AIR_LAYER,
-    AIR_TEXEL,
     FIRST,
     MATERIAL,
     NO_SHADOW,
     NORMAL_X,
     NORMAL_Y,
     NORMAL_Z,
-    OPEN_SKY,
+    OPEN,
     SECOND,
     TEX_U,
     TEX_V,
@@ -48,7 +45,8 @@ from fieldtruth.render.tables import (
     Shading,
     SurfaceTable,
 )
-from fieldtruth.sense.hits import HitTable
+from fieldtruth.render.weathering import FURROWS, PATCHES, WEATHERING, overgrown, patchy, texture_slope, tilted
+from fieldtruth.sense.hits import HitTable, read_grid
 from fieldtruth.sense.kernel import inlined, light_kernel
 from fieldtruth.sense.packets import IntArray
 from fieldtruth.sense.ray_batch import RayBatch
@@ -56,30 +54,15 @@ from fieldtruth.sense.ray_batch import RayBatch
 _Barycentric = tuple[np.float32, np.float32, np.float32]
 _Rows = tuple[np.uintp, np.uintp, np.uintp]
 
-_PER_AIR, _PER_LAYER = np.float32(1.0 / AIR_TEXEL), np.float32(1.0 / AIR_LAYER)
 _SHADOWS_END = np.float32(90.0)
+_FLATTEST = np.float32(0.4)
+_PATCH = np.float32(0.7)  # side of the patches of distant land, in repeats
 """Distance [m] beyond which the backdrop's trees are drawn without shadows."""
-_AIR_GAIN: Final = np.float32(1.35)
-"""Correction of air_sky: an object occludes its own air."""
-
-
-@inlined
-def read_air(air: Float32Array, x: np.float32, y: np.float32, above: np.float32) -> np.float32:
-    """Share of open sky in the air at x and y [m] from the world's corner, ``above`` [m] an object's base."""
-    zero, end = np.float32(0.0), np.float32(1.001)
-    u = min(max(x * _PER_AIR, zero), np.float32(air.shape[0]) - end)
-    v = min(max(y * _PER_AIR, zero), np.float32(air.shape[1]) - end)
-    w = min(max((above - np.float32(AIR_BASE)) * _PER_LAYER, zero), np.float32(air.shape[2]) - end)
-    row, column, layer, one = int(u), int(v), int(w), np.uintp(1)
-    fu, fv, fw = u - np.float32(row), v - np.float32(column), w - np.float32(layer)
-    i, j, k = np.uintp(row), np.uintp(column), np.uintp(layer)
-    near = air[i, j, k] + (air[i, j, k + one] - air[i, j, k]) * fw
-    left = air[i, j + one, k] + (air[i, j + one, k + one] - air[i, j + one, k]) * fw
-    ahead = air[i + one, j, k] + (air[i + one, j, k + one] - air[i + one, j, k]) * fw
-    far = air[i + one, j + one, k] + (air[i + one, j + one, k + one] - air[i + one, j + one, k]) * fw
-    near += (left - near) * fv
-    ahead += (far - ahead) * fv
-    return near + (ahead - near) * fu  # type: ignore[no-any-return]
+_GRAZING = np.float32(0.05)
+"""Least cosine of a surface to a ray for which the texture gets coarser."""
+_PER_PI: Final = np.float32(1.0 / np.pi)
+_PROBE_OFFSET: Final = np.float32(0.9)
+"""[m] in front of a solid surface where its light is read: probes behind it are in its shade."""
 
 
 @inlined
@@ -106,7 +89,8 @@ def mesh_gbuffer(shading: Shading, batch: RayBatch, count: int, pixel: float, ou
     face, texels = np.empty((found, 4), np.int32), np.empty(found, np.float32)
     _fetch_faces(shading.hits, shading.surfaces, batch, rows, found, np.float32(pixel), face, texels)
     _fetch_vertices(shading, batch, rows, found, face, out)
-    _shade_surfaces(shading, batch, rows, found, face, texels, out)
+    _shade_surfaces(shading, batch, rows, found, np.float32(pixel), face, texels, out)
+    _mesh_light(shading, batch, rows, found, face, out)
 
 
 @light_kernel
@@ -135,10 +119,10 @@ def _fetch_faces(
 def _fetch_vertices(
     shading: Shading, batch: RayBatch, rows: IntArray, found: int, face: IntArray, out: Float32Array
 ) -> None:
-    """Interpolate normals in the object's frame, texture coordinates (for now in RED and GREEN) and open sky."""
+    """Interpolate normals in the object's frame, uv and the share of open air (for now in RED, GREEN and LIGHT)."""
     vertices, top_leaf, leaf_sun = shading.surfaces.vertex, shading.light.top_leaf, shading.light.leaf_sun
-    translucency, barycentric, tops, primitives = (
-        shading.materials.translucency, batch.barycentric, batch.top, batch.primitive
+    through, barycentric, tops, primitives = (
+        shading.materials.through, batch.barycentric, batch.top, batch.primitive
     )  # fmt: skip
     for m in range(found):
         k = np.uintp(rows[m])
@@ -150,8 +134,8 @@ def _fetch_vertices(
         out[k, NZ] = _mixed(vertices, corners, weights, NORMAL_Z)
         out[k, RED] = _mixed(vertices, corners, weights, TEX_U)
         out[k, GREEN] = _mixed(vertices, corners, weights, TEX_V)
-        out[k, SKY] = _mixed(vertices, corners, weights, OPEN_SKY)
-        if translucency[np.uintp(face[m, MATERIAL])] > np.float32(0.0):
+        out[k, LIGHT] = _mixed(vertices, corners, weights, OPEN)
+        if through[np.uintp(face[m, MATERIAL]), 1] > np.float32(0.0):
             out[k, SUN] = np.float32(leaf_sun[np.uintp(top_leaf[np.uintp(tops[k])] + primitives[k])])
 
 
@@ -161,19 +145,20 @@ def _shade_surfaces(
     batch: RayBatch,
     rows: IntArray,
     found: int,
+    pixel: np.float32,
     face: IntArray,
     texels: Float32Array,
     out: Float32Array,
 ) -> None:
-    """Normals in the world's frame, light and albedo."""
+    """Normals in the world's frame, share of the sun and albedo."""
+    age, means, bases = shading.materials.age, shading.materials.atlas.mean, shading.surfaces.top_base
     tops, directions, distance, image, points = batch.top, batch.direction, batch.distance, batch.image, batch.point
     materials, surfaces, light = shading.materials, shading.surfaces, shading.light
+    foreshortening = batch.foreshortening
     atlas, sizes, textures, tints = materials.atlas, materials.atlas.size, materials.texture, materials.tint
-    glosses, translucency, mirrors = materials.gloss, materials.translucency, materials.mirror
+    glosses, throughs, mirrors = materials.gloss, materials.through, materials.mirror
     rotations, own_tints = surfaces.top_rotation, surfaces.top_tint
-    top_leaf, air, bases = light.top_leaf, light.air_sky, light.top_base
-    ax0, ay0 = np.float32(light.ground_sky.x0), np.float32(light.ground_sky.y0)
-    zero, one = np.float32(0.0), np.float32(1.0)
+    top_leaf, zero, one = light.top_leaf, np.float32(0.0), np.float32(1.0)
     for m in range(found):
         k, row = np.uintp(rows[m]), np.uintp(face[m, MATERIAL])
         top = np.uintp(tops[k])
@@ -182,22 +167,76 @@ def _shade_surfaces(
         wy = rotations[top, 1, 0] * nx + rotations[top, 1, 1] * ny + rotations[top, 1, 2] * nz
         wz = rotations[top, 2, 0] * nx + rotations[top, 2, 1] * ny + rotations[top, 2, 2] * nz
         scale = one / np.sqrt(max(wx * wx + wy * wy + wz * wz, np.float32(1e-12)))
-        through = translucency[row]
+        through = throughs[row, 1]
         facing = directions[0, k] * wx + directions[1, k] * wy + directions[2, k] * wz
         if through > zero and facing > zero:  # the normal of a leaf points to the camera's side
             scale = -scale
         out[k, NX], out[k, NY], out[k, NZ] = wx * scale, wy * scale, wz * scale
-        around = read_air(air, points[0, k] - ax0, points[1, k] - ay0, points[2, k] - bases[top])
-        out[k, SKY] = min(out[k, SKY], _AIR_GAIN * around + AIR_MIN)
-        out[k, TRANSLUCENCY], out[k, GLOSS], out[k, MIRROR] = through, glosses[row], mirrors[row]
+        out[k, GLOSS], out[k, MIRROR] = glosses[row], mirrors[row]
         texture = np.uintp(textures[row])
-        level = mip_level(texels[m] * np.float32(sizes[texture, 0]), dither(image[0, k], image[1, k]))
-        red, green, blue = sample(atlas, texture, out[k, RED], out[k, GREEN], level)
+        across = texels[m] * np.float32(sizes[texture, 0])
+        u, v, distant = out[k, RED], out[k, GREEN], top_leaf[top] == NO_SHADOW
+        if distant:  # repetition, and detail finer than a pixel's long side, would show as stripes
+            shift_u, shift_v = patch_offset(u, v, _PATCH)
+            u, v = u + shift_u, v + shift_v
+            across /= max(foreshortening[k], _FLATTEST)
+        elif through == zero:  # a pixel sees more of a surface that it grazes
+            across /= np.sqrt(max(abs(facing) * abs(scale), _GRAZING))
+        level = mip_level(across, dither(image[0, k], image[1, k]))
+        red, green, blue = sample(atlas, texture, u, v, level)
+        colour = np.float32(red), np.float32(green), np.float32(blue)
         bright, warmth = one, zero
         if through > zero:
             bright, warmth = _leaf_variation(face[m, FIRST] // 4, tops[k])
         else:
-            out[k, SUN] = one if top_leaf[top] == NO_SHADOW and distance[k] > _SHADOWS_END else np.float32(TRACE_SUN)
-        out[k, RED] = red * tints[row, 0] * own_tints[top, 0] * bright * (one + np.float32(0.35) * warmth)
-        out[k, GREEN] = green * tints[row, 1] * own_tints[top, 1] * bright
-        out[k, BLUE] = blue * tints[row, 2] * own_tints[top, 2] * bright * (one - np.float32(0.25) * warmth)
+            normal = out[k, NX], out[k, NY], out[k, NZ]
+            if age[row, FURROWS] > zero:
+                along_u, along_v = texture_slope(atlas, texture, u, v, level)
+                per_metre = age[row, FURROWS] * texels[m] / (distance[k] * pixel)
+                out[k, NX], out[k, NY], out[k, NZ] = tilted(normal, along_u * per_metre, along_v * per_metre)
+            if age[row, WEATHERING] > zero:
+                above, own = points[2, k] - bases[top], np.float32((tops[k] * 40503) & 1023) * np.float32(1.0 / 1024.0)
+                point = points[0, k], points[1, k], points[2, k]
+                colour = overgrown(
+                    colour, colour[1] / means[texture, 1], point, normal, above, own, age[row, WEATHERING]
+                )
+            elif age[row, PATCHES] > zero:
+                colour = patchy(colour, points[0, k], points[1, k], age[row, PATCHES])
+            out[k, SUN] = one if distant and distance[k] > _SHADOWS_END else np.float32(TRACE_SUN)
+        out[k, RED] = colour[0] * tints[row, 0] * own_tints[top, 0] * bright * (one + np.float32(0.35) * warmth)
+        out[k, GREEN] = colour[1] * tints[row, 1] * own_tints[top, 1] * bright
+        out[k, BLUE] = colour[2] * tints[row, 2] * own_tints[top, 2] * bright * (one - np.float32(0.25) * warmth)
+
+
+@light_kernel
+def _mesh_light(
+    shading: Shading, batch: RayBatch, rows: IntArray, found: int, face: IntArray, out: Float32Array
+) -> None:
+    """Light of sky and surroundings, and what leaves let through of it and of the sun."""
+    points, light, throughs = batch.point, shading.light, shading.materials.through
+    volume, base, sun_rgb = light.volume, light.volume_base, light.sun_rgb
+    vx, vy = np.float32(light.volume_corner[0]), np.float32(light.volume_corner[1])
+    sx, sy, sz = np.float32(light.sun[0]), np.float32(light.sun[1]), np.float32(light.sun[2])
+    per, zero, one = np.float32(light.volume_per_metre), np.float32(0.0), np.float32(1.0)
+    probe, clouds, cloud_sun = np.empty(READ, np.float32), light.has_cloud_shadow, light.cloud_sun
+    for m in range(found):
+        k, row = np.uintp(rows[m]), np.uintp(face[m, MATERIAL])
+        nx, ny, nz, share = out[k, NX], out[k, NY], out[k, NZ], out[k, LIGHT]
+        through = throughs[row, 1] > zero
+        off = zero if through else _PROBE_OFFSET
+        x, y, z = points[0, k] + off * nx, points[1, k] + off * ny, points[2, k] + off * nz
+        read_probes(volume, base, (x - vx) * per, (y - vy) * per, z, probe)
+        behind = max(-(nx * sx + ny * sy + nz * sz), zero) * out[k, SUN] * _PER_PI
+        if clouds and through and behind > zero:
+            behind *= read_grid(cloud_sun, points[0, k], points[1, k])
+        for channel in range(3):
+            at, albedo = 4 * channel, out[k, RED + channel]
+            mean, side = probe[at], probe[at + 1] * nx + probe[at + 2] * ny + probe[at + 3] * nz
+            falling = max(mean + side, zero)
+            if through:
+                passed = throughs[row, channel]
+                near = among(share, albedo * (one + passed))
+                back = max(mean - side, zero) * near + sun_rgb[channel] * behind
+                out[k, LIGHT + channel] = falling * near + passed * back
+            else:
+                out[k, LIGHT + channel] = falling * among(share, albedo)

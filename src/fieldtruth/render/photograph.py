@@ -9,12 +9,22 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Float32Array
 from fieldtruth.render.edges import EdgeBuffers, find_edges, new_edge_buffers
-from fieldtruth.render.shading import ShadingBuffers, new_shading_buffers, shade_batch
+from fieldtruth.render.shading import ShadingBuffers, new_shading_buffers
 from fieldtruth.render.tables import Shading
 from fieldtruth.render.tonemap import tonemap
+from fieldtruth.render.wires import shade_view
 from fieldtruth.sense.hits import LabelBuffers
 from fieldtruth.sense.kernel import kernel
-from fieldtruth.sense.ray_batch import BLOCK, BLOCK_HEIGHT, BLOCK_WIDTH, View, label_pixels, set_pixel_block, trace
+from fieldtruth.sense.ray_batch import (
+    BLOCK,
+    BLOCK_HEIGHT,
+    BLOCK_WIDTH,
+    View,
+    label_pixels,
+    normal_pixels,
+    set_pixel_block,
+    trace,
+)
 
 EXTRA_SAMPLES: Final = 2
 """Rays per pixel at edges, in addition to the one through the pixel's centre."""
@@ -61,7 +71,9 @@ def render_linear(shading: Shading, framebuffer: Framebuffer, view: View, labels
             count = set_pixel_block(upper, left, height, width, batch.image)
             trace(shading.scene, shading.hits.geometry_top, buffers.packet, view, batch, count)
             label_pixels(shading.hits, batch, count, labels)
-            shade_batch(shading, buffers, count, 1.0 / view.pinhole.fx)
+            if len(labels.normal.image) > 0:
+                normal_pixels(view.pose, batch, count, labels.normal)
+            shade_view(shading, buffers, view, count)
             store(batch.image, colour, count, linear)
     refine(shading, framebuffer, view, 0, find_edges(linear, labels, edges))
 
@@ -94,7 +106,7 @@ def refine(shading: Shading, framebuffer: Framebuffer, view: View, start: int, e
                 image[0, k * EXTRA_SAMPLES + s] = u + _OFFSETS[row, 0]
                 image[1, k * EXTRA_SAMPLES + s] = v + _OFFSETS[row, 1]
         trace(shading.scene, shading.hits.geometry_top, buffers.packet, view, buffers.batch, pixels * EXTRA_SAMPLES)
-        shade_batch(shading, buffers, pixels * EXTRA_SAMPLES, 1.0 / view.pinhole.fx)
+        shade_view(shading, buffers, view, pixels * EXTRA_SAMPLES)
         for k in range(pixels):
             v, u = edges[first + k, 0], edges[first + k, 1]
             for channel in range(3):

@@ -4,7 +4,7 @@
 
 Its parts shade each other. How much of the sun reaches it through the trees is traced in each image at ``_NODES``
 points above the deck, and interpolated between them along the sun's rays. Light from sky and ground is as in
-``shading``, with the open sky of the ground below the robot. The robot casts no shadow on the world.
+``shading``, with the light in the air where the robot is. The robot casts no shadow on the world.
 """
 
 from typing import Final
@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.render.gbuffer import AIR_MIN
+from fieldtruth.render.probes import READ, read_probes
 from fieldtruth.render.tables import EXPOSURE, LightTable, Shading
 from fieldtruth.render.visibility import sun_disc, visibility
 from fieldtruth.sense.hits import Grid, read_grid
@@ -29,6 +29,7 @@ _MARGIN: Final = 0.1  # [m] beyond the robot's parts
 _ABOVE: Final = 0.02  # [m], of the nodes above the highest part
 _SUN_RADIUS_DEG: Final = 0.27
 _SUN_RAYS: Final = 4
+_MIDDLE: Final = 0.4  # [m] of the robot above the origin of base_link
 
 _Vector = tuple[float, float, float]
 
@@ -100,9 +101,11 @@ def _paint(
     """Blend the samples into their pixels; ``poses`` are those of base_link and of the camera's origin in it (3,)."""
     pixel, share, own_depth, points, normals, material = samples
     pose, eye = poses
-    width, mean, sun = depth.shape[1], light.dome.mean, (light.sun[0], light.sun[1], light.sun[2])
+    width, sun, probe = depth.shape[1], (light.sun[0], light.sun[1], light.sun[2]), np.empty(READ, np.float32)
     above = _turned(pose.T, sun[0], sun[1], sun[2])
-    open_sky = AIR_MIN + (1.0 - AIR_MIN) * read_grid(light.ground_sky, pose[0, 3], pose[1, 3])
+    (x0, y0), per = light.volume_corner, light.volume_per_metre
+    at_x, at_y = np.float32((pose[0, 3] - x0) * per), np.float32((pose[1, 3] - y0) * per)
+    read_probes(light.volume, light.volume_base, at_x, at_y, np.float32(pose[2, 3] + _MIDDLE), probe)
     scale, colour, cover = EXPOSURE * exposure, np.zeros(3), 0.0
     for k in range(len(pixel)):
         v, u = pixel[k] // width, pixel[k] % width
@@ -113,12 +116,12 @@ def _paint(
             front = max(n[0] * sun[0] + n[1] * sun[1] + n[2] * sun[2], 0.0) / np.pi
             if front > 0.0:
                 front *= _sun_at(table, sunlit, level, x, y, z, above)
-            up = 0.5 + 0.5 * n[2]
-            sky, below = open_sky * up, (0.35 + 0.65 * open_sky) * (1.0 - up)
-            mirrored = open_sky * _reflected(n, ray, _MIRROR[material[k]])
+            mirrored = _reflected(n, ray, _MIRROR[material[k]])
             for channel in range(3):
-                falling = light.sun_rgb[channel] * front + mean[channel] * sky + light.bounce[channel] * below
-                value = _ALBEDO[material[k], channel] * falling + mirrored * mean[channel]
+                c = 4 * channel
+                around = probe[c] + probe[c + 1] * n[0] + probe[c + 2] * n[1] + probe[c + 3] * n[2]
+                falling = light.sun_rgb[channel] * front + max(around, 0.0)
+                value = _ALBEDO[material[k], channel] * falling + mirrored * (probe[c] + probe[c + 3])
                 colour[channel] += share[k] * scale * value
             cover += share[k]
         if k + 1 == len(pixel) or pixel[k + 1] != pixel[k]:

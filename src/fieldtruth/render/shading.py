@@ -11,19 +11,20 @@ from fieldtruth.render.air import dim
 from fieldtruth.render.gbuffer import (
     FIELDS,
     GLOSS,
+    LIGHT,
     NX,
     NY,
     NZ,
     RED,
-    SKY,
     SUN,
     TRACE_SUN,
-    TRANSLUCENCY,
     terrain_gbuffer,
 )
 from fieldtruth.render.mesh_gbuffer import mesh_gbuffer
-from fieldtruth.render.sky import sky_radiance
-from fieldtruth.render.tables import EXPOSURE, HAZE_PER_METRE, LightTable, Shading
+from fieldtruth.render.sky.disc import add_disc, add_glitter
+from fieldtruth.render.sky.dome import sky_radiance
+from fieldtruth.render.snow import cover_with_snow
+from fieldtruth.render.tables import EXPOSURE, LightTable, Shading
 from fieldtruth.render.visibility import SHADOW_RANGE
 from fieldtruth.render.water import (
     SecondaryBatch,
@@ -34,13 +35,13 @@ from fieldtruth.render.water import (
     water_rays,
 )
 from fieldtruth.sense import embree
-from fieldtruth.sense.hits import TERRAIN
+from fieldtruth.sense.hits import TERRAIN, Grid, read_grid
 from fieldtruth.sense.kernel import inlined, kernel, light_kernel
 from fieldtruth.sense.packets import IntArray, Packet, new_packet, set_shadow_ray
 from fieldtruth.sense.ray_batch import RayBatch, new_batch
 
-_EXPOSURE, _PER_PI, _HAZE = np.float32(EXPOSURE), np.float32(1.0 / np.pi), np.float32(HAZE_PER_METRE)
-_LEAF_GLOW = np.array([2.6, 2.8, 1.0], np.float32)  # light through a leaf is yellower than light from it
+_EXPOSURE, _PER_PI = np.float32(EXPOSURE), np.float32(1.0 / np.pi)
+_CUTICLE = np.float32(0.04)  # reflectance of wax and varnish at normal incidence: refractive index 1.5
 _OFFSET = 0.002  # [m] between a surface and the origin of its shadow ray
 
 _Vector = tuple[np.float32, np.float32, np.float32]
@@ -77,11 +78,11 @@ def new_shading_buffers(count: int) -> ShadingBuffers:
 @kernel
 def shade_batch(shading: Shading, buffers: ShadingBuffers, count: int, pixel: float) -> None:
     """Compute ``colour`` of the traced rays; ``pixel`` is the angle [rad] of one pixel."""
-    _shade(shading, buffers, buffers.batch, count, pixel, buffers.gbuffer, buffers.colour)
+    shade_hits(shading, buffers, buffers.batch, count, pixel, buffers.gbuffer, buffers.colour)
+    add_disc(shading.light, shading.exposure, buffers.batch, count, buffers.colour)
     if shading.has_water:
         _shade_water(shading, buffers, count, pixel)
-    if shading.has_weather:
-        dim(shading, buffers.batch, count, buffers.colour)
+    dim(shading, buffers.batch, count, buffers.colour)
 
 
 @kernel
@@ -90,18 +91,18 @@ def _shade_water(shading: Shading, buffers: ShadingBuffers, count: int, pixel: f
     second = buffers.secondary
     found = water_rays(buffers.batch, buffers.gbuffer, count, pixel, False, second)
     trace_secondary(shading.scene, shading.hits.geometry_top, buffers.packet, second, found)
-    _shade(shading, buffers, second.batch, found, pixel, second.gbuffer, second.colour)
+    shade_hits(shading, buffers, second.batch, found, pixel, second.gbuffer, second.colour)
     blend_bottom(second, found, buffers.colour)
     found = water_rays(buffers.batch, buffers.gbuffer, count, pixel, True, second)
     trace_secondary(shading.scene, shading.hits.geometry_top, buffers.packet, second, found)
-    _shade(shading, buffers, second.batch, found, pixel, second.gbuffer, second.colour)
-    if shading.has_weather:
-        dim(shading, second.batch, found, second.colour)
+    shade_hits(shading, buffers, second.batch, found, pixel, second.gbuffer, second.colour)
+    add_glitter(shading.light, shading.exposure, second.batch, found, second.colour)
+    dim(shading, second.batch, found, second.colour)
     blend_reflection(second, found, buffers.colour)
 
 
 @kernel
-def _shade(
+def shade_hits(
     shading: Shading,
     buffers: ShadingBuffers,
     batch: RayBatch,
@@ -110,9 +111,14 @@ def _shade(
     gbuffer: Float32Array,
     colour: Float32Array,
 ) -> None:
+    """Compute ``gbuffer`` and ``colour`` of the traced rays of a batch, without water and weather."""
     terrain_gbuffer(shading, batch, count, pixel, gbuffer)
     mesh_gbuffer(shading, batch, count, pixel, gbuffer)
+    if shading.has_snow:
+        cover_with_snow(shading.snow, shading.light.dome.mean[1], batch, count, gbuffer)
     _trace_sun(shading.scene, buffers.shadow, buffers.shadow_rows, shading.light.sun, batch, count, gbuffer)
+    if shading.light.has_cloud_shadow:
+        _shade_by_clouds(shading.light.cloud_sun, batch, count, gbuffer)
     _illuminate(batch, count, gbuffer, shading.light, shading.exposure, colour)
 
 
@@ -146,24 +152,44 @@ def _trace_sun(
             filled = 0
 
 
+@kernel
+def _shade_by_clouds(cloud_sun: Grid, batch: RayBatch, count: int, gbuffer: Float32Array) -> None:
+    """Multiply the sun that objects see by what clouds let through; the ground's has it."""
+    for k in range(count):
+        if batch.top[k] > TERRAIN and gbuffer[k, SUN] > np.float32(0.0):
+            gbuffer[k, SUN] *= read_grid(cloud_sun, batch.point[0, k], batch.point[1, k])
+
+
 @inlined
-def _half_vector_cosine(normal: _Vector, sun: _Vector, view: _Vector) -> np.float32:
-    """Cosine of the angle between the normal and the half vector of sun and camera (Blinn 1977); 0 if negative."""
+def _highlight(normal: _Vector, sun: _Vector, view: _Vector) -> np.float32:
+    """Light that a broad highlight sends back, over the sun's irradiance on a surface that faces it.
+
+    Normalized Blinn-Phong reflection with the exponent 16, times the cosine to the sun, with Schlick's (1994) Fresnel
+    reflectance at the angle between the half vector and the camera. ``sun`` is towards it, ``view`` from the camera.
+    """
+    zero, one = np.float32(0.0), np.float32(1.0)
     hx, hy, hz = sun[0] - view[0], sun[1] - view[1], sun[2] - view[2]
-    dot = normal[0] * hx + normal[1] * hy + normal[2] * hz
-    return max(dot / np.sqrt(hx * hx + hy * hy + hz * hz), np.float32(0.0))
+    length = np.sqrt(max(hx * hx + hy * hy + hz * hz, np.float32(1e-6)))
+    power = max((normal[0] * hx + normal[1] * hy + normal[2] * hz) / length, zero)
+    away = one - np.float32(0.5) * length
+    fresnel = _CUTICLE + (one - _CUTICLE) * away * away * away * away * away
+    power *= power
+    power *= power
+    power *= power
+    power *= power
+    facing = normal[0] * sun[0] + normal[1] * sun[1] + normal[2] * sun[2]
+    return fresnel * np.float32(24.0 / (8.0 * np.pi)) * power * facing  # type: ignore[no-any-return]
 
 
 @light_kernel
 def _illuminate(
     batch: RayBatch, count: int, gbuffer: Float32Array, light: LightTable, exposure: np.float32, colour: Float32Array
 ) -> None:
-    """Sum the light along each ray: sun, sky, reflection from the ground, highlight, and haze in between."""
-    top, direction, distance, glow = batch.top, batch.direction, batch.distance, _LEAF_GLOW
-    dome, sun_rgb, bounce, mean = light.dome.rgb, light.sun_rgb, light.bounce, light.dome.mean
-    horizon = light.dome.horizon / np.sqrt(exposure)  # less light is scattered where less falls
+    """Sum the light that each hit sends towards the camera: of sun, sky and surroundings, and the highlight."""
+    top, direction = batch.top, batch.direction
+    dome, sun_rgb = light.dome.rgb, light.sun_rgb
     sx, sy, sz = np.float32(light.sun[0]), np.float32(light.sun[1]), np.float32(light.sun[2])
-    zero, one, half, scale = np.float32(0.0), np.float32(1.0), np.float32(0.5), _EXPOSURE * exposure
+    zero, half, one, scale = np.float32(0.0), np.float32(0.5), np.float32(1.0), _EXPOSURE * exposure
     for k in range(count):
         dx, dy, dz = direction[0, k], direction[1, k], direction[2, k]
         if top[k] < 0:
@@ -176,23 +202,15 @@ def _illuminate(
         nx, ny, nz, sun = gbuffer[k, NX], gbuffer[k, NY], gbuffer[k, NZ], gbuffer[k, SUN]
         facing = nx * sx + ny * sy + nz * sz
         front = max(facing, zero) * sun * _PER_PI
-        behind = max(-facing, zero) * sun * gbuffer[k, TRANSLUCENCY] * _PER_PI
-        up = half + half * nz
-        sky = gbuffer[k, SKY] * up
-        below = (np.float32(0.35) + np.float32(0.65) * gbuffer[k, SKY]) * (one - up)
-        gloss = zero
-        if gbuffer[k, GLOSS] > zero and sun > zero and facing > zero:
-            power = _half_vector_cosine((nx, ny, nz), (sx, sy, sz), (dx, dy, dz))
-            for _ in range(4):
-                power *= power
-            gloss = np.float32(0.25) * gbuffer[k, GLOSS] * sun * power * power  # cosine to the power of 32
-        haze = min(distance[k] * _HAZE, half)  # the first terms of 1 - exp(-x)
-        haze -= half * haze * haze
+        gloss, sheen = zero, zero
+        if gbuffer[k, GLOSS] > zero:
+            strength = np.sqrt(gbuffer[k, GLOSS])
+            away = one - min(abs(nx * dx + ny * dy + nz * dz), one)
+            sheen = strength * (_CUTICLE + np.float32(0.3) * away * away * away * away)
+            if sun > zero and facing > zero:
+                gloss = strength * sun * _highlight((nx, ny, nz), (sx, sy, sz), (dx, dy, dz))
         for channel in range(3):
-            irradiance = (
-                sun_rgb[channel] * (front + behind * glow[channel]) + mean[channel] * sky + bounce[channel] * below
-            )
-            value = gbuffer[k, RED + channel] * irradiance + gloss * sun_rgb[channel]
-            if haze > np.float32(0.01):
-                value = value + (horizon[channel] - value) * haze
+            around = gbuffer[k, LIGHT + channel]
+            value = gbuffer[k, RED + channel] * (sun_rgb[channel] * front + around)
+            value += gloss * sun_rgb[channel] + sheen * around
             colour[k, channel] = scale * value

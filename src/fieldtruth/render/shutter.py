@@ -15,6 +15,7 @@ from fieldtruth.render.edges import find_edges
 from fieldtruth.render.photograph import Framebuffer, refine, store
 from fieldtruth.render.shading import ShadingBuffers, shade_batch
 from fieldtruth.render.tables import Shading
+from fieldtruth.render.wires import shade_view
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import LabelBuffers
 from fieldtruth.sense.kernel import kernel
@@ -62,7 +63,7 @@ def render_strips(shading: Shading, framebuffer: Framebuffer, view: View, poses:
             count = _set_strip(upper, left, height, width, 0.0, 0.0, batch.image)
             trace(shading.scene, shading.hits.geometry_top, buffers.packet, own, batch, count)
             label_pixels(shading.hits, batch, count, labels)
-            shade_batch(shading, buffers, count, 1.0 / view.pinhole.fx)
+            shade_view(shading, buffers, own, count)
             store(batch.image, buffers.colour, count, linear)
     count, start = find_edges(linear, labels, edges), 0
     while start < count:
@@ -92,7 +93,7 @@ def render_mean(shading: Shading, framebuffer: Framebuffer, view: View, poses: A
             for left in range(0, width, _COLUMNS):
                 count = _set_strip(upper, left, height, width, dx, dy, batch.image)
                 trace(shading.scene, shading.hits.geometry_top, buffers.packet, own, batch, count)
-                shade_batch(shading, buffers, count, 1.0 / view.pinhole.fx)
+                shade_view(shading, buffers, own, count)
                 _add(batch.image, colour, count, dx, dy, share, brightest, linear)
 
 

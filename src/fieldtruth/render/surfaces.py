@@ -10,13 +10,13 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import Mesh
 
 
-def surface_table(scene: Scene, vertex_sky: Float32Array) -> SurfaceTable:
-    """Tables of a scene; ``vertex_sky`` (v,) is the share of open sky at each vertex of its meshes."""
+def surface_table(scene: Scene, vertex_near: Float32Array) -> SurfaceTable:
+    """Tables of a scene; ``vertex_near`` (v,) is the share of open air at each vertex of its meshes."""
     meshes, materials = scene.meshes, {name: row for row, name in enumerate(scene.world.materials)}
     vertices, faces, starts = [], [], np.cumsum([0, *(len(m.vertices) for m in meshes)])
     for mesh, start, end in zip(meshes, starts[:-1], starts[1:], strict=True):
         rows = np.array([materials[name] for name in mesh.materials], np.int32)[mesh.material]
-        vertices.append(np.column_stack([mesh.normals, mesh.uv, vertex_sky[start:end]]))
+        vertices.append(np.column_stack([mesh.normals, mesh.uv, vertex_near[start:end]]))
         faces.append(np.column_stack([mesh.faces + np.int32(start), rows]))
     axes = np.array([top.world_from_object[:3, :3] for top in scene.tops])
     return SurfaceTable(
@@ -25,6 +25,7 @@ def surface_table(scene: Scene, vertex_sky: Float32Array) -> SurfaceTable:
         face_repeat=np.concatenate([*(_metres_per_repeat(m) for m in meshes), np.zeros(0, np.float32)]),
         top_rotation=(axes / np.cbrt(np.linalg.det(axes))[:, None, None]).astype(np.float32),
         top_tint=np.array([top.tint for top in scene.tops], np.float32),
+        top_base=np.array([top.world_from_object[2, 3] for top in scene.tops], np.float32),
     )
 
 

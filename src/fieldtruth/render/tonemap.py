@@ -12,15 +12,21 @@ from fieldtruth.render.atlas import srgb_from_linear
 from fieldtruth.sense.kernel import kernel
 
 FILMIC_TOP: Final = 16.0
+WHITE: Final = 2.0
+"""Linear light from which on a pixel is white."""
 _STEPS: Final = 4096
 SPILL: Final = 0.07
 """Share of a pixel's light that a good lens spills into each of its four neighbours."""
 
 
 def _curve() -> NDArray[np.uint8]:
-    """SRGB bytes over the square root of linear light in [0, FILMIC_TOP]: a filmic curve (Narkowicz 2015, ACES fit)."""
+    """SRGB bytes over the square root of linear light in [0, FILMIC_TOP].
+
+    A filmic curve (Narkowicz 2015, ACES fit), scaled so that WHITE is white.
+    """
     light = np.linspace(0.0, np.sqrt(FILMIC_TOP), _STEPS) ** 2
     film = light * (2.51 * light + 0.03) / (light * (2.43 * light + 0.59) + 0.14)
+    film = np.minimum(film / film[np.searchsorted(light, WHITE)], 1.0)
     return np.rint(255.0 * srgb_from_linear(film)).astype(np.uint8)
 
 
@@ -34,6 +40,7 @@ def tonemap(linear: Float32Array, photo: NDArray[np.uint8]) -> None:
     height, width, _ = linear.shape
     scale = np.float32((_STEPS - 1) / np.sqrt(FILMIC_TOP))
     keep, spill, top = np.float32(1.0 - 4.0 * SPILL), np.float32(SPILL), np.float32(FILMIC_TOP)
+    black = np.float32(0.0)  # where all is occluded, rounding leaves light just below 0
     for v in range(height):
         up, down = max(v - 1, 0), min(v + 1, height - 1)
         for u in range(width):
@@ -44,4 +51,4 @@ def tonemap(linear: Float32Array, photo: NDArray[np.uint8]) -> None:
                     + linear[v, left, channel] + linear[v, right, channel]
                 )  # fmt: skip
                 value = keep * linear[v, u, channel] + spill * near
-                photo[v, u, channel] = FILMIC[int(np.sqrt(min(value, top)) * scale + np.float32(0.5))]
+                photo[v, u, channel] = FILMIC[int(np.sqrt(max(min(value, top), black)) * scale + np.float32(0.5))]

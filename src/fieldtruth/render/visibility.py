@@ -37,16 +37,22 @@ def hemisphere(count: int) -> Array:
 
 
 def visibility(
-    scene: np.uint64, points: Float32Array, normals: Float32Array | None, directions: Array, near: float
+    scene: np.uint64,
+    points: Float32Array,
+    normals: Float32Array | None,
+    directions: Array,
+    near: float,
+    reach: float = SHADOW_RANGE,
 ) -> Float32Array:
     """Share (n,) of ``directions`` (k, 3) that are unobstructed at each point (n, 3).
 
     Directions are weighted by the cosine to the point's normal, or equally without ``normals`` or for a normal of
-    length 0. Where no direction has a positive weight, the share is 0.5. Occluders within ``near`` [m] are ignored.
+    length 0. Where no direction has a positive weight, the share is 0.5. Occluders within ``near`` and beyond ``reach``
+    [m] are ignored.
     """
     result = np.empty(len(points), np.float32)
     normals = np.zeros_like(points) if normals is None else normals
-    _visibility(scene, new_packet(coherent=True), points, normals, directions, near, result)
+    _visibility(scene, new_packet(coherent=True), points, normals, directions, near, reach, result)
     return result
 
 
@@ -65,6 +71,7 @@ def _visibility(
     normals: Float32Array,
     directions: Array,
     near: float,
+    reach: float,
     result: Float32Array,
 ) -> None:
     """Trace packets of neighbouring points in one direction at a time, which keeps the rays parallel."""
@@ -82,7 +89,7 @@ def _visibility(
                 if weight <= 0.0:
                     continue
                 p = points[row]
-                set_shadow_ray(packet, lane, (p[0], p[1], p[2]), (dx, dy, dz), near, SHADOW_RANGE)
+                set_shadow_ray(packet, lane, (p[0], p[1], p[2]), (dx, dy, dz), near, reach)
                 total[lane] += weight
                 free[lane] += weight
             _occluded(packet.valid.ctypes, scene, packet.ray.ctypes, packet.arguments.ctypes)

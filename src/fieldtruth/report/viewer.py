@@ -27,6 +27,7 @@ from fieldtruth.core.errors import OutputError
 from fieldtruth.core.files import atomic_output, output_errors
 from fieldtruth.core.progress import Progress, Silent, timed
 from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.report.drawing.vectors import flow_colours, normal_colours
 from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
 
 RATE: Final = 5.0  # [Hz]
@@ -116,6 +117,8 @@ class _Log:
                 ("photograph", self._photograph),
                 ("tag", self._tag),
                 ("depth", self._depth),
+                ("normals", self._normals),
+                ("flow", self._flow),
             )
         }
         return cameras | {
@@ -193,6 +196,12 @@ class _Log:
         metres = read.depth(message)
         image = self.rr.DepthImage(np.where(np.isfinite(metres), metres, 0.0).astype(np.float32), meter=1.0)
         self.recording.log(f"depth/{message.header.frame_id}", image)
+
+    def _normals(self, _: str, message: Any) -> None:
+        self.recording.log(f"normals/{message.header.frame_id}", self.rr.Image(normal_colours(read.normals(message))))
+
+    def _flow(self, _: str, message: Any) -> None:
+        self.recording.log(f"flow/{message.header.frame_id}", self.rr.Image(flow_colours(read.flow(message))))
 
     def _imu(self, topic: str, message: Any) -> None:
         for name in ("angular_velocity", "linear_acceleration"):

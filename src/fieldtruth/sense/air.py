@@ -9,6 +9,7 @@ range R [m] has rho cos(theta) exp(-2 alpha R) / R^2.
   Kim, McArthur and Korevaar (2001); rain and snow the cross-section of their particles, whose diameters are
   exponentially distributed (as much again is diffracted, but by 1 mrad and less: it stays in the beam); dust in
   proportion to its mass.
+- Fog may thin with height as exp(-height / scale): a path in it counts as one of ``fog_length`` where it is densest.
 - Fog and dust are a soft target (Rasshofer, Spies and Spies, Adv. Radio Sci. 9, 2011): the echo is the pulse, a squared
   sine, convolved with beta overlap(R) exp(-2 alpha R) / R^2; beta = 0.046 / visibility [1/(m sr)] for fog. It is flat
   over metres, so that the noise of counted photons decides where its maximum is found.
@@ -31,6 +32,8 @@ from fieldtruth.sense.kernel import inlined
 LIGHT_SPEED: Final = 299_792_458.0  # [m/s]
 CONTRAST: Final = 0.05
 """Contrast of a black object at the meteorological optical range (WMO-No. 8)."""
+MOLECULES: Final = 1.162e-5
+"""Extinction coefficient [1/m] of the molecules of air at sea level and 550 nm (Bucholtz 1995)."""
 FOG_BACKSCATTER: Final = 0.046
 """Backscatter coefficient [1/(m sr)] times visibility [m] (Rasshofer et al. 2011)."""
 DUST_EXTINCTION: Final = 1.0
@@ -66,7 +69,10 @@ class Beam(NamedTuple):
 class Air(NamedTuple):
     """The weather in one LiDAR's beam. Clear air has ``extinction`` 0 and ``has_echoes`` False."""
 
-    extinction: float  # [1/m]
+    extinction: float  # [1/m], of fog that thins with height where it is densest
+    fog: float  # [1/m] part of it that thins
+    fog_scale: float  # [m] height over which it does, see fog_length; 0 without
+    fog_echo: float  # part of the soft target's echo that thins
     has_echoes: bool
     soft_power: Array  # (s,) greatest power of the soft target in front of a surface at k _SOFT_STEP, the last one any
     soft_share: Array  # (s, c) probability that it is found in one of the cells up to a cell
@@ -90,6 +96,33 @@ def fog_extinction(visibility_m: float, wavelength_nm: float = 550.0) -> float:
     km = visibility_m / 1000
     size = 1.3 if km > 6 else 0.16 * km + 0.34 if km > 1 else max(km - 0.5, 0.0)
     return float(-np.log(CONTRAST) / visibility_m * (wavelength_nm / 550.0) ** -size)
+
+
+@inlined
+def fog_length(above: float, rise: float, length: float, scale: float) -> float:
+    """Length [m] of a path in the densest fog with the same extinction, for cameras and LiDARs.
+
+    The path begins ``above`` [m] the densest fog, is ``length`` [m] long and ends ``rise`` [m] higher. It is the
+    integral of exp(-height / scale) along it; a ``scale`` of 0 is that of fog which is as dense at every height.
+    """
+    if scale == 0.0:
+        return length
+    low, high = above / scale, (above + rise) / scale
+    x = high - low
+    if abs(x) < 0.02:
+        return length * np.exp(-low) * (1.0 - x * (0.5 - x / 6.0))  # type: ignore[no-any-return]
+    return length * (np.exp(-low) - np.exp(-high)) / x  # type: ignore[no-any-return]
+
+
+def clear_extinction(visibility_m: float, wavelength_nm: float) -> float:
+    """Extinction coefficient [1/m] of air without fog: of its molecules, and of aerosol, which is the rest.
+
+    Molecules at sea level scatter 1.162e-5 / m at 550 nm, with the power -4.09 of the wavelength (Bucholtz, Appl. Opt.
+    34, 1995); aerosol has the power -1.3 (Angstrom 1929, the usual value over land).
+    """
+    ratio = wavelength_nm / 550.0
+    aerosol = max(float(-np.log(CONTRAST)) / visibility_m - MOLECULES, 0.0)
+    return float(MOLECULES * ratio**-4.09 + aerosol * ratio**-1.3)
 
 
 def extinction(weather: WeatherConfig, wavelength_nm: float) -> float:
@@ -116,6 +149,9 @@ def make_air(weather: WeatherConfig | None, beam: Beam) -> Air:
     log_ranges = np.linspace(np.log(beam.min_range), np.log(beam.max_range), _RANGES)
     return Air(
         extinction=alpha,
+        fog=fog_extinction(weather.fog_visibility_m, beam.wavelength_nm) if weather.fog_visibility_m else 0.0,
+        fog_scale=weather.fog_height_m or 0.0,
+        fog_echo=FOG_BACKSCATTER / weather.fog_visibility_m / backscatter(weather) if weather.fog_visibility_m else 0.0,
         has_echoes=not weather.is_clear,
         soft_power=soft_power,
         soft_share=soft_share,
@@ -207,22 +243,42 @@ def _soft_range(air: Air, k: int, u: float) -> float:
 
 
 @inlined
-def transmitted(air: Air, range_m: float) -> float:
-    """Share of a surface's power that the air leaves, there and back."""
-    return np.exp(-2.0 * air.extinction * range_m)  # type: ignore[no-any-return]
+def transmitted(air: Air, range_m: float, above: float, slope: float) -> float:
+    """Share of a surface's power that the air leaves, there and back.
+
+    The beam begins ``above`` [m] the densest fog, and ``slope`` is the sine of its elevation.
+    """
+    thin = range_m - fog_length(above, slope * range_m, range_m, air.fog_scale)
+    return np.exp(-2.0 * (air.extinction * range_m - air.fog * thin))  # type: ignore[no-any-return]
 
 
 @inlined
-def strongest_echo(air: Air, power: float, range_m: float, u1: float, u2: float) -> tuple[float, float, bool]:
+def _soft_share(air: Air, range_m: float, above: float, slope: float) -> float:
+    """Echo of the soft target at a range over that where the fog is densest everywhere."""
+    if air.fog_scale == 0.0:
+        return 1.0
+    density = np.exp(-(above + slope * range_m) / air.fog_scale)
+    less = np.exp(2.0 * air.extinction * range_m) * transmitted(air, range_m, above, slope)
+    return (1.0 - air.fog_echo * (1.0 - density)) * less  # type: ignore[no-any-return]
+
+
+@inlined
+def strongest_echo(
+    air: Air, power: float, range_m: float, beam: tuple[float, float], u1: float, u2: float
+) -> tuple[float, float, bool]:
     """Power and range [m] of the strongest echo of a ray, and whether it is a particle's.
 
     ``power`` is the surface's in this air and ``range_m`` its range; a ray that meets none has power 0 and the LiDAR's
-    max_range. ``u1`` and ``u2`` are uniform in (0, 1].
+    max_range. ``beam`` is where it begins and its slope, as for ``transmitted``. ``u1`` and ``u2`` are uniform in
+    (0, 1].
     """
     particle, at, table, rows = False, range_m, air.numbers, air.numbers.shape[0]
     k = min(int(range_m / _SOFT_STEP), air.soft_power.shape[0] - 1)
-    if air.soft_power[k] > power:
-        power, at, particle = air.soft_power[k], min(_soft_range(air, k, u2), range_m), True
+    if air.soft_power[k] > 0.0:
+        found = min(_soft_range(air, k, u2), range_m)
+        soft = air.soft_power[k] * _soft_share(air, found, beam[0], beam[1])
+        if soft > power:
+            power, at, particle = soft, found, True
     column = (np.log(range_m) - air.first_log_range) * air.per_log_range
     if column <= 0.0:
         return power, at, particle

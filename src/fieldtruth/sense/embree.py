@@ -29,6 +29,8 @@ SOLID: Final = 1
 """Mask of geometry that casts shadows; the default."""
 CLEAR: Final = 2
 """Mask of geometry that light passes through: water."""
+THIN: Final = 4
+"""Mask of wires. They cast shadows; photographs draw them by their width and need what is behind them."""
 VERSION: Final = 40400
 
 _TRIANGLES, _GRIDS, _INSTANCE = 0, 2, 121

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Float32Array
+from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.classes import Label
 from fieldtruth.sense import embree
 from fieldtruth.sense.kernel import inlined
@@ -47,12 +47,27 @@ class HitTable(NamedTuple):
     trail_distance: Grid
 
 
+class NormalBuffers(NamedTuple):
+    """Image of surface normals that a kernel fills, (h, w, 3) in the optical frame, and what it takes for that.
+
+    ``axes`` (tops, 3, 3) is the rotation times scale of ``world_from_object`` of each top-level geometry.
+    """
+
+    image: Float32Array
+    axes: Array
+
+
+NO_NORMALS: Final = NormalBuffers(np.zeros((0, 0, 3), np.float32), np.zeros((0, 3, 3)))
+"""Where no normals are wanted."""
+
+
 class LabelBuffers(NamedTuple):
-    """Label, instance and depth images that a kernel fills, each (h, w)."""
+    """Label, instance and depth images that a kernel fills, each (h, w), and normals if they are wanted."""
 
     label: NDArray[np.uint8]
     instance: NDArray[np.uint32]
     depth: Float32Array
+    normal: NormalBuffers = NO_NORMALS
 
 
 @inlined

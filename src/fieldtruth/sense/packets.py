@@ -16,7 +16,7 @@ _OX, _OY, _OZ, _DX, _DY, _DZ = embree.ORG_X, embree.ORG_Y, embree.ORG_Z, embree.
 _NEAR, _TIME, _FAR = embree.TNEAR, embree.TIME, embree.TFAR
 _MASK, _ID, _FLAGS = embree.MASK, embree.ID, embree.FLAGS
 _GEOM, _INST, _INST_PRIM = embree.GEOM_ID, embree.INST_ID, embree.INST_PRIM_ID
-_MISS, _SOLID = embree.MISS, embree.SOLID
+_MISS, _SHADOWS = embree.MISS, embree.SOLID | embree.THIN
 
 IntArray = NDArray[np.int32]
 Scalar = float | np.float32
@@ -54,4 +54,4 @@ def set_ray(packet: Packet, lane: int, origin: Vector, direction: Vector, near: 
 def set_shadow_ray(packet: Packet, lane: int, origin: Vector, direction: Vector, near: float, far: float) -> None:
     """Put a ray into a lane as ``set_ray`` does; it passes through water, as light does."""
     set_ray(packet, lane, origin, direction, near, far)
-    packet.words[_MASK + lane] = _SOLID
+    packet.words[_MASK + lane] = _SHADOWS

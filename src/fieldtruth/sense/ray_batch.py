@@ -11,7 +11,7 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.sense import embree
-from fieldtruth.sense.hits import HitTable, LabelBuffers, classify, hit_top
+from fieldtruth.sense.hits import HitTable, LabelBuffers, NormalBuffers, classify, hit_top
 from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import IntArray, Packet, set_ray
 from fieldtruth.sensors.camera.pinhole import Pinhole
@@ -53,9 +53,10 @@ class RayBatch(NamedTuple):
     foreshortening: Float32Array  # (n,) see seen_over_map
     distance: Float32Array  # (n,) [m] along the ray
     point: Float32Array  # (3, n) [m] world frame
+    normal: Float32Array  # (3, n) of the triangle in its mesh's frame, of any length; (3, 0) if not wanted
 
 
-def new_batch(count: int) -> RayBatch:
+def new_batch(count: int, *, normals: bool = False) -> RayBatch:
     """Allocate a batch of at least ``count`` rays. Threads must not share it."""
     n = -(-count // _LANES) * _LANES
     return RayBatch(
@@ -68,6 +69,7 @@ def new_batch(count: int) -> RayBatch:
         foreshortening=np.zeros(n, np.float32),
         distance=np.zeros(n, np.float32),
         point=np.zeros((3, n), np.float32),
+        normal=np.zeros((3, n if normals else 0), np.float32),
     )
 
 
@@ -142,6 +144,21 @@ def set_directions(pose: Array, table: Float32Array, count: int, batch: RayBatch
         direction[2, k] = m20 * a + m21 * b + m22 * c
 
 
+@inlined
+def gradients(view: View, batch: RayBatch, k: int, normal: tuple[float, float, float]) -> tuple[float, float]:
+    """Change per pixel, along u and along v, of a ray's component along a unit normal to it in the world frame."""
+    pose, table = view.pose, view.table
+    x = normal[0] * pose[0, 0] + normal[1] * pose[1, 0] + normal[2] * pose[2, 0]
+    y = normal[0] * pose[0, 1] + normal[1] * pose[1, 1] + normal[2] * pose[2, 1]
+    if len(table) == 0:
+        return x * batch.cosine[k] / view.pinhole.fx, y * batch.cosine[k] / view.pinhole.fy
+    z = normal[0] * pose[0, 2] + normal[1] * pose[1, 2] + normal[2] * pose[2, 2]
+    u = min(max(int(batch.image[0, k] + np.float32(0.5)), 0), table.shape[1] - 1)
+    v = min(max(int(batch.image[1, k] + np.float32(0.5)), 0), table.shape[0] - 1)
+    right, down = _slope(table, v, u, 0, 1), _slope(table, v, u, 1, 0)
+    return x * right[0] + y * right[1] + z * right[2], x * down[0] + y * down[1] + z * down[2]
+
+
 @kernel
 def trace(scene: np.uint64, tops: IntArray, packet: Packet, view: View, batch: RayBatch, count: int) -> None:
     """Trace the rays through the first ``count`` image points of a batch, LANES neighbours at a time.
@@ -150,7 +167,7 @@ def trace(scene: np.uint64, tops: IntArray, packet: Packet, view: View, batch: R
     vectorized; what all rays share is set once.
     """
     ray, words, valid = packet.ray, packet.words, packet.valid
-    image, direction, cosine, top, primitive, barycentric, foreshortening, distance, point = batch
+    image, direction, cosine, top, primitive, barycentric, foreshortening, distance, point, normal = batch
     pose, lens, far, table = view
     m00, m01, m02 = pose[0, 0], pose[0, 1], pose[0, 2]
     m10, m11, m12 = pose[1, 0], pose[1, 1], pose[1, 2]
@@ -192,6 +209,11 @@ def trace(scene: np.uint64, tops: IntArray, packet: Packet, view: View, batch: R
             barycentric[0, k], barycentric[1, k] = ray[_U + lane], ray[_V + lane]
             foreshortening[k], primitive[k] = seen_over_map(ray, lane), np.int32(words[_PRIM + lane])
             top[k] = hit_top(tops, words, lane)
+        if normal.shape[1] > 0:
+            for lane in range(_LANES):
+                normal[0, first + lane] = ray[_NX + lane]
+                normal[1, first + lane] = ray[_NY + lane]
+                normal[2, first + lane] = ray[_NZ + lane]
 
 
 @kernel
@@ -199,7 +221,7 @@ def label_pixels(hits: HitTable, batch: RayBatch, count: int, out: LabelBuffers)
     """Write class, instance id and depth [m] of a batch of pixel centres into the images."""
     image, tops, primitive, point = batch.image, batch.top, batch.primitive, batch.point
     distance, cosine = batch.distance, batch.cosine
-    label, instance, depth = out
+    label, instance, depth = out.label, out.instance, out.depth
     for k in range(count):
         u, v, top = int(image[0, k]), int(image[1, k]), tops[k]
         label[v, u], instance[v, u] = classify(hits, top, primitive[k], point[0, k], point[1, k])
@@ -207,13 +229,39 @@ def label_pixels(hits: HitTable, batch: RayBatch, count: int, out: LabelBuffers)
 
 
 @kernel
+def normal_pixels(pose: Array, batch: RayBatch, count: int, out: NormalBuffers) -> None:
+    """Write unit normals towards the camera, in its frame, of a batch of pixel centres; 0 where nothing was hit.
+
+    They are those of the triangles, without interpolation between vertices.
+    """
+    image, tops, direction, normal = batch.image, batch.top, batch.direction, batch.normal
+    for k in range(count):
+        u, v, top = int(image[0, k]), int(image[1, k]), tops[k]
+        out.image[v, u, 0], out.image[v, u, 1], out.image[v, u, 2] = 0.0, 0.0, 0.0
+        if top < 0:
+            continue
+        a, b, c = np.float64(normal[0, k]), np.float64(normal[1, k]), np.float64(normal[2, k])
+        axes = out.axes[top]
+        x = axes[0, 0] * a + axes[0, 1] * b + axes[0, 2] * c
+        y = axes[1, 0] * a + axes[1, 1] * b + axes[1, 2] * c
+        z = axes[2, 0] * a + axes[2, 1] * b + axes[2, 2] * c
+        length = np.sqrt(x * x + y * y + z * z)
+        away = x * direction[0, k] + y * direction[1, k] + z * direction[2, k] > 0.0
+        scale = 0.0 if length == 0.0 else (-1.0 if away else 1.0) / length
+        for axis in range(3):
+            out.image[v, u, axis] = (pose[0, axis] * x + pose[1, axis] * y + pose[2, axis] * z) * scale
+
+
+@kernel
 def label_image(
     scene: np.uint64, hits: HitTable, packet: Packet, view: View, batch: RayBatch, out: LabelBuffers
 ) -> None:
-    """Write class, instance id and depth of the ray through every pixel's centre."""
+    """Write class, instance id, depth and, if wanted, normal of the ray through every pixel's centre."""
     height, width = out.label.shape
     for upper in range(0, height, BLOCK_HEIGHT):
         for left in range(0, width, BLOCK_WIDTH):
             count = set_pixel_block(upper, left, height, width, batch.image)
             trace(scene, hits.geometry_top, packet, view, batch, count)
             label_pixels(hits, batch, count, out)
+            if len(out.normal.image) > 0:
+                normal_pixels(view.pose, batch, count, out.normal)

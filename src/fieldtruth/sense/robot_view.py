@@ -43,6 +43,7 @@ class RobotView(NamedTuple):
     eye: Array  # (3,) [m], the camera in base_link
     pixel: Index  # (n,) numbers of the pixels whose ray through the centre meets it
     depth: Float32Array  # (n,) [m] there
+    normal: Float32Array  # (n, 3) unit, in the optical frame
     samples: RobotSamples
 
 
@@ -80,7 +81,8 @@ def robot_view(table: Array, imager: Imager) -> RobotView:
     )
     depth = centres.depth[met].astype(np.float32)
     pose = imager.base_from_optical
-    return RobotView(table, frames.inverse(pose), pose[:3, 3].copy(), met, depth, samples)
+    normal = (centres.normal[met] @ pose[:3, :3]).astype(np.float32)
+    return RobotView(table, frames.inverse(pose), pose[:3, 3].copy(), met, depth, normal, samples)
 
 
 class _Points(NamedTuple):
@@ -107,9 +109,11 @@ def _points(table: Array, imager: Imager, u: ArrayLike, v: ArrayLike) -> _Points
 
 
 def hide_world(view: RobotView, labels: LabelBuffers) -> None:
-    """Put the robot into label, instance and depth images of the world, where it is in front."""
+    """Put the robot into label, instance, depth and normal images of the world, where it is in front."""
     world = labels.depth.reshape(-1)[view.pixel]
     seen = (world == 0.0) | (view.depth < world)
     pixel = view.pixel[seen]
     labels.label.reshape(-1)[pixel], labels.instance.reshape(-1)[pixel] = int(Label.ROBOT), ROBOT_ID
     labels.depth.reshape(-1)[pixel] = view.depth[seen]
+    if labels.normal.image.size:
+        labels.normal.image.reshape(-1, 3)[pixel] = view.normal[seen]

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from fieldtruth.core.arrays import Array, Float32Array, Mask
-from fieldtruth.sense.embree import CLEAR, MISS, SOLID, Engine, RayScene
+from fieldtruth.sense.embree import CLEAR, MISS, SOLID, THIN, Engine, RayScene
 from fieldtruth.sense.hits import Grid, HitTable
 from fieldtruth.sense.parts import parts_of
 from fieldtruth.world.model import GROUND_ID, Heightfield, Mesh, Raster, World
@@ -55,7 +55,7 @@ class Scene:
         self.tops = list(_top_levels(world))
         self.rays = RayScene(self.engine)
         parts = {mesh.name: [self.mesh_rays(mesh, part) for part in parts_of(mesh)] for mesh in self.meshes}
-        clear = {m.name for m in self.meshes if any(world.materials[name].mirror > 0 for name in m.materials)}
+        masks = {mesh.name: _mask(world, mesh) for mesh in self.meshes}
         geometry_top = []
         for row, (mesh, pose, *_) in enumerate(self.tops):
             if mesh is None:
@@ -63,7 +63,7 @@ class Scene:
                 geometry_top.append(row)
                 continue
             for part in parts[mesh.name]:
-                self.rays.add_instance(part, pose, mask=CLEAR if mesh.name in clear else SOLID)
+                self.rays.add_instance(part, pose, mask=masks[mesh.name])
                 geometry_top.append(row)
         self.rays.commit()
         self.hits = _hit_table(world, self.meshes, self.tops, geometry_top)
@@ -76,6 +76,12 @@ class Scene:
             faces[~part] = MISS
         scene.add_mesh(mesh.vertices, faces)
         return scene.commit()
+
+
+def _mask(world: World, mesh: Mesh) -> int:
+    if any(world.materials[name].mirror > 0 for name in mesh.materials):
+        return CLEAR
+    return SOLID if mesh.axis is None else THIN
 
 
 def _top_levels(world: World) -> Iterator[TopLevel]:

@@ -14,6 +14,7 @@ from fieldtruth.bag.run import find_bag
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.core.progress import Advance, Progress, Silent, timed
 from fieldtruth.sensors.camera import check as camera
+from fieldtruth.sensors.camera import check_geometry as camera_geometry
 from fieldtruth.sensors.gnss import check as gnss
 from fieldtruth.sensors.imu import check as imu
 from fieldtruth.sensors.lidar import check as lidar
@@ -45,8 +46,8 @@ SPECS: Final[tuple[Spec, ...]] = (
 
 _NOT_IDEAL: Final = (clocks.CLOCKS, measured.IMU_NOISE, gnss.FIXES, measured.WHEEL_NOISE)
 """Checks of a run with sensors that are not ideal."""
-ALL_SPECS: Final = (*SPECS, *_NOT_IDEAL, noisy_clouds.NOISE)
-"""All checks, those of runs with sensors that are not ideal included."""
+ALL_SPECS: Final = (*SPECS, *_NOT_IDEAL, camera_geometry.NORMALS, camera_geometry.FLOW, noisy_clouds.NOISE)
+"""All checks, those of runs with sensors that are not ideal, and of normals and flow, included."""
 _DECODED_BY_HAND: Final = (table.CLOCK, table.MODEL_STATES, table.STATIC_MODEL_STATES)
 
 
@@ -89,8 +90,15 @@ def validate(
         checks = _read(context, stored, workers or cpu_count(), advance, _checkers(context, full, samples))
     found = {check.name: check for check in [checksums, experiment, *checks]}
     real = not all(sensor.is_ideal for sensor in context.rig.sensors)
+    more = [*[camera_geometry.NORMALS, camera_geometry.FLOW] * camera_geometry.is_recorded(context)]
     noise = [noisy_clouds.NOISE] * noisy_clouds.noisy(context.rig.lidars)
-    specs = (*SPECS, *_NOT_IDEAL * real, *noise, *[scene_sensors.OTHER_SENSORS] * bool(context.rig.scene_sensors))
+    specs = (
+        *SPECS,
+        *_NOT_IDEAL * real,
+        *more,
+        *noise,
+        *[scene_sensors.OTHER_SENSORS] * bool(context.rig.scene_sensors),
+    )
     return [found.get(spec.name, Check(spec.name, None, context.no_world)) for spec in specs]
 
 
@@ -108,6 +116,9 @@ def _checkers(context: Context, full: bool, samples: int) -> list[Checker]:
         lidar.Clouds(context, objects), camera.Images(context, objects), objects,
         agreement.Agreement(context, pair_sampler),
     ]  # fmt: skip
+    if camera_geometry.is_recorded(context):
+        geometry_sampler = Sampler(run.start_ns, run.end_ns, samples)
+        checkers.append(camera_geometry.Geometry(context, context.rebuilt, geometry_sampler))
     if context.rebuilt is not None:
         rays = reference.RayReference(context, context.rebuilt.world)
         checkers += [

@@ -12,7 +12,8 @@ from typing import Final
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from fieldtruth.core.arrays import Array, Index
+from fieldtruth.core.arrays import Array, Index, Mask
+from fieldtruth.core.classes import Label
 from fieldtruth.world.grids import distance_beyond
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Heightfield, Mesh
@@ -45,6 +46,10 @@ DETAIL_FADES: Final = 1.6
 """The same for the detail that smoothing removed; further out it would form ribs that all point outwards."""
 SLOPE_FADES: Final = 2.5
 """The same for the edge's outward slope."""
+BEND: Final = 0.3
+"""Largest shift, about, of the textures of distant land, in repeats."""
+FINE_REPEAT: Final = 10.0
+"""Length [m] of a repeat up to which the textures of land are not shifted."""
 SMOOTHING: Final = 3.0
 """Standard deviation [m] of the Gaussian along the edge."""
 
@@ -236,16 +241,32 @@ def _with_materials(vertices: Array, normals: Array, faces: Index, rows: Index, 
         total += len(used)
         parts.append(used)
         shares.append(np.full(len(used), row))
-    order, repeat = np.concatenate(parts), np.array([MATERIALS[n].repeat for n in names])[np.concatenate(shares)]
+    order, share = np.concatenate(parts), np.concatenate(shares)
+    repeat = np.array([MATERIALS[n].repeat for n in names])[share]
+    upright = np.array([MATERIALS[n].label == Label.TREETOP for n in names])[share]
     return Mesh(
         name="backdrop",
         vertices=vertices[order].astype(np.float32),
         normals=normals[order].astype(np.float32),
-        uv=(vertices[order, :2] / repeat[:, None]).astype(np.float32),
+        uv=_laid_out(vertices[order], repeat, upright).astype(np.float32),
         faces=moved.astype(np.int32),
         material=rows.astype(np.int32),
         materials=names,
     )
+
+
+def _laid_out(vertices: Array, repeat: Array, upright: Mask) -> Array:
+    """Texture coordinates (n, 2) of land, with repeats that bend where they are large, so that they form no rows.
+
+    Walls of leaves, ``upright``, are laid outwards with their height: seen from above they would be stretched.
+    """
+    x, y, z = vertices.T
+    flat = vertices[:, :2] * (1 + np.where(upright, z / np.maximum(np.hypot(x, y), 1.0), 0.0))[:, None]
+    uv = flat / repeat[:, None]
+    u, v = uv.T
+    bent = np.stack([np.sin(1.7 * v + 0.9 * u) + 0.7 * np.sin(0.61 * v - 1.3 * u + 2.0),
+                     np.sin(1.5 * u - 1.1 * v + 1.0) + 0.7 * np.sin(0.67 * u + 0.9 * v + 4.0)], axis=-1)  # fmt: skip
+    return np.asarray(uv + BEND * (repeat > FINE_REPEAT)[:, None] * bent)
 
 
 def _vertex_normals(vertices: Array, triangles: Index) -> Array:

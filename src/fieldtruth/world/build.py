@@ -23,6 +23,7 @@ from fieldtruth.world.environments import ENVIRONMENTS
 from fieldtruth.world.environments.layout import GroundConfig
 from fieldtruth.world.library import data_files
 from fieldtruth.world.model import World
+from fieldtruth.world.seasons.change import in_season
 from fieldtruth.world.store import read_world, save_world
 from fieldtruth.world.trails import Line
 
@@ -57,6 +58,8 @@ def build_world(environment: str, seed: int = 0, layout: Mapping[str, Any] | Non
         check_memory(int(needed), task, "make layout.grid larger, or layout.size smaller")
         config = config.for_size()
     world: World = _module(environment, "build").build(seed, reserved_corridors(environment), config)
+    if isinstance(config, GroundConfig):
+        world = in_season(world, config.season, config.drought, config.snow_depth)
     world = replace(world, layout=dict(layout or {}))
     return cut_at_edge(world) if getattr(config, "beyond", True) is False else world
 

@@ -22,6 +22,9 @@ ROBOT_ID: Final = 0
 GROUND_ID: Final = 1
 """Instance id of the ground."""
 
+LITTER: Final = "litter"
+"""Kind of the swarms of what lies loose on the ground: it bears no wheel."""
+
 WIDE_IDS: Final = 1 << 16
 """Instance ids from here on do not fit into 16 bits."""
 
@@ -43,8 +46,16 @@ class Material:
     """Strength of the highlight, 0 (matt) to 1 (wet or lacquered)."""
     mirror: float = 0.0
     """Reflectance of a slightly rippled surface at normal incidence (water: 0.02); 0 turns reflections off."""
+    furrows: float = 0.0
+    """Depth [m] of black below white parts of the texture, by which photographs tilt the surface's normals."""
+    weathering: float = 0.0
+    """Moss, crusts and soil that photographs add to wood and rock, 0 (none) to 1 (in a damp forest)."""
+    patches: float = 0.0
+    """Relative brightness of the patches, tens of metres wide, that photographs add to distant land."""
     repeat: float = 1.0
     """Length [m] of the ground that one repeat of the texture covers; meshes have uv coordinates instead."""
+    relief: float = 0.0
+    """Height [m] of the texture's highest above its lowest parts, on the ground, if the texture has heights."""
     ground_type: str = ""
     """What kind of ground it is, a name in ``world.ground_types``; empty for anything else."""
 
@@ -83,6 +94,8 @@ class Mesh:
     footprint: float = 0.5
     species: tuple[str, ...] = ()
     """Names of the species, or of the rock type, that it was made from; empty for furniture."""
+    axis: NDArray[np.float32] | None = None
+    """Of a wire: points (k, 4) of its centre line, x, y, z and radius [m]; None for anything else."""
 
 
 def merge_meshes(name: str, parts: Sequence[Mesh], *, footprint: float) -> Mesh:
@@ -193,6 +206,8 @@ class Terrain:
     ``field`` is soil, paving and rock: what bears wheels and objects. ``layer`` (nx, ny) [m] is the height of short
     grass and litter above it at the field's nodes, at least 0; it bends under a wheel; None without one.
 
+    ``snow`` (nx, ny) [m] is the depth of snow, of which ``layer`` is at least as high; None without any.
+
     ``cover`` has one channel per name in ``ground_materials``: the weights with which they are mixed outside trails.
     """
 
@@ -204,6 +219,7 @@ class Terrain:
     border_material: str
     border_width: float = 0.0  # [m], measured inwards from the trail's edge
     layer: NDArray[np.float32] | None = None
+    snow: NDArray[np.float32] | None = None
 
     @cached_property
     def surface(self) -> Heightfield:
@@ -226,7 +242,7 @@ class World:
     meshes: Mapping[str, Mesh]
     instances: tuple[Instance, ...]
     materials: Mapping[str, Material]
-    textures: Mapping[str, NDArray[np.uint8]]  # (n, n, 3) sRGB, tileable, n a power of two
+    textures: Mapping[str, NDArray[np.uint8]]  # (n, n, 3) sRGB or (n, n, 4) with heights, tileable, n a power of two
     swarms: tuple[Swarm, ...] = ()
     water_level: float | None = None
     """Height [m] of the water's surface, which is an instance of kind "water"; lower ground is under water."""

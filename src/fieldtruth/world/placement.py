@@ -265,7 +265,7 @@ class WorldBuilder:
         Draws a jittered grid, scales, quarter turns (bounding boxes stay narrow), lean, meshes and tints.
         """
         xy = jittered_grid(np.array(self.size), spec.per_m2, rng, density)
-        xy = xy[self._off_solids(xy, spec.clear)]
+        xy = xy[self.off_solids(xy, spec.clear)]
         beside = max(spec.clear, spec.aside)
         for line in self.corridors if beside > 0 else ():
             xy = xy[line.distance(xy) > beside]
@@ -278,7 +278,8 @@ class WorldBuilder:
         poses[:, 2, 3] = self.field.height_at(xy[:, 0], xy[:, 1]) - spec.sink * scale
         self.add_swarm(make_swarm(spec.name, spec.kind, spec.meshes, poses, rng, tint=spec.tint), spec.meshes)
 
-    def _off_solids(self, xy: Array, clear: float) -> Mask:
+    def off_solids(self, xy: Array, clear: float) -> Mask:
+        """Whether positions (n, 2) are at least ``clear`` [m] from all colliders."""
         off = np.ones(len(xy), np.bool_)
         if len(xy) and self._solids:
             solids = np.array(self._solids)

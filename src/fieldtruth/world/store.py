@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Worlds on disk: one uncompressed ``.npz`` of plain arrays and a JSON text, which loads in a second.
 
-The layer of grass and litter is kept in half precision (15 um at 3 cm).
+The layer of grass and litter, and snow, are kept in half precision (15 um at 3 cm).
 """
 
 import json
@@ -50,13 +50,16 @@ def save_world(path: Path, world: World) -> None:
         arrays[f"texture_{k}"] = texture
     for k, mesh in enumerate(meshes.values()):
         arrays |= {f"mesh_{k}_{name}": getattr(mesh, name) for name in _MESH_ARRAYS}
+        if mesh.axis is not None:
+            arrays[f"mesh_{k}_axis"] = mesh.axis
     arrays["instance_poses"] = np.array([i.world_from_object for i in world.instances]).reshape(-1, 4, 4)
     for k, swarm in enumerate(world.swarms):
         arrays |= {f"swarm_{k}_{name}": getattr(swarm, name) for name in _SWARM_ARRAYS}
     terrain = world.terrain
     arrays |= {"heights": terrain.field.heights, "trail": terrain.trail_distance.values, "cover": terrain.cover.values}
-    if terrain.layer is not None:
-        arrays["layer"] = terrain.layer.astype(np.float16)
+    for name, depth in (("layer", terrain.layer), ("snow", terrain.snow)):
+        if depth is not None:
+            arrays[name] = depth.astype(np.float16)
     arrays["text"] = np.frombuffer(json.dumps(text).encode(), np.uint8)
     path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_output(path) as part, part.open("wb") as stream:
@@ -110,6 +113,7 @@ def _mesh(text: dict[str, Any], row: int, arrays: Any) -> Mesh:
         footprint=text["footprint"],
         species=tuple(text["species"]),
         colliders=colliders,
+        axis=arrays.get(f"mesh_{row}_axis"),
         **{name: arrays[f"mesh_{row}_{name}"] for name in _MESH_ARRAYS},
     )
 
@@ -149,4 +153,5 @@ def _terrain(text: dict[str, Any], arrays: Any) -> Terrain:
         border_material=text["border_material"],
         border_width=text["border_width"],
         layer=arrays["layer"].astype(np.float32) if "layer" in arrays else None,
+        snow=arrays["snow"].astype(np.float32) if "snow" in arrays else None,
     )

@@ -12,7 +12,7 @@ import numpy as np
 from fieldtruth.core import geodesy
 from fieldtruth.core.classes import CLASSES, PALETTE, Label
 from fieldtruth.drive.physics import GRAVITY
-from fieldtruth.experiment.config import LightConfig
+from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.gazebo.robot import Flavour
 from fieldtruth.gazebo.templates import render, write
 from fieldtruth.gazebo.worlds.bodies import Body, Part, world_bodies
@@ -21,7 +21,7 @@ from fieldtruth.gazebo.worlds.textures import texture_file, write_textures
 from fieldtruth.interchange import check_scene_memory
 from fieldtruth.interchange.surfaces import Surface
 from fieldtruth.interchange.swarms import tiles_of_swarms
-from fieldtruth.render.sky import sun_direction
+from fieldtruth.render.sky.daylight import sun_direction
 from fieldtruth.world.model import World
 
 HEADING_DEG: Final = 90.0
@@ -111,8 +111,8 @@ def _write_model(folder: Path, world: World, body: Body, values: dict[str, Any])
 
 
 def _scene(world: World, *, flat: bool) -> dict[str, Any]:
-    sun = LightConfig()
-    light = _LIGHT | {"direction": -sun_direction(sun.sun_azimuth_deg, sun.sun_elevation_deg)}
+    sun = LightConfig().values
+    light = _LIGHT | {"direction": -sun_direction(sun.azimuth_deg, sun.elevation_deg)}
     if flat:
         light |= {"ambient": np.ones(3), "sky": PALETTE[Label.SKY] / 255}
     return {

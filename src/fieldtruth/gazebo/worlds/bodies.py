@@ -15,7 +15,7 @@ from fieldtruth.drive.bearing import HARD
 from fieldtruth.interchange.ground import ground_tiles
 from fieldtruth.interchange.surfaces import Surface, mesh_surfaces
 from fieldtruth.interchange.swarms import beyond_edge, merged_swarms
-from fieldtruth.world.model import GROUND_ID, Collider, Mesh, Swarm, World
+from fieldtruth.world.model import GROUND_ID, LITTER, Collider, Mesh, Swarm, World
 
 SOFT: Final = frozenset({Label.TREETOP, Label.BUSH, Label.HIGH_GRASS, Label.CABLE, Label.WATER})
 """Classes that a robot passes through. LiDAR rays hit them: water hides the ground below, and its class marks such a
@@ -148,7 +148,7 @@ def _merged(world: World, add: AddMesh, *, beyond: bool) -> Iterator[Body]:
     for tile in merged_swarms(world, beyond=beyond):
         if tile.beyond == beyond:
             for surface in tile.surfaces:
-                solid = surface.label in HARD and not beyond
+                solid = surface.label in HARD and not beyond and tile.swarm.kind != LITTER
                 part = _part(add, tile.swarm.name, surface, mesh=f"{tile.name}_{surface.material}", solid=solid)
                 parts.setdefault(_body_name(world, tile.swarm, beyond=beyond), []).append(part)
     for name, found in parts.items():
@@ -177,6 +177,6 @@ def _members(
         for part in meshes[int(swarm.mesh[member])]:
             returns = part.returns and near
             name = f"{part.name}_{member}"
-            solid = part.label in HARD and not beyond
+            solid = part.label in HARD and not beyond and swarm.kind != LITTER
             parts.append(replace(part, name=name, pose=pose, scale=scale, solid=solid, returns=returns))
     return Body(name=_body_name(world, swarm, beyond=beyond), parts=tuple(parts))

@@ -107,13 +107,14 @@ def about(run: Run, summary: BagSummary) -> dict[str, str]:
     experiment = run.experiment
     if experiment is not None:
         layout = ", ".join(f"{key}: {value}" for key, value in experiment.layout.items())
-        light = experiment.light
+        light = experiment.light.values
         found |= {
             "Experiment": experiment.name,
             "Environment": experiment.environment + (f" ({shortened(layout)})" if layout else ""),
             "Seed": str(experiment.seed),
             "Made by": f"fieldtruth {shortened(str(_version(run)))}",
-            "Sun": f"azimuth {light.sun_azimuth_deg:g}°, elevation {light.sun_elevation_deg:g}°",
+            "Light": experiment.light.text,
+            "Sun": f"azimuth {light.azimuth_deg:.4g}°, elevation {light.elevation_deg:.3g}°",
         }
         if not experiment.weather.is_clear:
             found["Weather"] = experiment.weather.text

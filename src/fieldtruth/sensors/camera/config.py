@@ -28,8 +28,14 @@ STREAMS: Final = {
     "tag": ("tag/img_raw", "sensor_msgs/msg/Image"),
     "depth": ("depth", "sensor_msgs/msg/Image"),
     "instances": ("instances", "sensor_msgs/msg/Image"),
+    "normals": ("normals", "sensor_msgs/msg/Image"),
+    "flow": ("flow", "sensor_msgs/msg/Image"),
 }
 """What a camera publishes: topic after that of the camera, and type, in the order of its messages."""
+
+
+EXTRAS: Final = ("depth", "instances", "normals", "flow")
+"""Streams that a camera publishes only if the key of that name is true."""
 
 
 class CameraConfig(MountedConfig):
@@ -54,6 +60,8 @@ class CameraConfig(MountedConfig):
     jpeg_quality: Annotated[Integer, Field(ge=1, le=100)] = 92
     depth: Boolean = False
     instances: Boolean = False
+    normals: Boolean = False
+    flow: Boolean = False
     signal: CameraSignal | None = None
 
     @classmethod
@@ -167,7 +175,7 @@ class Imager(NamedTuple):
     @property
     def topics(self) -> dict[str, str]:
         """Topic by stream, in the order of the messages."""
-        wanted = (key for key in STREAMS if key not in ("depth", "instances") or getattr(self.config, key))
+        wanted = (key for key in STREAMS if key not in EXTRAS or getattr(self.config, key))
         return {key: self.topic_of(key) for key in wanted}
 
     def topic_of(self, stream: str) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.sensors.camera.response import LUMINANCE, encoded
-from fieldtruth.sensors.camera.signal import CameraSignal, Response
+from fieldtruth.sensors.camera.signal import CameraSignal
 
 METERINGS: Final = 4
 """Metering images of a photograph with a time constant."""
@@ -62,15 +62,14 @@ def metered_exposure(signal: CameraSignal, images: Sequence[Array]) -> float:
     Each of them is searched for on its own by bisection: mean luminance after the response curve, with light above
     white clipped, rises with the factor.
     """
-    stops = [_stops_to_target(image @ LUMINANCE, signal.response, signal.metering_target) for image in images]
-    return float(2.0 ** np.mean(stops))
+    return float(2.0 ** np.mean([_stops_to_target(image @ LUMINANCE, signal) for image in images]))
 
 
-def _stops_to_target(luminance: Array, response: Response, target: float) -> float:
+def _stops_to_target(luminance: Array, signal: CameraSignal) -> float:
     low, high = -_WIDEST, _WIDEST
     for _ in range(40):
         middle = (low + high) / 2.0
-        if encoded(2.0**middle * luminance, response).mean() < target:
+        if encoded(2.0**middle * luminance, signal.response, signal.contrast).mean() < signal.metering_target:
             low = middle
         else:
             high = middle

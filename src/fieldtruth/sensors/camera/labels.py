@@ -2,19 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """A camera's label, instance and depth images. They depend on geometry alone, not on light."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.core.classes import PALETTE
-from fieldtruth.sense.hits import LabelBuffers
+from fieldtruth.core.classes import PALETTE, Label
+from fieldtruth.sense.hits import NO_NORMALS, LabelBuffers, NormalBuffers
 from fieldtruth.sense.packets import new_packet
 from fieldtruth.sense.ray_batch import BLOCK, View, label_image, new_batch
 from fieldtruth.sense.robot_view import RobotView, hide_world
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.flow import FlowSensor
 from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.camera.ray_table import ray_table
 
@@ -30,6 +31,9 @@ class LabelImages:
     label: NDArray[np.uint8]
     instance: NDArray[np.uint32]
     depth: Float32Array
+    normal: Float32Array = field(default_factory=lambda: NO_NORMALS.image)
+    """(h, w, 3) unit normal of the triangle, towards the camera, in the optical frame; 0 where depth is. It has no
+    pixels unless the camera's ``normals`` are on."""
 
 
 class LabelCamera:
@@ -48,8 +52,10 @@ class LabelCamera:
         self.pinhole = pinhole(config)
         self._table = ray_table(config)
         self._reuse = reuse
-        self._packet, self._batch = new_packet(coherent=True), new_batch(BLOCK)
+        self._packet, self._batch = new_packet(coherent=True), new_batch(BLOCK, normals=config.normals)
+        self._axes = np.array([top.world_from_object[:3, :3] for top in scene.tops] * config.normals).reshape(-1, 3, 3)
         self._labels: LabelImages | None = None
+        self._flow: FlowSensor | None = None
 
     def label(self, world_from_optical: Array, robot: RobotView | None = None) -> LabelImages:
         """Label, instance and depth images from a pose (4, 4), with what the view sees of the robot."""
@@ -57,9 +63,12 @@ class LabelCamera:
         if images is None:
             shape = (self.config.height, self.config.width)
             images = LabelImages(
-                label=np.empty(shape, np.uint8), instance=np.empty(shape, np.uint32), depth=np.empty(shape, np.float32)
+                label=np.empty(shape, np.uint8),
+                instance=np.empty(shape, np.uint32),
+                depth=np.empty(shape, np.float32),
+                normal=self._own_normals(),
             )
-        out = LabelBuffers(images.label, images.instance, images.depth)
+        out = self._buffers(images)
         view = self._view(world_from_optical)
         label_image(self.scene.rays.handle, self.scene.hits, self._packet, view, self._batch, out)
         if robot is not None:
@@ -67,6 +76,34 @@ class LabelCamera:
         if self._reuse:
             self._labels = images
         return images
+
+    @property
+    def last(self) -> LabelImages | None:
+        """The images that the next call overwrites, of a camera with ``reuse``."""
+        return self._labels
+
+    def flow(
+        self, images: LabelImages, world_from_optical: Array, world_from_next: Array, robot: RobotView | None = None
+    ) -> Float32Array:
+        """Optical flow (h, w, 2) [pixel] from these images to the view's pose ``world_from_next``; see ``FlowSensor``.
+
+        Args:
+            images: of the pose ``world_from_optical``.
+            world_from_optical: (4, 4).
+            world_from_next: (4, 4).
+            robot: what the view sees of it.
+        """
+        if self._flow is None:
+            self._flow = FlowSensor(self.config, self.scene)
+        of_robot = images.label == int(Label.ROBOT) if robot is not None else None
+        return self._flow.between(images.depth, world_from_optical, world_from_next, robot, of_robot)
+
+    def _own_normals(self) -> Float32Array:
+        """Array for an image of normals, without pixels if none are wanted."""
+        return np.empty((self.config.height * self.config.normals, self.config.width, 3), np.float32)
+
+    def _buffers(self, images: LabelImages) -> LabelBuffers:
+        return LabelBuffers(images.label, images.instance, images.depth, NormalBuffers(images.normal, self._axes))
 
     def _view(self, world_from_optical: Array) -> View:
         return View(np.ascontiguousarray(world_from_optical, np.float64), self.pinhole, self.config.far, self._table)

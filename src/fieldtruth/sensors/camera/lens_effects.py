@@ -58,23 +58,23 @@ def spill(light: Float32Array, share: Float32Array, factor: float, out: Float32A
 
 @kernel
 def blur(light: Float32Array, spread: Float32Array, scratch: Float32Array) -> None:
-    """Convolve light (h, w, 3) with a point spread; beyond the border is the border's light."""
-    height, width, _ = light.shape
+    """Convolve light (h, w, n) with a point spread; beyond the border is the border's light."""
+    height, width, channels = light.shape
     for v in range(height):
         for u in range(width):
-            for channel in range(3):
+            for channel in range(channels):
                 total = spread[0] * light[v, u, channel]
                 for k in range(1, len(spread)):
                     total += spread[k] * (light[v, max(u - k, 0), channel] + light[v, min(u + k, width - 1), channel])
                 scratch[v, u, channel] = total
     for v in range(height):
         for u in range(width):
-            for channel in range(3):
+            for channel in range(channels):
                 light[v, u, channel] = spread[0] * scratch[v, u, channel]
         for k in range(1, len(spread)):
             up, down = max(v - k, 0), min(v + k, height - 1)
             for u in range(width):
-                for channel in range(3):
+                for channel in range(channels):
                     light[v, u, channel] += spread[k] * (scratch[up, u, channel] + scratch[down, u, channel])
 
 

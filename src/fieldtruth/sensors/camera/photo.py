@@ -9,9 +9,11 @@ from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.random import rng_of
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.lens_effects import add_glare, blur, illumination, point_spread, spill
+from fieldtruth.sensors.camera.lens_scatter import add_bloom, spread_colours
+from fieldtruth.sensors.camera.processor import mix_colours, sharpen
 from fieldtruth.sensors.camera.raw import Sensor, expose, interpolate, raw_shape, sensor_of
 from fieldtruth.sensors.camera.response import FULL_SCALE, apply_curve, curve_of
-from fieldtruth.sensors.camera.signal import CameraSignal
+from fieldtruth.sensors.camera.signal import IDENTITY, CameraSignal
 
 _NONE: Float32Array = np.zeros((0, 0, 0), np.float32)
 
@@ -26,6 +28,8 @@ class Developer:
         vignetting = signal.vignetting_power or any(signal.vignetting_polynomial)
         self._share = illumination(config, signal, columns, rows) if vignetting else np.zeros((0, 0), np.float32)
         self._light = np.empty((h, w, 3), np.float32)
+        self._shifted = np.empty_like(self._light) if any(signal.chromatic_px) else _NONE
+        self._luminance = np.empty((2, h, w), np.float32) if signal.sharpening else _NONE
         shape = raw_shape(signal, h, w)
         self._raw = np.empty(shape, np.float32)
         self._is_noisy = signal.photon_noise or signal.read_noise_e > 0.0
@@ -48,8 +52,19 @@ class Developer:
         spill(linear, self._share, factor, light)
         if signal.lens_blur_px:
             blur(light, point_spread(signal.lens_blur_px), np.empty_like(light))
+        for channel, sigma_px in zip((0, 2), signal.fringe_px, strict=True):
+            if sigma_px:
+                own = light[..., channel : channel + 1]
+                blur(own, point_spread(sigma_px), np.empty(own.shape, np.float32))
+        if signal.bloom:
+            add_bloom(light, signal.bloom, signal.bloom_px)
         if signal.glare:
             add_glare(light, signal.glare)
+        if any(signal.chromatic_px):
+            lens, corner = self.config.projection, np.hypot(*light.shape[:2]) / 2.0
+            red, blue = (each / corner for each in signal.chromatic_px)
+            spread_colours(light, lens.cx, lens.cy, red, blue, self._shifted)
+            light = self._shifted
         if self._is_noisy:
             rng_of(self.seed, view, number).standard_normal(out=self._normal, dtype=np.float32)
         sensor = sensor_of(signal, gain)
@@ -59,9 +74,16 @@ class Developer:
     def photograph(self, raw: Float32Array, sensor: Sensor, balance: Array, photo: NDArray[np.uint8]) -> None:
         """Write the photograph (h, w, 3) of raw values, with gains ``balance`` (3,) for white balance."""
         signal = self.signal
-        gains = np.ones(3) if signal.mosaic == "mono" else balance / np.array(signal.responsivity)
-        interpolate(raw, sensor, FULL_SCALE[signal.response], self._light)
-        apply_curve(self._light, np.asarray(gains, np.float32), curve_of(signal.response), photo)
+        white = FULL_SCALE[signal.response]
+        own = np.ones(3) if signal.mosaic == "mono" else balance / np.array(signal.responsivity)
+        gains: Float32Array = own.astype(np.float32)
+        interpolate(raw, sensor, white, self._light)
+        if signal.colour_matrix != IDENTITY:
+            mix_colours(self._light, gains, np.array(signal.colour_matrix, np.float32).reshape(3, 3), white)
+            gains = np.ones_like(gains)
+        apply_curve(self._light, gains, curve_of(signal.response, signal.contrast), photo)
+        if signal.sharpening:
+            sharpen(photo, signal.sharpening, point_spread(signal.sharpening_px), self._luminance)
 
     def _pattern(self, view: str) -> tuple[Float32Array, Float32Array]:
         """Deviations of the pixels of a view in sensitivity and dark signal; empty for none."""

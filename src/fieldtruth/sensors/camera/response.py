@@ -29,17 +29,17 @@ class Curve(NamedTuple):
 
 
 @cache
-def curve_of(response: Response) -> Curve:
-    """Return a response curve."""
-    if response == "filmic":
-        return Curve(FILMIC, FILMIC_TOP)
-    light = np.linspace(0.0, 1.0, _STEPS) ** 2
-    return Curve(np.rint(255.0 * (srgb_from_linear(light) if response == "srgb" else light)).astype(np.uint8), 1.0)
+def curve_of(response: Response, contrast: float = 0.0) -> Curve:
+    """Return a response curve whose slope is 1 + ``contrast`` times as great at medium grey, and less at both ends."""
+    light, top = np.linspace(0.0, 1.0, _STEPS) ** 2, FILMIC_TOP if response == "filmic" else 1.0
+    values = {"filmic": FILMIC / 255.0, "srgb": srgb_from_linear(light), "linear": light}[response]
+    bent = values - 2.0 * contrast * values * (1.0 - values) * (1.0 - 2.0 * values)
+    return Curve(np.rint(255.0 * bent).astype(np.uint8), top)
 
 
-def encoded(light: Array, response: Response) -> Array:
+def encoded(light: Array, response: Response, contrast: float = 0.0) -> Array:
     """Values in [0, 1] of light of any shape."""
-    table, top = curve_of(response)
+    table, top = curve_of(response, contrast)
     row = np.sqrt(np.clip(light, 0.0, top) / top) * (len(table) - 1)
     return np.asarray(np.interp(row, np.arange(len(table)), table / 255.0))
 

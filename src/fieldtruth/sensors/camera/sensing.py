@@ -39,13 +39,14 @@ class Camera(LabelCamera):
         self._shading = baked.shading
         if exposure is not None:
             self._shading = self._shading._replace(exposure=np.float32(exposure))
-        self._framebuffer = new_framebuffer(config.height, config.width)
+        buffers = new_framebuffer(config.height, config.width)
+        self._framebuffer = buffers._replace(shading=buffers.shading._replace(batch=self._batch))
         self._images: CameraImages | None = None
 
     def render(self, world_from_optical: Array, robot: RobotView | None = None) -> CameraImages:
         """Photograph, label, instance and depth images from a pose (4, 4), with what the view sees of the robot."""
         images = self._own_images()
-        labels = LabelBuffers(images.label, images.instance, images.depth)
+        labels = self._buffers(images)
         shading, buffers, view = self._shading, self._framebuffer, self._view(world_from_optical)
         if robot is None:
             render_image(shading, buffers, view, labels, images.photo)
@@ -70,6 +71,7 @@ class Camera(LabelCamera):
             label=np.empty((h, w), np.uint8),
             instance=np.empty((h, w), np.uint32),
             depth=np.empty((h, w), np.float32),
+            normal=self._own_normals(),
             photo=np.empty((h, w, 3), np.uint8),
         )
         if self._reuse:

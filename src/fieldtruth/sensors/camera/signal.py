@@ -12,13 +12,18 @@ from fieldtruth.experiment.signal_config import SignalConfig
 
 Mosaic = Literal["none", "mono", "rggb", "grbg", "gbrg", "bggr"]
 Response = Literal["filmic", "srgb", "linear"]
+ColourMatrix = tuple[Number, Number, Number, Number, Number, Number, Number, Number, Number]
+IDENTITY: Final = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 Channels = tuple[Positive, Positive, Positive]
 _Share = Annotated[Number, Field(ge=0, lt=1)]
 _Decibels = Annotated[Number, Field(ge=0, le=60)]
 _Milliseconds = Annotated[Number, Field(ge=0, le=1000)]
+_Pixels = Annotated[Number, Field(ge=-10, le=10)]
+_Blur = Annotated[Number, Field(ge=0, le=10)]
 _Seconds = Annotated[Number, Field(ge=0, le=60)]
 _Stops = Annotated[Number, Field(ge=-10, le=10)]
 
+_WHITE: Final = 1e-3  # by which the sum of a row of a colour matrix may differ from 1
 _IN_ELECTRONS: Final = ("photon_noise", "read_noise_e", "dsnu_e")
 
 
@@ -36,7 +41,20 @@ class CameraSignal(SignalConfig):
     """a, b, c of the factor 1 + a r^2 + b r^4 + c r^6, r = 1 at the corner (Goldman, PAMI 32, 2010)."""
     glare: _Share = 0.0
     """Share of the image's mean light that lens and housing spread evenly over it (veiling glare, ISO 9358)."""
-    lens_blur_px: Annotated[Number, Field(ge=0, le=10)] = 0.0  # standard deviation of the point spread [pixel]
+    bloom: _Share = 0.0
+    """Share of the light that lens and housing scatter around its image: half of it with the standard deviation
+    ``bloom_px``, half with four times that, as its tail."""
+    bloom_px: Annotated[Number, Field(ge=4, le=400)] = 40.0
+    chromatic_px: tuple[_Pixels, _Pixels] = (0.0, 0.0)
+    """Lateral chromatic aberration: how much farther out than green the image's corners are in red and in blue."""
+    fringe_px: tuple[_Blur, _Blur] = (0.0, 0.0)
+    """Axial chromatic aberration: standard deviations [pixel] of further blur of red and of blue, which are in focus at
+    other distances than green: purple fringes at edges before the sky."""
+    lens_drops: Annotated[Integer, Field(ge=0, le=500)] = 0
+    """Drops of water on the glass before the lens; each slides slowly, and is replaced after a while."""
+    lens_dust: Annotated[Integer, Field(ge=0, le=500)] = 0
+    """Specks of dust there: soft dark spots, the same in all photographs of a view."""
+    lens_blur_px: _Blur = 0.0  # standard deviation of the point spread [pixel]
 
     # Exposure
     exposure: Literal["fixed", "automatic"] = "fixed"
@@ -82,8 +100,24 @@ class CameraSignal(SignalConfig):
     white_balance_gains: Channels = (1.0, 1.0, 1.0)
     gray_world: Annotated[Number, Field(ge=0, le=1)] = 0.0
     """Strength of automatic white balance that takes the mean of the metering images for grey (Buchsbaum 1980)."""
+    colour_matrix: ColourMatrix = IDENTITY
+    """From white balanced to linear sRGB, row by row; each row has the sum 1, so that grey stays grey. Where it is not
+    that of the sensor, colours are off."""
     response: Response = "filmic"
     """From light to photograph: the ideal camera's filmic curve, sRGB's (IEC 61966-2-1), or none."""
+
+    contrast: Annotated[Number, Field(ge=0, le=0.5)] = 0.0
+    """By how much the response curve is steeper at medium grey; it is flatter at black and white instead."""
+
+    # Image processor and file
+    sharpening: Annotated[Number, Field(ge=0, le=5)] = 0.0
+    """Amount of an unsharp mask: this times what the luminance of the photograph differs from its blurred copy."""
+    sharpening_px: Annotated[Number, Field(gt=0, le=10)] = 1.0
+    """Standard deviation of the blur of that mask."""
+    jpeg_quality: Annotated[Integer, Field(ge=1, le=100)] | None = None
+    """None: the camera's."""
+    jpeg_chroma: Literal["444", "422", "420"] = "444"
+    """Subsampling of colour in the file: 420 has a quarter of the pixels' colours, 444 all."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -96,6 +130,8 @@ class CameraSignal(SignalConfig):
             raise ValueError(
                 f"black_level must be below half of the range of bits: {self.bits}, got {self.black_level}"
             )
+        if any(abs(sum(self.colour_matrix[row : row + 3]) - 1.0) > _WHITE for row in (0, 3, 6)):
+            raise ValueError(f"colour_matrix must have rows with the sum 1, got {list(self.colour_matrix)}")
         if self.max_gain_db < self.gain_db:
             raise ValueError(f"max_gain_db must be at least gain_db, {self.gain_db:g}, got {self.max_gain_db:g}")
         return self

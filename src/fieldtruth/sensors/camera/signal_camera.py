@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core import lenses
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.core.random import rng_of
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.render.photograph import render_linear
 from fieldtruth.render.shutter import STRIP, offsets_of, render_mean, render_points, render_strips, strips_of
@@ -19,9 +20,11 @@ from fieldtruth.sense.robot_view import RobotView
 from fieldtruth.sensors.camera.config import CameraConfig, Imager
 from fieldtruth.sensors.camera.exposure import Exposure, exposure_of, metered_exposure, metering_lags, white_balance
 from fieldtruth.sensors.camera.lens_effects import add_glare, illumination
+from fieldtruth.sensors.camera.on_glass import add_drops, add_dust, drops_at, dust_of
 from fieldtruth.sensors.camera.photo import Developer
 from fieldtruth.sensors.camera.sensing import Camera, CameraImages
 from fieldtruth.sensors.camera.signal import CameraSignal
+from fieldtruth.sensors.camera.streaks import add_streaks
 
 PoseAt = Callable[[int | NDArray[np.int64]], Array]
 """``world_from_base`` (4, 4) at a stamp [ns], or (n, 4, 4) at n."""
@@ -45,7 +48,7 @@ class SignalCamera(Camera):
         if not isinstance(signal, CameraSignal):
             raise TypeError(f"the camera {config.name} has no signal")
         super().__init__(config, baked, reuse=reuse)
-        self.signal = signal
+        self.signal, self._weather = signal, baked.weather
         self._developer = Developer(config, signal, seed)
         h, w = config.height, config.width
         self._scratch = LabelBuffers(
@@ -69,11 +72,24 @@ class SignalCamera(Camera):
         exposure, balance = self.metered(stamp_ns, world_from_base)
         images = self.expose(imager, stamp_ns, world_from_base, exposure.time_s)
         if robot is not None:
-            self._paint(robot, pose, LabelBuffers(images.label, images.instance, images.depth))
+            self._paint(robot, pose, self._buffers(images))
+        self._in_front(imager, number, stamp_ns, world_from_base, exposure.time_s)
         factor = exposure.total / float(self._shading.exposure)
         raw, sensor = self._developer.raw(self._framebuffer.linear, imager.name, number, factor, exposure.gain)
         self._developer.photograph(raw, sensor, balance, images.photo)
         return images
+
+    def _in_front(self, imager: Imager, number: int, stamp_ns: int, world_from_base: PoseAt, time_s: float) -> None:
+        """Draw what falls before the camera while the shutter is open, and what is on its glass."""
+        linear, signal, shape = self._framebuffer.linear, self.signal, (self.config.height, self.config.width)
+        seed, view, weather = self.scene.world.seed, imager.name, self._weather
+        if weather.rain_mm_h or weather.snow_mm_h:
+            stamps = stamp_ns + np.rint(np.array([-0.5, 0.0, 0.5]) * time_s * 1e9).astype(np.int64)
+            poses = world_from_base(np.maximum(stamps, 0)) @ imager.base_from_optical
+            rng = rng_of(seed, view, "falling", number)
+            add_streaks(linear, self._shading, weather, self.config.projection, poses, time_s, rng)
+        add_drops(linear, drops_at(seed, view, signal.lens_drops, stamp_ns / 1e9, shape))
+        add_dust(linear, dust_of(seed, view, signal.lens_dust, shape))
 
     @property
     def linear(self) -> Float32Array:
@@ -123,7 +139,7 @@ class SignalCamera(Camera):
 
         read_s = self.signal.readout_ms / 1e3
         images, view = self._own_images(), self._view(world_from_base(stamp_ns) @ imager.base_from_optical)
-        labels = LabelBuffers(images.label, images.instance, images.depth)
+        labels = self._buffers(images)
         blurred, skewed = (self._motion(view, optical_at, seconds) for seconds in (time_s, read_s))
         count = int(np.clip(np.ceil(blurred), 1, self.signal.blur_samples))
         if count == 1 and skewed < _STILL:

@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.sense.air import LIGHT_SPEED, Air, Beam, make_air, strongest_echo, transmitted
@@ -39,39 +40,46 @@ def beam_of(config: LidarConfig) -> Beam:
 class WeatherInAir:
     """Changes the echoes of a LiDAR's scans as the weather does; see ``measuring.InAir``. Threads may share it."""
 
-    def __init__(self, config: LidarConfig, weather: WeatherConfig) -> None:
+    def __init__(self, config: LidarConfig, weather: WeatherConfig, lowest: float = 0.0) -> None:
+        """``lowest`` is the height [m] of the lowest ground, where fog that thins with height is densest."""
         assert config.signal is not None
+        self._lowest = lowest
         self._air = make_air(weather, beam_of(config))
         # Of the last echo, a particle's counts only where the surface behind it cannot be detected.
         self._least = limit_of(config.signal) if config.signal.returns == "last" else np.inf
 
-    def __call__(self, echoes: EchoBuffers, key: np.uint64) -> None:
-        """Change the echoes of the scan with this key."""
-        add_weather(self._air, self._least, key, echoes)
+    def __call__(self, echoes: EchoBuffers, key: np.uint64, poses: Array, directions: Array) -> None:
+        """Change the echoes of the scan with this key, made by beams of these directions at these poses."""
+        upwards = np.concatenate([poses[:, 2, :3], poses[:, 2, 3:] - self._lowest], axis=1)
+        add_weather(self._air, self._least, key, upwards, directions, echoes)
 
 
 @kernel
-def add_weather(air: Air, least: float, key: np.uint64, echoes: EchoBuffers) -> None:
+def add_weather(air: Air, least: float, key: np.uint64, upwards: Array, directions: Array, echoes: EchoBuffers) -> None:
     """Attenuate the echoes of surfaces; the strongest particle of a beam replaces its weakest echo if that is weaker.
 
-    It does not if an echo has a power of at least ``least``.
+    It does not if an echo has a power of at least ``least``. ``upwards`` (columns, 4) is the third row of each pose,
+    with the height above the densest fog.
     """
     depths, apparents = echoes.depth, echoes.apparent
     count, columns, rings = depths.shape
     for column in range(columns):
         for ring in range(rings):
-            weakest, lowest, strongest = 0, np.inf, 0.0
+            weakest, lowest, strongest, beam = 0, np.inf, 0.0, (0.0, 0.0)
+            if air.fog_scale > 0.0:
+                ray, up = directions[column, ring], upwards[column]
+                beam = max(up[3], 0.0), up[0] * ray[0] + up[1] * ray[1] + up[2] * ray[2]
             for echo in range(count):
                 distance, power = np.float64(depths[echo, column, ring]), 0.0
                 if distance > 0.0:
-                    power = apparents[echo, column, ring] * transmitted(air, distance)
+                    power = apparents[echo, column, ring] * transmitted(air, distance, beam[0], beam[1])
                     apparents[echo, column, ring], power = power, power / (distance * distance)
                 if power < lowest:
                     weakest, lowest = echo, power
                 strongest = max(strongest, power)
             clear = np.float64(echoes.clear[column, ring])
             u1, u2 = uniforms(key, column * rings + ring, DRAW)
-            power, at, particle = strongest_echo(air, lowest, clear, u1, u2)
+            power, at, particle = strongest_echo(air, lowest, clear, beam, u1, u2)
             if particle and strongest < least:
                 depths[weakest, column, ring], apparents[weakest, column, ring] = at, power * at * at
                 echoes.label[weakest, column, ring], echoes.instance[weakest, column, ring] = _PARTICLE, 0

@@ -27,10 +27,11 @@ _ROBOT: Final = np.array([0.05, 0.05, 0.20])
 """Reflectance of the robot's dark paint, rubber and steel, all matt: as ``iron`` and ``steel`` in reflectance.yaml, and
 rubber as black as the paint (our choice)."""
 
-InAir = Callable[[EchoBuffers, np.uint64], None]
+InAir = Callable[[EchoBuffers, np.uint64, Array, Array], None]
 """Changes echoes as the air between LiDAR and surfaces does: ``apparent`` falls by exp(-2 alpha R), and a particle that
 returns more takes the echo with its own ``depth``, ``apparent``, ``label`` and ``instance``. ``true_range`` stays. What
-it draws depends on the key, which is that of the scan."""
+it draws depends on the key, which is that of the scan. The arrays are poses (columns + 1, 4, 4) and directions
+(columns, rings, 3) of the beams."""
 
 
 class SignalLidar(Lidar):
@@ -60,9 +61,9 @@ class SignalLidar(Lidar):
         Raises:
             ValueError: another number of poses.
         """
-        moving, key = self._trace(world_from_lidar, stamp_ns), self._key(number)
+        (poses, moving), key = self._trace(world_from_lidar, stamp_ns), self._key(number)
         if self._in_air is not None:
-            self._in_air(self._echoes, key)
+            self._in_air(self._echoes, key, poses, self._beams.directions)
         count = measure(self._receiver, key, self._beams.directions, self._echoes, self._points)
         found = Reading._make(values[:count].copy() for values in self._points)
         if moving:
@@ -74,8 +75,8 @@ class SignalLidar(Lidar):
         self._trace(world_from_lidar, stamp_ns)
         return self._echoes
 
-    def _trace(self, world_from_lidar: Array, stamp_ns: int) -> bool:
-        """Fill the buffers of echoes, and say whether the sensor moves."""
+    def _trace(self, world_from_lidar: Array, stamp_ns: int) -> tuple[Array, bool]:
+        """Fill the buffers of echoes; returns the poses of the scan and whether the sensor moves."""
         poses, moving = self._poses(world_from_lidar, stamp_ns)
         rays, tables, packets = self.scene.rays.handle, self._tables, (self._packet, self._coherent)
         if self._sub_rays is None:
@@ -84,7 +85,7 @@ class SignalLidar(Lidar):
             trace_echoes(rays, tables, packets, poses, self._beams, self._receiver, self._sub_rays, self._echoes)
         if self._robot is not None:
             self._echo_of_robot(self._robot, poses)
-        return moving
+        return poses, moving
 
     def _echo_of_robot(self, robot: RobotScan, poses: Array) -> None:
         """Put the robot's echoes instead of those of what it hides."""
@@ -107,5 +108,6 @@ def new_lidar(
     """Return a LiDAR in a scene, with the signal of its configuration if it has one; an ideal one sees no weather."""
     if config.signal is None:
         return Lidar(config, scene, robot)
-    in_air = None if weather is None or weather.is_clear else WeatherInAir(config, weather)
+    lowest = float(scene.world.terrain.surface.heights.min())
+    in_air = None if weather is None or weather.is_clear else WeatherInAir(config, weather, lowest)
     return SignalLidar(config, scene, in_air, robot)

@@ -161,7 +161,11 @@ class Lidar:
         own = poses[column] + self._beams.lag[ring][:, None, None] * (poses[column + 1] - poses[column])
         rays = np.ascontiguousarray(self._beams.directions[column, ring][:, None])
         beams = Beams(rays, np.zeros(1), 0.0, float(range_m.max()), np.ones(256, np.bool_))
-        before = LabelBuffers(*(np.zeros((len(column), 1), kind) for kind in (np.uint8, np.uint32, np.float32)))
+        before = LabelBuffers(
+            np.zeros((len(column), 1), np.uint8),
+            np.zeros((len(column), 1), np.uint32),
+            np.zeros((len(column), 1), np.float32),
+        )
         trace_beams(self.scene.rays.handle, self.scene.hits, self._packet, own, beams, before)
         world_m = before.depth[:, 0]
         return np.asarray((world_m == 0.0) | (range_m < world_m))
@@ -217,7 +221,7 @@ def trace_beams(
 
     Arrays are indexed and never sliced: Numba counts the references of each slice, which takes longer than its use.
     """
-    label, instance, distance = out
+    label, instance, distance = out.label, out.instance, out.depth
     _, lag, min_range, max_range, returns = beams
     ray, words, valid, arguments = packet
     tops = hits.geometry_top
@@ -250,7 +254,7 @@ def trace_beams(
 @kernel
 def _collect(directions: Array, out: LabelBuffers, found: Scan) -> None:
     """List the returns by column, then by ring; NumPy's indexing takes eight times as long (1.3 ms of a scan of 25)."""
-    labels, instances, distances = out
+    labels, instances, distances = out.label, out.instance, out.depth
     xyz, range_m, label, instance, rings, columns, _ = found
     k = 0
     for column in range(distances.shape[0]):

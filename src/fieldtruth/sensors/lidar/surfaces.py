@@ -16,6 +16,7 @@ from fieldtruth.sense.packets import Packet, set_ray
 from fieldtruth.sense.scene import Scene, grid_of
 from fieldtruth.sensors.lidar.reflectance import reflectance_of
 from fieldtruth.sensors.lidar.sensing import Beams, aim_tile, aimed, entry
+from fieldtruth.sensors.lidar.snow import below_snow, ground_below_snow, snow_on_trails
 from fieldtruth.world.model import GROUND_ID, Raster, World
 
 _LANES, _WIDTH, _HEIGHT = embree.LANES, embree.LANES // 4, 4
@@ -71,14 +72,14 @@ def surface_table(scene: Scene) -> SurfaceTable:
     rows = {name: row for row, name in enumerate(world.materials)}
     faces = [np.array([rows[n] for n in mesh.materials], np.uint16)[mesh.material] for mesh in scene.meshes]
     rotation = np.array([top.world_from_object[:3, :3] for top in scene.tops])
-    terrain = world.terrain
+    terrain, on_trail = world.terrain, snow_on_trails(world.terrain)
     return SurfaceTable(
         face_material=np.concatenate([*faces, np.zeros(0, np.uint16)]),
         material=np.array([reflectance_of(material) for material in world.materials.values()], np.float32),
         top_rotation=(rotation / np.linalg.norm(rotation[:, :, :1], axis=1, keepdims=True)).astype(np.float32),
         ground=_ground(world),
-        trail=reflectance_of(world.materials[terrain.trail_material]).value,
-        border=reflectance_of(world.materials[terrain.border_material]).value,
+        trail=below_snow(reflectance_of(world.materials[terrain.trail_material]).value, on_trail),
+        border=below_snow(reflectance_of(world.materials[terrain.border_material]).value, on_trail),
         border_width=terrain.border_width,
     )
 
@@ -89,7 +90,8 @@ def _ground(world: World) -> Grid:
     values = [reflectance_of(world.materials[name]).value for name in world.terrain.ground_materials]
     weights = cover.values / np.maximum(cover.values.sum(axis=-1, keepdims=True), 1e-6)
     mixed = (weights @ np.array(values)).astype(np.float32)
-    return grid_of(Raster(values=mixed, spacing=cover.spacing, x0=cover.x0, y0=cover.y0))
+    bare = Raster(values=mixed, spacing=cover.spacing, x0=cover.x0, y0=cover.y0)
+    return grid_of(ground_below_snow(bare, world.terrain))
 
 
 @inlined

@@ -40,6 +40,7 @@ OBJECT_CLASSES: Final[Spec] = Spec("object classes", (CLASS_OF_OBJECT,), "points
 N_CLASSES: Final = len(CLASSES)
 _WORDS: Final[dict[tuple[Label, ...], str]] = {
     (Label.GROUND, Label.TRAIL, Label.TREETOP): "ground",  # woods of the backdrop are treetop
+    (Label.GROUND, Label.TRAIL): "litter",
     (Label.GROUND,): "edges edging",
     (Label.TRUNK,): "trunk trunks snag snags stump stumps log logs",
     (Label.TRUNK, Label.TREETOP): "tree trees avenues woods spruce beech pine birch oak",

@@ -13,6 +13,7 @@ from fieldtruth.core.errors import suggestion
 from fieldtruth.experiment.fields import Frozen, Integer, Number, Positive
 from fieldtruth.world.grids import BUILT_IN, coarseness
 from fieldtruth.world.ground_types import ISO_CLASSES, Roughness, roughness_of
+from fieldtruth.world.seasons.table import SUMMER, USUAL, seasons
 from fieldtruth.world.trails import Line
 
 HILLS: Final = 0.2
@@ -42,6 +43,10 @@ class GroundConfig(Frozen):
     size: Size = BUILT_IN  # [m] along x (north) and y (west)
     grid: Spacing = 0.05  # [m] between the terrain's nodes
     roughness: Mapping[str, str] = Field(default={}, description="classes A to H of ISO 8608 by ground type")
+    season: str = Field(default=SUMMER, description="a season: spring, summer, autumn or winter")
+    drought: Share = USUAL  # 0 lush .. 1 dry: colours of grass
+    snow_depth: Annotated[Number, Field(ge=0, le=0.3)] = 0.0  # [m], mean in the open
+    litter: Annotated[Number, Field(ge=0, le=4)] = 1.0  # amount of leaves, twigs, stones, short grass on the ground
 
     @field_validator("roughness")
     @classmethod
@@ -52,6 +57,13 @@ class GroundConfig(Frozen):
             if letter not in ISO_CLASSES:
                 raise ValueError(f"{name} must be one of the classes {', '.join(ISO_CLASSES)}, got {letter!r}")
         return classes
+
+    @field_validator("season")
+    @classmethod
+    def _known_season(cls, season: str) -> str:
+        if season not in seasons():
+            raise ValueError(f"unknown season {season!r}; {suggestion(season, seasons())}")
+        return season
 
     @model_validator(mode="after")
     def _not_too_many(self) -> Self:

@@ -113,4 +113,5 @@ def make_cable(name: str, wire: Catenary, *, radius: float = CONDUCTOR_RADIUS, s
     world_from_object = np.eye(4)
     world_from_object[:2, :2] = [[ahead[0], -ahead[1]], [ahead[1], ahead[0]]]
     world_from_object[:3, 3] = *((wire.start + wire.end) / 2)[:2], height
-    return replace(tube, name=name), world_from_object
+    axis = np.column_stack([path, np.full(len(path), radius)]).astype(np.float32)
+    return replace(tube, name=name, axis=axis), world_from_object

@@ -101,33 +101,38 @@ def lifted(normals: Array, blend: float = UPWARD_BLEND) -> Array:
 def pinnae(path: Array, number: int, length: Array, start: float, rng: np.random.Generator) -> Surface:
     """Fronds: ``number`` pairs of pinnae along each midrib from ``start`` on; ``length`` (n,) [m] of the longest.
 
-    A pair is two triangles that share the edge on the midrib. Pinnae are longest at a third of the frond, lean towards
-    its tip, and droop a little. The upper side faces up.
+    Each pinna is a narrow blade of two triangles, folded along its edge from stalk to tip. Pinnae are longest at a
+    third of the frond, shorter towards its tip, to which they lean; they droop and differ. The upper side faces up.
     """
     n = len(path)
-    row = np.arange(n, dtype=np.intp).repeat(number)
-    cut = start + (1 - start) * np.linspace(0, 1, number + 1)
-    low, tangent = along(path, row, np.tile(cut[:-1], n))
-    high, _ = along(path, row, np.tile(cut[1:], n))
-    s = np.tile((cut[:-1] - start) / (1 - start), n)
-    size = length[row] * np.where(s < 0.3, 0.55 + 1.5 * s, 1.0 - 0.9 * (np.maximum(s - 0.3, 0) / 0.7) ** 1.3)
+    row = np.arange(n, dtype=np.intp).repeat(2 * number)
+    sign = np.tile([1.0, -1.0], n * number)
+    s = np.tile((np.arange(2 * number) // 2 + 0.5 * (np.arange(2 * number) % 2)) / number, n)
+    s = (s + rng.normal(0, 0.15 / number, len(s))).clip(0, 0.985)
+    foot, tangent = along(path, row, start + (1 - start) * s)
+    frond = np.linalg.norm(np.diff(path, axis=1), axis=2).sum(1)
+    outline = np.where(s < 0.3, 0.6 + 1.33 * s, 1.0 - 0.97 * (np.maximum(s - 0.3, 0) / 0.7) ** 1.15)
+    size = length[row] * outline * np.exp(rng.normal(0, 0.09, len(s)))
+    broad = np.minimum(1.1 * (1 - start) * frond[row] / number, 0.42 * size)
     side = np.cross(path[:, -1] - path[:, 0], _UP)
     side[:, 0] += 1e-9
     side = unit(side)[row]
     side = unit(side - (side * tangent).sum(-1, keepdims=True) * tangent)
     upper = np.cross(side, tangent)
-    tips, normals = [], []
-    for sign in (1.0, -1.0):
-        jitter = rng.normal(0, [0.06, 0.05, 0.10], (n * number, 3))
-        forward, hang = 0.22 + 0.3 * s + jitter[:, 0], 0.16 + jitter[:, 2]
-        out = sign * side + forward[:, None] * tangent - hang[:, None] * upper
-        tips.append(0.5 * (low + high) + (size * (1 + jitter[:, 1]))[:, None] * unit(out))
-        normals.append(upper + sign * hang[:, None] * side)
-    vertices = np.stack([low, tips[0], high, tips[1]], 1)
-    shading = lifted(np.stack([upper, normals[0], upper, normals[1]], 1), 0.3)
-    v = np.broadcast_to([0.5, 0.02, 0.5, 0.98], (n * number, 4))
-    u = np.stack([s, s + 0.03, s + 0.06, s + 0.03], 1)
-    return _gathered(vertices, shading, np.stack([u, v], -1), [[0, 1, 2], [0, 2, 3]])
+    lean = (0.2 + 0.45 * s + rng.normal(0, 0.08, len(s)))[:, None]
+    hang = (0.1 + 0.12 * rng.random(n)[row] + rng.normal(0, 0.1, len(s)))[:, None]
+    out = unit(sign[:, None] * side + lean * tangent - hang * upper)
+    own = unit(upper + hang * sign[:, None] * side)
+    half = 0.5 * broad[:, None] * unit(np.cross(own, out))
+    bow = (0.16 + rng.normal(0, 0.06, len(s)))[:, None] * size[:, None]  # the tip bends down and forwards
+    tip = foot + size[:, None] * out + bow * (0.6 * tangent - 0.8 * own)
+    middle = foot + 0.42 * size[:, None] * out + 0.16 * broad[:, None] * own
+    vertices = np.stack([foot, middle + half, tip, middle - half], 1)
+    fold = 0.35 * unit(half)
+    shading = lifted(np.stack([own, own + fold, own, own - fold], 1), 0.3)
+    v = 0.5 + sign[:, None] * np.array([0.0, 0.2, 0.48, 0.2])
+    u = s[:, None] + np.array([0.03, 0.06, 0.03, 0.0])
+    return _gathered(vertices, shading, np.stack([u, v], -1), [[0, 2, 1], [0, 3, 2]])
 
 
 def kites(base: Array, direction: Array, upper: Array, length: Array, width: Array, widest: float) -> Surface:
@@ -144,6 +149,30 @@ def kites(base: Array, direction: Array, upper: Array, length: Array, width: Arr
     normals = lifted(np.stack([normal, normal - 0.35 * side, normal, normal + 0.35 * side], 1), 0.35)
     uv = np.broadcast_to([[0.5, 0.03], [0.04, widest], [0.5, 0.97], [0.96, widest]], (n, 4, 2))
     return _gathered(vertices, normals, uv, [[0, 2, 1], [0, 3, 2]])
+
+
+def arched_leaves(base: Array, direction: Array, upper: Array, length: Array, width: Array, widest: float) -> Surface:
+    """Broad leaves of six triangles, folded along the midrib, with rims between base, widest part and tip that are
+    convex, and a tip that bends down; parameters as of `kites`.
+    """
+    n = len(base)
+    normal = unit(upper - (upper * direction).sum(-1, keepdims=True) * direction)
+    side = np.cross(normal, direction)
+    levels = np.array([0.45 * widest, widest, widest + 0.55 * (1 - widest)])
+    half = 0.5 * width[:, None, None] * (np.array([0.72, 1.0, 0.62])[:, None] * side[:, None])
+    sag = 0.22 * length[:, None] * np.append(levels, 1.0) ** 2
+    line = base[:, None] + length[:, None, None] * np.append(levels, 1.0)[:, None] * direction[:, None]
+    line = line - sag[..., None] * normal[:, None]
+    rim = line[:, :3] + 0.2 * width[:, None, None] * normal[:, None]
+    vertices = np.concatenate([base[:, None], rim + half, rim - half, line[:, 3:]], 1)
+    own = unit(normal[:, None] + 0.44 * np.append(levels, 1.0)[:, None] * direction[:, None])
+    fold = 0.35 * side[:, None]
+    normals = np.concatenate([normal[:, None], own[:, :3] - fold, own[:, :3] + fold, own[:, 3:]], 1)
+    across = 0.46 * np.array([0.72, 1.0, 0.62])
+    uv = np.concatenate([[[0.5, 0.03]], np.stack([0.5 - across, levels], 1), np.stack([0.5 + across, levels], 1),
+                         [[0.5, 0.97]]])  # fmt: skip
+    pattern = [[0, 4, 1], [1, 4, 5], [1, 5, 2], [2, 5, 6], [2, 6, 3], [3, 6, 7]]
+    return _gathered(vertices, lifted(normals, 0.35), np.broadcast_to(uv, (n, 8, 2)), pattern)
 
 
 def discs(centre: Array, normal: Array, radius: Array) -> Surface:

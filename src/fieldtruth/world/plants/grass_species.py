@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of grasses and herbs: kinds of blades in one tuft, and the leaves, fronds and flowers on them.
 
-Blades are two to three times as wide as in nature, and fewer by the same factor.
+Blades are up to twice as wide as in nature, and fewer by the same factor.
 """
 
 from dataclasses import dataclass
@@ -27,6 +27,7 @@ class Leaves:
     arrangement: Literal["spiral", "pairs", "one side"] = "spiral"
     smallest: float = 0.5  # length of the highest relative to the lowest
     widest: float = 0.35  # position of the greatest width, fraction of the length
+    broad: bool = False  # six triangles instead of two
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,8 @@ from fieldtruth.world.plants.growth import Stems, sideways, spread_along, unit
 from fieldtruth.world.plants.species import Habit, Leaf, Order
 from fieldtruth.world.plants.variation import SIDE_PRONG, outline_corners
 
-OUTWARD_BLEND = 0.55  # weight of the outward normal in a leaf's shading normal
+CURL = 0.14  # mean sine of the angle by which a leaf's tip bends out of its plane
+OUTWARD_BLEND = 0.45  # weight of the outward normal in a leaf's shading normal
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,7 +108,10 @@ def leaf_mesh(leaves: Leaves, form: Leaf, rng: np.random.Generator) -> tuple[Arr
     scale = leaves.length[:, None]
     tip = len(side) + 1
     vertices, uv = np.empty((m, corners, 3)), np.empty((corners, 2))
-    vertices[:, 0], vertices[:, tip] = leaves.base, leaves.base + scale * leaves.midrib
+    # The tip bends down, seldom up; narrow leaves less, whose area this would change.
+    curl = min(form.width / 0.6, 1.0) * rng.normal(CURL, 0.6 * CURL, (m, 1)).clip(-CURL, 3 * CURL)
+    vertices[:, 0] = leaves.base
+    vertices[:, tip] = leaves.base + scale * (np.sqrt(1 - curl**2) * leaves.midrib - curl * leaves.normal)
     uv[0], uv[tip] = (0.5, 0.03), (0.5, 0.97)
     for sign in (1.0, -1.0):
         broad, shift = rng.uniform(0.8, 1.15, (m, 1)), rng.uniform(-0.07, 0.07, (m, 1))
@@ -118,10 +122,11 @@ def leaf_mesh(leaves: Leaves, form: Leaf, rng: np.random.Generator) -> tuple[Arr
             vertices[:, corner] = leaves.base + (along + shift) * scale * leaves.midrib + out * across
             uv[corner] = 0.5 - sign * 0.92 * half, along
 
-    tilt = np.sin(fold) * left
-    inclined = (
-        [leaves.normal] + len(side) * [leaves.normal - tilt] + [leaves.normal] + len(side) * [leaves.normal + tilt]
-    )
+    tilt, bow = np.sin(fold) * left, curl * leaves.midrib
+    inclined = [
+        leaves.normal - bow, *len(side) * [leaves.normal - tilt],
+        leaves.normal + 2 * bow, *len(side) * [leaves.normal + tilt],
+    ]  # fmt: skip
     own = unit(np.stack(inclined, 1))
     outward = leaves.outward[:, None]
     # A blade that faces inwards keeps its own normal: a blend would point to its lower side.

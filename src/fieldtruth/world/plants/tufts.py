@@ -14,7 +14,7 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array, Index
 from fieldtruth.world.model import Mesh
-from fieldtruth.world.plants.blades import along, discs, kites, midribs, pinnae, spindles, strips
+from fieldtruth.world.plants.blades import along, arched_leaves, discs, kites, midribs, pinnae, spindles, strips
 from fieldtruth.world.plants.grass_species import Blades, Flower, Frond, GrassSpecies, Leaves, Organ, Spike
 from fieldtruth.world.plants.growth import unit
 from fieldtruth.world.plants.meshing import Surface, merged
@@ -155,7 +155,8 @@ def _leaves(organ: Leaves, path: Array, scale: float, rng: np.random.Generator) 
     direction = unit(np.cos(angle) * tangent + np.sin(angle) * out - [0, 0, organ.droop])
     size = scale * (1 - (1 - organ.smallest) * s) * np.exp(rng.normal(0, 0.15, n * k))
     upper = np.array([0.0, 0.0, 1.0]) + 0.3 * tangent + rng.normal(0, 0.25, (n * k, 3))
-    return kites(base, direction, upper, organ.length * size, organ.width * size, organ.widest)
+    shape = arched_leaves if organ.broad else kites
+    return shape(base, direction, upper, organ.length * size, organ.width * size, organ.widest)
 
 
 def _divergence(organ: Leaves, rank: Index) -> Array:

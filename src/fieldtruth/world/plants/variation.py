@@ -10,8 +10,8 @@ import numpy as np
 from fieldtruth.world.plants.species import Habit, Leaf, Order, Stand
 
 SIDE_PRONG: Final = 0.8  # length of a spray's outer prongs relative to the middle one
-FINE_LEAVES: Final = 0.6  # detail below which a leaf is a kite
-SIMPLE_LEAVES: Final = 0.3  # detail below which it is a triangle, and there are twice as many
+FINE_LEAVES: Final = 0.45  # detail below which a leaf is a kite
+SIMPLE_LEAVES: Final = 0.2  # detail below which it is a triangle, and there are twice as many
 
 
 def individual(habit: Habit, rng: np.random.Generator) -> Habit:

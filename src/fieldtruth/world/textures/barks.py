@@ -1,8 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Barks and dead wood. u runs around the trunk and v along it; a tile is about 0.5 m.
+"""Barks and dead wood. u runs around the trunk and v along it; a tile is about 0.6 m, a pixel 0.8 to 1.6 mm.
 
-``tones`` are colours (k, 3) from dark to light, sRGB 0 to 255.
+Light that furrows lose is part of the image (see `hollows`); what grows on bark is added where it is shaded (see
+`render.weathering`). ``tones`` are colours (k, 3) from dark to light, sRGB 0 to 255.
 """
 
 import numpy as np
@@ -18,9 +19,11 @@ from fieldtruth.world.textures.canvas import (
     drawing,
     even_out,
     halve,
+    hollows,
     linear,
     mix,
     noise,
+    ridges,
     settle,
     stamps,
 )
@@ -29,66 +32,92 @@ N = 512
 
 
 @drawing
-def furrowed_bark(rng: Rng, *, width: float, stretch: float, depth: float, cracks: float, tones: Tones) -> Image:
-    """Furrows along the trunk between ridges that cracks divide into blocks.
+def furrowed_bark(
+    rng: Rng, *, count: float, stretch: float, furrow: float, depth: float, cracks: float, tones: Tones
+) -> Image:
+    """Interlaced ridges along the trunk, which fork and join, with furrows between them and splits across.
 
-    Furrows run where stretched noise changes sign, so they branch and meet like the splits of a growing trunk.
-    ``width`` is the number of ridges per tile, ``depth`` the furrows' share, ``cracks`` the strength of those across.
+    ``count`` is the number of ridges per tile, ``furrow`` the furrows' share of the width, ``depth`` their depth
+    [pixels], ``cracks`` the depth of the splits relative to the furrows'.
     """
-    main = np.abs(noise(rng, N, width / 4, 2.2 * width, slope=1.2, stretch=stretch))
-    minor = np.abs(noise(rng, N, width, 5 * width, slope=1.0, stretch=stretch))
-    across = np.abs(noise(rng, N, width, 4 * width, slope=1.0, stretch=0.2))
-    rough = noise(rng, N, 20, 256, slope=0.6, stretch=2.0)
-    ridge = np.clip((main + 0.06 * rough) / depth, 0, 1) ** 0.7
-    split = 1 - (1 - np.clip(across / 0.22, 0, 1)) * cracks * np.clip(ridge * 2, 0, 1)
-    height = (ridge * split * (0.75 + 0.25 * np.clip(minor / 0.4, 0, 1))).astype(np.float32)
-    plate = noise(rng, N, 4, 60, slope=0.9, stretch=3.0)
-    colour = mix(tones, 0.06 + 0.68 * height + 0.07 * plate + 0.07 * rough)
-    # Green algae on the ridges, where rain runs down.
-    algae = 0.22 * np.clip(noise(rng, N, 3, 20, stretch=3.0) - 0.3, 0, 1)[..., None] * height[..., None]
-    colour = colour * (1 - algae) + linear((104, 110, 72)) * algae
-    return even_out(colour * crevices(height, 4.0, 0.55)[..., None])
+    main = _bent(rng, ridges(rng, N, count, stretch=stretch, spread=0.55), 0.2 * N / count)
+    second = ridges(rng, N, 2.6 * count, stretch=0.8 * stretch, spread=0.6)
+    fibre = noise(rng, N, 40, 256, slope=0.3, stretch=9.0)
+    rough = noise(rng, N, 12, 200, slope=0.7, stretch=2.5)
+    uneven = noise(rng, N, 4, 40, slope=0.8, stretch=2.5)
+    # Furrows differ in width and depth, and some close.
+    crest = np.clip((main + 0.09 * uneven + 0.06 * rough - 0.22 * furrow) / furrow, 0, 1) ** 0.8
+    across = _bent(rng, ridges(rng, N, 0.9 * count, stretch=1.2, spread=0.7).T, 6.0)
+    split = np.clip((0.16 - across + 0.07 * rough) / 0.16, 0, 1) * cracks * crest
+    minor = np.clip(second / 0.45, 0, 1)
+    height = crest * (0.66 + 0.18 * minor + 0.07 * uneven + 0.07 * rough + 0.05 * fibre) * (1 - split)
+    height = np.asarray(height, np.float32)
+    patch = noise(rng, N, 3, 30, slope=1.0, stretch=2.0)
+    colour = mix(tones, 0.12 + 0.52 * height + 0.08 * patch + 0.07 * rough + 0.06 * fibre)
+    return even_out(colour * hollows(height, depth)[..., None])
+
+
+def _bent(rng: Rng, image: Image, reach: float) -> Image:
+    """The image with points moved along u by about ``reach`` [pixels], smoothly over the tile."""
+    columns = np.arange(N)[None, :] + np.rint(reach * noise(rng, N, 3, 14, slope=1.4, stretch=2.0)).astype(np.int64)
+    return np.asarray(image[np.arange(N)[:, None], columns % N])
 
 
 @drawing
-def plated_bark(rng: Rng, *, across: int, along: int, gap: float, relief: float, tones: Tones) -> Image:
-    """Plates or scales of bark: cells with ragged borders that peel in layers; ``gap`` between them is dark."""
-    bend = [0.16 * noise(rng, N, 3, 14) + 0.035 * noise(rng, N, 16, 90, slope=0.8) for _ in range(2)]
-    found = cells(rng, N, across, along, jitter=0.9, shift=bend)
+def plated_bark(
+    rng: Rng, *, across: int, along: int, gap: float, relief: float, tones: Tones, flake: Tone = (0, 0, 0),
+    flakes: float = 0.0,
+) -> Image:  # fmt: skip
+    """Plates or scales: cells with ragged rims whose thin layers peel; ``gap`` between them is dark.
+
+    ``relief`` is their height [pixels]; layers that have just peeled off, ``flakes`` of the area, have the colour
+    ``flake``.
+    """
+    bend = [0.15 * noise(rng, N, 3, 16, stretch=1.5) + 0.04 * noise(rng, N, 16, 120, slope=0.8) for _ in range(2)]
+    found = cells(rng, N, across, along, jitter=1.0, shift=bend)
     edge = np.clip((found.second - found.nearest) / gap, 0, 1)
-    layer = noise(rng, N, 6, 120, slope=0.9, stretch=1.6)
-    rough = noise(rng, N, 30, 256, slope=0.4, stretch=2.0)
     own = rng.uniform(-0.5, 0.5, across * along).astype(np.float32)[found.owner]
-    height = (edge**0.6 * (0.8 + 0.1 * own + 0.1 * np.floor(layer * 1.5) / 1.5)).astype(np.float32)
-    colour = mix(tones, 0.12 + 0.6 * height + 0.14 * own + 0.05 * layer + 0.05 * rough)
-    return even_out(colour * crevices(height, 4.0, relief)[..., None])
+    rough = noise(rng, N, 30, 256, slope=0.4, stretch=2.0)
+    # Layers end along level lines of noise, a step of the height each.
+    rise = 0.9 * noise(rng, N, 3, 60, slope=1.2, stretch=1.5) + 1.4 * edge + own
+    step = np.floor(rise * 1.4)
+    within = rise * 1.4 - step
+    height = edge**0.55 * (0.66 + 0.09 * step.clip(-2, 3) + 0.05 * within + 0.04 * rough)
+    height = height.astype(np.float32)
+    colour = mix(tones, 0.08 + 0.55 * height + 0.16 * own + 0.06 * np.sin(2.3 * step) + 0.06 * rough)
+    fresh = (np.clip(3 * (np.sin(3.1 * step + 5 * own) - 1 + 2 * flakes), 0, 1) * edge)[..., None]
+    colour = colour * (1 - 0.75 * fresh) + 0.75 * fresh * linear(flake)
+    rim = 1 - 0.35 * np.exp(-((within / 0.07) ** 2))  # the shadow below a layer's end
+    return even_out(colour * (hollows(height, relief) * rim)[..., None])
 
 
 @drawing
 def birch_bark(rng: Rng, *, tones: Tones, marks: Tones) -> Image:
-    """White bark that peels around the trunk, with lenticels and a few scars in the two colours of ``marks``."""
+    """White bark that peels around the trunk, with lenticels, and scars in the two colours of ``marks``."""
     n = 2 * N
-    count, scars = 330, 4
-    length, width = rng.gamma(2.0, 11.0, count).clip(5, 80), rng.uniform(1.6, 4.2, count)
-    dashes = stamps(rng, n, length, width, _oval, np.full(count, 0.5), turn=0.05)
-    sides = rng.uniform(28, 70, scars)
-    rhombs = stamps(rng, n, sides, sides * rng.uniform(0.3, 0.5, scars), _rhombus, np.full(scars, 1.0), turn=0.15)
+    count, scars = 420, 5
+    length, width = rng.gamma(1.6, 16.0, count).clip(6, 120), rng.uniform(1.6, 5.5, count)
+    dashes = stamps(rng, n, length, width, _oval, np.full(count, 0.5), turn=0.06)
+    sides = rng.uniform(34, 96, scars)
+    rhombs = stamps(rng, n, sides, sides * rng.uniform(0.35, 0.7, scars), _rhombus, np.full(scars, 1.0), turn=0.15)
     relief = settle(n, [dashes, rhombs._replace(owner=rhombs.owner + np.int32(count))])
-    torn = noise(rng, n, 20, 400, slope=0.6, stretch=0.3)
+    torn = noise(rng, n, 12, 400, slope=0.7, stretch=0.4)
     depth = 1 - np.where(relief.owner < count, np.hypot(relief.a, relief.b), np.abs(relief.a) + np.abs(relief.b))
-    lenticel = (relief.owner >= 0) & (relief.owner < count) & (depth + 0.12 * torn > 0.12)
-    scar = (relief.owner >= count) & (depth + 0.22 * torn > 0.18)
+    lenticel = (relief.owner >= 0) & (relief.owner < count) & (depth + 0.16 * torn > 0.14)
+    scar = (relief.owner >= count) & (depth + 0.30 * torn > 0.2)
     dark = halve(np.stack([lenticel, scar], axis=2).astype(np.float32))
     band = noise(rng, N, 3, 200, slope=0.8, stretch=0.08)
     sheet = noise(rng, N, 3, 60, slope=1.0, stretch=0.4)
     grain = noise(rng, N, 60, 256, slope=0.0)
-    colour = mix(tones, 0.62 + 0.10 * band + 0.14 * sheet + 0.03 * grain)
-    peel = np.clip(noise(rng, N, 3, 160, slope=0.6, stretch=0.03) - 1.9, 0, 0.5)[..., None]
-    colour = colour * (1 - 0.8 * peel)
+    colour = mix(tones, 0.55 + 0.12 * band + 0.17 * sheet + 0.05 * grain)
+    # Sheets peel off in strips around the trunk and show the tan layer below.
+    peel = np.clip(1.6 * (noise(rng, N, 3, 90, slope=0.8, stretch=0.12) - 1.2), 0, 0.85)[..., None]
+    colour = colour * (1 - peel) + linear((168, 132, 104)) * peel
+    curl = 1 - 0.4 * np.exp(-(((peel[..., 0] - 0.12) / 0.08) ** 2))
     for k, mark in enumerate(marks):
         share = dark[..., k : k + 1]
-        colour = colour * (1 - share) + linear(mark) * (1 + 0.15 * grain)[..., None] * share
-    return even_out(colour)
+        colour = colour * (1 - share) + linear(mark) * (1 + 0.2 * grain)[..., None] * share
+    return even_out(colour * curl[..., None])
 
 
 def _oval(a: Image, b: Image, _rows: Index) -> Image:
@@ -113,28 +142,40 @@ def twig_bark(rng: Rng, *, tones: Tones) -> Image:
 
 @drawing
 def flaking_bark(rng: Rng, *, tones: Tones, flake: Tone) -> Image:
-    """Papery bark that peels off in small flakes, as on the upper trunk of pines."""
-    sheet = noise(rng, N, 5, 90, slope=1.0, stretch=0.8)
-    flakes = np.clip(noise(rng, N, 10, 160, slope=0.7, stretch=1.4) - 0.7, 0, 1)
-    grain = noise(rng, N, 40, 256, slope=0.3)
-    colour = mix(tones, 0.5 + 0.16 * sheet + 0.05 * grain)
-    edge = np.clip(1 - np.abs(noise(rng, N, 6, 60, slope=1.1, stretch=0.7)) / 0.07, 0, 1)[..., None]
-    colour = (colour * (1 - 0.45 * edge)).astype(np.float32)
-    return even_out(colour * (1 - 0.6 * flakes[..., None]) + 0.6 * flakes[..., None] * linear(flake))
+    """Papery bark that peels off in small thin flakes, as on the upper trunk of pines."""
+    rise = noise(rng, N, 6, 90, slope=0.9, stretch=0.8)
+    within = (rise * 1.7) % 1.0
+    layer = np.floor(rise * 1.7)
+    grain = noise(rng, N, 40, 256, slope=0.3, stretch=3.0)
+    broad = noise(rng, N, 3, 12, slope=0.8)
+    colour = mix(tones, 0.48 + 0.13 * np.sin(2.1 * layer) + 0.12 * broad + 0.05 * grain)
+    old = np.clip(noise(rng, N, 5, 60, slope=0.8, stretch=1.6) - 0.5, 0, 0.8)[..., None]
+    colour = colour * (1 - old) + linear(flake) * old
+    rim = 1 - 0.45 * np.exp(-((within / 0.06) ** 2))
+    return even_out(colour * (rim * crevices(layer.astype(np.float32) * 0.2, 3.0, 0.5))[..., None])
 
 
 @drawing
 def smooth_bark(rng: Rng, *, tones: Tones) -> Image:
-    """Smooth bark with fine creases around the trunk, pale lichen and green algae."""
-    blotch = noise(rng, N, 3, 24, slope=1.2, stretch=0.8)
+    """Smooth bark with lenticels and fine creases around the trunk, scars of branches, pale and green crusts."""
+    blotch = noise(rng, N, 3, 24, slope=1.0, stretch=0.6)
     fine = noise(rng, N, 40, 256, slope=0.4)
-    creases = np.clip(noise(rng, N, 12, 200, slope=0.8, stretch=0.08) - 1.1, 0, 1)[..., None]
-    colour = mix(tones, 0.5 + 0.13 * blotch + 0.04 * fine)
-    pale = np.clip(2.5 * (noise(rng, N, 4, 60, slope=1.0) - 1.1), 0, 0.6)[..., None]
-    algae = 0.3 * np.clip(noise(rng, N, 3, 20, stretch=3.0) - 0.4, 0, 1)[..., None]
-    colour = colour * (1 - 0.35 * creases)
-    colour = colour * (1 - pale) + linear((190, 192, 182)) * pale
-    return even_out(colour * (1 - algae) + linear((106, 116, 84)) * algae)
+    wrinkle = noise(rng, N, 10, 220, slope=0.7, stretch=0.06)
+    creases = np.clip(wrinkle - 0.9, 0, 1.2)
+    count = 700
+    rows = stamps(rng, 2 * N, rng.uniform(2, 9, count), rng.uniform(1, 2.2, count), _oval, np.ones(count), turn=0.05)
+    lenticel = halve((settle(2 * N, [rows]).owner >= 0).astype(np.float32)[..., None])
+    eyes = stamps(rng, N, rng.uniform(16, 34, 3), rng.uniform(7, 14, 3), _oval, np.ones(3), turn=0.1)
+    eye = settle(N, [eyes])
+    ring = np.where(eye.owner >= 0, 0.5 + 0.5 * np.cos(9 * np.hypot(eye.a, eye.b)), 0.0)
+    colour = mix(tones, 0.5 + 0.15 * blotch + 0.05 * fine)
+    pale = np.clip(1.5 * (noise(rng, N, 3, 60, slope=1.2) - 0.7), 0, 0.65)[..., None]
+    algae = np.clip(0.3 * noise(rng, N, 3, 30, stretch=3.0), 0, 0.45)[..., None]
+    dark = np.clip(0.8 * (noise(rng, N, 3, 40, slope=1.2, stretch=3.0) - 0.8), 0, 0.5)[..., None]
+    colour = colour * (1 - pale) + linear((178, 180, 168)) * (1 + 0.1 * fine)[..., None] * pale
+    colour = colour * (1 - algae) + linear((98, 104, 78)) * algae
+    colour = colour * (1 - dark) + linear((74, 72, 66)) * dark
+    return even_out(colour * (1 - 0.4 * lenticel) * (1 - 0.35 * creases - 0.35 * ring)[..., None])
 
 
 @drawing
@@ -145,6 +186,8 @@ def weathered_wood(rng: Rng) -> Image:
     split = np.clip(1 - np.abs(noise(rng, N, 5, 50, slope=1.0, stretch=22.0)) / 0.09, 0, 1)
     gallery = np.clip(1 - np.abs(noise(rng, N, 8, 60, slope=1.0, stretch=2.0)) / 0.03, 0, 1)
     colour = mix([(112, 100, 86), (150, 141, 128), (178, 172, 162)], 0.5 + 0.12 * grain + 0.15 * bands)
+    stain = np.clip(0.5 * noise(rng, N, 3, 30, slope=1.0, stretch=5.0), 0, 0.6)[..., None]
+    colour = colour * (1 - stain) + linear((96, 80, 62)) * stain
     dark = np.clip(1 - 0.75 * split - 0.12 * gallery, 0.1, 1).astype(np.float32)
     return even_out(colour * dark[..., None])
 

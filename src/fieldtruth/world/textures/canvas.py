@@ -21,7 +21,8 @@ Tone = Sequence[int]
 """An sRGB colour, 0 to 255."""
 Tones = Sequence[Tone]
 Drawing = Callable[..., Image]
-"""Takes a random generator and the parameters of a texture's data entry as keywords; gives linear light (n, n, 3)."""
+"""Takes a random generator and the parameters of a texture's data entry as keywords; gives linear light (n, n, 3), or
+(n, n, 4) with heights 0 to 1."""
 
 DRAWINGS: Final[dict[str, Drawing]] = {}
 """Functions that draw textures, by name."""
@@ -54,6 +55,20 @@ def noise(rng: Rng, n: int, low: float, high: float, *, slope: float = 1.0, stre
     gain[0, 0] = 0.0
     field = fft.irfft2(spectrum * gain, (n, n)).astype(np.float32)
     return np.asarray(field / field.std(), np.float32)
+
+
+def ridges(rng: Rng, n: int, count: float, *, stretch: float, spread: float = 0.35) -> Image:
+    """Long ridges (n, n) along v that fork and join, ``count`` per tile: 1 on their crests, 0 in the furrows between.
+
+    Noise of a narrow band of frequencies about ``count`` across has a phase whose dislocations are forks (as in
+    fingerprints; Sherlock and Monro, "A model for interpreting fingerprint topology", Pattern Recognition 1993). The
+    band's relative width is ``spread``; ridges are about ``stretch`` times as long between forks as they are wide.
+    """
+    spectrum = fft.fft2(rng.standard_normal((n, n)).astype(np.float32))
+    v, u = fft.fftfreq(n, 1 / n)[:, None], fft.fftfreq(n, 1 / n)[None, :]
+    gain = np.exp(-(((u - count) / (spread * count)) ** 2 + (v * stretch / count) ** 2)) * (u > 0)  # one side: a phase
+    wave = fft.ifft2(spectrum * gain)
+    return np.asarray(0.5 + 0.5 * wave.real / np.maximum(np.abs(wave), 1e-12), np.float32)
 
 
 class Cells(NamedTuple):
@@ -190,6 +205,20 @@ def crevices(height: Image, sigma: float, strength: float) -> Image:
     return np.asarray(np.clip(1 - strength * below, 0.15, 1.3), np.float32)
 
 
+def hollows(height: Image, depth: float, sigmas: Sequence[float] = (1.5, 4.0, 10.0)) -> Image:
+    """Share of the light of a hemisphere that reaches the ground of a relief, about 1 on its crests.
+
+    ``height`` is times ``depth`` [pixels]. What is a height h below the mean of its surroundings within s is like the
+    floor of a furrow s wide and h deep, which sees cos(atan(2 h / s)) of the light (a trench's sky view factor; Oke,
+    Boundary Layer Climates, 1987); scales multiply.
+    """
+    light = np.ones_like(height)
+    for sigma in sigmas:
+        below = np.maximum(blur(height, sigma) - height, 0) * np.float32(depth)
+        light = light / np.sqrt(1 + (2 * below / np.float32(sigma)) ** 2)
+    return np.asarray(light, np.float32)
+
+
 def mix(colours: ArrayLike, where: NDArray[np.floating[Any]]) -> Image:
     """Colours (k, 3), sRGB 0 to 255, interpolated at ``where`` (n, n) in 0 to 1."""
     table = linear(colours)
@@ -206,18 +235,18 @@ def halve(image: Image) -> Image:
 
 def even_out(image: Image, *, cycles: float = 3.0) -> Image:
     """Divide by the image's own slow changes, below ``cycles`` per tile, which would show the repetition."""
-    grey = image @ np.full(3, 1 / 3, np.float32)
+    grey = image[..., :3] @ np.full(3, 1 / 3, np.float32)
     n = len(grey)
     k = np.hypot(fft.fftfreq(n, 1 / n)[:, None], fft.rfftfreq(n, 1 / n)[None, :])
     slow = fft.irfft2(fft.rfft2(grey) * np.exp(-0.5 * (k / cycles) ** 2).astype(np.float32), (n, n))
-    return np.asarray(image * (grey.mean() / slow)[..., None], np.float32)
+    return np.concatenate([image[..., :3] * (grey.mean() / slow)[..., None], image[..., 3:]], -1).astype(np.float32)
 
 
 def finish(image: Image, albedo: Sequence[float]) -> NDArray[np.uint8]:
-    """Scale each channel to its mean ``albedo`` (linear) and encode as sRGB bytes."""
-    light = np.clip(image, 0, None)
+    """Scale each colour to its mean ``albedo`` (linear), encode it as sRGB bytes, and heights 0 to 1 as 0 to 255."""
+    light = np.clip(image[..., :3], 0, None)
     light = np.minimum(light * (np.asarray(albedo, np.float32) / light.mean((0, 1))), 1.0)
     # Clipped highlights lower the mean; a second pass restores it.
     light = np.minimum(light * (np.asarray(albedo, np.float32) / light.mean((0, 1))), 1.0)
     s = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
-    return np.asarray(np.round(s * 255), np.uint8)
+    return np.round(np.concatenate([s, np.clip(image[..., 3:], 0, 1)], axis=-1) * 255).astype(np.uint8)

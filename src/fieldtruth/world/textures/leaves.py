@@ -38,13 +38,19 @@ def _midrib(side: Image, v: Image) -> Image:
 
 
 def _between_veins(rng: Rng, ribs: Image, gap: Image, vein: float, tones: Tones) -> Image:
-    """The leaf with bulges between the veins, a fine net of veins and brown spots."""
+    """The leaf with bulges between the veins, a fine net of veins, a paler margin that withers, and brown spots."""
     net = cells(rng, LEAF, 40, 40)
     mesh = np.clip((net.second - net.nearest) / 0.2, 0, 1)
     tone = 0.5 + 0.13 * noise(rng, LEAF, 1, 12) + 0.07 * noise(rng, LEAF, 20, 120, slope=0.4) + 0.25 * (gap - 0.25)
     colour = mix(tones, tone - 0.05 * mesh) * (1 + vein * ribs)[..., None]
-    spots = np.clip(noise(rng, LEAF, 6, 60, slope=0.7) - 2.4, 0, 0.6)[..., None]
-    return np.asarray(colour * (1 - spots) + linear((120, 96, 54)) * spots, np.float32)
+    u, v = _grid(LEAF)
+    margin = np.clip(np.hypot(2 * (u - 0.5), 0.8 * np.maximum(v - 0.4, 0)) - 0.55, 0, 0.5)
+    ragged = noise(rng, LEAF, 2, 40, slope=0.9)
+    pale = np.clip(0.3 * margin + 0.10 * ragged, 0, 0.3)[..., None]  # between veins and towards the margin
+    colour = colour * (1 - pale) + linear((112, 118, 66)) * pale
+    spots = np.clip(noise(rng, LEAF, 6, 60, slope=0.7) - 2.2, 0, 0.6)
+    dead = np.clip(spots + 1.8 * (margin + 0.14 * ragged - 0.5), 0, 0.8)[..., None]
+    return np.asarray(colour * (1 - dead) + linear((112, 88, 54)) * dead, np.float32)
 
 
 @drawing
@@ -93,7 +99,7 @@ def grass_blades(rng: Rng, *, tones: Tones, foot: Tone, tip: Tone, spots: float 
     colour = colour * (1 - high) + linear(tip) * high
     brown = spots * np.clip(fleck - 1.3, 0, 1)[..., None]
     colour = colour * (1 - brown) + linear((116, 92, 52)) * brown
-    return np.asarray(colour * (0.5 + 0.5 * np.clip(v / 0.6, 0, 1))[..., None], np.float32)
+    return np.asarray(colour * (0.4 + 0.6 * np.clip(v / 0.35, 0, 1))[..., None], np.float32)
 
 
 @drawing

@@ -24,6 +24,7 @@ from fieldtruth.world.textures.canvas import (
     linear,
     mix,
     noise,
+    ridges,
 )
 
 N = 512
@@ -37,6 +38,25 @@ def _cracks(rng: Rng, across: int, *, width: float, share: float) -> Image:
     open_here = np.clip((noise(rng, N, 2, 12, slope=0.8) + 2.2 * (share - 0.5)) * 1.5, 0, 1)
     line = np.clip(1 - (net.second - net.nearest) / width, 0, 1)
     return np.asarray(line * open_here, np.float32)
+
+
+def _joints(rng: Rng, count: float) -> Image:
+    """Long cracks of two families at right angles (n, n), 1 in a joint, ``count`` per tile; some are closed."""
+    lines = np.zeros((N, N), np.float32)
+    for turned in (False, True):
+        family = ridges(rng, N, count, stretch=1.5, spread=0.8)
+        shut = np.clip(0.6 + 0.8 * noise(rng, N, 2, 12, slope=0.8), 0, 1)
+        ragged = 0.002 * noise(rng, N, 30, 250, slope=0.5)
+        line = np.clip(1 - (family + ragged) / 0.005, 0, 1) * shut
+        lines = np.maximum(lines, line.T if turned else line)
+    return lines
+
+
+def _strata(rng: Rng, colour: Image, strength: float) -> Image:
+    """The colour with beds along u, and runs of water stains across them."""
+    bed = noise(rng, N, 4, 70, slope=0.9, stretch=0.12)
+    run = np.clip(noise(rng, N, 3, 50, slope=1.0, stretch=6.0) - 0.6, 0, 1.5)
+    return np.asarray(colour * (1 + strength * bed - 0.16 * run)[..., None], np.float32)
 
 
 def _lichen(rng: Rng, colour: Image, shade: Tone, *, patches: float, share: float) -> Image:
@@ -59,9 +79,9 @@ def pitted_rock(rng: Rng, *, tones: Tones, stain: Tone, lichen: Crusts) -> Image
     """Limestone of dry mountains: pitted by rain, cracked, stained."""
     swell, grain = noise(rng, N, 3, 40, slope=1.1), noise(rng, N, 30, 256, slope=0.7)
     pits = np.clip(noise(rng, N, 25, 120, slope=0.4) - 1.0, 0, 1.5)
-    cracks = _cracks(rng, 5, width=0.06, share=0.5) + 0.6 * _cracks(rng, 14, width=0.1, share=0.35)
+    cracks = _joints(rng, 2.5) + 0.6 * _cracks(rng, 14, width=0.1, share=0.35)
     height = 0.35 * swell + 0.16 * grain - 0.7 * pits - 1.4 * cracks
-    colour = mix(tones, 0.5 + 0.16 * swell + 0.1 * grain)
+    colour = _strata(rng, mix(tones, 0.5 + 0.16 * swell + 0.1 * grain), 0.09)
     ochre = np.clip(0.45 * noise(rng, N, 3, 30, slope=1.0) - 0.25, 0, 0.6)[..., None]
     colour = colour * (1 - ochre) + linear(stain) * ochre
     colour = _overgrown(rng, colour, lichen)
@@ -75,12 +95,16 @@ def granular_rock(rng: Rng, *, tones: Tones, shares: Sequence[float], stain: Ton
     mineral = cells(rng, N, 190, 190)
     kind = rng.choice(len(tones), 190 * 190, p=shares)[mineral.owner]
     swell, grain = noise(rng, N, 3, 40, slope=1.1), noise(rng, N, 40, 256, slope=0.5)
-    cracks = _cracks(rng, 3, width=0.035, share=0.45)
+    cracks = _joints(rng, 2.0) + 0.5 * _cracks(rng, 9, width=0.05, share=0.3)
+    pits = np.clip(noise(rng, N, 30, 140, slope=0.4) - 1.2, 0, 1.2)
     rust = np.clip(0.4 * noise(rng, N, 3, 24, slope=1.0) - 0.1, 0, 0.55)[..., None]
     colour = linear(tones)[kind] * (1 + 0.10 * swell + 0.06 * grain)[..., None]
-    colour = colour * (1 - rust) + linear(stain) * (1 + 0.08 * grain)[..., None] * rust
+    colour = _strata(rng, colour * (1 - rust) + linear(stain) * (1 + 0.08 * grain)[..., None] * rust, 0.07)
     colour = _overgrown(rng, colour, lichen)
-    return even_out(colour * crevices(0.3 * swell + 0.15 * grain - 1.5 * cracks, 3.0, 0.5)[..., None])
+    light = crevices(0.3 * swell + 0.15 * grain - 1.5 * cracks - 0.8 * pits, 3.0, 0.5) * (
+        1 - 0.6 * np.clip(cracks, 0, 1)
+    )
+    return even_out(np.asarray(colour * light[..., None], np.float32))
 
 
 @drawing
@@ -88,10 +112,13 @@ def smooth_rock(rng: Rng, *, tones: Tones, stain: Tone, lichen: Crusts) -> Image
     """Field stones: worn smooth, with soil in the hollows."""
     swell, grain = noise(rng, N, 3, 50, slope=1.0), noise(rng, N, 40, 256, slope=0.4)
     colour = mix(tones, 0.5 + 0.17 * swell + 0.09 * grain)
+    pits = np.clip(noise(rng, N, 25, 120, slope=0.4) - 1.1, 0, 1.2)
+    cracks = 0.7 * _joints(rng, 1.5) + 0.5 * _cracks(rng, 8, width=0.05, share=0.3)
     earth = np.clip(0.5 * noise(rng, N, 4, 60, slope=0.8) - 0.35, 0, 0.7)[..., None]
-    colour = colour * (1 - earth) + linear(stain) * earth
+    colour = _strata(rng, colour * (1 - earth) + linear(stain) * earth, 0.06)
     colour = _overgrown(rng, colour, lichen)
-    return even_out(colour * crevices(0.4 * swell + 0.25 * grain, 2.5, 0.4)[..., None])
+    light = crevices(0.4 * swell + 0.25 * grain - pits - cracks, 2.5, 0.45) * (1 - 0.5 * np.clip(cracks, 0, 1))
+    return even_out(np.asarray(colour * light[..., None], np.float32))
 
 
 @drawing
@@ -104,4 +131,5 @@ def layered_rock(rng: Rng, *, tones: Tones, stain: Tone, lichen: Crusts) -> Imag
     colour = colour * (1 - rust) + linear(stain) * rust
     colour *= (1 + 0.1 * grain)[..., None]
     colour = _overgrown(rng, colour, lichen)
-    return even_out(colour * crevices(blur(0.7 * layers, 0.6) + 0.2 * swell, 2.5, 0.5)[..., None])
+    light = crevices(blur(0.7 * layers, 0.6) + 0.2 * swell, 2.5, 0.5) * (1 - 0.6 * _joints(rng, 2.5))
+    return even_out(np.asarray(colour * light[..., None], np.float32))

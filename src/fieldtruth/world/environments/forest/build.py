@@ -57,4 +57,5 @@ def build(seed: int, corridors: Sequence[Line], config: Config | None = None) ->
         textures=seeds[9],
         backdrop=backdrop,
         beyond=scatter_far_trees(builder, config, backdrop, growth, land),
+        litter=config.litter,
     )

@@ -17,7 +17,7 @@ from fieldtruth.world.swarms import SwarmSpec
 
 AGES: Final[Mapping[str, tuple[float, float]]] = {"old": (18.0, 25.0), "grown": (10.0, 16.0), "young": (3.0, 6.0)}
 """Heights [m]."""
-TREE_DETAIL: Final = {"old": 0.09, "grown": 0.16, "young": 0.5}
+TREE_DETAIL: Final = {"old": 0.14, "grown": 0.27, "young": 0.5}
 TUFTS_PER_M2: Final = 8.0
 """Density of tufts in a clump."""
 FERNS_PER_CLUMP: Final = 3

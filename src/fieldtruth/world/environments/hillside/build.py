@@ -59,4 +59,5 @@ def build(seed: int, corridors: Sequence[Line], config: Config | None = None) ->
         textures=seeds[7],
         backdrop=backdrop,
         beyond=[*scatter_far_plants(builder, backdrop, tufts, beyond), scatter_far_rocks(builder, backdrop, beyond)],
+        litter=config.litter,
     )

@@ -14,12 +14,14 @@ from fieldtruth.world.environments.lake.power_line import PowerLine
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.noise import noise_map
 from fieldtruth.world.placement import WorldBuilder
-from fieldtruth.world.plants import TREES, grow_tree
+from fieldtruth.world.plants import BUSHES, TREES, grow_bush, grow_tree
 from fieldtruth.world.poses import upright_poses
 from fieldtruth.world.swarms import Density, FarSwarm, SwarmSpec, make_swarm, random_scales
 
-FAR_DETAIL: Final = 0.015
-NEAR_DETAIL: Final = 0.06
+FAR_DETAIL: Final = 0.02
+NEAR_DETAIL: Final = 0.1
+SPACING: Final = 7.0  # [m] mean distance between positions where a far tree may stand
+SCRUB_DETAIL: Final = 0.1
 WOODS_RADIUS: Final = 380.0  # [m] from the centre to the last trees
 AREA: Final = (900.0, 900.0)  # [m] over which groves and woods vary
 
@@ -64,6 +66,15 @@ def scatter_far_plants(
     def turf(xy: Array) -> Array:
         return np.asarray((above_water(xy) > 0.8) * np.clip(0.45 + 0.4 * grove(xy), 0.0, 1.0))
 
+    def scrub(xy: Array) -> Array:
+        return np.clip(0.8 * grove(xy) + 0.25 * (above_water(xy) > 0.5), 0.0, 1.0) * (above_water(xy) > 0.4)
+
+    bushes = [
+        grow_bush(BUSHES[name], name=f"far_{name}_{k}", height=height, rng=rng, detail=SCRUB_DETAIL)
+        for name, height in (("hazel", 2.8), ("grey_willow", 2.4))
+        for k in range(2)
+    ]
+    scrub_spec = SwarmSpec(name="scrub_beyond", kind="bush", meshes=bushes, per_m2=0.02, scales=(0.4, 1.5), sink=0.05)
     size, ground = builder.size, height_beyond(builder.field, builder.size, backdrop)
     grass_spec = SwarmSpec(name="high_grass_beyond", kind="high_grass", meshes=grass, per_m2=0.9, tilt=1.0)
     tree_spec = SwarmSpec(
@@ -73,6 +84,7 @@ def scatter_far_plants(
         scatter_beyond(size, ground, grass_spec, rng, within=14.0, margin=0.6, density=turf),
         scatter_beyond(size, ground, tree_spec, rng, within=90.0, margin=3.0, density=near),
         _far_woods(far_trees, basin, level, grove, wood, rng),
+        scatter_beyond(size, ground, scrub_spec, rng, within=98.0, margin=5.0, density=scrub),
     ]
 
 
@@ -92,18 +104,18 @@ def _far_woods(
 ) -> FarSwarm:
     """Trees in a belt along the far water and in woods above it, outside the blend from the world's edge.
 
-    Draws one position in each cell of 7 m, a number for each, scales, yaws, meshes and tints.
+    Draws independent positions, a third of them in groups of three, a number for each, scales, yaws, meshes and tints.
     """
-    axis = np.arange(-WOODS_RADIUS, WOODS_RADIUS, 7.0)
-    cells = np.stack(np.meshgrid(axis, axis), axis=-1)
-    xy = cells.reshape(-1, 2) + rng.uniform(0.0, 7.0, (cells.size // 2, 2))
+    xy = rng.uniform(-WOODS_RADIUS, WOODS_RADIUS, (round((2 * WOODS_RADIUS / SPACING) ** 2), 2))
+    third = len(xy) // 9
+    xy[: 3 * third] = np.repeat(xy[:third], 3, axis=0) + rng.normal(0.0, 2.5, (3 * third, 2))
     height = basin(*xy.T)
     above, away = height - level, np.hypot(*xy.T)
     thick = np.where(above < 3.2, 0.75 + 0.3 * grove(xy), 0.45 + 0.5 * wood(xy))
     wooded = (above > 0.3) & (away > 115.0) & (away < WOODS_RADIUS) & (rng.random(len(xy)) < np.clip(thick, 0.04, 1))
     xy, height = xy[wooded], height[wooded]
     n = len(xy)
-    scale = random_scales(rng, (0.6, 1.4), n)
+    scale = random_scales(rng, (0.45, 1.45), n)
     poses = upright_poses(xy, rng.uniform(0.0, 2 * np.pi, n), scale)
     poses[:, 2, 3] = height - 0.4  # the land's triangles are large there
     return make_swarm("woods_beyond", "tree", trees, poses, rng, tint=0.12), trees

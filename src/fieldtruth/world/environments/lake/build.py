@@ -54,6 +54,7 @@ def build(seed: int, corridors: Sequence[Line], config: Config | None = None) ->
         textures=seeds[8],
         backdrop=backdrop,
         beyond=[*line.beyond, *scatter_far_plants(builder, backdrop, basin, config.water_level, line, land)],
+        litter=config.litter,
     )
 
 

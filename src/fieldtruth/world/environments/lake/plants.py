@@ -23,7 +23,7 @@ WATERSIDE_BUSHES: Final = ("grey_willow",)
 MEADOW_BUSHES: Final = ("hazel", "bramble")
 
 BELOW_WIRES: Final = 3.4  # [m] from the power line to the nearest trunk
-TREE_DETAIL: Final = 0.25
+TREE_DETAIL: Final = 0.4
 TUFT_DETAIL: Final = 0.55
 TRIES: Final = 9000
 

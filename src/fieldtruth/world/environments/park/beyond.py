@@ -27,7 +27,7 @@ EAVES, ROOF = 4.0, 10.5
 """Mean height [m] of a wood's canopy at its rim, where trees hide it, and inside."""
 NEAR: Final = 20.0
 """Distance [m] from the edge within which trees have more detail, because single leaves are visible."""
-NEAR_DETAIL, DETAIL, BUSH_DETAIL = 0.04, 0.012, 0.25
+NEAR_DETAIL, DETAIL, BUSH_DETAIL = 0.1, 0.025, 0.25
 SPECIES_BEYOND: Final = ("lime", "birch", "oak", "beech", "lime", "oak", "spruce", "pine")
 LIFT: Final = 0.015  # [m] of a trail above the land's triangles at the edge, plus 1 mm per metre
 STEP: Final = 0.05  # [m] between the points of a trail's line
@@ -184,12 +184,10 @@ def _rims(
 ) -> FarSwarm:
     """Trees along the rims of the woods, which hide the vertical sides of the canopy, and some single ones.
 
-    Draws one position in each cell of 7.5 m, two numbers for each, then what ``_tree_swarm`` draws.
+    Draws independent positions, one in 45 m2, two numbers for each, then what ``_tree_swarm`` draws.
     """
-    cell, half = 7.5, WOODS_TO + max(size) / 2
-    axis = np.arange(-half, half, cell)
-    xy = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
-    xy = xy + rng.uniform(0.0, cell, xy.shape)
+    half = WOODS_TO + max(size) / 2
+    xy = rng.uniform(-half, half, (round((2 * half) ** 2 / 45.0), 2))
     outside, inside = distance_beyond(size, *xy.T), wood(*xy.T)
     rim = (inside < 0.1) & (inside > -0.16) & (outside > WOODS_FROM - 6) & (outside < WOODS_TO)
     single = (inside <= -0.16) & (outside > 70.0) & (outside < 220.0) & (rng.random(len(xy)) < 0.02)
@@ -203,7 +201,7 @@ def _tree_swarm(
     """A swarm of trees at positions (n, 2), ``sink`` [m] in the soil. Draws yaws, scales, meshes and tints."""
     n = len(xy)
     yaw = rng.uniform(0.0, 2 * np.pi, n)
-    poses = upright_poses(xy, yaw, random_scales(rng, (0.7, 1.25), n))
+    poses = upright_poses(xy, yaw, random_scales(rng, (0.55, 1.35), n))
     poses[:, 2, 3] = land(*xy.T) - sink
     return make_swarm(name, "tree", trees, poses, rng), trees
 

@@ -39,4 +39,13 @@ def build(seed: int, corridors: Sequence[Line], config: Config | None = None) ->
     plant_herbs(builder, beds, config.herbs, herbs)
     terrain = with_layer(cover_ground(builder, beds, config.border_width, cover), layer)
     backdrop, beyond = make_surroundings(builder, terrain, config.beyond, land)
-    return assemble(builder, terrain, name="park", seed=seed, textures=seeds[8], backdrop=backdrop, beyond=beyond)
+    return assemble(
+        builder,
+        terrain,
+        name="park",
+        seed=seed,
+        textures=seeds[8],
+        backdrop=backdrop,
+        beyond=beyond,
+        litter=config.litter,
+    )

@@ -1,0 +1,156 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Light of an experiment: where the sun is, what clouds there are, and how hazy the air is."""
+
+import datetime
+import re
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, Literal, NamedTuple, Self
+
+from pydantic import Field, field_validator, model_validator
+
+from fieldtruth.experiment.fields import Frozen, Number
+from fieldtruth.experiment.problems import LocatedError, shortened
+from fieldtruth.experiment.sun_position import sun_position
+
+CloudKind = Literal["none", "cumulus", "broken", "cirrus", "stratus", "overcast"]
+Preset = Literal["summer_day", "clear_morning", "noon", "low_sun", "dusk", "overcast", "after_rain", "fog"]
+LOWEST_SUN: Final = -6
+"""[deg] elevation at the end of civil twilight."""
+
+
+class Light(NamedTuple):
+    """A light with every value."""
+
+    azimuth_deg: float
+    elevation_deg: float
+    clouds: CloudKind
+    cover: float
+    turbidity: float
+    wetness: float
+
+
+PRESETS: Final[dict[Preset, Light]] = {
+    "summer_day": Light(118.0, 41.0, "cumulus", 0.25, 2.6, 0.0),
+    "clear_morning": Light(94.0, 24.0, "none", 0.0, 2.2, 0.1),
+    "noon": Light(178.0, 62.0, "cumulus", 0.2, 2.8, 0.0),
+    "low_sun": Light(272.0, 7.0, "cirrus", 0.5, 2.6, 0.0),
+    "dusk": Light(304.0, -3.0, "cirrus", 0.4, 2.4, 0.0),
+    "overcast": Light(160.0, 42.0, "overcast", 1.0, 3.0, 0.1),
+    "after_rain": Light(225.0, 33.0, "broken", 0.6, 1.8, 0.8),
+    "fog": Light(110.0, 18.0, "stratus", 1.0, 5.0, 0.5),
+}
+
+_CLOCK: Final = re.compile(r"(\d{1,2}):(\d{2})(?:([+-])(\d{1,2}):(\d{2}))?")
+_TIME: Final = 'hours of UTC such as 13.5, or a text such as "15:30+02:00"'
+
+
+class LightConfig(Frozen):
+    """Sun, clouds and haze; what is not given is the preset's. ``light: low_sun`` means ``{preset: low_sun}``.
+
+    The sun is given either by its direction or by date, time and position. See docs/light.md.
+    """
+
+    preset: Preset = "summer_day"
+    sun_azimuth_deg: Annotated[Number, Field(ge=-360, le=360)] | None = None
+    """Clockwise from north."""
+    sun_elevation_deg: Annotated[Number, Field(ge=LOWEST_SUN, le=90)] | None = None
+    """Apparent elevation of the sun's centre; below 0 the sky alone gives light."""
+    date: Annotated[str, Field(description="a date such as 2026-06-21")] | None = None
+    time: Annotated[Number, Field(ge=-14, le=38, description=_TIME)] | None = None
+    """Hours of UTC; a text may have its offset from UTC."""
+    latitude: Annotated[Number, Field(ge=-90, le=90)] = 49.9
+    longitude: Annotated[Number, Field(ge=-180, le=180)] = 8.9
+    """Position for which date and time give the sun; it moves nothing else."""
+    clouds: CloudKind | None = None
+    cover: Annotated[Number, Field(ge=0, le=1)] | None = None
+    """Share of the sky with clouds, of cumulus, broken and cirrus."""
+    turbidity: Annotated[Number, Field(ge=1.2, le=10)] | None = None
+    """Optical depth of the air over that of its molecules: 2 clear, 4 hazy, 8 very hazy."""
+    wetness: Annotated[Number, Field(ge=0, le=1)] | None = None
+    """Of the ground: 0 dry, 1 wet."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_word(cls, given: Any) -> Any:
+        return {"preset": given} if isinstance(given, str) else given
+
+    @field_validator("date", mode="before")
+    @classmethod
+    def _iso(cls, given: Any) -> Any:
+        """YAML reads 2026-06-21 as a date."""
+        return given.isoformat() if type(given) is datetime.date else given
+
+    @field_validator("date")
+    @classmethod
+    def _exists(cls, given: str | None) -> str | None:
+        if given is not None:
+            try:
+                datetime.date.fromisoformat(given)
+            except ValueError:
+                raise LocatedError(f"must be a date such as 2026-06-21, got {shortened(given)}", []) from None
+        return given
+
+    @field_validator("time", mode="before")
+    @classmethod
+    def _hours(cls, given: Any) -> Any:
+        """Convert a time of the day to hours; YAML reads 13:30 as 810, the minutes."""
+        if type(given) is int and given >= 60:
+            return given / 60.0
+        found = _CLOCK.fullmatch(given) if isinstance(given, str) else None
+        if found is None:
+            return given
+        hour, minute, sign, hours, minutes = found.groups()
+        ahead = int(hours) + int(minutes) / 60.0 if sign else 0.0
+        return int(hour) + int(minute) / 60.0 + (ahead if sign == "-" else -ahead)
+
+    @model_validator(mode="after")
+    def _one_sun(self) -> Self:
+        timed = self.date is not None or self.time is not None
+        if timed and (self.sun_azimuth_deg is not None or self.sun_elevation_deg is not None):
+            raise ValueError("date and time exclude sun_azimuth_deg and sun_elevation_deg: they give the sun")
+        if timed and (self.date is None or self.time is None):
+            raise ValueError(f"date and time need each other: a date such as 2026-06-21, and {_TIME}")
+        if timed and (found := self.values.elevation_deg) < LOWEST_SUN:
+            what = f"must be one with the sun at {LOWEST_SUN:g} deg or higher; it is at {found:.1f} deg then"
+            raise LocatedError(what, ["time"])
+        return self
+
+    @property
+    def values(self) -> Light:
+        """Every value, of the preset where none is given."""
+        preset = PRESETS[self.preset]
+        azimuth, elevation = self._sun(preset)
+        given: Mapping[str, Any] = {"clouds": self.clouds, "turbidity": self.turbidity, "wetness": self.wetness}
+        kind = self.clouds or preset.clouds
+        cover = self.cover if self.cover is not None else preset.cover if kind == preset.clouds else COVERS[kind]
+        found = preset._replace(azimuth_deg=azimuth, elevation_deg=elevation, cover=cover)
+        return found._replace(**{key: value for key, value in given.items() if value is not None})
+
+    @property
+    def text(self) -> str:
+        """Preset and clouds, for people."""
+        found = self.values
+        part = f", {100 * found.cover:g} %" if 0.0 < found.cover < 1.0 else ""
+        return f"{self.preset}, clouds: {found.clouds}{part}"
+
+    def _sun(self, preset: Light) -> tuple[float, float]:
+        if self.date is not None and self.time is not None:
+            day = datetime.date.fromisoformat(self.date)
+            return sun_position(day, self.time, self.latitude, self.longitude)
+        azimuth, elevation = self.sun_azimuth_deg, self.sun_elevation_deg
+        return (
+            preset.azimuth_deg if azimuth is None else azimuth,
+            preset.elevation_deg if elevation is None else elevation,
+        )
+
+
+COVERS: Final[dict[CloudKind, float]] = {
+    "none": 0.0,
+    "cumulus": 0.25,
+    "broken": 0.7,
+    "cirrus": 0.5,
+    "stratus": 1.0,
+    "overcast": 1.0,
+}
+"""Share of the sky with clouds of a kind that differs from the preset's, unless ``cover`` is given."""

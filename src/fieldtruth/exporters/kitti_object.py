@@ -1,0 +1,180 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Export a run as KITTI's object detection: photographs, clouds, calibration and boxes of all visible objects.
+
+Frames and sensors are those of the format ``kitti``. The world is built again for the boxes of its objects, which are
+exact: those of the meshes' vertices (Geiger et al., "Are we ready for Autonomous Driving?", 2012, and its devkit).
+"""
+
+import threading
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from fieldtruth.bag.decode import image, instances
+from fieldtruth.bag.pairing import Frame, paired_frames
+from fieldtruth.bag.reader import BagError, open_bag
+from fieldtruth.bag.run import Run
+from fieldtruth.bag.trajectory import Trajectory, read_trajectory
+from fieldtruth.core import frames
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.parallel import in_order
+from fieldtruth.core.png import encode_png
+from fieldtruth.core.progress import timed
+from fieldtruth.exporters import Options
+from fieldtruth.exporters.amodal import WholeObjects, area, clipped, visible_pixels, world_of_run
+from fieldtruth.exporters.sequences import (
+    CLOUDS,
+    Geometry,
+    calib_text,
+    first_lidar,
+    first_views,
+    read_geometry,
+    require_pinholes,
+    returned,
+    xyz_and_reflectance,
+)
+from fieldtruth.sensors.camera.config import Imager
+from fieldtruth.world.boxes import OrientedBox, box_around, outermost
+from fieldtruth.world.model import World
+
+_LARGELY, _PARTLY = 0.4, 0.8
+"""Visible shares of a silhouette below which an object is largely (2) or partly (1) occluded."""
+
+_README: Final = """\
+# A run as KITTI's object detection
+
+- `training/image_2`: photographs (PNG); `training/velodyne`: clouds, float32 x, y, z [m] and reflectivity.
+- `training/calib`: P0 to P3, R0_rect, Tr_velo_to_cam, Tr_imu_to_velo (the identity: there is no such frame).
+- `training/label_2`: type, truncated, occluded, alpha, bbox (left, top, right, bottom), dimensions (height, width,
+  length) [m], location (x, y, z of the bottom's middle) [m], rotation_y, of each object with a visible pixel.
+- `training/visibility`: instance id, visible share, visible pixels and its name, in the lines of `label_2`.
+- `ImageSets/train.txt`: all frames. `stamps.txt`: frame and stamp [ns].
+
+type is the kind of the object. Boxes are upright in the camera's frame, as KITTI's are, and the smallest around the
+object's mesh with its heading. bbox is that of the whole object, its hidden parts included, cut at the image's border.
+truncated is the share of its area that is cut off. occluded: 0 where at least 80 % of the silhouette inside the image
+are visible, 1 where 40 % are, else 2.
+"""
+
+
+class KittiBox(NamedTuple):
+    """A box in KITTI's convention: ``location`` (3,) [m] is the middle of its bottom, y down."""
+
+    location: Array
+    height: float
+    width: float
+    length: float
+    rotation_y: float
+
+
+class _Source(NamedTuple):
+    """What is needed to write a frame."""
+
+    run: Run
+    world: World
+    imager: Imager
+    geometry: Geometry
+    trajectory: Trajectory
+    own: threading.local
+
+
+def write(runs: Sequence[Run], target: Path, options: Options) -> None:
+    """Write the folder.
+
+    Raises:
+        BagError: the bag lacks clouds, photographs, instance images, calibration or poses, its cameras are no
+            pinholes, or its world is not known.
+    """
+    (run,) = runs
+    if not (views := first_views(run)):
+        raise BagError(f"the rig of {run.bag} has no camera, and KITTI's frames have photographs")
+    imager = views[0]
+    topics = [imager.topic_of("photograph"), imager.topic_of("instances")]
+    run.require(first_lidar(run).topic, *topics, *(view.topic_of("camera_info") for view in views))
+    require_pinholes(run, "KITTI")
+    with options.progress.stage("build the world"):
+        world = world_of_run(run)
+    source = _Source(run, world, imager, read_geometry(run), read_trajectory(run), threading.local())
+    folder = target / "training"
+    for name in ("image_2", CLOUDS, "calib", "label_2", "visibility"):
+        (folder / name).mkdir(parents=True)
+    with (
+        open_bag(run.bag, true_stamps=run.clocked) as bag,
+        options.progress.stage("frames and boxes", run.duration_s) as advance,
+    ):
+        found = enumerate(timed(paired_frames(bag, first_lidar(run).topic, topics), advance, run.start_ns))
+        stamps = list(in_order(found, partial(_save, source, folder), options.workers))
+    if not stamps:
+        raise BagError(f"{run.bag} has no cloud with a photograph and an instance image")
+    numbers = [f"{k:06d}\n" for k in range(len(stamps))]
+    (target / "ImageSets").mkdir()
+    (target / "ImageSets" / "train.txt").write_text("".join(numbers), encoding="ascii")
+    lines = [f"{k:06d} {stamp}\n" for k, stamp in enumerate(stamps)]
+    (target / "stamps.txt").write_text("".join(lines), encoding="ascii")
+    (target / "README.md").write_text(_README, encoding="utf-8")
+
+
+def _save(source: _Source, folder: Path, numbered: tuple[int, Frame]) -> int:
+    number, frame = f"{numbered[0]:06d}", numbered[1]
+    photograph, ids = frame.images
+    (folder / "image_2" / f"{number}.png").write_bytes(encode_png(image(photograph)))
+    xyz_and_reflectance(returned(frame.cloud, source.run)).tofile(folder / CLOUDS / f"{number}.bin")
+    (folder / "calib" / f"{number}.txt").write_text(_calib(source.geometry), encoding="ascii")
+    world_from_cam0 = source.trajectory.world_from_base(frame.stamp_ns) @ source.geometry.base_from_cam0
+    labels, shares = _lines(source, instances(ids), world_from_cam0)
+    (folder / "label_2" / f"{number}.txt").write_text(labels, encoding="utf-8")
+    (folder / "visibility" / f"{number}.txt").write_text(shares, encoding="utf-8")
+    return frame.stamp_ns
+
+
+def _calib(geometry: Geometry) -> str:
+    """Calibration of a frame: names and rotations that the devkit of objects has instead of those of odometry."""
+    own = calib_text(geometry).replace("Tr:", "Tr_velo_to_cam:").splitlines(keepends=True)
+    rows = {"R0_rect": np.eye(3), "Tr_imu_to_velo": np.eye(3, 4)}
+    return "".join(own) + "".join(f"{name}: {' '.join(f'{x:.12e}' for x in m.ravel())}\n" for name, m in rows.items())
+
+
+def _lines(source: _Source, ids: Any, world_from_optical: Array) -> tuple[str, str]:
+    """Lines of ``label_2`` and of ``visibility``."""
+    own = source.own
+    if not hasattr(own, "whole"):
+        own.whole = WholeObjects(source.world, source.imager.config)
+    whole: WholeObjects = own.whole
+    config, labels, shares = source.imager.config, [], []
+    for object_id, pixels in visible_pixels(ids, whole.objects.keys()).items():
+        bounds = whole.bounds(object_id, world_from_optical)
+        if bounds is None:
+            continue
+        instance = whole.objects[object_id]
+        inside, alone = clipped(bounds, config.width, config.height), whole.silhouette(object_id, world_from_optical)
+        share = pixels / max(alone.pixels, pixels)
+        box = kitti_box(source.world, object_id, world_from_optical, whole)
+        alpha = _wrapped(box.rotation_y - float(np.arctan2(box.location[0], box.location[2])))
+        occluded = 0 if share >= _PARTLY else 1 if share >= _LARGELY else 2
+        numbers = [*inside, box.height, box.width, box.length, *box.location, box.rotation_y]
+        head = f"{instance.kind.replace(' ', '_')} {1.0 - area(inside) / area(bounds):.3f} {occluded} {alpha:.4f}"
+        labels.append(f"{head} {' '.join(f'{number:.4f}' for number in numbers)}\n")
+        shares.append(f"{object_id} {share:.4f} {pixels} {instance.name}\n")
+    return "".join(labels), "".join(shares)
+
+
+def kitti_box(world: World, object_id: int, world_from_optical: Array, whole: WholeObjects) -> KittiBox:
+    """Smallest box of an object that is upright in the optical frame and has the object's heading there."""
+    instance = whole.objects[object_id]
+    optical_from_object = frames.inverse(world_from_optical) @ instance.world_from_object
+    ahead = optical_from_object[:3, 0]
+    angle = -float(np.arctan2(ahead[2], ahead[0]))
+    cos, sin = np.cos(angle), np.sin(angle)
+    turned = np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
+    points = frames.transform(optical_from_object, outermost(world.meshes[instance.mesh]))
+    box: OrientedBox = box_around(points, turned)
+    length, height, width = box.size.tolist()
+    return KittiBox(box.centre + np.array([0.0, height / 2, 0.0]), height, width, length, angle)
+
+
+def _wrapped(angle: float) -> float:
+    return float((angle + np.pi) % (2 * np.pi) - np.pi)
