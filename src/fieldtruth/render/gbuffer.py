@@ -13,7 +13,7 @@ import numpy as np
 from fieldtruth.core.arrays import Float32Array
 from fieldtruth.render.atlas import Atlas, sample_lit
 from fieldtruth.render.ground_points import Relief, Texels, Vector, ground_texels
-from fieldtruth.render.probes import READ, among, read_lowest
+from fieldtruth.render.probes import READ, among, falling_on, read_lowest
 from fieldtruth.render.relief_views import view_terms
 from fieldtruth.render.tables import LightTable, Shading
 from fieldtruth.sense.hits import TERRAIN, Grid
@@ -189,15 +189,14 @@ def _terrain_light(light: LightTable, batch: RayBatch, rows: IntArray, found: in
     """Light of sky and surroundings."""
     points, volume = batch.point, light.volume
     vx, vy = np.float32(light.volume_corner[0]), np.float32(light.volume_corner[1])
-    per, zero, probe = np.float32(light.volume_per_metre), np.float32(0.0), np.empty(READ, np.float32)
+    per, probe = np.float32(light.volume_per_metre), np.empty(READ, np.float32)
     for m in range(found):
         k = np.uintp(rows[m])
         read_lowest(volume, (points[0, k] - vx) * per, (points[1, k] - vy) * per, probe)
         nx, ny, nz, share = out[k, NX], out[k, NY], out[k, NZ], out[k, LIGHT]
         for channel in range(3):
-            at = 4 * channel
-            falling = probe[at] + probe[at + 1] * nx + probe[at + 2] * ny + probe[at + 3] * nz
-            out[k, LIGHT + channel] = max(falling, zero) * among(share, out[k, RED + channel])
+            falling = falling_on(probe, channel, nx, ny, nz)
+            out[k, LIGHT + channel] = falling * among(share, out[k, RED + channel])
 
 
 @inlined

@@ -29,7 +29,7 @@ from fieldtruth.render.gbuffer import (
     mip_level,
 )
 from fieldtruth.render.ground_points import patch_offset
-from fieldtruth.render.probes import READ, among, read_probes
+from fieldtruth.render.probes import READ, among, falling_on, read_probes
 from fieldtruth.render.tables import (
     FIRST,
     MATERIAL,
@@ -230,13 +230,11 @@ def _mesh_light(
         if clouds and through and behind > zero:
             behind *= read_grid(cloud_sun, points[0, k], points[1, k])
         for channel in range(3):
-            at, albedo = 4 * channel, out[k, RED + channel]
-            mean, side = probe[at], probe[at + 1] * nx + probe[at + 2] * ny + probe[at + 3] * nz
-            falling = max(mean + side, zero)
+            albedo, falling = out[k, RED + channel], falling_on(probe, channel, nx, ny, nz)
             if through:
                 passed = throughs[row, channel]
                 near = among(share, albedo * (one + passed))
-                back = max(mean - side, zero) * near + sun_rgb[channel] * behind
+                back = falling_on(probe, channel, -nx, -ny, -nz) * near + sun_rgb[channel] * behind
                 out[k, LIGHT + channel] = falling * near + passed * back
             else:
                 out[k, LIGHT + channel] = falling * among(share, albedo)

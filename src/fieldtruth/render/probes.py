@@ -10,8 +10,8 @@ from fieldtruth.core.arrays import Float32Array
 from fieldtruth.render.tables import AIR_BASE, AIR_LAYER
 from fieldtruth.sense.kernel import inlined
 
-READ: Final = 12
-"""Coefficients that are read: 4 of each channel."""
+READ: Final = 15
+"""Coefficients that are read: 4 of each channel, then one of each for what faces up."""
 _PER_LAYER: Final = np.float32(1.0 / AIR_LAYER)
 _BASE: Final = np.float32(AIR_BASE)
 
@@ -58,6 +58,14 @@ def read_lowest(volume: Float32Array, u: np.float32, v: np.float32, out: Float32
     a, b, c, d = (one - fu) * (one - fv), (one - fu) * fv, fu * (one - fv), fu * fv
     for n in range(READ):
         out[n] = volume[i, j, k, n] * a + volume[i, j1, k, n] * b + volume[i1, j, k, n] * c + volume[i1, j1, k, n] * d
+
+
+@inlined
+def falling_on(probe: Float32Array, channel: int, nx: np.float32, ny: np.float32, nz: np.float32) -> np.float32:
+    """Irradiance over pi on a surface with this normal: two bands, and what they lack on a level surface."""
+    at, up = 4 * channel, max(nz, np.float32(0.0))
+    value = probe[at] + probe[at + 1] * nx + probe[at + 2] * ny + probe[at + 3] * nz + probe[12 + channel] * up * up
+    return max(value, np.float32(0.0))  # type: ignore[no-any-return]
 
 
 @inlined

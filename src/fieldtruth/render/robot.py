@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.render.probes import READ, read_probes
+from fieldtruth.render.probes import READ, falling_on, read_probes
 from fieldtruth.render.tables import EXPOSURE, LightTable, Shading
 from fieldtruth.render.visibility import sun_disc, visibility
 from fieldtruth.sense.hits import Grid, read_grid
@@ -118,10 +118,9 @@ def _paint(
                 front *= _sun_at(table, sunlit, level, x, y, z, above)
             mirrored = _reflected(n, ray, _MIRROR[material[k]])
             for channel in range(3):
-                c = 4 * channel
-                around = probe[c] + probe[c + 1] * n[0] + probe[c + 2] * n[1] + probe[c + 3] * n[2]
-                falling = light.sun_rgb[channel] * front + max(around, 0.0)
-                value = _ALBEDO[material[k], channel] * falling + mirrored * (probe[c] + probe[c + 3])
+                falling = light.sun_rgb[channel] * front + falling_on(probe, channel, n[0], n[1], n[2])
+                level_light = probe[4 * channel] + probe[4 * channel + 3]
+                value = _ALBEDO[material[k], channel] * falling + mirrored * level_light
                 colour[channel] += share[k] * scale * value
             cover += share[k]
         if k + 1 == len(pixel) or pixel[k + 1] != pixel[k]:

@@ -97,4 +97,4 @@ def _visibility(
                 if packet.valid[lane] != 0 and packet.ray[_FAR + lane] < 0.0:
                     free[lane] -= _weight(normals[first + lane], dx, dy, dz)
         for lane in range(min(_LANES, len(points) - first)):
-            result[first + lane] = free[lane] / total[lane] if total[lane] > 0.0 else 0.5
+            result[first + lane] = max(free[lane] / total[lane], 0.0) if total[lane] > 0.0 else 0.5

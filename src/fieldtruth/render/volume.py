@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The light volume: what sky, sunlit ground and leaves send through the air, as probes on a grid.
 
-Each probe keeps, by channel, four coefficients of the irradiance E on a surface with the unit normal n, over pi:
-E(n) / pi = c0 + c1 . n, with c0 the mean radiance over all directions and c1 twice the mean of radiance times direction
-(Ramamoorthi and Hanrahan 2001, the first two bands). For light from a half space, as over a plane below an even sky,
-this is exact. A leaf reads both of its sides with one lookup: E(-n) / pi = c0 - c1 . n.
+Each probe keeps, by channel, coefficients of the irradiance E on a surface with the unit normal n, over pi:
+E(n) / pi = c0 + c1 . n + c2 max(nz, 0)^2, with c0 the mean radiance over all directions and c1 twice the mean of
+radiance times direction (Ramamoorthi and Hanrahan 2001, the first two bands). For light from a half space, as over a
+plane below an even sky, these are exact; below the CIE's overcast sky they give a level surface 7 % too little. So c2
+is what a level surface receives in addition: exact for all that faces up. A leaf reads both of its sides with one
+lookup, with n and with -n.
 
 Probes are filled by shading what their rays hit as a photograph does, several times: each time adds a reflection, of
 light that the volume of the time before brings.
@@ -20,6 +22,7 @@ from scipy.ndimage import convolve1d
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.render.gbuffer import NX, NY, NZ
 from fieldtruth.render.shading import ShadingBuffers, new_shading_buffers, shade_hits
+from fieldtruth.render.sky.dome import soft_dome
 from fieldtruth.render.tables import AIR_BASE, AIR_LAYER, EXPOSURE, Shading
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import hit_top
@@ -29,7 +32,8 @@ from fieldtruth.sense.ray_batch import seen_over_map
 
 LAYERS: Final = 14
 COEFFICIENTS: Final = 16
-"""Floats per probe, one cache line: 4 of each channel (c0, then c1 along x, y, z), and 4 unused."""
+"""Floats per probe, one cache line: 4 of each channel (c0, then c1 along x, y, z), c2 of each channel, 1 unused."""
+_UP: Final = 12  # first of the coefficients c2
 RAYS: Final = (16, 16, 48)
 """Directions from each probe, for each reflection: light of the first ones is gathered again."""
 NEAR: Final = 0.2
@@ -57,6 +61,7 @@ def fill_volume(shading: Shading, veil: Float32Array, pool: ThreadPoolExecutor) 
 
     ``veil`` (3,) is radiance of the air that comes from the whole sky in addition to that of the dome.
     """
+    shading = shading._replace(light=shading.light._replace(dome=soft_dome(shading.light.dome)))  # rays are few
     for rays in RAYS:
         volume = _gathered(shading, veil, rays, pool)
         shading = shading._replace(light=shading.light._replace(volume=volume))
@@ -82,6 +87,7 @@ def _gathered(shading: Shading, veil: Float32Array, rays: int, pool: ThreadPoolE
             found, behind = np.zeros((len(j), COEFFICIENTS), np.float32), np.zeros(len(j), np.float32)
             heights = above[k].astype(np.float32)
             _probe(shading, buffers, points.astype(np.float32), heights, sets[parity], veil, found, behind)
+            found[:, _UP : _UP + 3] -= found[:, 0:_UP:4] + found[:, 3:_UP:4]
             volume[i, j, k], inside[i, j, k] = found, behind
 
     list(pool.map(column_row, range(nx)))
@@ -125,6 +131,7 @@ def _probe(
                 found[row, at] += value
                 for axis in range(3):
                     found[row, at + 1 + axis] += two * value * d[axis]
+                found[row, _UP + channel] += two * two * value * max(d[2], zero)
             if batch.top[k] > 0:
                 g = buffers.gbuffer[k]
                 if g[NX] * d[0] + g[NY] * d[1] + g[NZ] * d[2] > np.float32(0.2):

@@ -13,7 +13,7 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.render.air import air_along
-from fieldtruth.render.probes import READ, read_probes
+from fieldtruth.render.probes import READ, falling_on, read_probes
 from fieldtruth.render.shading import ShadingBuffers, shade_batch
 from fieldtruth.render.tables import EXPOSURE, Shading, WireTable
 from fieldtruth.sense import embree
@@ -287,8 +287,8 @@ def _blend(
     left, glow = np.empty(3, np.float32), np.empty(3, np.float32)
     air_along(shading.air, ray, point[2] - distance * ray[2], distance, left, glow)
     for channel in range(3):
-        at = 4 * channel
-        around = max(probe[at] + probe[at + 1] * nx + probe[at + 2] * ny + probe[at + 3] * nz, np.float32(0.0))
-        value = (light.sun_rgb[channel] * front + around) * shading.wires.albedo[chord.wire, channel]
+        value = (light.sun_rgb[channel] * front + falling_on(probe, channel, nx, ny, nz)) * shading.wires.albedo[
+            chord.wire, channel
+        ]
         seen = EXPOSURE * (left[channel] * shading.exposure * value + (1.0 - left[channel]) * glow[channel])
         colour[channel] += np.float32(covered * (seen - colour[channel]))

@@ -5,6 +5,7 @@
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final, NamedTuple
 
+import cv2
 import numpy as np
 
 from fieldtruth.core.arrays import Array, Float32Array
@@ -74,6 +75,13 @@ def dome_of(rgb: Float32Array) -> Dome:
     mean = np.einsum("ijc,ij->c", rgb, weight * np.maximum(z, 0.0)) / np.pi
     horizon = rgb[(z > 0.005) & (z < 0.04) & (weight > 0)].mean(axis=0)
     return Dome(rgb, mean.astype(np.float32), horizon.astype(np.float32))
+
+
+def soft_dome(dome: Dome, texels: int = 32) -> Dome:
+    """Return the dome as seen by few rays: averaged over ``texels`` along each side, with the same irradiance."""
+    small = cv2.resize(dome.rgb, (texels, texels), interpolation=cv2.INTER_AREA)
+    soft = dome_of(np.asarray(cv2.resize(small, dome.rgb.shape[:2], interpolation=cv2.INTER_LINEAR), np.float32))
+    return Dome(soft.rgb * (dome.mean / soft.mean), dome.mean, dome.horizon)
 
 
 def clear_mean(clear: Clear, sun: Array) -> Array:
