@@ -7,6 +7,7 @@ Scattering is integrated numerically along each ray through a spherical atmosphe
 with the isotropic approximation of Hillaire (2020), equations 5 to 10. Lengths in this module are in kilometres.
 """
 
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -54,6 +55,7 @@ class Clear(NamedTuple):
     sun_above: Array  # (3,) the same at the height of clouds
 
 
+@lru_cache(4)  # many worlds have the same sun
 def clear_sky(elevation: float, turbidity: float, ceiling: float) -> Clear:
     """Compute the clear sky.
 

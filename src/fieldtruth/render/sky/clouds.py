@@ -3,10 +3,12 @@
 """Clouds with volume: where their droplets are, and the light that comes from them along a ray.
 
 Density: an outline on a map, flat bases, and billows of cellular noise that grow with height (Schneider and Vos 2015).
-Light: one march along the ray and a shorter one towards the sun at each step. Higher orders of scattering are octaves
-of weaker extinction and rounder phase functions (Wrenninge, Kulla and Lundqvist 2013). Lengths are in metres.
+Light: one march along the ray, and the optical depth towards the sun from a grid that is summed once. Higher orders of
+scattering are octaves of weaker extinction and rounder phase functions (Wrenninge, Kulla and Lundqvist 2013). Lengths
+are in metres.
 """
 
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import Final, NamedTuple
 
@@ -26,6 +28,8 @@ FARTHEST: Final = 45_000.0
 _OCTAVES: Final = 4
 _BOUNCE: Final = 0.15  # albedo of the ground below
 _SUN_STEPS: Final = 6
+SHADE_TEXEL: Final = 48.0
+"""[m] between nodes of the grid of optical depths; a first step of half of that is taken exactly."""
 
 
 class Clouds(NamedTuple):
@@ -37,6 +41,13 @@ class Clouds(NamedTuple):
     thickness: float  # [m] of the tallest
     extinction: float  # [1/m] inside
     shift: tuple[float, float]  # [m] of the map; the world's origin is at this point of it
+
+
+class Shade(NamedTuple):
+    """Optical depth towards the sun on a grid that repeats with the map."""
+
+    depth: Float32Array  # (MAP_TEXEL / SHADE_TEXEL * MAP, the same, layers)
+    sun: Array  # (3,) unit vector
 
 
 class CloudLight(NamedTuple):
@@ -131,21 +142,21 @@ def extinction_at(clouds: Clouds, x: float, y: float, z: float) -> float:
     amount = read_map(clouds.amount, x / MAP_TEXEL, y / MAP_TEXEL)
     if amount <= 0.0:
         return 0.0
-    inside = amount**0.6 - h**1.4
+    inside = amount**0.7 - h
     if inside <= 0.0:
         return 0.0
-    coarse = 1.0 - _read_noise(clouds.noise, x / 2100.0, y / 2100.0, z / 1900.0)
-    fine = 1.0 - _read_noise(clouds.noise, x / 520.0, z / 480.0, y / 520.0)
-    finest = 1.0 - _read_noise(clouds.noise, z / 150.0, x / 150.0, y / 150.0)
-    inside -= (0.5 + 0.5 * h) * (0.62 * coarse + 0.30 * fine + 0.15 * finest)
+    coarse = 1.0 - _read_noise(clouds.noise, x / 1700.0, y / 1700.0, z / 1700.0)
+    fine = 1.0 - _read_noise(clouds.noise, x / 610.0, z / 610.0, y / 610.0)
+    finest = 1.0 - _read_noise(clouds.noise, z / 190.0, x / 190.0, y / 190.0)
+    inside -= (0.4 + 0.6 * min(3.0 * h, 1.0)) * (0.50 * coarse + 0.42 * fine + 0.22 * finest)
     if inside <= 0.0:
         return 0.0
-    return clouds.extinction * min(inside / 0.22, 1.0) * min(h / 0.10, 1.0)  # type: ignore[no-any-return]
+    return clouds.extinction * min(inside / 0.12, 1.0) * min(h / 0.06, 1.0)  # type: ignore[no-any-return]
 
 
 @kernel
-def depth_towards(clouds: Clouds, x: float, y: float, z: float, sun: Array) -> float:
-    """Optical depth from a point inside clouds towards the sun, sampled ever more coarsely."""
+def _depth_towards(clouds: Clouds, x: float, y: float, z: float, sun: Array) -> float:
+    """Optical depth from a point towards the sun, sampled ever more coarsely."""
     total, start, step = 0.0, 0.0, 25.0
     for _ in range(_SUN_STEPS):
         t = start + 0.5 * step
@@ -155,10 +166,47 @@ def depth_towards(clouds: Clouds, x: float, y: float, z: float, sun: Array) -> f
     return total
 
 
+def shade_of(clouds: Clouds, sun: Array, pool: ThreadPoolExecutor) -> Shade:
+    """Sum the depth towards the sun at the nodes of a grid."""
+    nodes, layers = int(MAP * MAP_TEXEL / SHADE_TEXEL), int(np.ceil(clouds.thickness / SHADE_TEXEL)) + 1
+    depth = np.zeros((nodes, nodes, layers), np.float32)
+    list(pool.map(lambda i: _fill_shade(clouds, sun, i, depth[i]), range(nodes)))
+    return Shade(depth, sun)
+
+
 @kernel
-def march(clouds: Clouds, light: CloudLight, ray: tuple[float, float, float], out: Array) -> float:
+def _fill_shade(clouds: Clouds, sun: Array, row: int, depth: Float32Array) -> None:
+    """Fill one row (nodes, layers) of the grid; without clouds nearby it stays 0."""
+    x = row * SHADE_TEXEL - clouds.shift[0]
+    for j in range(depth.shape[0]):
+        for k in range(depth.shape[1]):
+            y, z = j * SHADE_TEXEL - clouds.shift[1], clouds.base + k * SHADE_TEXEL
+            depth[j, k] = _depth_towards(clouds, x, y, z, sun)
+
+
+@inlined
+def _shade_at(clouds: Clouds, depth: Float32Array, x: float, y: float, z: float) -> float:
+    """Trilinear depth at a point."""
+    x, y, z = (x + clouds.shift[0]) / SHADE_TEXEL, (y + clouds.shift[1]) / SHADE_TEXEL, (z - clouds.base) / SHADE_TEXEL
+    nodes, top = depth.shape[0], depth.shape[2] - 1.001
+    z = min(max(z, 0.0), top)
+    fx, fy = np.floor(x), np.floor(y)
+    i, j, k, u, v = int(fx) % nodes, int(fy) % nodes, int(z), x - fx, y - fy
+    i1, j1, w = (i + 1) % nodes, (j + 1) % nodes, z - int(z)
+    a = depth[i, j, k] * (1.0 - w) + depth[i, j, k + 1] * w
+    b = depth[i, j1, k] * (1.0 - w) + depth[i, j1, k + 1] * w
+    c = depth[i1, j, k] * (1.0 - w) + depth[i1, j, k + 1] * w
+    d = depth[i1, j1, k] * (1.0 - w) + depth[i1, j1, k + 1] * w
+    a += (b - a) * v
+    c += (d - c) * v
+    return a + (c - a) * u  # type: ignore[no-any-return]
+
+
+@kernel
+def march(clouds: Clouds, shade: Shade, light: CloudLight, ray: tuple[float, float, float], out: Array) -> float:
     """Add the light (3,) of clouds along a ray from the ground to ``out``; returns the share of light from beyond."""
     dx, dy, dz = ray
+    (sx, sy, sz), first, depth = shade.sun, 0.5 * SHADE_TEXEL, shade.depth
     t, end = clouds.base / dz, min((clouds.base + clouds.thickness) / dz, FARTHEST)
     cosine = dx * light.sun[0] + dy * light.sun[1] + dz * light.sun[2]
     left, outside = 1.0, True
@@ -179,7 +227,9 @@ def march(clouds: Clouds, light: CloudLight, ray: tuple[float, float, float], ou
             extinction = extinction_at(clouds, (t + 0.5 * step) * dx, (t + 0.5 * step) * dy, (t + 0.5 * step) * dz)
         t += step
         x, y, z = t * dx, t * dy, t * dz
-        towards_sun = depth_towards(clouds, x, y, z, light.sun)
+        middle, beyond = 0.5 * first, first
+        towards_sun = first * extinction_at(clouds, x + middle * sx, y + middle * sy, z + middle * sz)
+        towards_sun += _shade_at(clouds, depth, x + beyond * sx, y + beyond * sy, z + beyond * sz)
         direct, gain, thin, round_ = 0.0, 1.0, 1.0, 1.0
         for _ in range(_OCTAVES):
             phase = 0.75 * forward_phase(cosine, 0.80 * round_) + 0.25 * forward_phase(cosine, -0.25 * round_)

@@ -20,13 +20,15 @@ from fieldtruth.render.sky.atmosphere import (
     aerosol_phase,
     molecule_phase,
 )
-from fieldtruth.render.sky.clouds import CloudLight, Clouds, march
+from fieldtruth.render.sky.clouds import CloudLight, Clouds, Shade, march, shade_of
 from fieldtruth.render.sky.layers import Layer, layer_light
 from fieldtruth.sense.kernel import inlined, kernel
 
 SIZE: Final = 2048
 _ROWS: Final = 32  # at once
 _EDGE: Final = 0.998
+_LOWEST: Final = 0.012
+"""Sine of the elevation below which haze hides clouds."""
 
 
 class Dome(NamedTuple):
@@ -56,11 +58,14 @@ def make_dome(sky: Sky, pool: ThreadPoolExecutor, size: int = SIZE) -> Dome:
     """Compute the dome; photographs need one of SIZE. The result does not depend on the threads of ``pool``."""
     rgb = np.zeros((size, size, 3), np.float32)
     starts = range(0, size, _ROWS)
+    seen = None if sky.clouds is None else _clouds_seen(sky, sky.clouds, pool, size)
 
     def rows(start: int) -> None:
         _clear_rows(sky.clear, sky.light.sun, sky.haze, start, rgb[start : start + _ROWS])
-        if sky.clouds is not None:
-            _cloud_rows(sky.clear, sky.clouds, sky.light, sky.haze, start, rgb[start : start + _ROWS])
+        if seen is not None:
+            _cloud_rows(
+                sky.clear, sky.light.sun, sky.haze, start, seen[start : start + _ROWS], rgb[start : start + _ROWS]
+            )
         if sky.layer is not None:
             _layer_rows(sky.clear, sky.layer, sky.light, sky.haze, sky.level, start, rgb[start : start + _ROWS])
 
@@ -70,10 +75,11 @@ def make_dome(sky: Sky, pool: ThreadPoolExecutor, size: int = SIZE) -> Dome:
 
 def dome_of(rgb: Float32Array) -> Dome:
     """Return the dome with the irradiance and the horizon of its image."""
-    directions, weight = directions_of(len(rgb))
+    small = cv2.resize(rgb, (min(len(rgb), 512),) * 2, interpolation=cv2.INTER_AREA)
+    directions, weight = directions_of(len(small))
     z = directions[..., 2]
-    mean = np.einsum("ijc,ij->c", rgb, weight * np.maximum(z, 0.0)) / np.pi
-    horizon = rgb[(z > 0.005) & (z < 0.04) & (weight > 0)].mean(axis=0)
+    mean = np.einsum("ijc,ij->c", small, weight * np.maximum(z, 0.0)) / np.pi
+    horizon = small[(z > 0.005) & (z < 0.04) & (weight > 0)].mean(axis=0)
     return Dome(rgb, mean.astype(np.float32), horizon.astype(np.float32))
 
 
@@ -202,19 +208,42 @@ def _cover(
 
 
 @kernel
-def _cloud_rows(clear: Clear, clouds: Clouds, light: CloudLight, haze: float, start: int, rgb: Float32Array) -> None:
+def _march_rows(clouds: Clouds, shade: Shade, light: CloudLight, start: int, seen: Float32Array) -> None:
+    """Fill rows of ``seen`` (.., size, 4): light of clouds with volume, and the share of light that they stop."""
+    cloud = np.zeros(3)
+    for i in range(seen.shape[0]):
+        for j in range(seen.shape[1]):
+            ray = _ray(start + i, j, seen.shape[1])
+            if ray[2] < _LOWEST:
+                continue
+            cloud[:] = 0.0
+            seen[i, j, 3] = 1.0 - march(clouds, shade, light, ray, cloud)
+            seen[i, j, :3] = cloud
+
+
+def _clouds_seen(sky: Sky, clouds: Clouds, pool: ThreadPoolExecutor, size: int) -> Float32Array:
+    """Light of clouds and what they stop (size, size, 4): marched for a quarter of the texels, as edges are soft."""
+    half, shade = np.zeros((size // 2, size // 2, 4), np.float32), shade_of(clouds, sky.light.sun, pool)
+
+    def rows(start: int) -> None:
+        _march_rows(clouds, shade, sky.light, start, half[start : start + _ROWS])
+
+    list(pool.map(rows, range(0, size // 2, _ROWS)))
+    return np.asarray(cv2.resize(half, (size, size), interpolation=cv2.INTER_LINEAR), np.float32)
+
+
+@kernel
+def _cloud_rows(clear: Clear, sun: Array, haze: float, start: int, seen: Float32Array, rgb: Float32Array) -> None:
     """Draw clouds with volume over rows of the dome."""
     cloud = np.zeros(3)
     for i in range(rgb.shape[0]):
         for j in range(rgb.shape[1]):
-            ray = _ray(start + i, j, rgb.shape[1])
-            if ray[2] < 0.012:
-                continue
-            cloud[:] = 0.0
-            left = march(clouds, light, ray, cloud)
-            if left < 1.0:
-                fade = min((ray[2] - 0.012) / 0.03, 1.0)
-                _cover(clear, light.sun, haze, ray, cloud * fade, 1.0 - fade * (1.0 - left), rgb[i, j])
+            if seen[i, j, 3] > 0.0:
+                ray = _ray(start + i, j, rgb.shape[1])
+                fade = min(max(ray[2] - _LOWEST, 0.0) / 0.03, 1.0)
+                for channel in range(3):
+                    cloud[channel] = fade * seen[i, j, channel]
+                _cover(clear, sun, haze, ray, cloud, 1.0 - fade * seen[i, j, 3], rgb[i, j])
 
 
 @kernel
