@@ -65,7 +65,7 @@ def falling_on(probe: Float32Array, channel: int, nx: np.float32, ny: np.float32
     """Irradiance over pi on a surface with this normal: two bands, and what they lack on a level surface."""
     at, up = 4 * channel, max(nz, np.float32(0.0))
     value = probe[at] + probe[at + 1] * nx + probe[at + 2] * ny + probe[at + 3] * nz + probe[12 + channel] * up * up
-    return max(value, np.float32(0.0))  # type: ignore[no-any-return]
+    return max(value, np.float32(0.0))
 
 
 @inlined

@@ -116,9 +116,10 @@ def _paint(
             front = max(n[0] * sun[0] + n[1] * sun[1] + n[2] * sun[2], 0.0) / np.pi
             if front > 0.0:
                 front *= _sun_at(table, sunlit, level, x, y, z, above)
+            nx, ny, nz = np.float32(n[0]), np.float32(n[1]), np.float32(n[2])
             mirrored = _reflected(n, ray, _MIRROR[material[k]])
             for channel in range(3):
-                falling = light.sun_rgb[channel] * front + falling_on(probe, channel, n[0], n[1], n[2])
+                falling = light.sun_rgb[channel] * front + falling_on(probe, channel, nx, ny, nz)
                 level_light = probe[4 * channel] + probe[4 * channel + 3]
                 value = _ALBEDO[material[k], channel] * falling + mirrored * level_light
                 colour[channel] += share[k] * scale * value

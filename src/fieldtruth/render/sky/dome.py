@@ -87,7 +87,8 @@ def soft_dome(dome: Dome, texels: int = 32) -> Dome:
     """Return the dome as seen by few rays: averaged over ``texels`` along each side, with the same irradiance."""
     small = cv2.resize(dome.rgb, (texels, texels), interpolation=cv2.INTER_AREA)
     soft = dome_of(np.asarray(cv2.resize(small, dome.rgb.shape[:2], interpolation=cv2.INTER_LINEAR), np.float32))
-    return Dome(soft.rgb * (dome.mean / soft.mean), dome.mean, dome.horizon)
+    gain = (dome.mean / np.maximum(soft.mean, np.float32(1e-9))).astype(np.float32)
+    return Dome(soft.rgb * gain, dome.mean, dome.horizon)
 
 
 def clear_mean(clear: Clear, sun: Array) -> Array:
