@@ -16,7 +16,7 @@ from fieldtruth.render.air import air_of
 from fieldtruth.render.atlas import linear_from_srgb, srgb_from_linear
 from fieldtruth.render.light import _unfilled, bake_light
 from fieldtruth.render.materials import LEAF_GLOW, material_table
-from fieldtruth.render.probes import among
+from fieldtruth.render.probes import among, falling_on
 from fieldtruth.render.tables import AIR_LAYER, LightTable
 from fieldtruth.render.volume import COEFFICIENTS, fill_volume, sphere
 from fieldtruth.sense.scene import Scene
@@ -56,8 +56,9 @@ def filled(world: World, sky: float, sun: float, workers: int = 1) -> LightTable
 
 def irradiance(light: LightTable, x: float, y: float, layer: int, normal: Sequence[float]) -> NDArray[np.float32]:
     """Irradiance over pi by channel on a surface with a normal, at a probe."""
-    probe = light.volume[round(x + SIDE / 2), round(y + SIDE / 2), layer, :12].reshape(3, 4)
-    return np.asarray(probe[:, 0] + probe[:, 1:] @ np.array(normal, np.float32))
+    probe = light.volume[round(x + SIDE / 2), round(y + SIDE / 2), layer]
+    nx, ny, nz = np.array(normal, np.float32)
+    return np.array([falling_on(probe, channel, nx, ny, nz) for channel in range(3)])
 
 
 @pytest.fixture(scope="module")
