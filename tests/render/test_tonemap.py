@@ -14,3 +14,9 @@ def test_light_just_below_zero_is_black_and_light_above_white_is_white() -> None
     tonemap(linear, photo)
     assert (photo[:, :5] == 0).all()
     assert (photo[:, 7:] == 255).all()
+
+
+def test_light_that_is_no_number_is_white_and_reads_no_foreign_memory() -> None:
+    photo = np.zeros((2, 2, 3), np.uint8)
+    tonemap(np.full((2, 2, 3), np.nan, np.float32), photo)
+    assert (photo == 255).all()

@@ -51,4 +51,6 @@ def tonemap(linear: Float32Array, photo: NDArray[np.uint8]) -> None:
                     + linear[v, left, channel] + linear[v, right, channel]
                 )  # fmt: skip
                 value = keep * linear[v, u, channel] + spill * near
-                photo[v, u, channel] = FILMIC[int(np.sqrt(max(min(value, top), black)) * scale + np.float32(0.5))]
+                value = value if value < top else top  # also what is not a number, which no table has
+                value = value if value > black else black
+                photo[v, u, channel] = FILMIC[int(np.sqrt(value) * scale + np.float32(0.5))]
