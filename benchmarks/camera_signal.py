@@ -8,7 +8,6 @@ photograph of the same pose; the least of a few. Docs: docs/camera_signal.md.
 
 import argparse
 from collections.abc import Callable
-from itertools import pairwise
 from pathlib import Path
 from time import thread_time
 from typing import Any
@@ -16,8 +15,8 @@ from typing import Any
 import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
-from scipy.stats import kurtosis
 
+from fieldtruth.bench.naturalness import kurtosis, local_contrast, spectrum_slope
 from fieldtruth.bench.sensors import poses_on_route
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
@@ -108,8 +107,6 @@ def figures(photo: NDArray[np.uint8]) -> dict[str, float]:
     luminance = values @ LUMINANCE / 255.0
     most, least_ = values.max(axis=-1), values.min(axis=-1)
     lower = luminance[luminance.shape[0] * 2 // 3 :]
-    rows, columns = (side // 16 * 16 for side in lower.shape)
-    blocks = lower[:rows, :columns].reshape(rows // 16, 16, columns // 16, 16)
     # Twice-differenced along the diagonals: noise of a pixel without that of the scene (Immerkaer 1996).
     kernel = luminance[:-2, :-2] + luminance[2:, 2:] + luminance[:-2, 2:] + luminance[2:, :-2]
     kernel -= 2.0 * (luminance[1:-1, :-2] + luminance[1:-1, 2:] + luminance[:-2, 1:-1] + luminance[2:, 1:-1])
@@ -119,22 +116,11 @@ def figures(photo: NDArray[np.uint8]) -> dict[str, float]:
         "white": float((least_ >= 250).mean()),
         "dark": float((luminance < 0.03).mean()),
         "saturation": float(((most - least_) / np.maximum(most, 1.0)).mean()),
-        "ground contrast": float(np.median(blocks.std(axis=(1, 3)))),
-        "kurtosis": float(kurtosis(np.diff(lower, axis=1), axis=None, fisher=False)),
+        "ground contrast": local_contrast(lower),
+        "kurtosis": kurtosis(np.diff(lower, axis=1)),
         "noise": float(1.4826 * np.median(np.abs(kernel)) / 6.0),
         "slope": spectrum_slope(luminance),
     }
-
-
-def spectrum_slope(luminance: Array) -> float:
-    """Slope of the power spectrum over spatial frequency, both in logarithms, from 1/64 to 1/4 of a cycle per pixel."""
-    side = min(luminance.shape)
-    square = luminance[-side:, :side] * np.outer(np.hanning(side), np.hanning(side))
-    power = np.abs(np.fft.fft2(square)) ** 2
-    radius = np.hypot(*np.meshgrid(np.fft.fftfreq(side), np.fft.fftfreq(side)))
-    rings = np.geomspace(1 / 64, 1 / 4, 16)
-    found = [power[(radius >= a) & (radius < b)].mean() for a, b in pairwise(rings)]
-    return float(np.polyfit(np.log(np.sqrt(rings[:-1] * rings[1:])), np.log(found), 1)[0])
 
 
 def compare(config: CameraConfig, baked: BakedScene, poses: list[Array], folder: Path | None, name: str) -> None:

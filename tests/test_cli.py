@@ -95,6 +95,10 @@ ERRORS = [
     (["generate", "park_1", "--seed", "1.5"], "--seed must be an integer between 0 and "),
     (["generate", "park_1", "--workers", "0"], "--workers must be an integer of at least 1, got '0'"),
     (["generate", "park_1", "--extras", "depht"], "unknown extra 'depht'; did you mean 'depth'? Available: depth, "),
+    (["generate", "park_1", "--extras", "flow,normls"], "unknown extra 'normls'; did you mean 'normals'? Available: "),
+    (["generate", "park_1", "--light", "sunny"], "light.preset must be summer_day, clear_morning, noon, "),
+    (["generate", "park_1", "--signal", "robt"], "signal must be ideal, datasheet, clean, robot or the path of a "),
+    (["export", "run", "--to", "occupancy", "--voxel", "x"], "--voxel must be a number, got 'x'"),
     (["generate", "run.yaml"], "cannot read run.yaml: No such file or directory"),
     (
         ["gazebo", "prak", "--flavour", "gz", "--out", "x"],

@@ -78,6 +78,8 @@ def test_light_is_dumped_and_replaced_as_a_whole() -> None:
         ("{date: 2026-06-21, time: 0.0}", r"light.time must be one with the sun at -6 deg or higher; it is at -1\d"),
         ("{date: '2026-02-30', time: 9.0}", "light.date must be a date such as 2026-06-21, got '2026-02-30'"),
         ("{date: 2026-06-21, time: noon}", "light.time must be hours of UTC such as 13.5, or .*, got 'noon'"),
+        ("{date: 2026-06-21, time: '12:75'}", "light.time must be hours of UTC such as 13.5, or .*, got '12:75'"),
+        ("{date: 2026-06-21, time: '25:00'}", "light.time must be hours of UTC such as 13.5, or .*, got '25:00'"),
         ("{turbidity: 0.5}", "light.turbidity must be a number between 1.2 and 10, got 0.5"),
     ],
 )

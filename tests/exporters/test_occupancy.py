@@ -118,7 +118,7 @@ def is_known(
     return np.asarray(known[at_row] == rows)
 
 
-@pytest.mark.parametrize("voxel", [0.001, 20.0, float("nan")])
+@pytest.mark.parametrize("voxel", [0.0, -1.0, 1e-9, 20.0, float("nan"), float("inf")])
 def test_voxels_have_a_size_between_limits(voxel: float, small_run: Path, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"voxel must be between 0\.01 and 10\.0 m"):
         export(small_run, "occupancy", out=tmp_path / "a.npz", voxel_m=voxel)

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 import pytest
+from export_bags import without
 from numpy.typing import NDArray
 from sense_worlds import at, box, make_world
 
@@ -16,7 +17,7 @@ from fieldtruth.bag.decode import points, read_bag, stamp_ns
 from fieldtruth.bag.run import open_run
 from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core import frames
-from fieldtruth.core.errors import OutputError
+from fieldtruth.core.errors import BagError, OutputError
 from fieldtruth.exporters import export
 from fieldtruth.exporters.amodal import WholeObjects
 from fieldtruth.exporters.kitti_object import kitti_box
@@ -230,6 +231,21 @@ def test_boxes_are_of_coco_alone(small_run: Path, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="format 'tum' has no boxes; the format that has: coco"):
         export(small_run, "tum", out=tmp_path / "a.tum", boxes=True)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("to", "boxes"), [("coco", True), ("kitti-object", False), ("occupancy", False)])
+def test_a_bag_whose_world_is_not_known_has_no_whole_objects(to: str, boxes: bool, short: Path, tmp_path: Path) -> None:
+    with pytest.raises(BagError, match=r"a\.bag has no experiment\.yaml beside it, which says what its world is$"):
+        export(short, to, out=tmp_path / "made", boxes=boxes, workers=1)
+    assert not list(tmp_path.iterdir())
+
+
+def test_boxes_need_instance_images(short: Path, tmp_path: Path) -> None:
+    bag = without(short, tmp_path / "a.bag", *(f"/stereo/camera/{side}/instances" for side in ("left", "right")))
+    for to, boxes in (("coco", True), ("kitti-object", False)):
+        with pytest.raises(BagError, match=r"has no /stereo/camera/left/instances.*--extras instances"):
+            export(bag, to, boxes=boxes, workers=1)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.bag"]
 
 
 def test_coco_without_boxes_is_as_before(exported: Callable[[str], Path]) -> None:

@@ -3,14 +3,29 @@
 """A changed pixel is found: by its colour, its object, its depth, or by rendering the image again."""
 
 from collections.abc import Callable
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 import pytest
-from changed_bags import LEFT, RIGHT, Edit, Edits, edited, failures, failures_of, first_message, pixels_in, rewritten
+from changed_bags import (
+    LEFT,
+    RIGHT,
+    Edit,
+    Edits,
+    bag_in,
+    edited,
+    failures,
+    failures_of,
+    first_message,
+    pixels_in,
+    rewritten,
+)
 from numpy.typing import NDArray
 
-from fieldtruth.bag.reader import RawMessage
+from fieldtruth.bag.model_states import ModelStatesReader
+from fieldtruth.bag.reader import RawMessage, open_bag
+from fieldtruth.bag.topics import MODEL_STATES
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.validation import Check, validate
 
@@ -47,9 +62,10 @@ def owned(pixel: tuple[int, int], number: int) -> Edit:
 
 
 def pixel_of(run: Path, label: Label) -> tuple[int, int]:
-    """A pixel of a class in the left camera's first tag image."""
-    tags = pixels_in(bytearray(first_message(run, TAG).data), "u1", 3)
-    row, column = np.argwhere((tags == PALETTE[label]).all(axis=-1))[100]
+    """A pixel that has a class in each of the left camera's first four tag images."""
+    with open_bag(bag_in(run)) as bag:
+        tags = [pixels_in(bytearray(raw.data), "u1", 3) for raw in islice(bag.messages([TAG]), 4)]
+    row, column = np.argwhere((np.stack(tags) == PALETTE[label]).all(axis=(0, -1)))[100]
     return int(row), int(column)
 
 
@@ -64,8 +80,20 @@ def ground(lean_run: Path) -> tuple[int, int]:
 
 
 @pytest.fixture(scope="module")
+def objects(lean_run: Path) -> int:
+    """How many ids there are, with that of sky and robot."""
+    reader = ModelStatesReader()
+    reader.poses(first_message(lean_run, MODEL_STATES).data)
+    return len(reader.names)
+
+
+@pytest.fixture(scope="module")
 def impossible(
-    lean_run: Path, tmp_path_factory: pytest.TempPathFactory, leaf: tuple[int, int], ground: tuple[int, int]
+    lean_run: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    leaf: tuple[int, int],
+    ground: tuple[int, int],
+    objects: int,
 ) -> dict[str, str]:
     """Failed checks of images with pixels that no camera of this package renders."""
 
@@ -88,7 +116,7 @@ def impossible(
     edits |= {
         (DEPTH, 5): deep(pixel_of(lean_run, Label.SKY), 100.0),
         (TAG, 0): painted(*leaf, (255, 0, 0)),  # rock
-        (IDS, 3): owned((100, 100), 141),  # beyond the last object
+        (IDS, 3): owned((100, 100), objects),  # beyond the last object
         (TAG, 10): narrower,
         (LEFT.topic_of("photograph"), 4): headless,
     }
@@ -127,13 +155,15 @@ def test_sky_on_an_object_is_found_by_object_and_by_depth(
     assert set(texts) == {"object classes", "depth"}
 
 
-def test_objects_that_do_not_exist_are_found(lean_run: Path, tmp_path: Path, leaf: tuple[int, int]) -> None:
+def test_objects_that_do_not_exist_are_found(
+    lean_run: Path, tmp_path: Path, leaf: tuple[int, int], objects: int
+) -> None:
     """No object on a leaf; then an id beyond the last one."""
-    texts = failures_of(lean_run, tmp_path, {(IDS, 0): owned(leaf, 0), (IDS, 3): owned((100, 100), 141)})
+    texts = failures_of(lean_run, tmp_path, {(IDS, 0): owned(leaf, 0), (IDS, 3): owned((100, 100), objects)})
     assert list(texts) == ["object classes"]
     assert f"row {leaf[0]}, column {leaf[1]}: object 0 has the class 'treetop'" in texts["object classes"]
-    texts = failures_of(lean_run, tmp_path / "beyond", {(IDS, 3): owned((100, 100), 141)})
-    assert "160000000 ns, row 100, column 100: object 141 of 141" in texts["object classes"]
+    texts = failures_of(lean_run, tmp_path / "beyond", {(IDS, 3): owned((100, 100), objects)})
+    assert f"160000000 ns, row 100, column 100: object {objects} of {objects}" in texts["object classes"]
 
 
 def test_pixels_that_only_the_world_contradicts_are_found_by_full_retracing(

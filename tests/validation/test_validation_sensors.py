@@ -95,7 +95,7 @@ def shallow(data: bytearray) -> None:
 
 
 def owned(data: bytearray) -> None:
-    pixels_in(data, "<u2", size=(192, 320))[191, 7] = 141
+    pixels_in(data, "<u2", size=(192, 320))[191, 7] = 9999  # beyond the last object
 
 
 @pytest.fixture(scope="module")

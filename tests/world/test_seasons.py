@@ -230,7 +230,8 @@ def test_an_unknown_season_is_refused_in_one_line(environment: str) -> None:
         check_layout(environment, {"season": "fall"})
     assert str(error.value).count("\n") == 0
     assert all(name in str(error.value) for name in ("layout", "season", "'fall'", *seasons()))
-    for values in ({"drought": 1.5}, {"snow_depth": 0.5}, {"season": 3}):
+    nan = float("nan")
+    for values in ({"drought": 1.5}, {"snow_depth": 0.5}, {"snow_depth": nan}, {"season": 3}, {"litter": -1}):
         with pytest.raises(ConfigurationError, match=next(iter(values))):
             check_layout(environment, values)
     for season in seasons():

@@ -41,7 +41,7 @@ PRESETS: Final[dict[Preset, Light]] = {
     "fog": Light(110.0, 18.0, "stratus", 1.0, 5.0, 0.5),
 }
 
-_CLOCK: Final = re.compile(r"(\d{1,2}):(\d{2})(?:([+-])(\d{1,2}):(\d{2}))?")
+_CLOCK: Final = re.compile(r"([01]?\d|2[0-3]):([0-5]\d)(?:([+-])([01]?\d):([0-5]\d))?")
 _TIME: Final = 'hours of UTC such as 13.5, or a text such as "15:30+02:00"'
 
 
