@@ -23,8 +23,8 @@ from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.render.air import air_of, light_in
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.render.materials import material_table
+from fieldtruth.render.sky import dome
 from fieldtruth.render.sky.daylight import Daylight, metered_daylight
-from fieldtruth.render.sky.dome import SIZE, Dome
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL, CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
@@ -34,7 +34,6 @@ from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import Lidar
 
 SIDE: Final = 60.0  # [m], of the world
-COARSER: Final = 16  # texels of the sky are than those of a bake
 POSE: Final = frames.pose((0, 0.3, 1.1), (0, 4, 20))
 WEATHERS: Final = {
     "fog": WeatherConfig(fog_visibility_m=50),
@@ -75,16 +74,14 @@ def camera_config(**values: Any) -> CameraConfig:
 def day_of(preset: Preset) -> Daylight:
     with ThreadPoolExecutor(2) as pool:
         rng = np.random.default_rng(0)
-        return metered_daylight(PRESETS[preset], (SIDE, SIDE), rng, pool, SIZE // COARSER)
+        return metered_daylight(PRESETS[preset], (SIDE, SIDE), rng, pool, dome.SIZE)
 
 
 def in_light(baked: BakedScene, preset: Preset = "summer_day", weather: WeatherConfig | None = None) -> BakedScene:
     """The bake with sun, sky, wetness and air of another light; its volume of probes stays."""
     world, light, day = baked.scene.world, PRESETS[preset], day_of(preset)
-    rgb = day.dome.rgb.repeat(COARSER, axis=0).repeat(COARSER, axis=1)
-    dome = Dome(rgb, day.dome.mean, day.dome.horizon)
     table = baked.shading.light._replace(
-        sun=day.sun, sun_rgb=day.sun_rgb, disc=day.disc, unit=day.unit, cloud_sun=day.cloud_sun, dome=dome
+        sun=day.sun, sun_rgb=day.sun_rgb, disc=day.disc, unit=day.unit, cloud_sun=day.cloud_sun, dome=day.dome
     )
     heights = world.terrain.surface.heights
     air = air_of(weather, table, heights)

@@ -62,7 +62,8 @@ def test_all_pixels_but_those_of_the_robot_and_their_neighbours_are_unchanged(me
 def test_the_side_towards_the_sun_is_brighter_whichever_way_the_robot_heads(meadow: BakedScene) -> None:
     """A camera ahead of the robot sees its front; the sun is in the north, and yaw turns the front away from it.
 
-    The sky is brighter around the sun: a side at 90 deg sees half of that, the back none.
+    The sky is brighter around the sun: a side at 90 deg sees half of that, the back none. A probe of two bands has the
+    mean of front and back there, 1.3 times the sky's own light.
     """
     imager, _ = view_from((2.0, 0.0, 0.2), (0.0, 5.0, 180.0))
     front = robot_view(part_table([Box(np.array([1.0, 0.6, 0.3]), np.array([0.0, 0.0, 0.15]))]), imager)
@@ -73,7 +74,7 @@ def test_the_side_towards_the_sun_is_brighter_whichever_way_the_robot_heads(mead
         low[: int(np.nonzero(low)[0].mean())] = False  # without the deck
         lit[yaw] = brightness(images, low)
     assert lit[0.0] > 1.3 * lit[90.0]
-    assert lit[180.0] < lit[90.0] < 1.6 * lit[180.0]
+    assert lit[180.0] < lit[90.0] < 2.0 * lit[180.0]
 
 
 def test_a_roof_over_the_robot_shades_its_deck() -> None:

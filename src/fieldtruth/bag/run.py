@@ -87,6 +87,18 @@ class Run(NamedTuple):
         if missing:
             raise BagError(f"{self.bag} has no {', '.join(missing)}; available: {', '.join(sorted(self.counts))}")
 
+    def require_instances(self, *topics: str) -> None:
+        """Check that the bag has these topics of instance images.
+
+        Raises:
+            BagError: lists the missing ones and states how to make them.
+        """
+        missing = [topic for topic in topics if topic not in self.counts]
+        if missing:
+            name = "NAME" if self.experiment is None else self.experiment.name
+            hint = f"`fieldtruth generate {name} --extras instances` makes a bag that has them"
+            raise BagError(f"{self.bag} has no {', '.join(missing)}, the object of each pixel; {hint}")
+
 
 def open_run(path: Path | str) -> Run:
     """Open the folder of a run, or a bag.

@@ -105,11 +105,7 @@ def _imagers_of(run: Run) -> list[Imager]:
     cameras = {imager.config.name for imager in found if imager.topic_of("instances") in run.counts}
     imagers = [imager for imager in found if not cameras or imager.config.name in cameras]
     run.require(*(each.topic_of(stream) for stream in ("photograph", "tag") for each in imagers or run.rig.imagers))
-    missing = [topic for topic in (imager.topic_of("instances") for imager in imagers) if topic not in run.counts]
-    if missing:
-        name = "NAME" if run.experiment is None else run.experiment.name
-        hint = f"`fieldtruth generate {name} --extras instances` makes a bag that has them"
-        raise BagError(f"{run.bag} has no {', '.join(missing)}, the object of each pixel; {hint}")
+    run.require_instances(*(imager.topic_of("instances") for imager in imagers))
     return imagers
 
 

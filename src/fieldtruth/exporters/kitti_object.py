@@ -94,7 +94,8 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         raise BagError(f"the rig of {run.bag} has no camera, and KITTI's frames have photographs")
     imager = views[0]
     topics = [imager.topic_of("photograph"), imager.topic_of("instances")]
-    run.require(first_lidar(run).topic, *topics, *(view.topic_of("camera_info") for view in views))
+    run.require(first_lidar(run).topic, topics[0], *(view.topic_of("camera_info") for view in views))
+    run.require_instances(topics[1])
     require_pinholes(run, "KITTI")
     with options.progress.stage("build the world"):
         world = world_of_run(run)

@@ -22,6 +22,7 @@ from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.render.air import air_of, light_in
 from fieldtruth.render.materials import material_table
+from fieldtruth.render.sky import dome
 from fieldtruth.render.sky.daylight import SUN_RADIUS_DEG, Daylight, metered_daylight, sun_direction
 from fieldtruth.render.snow import snow_table
 from fieldtruth.render.surfaces import surface_table
@@ -65,7 +66,7 @@ def bake_light(
     with ThreadPoolExecutor(workers) as pool:
         spacing, step = SUN_TEXEL * coarseness(size), AIR_TEXEL * coarseness(size)
         x, y = (np.arange(-side / 2, side / 2 + step / 2, step) for side in size)
-        day = metered_daylight(light.values, size, np.random.default_rng([scene.world.seed, 7]), pool)
+        day = metered_daylight(light.values, size, np.random.default_rng([scene.world.seed, 7]), pool, dome.SIZE)
         leaf_sun, top_leaf = _leaf_sun(scene, pool, sun)
         table = LightTable(
             sun=sun,

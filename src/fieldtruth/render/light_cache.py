@@ -12,6 +12,7 @@ from fieldtruth.core.cache import cache_key
 from fieldtruth.core.cache_folder import load_or_make
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.render.sky import dome
 from fieldtruth.render.sky.dome import Dome
 from fieldtruth.render.tables import LightTable
 from fieldtruth.sense.hits import Grid
@@ -50,6 +51,7 @@ def light_key(scene: Scene, light: LightConfig, weather: WeatherConfig | None = 
         names,
         poses,
         colours,
+        dome.SIZE,
     )
     return cache_key(["fieldtruth.render.light"], *inputs, libraries=_LIBRARIES)
 
@@ -72,9 +74,9 @@ def _read(path: Path) -> LightTable:
         arrays: dict[str, Any] = dict(stored)
     grids: dict[str, Any] = {n: Grid(arrays.pop(n), *map(float, arrays.pop(f"{n}_at"))) for n in _GRIDS}
     arrays["dome_rgb"] = arrays["dome_rgb"].astype(np.float32)
-    dome = Dome(**{n: arrays.pop(f"dome_{n}") for n in Dome._fields})
+    sky = Dome(**{n: arrays.pop(f"dome_{n}") for n in Dome._fields})
     x, y, per_metre = map(float, arrays.pop("volume_at"))
     shaded = bool(arrays.pop("has_cloud_shadow"))
     return LightTable(
-        dome=dome, has_cloud_shadow=shaded, volume_corner=(x, y), volume_per_metre=per_metre, **grids, **arrays
+        dome=sky, has_cloud_shadow=shaded, volume_corner=(x, y), volume_per_metre=per_metre, **grids, **arrays
     )

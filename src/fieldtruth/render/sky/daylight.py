@@ -12,7 +12,7 @@ from fieldtruth.experiment.light_config import Light
 from fieldtruth.render.sky.atmosphere import clear_sky
 from fieldtruth.render.sky.clouds import CloudLight, Clouds, billows, cloud_map, shadows
 from fieldtruth.render.sky.disc import DISC
-from fieldtruth.render.sky.dome import SIZE, Dome, Sky, clear_mean, make_dome
+from fieldtruth.render.sky.dome import Dome, Sky, clear_mean, make_dome
 from fieldtruth.render.sky.layers import Layer, cirrus, depth_at, passed_by, thick_layer
 from fieldtruth.render.sky.spectrum import LUMINANCE
 from fieldtruth.sense.hits import Grid
@@ -51,7 +51,7 @@ def daylight(
     size: tuple[float, float],
     rng: np.random.Generator,
     pool: ThreadPoolExecutor,
-    texels: int = SIZE,
+    texels: int,
 ) -> Daylight:
     """Compute the light of the sky over a world.
 
@@ -91,7 +91,7 @@ def metered_daylight(
     size: tuple[float, float],
     rng: np.random.Generator,
     pool: ThreadPoolExecutor,
-    texels: int = SIZE,
+    texels: int,
 ) -> Daylight:
     """Return ``daylight`` divided by ``unit``, which a camera's meter and white balance select for open level ground.
 

@@ -25,6 +25,7 @@ from fieldtruth.render.sky.layers import Layer, layer_light
 from fieldtruth.sense.kernel import inlined, kernel
 
 SIZE: Final = 2048
+"""Texels along each side of the dome that photographs show; below 500 the horizon would be outside of it."""
 _ROWS: Final = 32  # at once
 _EDGE: Final = 0.998
 _LOWEST: Final = 0.012
@@ -32,7 +33,7 @@ _LOWEST: Final = 0.012
 
 
 class Dome(NamedTuple):
-    """Radiance ``rgb`` (SIZE, SIZE, 3) of the upper half of the sky without the sun's disc.
+    """Radiance ``rgb`` (n, n, 3) of the upper half of the sky without the sun's disc.
 
     It is a paraboloid map (Heidrich and Seidel 1998): the direction (x, y, z) is at row x / (1 + z) and column
     y / (1 + z), both from -1 to 1, so that a lookup needs no angle.
@@ -54,8 +55,8 @@ class Sky(NamedTuple):
     haze: float  # share of its light that the air below the clouds scatters: less where they shade it
 
 
-def make_dome(sky: Sky, pool: ThreadPoolExecutor, size: int = SIZE) -> Dome:
-    """Compute the dome; photographs need one of SIZE. The result does not depend on the threads of ``pool``."""
+def make_dome(sky: Sky, pool: ThreadPoolExecutor, size: int) -> Dome:
+    """Compute the dome of ``size`` texels along each side. The result does not depend on the threads of ``pool``."""
     rgb = np.zeros((size, size, 3), np.float32)
     starts = range(0, size, _ROWS)
     seen = None if sky.clouds is None else _clouds_seen(sky, sky.clouds, pool, size)
@@ -264,7 +265,7 @@ def _layer_rows(
 @kernel
 def sky_radiance(g: Float32Array, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Radiance of a dome's image ``g`` in a unit direction; below the horizon, the horizon's."""
-    half, one = np.float32(SIZE / 2), np.float32(1.0)
+    half, one = np.float32(0.5 * g.shape[0]), np.float32(1.0)
     flat = max(np.float32(z), np.float32(0.0))
     scale = half * np.float32(0.998) / (flat + np.sqrt(x * x + y * y + flat * flat))
     u, v = half - np.float32(0.5) + x * scale, half - np.float32(0.5) + y * scale
