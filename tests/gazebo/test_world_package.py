@@ -271,7 +271,7 @@ def test_packages_of_the_environments_are_valid_and_small(environment: str, tmp_
     write_gazebo(world, tmp_path / "out", flavour="both", beyond=False)
     for flavour in FILES:
         package = tmp_path / "out" / flavour
-        assert sum(path.stat().st_size for path in package.rglob("*") if path.is_file()) < 300e6
+        assert sum(path.stat().st_size for path in package.rglob("*") if path.is_file()) < 400e6
         models = sorted(package.glob("models/*/model.sdf"))
         for file in [*(package / "worlds").iterdir(), *models[:: len(models) // 5]]:
             assert complaints(file) == ""

@@ -184,7 +184,7 @@ def test_trails_continue_beyond_the_edge_without_a_step(world: World) -> None:
 
 @pytest.mark.slow
 def test_densities_of_0_remove_herbs_and_far_plants() -> None:
-    bare = park_variant(1, herbs=0, beyond=0)
+    bare = park_variant(1, herbs=0, beyond=0, litter=0)
     assert [s.name for s in bare.swarms] == ["bed_edges"]
     same = park_variant(1)
     assert [i.name for i in bare.instances] == [i.name for i in same.instances]

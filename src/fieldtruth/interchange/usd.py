@@ -121,7 +121,7 @@ def _add_materials(stage: Usd.Stage, world: World, folder: Path, names: Iterable
     UsdGeom.Scope.Define(stage, _MATERIALS)
     materials = [world.materials[name] for name in names]
     for texture in {material.texture: None for material in materials}:
-        (folder / TEXTURES / f"{texture}.jpg").write_bytes(encode_image(world.textures[texture]))
+        (folder / TEXTURES / f"{texture}.jpg").write_bytes(encode_image(world.textures[texture][..., :3]))
     for material in materials:
         add_material(stage, child(_MATERIALS, material.name), material, f"./{TEXTURES}/{material.texture}.jpg")
 
