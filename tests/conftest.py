@@ -238,3 +238,14 @@ def exported(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Calla
         return made[to]
 
     return export_once
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small_sky(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Skies of 512 texels along each side in tests/render: one of the full size takes seconds."""
+    with pytest.MonkeyPatch.context() as patch:
+        if request.path.parent.name == "render":
+            from fieldtruth.render.sky import dome
+
+            patch.setattr(dome, "SIZE", 512)
+        yield
