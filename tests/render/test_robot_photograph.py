@@ -62,9 +62,20 @@ def test_all_pixels_but_those_of_the_robot_and_their_neighbours_are_unchanged(me
 def test_the_side_towards_the_sun_is_brighter_whichever_way_the_robot_heads(meadow: BakedScene) -> None:
     """A camera ahead of the robot sees its front; the sun is in the north, and yaw turns the front away from it.
 
-    The sky is brighter around the sun: a side at 90 deg sees half of that, the back none. A probe of two bands has the
-    mean of front and back there, 1.3 times the sky's own light.
+    The sky is brighter around the sun: a side at 90 deg sees half of that, the back none.
     """
+    lit = lit_sides(meadow)
+    assert lit[0.0] > 1.3 * lit[90.0] > 1.3 * lit[180.0]
+
+
+@pytest.mark.xfail(strict=True, reason="probes of two bands give a side the mean of front and back: 1.3 times too much")
+def test_the_side_across_the_sun_is_little_brighter_than_the_back(meadow: BakedScene) -> None:
+    lit = lit_sides(meadow)
+    assert lit[90.0] < 1.6 * lit[180.0]
+
+
+def lit_sides(meadow: BakedScene) -> dict[float, float]:
+    """Brightness of the robot's front by its yaw [deg]."""
     imager, _ = view_from((2.0, 0.0, 0.2), (0.0, 5.0, 180.0))
     front = robot_view(part_table([Box(np.array([1.0, 0.6, 0.3]), np.array([0.0, 0.0, 0.15]))]), imager)
     lit = {}
@@ -73,8 +84,7 @@ def test_the_side_towards_the_sun_is_brighter_whichever_way_the_robot_heads(mead
         low = images.label == ROBOT
         low[: int(np.nonzero(low)[0].mean())] = False  # without the deck
         lit[yaw] = brightness(images, low)
-    assert lit[0.0] > 1.3 * lit[90.0]
-    assert lit[180.0] < lit[90.0] < 2.0 * lit[180.0]
+    return lit
 
 
 def test_a_roof_over_the_robot_shades_its_deck() -> None:
