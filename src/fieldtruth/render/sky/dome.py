@@ -5,8 +5,8 @@
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final, NamedTuple
 
-import cv2
 import numpy as np
+from scipy.ndimage import zoom
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.render.sky.atmosphere import (
@@ -76,7 +76,7 @@ def make_dome(sky: Sky, pool: ThreadPoolExecutor, size: int) -> Dome:
 
 def dome_of(rgb: Float32Array) -> Dome:
     """Return the dome with the irradiance and the horizon of its image."""
-    small = cv2.resize(rgb, (min(len(rgb), 512),) * 2, interpolation=cv2.INTER_AREA)
+    small = _averaged(rgb, min(len(rgb), 512))
     directions, weight = directions_of(len(small))
     z = directions[..., 2]
     mean = np.einsum("ijc,ij->c", small, weight * np.maximum(z, 0.0)) / np.pi
@@ -84,10 +84,22 @@ def dome_of(rgb: Float32Array) -> Dome:
     return Dome(rgb, mean.astype(np.float32), horizon.astype(np.float32))
 
 
+def _averaged(image: Float32Array, size: int) -> Float32Array:
+    """Mean of the texels of an image (n, n, c) in each of (size, size) squares; n is a multiple of ``size``."""
+    step = len(image) // size
+    return np.asarray(image.reshape(size, step, size, step, -1).mean(axis=(1, 3)), np.float32)
+
+
+def _enlarged(image: Float32Array, size: int) -> Float32Array:
+    """Bilinear interpolation of an image (n, n, c) at the centres of (size, size) squares."""
+    factor = size / len(image)
+    return np.asarray(zoom(image, (factor, factor, 1), order=1, mode="nearest", grid_mode=True), np.float32)
+
+
 def soft_dome(dome: Dome, texels: int = 32) -> Dome:
     """Return the dome as seen by few rays: averaged over ``texels`` along each side, with the same irradiance."""
-    small = cv2.resize(dome.rgb, (texels, texels), interpolation=cv2.INTER_AREA)
-    soft = dome_of(np.asarray(cv2.resize(small, dome.rgb.shape[:2], interpolation=cv2.INTER_LINEAR), np.float32))
+    small = _averaged(dome.rgb, texels)
+    soft = dome_of(_enlarged(small, len(dome.rgb)))
     gain = (dome.mean / np.maximum(soft.mean, np.float32(1e-9))).astype(np.float32)
     return Dome(soft.rgb * gain, dome.mean, dome.horizon)
 
@@ -231,7 +243,7 @@ def _clouds_seen(sky: Sky, clouds: Clouds, pool: ThreadPoolExecutor, size: int) 
         _march_rows(clouds, shade, sky.light, start, half[start : start + _ROWS])
 
     list(pool.map(rows, range(0, size // 2, _ROWS)))
-    return np.asarray(cv2.resize(half, (size, size), interpolation=cv2.INTER_LINEAR), np.float32)
+    return _enlarged(half, size)
 
 
 @kernel
