@@ -32,7 +32,7 @@ from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
-from fieldtruth.validation import validate
+from fieldtruth.validation.runner import validate
 from fieldtruth.world.build import layout_model
 from fieldtruth.world.environments import ENVIRONMENTS
 from fieldtruth.world.model import World

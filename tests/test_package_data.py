@@ -1,11 +1,71 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""An installed package has every data file: an editable installation finds also those that a wheel leaves out."""
+"""What a plain installation has: every data file and every module that the core imports.
 
+An editable installation finds data files that a wheel leaves out, and an environment for tests has more packages.
+"""
+
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
+from typing import Final
 
-ROOT = Path(__file__).parents[1]
+ROOT: Final = Path(__file__).parents[1]
+
+# Imports every module with only the standard library and what ``dependencies`` bring; prints those that ask for more.
+_IMPORT_ALL: Final = """
+import importlib, pkgutil, re, sys
+from importlib.metadata import PackageNotFoundError, packages_distributions, requires
+
+def name_of(requirement):
+    return re.sub("[-_.]+", "-", re.match("[A-Za-z0-9._-]+", requirement)[0]).lower()
+
+installed, left = set(), ["fieldtruth"]
+while left:
+    name = left.pop()
+    if name in installed:
+        continue
+    installed.add(name)
+    try:
+        needed = requires(name) or []
+    except PackageNotFoundError:  # for another Python or system
+        continue
+    left += [name_of(r) for r in needed if "extra ==" not in r]
+allowed = {m for m, names in packages_distributions().items() if installed & {name_of(n) for n in names}}
+
+class OnlyTheCore:
+    def find_spec(self, name, path=None, target=None):
+        top = name.partition(".")[0]
+        if top in allowed or top in sys.stdlib_module_names or top.startswith("_"):
+            return None
+        raise ModuleNotFoundError(f"No module named {top!r}", name=top)
+
+sys.meta_path.insert(0, OnlyTheCore())
+import fieldtruth
+modules = pkgutil.walk_packages(fieldtruth.__path__, "fieldtruth.", onerror=lambda name: None)
+for module in modules:
+    if module.name.endswith("__main__"):
+        continue
+    try:
+        importlib.import_module(module.name)
+    except ModuleNotFoundError as error:
+        print(module.name, error.name)
+"""
+_OF_EXTRAS: Final = {
+    **dict.fromkeys((f"fieldtruth.cluster.{name}" for name in ("engine", "errors", "slices", "worker")), "distributed"),
+    **dict.fromkeys((f"fieldtruth.exporters.{name}" for name in ("croissant", "huggingface", "parquet")), "pyarrow"),
+    "fieldtruth.exporters.mcap": "mcap",
+    "fieldtruth.exporters.stereo_depth": "cv2",
+    "fieldtruth.interchange.usd": "pxr",
+    "fieldtruth.interchange.usd_prims": "pxr",
+}
+
+
+def test_the_core_imports_only_what_a_plain_installation_brings() -> None:
+    result = subprocess.run([sys.executable, "-c", _IMPORT_ALL], capture_output=True, text=True, check=True)
+    found = dict(line.split() for line in result.stdout.splitlines())
+    assert found == _OF_EXTRAS
 
 
 def test_every_data_file_is_in_the_wheel() -> None:

@@ -24,7 +24,7 @@ from fieldtruth.bag.reader import open_bag
 from fieldtruth.bag.types import STORE
 from fieldtruth.cli import main
 from fieldtruth.report.page import world_view
-from fieldtruth.validation import validate
+from fieldtruth.validation.runner import validate
 
 KINDS: Final = ("table5", "files")
 WHEELS: Final = [f"/gazebo_client/{wheel}_speed" for wheel in ("front_left", "front_right", "rear_left", "rear_right")]

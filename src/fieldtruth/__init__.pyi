@@ -88,7 +88,7 @@ from .sensors.lidar.sensing import Lidar as Lidar
 from .sensors.lidar.sensing import Scan as Scan
 from .sensors.wheel_odometry.config import WheelOdometryConfig as WheelOdometryConfig
 from .validation import Check as Check
-from .validation import validate as validate
+from .validation.runner import validate as validate
 from .world.build import check_experiment as check_experiment
 from .world.build import load_world as load_world
 from .world.environments import list_environments as list_environments

@@ -13,7 +13,7 @@ from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.sensor_models import preset_of
 from fieldtruth.pipeline import generate
 from fieldtruth.record.following import without_wheels
-from fieldtruth.validation import validate
+from fieldtruth.validation.runner import validate
 
 
 def _experiment(signal: Any, **changes: Any) -> Experiment:

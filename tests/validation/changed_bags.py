@@ -25,7 +25,8 @@ from fieldtruth.experiment.rig import Rig
 from fieldtruth.sensors.camera.message import instances
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.message import point_cloud
-from fieldtruth.validation import Check, validate
+from fieldtruth.validation import Check
+from fieldtruth.validation.runner import validate
 
 Change = Callable[[RawMessage, int], RawMessage | list[RawMessage] | None]
 """Takes a message and its number in its topic, from 0; returns its replacement, several, or None to leave it out."""

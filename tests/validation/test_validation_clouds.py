@@ -12,7 +12,8 @@ from changed_bags import POINTS, Edit, Edits, edited, failures, failures_of, fir
 from numpy.typing import NDArray
 
 from fieldtruth.core.classes import Label
-from fieldtruth.validation import Check, validate
+from fieldtruth.validation import Check
+from fieldtruth.validation.runner import validate
 
 Validate = Callable[..., list[Check]]
 Points = NDArray[np.void]

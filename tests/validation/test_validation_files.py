@@ -17,8 +17,8 @@ from fieldtruth.bag.checksums import CHECKSUMS
 from fieldtruth.bag.reader import open_bag
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.progress import Silent
-from fieldtruth.validation import validate
 from fieldtruth.validation.files import BagFile, check_checksums, unpack
+from fieldtruth.validation.runner import validate
 
 PARTS = ("magic", "header", "padding", "chunks", "packed", "index records", "index")
 

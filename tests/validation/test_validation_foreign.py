@@ -16,8 +16,9 @@ from rosbags.typesys.stores.ros1_noetic import std_msgs__msg__String as String
 from fieldtruth.bag import topics as table
 from fieldtruth.bag import types as ros
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.validation import Check, validate
+from fieldtruth.validation import Check
 from fieldtruth.validation.check import Count, Rule, Spec, Tally
+from fieldtruth.validation.runner import validate
 
 
 def alone(run: Path, target: Path) -> Path:

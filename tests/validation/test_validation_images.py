@@ -27,7 +27,8 @@ from fieldtruth.bag.model_states import ModelStatesReader
 from fieldtruth.bag.reader import RawMessage, open_bag
 from fieldtruth.bag.topics import MODEL_STATES
 from fieldtruth.core.classes import PALETTE, Label
-from fieldtruth.validation import Check, validate
+from fieldtruth.validation import Check
+from fieldtruth.validation.runner import validate
 
 Validate = Callable[..., list[Check]]
 TAG, DEPTH, IDS = LEFT.topic_of("tag"), LEFT.topic_of("depth"), LEFT.topic_of("instances")

@@ -14,8 +14,9 @@ from fieldtruth.cli import main
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment, with_overrides
 from fieldtruth.pipeline import generate
-from fieldtruth.validation import Check, as_json, as_text, validate
+from fieldtruth.validation import Check, as_json, as_text
 from fieldtruth.validation.__main__ import with_table
+from fieldtruth.validation.runner import validate
 
 NOT_IDEAL = ["clocks", "imu noise", "gnss noise", "wheel noise", "normals", "optical flow", "noise of LiDARs"]
 NAMES = [

@@ -30,7 +30,8 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.pipeline import generate
 from fieldtruth.sensors.gnss.config import GnssConfig
-from fieldtruth.validation import Check, validate
+from fieldtruth.validation import Check
+from fieldtruth.validation.runner import validate
 
 Validate = Callable[..., list[Check]]
 HEADER = 4 + 8 + 4  # number, stamp, length of the frame's name

@@ -30,7 +30,7 @@ from fieldtruth.exporters.coco_segments import Numbering, categories_of
 from fieldtruth.record import sensors
 from fieldtruth.report.viewer import view
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
-from fieldtruth.validation import validate
+from fieldtruth.validation.runner import validate
 from fieldtruth.world.model import World
 
 END_NS = 200_000_000

@@ -79,7 +79,8 @@ def _annotate(options: argparse.Namespace) -> None:
 
 def _validate(options: argparse.Namespace) -> int:
     from fieldtruth.core.progress import show_progress
-    from fieldtruth.validation import as_json, as_text, validate
+    from fieldtruth.validation import as_json, as_text
+    from fieldtruth.validation.runner import validate
 
     with show_progress() as progress:
         checks = validate(

@@ -3,6 +3,5 @@
 """Checks of a run, in one pass over its bag: see docs/validate.md."""
 
 from fieldtruth.validation.check import Check, as_json, as_text
-from fieldtruth.validation.runner import validate
 
-__all__ = ["Check", "as_json", "as_text", "validate"]
+__all__ = ["Check", "as_json", "as_text"]
