@@ -25,6 +25,9 @@ MAP_TEXEL: Final = 12.0
 NOISE: Final = 64
 """Nodes of the repeating cube of noise along each axis."""
 FARTHEST: Final = 45_000.0
+SEEN: Final = 0.08
+"""Amount from which on there is cloud to see."""
+_FALL: Final = 1.3  # of the number of heaps larger than a radius
 _OCTAVES: Final = 4
 _BOUNCE: Final = 0.15  # albedo of the ground below
 _SUN_STEPS: Final = 6
@@ -59,16 +62,48 @@ class CloudLight(NamedTuple):
     below: Array  # (3,) irradiance of the ground below
 
 
-def cloud_map(rng: np.random.Generator, cover: float, size: float, soft: float) -> Float32Array:
-    """Amounts (MAP, MAP) of cloud: ``cover`` of the area is above 0.
+def cumulus_map(rng: np.random.Generator, cover: float, thickness: float) -> Float32Array:
+    """Amounts (MAP, MAP) of heaps of every size, in groups.
+
+    Their number falls with the radius to the power of -2.3 (Benner and Curry 1998 found -1.9 to -2.4), and each rises
+    about as high as its radius; a heap is a few domes, the smaller ones at its sides.
 
     Args:
-        rng: source of the shapes.
-        cover: share of the area.
-        size: distance [m] between clouds, about.
-        soft: share of the area over which the amount grows from 0 to 1.
+        rng: source of places and sizes.
+        cover: share of the area that is to be covered.
+        thickness: height [m] at which the amount is 1.
     """
-    return np.clip((ranks(band_noise(rng, size, rough=2.5)) - (1.0 - cover)) / soft, 0.0, 1.0).astype(np.float32)
+    groups = ranks(band_noise(rng, 5000.0, rough=3.0)) ** 2
+    amount = np.zeros((MAP, MAP), np.float32)
+    smallest, largest = 60.0, thickness
+    low, high = smallest**-_FALL, largest**-_FALL
+    covered, count = 0.0, 60
+    while covered < cover:
+        at = rng.choice(MAP * MAP, count, p=(groups / groups.sum()).ravel())
+        radii = (low + rng.random(count) * (high - low)) ** (-1.0 / _FALL)
+        for place, radius in zip(at, radii, strict=True):
+            _heap(rng, amount, (place // MAP, place % MAP), float(radius), thickness)
+        covered = float((amount > SEEN).mean())
+    return amount
+
+
+def _heap(
+    rng: np.random.Generator, amount: Float32Array, place: tuple[int, int], radius: float, thickness: float
+) -> None:
+    """Raise the amount by a heap at a node of the map."""
+    lobes = 3 + int(radius / 90.0)
+    away, turn = radius * 0.75 * np.sqrt(rng.random(lobes)), rng.uniform(0.0, 2.0 * np.pi, lobes)
+    away[0] = 0.0
+    wide = radius * rng.uniform(0.3, 0.65, lobes) * (1.0 - 0.35 * away / radius)
+    reach = int(1.6 * radius / MAP_TEXEL) + 2
+    nodes = np.arange(-reach, reach + 1)
+    x, y = np.meshgrid(nodes * MAP_TEXEL, nodes * MAP_TEXEL, indexing="ij")
+    raised = np.zeros(x.shape)
+    for r, a, w in zip(away, turn, wide, strict=True):
+        near = 1.0 - ((x - r * np.cos(a)) ** 2 + (y - r * np.sin(a)) ** 2) / (w * w)
+        raised = np.maximum(raised, 1.5 * w / thickness * np.sqrt(np.maximum(near, 0.0)))
+    rows, columns = np.ix_((place[0] + nodes) % MAP, (place[1] + nodes) % MAP)
+    amount[rows, columns] = np.maximum(amount[rows, columns], np.minimum(raised, 1.0))
 
 
 def band_noise(rng: np.random.Generator, size: float, stretch: float = 1.0, rough: float = 1.84) -> Array:
@@ -142,16 +177,17 @@ def extinction_at(clouds: Clouds, x: float, y: float, z: float) -> float:
     amount = read_map(clouds.amount, x / MAP_TEXEL, y / MAP_TEXEL)
     if amount <= 0.0:
         return 0.0
-    inside = amount**0.7 - h
+    inside = amount - h
     if inside <= 0.0:
         return 0.0
-    coarse = 1.0 - _read_noise(clouds.noise, x / 1700.0, y / 1700.0, z / 1700.0)
-    fine = 1.0 - _read_noise(clouds.noise, x / 610.0, z / 610.0, y / 610.0)
-    finest = 1.0 - _read_noise(clouds.noise, z / 190.0, x / 190.0, y / 190.0)
-    inside -= (0.4 + 0.6 * min(3.0 * h, 1.0)) * (0.50 * coarse + 0.42 * fine + 0.22 * finest)
+    coarse = 1.0 - _read_noise(clouds.noise, x / 1100.0, y / 1100.0, z / 1100.0)
+    fine = 1.0 - _read_noise(clouds.noise, x / 430.0, z / 430.0, y / 430.0)
+    finest = 1.0 - _read_noise(clouds.noise, z / 150.0, x / 150.0, y / 150.0)
+    eaten = 0.42 * coarse + 0.38 * fine + 0.3 * finest
+    inside -= min(amount, 0.6) * (0.7 + 0.4 * min(3.0 * h / amount, 1.0)) * eaten
     if inside <= 0.0:
         return 0.0
-    return clouds.extinction * min(inside / 0.12, 1.0) * min(h / 0.06, 1.0)  # type: ignore[no-any-return]
+    return clouds.extinction * min(inside / 0.12, 1.0) * min(h / 0.06, 1.0)
 
 
 @kernel

@@ -6,11 +6,12 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Final, NamedTuple
 
 import numpy as np
+from scipy.ndimage import uniform_filter
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.experiment.light_config import Light
 from fieldtruth.render.sky.atmosphere import clear_sky
-from fieldtruth.render.sky.clouds import CloudLight, Clouds, billows, cloud_map, shadows
+from fieldtruth.render.sky.clouds import MAP, MAP_TEXEL, SEEN, CloudLight, Clouds, billows, cumulus_map, shadows
 from fieldtruth.render.sky.disc import DISC
 from fieldtruth.render.sky.dome import Dome, Sky, clear_mean, make_dome
 from fieldtruth.render.sky.layers import Layer, cirrus, depth_at, passed_by, thick_layer
@@ -22,9 +23,11 @@ _BASE: Final = {"cumulus": 1300.0, "broken": 1000.0, "cirrus": 9000.0, "stratus"
 """Height of the base of clouds above the ground [m]."""
 LEVEL: Final = 0.93
 """Irradiance of open level ground for which a camera's exposure is 1."""
-METER: Final = 0.08
+METER: Final = 0.12
 WHITE: Final = 0.5
-_SHIFTS: Final = 48
+_SHIFTS: Final = 256
+_OVERHEAD: Final = 3000.0
+"""[m] along each side of the part of the sky whose cover is most like that of the whole."""
 SHADOW_TEXEL: Final = 8.0  # [m] of the clouds' shadow on the ground
 
 
@@ -118,9 +121,13 @@ def _volume(light: Light, sun: Array, size: tuple[float, float], rng: np.random.
     if light.clouds not in ("cumulus", "broken") or light.cover == 0.0:
         return None
     fair = light.clouds == "cumulus"
-    amount = cloud_map(rng, light.cover, 1500.0 if fair else 2600.0, 0.32 if fair else 0.45)
-    clouds = Clouds(amount, billows(), _BASE[light.clouds], 1000.0 if fair else 800.0, 0.045, (0.0, 0.0))
-    shifts = rng.uniform(0.0, 12_000.0, (_SHIFTS, 2))
+    thickness = 900.0 if fair else 1400.0
+    amount = cumulus_map(rng, light.cover, thickness)
+    clouds = Clouds(amount, billows(), _BASE[light.clouds], thickness, 0.06, (0.0, 0.0))
+    places = rng.integers(0, MAP, (_SHIFTS, 2))
+    overhead = uniform_filter((amount > SEEN).astype(np.float32), int(_OVERHEAD / MAP_TEXEL), mode="wrap")
+    differs = np.abs(overhead[places[:, 0], places[:, 1]] - light.cover)
+    shifts = MAP_TEXEL * places[np.argsort(differs, kind="stable")]
     if sun[2] <= 0.0:
         return clouds._replace(shift=(float(shifts[0, 0]), float(shifts[0, 1])))
     points = _points(size, 9)
@@ -129,10 +136,10 @@ def _volume(light: Light, sun: Array, size: tuple[float, float], rng: np.random.
         trial = clouds._replace(shift=(float(x), float(y)))
         seen = np.empty(len(points), np.float32)
         shadows(trial, sun, points, seen)
-        score = float(seen.min()) if fair else float(seen.std()) * float(seen.max())
+        score = float(seen.min()) if fair else float(seen.max() - seen.min())
         if score > best:
             best, chosen = score, trial
-        if fair and score > 0.99:
+        if score > 0.99:
             break
     return chosen
 

@@ -6,7 +6,8 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.ndimage import zoom
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, minimum_filter, zoom
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.render.sky.atmosphere import (
@@ -28,6 +29,8 @@ SIZE: Final = 2048
 """Texels along each side of the dome that photographs show; below 500 the horizon would be outside of it."""
 _ROWS: Final = 32  # at once
 _EDGE: Final = 0.998
+_SHARP: Final = 0.15
+"""Difference between neighbours in what clouds stop, from which on their edge is marched for every texel."""
 _LOWEST: Final = 0.012
 """Sine of the elevation below which haze hides clouds."""
 
@@ -222,13 +225,15 @@ def _cover(
 
 
 @kernel
-def _march_rows(clouds: Clouds, shade: Shade, light: CloudLight, start: int, seen: Float32Array) -> None:
-    """Fill rows of ``seen`` (.., size, 4): light of clouds with volume, and the share of light that they stop."""
+def _march_rows(
+    clouds: Clouds, shade: Shade, light: CloudLight, start: int, chosen: NDArray[np.bool_], seen: Float32Array
+) -> None:
+    """Fill the chosen texels of rows of ``seen`` (.., size, 4): light of clouds, and the share that they stop."""
     cloud = np.zeros(3)
     for i in range(seen.shape[0]):
         for j in range(seen.shape[1]):
             ray = _ray(start + i, j, seen.shape[1])
-            if ray[2] < _LOWEST:
+            if ray[2] < _LOWEST or not chosen[i, j]:
                 continue
             cloud[:] = 0.0
             seen[i, j, 3] = 1.0 - march(clouds, shade, light, ray, cloud)
@@ -236,14 +241,23 @@ def _march_rows(clouds: Clouds, shade: Shade, light: CloudLight, start: int, see
 
 
 def _clouds_seen(sky: Sky, clouds: Clouds, pool: ThreadPoolExecutor, size: int) -> Float32Array:
-    """Light of clouds and what they stop (size, size, 4): marched for a quarter of the texels, as edges are soft."""
-    half, shade = np.zeros((size // 2, size // 2, 4), np.float32), shade_of(clouds, sky.light.sun, pool)
+    """Light of clouds and what they stop (size, size, 4): marched for a quarter of the texels, and for all at edges."""
+    shade = shade_of(clouds, sky.light.sun, pool)
 
-    def rows(start: int) -> None:
-        _march_rows(clouds, shade, sky.light, start, half[start : start + _ROWS])
+    def fill(seen: Float32Array, chosen: NDArray[np.bool_]) -> None:
+        def rows(start: int) -> None:
+            part = slice(start, start + _ROWS)
+            _march_rows(clouds, shade, sky.light, start, chosen[part], seen[part])
 
-    list(pool.map(rows, range(0, size // 2, _ROWS)))
-    return _enlarged(half, size)
+        list(pool.map(rows, range(0, len(seen), _ROWS)))
+
+    half = np.zeros((size // 2, size // 2, 4), np.float32)
+    fill(half, np.ones(half.shape[:2], np.bool_))
+    stopped = half[..., 3]
+    edges = maximum_filter(stopped, 3) - minimum_filter(stopped, 3) > _SHARP
+    seen = _enlarged(half, size)
+    fill(seen, edges.repeat(2, axis=0).repeat(2, axis=1))
+    return seen
 
 
 @kernel
