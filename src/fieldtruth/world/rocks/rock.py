@@ -15,7 +15,7 @@ from fieldtruth.world.library import Entry, Library, validated
 from fieldtruth.world.model import Collider, Mesh
 from fieldtruth.world.noise import solid_noise
 from fieldtruth.world.rocks.meshing import box_uv, corner_normals, welded
-from fieldtruth.world.rocks.shape import fracture_planes, geodesic, snapped, worn_radius
+from fieldtruth.world.rocks.shape import broken, fracture_planes, geodesic, snapped, worn_radius
 
 TEXTURE_LENGTH: Final = 1.2
 """Length [m] of one repeat of a rock's texture."""
@@ -32,6 +32,8 @@ class RockType:
     joints: float  # share of the block that three families of joints shape, 0 to 1
     sharpness: float  # of the edges: about 5 is worn by a river, 40 freshly broken
     roughness: float  # standard deviation of the fractal noise on the surface, in radii
+    ledges: int = 0  # faces that end inside the body, where pieces broke off
+    tilt: float = 0.12  # standard deviation [rad] of the turn out of its bed
     layers: float = 0.0  # depth of the joints between layers (bedding or cleavage), in radii
     buried: tuple[float, float] = (0.2, 0.4)  # least and greatest share of the height below the soil
     variety: float = 0.16  # standard deviation of the proportions' logarithms
@@ -95,6 +97,8 @@ def _body(rock_type: RockType, frequency: int, rng: np.random.Generator) -> tupl
     if sharpness > 10:
         directions = snapped(directions, planes, 1.1 / frequency)
     radius = worn_radius(directions, planes, sharpness)
+    if rock_type.ledges:
+        radius = broken(directions, radius, rock_type.ledges, rng)
     body = directions * radius[:, None]
     swell = solid_noise(body, wavelength=1.6, octaves=2, rng=rng)
     grain = solid_noise(body, wavelength=0.7, octaves=max(1, int(np.log2(frequency))), rng=rng, gain=0.55)
@@ -107,7 +111,7 @@ def _body(rock_type: RockType, frequency: int, rng: np.random.Generator) -> tupl
         scale -= rock_type.layers * bed * rng.uniform(0.3, 1.0, 64)[np.floor(layer).astype(int) % 64]
     body *= scale[:, None]
     body *= np.array(rock_type.proportions) * np.exp(rng.normal(0, rock_type.variety, 3))
-    return body @ _random_turn(rng, 0.12).T, faces
+    return body @ _random_turn(rng, rock_type.tilt).T, faces
 
 
 def _random_turn(rng: np.random.Generator, spread: float | None = None) -> Array:

@@ -48,7 +48,7 @@ def fracture_planes(rng: np.random.Generator, count: int, joints: float) -> Arra
     """Planes (k, 3) as n / d: random cuts and, with ``joints`` (0 to 1), three orthogonal families.
 
     Massive rock breaks along joints into blocks (Hencher, Practical Rock Mechanics, 2015): pairs of parallel planes,
-    here with a random tilt of a few degrees; the random cuts remove the corners.
+    here the more oblique the smaller ``joints`` is; the random cuts remove the corners.
     """
     k = np.arange(count) + 0.5
     z, turn = 1 - 2 * k / count, k * np.pi * (3 - 5**0.5)
@@ -57,9 +57,9 @@ def fracture_planes(rng: np.random.Generator, count: int, joints: float) -> Arra
     cuts = around / np.linalg.norm(around, axis=1, keepdims=True)
     distance = rng.uniform(0.82, 1.12, count) + 0.22 * joints
     if joints > 0:
-        axes = np.concatenate([np.eye(3), -np.eye(3)]) + rng.normal(0, 0.1, (6, 3))
+        axes = np.concatenate([np.eye(3), -np.eye(3)]) + rng.normal(0, 0.32 - 0.22 * joints, (6, 3))
         cuts = np.concatenate([cuts, axes / np.linalg.norm(axes, axis=1, keepdims=True)])
-        distance = np.concatenate([distance, rng.uniform(0.72, 0.95, 6) / max(joints, 0.3) ** 0.2])
+        distance = np.concatenate([distance, rng.uniform(0.5 + 0.25 * joints, 0.97, 6) / max(joints, 0.3) ** 0.2])
     return np.asarray(cuts / distance[:, None])
 
 
@@ -68,6 +68,18 @@ def worn_radius(directions: Array, planes: Array, sharpness: float) -> Array:
     inverse = np.maximum(directions @ planes.T, 0)
     top = inverse.max(axis=1)
     return np.asarray(1 / (top * ((inverse / top[:, None]) ** sharpness).sum(axis=1) ** (1 / sharpness)))
+
+
+def broken(directions: Array, radius: Array, count: int, rng: np.random.Generator) -> Array:
+    """Radius (v,) after ``count`` pieces broke off: each leaves a flat face that ends at a ledge inside the body."""
+    for _ in range(count):
+        normal, along = (v / np.linalg.norm(v) for v in rng.normal(0, 1, (2, 3)))
+        faced = directions @ normal
+        distance = rng.uniform(0.62, 0.88) * float((radius * faced).max())
+        cut = distance / np.maximum(faced, 0.05)
+        share = np.clip((directions @ along - rng.uniform(-0.2, 0.35)) / 0.1 + 0.5, 0.0, 1.0)
+        radius = radius - share * np.maximum(radius - cut, 0.0)
+    return radius
 
 
 def snapped(directions: Array, planes: Array, side: float) -> Array:
