@@ -6,9 +6,11 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from scipy.ndimage import label
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.experiment.light_config import PRESETS, Light, LightConfig, Preset
+from fieldtruth.render.sky.clouds import MAP_TEXEL, SEEN, cumulus_map
 from fieldtruth.render.sky.daylight import Daylight, daylight, metered_daylight
 from fieldtruth.render.sky.disc import DISC, LIMB, RADIUS
 from fieldtruth.render.sky.dome import directions_of, sky_irradiance
@@ -117,6 +119,17 @@ def test_more_cover_is_more_cloud_and_clouds_are_white(cover: float) -> None:
     cloud = found.dome.rgb[(z > 0.8) & changed]
     blue = clear.dome.rgb[(z > 0.8) & changed]
     assert np.median(cloud[:, 2] / cloud[:, 0]) < 1.25 < 1.8 < np.median(blue[:, 2] / blue[:, 0])
+
+
+@pytest.mark.parametrize("cover", [0.1, 0.5])
+def test_cumulus_have_the_cover_and_many_more_are_small_than_large(cover: float) -> None:
+    amount = cumulus_map(np.random.default_rng(2), cover, 900.0)
+    assert amount.max() <= 1.0
+    assert (amount > SEEN).mean() == pytest.approx(cover, abs=0.05)
+    found, count = label(cumulus_map(np.random.default_rng(2), 0.1, 900.0) > SEEN)
+    widths = np.sqrt(np.bincount(found.ravel())[1:]) * MAP_TEXEL
+    assert count > 50
+    assert (widths < 300.0).sum() > 3 * (widths > 600.0).sum() > 0
 
 
 def test_fair_weather_clouds_leave_the_sun_and_broken_ones_shade_a_part(days: dict[str, Daylight]) -> None:

@@ -14,12 +14,28 @@ from fieldtruth.world.rocks import ROCK_TYPES, lay_rock, make_rock, scatter_rock
 from fieldtruth.world.rocks.laying import rim_vertices
 from fieldtruth.world.rocks.meshing import corner_normals
 from fieldtruth.world.rocks.rock import TEXTURE_LENGTH
-from fieldtruth.world.rocks.shape import geodesic, worn_radius
+from fieldtruth.world.rocks.shape import broken, geodesic, worn_radius
 
 
 @pytest.fixture(params=ROCK_TYPES)
 def rock(request: pytest.FixtureRequest) -> Mesh:
     return make_rock(ROCK_TYPES[request.param], name="rock", size=1.4, rng=np.random.default_rng(4), triangles=720)
+
+
+def test_a_piece_that_breaks_off_a_ball_leaves_a_flat_face_on_one_side_of_a_ledge() -> None:
+    directions, _ = geodesic(40)
+    for seed in range(12):
+        radius = broken(directions, np.ones(len(directions)), 1, np.random.default_rng(seed))
+        normal, along = (v / np.linalg.norm(v) for v in np.random.default_rng(seed).normal(0, 1, (2, 3)))
+        if normal @ along < 0.2:
+            continue  # the ledge may be beyond the face
+        heights = radius * (directions @ normal)
+        face = heights[(radius < 1.0) & (directions @ along > 0.4)]
+        assert len(face) > 50
+        assert np.ptp(face) < 1e-9
+        assert 0.62 <= face[0] <= 0.88
+        assert (radius[directions @ along < -0.25] == 1.0).all()
+        assert radius.max() == 1.0
 
 
 def inclined(slope_deg: float) -> Heightfield:

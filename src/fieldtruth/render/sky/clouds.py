@@ -69,7 +69,7 @@ def cumulus_map(rng: np.random.Generator, cover: float, thickness: float) -> Flo
     about as high as its radius; a heap is a few domes, the smaller ones at its sides.
 
     Args:
-        rng: source of places and sizes.
+        rng: source of positions and sizes.
         cover: share of the area that is to be covered.
         thickness: height [m] at which the amount is 1.
     """
