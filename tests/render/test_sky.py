@@ -10,7 +10,7 @@ from scipy.ndimage import label
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.experiment.light_config import PRESETS, Light, LightConfig, Preset
-from fieldtruth.render.sky.clouds import MAP_TEXEL, SEEN, cumulus_map
+from fieldtruth.render.sky.clouds import FULLEST, MAP_TEXEL, SEEN, cumulus_map
 from fieldtruth.render.sky.daylight import Daylight, daylight, metered_daylight
 from fieldtruth.render.sky.disc import DISC, LIMB, RADIUS
 from fieldtruth.render.sky.dome import directions_of, sky_irradiance
@@ -121,11 +121,14 @@ def test_more_cover_is_more_cloud_and_clouds_are_white(cover: float) -> None:
     assert np.median(cloud[:, 2] / cloud[:, 0]) < 1.25 < 1.8 < np.median(blue[:, 2] / blue[:, 0])
 
 
-@pytest.mark.parametrize("cover", [0.1, 0.5])
-def test_cumulus_have_the_cover_and_many_more_are_small_than_large(cover: float) -> None:
+@pytest.mark.parametrize(("cover", "reached"), [(0.1, 0.1), (0.5, 0.5), (0.9, 0.9), (1.0, FULLEST)])
+def test_cumulus_have_the_cover(cover: float, reached: float) -> None:
     amount = cumulus_map(np.random.default_rng(2), cover, 900.0)
     assert amount.max() <= 1.0
-    assert (amount > SEEN).mean() == pytest.approx(cover, abs=0.05)
+    assert (amount > SEEN).mean() == pytest.approx(reached, abs=0.05)
+
+
+def test_many_more_cumulus_are_small_than_large() -> None:
     found, count = label(cumulus_map(np.random.default_rng(2), 0.1, 900.0) > SEEN)
     widths = np.sqrt(np.bincount(found.ravel())[1:]) * MAP_TEXEL
     assert count > 50

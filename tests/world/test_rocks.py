@@ -24,11 +24,13 @@ def rock(request: pytest.FixtureRequest) -> Mesh:
 
 def test_a_piece_that_breaks_off_a_ball_leaves_a_flat_face_on_one_side_of_a_ledge() -> None:
     directions, _ = geodesic(40)
+    seen = 0
     for seed in range(12):
         radius = broken(directions, np.ones(len(directions)), 1, np.random.default_rng(seed))
         normal, along = (v / np.linalg.norm(v) for v in np.random.default_rng(seed).normal(0, 1, (2, 3)))
         if normal @ along < 0.2:
             continue  # the ledge may be beyond the face
+        seen += 1
         heights = radius * (directions @ normal)
         face = heights[(radius < 1.0) & (directions @ along > 0.4)]
         assert len(face) > 50
@@ -36,6 +38,7 @@ def test_a_piece_that_breaks_off_a_ball_leaves_a_flat_face_on_one_side_of_a_ledg
         assert 0.62 <= face[0] <= 0.88
         assert (radius[directions @ along < -0.25] == 1.0).all()
         assert radius.max() == 1.0
+    assert seen >= 3
 
 
 def inclined(slope_deg: float) -> Heightfield:

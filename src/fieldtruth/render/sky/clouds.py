@@ -27,6 +27,9 @@ NOISE: Final = 64
 FARTHEST: Final = 45_000.0
 SEEN: Final = 0.08
 """Amount from which on there is cloud to see."""
+FULLEST: Final = 0.95
+"""Greatest share of the sky that heaps cover."""
+_AT_ONCE: Final = 60  # heaps between two measurements of the cover
 _FALL: Final = 1.3  # of the number of heaps larger than a radius
 _OCTAVES: Final = 4
 _BOUNCE: Final = 0.15  # albedo of the ground below
@@ -65,44 +68,46 @@ class CloudLight(NamedTuple):
 def cumulus_map(rng: np.random.Generator, cover: float, thickness: float) -> Float32Array:
     """Amounts (MAP, MAP) of heaps of every size, in groups.
 
-    Their number falls with the radius to the power of -2.3 (Benner and Curry 1998 found -1.9 to -2.4), and each rises
-    about as high as its radius; a heap is a few domes, the smaller ones at its sides.
+    The number of heaps larger than a radius falls with it to the power of -_FALL, as power laws describe fields of
+    cumulus (Benner and Curry 1998; the exponent is ours), and each rises about as high as its radius.
 
     Args:
         rng: source of positions and sizes.
-        cover: share of the area that is to be covered.
+        cover: share of the area that is to be covered; above FULLEST it is FULLEST.
         thickness: height [m] at which the amount is 1.
     """
-    groups = ranks(band_noise(rng, 5000.0, rough=3.0)) ** 2
+    groups = ranks(band_noise(rng, 5000.0, rough=3.0)).ravel() ** 2
     amount = np.zeros((MAP, MAP), np.float32)
     smallest, largest = 60.0, thickness
     low, high = smallest**-_FALL, largest**-_FALL
-    covered, count = 0.0, 60
-    while covered < cover:
-        at = rng.choice(MAP * MAP, count, p=(groups / groups.sum()).ravel())
-        radii = (low + rng.random(count) * (high - low)) ** (-1.0 / _FALL)
-        for place, radius in zip(at, radii, strict=True):
-            _heap(rng, amount, (place // MAP, place % MAP), float(radius), thickness)
+    covered = 0.0
+    while covered < min(cover, FULLEST):
+        # Between clouds only, once half is covered: else the last gaps would take for ever to meet.
+        share = groups if covered < 0.5 else groups * (amount.ravel() <= SEEN)
+        nodes = rng.choice(MAP * MAP, _AT_ONCE, p=share / share.sum())
+        radii = (low + rng.random(_AT_ONCE) * (high - low)) ** (-1.0 / _FALL)
+        for node, radius in zip(nodes, radii, strict=True):
+            _heap(rng, amount, (node // MAP, node % MAP), float(radius), thickness)
         covered = float((amount > SEEN).mean())
     return amount
 
 
 def _heap(
-    rng: np.random.Generator, amount: Float32Array, place: tuple[int, int], radius: float, thickness: float
+    rng: np.random.Generator, amount: Float32Array, node: tuple[int, int], radius: float, thickness: float
 ) -> None:
-    """Raise the amount by a heap at a node of the map."""
+    """Raise the amount by a heap at a node of the map: a few domes, the smaller ones at its sides."""
     lobes = 3 + int(radius / 90.0)
     away, turn = radius * 0.75 * np.sqrt(rng.random(lobes)), rng.uniform(0.0, 2.0 * np.pi, lobes)
     away[0] = 0.0
     wide = radius * rng.uniform(0.3, 0.65, lobes) * (1.0 - 0.35 * away / radius)
     reach = int(1.6 * radius / MAP_TEXEL) + 2
-    nodes = np.arange(-reach, reach + 1)
-    x, y = np.meshgrid(nodes * MAP_TEXEL, nodes * MAP_TEXEL, indexing="ij")
+    steps = np.arange(-reach, reach + 1)
+    x, y = np.meshgrid(steps * MAP_TEXEL, steps * MAP_TEXEL, indexing="ij")
     raised = np.zeros(x.shape)
     for r, a, w in zip(away, turn, wide, strict=True):
         near = 1.0 - ((x - r * np.cos(a)) ** 2 + (y - r * np.sin(a)) ** 2) / (w * w)
         raised = np.maximum(raised, 1.5 * w / thickness * np.sqrt(np.maximum(near, 0.0)))
-    rows, columns = np.ix_((place[0] + nodes) % MAP, (place[1] + nodes) % MAP)
+    rows, columns = np.ix_((node[0] + steps) % MAP, (node[1] + steps) % MAP)
     amount[rows, columns] = np.maximum(amount[rows, columns], np.minimum(raised, 1.0))
 
 

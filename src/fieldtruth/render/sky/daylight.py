@@ -124,10 +124,10 @@ def _volume(light: Light, sun: Array, size: tuple[float, float], rng: np.random.
     thickness = 900.0 if fair else 1400.0
     amount = cumulus_map(rng, light.cover, thickness)
     clouds = Clouds(amount, billows(), _BASE[light.clouds], thickness, 0.06, (0.0, 0.0))
-    places = rng.integers(0, MAP, (_SHIFTS, 2))
+    nodes = rng.integers(0, MAP, (_SHIFTS, 2))
     overhead = uniform_filter((amount > SEEN).astype(np.float32), int(_OVERHEAD / MAP_TEXEL), mode="wrap")
-    differs = np.abs(overhead[places[:, 0], places[:, 1]] - light.cover)
-    shifts = MAP_TEXEL * places[np.argsort(differs, kind="stable")]
+    differs = np.abs(overhead[nodes[:, 0], nodes[:, 1]] - light.cover)
+    shifts = MAP_TEXEL * nodes[np.argsort(differs, kind="stable")]
     if sun[2] <= 0.0:
         return clouds._replace(shift=(float(shifts[0, 0]), float(shifts[0, 1])))
     points = _points(size, 9)
