@@ -4,9 +4,10 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
+from pydantic import Field
 from scipy.spatial import ConvexHull
 
 from fieldtruth.core.arrays import Array, Index
@@ -32,8 +33,8 @@ class RockType:
     joints: float  # share of the block that three families of joints shape, 0 to 1
     sharpness: float  # of the edges: about 5 is worn by a river, 40 freshly broken
     roughness: float  # standard deviation of the fractal noise on the surface, in radii
-    ledges: int = 0  # faces that end inside the body, where pieces broke off
-    tilt: float = 0.12  # standard deviation [rad] of the turn out of its bed
+    ledges: Annotated[int, Field(ge=0)] = 0  # faces that end inside the body, where pieces broke off
+    tilt: Annotated[float, Field(ge=0)] = 0.12  # standard deviation [rad] of the turn out of its bed
     layers: float = 0.0  # depth of the joints between layers (bedding or cleavage), in radii
     buried: tuple[float, float] = (0.2, 0.4)  # least and greatest share of the height below the soil
     variety: float = 0.16  # standard deviation of the proportions' logarithms
