@@ -2,11 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiled kernels are reused only while all their sources are unchanged."""
 
+import importlib
 import os
+import pkgutil
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+
+from numba.core.dispatcher import Dispatcher
 
 import fieldtruth
 
@@ -37,3 +41,12 @@ def test_kernels_are_shared_by_installations_and_edited_class_ids_reach_them(tmp
     classes = source / "fieldtruth" / "core" / "classes.py"
     classes.write_text(classes.read_text(encoding="utf-8").replace("SKY = 15", "SKY = 16"), encoding="utf-8")
     assert classify_a_miss(source, tmp_path) == "16 0"
+
+
+def test_no_kernel_leaves_rounding_to_the_compiler() -> None:
+    found = (info.name for info in pkgutil.walk_packages(fieldtruth.__path__, "fieldtruth."))
+    names = [name for name in found if not name.endswith("__main__")]
+    kernels = [f for name in names for f in vars(importlib.import_module(name)).values() if isinstance(f, Dispatcher)]
+    assert len(kernels) > 100
+    options = [f.targetoptions for f in kernels]
+    assert not any(each.get("fastmath") for each in options)

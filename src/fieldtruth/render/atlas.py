@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.sense.kernel import inlined, light_kernel
+from fieldtruth.sense.kernel import inlined, kernel
 
 LEVELS: Final = 11
 SUN_ONE: Final = 85
@@ -133,7 +133,7 @@ def _channel(
     )  # fmt: skip
 
 
-@light_kernel
+@kernel
 def sample(
     atlas: Atlas, texture: int | np.uintp, u: np.float32, v: np.float32, level: int
 ) -> tuple[np.float32, np.float32, np.float32]:
@@ -147,7 +147,7 @@ def sample(
     )
 
 
-@light_kernel
+@kernel
 def sample_lit(
     atlas: Atlas, texture: int | np.uintp, u: np.float32, v: np.float32, level: int
 ) -> tuple[np.float32, np.float32, np.float32, np.float32]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from fieldtruth.core.arrays import Float32Array
 from fieldtruth.render.atlas import LEVELS, Atlas
-from fieldtruth.sense.kernel import inlined, light_kernel
+from fieldtruth.sense.kernel import inlined, kernel
 
 SAMPLES: Final = 2
 """Samples along the long side of a pixel's footprint, at most."""
@@ -142,7 +142,7 @@ def ground_texels(
     return Texels(u - du * middle, v - dv * middle, du, dv, width, count, one - max(near, zero))
 
 
-@light_kernel
+@kernel
 def patch_offsets(x: Float32Array, y: Float32Array, patch: np.float32, out: Float32Array) -> None:
     """`patch_offset` of positions (n,) into ``out`` (n, 2)."""
     for k in range(len(x)):

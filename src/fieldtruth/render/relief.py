@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.sense.kernel import light_kernel
+from fieldtruth.sense.kernel import kernel
 
 STEEPEST: Final = 1.0
 """Limit of the slope of shaded facets: heights that jump, as at a blade of grass, are no walls."""
@@ -60,7 +60,7 @@ def sun_factors(texture: NDArray[np.uint8], relief: float, repeat: float, sun: A
     return np.asarray(factor, np.float32)
 
 
-@light_kernel
+@kernel
 def _in_light(height: Float32Array, step: Float32Array, least: float, seen: Float32Array) -> None:
     """Share of the sun that each texel sees, by steps of ``least`` texels or one; ``step`` is (column, row, rise)."""
     n = len(height)

@@ -14,7 +14,7 @@ import numpy as np
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.render.atlas import Atlas, sample_lit
 from fieldtruth.render.ground_points import STEEP, Relief, ground_texels
-from fieldtruth.sense.kernel import inlined, light_kernel
+from fieldtruth.sense.kernel import inlined, kernel
 
 TERMS: Final = 5
 _DESCENTS: Final = (0.08, 0.16, 0.3, 0.5, 0.8)
@@ -35,7 +35,7 @@ def view_terms(
     return cotangent, cotangent * towards, cotangent * towards * towards, square, square * towards
 
 
-@light_kernel
+@kernel
 def _seen_means(
     atlas: Atlas, texture: int, relief: Relief, points: Float32Array, views: Float32Array, out: Float32Array
 ) -> None:
@@ -52,7 +52,7 @@ def _seen_means(
         out[n, 0], out[n, 1] = total / np.float32(len(points)), lit / np.float32(len(points))
 
 
-@light_kernel
+@kernel
 def _fill_terms(views: Float32Array, sun_x: np.float32, sun_y: np.float32, out: Float32Array) -> None:
     for n in range(len(views)):
         out[n, 0], out[n, 1], out[n, 2], out[n, 3], out[n, 4] = view_terms(

@@ -36,7 +36,7 @@ from fieldtruth.render.water import (
 )
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import TERRAIN, Grid, read_grid
-from fieldtruth.sense.kernel import inlined, kernel, light_kernel
+from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import IntArray, Packet, new_packet, set_shadow_ray
 from fieldtruth.sense.ray_batch import RayBatch, new_batch
 
@@ -181,7 +181,7 @@ def _highlight(normal: _Vector, sun: _Vector, view: _Vector) -> np.float32:
     return fresnel * np.float32(24.0 / (8.0 * np.pi)) * power * facing  # type: ignore[no-any-return]
 
 
-@light_kernel
+@kernel
 def _illuminate(
     batch: RayBatch, count: int, gbuffer: Float32Array, light: LightTable, exposure: np.float32, colour: Float32Array
 ) -> None:

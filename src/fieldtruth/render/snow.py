@@ -13,7 +13,7 @@ from fieldtruth.core.arrays import Float32Array
 from fieldtruth.render.gbuffer import BLUE, GLOSS, GREEN, LIGHT, MIRROR, NZ, RED, SUN, TRACE_SUN
 from fieldtruth.render.tables import SnowTable
 from fieldtruth.sense.hits import TERRAIN, read_grid
-from fieldtruth.sense.kernel import inlined, light_kernel
+from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.ray_batch import RayBatch
 from fieldtruth.sense.scene import grid_of
 from fieldtruth.world.model import Terrain
@@ -41,7 +41,7 @@ def _ragged(x: np.float32, y: np.float32, z: np.float32) -> np.float32:
     return np.float32(0.6) * a + np.float32(0.4) * b  # type: ignore[no-any-return]
 
 
-@light_kernel
+@kernel
 def cover_with_snow(snow: SnowTable, open_light: np.float32, batch: RayBatch, count: int, out: Float32Array) -> None:
     """Mix snow into the rows of a G-buffer ``out`` (n, FIELDS), whose LIGHT is ``open_light`` below the whole sky."""
     top, point, ground, on_top = batch.top, batch.point, snow.ground, snow.on_top

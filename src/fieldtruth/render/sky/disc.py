@@ -8,7 +8,7 @@ import numpy as np
 
 from fieldtruth.core.arrays import Float32Array
 from fieldtruth.render.tables import EXPOSURE, LightTable
-from fieldtruth.sense.kernel import light_kernel
+from fieldtruth.sense.kernel import kernel
 from fieldtruth.sense.ray_batch import RayBatch
 
 RADIUS: Final = float(np.radians(0.266))
@@ -20,7 +20,7 @@ GLITTER_WIDTH: Final = float(np.radians(1.6))
 """Standard deviation to which ripples that are smaller than a pixel spread the sun's reflection."""
 
 
-@light_kernel
+@kernel
 def add_disc(light: LightTable, exposure: np.float32, batch: RayBatch, count: int, colour: Float32Array) -> None:
     """Add the disc, whose centre has the radiance ``light.disc``, to rays that leave the world."""
     top, direction, disc = batch.top, batch.direction, light.disc
@@ -39,7 +39,7 @@ def add_disc(light: LightTable, exposure: np.float32, batch: RayBatch, count: in
                 colour[k, channel] += radiance * disc[channel]
 
 
-@light_kernel
+@kernel
 def add_glitter(light: LightTable, exposure: np.float32, batch: RayBatch, count: int, colour: Float32Array) -> None:
     """Add the sun, as wide as ripples spread it, to reflected rays that leave the world."""
     top, direction, disc = batch.top, batch.direction, light.disc
