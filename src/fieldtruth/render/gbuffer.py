@@ -17,7 +17,7 @@ from fieldtruth.render.probes import READ, among, falling_on, read_lowest
 from fieldtruth.render.relief_views import view_terms
 from fieldtruth.render.tables import LightTable, Shading
 from fieldtruth.sense.hits import TERRAIN, Grid
-from fieldtruth.sense.kernel import inlined, kernel
+from fieldtruth.sense.kernel import inlined, inner_kernel, kernel
 from fieldtruth.sense.packets import IntArray
 from fieldtruth.sense.ray_batch import RayBatch
 
@@ -127,7 +127,7 @@ def hits_on(top: IntArray, count: int, on_terrain: bool, rows: IntArray) -> int:
     return found
 
 
-@kernel
+@inner_kernel
 def terrain_gbuffer(shading: Shading, batch: RayBatch, count: int, pixel: float, out: Float32Array) -> None:
     """Fill rows of ``out`` (n, FIELDS) for hits on the terrain; ``pixel`` is the angle [rad] of one pixel."""
     rows, descent, hollow = np.empty(count, np.int32), np.empty(count, np.float32), np.empty(count, np.float32)
@@ -138,7 +138,7 @@ def terrain_gbuffer(shading: Shading, batch: RayBatch, count: int, pixel: float,
     _terrain_light(shading.light, batch, rows, found, out)
 
 
-@kernel
+@inner_kernel
 def _terrain_normals(
     surface: Grid, batch: RayBatch, rows: IntArray, found: int, pixel: np.float32, out: Float32Array
 ) -> None:
@@ -153,7 +153,7 @@ def _terrain_normals(
         out[k, NX], out[k, NY], out[k, NZ] = -sx * scale, -sy * scale, scale
 
 
-@kernel
+@inner_kernel
 def _terrain_shares(
     shading: Shading,
     batch: RayBatch,
@@ -184,7 +184,7 @@ def _terrain_shares(
         out[k, SUN] = _shade_of(sunlit, x, y) * pit
 
 
-@kernel
+@inner_kernel
 def _terrain_light(light: LightTable, batch: RayBatch, rows: IntArray, found: int, out: Float32Array) -> None:
     """Light of sky and surroundings."""
     points, volume = batch.point, light.volume
@@ -229,7 +229,7 @@ def _far_factors(
     return one + far * bright, one + far * light
 
 
-@kernel
+@inner_kernel
 def _terrain_colours(
     shading: Shading,
     batch: RayBatch,

@@ -47,7 +47,7 @@ from fieldtruth.render.tables import (
 )
 from fieldtruth.render.weathering import FURROWS, PATCHES, WEATHERING, overgrown, patchy, texture_slope, tilted
 from fieldtruth.sense.hits import HitTable, read_grid
-from fieldtruth.sense.kernel import inlined, kernel
+from fieldtruth.sense.kernel import inlined, inner_kernel
 from fieldtruth.sense.packets import IntArray
 from fieldtruth.sense.ray_batch import RayBatch
 
@@ -81,7 +81,7 @@ def _leaf_variation(leaf: int, top: int) -> tuple[np.float32, np.float32]:
     return bright, warmth
 
 
-@kernel
+@inner_kernel
 def mesh_gbuffer(shading: Shading, batch: RayBatch, count: int, pixel: float, out: Float32Array) -> None:
     """Fill rows of ``out`` (n, FIELDS) for hits on meshes; SUN requests shadow rays except on leaves."""
     rows = np.empty(count, np.int32)
@@ -93,7 +93,7 @@ def mesh_gbuffer(shading: Shading, batch: RayBatch, count: int, pixel: float, ou
     _mesh_light(shading, batch, rows, found, face, out)
 
 
-@kernel
+@inner_kernel
 def _fetch_faces(
     hits: HitTable,
     surfaces: SurfaceTable,
@@ -115,7 +115,7 @@ def _fetch_faces(
         texels[m] = distance[k] * pixel / repeats[at]
 
 
-@kernel
+@inner_kernel
 def _fetch_vertices(
     shading: Shading, batch: RayBatch, rows: IntArray, found: int, face: IntArray, out: Float32Array
 ) -> None:
@@ -139,7 +139,7 @@ def _fetch_vertices(
             out[k, SUN] = np.float32(leaf_sun[np.uintp(top_leaf[np.uintp(tops[k])] + primitives[k])])
 
 
-@kernel
+@inner_kernel
 def _shade_surfaces(
     shading: Shading,
     batch: RayBatch,
@@ -208,7 +208,7 @@ def _shade_surfaces(
         out[k, BLUE] = colour[2] * tints[row, 2] * own_tints[top, 2] * bright * (one - np.float32(0.25) * warmth)
 
 
-@kernel
+@inner_kernel
 def _mesh_light(
     shading: Shading, batch: RayBatch, rows: IntArray, found: int, face: IntArray, out: Float32Array
 ) -> None:

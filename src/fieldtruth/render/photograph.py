@@ -5,16 +5,14 @@
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Float32Array
 from fieldtruth.render.edges import EdgeBuffers, find_edges, new_edge_buffers
 from fieldtruth.render.shading import ShadingBuffers, new_shading_buffers
 from fieldtruth.render.tables import Shading
-from fieldtruth.render.tonemap import tonemap
 from fieldtruth.render.wires import shade_view
 from fieldtruth.sense.hits import LabelBuffers
-from fieldtruth.sense.kernel import kernel
+from fieldtruth.sense.kernel import inner_kernel, kernel
 from fieldtruth.sense.ray_batch import (
     BLOCK,
     BLOCK_HEIGHT,
@@ -52,15 +50,6 @@ def new_framebuffer(height: int, width: int) -> Framebuffer:
 
 
 @kernel
-def render_image(
-    shading: Shading, framebuffer: Framebuffer, view: View, labels: LabelBuffers, photo: NDArray[np.uint8]
-) -> None:
-    """Render labels and photograph (h, w, 3). Extra rays at edges change the photograph only."""
-    render_linear(shading, framebuffer, view, labels)
-    tonemap(framebuffer.linear, photo)
-
-
-@kernel
 def render_linear(shading: Shading, framebuffer: Framebuffer, view: View, labels: LabelBuffers) -> None:
     """Render labels, and the light of the photograph, ``framebuffer.linear``."""
     buffers, linear, edges = framebuffer
@@ -86,7 +75,7 @@ def store(image: Float32Array, colour: Float32Array, count: int, linear: Float32
         linear[v, u, 0], linear[v, u, 1], linear[v, u, 2] = colour[k, 0], colour[k, 1], colour[k, 2]
 
 
-@kernel
+@inner_kernel
 def refine(shading: Shading, framebuffer: Framebuffer, view: View, start: int, end: int) -> None:
     """Average pixels ``start`` to ``end`` of those at edges over the ray through the centre and EXTRA_SAMPLES others.
 

@@ -36,7 +36,7 @@ from fieldtruth.render.water import (
 )
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import TERRAIN, Grid, read_grid
-from fieldtruth.sense.kernel import inlined, kernel
+from fieldtruth.sense.kernel import inlined, inner_kernel, kernel
 from fieldtruth.sense.packets import IntArray, Packet, new_packet, set_shadow_ray
 from fieldtruth.sense.ray_batch import RayBatch, new_batch
 
@@ -75,7 +75,7 @@ def new_shading_buffers(count: int) -> ShadingBuffers:
     )
 
 
-@kernel
+@inlined
 def shade_batch(shading: Shading, buffers: ShadingBuffers, count: int, pixel: float) -> None:
     """Compute ``colour`` of the traced rays; ``pixel`` is the angle [rad] of one pixel."""
     shade_hits(shading, buffers, buffers.batch, count, pixel, buffers.gbuffer, buffers.colour)
@@ -85,7 +85,7 @@ def shade_batch(shading: Shading, buffers: ShadingBuffers, count: int, pixel: fl
     dim(shading, buffers.batch, count, buffers.colour)
 
 
-@kernel
+@inlined
 def _shade_water(shading: Shading, buffers: ShadingBuffers, count: int, pixel: float) -> None:
     """Add the bottom and what is reflected to the colour of water."""
     second = buffers.secondary
@@ -101,7 +101,7 @@ def _shade_water(shading: Shading, buffers: ShadingBuffers, count: int, pixel: f
     blend_reflection(second, found, buffers.colour)
 
 
-@kernel
+@inner_kernel
 def shade_hits(
     shading: Shading,
     buffers: ShadingBuffers,
@@ -122,7 +122,7 @@ def shade_hits(
     _illuminate(batch, count, gbuffer, shading.light, shading.exposure, colour)
 
 
-@kernel
+@inner_kernel
 def _trace_sun(
     scene: np.uint64, shadow: Packet, rows: IntArray, sun: Array, batch: RayBatch, count: int, gbuffer: Float32Array
 ) -> None:
@@ -181,7 +181,7 @@ def _highlight(normal: _Vector, sun: _Vector, view: _Vector) -> np.float32:
     return fresnel * np.float32(24.0 / (8.0 * np.pi)) * power * facing  # type: ignore[no-any-return]
 
 
-@kernel
+@inner_kernel
 def _illuminate(
     batch: RayBatch, count: int, gbuffer: Float32Array, light: LightTable, exposure: np.float32, colour: Float32Array
 ) -> None:

@@ -18,7 +18,7 @@ from fieldtruth.render.shading import ShadingBuffers, shade_batch
 from fieldtruth.render.tables import EXPOSURE, Shading, WireTable
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import hit_top
-from fieldtruth.sense.kernel import inlined, kernel
+from fieldtruth.sense.kernel import inlined, inner_kernel, kernel
 from fieldtruth.sense.packets import IntArray, set_ray
 from fieldtruth.sense.ray_batch import RayBatch, View, gradients, seen_over_map
 
@@ -47,7 +47,7 @@ class _Chord(NamedTuple):
     radius: float  # [m]
 
 
-@kernel
+@inner_kernel
 def shade_view(shading: Shading, buffers: ShadingBuffers, view: View, count: int) -> None:
     """Compute ``colour`` of the traced rays of a view and of wires; ``batch`` becomes that of what is behind them."""
     pixel = 1.0 / view.pinhole.fx
@@ -59,7 +59,7 @@ def shade_view(shading: Shading, buffers: ShadingBuffers, view: View, count: int
         _draw(shading, buffers.batch, view, count, buffers.colour)
 
 
-@kernel
+@inner_kernel
 def _look_behind(shading: Shading, buffers: ShadingBuffers, view: View, count: int) -> None:
     """Trace rays that met a narrow wire again, without wires."""
     packet, batch, radius = buffers.packet, buffers.batch, shading.wires.radius
@@ -169,7 +169,7 @@ def _cone(direction: Float32Array, first: int, end: int, out: Array) -> bool:
     return True
 
 
-@kernel
+@inner_kernel
 def _draw(shading: Shading, batch: RayBatch, view: View, count: int, colour: Float32Array) -> None:
     """Blend wires over the colours of what is behind them, in packets of rays near which there is one."""
     wires, cone, margin = shading.wires, np.empty(4), 3.5 / view.pinhole.fx
@@ -205,7 +205,7 @@ def _chord_of(wires: WireTable, view: View, row: IntArray, plane: Array) -> _Cho
     return _Chord(row[1], top, a, along, first, last, normal, float(wires.radius[top]))
 
 
-@kernel
+@inner_kernel
 def _draw_segment(
     shading: Shading, batch: RayBatch, view: View, chord: _Chord, span: tuple[int, int], colour: Float32Array
 ) -> None:
@@ -252,7 +252,7 @@ def _below(x: float, wide: float, narrow: float) -> float:
     return total / (2.0 * wide * narrow)
 
 
-@kernel
+@inner_kernel
 def _blend(
     shading: Shading,
     chord: _Chord,

@@ -38,13 +38,18 @@ def kernel(function: F) -> F:
     return _compiled(function, inline="never")
 
 
+def inner_kernel(function: F) -> F:
+    """Compile like ``kernel``, for calls by kernels only: to compile calls from Python with tables takes long."""
+    return _compiled(function, inline="never", no_cpython_wrapper=True)
+
+
 def inlined(function: F) -> F:
     """Compile like ``kernel``, and inline into callers: for short functions in inner loops."""
     return _compiled(function, inline="always")
 
 
 def _compiled(function: F, **choices: object) -> F:
-    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", **choices}
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True} | choices
     settings: Any = config
     previous, settings.CACHE_DIR = settings.CACHE_DIR, str(_folder(function.__module__))
     try:

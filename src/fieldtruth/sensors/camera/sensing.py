@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.render.bake import BakedScene
-from fieldtruth.render.photograph import new_framebuffer, render_image, render_linear
+from fieldtruth.render.photograph import new_framebuffer, render_linear
 from fieldtruth.render.robot import paint_robot
 from fieldtruth.render.tonemap import tonemap
 from fieldtruth.sense.hits import LabelBuffers
@@ -48,11 +48,9 @@ class Camera(LabelCamera):
         images = self._own_images()
         labels = self._buffers(images)
         shading, buffers, view = self._shading, self._framebuffer, self._view(world_from_optical)
-        if robot is None:
-            render_image(shading, buffers, view, labels, images.photo)
-            return images
         render_linear(shading, buffers, view, labels)
-        self._paint(robot, world_from_optical, labels)
+        if robot is not None:
+            self._paint(robot, world_from_optical, labels)
         tonemap(buffers.linear, images.photo)
         return images
 
