@@ -172,7 +172,7 @@ def _mark(t: _Triangle, bit: np.uint32, grid: NDArray[np.uint32]) -> None:
                     grid[i, j, k] |= bit
 
 
-@kernel
+@kernel(allocates=True)
 def _mark_meshes(
     meshes: _Meshes, copies: NDArray[np.int64], start: Array, voxel_m: float, grid: NDArray[np.uint32]
 ) -> None:

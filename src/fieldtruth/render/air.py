@@ -17,7 +17,7 @@ from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.render.sky.dome import sky_radiance
 from fieldtruth.render.tables import EXPOSURE, AirTable, LightTable, Shading
 from fieldtruth.sense.air import clear_extinction, extinction, fog_extinction, fog_length
-from fieldtruth.sense.kernel import inlined, inner_kernel
+from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.ray_batch import RayBatch
 
 WAVELENGTHS_NM: Final = (610.0, 550.0, 465.0)
@@ -101,7 +101,7 @@ def _air_light(air: AirTable, light: LightTable, height: float) -> Float32Array:
     return np.asarray(seen * horizon + (1 - seen) * light_in(air, light, height).dome.horizon, np.float32)
 
 
-@inner_kernel
+@kernel(inner=True)
 def dim(shading: Shading, batch: RayBatch, count: int, colour: Float32Array) -> None:
     """Change the exposed colours (n, 3) of traced rays as the air does; those for which the lens has no ray stay."""
     top, direction, distance, air, one = batch.top, batch.direction, batch.distance, shading.air, np.float32(1.0)

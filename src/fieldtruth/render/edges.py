@@ -60,7 +60,7 @@ def _apart(instance: NDArray[np.uint32], depth: Float32Array, v: int, u: int, ro
     return instance[v, u] != instance[row, column] or abs(here - depth[row, column]) > _STEP * here  # type: ignore[no-any-return]
 
 
-@kernel
+@kernel(allocates=True)
 def _mark_edges(linear: Float32Array, labels: LabelBuffers, marked: Mask) -> None:
     instance, depth = labels.instance, labels.depth
     height, width = instance.shape

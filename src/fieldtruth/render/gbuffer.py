@@ -6,7 +6,7 @@ Tables are unpacked before the loops: Numba updates reference counts for each ar
 measured to cost more than all the rest.
 """
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from fieldtruth.render.probes import READ, among, falling_on, read_lowest
 from fieldtruth.render.relief_views import view_terms
 from fieldtruth.render.tables import LightTable, Shading
 from fieldtruth.sense.hits import TERRAIN, Grid
-from fieldtruth.sense.kernel import inlined, inner_kernel, kernel
+from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import IntArray
 from fieldtruth.sense.ray_batch import RayBatch
 
@@ -34,6 +34,29 @@ _PER_PIT = np.float32(1.0 / 0.04)
 sky's light is seen (the form factor of a disc above a point)."""
 PUDDLE: Final = np.float32(0.004)
 """Depth [m] below the ground's mean height at which water stands on soaked trails; twice as much on drier ones."""
+
+
+class Scratch(NamedTuple):
+    """Working memory for the hits of one batch. Threads must not share it."""
+
+    rows: IntArray  # (n,) rows of the batch that hit the terrain, or a mesh
+    face: IntArray  # (n, 4) rows of ``SurfaceTable.face``
+    texels: Float32Array  # (n,) width of a pixel in repeats of the texture
+    descent: Float32Array  # (n,) of rays towards the ground without its relief, per unit length
+    hollow: Float32Array  # (n,) depth [m] below that ground
+    probe: Float32Array  # (READ,)
+
+
+def new_scratch(count: int) -> Scratch:
+    """Allocate memory for batches of ``count`` rays."""
+    return Scratch(
+        rows=np.zeros(count, np.int32),
+        face=np.zeros((count, 4), np.int32),
+        texels=np.zeros(count, np.float32),
+        descent=np.zeros(count, np.float32),
+        hollow=np.zeros(count, np.float32),
+        probe=np.zeros(READ, np.float32),
+    )
 
 
 @inlined
@@ -127,18 +150,20 @@ def hits_on(top: IntArray, count: int, on_terrain: bool, rows: IntArray) -> int:
     return found
 
 
-@inner_kernel
-def terrain_gbuffer(shading: Shading, batch: RayBatch, count: int, pixel: float, out: Float32Array) -> None:
+@kernel(inner=True)
+def terrain_gbuffer(
+    shading: Shading, batch: RayBatch, count: int, pixel: float, scratch: Scratch, out: Float32Array
+) -> None:
     """Fill rows of ``out`` (n, FIELDS) for hits on the terrain; ``pixel`` is the angle [rad] of one pixel."""
-    rows, descent, hollow = np.empty(count, np.int32), np.empty(count, np.float32), np.empty(count, np.float32)
+    rows, descent, hollow = scratch.rows, scratch.descent, scratch.hollow
     found = hits_on(batch.top, count, True, rows)
     _terrain_normals(shading.materials.surface, batch, rows, found, np.float32(pixel), out)
     _terrain_shares(shading, batch, rows, found, descent, hollow, out)
     _terrain_colours(shading, batch, rows, found, np.float32(pixel), descent, hollow, out)
-    _terrain_light(shading.light, batch, rows, found, out)
+    _terrain_light(shading.light, batch, rows, found, scratch.probe, out)
 
 
-@inner_kernel
+@kernel(inner=True)
 def _terrain_normals(
     surface: Grid, batch: RayBatch, rows: IntArray, found: int, pixel: np.float32, out: Float32Array
 ) -> None:
@@ -153,7 +178,7 @@ def _terrain_normals(
         out[k, NX], out[k, NY], out[k, NZ] = -sx * scale, -sy * scale, scale
 
 
-@inner_kernel
+@kernel(inner=True)
 def _terrain_shares(
     shading: Shading,
     batch: RayBatch,
@@ -184,12 +209,14 @@ def _terrain_shares(
         out[k, SUN] = _shade_of(sunlit, x, y) * pit
 
 
-@inner_kernel
-def _terrain_light(light: LightTable, batch: RayBatch, rows: IntArray, found: int, out: Float32Array) -> None:
+@kernel(inner=True)
+def _terrain_light(
+    light: LightTable, batch: RayBatch, rows: IntArray, found: int, probe: Float32Array, out: Float32Array
+) -> None:
     """Light of sky and surroundings."""
     points, volume = batch.point, light.volume
     vx, vy = np.float32(light.volume_corner[0]), np.float32(light.volume_corner[1])
-    per, probe = np.float32(light.volume_per_metre), np.empty(READ, np.float32)
+    per = np.float32(light.volume_per_metre)
     for m in range(found):
         k = np.uintp(rows[m])
         read_lowest(volume, (points[0, k] - vx) * per, (points[1, k] - vy) * per, probe)
@@ -229,7 +256,7 @@ def _far_factors(
     return one + far * bright, one + far * light
 
 
-@inner_kernel
+@kernel(inner=True)
 def _terrain_colours(
     shading: Shading,
     batch: RayBatch,
@@ -252,7 +279,7 @@ def _terrain_colours(
         shading.hits.trail_distance, np.float32(-materials.border_width), materials.border, materials.trail
     )  # fmt: skip
     per_rgb, per_material = np.float32(materials.per_metre_rgb), np.float32(materials.per_metre_material)
-    per_repeat, per_mean = np.float32(1.0) / materials.repeat, np.float32(1.0) / materials.atlas.mean
+    repeats, means = materials.repeat, materials.atlas.mean
     x0, y0 = np.float32(materials.corner[0]), np.float32(materials.corner[1])
     last_i, last_j = np.float32(grain.shape[0] - 1), np.float32(grain.shape[1] - 1)
     end_u, end_v = np.float32(ground.shape[0] - 1.001), np.float32(ground.shape[1] - 1.001)
@@ -268,7 +295,7 @@ def _terrain_colours(
             gj = int(min(max((y - y0) * per_material + half, zero), last_j))
             row = np.uintp(grain[gi, gj])
         texture = np.uintp(textures[row])
-        relief = Relief(per_repeat[row], reliefs[row], mean_heights[texture], patches[row])
+        relief = Relief(one / repeats[row], reliefs[row], mean_heights[texture], patches[row])
         view = directions[0, k], directions[1, k], descent[m]
         texels = ground_texels(atlas, texture, relief, x, y, view, distance[k] * pixel)
         red, green, blue, sun = _mean_texel(atlas, texture, texels, dither(image[0, k], image[1, k]))
@@ -287,9 +314,9 @@ def _terrain_colours(
             red, green, blue = red * wear, green * wear, blue * wear
             out[k, RED], out[k, GREEN], out[k, BLUE] = red * tints[row, 0], green * tints[row, 1], blue * tints[row, 2]
             continue
-        out[k, RED] = _bilinear(ground, i, j, 0, weights) * red * per_mean[texture, 0]
-        out[k, GREEN] = _bilinear(ground, i, j, 1, weights) * green * per_mean[texture, 1]
-        out[k, BLUE] = _bilinear(ground, i, j, 2, weights) * blue * per_mean[texture, 2]
+        out[k, RED] = _bilinear(ground, i, j, 0, weights) * red / means[texture, 0]
+        out[k, GREEN] = _bilinear(ground, i, j, 1, weights) * green / means[texture, 1]
+        out[k, BLUE] = _bilinear(ground, i, j, 2, weights) * blue / means[texture, 2]
 
 
 @inlined

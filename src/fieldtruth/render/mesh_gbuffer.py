@@ -24,12 +24,13 @@ from fieldtruth.render.gbuffer import (
     RED,
     SUN,
     TRACE_SUN,
+    Scratch,
     dither,
     hits_on,
     mip_level,
 )
 from fieldtruth.render.ground_points import patch_offset
-from fieldtruth.render.probes import READ, among, falling_on, read_probes
+from fieldtruth.render.probes import among, falling_on, read_probes
 from fieldtruth.render.tables import (
     FIRST,
     MATERIAL,
@@ -47,7 +48,7 @@ from fieldtruth.render.tables import (
 )
 from fieldtruth.render.weathering import FURROWS, PATCHES, WEATHERING, overgrown, patchy, texture_slope, tilted
 from fieldtruth.sense.hits import HitTable, read_grid
-from fieldtruth.sense.kernel import inlined, inner_kernel
+from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import IntArray
 from fieldtruth.sense.ray_batch import RayBatch
 
@@ -81,19 +82,20 @@ def _leaf_variation(leaf: int, top: int) -> tuple[np.float32, np.float32]:
     return bright, warmth
 
 
-@inner_kernel
-def mesh_gbuffer(shading: Shading, batch: RayBatch, count: int, pixel: float, out: Float32Array) -> None:
+@kernel(inner=True)
+def mesh_gbuffer(
+    shading: Shading, batch: RayBatch, count: int, pixel: float, scratch: Scratch, out: Float32Array
+) -> None:
     """Fill rows of ``out`` (n, FIELDS) for hits on meshes; SUN requests shadow rays except on leaves."""
-    rows = np.empty(count, np.int32)
+    rows, face, texels = scratch.rows, scratch.face, scratch.texels
     found = hits_on(batch.top, count, False, rows)
-    face, texels = np.empty((found, 4), np.int32), np.empty(found, np.float32)
     _fetch_faces(shading.hits, shading.surfaces, batch, rows, found, np.float32(pixel), face, texels)
     _fetch_vertices(shading, batch, rows, found, face, out)
     _shade_surfaces(shading, batch, rows, found, np.float32(pixel), face, texels, out)
-    _mesh_light(shading, batch, rows, found, face, out)
+    _mesh_light(shading, batch, rows, found, face, scratch.probe, out)
 
 
-@inner_kernel
+@kernel(inner=True)
 def _fetch_faces(
     hits: HitTable,
     surfaces: SurfaceTable,
@@ -115,7 +117,7 @@ def _fetch_faces(
         texels[m] = distance[k] * pixel / repeats[at]
 
 
-@inner_kernel
+@kernel(inner=True)
 def _fetch_vertices(
     shading: Shading, batch: RayBatch, rows: IntArray, found: int, face: IntArray, out: Float32Array
 ) -> None:
@@ -139,7 +141,7 @@ def _fetch_vertices(
             out[k, SUN] = np.float32(leaf_sun[np.uintp(top_leaf[np.uintp(tops[k])] + primitives[k])])
 
 
-@inner_kernel
+@kernel(inner=True)
 def _shade_surfaces(
     shading: Shading,
     batch: RayBatch,
@@ -208,9 +210,15 @@ def _shade_surfaces(
         out[k, BLUE] = colour[2] * tints[row, 2] * own_tints[top, 2] * bright * (one - np.float32(0.25) * warmth)
 
 
-@inner_kernel
+@kernel(inner=True)
 def _mesh_light(
-    shading: Shading, batch: RayBatch, rows: IntArray, found: int, face: IntArray, out: Float32Array
+    shading: Shading,
+    batch: RayBatch,
+    rows: IntArray,
+    found: int,
+    face: IntArray,
+    probe: Float32Array,
+    out: Float32Array,
 ) -> None:
     """Light of sky and surroundings, and what leaves let through of it and of the sun."""
     points, light, throughs = batch.point, shading.light, shading.materials.through
@@ -218,7 +226,7 @@ def _mesh_light(
     vx, vy = np.float32(light.volume_corner[0]), np.float32(light.volume_corner[1])
     sx, sy, sz = np.float32(light.sun[0]), np.float32(light.sun[1]), np.float32(light.sun[2])
     per, zero, one = np.float32(light.volume_per_metre), np.float32(0.0), np.float32(1.0)
-    probe, clouds, cloud_sun = np.empty(READ, np.float32), light.has_cloud_shadow, light.cloud_sun
+    clouds, cloud_sun = light.has_cloud_shadow, light.cloud_sun
     for m in range(found):
         k, row = np.uintp(rows[m]), np.uintp(face[m, MATERIAL])
         nx, ny, nz, share = out[k, NX], out[k, NY], out[k, NZ], out[k, LIGHT]

@@ -12,7 +12,7 @@ from fieldtruth.render.shading import ShadingBuffers, new_shading_buffers
 from fieldtruth.render.tables import Shading
 from fieldtruth.render.wires import shade_view
 from fieldtruth.sense.hits import LabelBuffers
-from fieldtruth.sense.kernel import inner_kernel, kernel
+from fieldtruth.sense.kernel import kernel
 from fieldtruth.sense.ray_batch import (
     BLOCK,
     BLOCK_HEIGHT,
@@ -75,7 +75,7 @@ def store(image: Float32Array, colour: Float32Array, count: int, linear: Float32
         linear[v, u, 0], linear[v, u, 1], linear[v, u, 2] = colour[k, 0], colour[k, 1], colour[k, 2]
 
 
-@inner_kernel
+@kernel(inner=True)
 def refine(shading: Shading, framebuffer: Framebuffer, view: View, start: int, end: int) -> None:
     """Average pixels ``start`` to ``end`` of those at edges over the ray through the centre and EXTRA_SAMPLES others.
 

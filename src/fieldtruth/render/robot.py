@@ -86,7 +86,7 @@ def _reflected(normal: _Vector, ray: _Vector, reflectance: float) -> float:
     return reflectance + (1.0 - reflectance) * (1.0 - min(max(cosine, 0.0), 1.0)) ** 5  # type: ignore[no-any-return]
 
 
-@kernel
+@kernel(allocates=True)
 def _paint(
     samples: RobotSamples,
     table: Array,

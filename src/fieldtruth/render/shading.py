@@ -18,6 +18,8 @@ from fieldtruth.render.gbuffer import (
     RED,
     SUN,
     TRACE_SUN,
+    Scratch,
+    new_scratch,
     terrain_gbuffer,
 )
 from fieldtruth.render.mesh_gbuffer import mesh_gbuffer
@@ -36,7 +38,7 @@ from fieldtruth.render.water import (
 )
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import TERRAIN, Grid, read_grid
-from fieldtruth.sense.kernel import inlined, inner_kernel, kernel
+from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import IntArray, Packet, new_packet, set_shadow_ray
 from fieldtruth.sense.ray_batch import RayBatch, new_batch
 
@@ -57,6 +59,7 @@ class ShadingBuffers(NamedTuple):
     shadow: Packet
     shadow_rows: IntArray  # (LANES,) row of the batch that each shadow ray starts from
     batch: RayBatch
+    scratch: Scratch
     gbuffer: Float32Array  # (n, FIELDS)
     colour: Float32Array  # (n, 3) linear and exposed
     secondary: SecondaryBatch  # rays that continue from water
@@ -69,6 +72,7 @@ def new_shading_buffers(count: int) -> ShadingBuffers:
         shadow=new_packet(coherent=True),
         shadow_rows=np.zeros(_LANES, np.int32),
         batch=new_batch(count),
+        scratch=new_scratch(count),
         gbuffer=np.zeros((count, FIELDS), np.float32),
         colour=np.zeros((count, 3), np.float32),
         secondary=new_secondary_batch(count),
@@ -101,7 +105,7 @@ def _shade_water(shading: Shading, buffers: ShadingBuffers, count: int, pixel: f
     blend_reflection(second, found, buffers.colour)
 
 
-@inner_kernel
+@kernel(inner=True)
 def shade_hits(
     shading: Shading,
     buffers: ShadingBuffers,
@@ -112,8 +116,8 @@ def shade_hits(
     colour: Float32Array,
 ) -> None:
     """Compute ``gbuffer`` and ``colour`` of the traced rays of a batch, without water and weather."""
-    terrain_gbuffer(shading, batch, count, pixel, gbuffer)
-    mesh_gbuffer(shading, batch, count, pixel, gbuffer)
+    terrain_gbuffer(shading, batch, count, pixel, buffers.scratch, gbuffer)
+    mesh_gbuffer(shading, batch, count, pixel, buffers.scratch, gbuffer)
     if shading.has_snow:
         cover_with_snow(shading.snow, shading.light.dome.mean[1], batch, count, gbuffer)
     _trace_sun(shading.scene, buffers.shadow, buffers.shadow_rows, shading.light.sun, batch, count, gbuffer)
@@ -122,7 +126,7 @@ def shade_hits(
     _illuminate(batch, count, gbuffer, shading.light, shading.exposure, colour)
 
 
-@inner_kernel
+@kernel(inner=True)
 def _trace_sun(
     scene: np.uint64, shadow: Packet, rows: IntArray, sun: Array, batch: RayBatch, count: int, gbuffer: Float32Array
 ) -> None:
@@ -181,7 +185,7 @@ def _highlight(normal: _Vector, sun: _Vector, view: _Vector) -> np.float32:
     return fresnel * np.float32(24.0 / (8.0 * np.pi)) * power * facing  # type: ignore[no-any-return]
 
 
-@inner_kernel
+@kernel(inner=True)
 def _illuminate(
     batch: RayBatch, count: int, gbuffer: Float32Array, light: LightTable, exposure: np.float32, colour: Float32Array
 ) -> None:

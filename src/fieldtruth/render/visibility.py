@@ -63,7 +63,7 @@ def _weight(n: Float32Array, dx: float, dy: float, dz: float) -> float:
     return n[0] * dx + n[1] * dy + n[2] * dz  # type: ignore[no-any-return]
 
 
-@kernel
+@kernel(allocates=True)
 def _visibility(
     scene: np.uint64,
     packet: Packet,

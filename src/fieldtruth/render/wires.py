@@ -18,7 +18,7 @@ from fieldtruth.render.shading import ShadingBuffers, shade_batch
 from fieldtruth.render.tables import EXPOSURE, Shading, WireTable
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import hit_top
-from fieldtruth.sense.kernel import inlined, inner_kernel, kernel
+from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import IntArray, set_ray
 from fieldtruth.sense.ray_batch import RayBatch, View, gradients, seen_over_map
 
@@ -47,7 +47,15 @@ class _Chord(NamedTuple):
     radius: float  # [m]
 
 
-@inner_kernel
+class _Read(NamedTuple):
+    """Memory for the light at a point: a probe, and `air_along`."""
+
+    probe: Float32Array  # (READ,)
+    left: Float32Array  # (3,)
+    glow: Float32Array  # (3,)
+
+
+@kernel(inner=True)
 def shade_view(shading: Shading, buffers: ShadingBuffers, view: View, count: int) -> None:
     """Compute ``colour`` of the traced rays of a view and of wires; ``batch`` becomes that of what is behind them."""
     pixel = 1.0 / view.pinhole.fx
@@ -59,7 +67,7 @@ def shade_view(shading: Shading, buffers: ShadingBuffers, view: View, count: int
         _draw(shading, buffers.batch, view, count, buffers.colour)
 
 
-@inner_kernel
+@kernel(inner=True)
 def _look_behind(shading: Shading, buffers: ShadingBuffers, view: View, count: int) -> None:
     """Trace rays that met a narrow wire again, without wires."""
     packet, batch, radius = buffers.packet, buffers.batch, shading.wires.radius
@@ -169,13 +177,14 @@ def _cone(direction: Float32Array, first: int, end: int, out: Array) -> bool:
     return True
 
 
-@inner_kernel
+@kernel(inner=True, allocates=True)
 def _draw(shading: Shading, batch: RayBatch, view: View, count: int, colour: Float32Array) -> None:
     """Blend wires over the colours of what is behind them, in packets of rays near which there is one."""
     wires, cone, margin = shading.wires, np.empty(4), 3.5 / view.pinhole.fx
     if not _cone(batch.direction, 0, count, cone):
         return
     rows, planes = np.empty((len(wires.start), 2), np.int32), np.empty((len(wires.start) + 1, 7))
+    read = _Read(np.empty(READ, np.float32), np.empty(3, np.float32), np.empty(3, np.float32))
     found = _planes(wires, view, cone, rows, planes)
     for first in range(0, count if found else 0, _LANES):
         end = min(first + _LANES, count)
@@ -184,7 +193,7 @@ def _draw(shading: Shading, batch: RayBatch, view: View, count: int, colour: Flo
         for m in range(found):
             if _may_see(planes[m], cone, cone[3] + margin):
                 chord = _chord_of(shading.wires, view, rows[m], planes[m])
-                _draw_segment(shading, batch, view, chord, (first, end), colour)
+                _draw_segment(shading, batch, view, chord, (first, end), read, colour)
 
 
 @inlined
@@ -205,9 +214,15 @@ def _chord_of(wires: WireTable, view: View, row: IntArray, plane: Array) -> _Cho
     return _Chord(row[1], top, a, along, first, last, normal, float(wires.radius[top]))
 
 
-@inner_kernel
+@kernel(inner=True)
 def _draw_segment(
-    shading: Shading, batch: RayBatch, view: View, chord: _Chord, span: tuple[int, int], colour: Float32Array
+    shading: Shading,
+    batch: RayBatch,
+    view: View,
+    chord: _Chord,
+    span: tuple[int, int],
+    read: _Read,
+    colour: Float32Array,
 ) -> None:
     """Blend a segment over the colours of the rays ``span`` of a batch.
 
@@ -229,7 +244,9 @@ def _draw_segment(
         covered = coverage(_dot(normal, ray) - du * right - dv * down, half, abs(right), abs(down))
         if covered > 0.0:
             x, y = view.pose[0, 3] + distance * ray[0], view.pose[1, 3] + distance * ray[1]
-            _blend(shading, chord, ray, (x, y, view.pose[2, 3] + distance * ray[2]), (distance, covered), colour[k])
+            _blend(
+                shading, chord, ray, (x, y, view.pose[2, 3] + distance * ray[2]), (distance, covered), read, colour[k]
+            )
 
 
 @inlined
@@ -252,13 +269,14 @@ def _below(x: float, wide: float, narrow: float) -> float:
     return total / (2.0 * wide * narrow)
 
 
-@inner_kernel
+@kernel(inner=True)
 def _blend(
     shading: Shading,
     chord: _Chord,
     ray: _Vector,
     point: _Vector,
     found: tuple[float, float],
+    read: _Read,
     colour: Float32Array,
 ) -> None:
     """Blend the light of a wire at a point over a colour (3,); ``found`` is its distance and coverage.
@@ -281,10 +299,9 @@ def _blend(
     nx = toward * (-ray[0] - v_along * t[0])
     ny = toward * (-ray[1] - v_along * t[1])
     nz = toward * (-ray[2] - v_along * t[2])
-    probe, per_metre = np.empty(READ, np.float32), light.volume_per_metre
+    (probe, left, glow), per_metre = read, light.volume_per_metre
     u, v = (point[0] - light.volume_corner[0]) * per_metre, (point[1] - light.volume_corner[1]) * per_metre
     read_probes(light.volume, light.volume_base, np.float32(u), np.float32(v), np.float32(point[2]), probe)
-    left, glow = np.empty(3, np.float32), np.empty(3, np.float32)
     air_along(shading.air, ray, point[2] - distance * ray[2], distance, left, glow)
     for channel in range(3):
         value = (light.sun_rgb[channel] * front + falling_on(probe, channel, nx, ny, nz)) * shading.wires.albedo[

@@ -13,9 +13,9 @@ import hashlib
 import pickle
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, overload
 
 from numba import config, njit
 from numba.core import serialize
@@ -28,24 +28,31 @@ from fieldtruth.core.seal import SEAL_SIZE, add_seal, is_sealed
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-def kernel(function: F) -> F:
+@overload
+def kernel(function: F) -> F: ...
+@overload
+def kernel(*, inner: bool = False, allocates: bool = False) -> Callable[[F], F]: ...
+def kernel(function: F | None = None, *, inner: bool = False, allocates: bool = False) -> F | Callable[[F], F]:
     """Compile a function with NumPy's division rules: a branch that raises would keep loops from being vectorized.
 
     No rounding is left to the compiler (as LLVM's fast-math flag ``contract`` would): each kernel's machine code also
     holds copies of the functions that it calls, optimized with it, and which copy a process runs depends on what it
     loaded first.
+
+    Args:
+        function: what is compiled; None returns a decorator.
+        inner: only kernels call it. To compile calls from Python takes long where there are large tables.
+        allocates: it makes arrays, so that references to arrays are counted (Numba's run-time, NRT). That took more
+            than half of the time of loops that pass tuples of arrays to functions.
     """
-    return _compiled(function, inline="never")
-
-
-def inner_kernel(function: F) -> F:
-    """Compile like ``kernel``, for calls by kernels only: to compile calls from Python with tables takes long."""
-    return _compiled(function, inline="never", no_cpython_wrapper=True)
+    if function is None:
+        return partial(_compiled, inline="never", _nrt=allocates, no_cpython_wrapper=inner)
+    return _compiled(function, inline="never", _nrt=False)
 
 
 def inlined(function: F) -> F:
     """Compile like ``kernel``, and inline into callers: for short functions in inner loops."""
-    return _compiled(function, inline="always")
+    return _compiled(function, inline="always", _nrt=False)
 
 
 def _compiled(function: F, **choices: object) -> F:

@@ -155,7 +155,7 @@ def _column(cosine: float) -> float:
     return (_COSINES - 1) * np.sqrt(min(max(share, 0.0), 1.0))  # type: ignore[no-any-return]
 
 
-@kernel
+@kernel(allocates=True)
 def _higher_orders(depths: Array, directions: Array, out: Array) -> None:
     """Light of second and higher orders (heights, cosines of the sun, wavelengths) per irradiance of the sun.
 
@@ -210,7 +210,7 @@ def _higher_orders(depths: Array, directions: Array, out: Array) -> None:
                 out[i, j, w] = second[w] / (1.0 - again[w])
 
 
-@kernel
+@kernel(allocates=True)
 def _scatter(depths: Array, higher: Array, elevation: float, ceiling: float, out: Array, through: Array) -> None:
     """Integrate what is scattered along each ray from the ground, per irradiance of the sun above the air."""
     waves = depths.shape[1]

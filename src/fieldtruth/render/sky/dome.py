@@ -185,7 +185,7 @@ def _add_air(clear: Clear, sun: Array, ray: tuple[float, float, float], part: in
             out[channel] += phase * (near + (far - near) * u)
 
 
-@kernel
+@kernel(allocates=True)
 def _clear_rows(clear: Clear, sun: Array, haze: float, start: int, rgb: Float32Array) -> None:
     """Fill rows from ``start`` on with the clear sky."""
     out = np.zeros(3)
@@ -206,7 +206,7 @@ def _through(clear: Clear, z: float, channel: int) -> float:
     return clear.through[i, channel] * (1.0 - row + i) + clear.through[i + 1, channel] * (row - i)  # type: ignore[no-any-return]
 
 
-@kernel
+@kernel(allocates=True)
 def _cover(
     clear: Clear,
     sun: Array,
@@ -224,7 +224,7 @@ def _cover(
         pixel[channel] = air[channel] + _through(clear, ray[2], channel) * cloud[channel] + left * beyond
 
 
-@kernel
+@kernel(allocates=True)
 def _march_rows(
     clouds: Clouds, shade: Shade, light: CloudLight, start: int, chosen: NDArray[np.bool_], seen: Float32Array
 ) -> None:
@@ -260,7 +260,7 @@ def _clouds_seen(sky: Sky, clouds: Clouds, pool: ThreadPoolExecutor, size: int) 
     return seen
 
 
-@kernel
+@kernel(allocates=True)
 def _cloud_rows(clear: Clear, sun: Array, haze: float, start: int, seen: Float32Array, rgb: Float32Array) -> None:
     """Draw clouds with volume over rows of the dome."""
     cloud = np.zeros(3)
@@ -274,7 +274,7 @@ def _cloud_rows(clear: Clear, sun: Array, haze: float, start: int, seen: Float32
                 _cover(clear, sun, haze, ray, cloud, 1.0 - fade * seen[i, j, 3], rgb[i, j])
 
 
-@kernel
+@kernel(allocates=True)
 def _layer_rows(
     clear: Clear, layer: Layer, light: CloudLight, haze: float, level: Array, start: int, rgb: Float32Array
 ) -> None:

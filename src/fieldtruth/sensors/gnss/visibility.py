@@ -83,7 +83,7 @@ def amplitudes(scene: Scene, antenna: Array, directions: Array, leaf: float) -> 
     return mean
 
 
-@kernel
+@kernel(allocates=True)
 def _trace(
     scene: np.uint64, hits: HitTable, packet: Packet, paths: Array, surfaces: tuple[float, Kinds], out: Array
 ) -> None:
