@@ -25,6 +25,7 @@ from fieldtruth.render.materials import material_table
 from fieldtruth.render.sky import dome
 from fieldtruth.render.sky.daylight import SUN_RADIUS_DEG, Daylight, metered_daylight, sun_direction
 from fieldtruth.render.snow import snow_table
+from fieldtruth.render.sun_map import make_sun_map
 from fieldtruth.render.surfaces import surface_table
 from fieldtruth.render.tables import AIR_TEXEL, NO_SHADOW, AirTable, LightTable, MaterialTable, Shading
 from fieldtruth.render.visibility import SHADOW_RANGE, hemisphere, sun_disc, visibility
@@ -76,6 +77,7 @@ def bake_light(
             cloud_sun=day.cloud_sun,
             has_cloud_shadow=bool(day.cloud_sun.values.min() < 0.99),
             dome=day.dome,
+            sun_map=make_sun_map(scene, sun, pool),
             ground_sun=_below_clouds(_ground_grid(scene, pool, spacing, disc), day),
             ground_near=_ground_grid(scene, pool, spacing, hemisphere(24), reach=_NEAR_GROUND),
             vertex_near=_vertex_near(scene, pool),

@@ -14,6 +14,7 @@ from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.render.sky import dome
 from fieldtruth.render.sky.dome import Dome
+from fieldtruth.render.sun_map import SunMap
 from fieldtruth.render.tables import LightTable
 from fieldtruth.sense.hits import Grid
 from fieldtruth.sense.scene import Scene
@@ -64,6 +65,7 @@ def _write(path: Path, table: LightTable) -> None:
     arrays["volume_at"] = np.array([*table.volume_corner, table.volume_per_metre])
     arrays["has_cloud_shadow"] = np.array(table.has_cloud_shadow)
     arrays |= {f"dome_{name}": value for name, value in table.dome._asdict().items()}
+    arrays |= {f"sun_map_{name}": np.asarray(value) for name, value in table.sun_map._asdict().items()}
     arrays["dome_rgb"] = table.dome.rgb.astype(np.float16)  # daylight.py rounds it so
     with path.open("wb") as stream:
         np.savez(stream, allow_pickle=False, **arrays)
@@ -75,8 +77,17 @@ def _read(path: Path) -> LightTable:
     grids: dict[str, Any] = {n: Grid(arrays.pop(n), *map(float, arrays.pop(f"{n}_at"))) for n in _GRIDS}
     arrays["dome_rgb"] = arrays["dome_rgb"].astype(np.float32)
     sky = Dome(**{n: arrays.pop(f"dome_{n}") for n in Dome._fields})
+    found = {n: arrays.pop(f"sun_map_{n}") for n in SunMap._fields}
+    corner = float(found["corner"][0]), float(found["corner"][1])
+    sun_map = SunMap(found["depth"], found["axes"], corner, float(found["per_metre"]))
     x, y, per_metre = map(float, arrays.pop("volume_at"))
     shaded = bool(arrays.pop("has_cloud_shadow"))
     return LightTable(
-        dome=sky, has_cloud_shadow=shaded, volume_corner=(x, y), volume_per_metre=per_metre, **grids, **arrays
+        dome=sky,
+        sun_map=sun_map,
+        has_cloud_shadow=shaded,
+        volume_corner=(x, y),
+        volume_per_metre=per_metre,
+        **grids,
+        **arrays,
     )

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.core.arrays import Float32Array
 from fieldtruth.render.air import dim
 from fieldtruth.render.gbuffer import (
     FIELDS,
@@ -26,6 +26,7 @@ from fieldtruth.render.mesh_gbuffer import mesh_gbuffer
 from fieldtruth.render.sky.disc import add_disc, add_glitter
 from fieldtruth.render.sky.dome import sky_radiance
 from fieldtruth.render.snow import cover_with_snow
+from fieldtruth.render.sun_map import TEXEL, sun_share
 from fieldtruth.render.tables import EXPOSURE, LightTable, Shading
 from fieldtruth.render.visibility import SHADOW_RANGE
 from fieldtruth.render.water import (
@@ -45,6 +46,12 @@ from fieldtruth.sense.ray_batch import RayBatch, new_batch
 _EXPOSURE, _PER_PI = np.float32(EXPOSURE), np.float32(1.0 / np.pi)
 _CUTICLE = np.float32(0.04)  # reflectance of wax and varnish at normal incidence: refractive index 1.5
 _OFFSET = 0.002  # [m] between a surface and the origin of its shadow ray
+_MAP_OFFSET = 1.5 * TEXEL  # [m] between a surface and where its share is read in the sun's map
+_FINE = np.float32(0.006)
+"""Width [m] of a pixel below which shadows of what is near, and so small that the map may lack it, are traced."""
+_CLOSE = np.float32(1.0)  # [m] to what hides the sun, below which its shadow is sharp
+_SOFT, _SOFTEST = np.float32(0.05), np.float32(0.3)
+"""Radius [m] over which the map is read: the sun's disc seen past what is 11 m away; more for large pixels."""
 
 _Vector = tuple[np.float32, np.float32, np.float32]
 
@@ -120,39 +127,49 @@ def shade_hits(
     mesh_gbuffer(shading, batch, count, pixel, buffers.scratch, gbuffer)
     if shading.has_snow:
         cover_with_snow(shading.snow, shading.light.dome.mean[1], batch, count, gbuffer)
-    _trace_sun(shading.scene, buffers.shadow, buffers.shadow_rows, shading.light.sun, batch, count, gbuffer)
+    _share_sun(shading, buffers.shadow, buffers.shadow_rows, batch, count, np.float32(pixel), gbuffer)
     if shading.light.has_cloud_shadow:
         _shade_by_clouds(shading.light.cloud_sun, batch, count, gbuffer)
     _illuminate(batch, count, gbuffer, shading.light, shading.exposure, colour)
 
 
 @kernel(inner=True)
-def _trace_sun(
-    scene: np.uint64, shadow: Packet, rows: IntArray, sun: Array, batch: RayBatch, count: int, gbuffer: Float32Array
-) -> None:
-    """Trace a shadow ray for each hit whose SUN requests it. What all of them share is set once."""
+def _share_sun(
+    shading: Shading, shadow: Packet, rows: IntArray, batch: RayBatch, count: int, pixel: np.float32,
+    gbuffer: Float32Array,
+) -> None:  # fmt: skip
+    """Find the share of the sun for each hit whose SUN requests it: from the sun's map, or near ones by shadow rays.
+
+    A ray has the fine shadow of what is near; the map has the soft one of what is far away.
+    """
+    sun, sun_map = shading.light.sun, shading.light.sun_map
     sx, sy, sz, filled = np.float32(sun[0]), np.float32(sun[1]), np.float32(sun[2]), 0
-    top, point, ray, offset, zero = batch.top, batch.point, shadow.ray, np.float32(_OFFSET), np.float32(0.0)
+    top, point, distance, ray = batch.top, batch.point, batch.distance, shadow.ray
+    offset, above, zero, one = np.float32(_OFFSET), np.float32(_MAP_OFFSET), np.float32(0.0), np.float32(1.0)
     for lane in range(_LANES):
         set_shadow_ray(shadow, lane, (zero, zero, zero), (sx, sy, sz), _OFFSET, SHADOW_RANGE)
     for k in range(count):
         if top[k] > TERRAIN and gbuffer[k, SUN] == TRACE_SUN:
-            nx, ny, nz = gbuffer[k, NX], gbuffer[k, NY], gbuffer[k, NZ]
-            gbuffer[k, SUN] = zero
+            nx, ny, nz, side = gbuffer[k, NX], gbuffer[k, NY], gbuffer[k, NZ], distance[k] * pixel
+            share, away = zero, one
             if nx * sx + ny * sy + nz * sz > zero:
-                ray[_OX + filled] = point[0, k] + offset * nx
-                ray[_OY + filled] = point[1, k] + offset * ny
-                ray[_OZ + filled] = point[2, k] + offset * nz
-                ray[_FAR + filled] = SHADOW_RANGE
-                rows[filled] = k
-                filled += 1
+                x, y, z = point[0, k] + above * nx, point[1, k] + above * ny, point[2, k] + above * nz
+                share, away = sun_share(sun_map, x, y, z, min(_SOFTEST, _SOFT + np.float32(0.5) * side))
+                if share < zero or (side < _FINE and (share == one or away < _CLOSE)):
+                    ray[_OX + filled] = point[0, k] + offset * nx
+                    ray[_OY + filled] = point[1, k] + offset * ny
+                    ray[_OZ + filled] = point[2, k] + offset * nz
+                    ray[_FAR + filled] = SHADOW_RANGE
+                    rows[filled], share = k, zero
+                    filled += 1
+            gbuffer[k, SUN] = share
         if filled == _LANES or (k == count - 1 and filled > 0):
             for lane in range(filled, _LANES):
                 shadow.valid[lane] = 0
-            _occluded(shadow.valid.ctypes, scene, ray.ctypes, shadow.arguments.ctypes)
+            _occluded(shadow.valid.ctypes, shading.scene, ray.ctypes, shadow.arguments.ctypes)
             for lane in range(filled):
                 if ray[_FAR + lane] >= zero:
-                    gbuffer[rows[lane], SUN] = 1.0
+                    gbuffer[rows[lane], SUN] = one
             filled = 0
 
 

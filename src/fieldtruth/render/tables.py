@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.render.atlas import Atlas
 from fieldtruth.render.sky.dome import Dome
+from fieldtruth.render.sun_map import SunMap
 from fieldtruth.sense.hits import Grid, HitTable
 from fieldtruth.sense.packets import IntArray
 
@@ -36,6 +37,7 @@ class LightTable(NamedTuple):
     cloud_sun: Grid  # share of sunlight that clouds let through; ground_sun has it
     has_cloud_shadow: bool
     dome: Dome
+    sun_map: SunMap
     ground_sun: Grid  # share of the sun's disc that is visible from the ground
     ground_near: Grid  # share of directions above the ground in which nothing is near, weighted by the cosine
     vertex_near: Float32Array  # (v,) the same for every vertex of every mesh on its own
