@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, zoom
 
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.core.classes import Label
 from fieldtruth.render.atlas import Atlas, make_atlas
 from fieldtruth.render.ground_points import Relief
 from fieldtruth.render.ground_wear import ground_wear
@@ -75,6 +76,8 @@ def material_table(world: World, sun: Array | None = None, wetness: float = 0.0)
         seen=seen,
         age=np.array([(m.furrows, m.weathering, m.patches) for m in materials], np.float32),
         patch=np.array([_PATCH * m.repeat if m.ground_type not in _WHOLE else 0.0 for m in materials], np.float32),
+        land=np.array([m.label == Label.GROUND for m in materials], np.bool_),
+        steep=np.array([textures.index(m.steep) if m.steep else -1 for m in materials], np.int32),
         wetness=wetness,
         ground=np.ascontiguousarray(np.concatenate(ground, axis=-1), np.float32),
         ground_material=material,

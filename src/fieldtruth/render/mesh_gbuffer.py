@@ -30,6 +30,7 @@ from fieldtruth.render.gbuffer import (
     mip_level,
 )
 from fieldtruth.render.ground_points import patch_offset
+from fieldtruth.render.land import is_steep, near_edge
 from fieldtruth.render.probes import among, falling_on, read_probes
 from fieldtruth.render.tables import (
     FIRST,
@@ -159,6 +160,7 @@ def _shade_surfaces(
     foreshortening = batch.foreshortening
     atlas, sizes, textures, tints = materials.atlas, materials.atlas.size, materials.texture, materials.tint
     glosses, throughs, mirrors = materials.gloss, materials.through, materials.mirror
+    steeps, lands = materials.steep, materials.land
     rotations, own_tints = surfaces.top_rotation, surfaces.top_tint
     top_leaf, zero, one = light.top_leaf, np.float32(0.0), np.float32(1.0)
     for m in range(found):
@@ -182,9 +184,12 @@ def _shade_surfaces(
             shift_u, shift_v = patch_offset(u, v, _PATCH)
             u, v = u + shift_u, v + shift_v
             across /= max(foreshortening[k], _FLATTEST)
+            if steeps[row] >= 0 and is_steep(points[0, k], points[1, k], out[k, NZ]):
+                texture = np.uintp(steeps[row])
         elif through == zero:  # a pixel sees more of a surface that it grazes
             across /= np.sqrt(max(abs(facing) * abs(scale), _GRAZING))
-        level = mip_level(across, dither(image[0, k], image[1, k]))
+        noise = dither(image[0, k], image[1, k])
+        level = mip_level(across, noise)
         red, green, blue = sample(atlas, texture, u, v, level)
         colour = np.float32(red), np.float32(green), np.float32(blue)
         bright, warmth = one, zero
@@ -205,9 +210,13 @@ def _shade_surfaces(
             elif age[row, PATCHES] > zero:
                 colour = patchy(colour, points[0, k], points[1, k], age[row, PATCHES])
             out[k, SUN] = one if distant and distance[k] > _SHADOWS_END else np.float32(TRACE_SUN)
-        out[k, RED] = colour[0] * tints[row, 0] * own_tints[top, 0] * bright * (one + np.float32(0.35) * warmth)
-        out[k, GREEN] = colour[1] * tints[row, 1] * own_tints[top, 1] * bright
-        out[k, BLUE] = colour[2] * tints[row, 2] * own_tints[top, 2] * bright * (one - np.float32(0.25) * warmth)
+        red = colour[0] * tints[row, 0] * own_tints[top, 0] * bright * (one + np.float32(0.35) * warmth)
+        green = colour[1] * tints[row, 1] * own_tints[top, 1] * bright
+        blue = colour[2] * tints[row, 2] * own_tints[top, 2] * bright * (one - np.float32(0.25) * warmth)
+        if distant and lands[row]:
+            side = distance[k] * pixel / max(foreshortening[k], _FLATTEST)
+            red, green, blue = near_edge(materials, (red, green, blue), points[0, k], points[1, k], side, noise)
+        out[k, RED], out[k, GREEN], out[k, BLUE] = red, green, blue
 
 
 @kernel(inner=True)

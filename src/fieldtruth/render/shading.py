@@ -26,7 +26,7 @@ from fieldtruth.render.mesh_gbuffer import mesh_gbuffer
 from fieldtruth.render.sky.disc import add_disc, add_glitter
 from fieldtruth.render.sky.dome import sky_radiance
 from fieldtruth.render.snow import cover_with_snow
-from fieldtruth.render.sun_map import TEXEL, sun_share
+from fieldtruth.render.sun_map import sun_share
 from fieldtruth.render.tables import EXPOSURE, LightTable, Shading
 from fieldtruth.render.visibility import SHADOW_RANGE
 from fieldtruth.render.water import (
@@ -46,7 +46,6 @@ from fieldtruth.sense.ray_batch import RayBatch, new_batch
 _EXPOSURE, _PER_PI = np.float32(EXPOSURE), np.float32(1.0 / np.pi)
 _CUTICLE = np.float32(0.04)  # reflectance of wax and varnish at normal incidence: refractive index 1.5
 _OFFSET = 0.002  # [m] between a surface and the origin of its shadow ray
-_MAP_OFFSET = 1.5 * TEXEL  # [m] between a surface and where its share is read in the sun's map
 _FINE = np.float32(0.006)
 """Width [m] of a pixel below which shadows of what is near, and so small that the map may lack it, are traced."""
 _CLOSE = np.float32(1.0)  # [m] to what hides the sun, below which its shadow is sharp
@@ -145,7 +144,7 @@ def _share_sun(
     sun, sun_map = shading.light.sun, shading.light.sun_map
     sx, sy, sz, filled = np.float32(sun[0]), np.float32(sun[1]), np.float32(sun[2]), 0
     top, point, distance, ray = batch.top, batch.point, batch.distance, shadow.ray
-    offset, above, zero, one = np.float32(_OFFSET), np.float32(_MAP_OFFSET), np.float32(0.0), np.float32(1.0)
+    offset, zero, one = np.float32(_OFFSET), np.float32(0.0), np.float32(1.0)
     for lane in range(_LANES):
         set_shadow_ray(shadow, lane, (zero, zero, zero), (sx, sy, sz), _OFFSET, SHADOW_RANGE)
     for k in range(count):
@@ -153,8 +152,8 @@ def _share_sun(
             nx, ny, nz, side = gbuffer[k, NX], gbuffer[k, NY], gbuffer[k, NZ], distance[k] * pixel
             share, away = zero, one
             if nx * sx + ny * sy + nz * sz > zero:
-                x, y, z = point[0, k] + above * nx, point[1, k] + above * ny, point[2, k] + above * nz
-                share, away = sun_share(sun_map, x, y, z, min(_SOFTEST, _SOFT + np.float32(0.5) * side))
+                at, spread = (point[0, k], point[1, k], point[2, k]), min(_SOFTEST, _SOFT + np.float32(0.5) * side)
+                share, away = sun_share(sun_map, at, (nx, ny, nz), spread)
                 if share < zero or (side < _FINE and (share == one or away < _CLOSE)):
                     ray[_OX + filled] = point[0, k] + offset * nx
                     ray[_OY + filled] = point[1, k] + offset * ny

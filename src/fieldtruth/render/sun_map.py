@@ -24,9 +24,14 @@ MARGIN: Final = 10.0
 """[m] beyond the world's edge up to which the map reaches."""
 NOTHING: Final = np.float32(-1e9)
 """Depth where the sun meets no surface."""
+OFFSET: Final = np.float32(0.5 * TEXEL)
+"""[m] in front of a surface where its share is read, so that its own roughness does not shade it."""
+_LEAST_FACING: Final = np.float32(0.2)  # cosine to the sun; surfaces that face it less have nearly no light of it
 _TAPS: Final = 4
 _TURN = 0.3 + 2.0 * np.pi * np.arange(_TAPS) / _TAPS
 _TAP: Final = np.stack([np.cos(_TURN), np.sin(_TURN)], axis=-1).astype(np.float32)
+
+Vector = tuple[np.float32, np.float32, np.float32]
 
 _LANES, _FAR = embree.LANES, embree.TFAR
 _intersect: Any = embree.intersect
@@ -110,29 +115,36 @@ def _texel(depth: Float32Array, i: np.uintp, j: np.uintp, own: np.float32) -> tu
 
 
 @inlined
-def sun_share(
-    sun_map: SunMap, x: np.float32, y: np.float32, z: np.float32, spread: np.float32
-) -> tuple[np.float32, np.float32]:
-    """Share of the sun that a point [m] sees, in the mean over a circle of radius ``spread`` [m], and how far away
-    what hides it is; a share of -1 outside the map.
+def sun_share(sun_map: SunMap, point: Vector, normal: Vector, spread: np.float32) -> tuple[np.float32, np.float32]:
+    """Share of the sun that a surface sees at a point [m], and how far away what hides it is.
+
+    It is the mean over a circle of radius ``spread`` [m], in which the surface is the plane through the point with
+    this unit normal, which faces the sun. The share is -1 outside the map.
     """
     axes, depth, per = sun_map.axes, sun_map.depth, np.float32(sun_map.per_metre)
-    zero, one = np.float32(0.0), np.float32(1.0)
+    zero, one, texel = np.float32(0.0), np.float32(1.0), np.float32(1.0) / per
+    x, y, z = point[0] + OFFSET * normal[0], point[1] + OFFSET * normal[1], point[2] + OFFSET * normal[2]
     u = (axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z - np.float32(sun_map.corner[0])) * per
     v = (axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z - np.float32(sun_map.corner[1])) * per
-    own, radius = axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z, spread * per
-    if min(u, v) < radius or u > np.float32(depth.shape[0] - 2) - radius or v > np.float32(depth.shape[1] - 2) - radius:
+    radius, last_u, last_v = spread * per, np.float32(depth.shape[0] - 2), np.float32(depth.shape[1] - 2)
+    if min(u, v) < radius or u > last_u - radius or v > last_v - radius:
         return -one, zero
+    own = axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z
+    facing = axes[2, 0] * normal[0] + axes[2, 1] * normal[1] + axes[2, 2] * normal[2]
+    per_facing = -texel / max(facing, _LEAST_FACING)
+    along_u = (axes[0, 0] * normal[0] + axes[0, 1] * normal[1] + axes[0, 2] * normal[2]) * per_facing
+    along_v = (axes[1, 0] * normal[0] + axes[1, 1] * normal[1] + axes[1, 2] * normal[2]) * per_facing
     share, away = zero, zero
     for tap in range(_TAPS):
         a, b = u + radius * _TAP[tap, 0], v + radius * _TAP[tap, 1]
         i, j = int(a), int(b)
         fu, fv = a - np.float32(i), b - np.float32(j)
         row, column, next_one = np.uintp(i), np.uintp(j), np.uintp(1)
-        s00, a00 = _texel(depth, row, column, own)
-        s01, a01 = _texel(depth, row, column + next_one, own)
-        s10, a10 = _texel(depth, row + next_one, column, own)
-        s11, a11 = _texel(depth, row + next_one, column + next_one, own)
+        d00 = own + (np.float32(i) - u) * along_u + (np.float32(j) - v) * along_v
+        s00, a00 = _texel(depth, row, column, d00)
+        s01, a01 = _texel(depth, row, column + next_one, d00 + along_v)
+        s10, a10 = _texel(depth, row + next_one, column, d00 + along_u)
+        s11, a11 = _texel(depth, row + next_one, column + next_one, d00 + along_u + along_v)
         low, high = s00 + (s01 - s00) * fv, s10 + (s11 - s10) * fv
         share += low + (high - low) * fu
         away = max(away, max(max(a00, a01), max(a10, a11)))

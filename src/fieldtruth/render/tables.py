@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.render.atlas import Atlas
 from fieldtruth.render.sky.dome import Dome
 from fieldtruth.render.sun_map import SunMap
@@ -74,6 +74,8 @@ class MaterialTable(NamedTuple):
     relief: Float32Array  # (materials,) [m] height of the texture's relief
     patch: Float32Array  # (materials,) [m] side of patches of the ground that show different parts of the texture
     seen: Float32Array  # (materials, 2, TERMS) see relief_views: brightness of distant relief by direction
+    land: Mask  # (materials,) whether it is ground, which beyond the edge continues the world's
+    steep: IntArray  # (materials,) row of the atlas for steep land; -1: none
     wetness: float  # 0 to 1
     ground: Float32Array  # (nx, ny, 5) linear colour off trails, height [m] without relief, factor on trails' colour
     ground_material: NDArray[np.uint8]  # (mx, my) row of the material whose texture is used

@@ -53,7 +53,7 @@ def assemble(
         instances=tuple(builder.instances),
         swarms=tuple(swarms),
         materials=materials,
-        textures=make_textures(textures, dict.fromkeys(m.texture for m in materials.values())),
+        textures=make_textures(textures, dict.fromkeys(n for m in materials.values() for n in m.images)),
         backdrop=backdrop,
         water_level=builder.water_level,
         object_names=("husky", f"{name}_ground", *(i.name for i in builder.instances), *(s.name for s in swarms)),

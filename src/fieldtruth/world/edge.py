@@ -41,7 +41,7 @@ def cut_at_edge(world: World) -> World:
     used = {n for mesh in meshes.values() for n in mesh.materials}
     used |= {*ground.ground_materials, ground.trail_material, ground.border_material}
     materials = {name: material for name, material in world.materials.items() if name in used}
-    textures = {material.texture for material in materials.values()}
+    textures = {name for material in materials.values() for name in material.images}
     return replace(
         world,
         meshes=meshes,

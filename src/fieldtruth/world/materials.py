@@ -17,7 +17,7 @@ from fieldtruth.world.textures import TEXTURES
 
 _FIRST: Final = """
     lawn lawn_dry soil mulch bed_edge litter meadow rough_grass mud pebbles water turf_dry soil_stony scree rock_face
-    hillslope heath crags gravel setts needles moss path path_edge canopy
+    heath gravel setts needles moss path path_edge canopy
     bark_lime bark_birch bark_oak bark_beech bark_alder bark_willow bark_spruce bark_pine bark_pine_upper bark_dead
     bark_moss bark_soil bark_torn
     leaf_lime leaf_birch leaf_oak leaf_beech leaf_alder leaf_willow leaf_spruce leaf_pine
@@ -37,8 +37,9 @@ def _material(name: str, entry: Entry, source: str) -> Material:
         names = ", ".join(name.lower() for name in allowed)
         raise ConfigurationError(f"{source}: label must be one of {names}, got {entry.get('label')!r}")
     material = validated(Material, {"texture": name, **entry, "name": name, "label": Label[label]}, source)
-    if material.texture not in TEXTURES:
-        raise ConfigurationError(f"{source}: unknown texture {material.texture!r}; {suggestion(name, TEXTURES)}")
+    for texture in material.images:
+        if texture not in TEXTURES:
+            raise ConfigurationError(f"{source}: unknown texture {texture!r}; {suggestion(texture, TEXTURES)}")
     if material.ground_type not in ("", *GROUND_TYPES):
         hint = suggestion(material.ground_type, GROUND_TYPES)
         raise ConfigurationError(f"{source}: unknown ground type {material.ground_type!r}; {hint}")

@@ -52,12 +52,19 @@ class Material:
     """Moss, crusts and soil that photographs add to wood and rock, 0 (none) to 1 (in a damp forest)."""
     patches: float = 0.0
     """Relative brightness of the patches, tens of metres wide, that photographs add to distant land."""
+    steep: str = ""
+    """Texture that photographs show where distant land is steeper than about 37 deg; empty for none."""
     repeat: float = 1.0
     """Length [m] of the ground that one repeat of the texture covers; meshes have uv coordinates instead."""
     relief: float = 0.0
     """Height [m] of the texture's highest above its lowest parts, on the ground, if the texture has heights."""
     ground_type: str = ""
     """What kind of ground it is, a name in ``world.ground_types``; empty for anything else."""
+
+    @property
+    def images(self) -> tuple[str, ...]:
+        """Names of its textures."""
+        return (self.texture, self.steep) if self.steep else (self.texture,)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -104,7 +104,7 @@ def _tidied(world: World) -> World:
     used |= {n for mesh in world.meshes.values() for n in mesh.materials}
     used |= set(world.backdrop.materials if world.backdrop is not None else ())
     materials = {name: material for name, material in world.materials.items() if name in used}
-    textures = {material.texture for material in materials.values()}
+    textures = {name for material in materials.values() for name in material.images}
     return replace(
         world, materials=materials, textures={name: image for name, image in world.textures.items() if name in textures}
     )

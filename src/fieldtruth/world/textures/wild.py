@@ -152,28 +152,6 @@ def _shards(rng: Rng, count: int, radius: tuple[float, float], *, power: float) 
 
 
 @drawing
-def far_hillslope(rng: Rng) -> Image:
-    """Dry slope at some distance: straw on sandy soil, tufts, scattered stones; one pixel is 2.3 cm."""
-    patch, fine = noise(rng, FAR, 3, 30, slope=0.8), noise(rng, FAR, 30, 256, slope=0.35)
-    straw = mix([(126, 108, 72), (160, 142, 98), (182, 166, 122)], 0.5 + 0.2 * fine)
-    soil = mix(_GRUS, 0.45 + 0.16 * fine)
-    share = np.clip(0.55 + 0.9 * patch + 0.5 * fine, 0, 1)[..., None]
-    count = 2_400
-    size = (1.2**-1.8 + rng.random(count) * (13.0**-1.8 - 1.2**-1.8)) ** (-1 / 1.8)
-    lumps = rng.uniform(0, 2 * np.pi, (count, 4)).astype(np.float32)
-    pieces = settle(
-        FAR,
-        [stamps(rng, FAR, size, size * rng.uniform(0.6, 1, count), stone_profile(lumps), rng.uniform(0.3, 1, count))],
-    )
-    kind = rng.random(count).astype(np.float32)[pieces.owner]
-    tuft = mix([(96, 92, 56), (136, 124, 78), (168, 150, 102)], kind / 0.5 + 0.1 * fine)
-    stone = mix([(124, 117, 108), (160, 152, 141), (182, 174, 163)], (kind - 0.5) / 0.5)
-    piece = np.where((kind < 0.5)[..., None], tuft, stone) * (0.66 + 0.34 * pieces.height)[..., None]
-    ground = (straw * share + soil * (1 - share)) * crevices(pieces.height, 1.5, 0.45)[..., None]
-    return even_out(np.asarray(np.where((pieces.owner >= 0)[..., None], piece, ground), np.float32), cycles=5)
-
-
-@drawing
 def far_heath(rng: Rng) -> Image:
     """Distant heath of a mountain: brown heather and straw, gorse, grey rocks; one pixel is 8 cm."""
     patch, fine = noise(rng, FAR, 4, 50, slope=0.9), noise(rng, FAR, 40, 256, slope=0.3)

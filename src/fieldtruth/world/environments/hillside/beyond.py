@@ -1,37 +1,17 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The hillside beyond the world's edge: cover of the land, bushes, few trees, grass and boulders."""
+"""The hillside beyond the world's edge: bushes, few trees, grass and boulders."""
 
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 
-from fieldtruth.core.arrays import Array, Index
-from fieldtruth.world.backdrop import Cover, height_beyond, scatter_beyond
-from fieldtruth.world.grids import distance_beyond
+from fieldtruth.world.backdrop import height_beyond, scatter_beyond
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.placement import WorldBuilder
 from fieldtruth.world.plants import BUSHES, TREES, grow_bush, grow_tree
 from fieldtruth.world.rocks import ROCK_TYPES, make_rock
 from fieldtruth.world.swarms import FarSwarm, SwarmSpec
-
-FAR_MATERIALS: Final = ("heath", "crags", "hillslope")
-"""Materials of the land beyond: the first two far away, the last near the edge."""
-
-
-def far_cover(size: tuple[float, float], rng: np.random.Generator) -> Cover:
-    """The world's own cover near its edge, heath and crags from about 25 m on."""
-    waves = rng.normal(0, 1, (12, 2)) * np.exp(rng.uniform(np.log(0.05), np.log(1.2), (12, 1)))
-    phase = rng.uniform(0, 2 * np.pi, 12)
-
-    def cover(x: Array, y: Array, slope: Array) -> Index:
-        patch = np.sin(np.stack([x, y], axis=-1) @ waves.T + phase).mean(axis=1) * np.sqrt(24)
-        outside = distance_beyond(size, x, y)
-        far = np.where(np.degrees(slope) + 3 * patch > 37, 1, 0)
-        return np.where(outside + 6 * patch < 30, 2, far)
-
-    return cover
 
 
 def scatter_far_plants(

@@ -13,8 +13,6 @@ import numpy as np
 from fieldtruth.world.assembly import assemble
 from fieldtruth.world.backdrop import make_backdrop
 from fieldtruth.world.environments.hillside.beyond import (
-    FAR_MATERIALS,
-    far_cover,
     scatter_far_plants,
     scatter_far_rocks,
 )
@@ -47,9 +45,8 @@ def build(seed: int, corridors: Sequence[Line], config: Config | None = None) ->
     plant_bushes(builder, ground, config, plants)
     scatter_stones(builder, ground, config, stones)
     tufts = plant_grass(builder, ground, config, grass)
-    rng = np.random.default_rng(beyond.integers(2**63))
     backdrop = make_backdrop(
-        ground.field, config.size, FAR_MATERIALS, rng, land=land, cover=far_cover(config.size, rng)
+        ground.field, config.size, "heath", np.random.default_rng(beyond.integers(2**63)), land=land
     )
     return assemble(
         builder,
