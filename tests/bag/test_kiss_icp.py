@@ -21,11 +21,13 @@ pytest.importorskip("kiss_icp", reason="pip install kiss-icp")
 SECONDS = 20
 MOUNT = [0.09, 0.0, 0.826]
 """Position [m] of the LiDAR in base_link; its axes are those of base_link."""
-BOUNDS = {"park": 0.06, "lake": 0.06, "forest": 0.015, "hillside": 0.035}
-"""RMSE [m] of the position after rigid alignment, over 6 m of driving; measured: 0.047, 0.051, 0.008, 0.025.
+BOUNDS = {"park": 0.06, "lake": 0.06, "forest": 0.015, "hillside": 0.06}
+"""RMSE [m] of the position after rigid alignment, over 6 m of driving; measured: 0.047, 0.051, 0.008, 0.046.
 
 On the park's lawn and gravel most points are ground. Its rings move with the sensor, and point-to-point registration
-matches them to themselves unless the robot tilts: 0.114 where it tilts 0.06 deg (docs/physics.md).
+matches them to themselves unless the robot tilts: 0.114 where it tilts 0.06 deg (docs/physics.md). On the hillside it
+was 0.025 while boulders were cubes, whose faces hold a point better than broken ones do; other seeds of the world gave
+0.020 to 0.043 with cubes and 0.027 to 0.062 without, once 0.18.
 """
 
 
