@@ -70,7 +70,9 @@ def test_it_agrees_with_rays_to_the_sun_disc() -> None:
     """Among 300 boxes that float at random: the same mean share, and the same share at nearly every point."""
     rng = np.random.default_rng(3)
     poses = [at(*rng.uniform((-8, -8, 4), (8, 8, 9))) for _ in range(300)]
-    scene = Scene(make_world([(box(f"box_{k}", rng.uniform(0.1, 0.5, 3)), pose) for k, pose in enumerate(poses)]))
+    scene = Scene(
+        make_world([(box(f"box_{k}", rng.uniform(0.1, 0.5, 3).tolist()), pose) for k, pose in enumerate(poses)])
+    )
     sun = sun_direction(35.0, 48.0)
     points = rng.uniform((-6, -6, 0.2), (6, 6, 2.0), (4000, 3))
     rays = visibility(scene.rays.handle, points.astype(np.float32), None, sun_disc(sun, 0.27, 24), 0.0)
