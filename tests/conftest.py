@@ -33,6 +33,20 @@ if TYPE_CHECKING:
 _LEAN_NS: Final = 520_000_000
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files of tests in an order in which the first worker compiles the kernels while the second needs none.
+
+    The first file makes the small run, which compiles them all; the next ones make and look at worlds.
+    """
+
+    def place(item: pytest.Item) -> int:
+        if item.path.name == "test_annotate.py":
+            return 0
+        return 1 if item.path.parent.name in ("world", "campaign", "cluster") else 2
+
+    items.sort(key=place)
+
+
 @pytest.fixture(scope="session")
 def small_run(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
     """Folder of 1.2 s of park_1 with depth and instances, images of 320 x 184. Copy what you want to change."""
@@ -243,9 +257,9 @@ def exported(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Calla
 
 @pytest.fixture(scope="module", autouse=True)
 def small_sky(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Skies of 512 texels along each side in tests/render: one of the full size takes seconds."""
+    """Skies of 512 texels along each side in tests of photographs and of the benchmark: one of the full size takes seconds."""
     with pytest.MonkeyPatch.context() as patch:
-        if request.path.parent.name == "render":
+        if request.path.parent.name == "render" or request.path.name == "test_bench.py":
             from fieldtruth.render.sky import dome
 
             patch.setattr(dome, "SIZE", 512)

@@ -23,7 +23,7 @@ from fieldtruth.sensors.camera.stereo_config import StereoConfig
 
 SMALL = StereoConfig(width=320, height=184)
 POSE = frames.pose((0, 0, 5.0), (0, 0, 0)) @ OPTICAL
-WALL = 60.0  # [m]
+WALL = 20.0  # [m]
 U, V = 60, 88  # pixel of it
 FX = 160 / np.tan(np.radians(SMALL.horizontal_fov_deg / 2))
 RANGE = WALL * np.sqrt(1 + ((U + 0.5 - 160) / FX) ** 2 + ((V + 0.5 - 92) / FX) ** 2)
@@ -32,8 +32,8 @@ RANGE = WALL * np.sqrt(1 + ((U + 0.5 - 160) / FX) ** 2 + ((V + 0.5 - 92) / FX) *
 @pytest.fixture(scope="module")
 def scene() -> Scene:
     """A wall in the left half of the image, and level ground."""
-    wall = quad("wall", [[WALL, 40, 0], [WALL, 0, 0], [WALL, 0, 40], [WALL, 40, 40]])
-    return Scene(make_world([(wall, at(0, 0, 0))], side=150.0))
+    wall = quad("wall", [[WALL, 20, 0], [WALL, 0, 0], [WALL, 0, 20], [WALL, 20, 20]])
+    return Scene(make_world([(wall, at(0, 0, 0))], side=50.0))
 
 
 def _black(baked: BakedScene) -> BakedScene:

@@ -82,16 +82,21 @@ def _mip_maps(
     """Packed texels and heights of each level."""
     colour = _LINEAR[texture[..., :3]]
     height = texture[..., 3].astype(np.float32) if texture.shape[2] > 3 else np.zeros(texture.shape[:2], np.float32)
-    lit = None if sun is None else colour.mean(axis=-1) * sun
+    lit = None if sun is None else _grey(colour) * sun
     for _ in range(LEVELS):
         code = _CODE_OF[np.rint(colour * np.float32(65535.0)).astype(np.uint16)]
-        factor = np.float32(1.0) if lit is None else lit / np.maximum(colour.mean(axis=-1), np.float32(1e-6))
+        factor = np.float32(1.0) if lit is None else lit / np.maximum(_grey(colour), np.float32(1e-6))
         share = np.rint(np.clip(factor * SUN_ONE, 0, 255)).astype(np.uint32)
         yield code[..., 0] | code[..., 1] << 8 | code[..., 2] << 16 | share << 24, np.rint(height).astype(np.uint8)
         if len(colour) == 1:
             return
         colour, height = _halved(colour), _halved(height)
         lit = None if lit is None else _halved(lit)
+
+
+def _grey(colour: Float32Array) -> Float32Array:
+    """Mean of the channels; NumPy's ``mean`` over so short an axis takes eight times as long."""
+    return np.asarray((colour[..., 0] + colour[..., 1] + colour[..., 2]) / np.float32(3.0))
 
 
 def _halved(image: Float32Array) -> Float32Array:

@@ -50,7 +50,8 @@ def sun_factors(texture: NDArray[np.uint8], relief: float, repeat: float, sun: A
     across = float(np.hypot(sun[0], sun[1]))
     if across > 1e-6:
         reach = relief / texel * across / max(float(sun[2]), 0.05)
-        _in_light(height, np.array([sun[0], -sun[1], sun[2]], np.float32) / np.float32(across), reach / _STEPS, seen)
+        towards = np.array([sun[0], -sun[1], sun[2]], np.float32) / np.float32(across)
+        _in_light(height, float(height.max()), towards, reach / _STEPS, seen)
     else:
         seen[:] = 1.0
     factor = np.maximum(facing, 0.0) * (THROUGH + (1 - THROUGH) * seen)
@@ -61,7 +62,7 @@ def sun_factors(texture: NDArray[np.uint8], relief: float, repeat: float, sun: A
 
 
 @kernel
-def _in_light(height: Float32Array, step: Float32Array, least: float, seen: Float32Array) -> None:
+def _in_light(height: Float32Array, highest: float, step: Float32Array, least: float, seen: Float32Array) -> None:
     """Share of the sun that each texel sees, by steps of ``least`` texels or one; ``step`` is (column, row, rise)."""
     n = len(height)
     mask, one = n - 1, np.float32(1.0)
@@ -71,6 +72,8 @@ def _in_light(height: Float32Array, step: Float32Array, least: float, seen: Floa
             base, share = height[i, j], one
             for k in range(1, _STEPS + 1):
                 run = size * np.float32(k)
+                if base + run * step[2] >= highest:
+                    break
                 row, column = (
                     int(np.floor(i + run * step[1] + 0.5)) & mask,
                     int(np.floor(j + run * step[0] + 0.5)) & mask,
