@@ -257,7 +257,7 @@ def exported(small_run: Path, tmp_path_factory: pytest.TempPathFactory) -> Calla
 
 @pytest.fixture(scope="module", autouse=True)
 def small_sky(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Skies of 512 texels along each side in tests of photographs and of the benchmark: one of the full size takes seconds."""
+    """Skies of 512 x 512 texels in tests of photographs and of the benchmark: one of the full size takes seconds."""
     with pytest.MonkeyPatch.context() as patch:
         if request.path.parent.name == "render" or request.path.name == "test_bench.py":
             from fieldtruth.render.sky import dome
