@@ -46,7 +46,7 @@ CONFIG: Final = StereoConfig(
     horizontal_fov_deg=FIELD,
     vertical_fov_deg=2 * float(np.degrees(np.arctan(88 / 160 * np.tan(np.radians(FIELD / 2))))),
 )
-VIEWS: Final = 2
+VIEWS: Final = 4
 FAR: Final = 40.0  # [m]
 GLOW: Final = (2.6, 2.8, 1.0)
 """Light through a leaf over light from it, by channel, for a translucency of 1: as in ``render.shading``."""
