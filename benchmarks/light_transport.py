@@ -8,10 +8,11 @@ Both render the same triangles and instances, the same albedos, normals, sun and
 Textures are replaced by their mean colour, and tints, highlights, the layer of short grass, water and haze are left
 out, in both: what remains is how light travels. References are kept in FOLDER and used again; --save adds pictures.
 
-Printed per environment, of pixels (mean of 2 x 2) nearer than 40 m that are neither sky nor water: bias (ratio of the
-sums of luminance), relative error of luminance (median and mean), the same in the shade (where the reference has less
-than a fourth of its sunlit luminance), SSIM of the square root of luminance (Wang et al. 2004), and distance in
-chromaticity (mean of |r - r'| + |b - b'| with r = R / (R + G + B)).
+Printed per environment, first with an even light in place of the volume (the sky's mean from above, from below what
+level ground reflects of it and of the sun), then with the volume, of pixels (mean of 2 x 2) nearer than 40 m that are
+neither sky nor water: bias (ratio of the sums of luminance), relative error of luminance (median and mean), the same in
+the shade (where the reference has less than a fourth of its sunlit luminance), SSIM of the square root of luminance
+(Wang et al. 2004), and distance in chromaticity (mean of |r - r'| + |b - b'| with r = R / (R + G + B)).
 """
 
 import argparse
@@ -97,6 +98,17 @@ def ours(baked: BakedScene, poses: list[Image]) -> tuple[Image, Image]:
         light.append((linear - horizon * (1.0 - left)) / left)
         depths.append(depth)
     return np.stack(light), np.stack(depths)
+
+
+def evenly_lit(baked: BakedScene) -> BakedScene:
+    """The scene with the same light everywhere in the air: what the light volume is to be better than."""
+    light, colour = baked.shading.light, baked.shading.materials.ground[..., :3].mean(axis=(0, 1))
+    above = np.asarray(light.dome.mean, float)
+    below = colour * (above + light.sun_rgb * max(float(light.sun[2]), 0.0) / np.pi)
+    probe = np.zeros(light.volume.shape[-1], np.float32)
+    probe[0:12:4], probe[3:12:4] = (above + below) / 2, (above - below) / 2
+    even = light._replace(volume=np.ascontiguousarray(np.broadcast_to(probe, light.volume.shape)))
+    return replace(baked, shading=baked.shading._replace(light=even))
 
 
 def _write_ply(path: Path, vertices: Any, faces: Any, normals: Any = None, colours: Any = None) -> None:
@@ -262,7 +274,8 @@ def main() -> None:
         if not path.exists():
             np.save(path, reference(world, baked.shading.light, poses, arguments.samples))
         truth = np.load(path)
-        print(f"{environment:9} {compare(truth, found, depth)}", flush=True)
+        print(f"{environment:9} even   {compare(truth, ours(evenly_lit(baked), poses)[0], depth)}", flush=True)
+        print(f"{environment:9} volume {compare(truth, found, depth)}", flush=True)
         if arguments.save:
             _save(arguments.folder / f"{environment}.png", truth, found)
 
