@@ -48,7 +48,7 @@ def camera(focal: float = FOCAL, lens: LensConfig = LENS, pixels: int = PIXELS) 
 
 def light(baked: BakedScene, config: CameraConfig, roll: float = 0.0, *, frames_: int = 0, black: bool = True) -> F8:
     """Light (h, w, 3) of a view along x; wires are black, and so is the air before them if ``black``."""
-    shading = baked.shading
+    shading = baked.shading._replace(exposure=np.float32(1.0))
     if black:
         dome = shading.light.dome
         shading = shading._replace(

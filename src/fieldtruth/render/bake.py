@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.cache_folder import cache_folder
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.experiment.light_config import LightConfig
@@ -18,19 +19,18 @@ from fieldtruth.render.light_cache import cached_light
 from fieldtruth.render.materials import material_table
 from fieldtruth.render.sky.daylight import sun_direction
 from fieldtruth.render.sky.spectrum import LUMINANCE
-from fieldtruth.render.snow import snow_table
+from fieldtruth.render.snow import WHITE, snow_table
 from fieldtruth.render.surfaces import surface_table
-from fieldtruth.render.tables import LightTable, Shading
+from fieldtruth.render.tables import LightTable, MaterialTable, Shading, SnowTable
 from fieldtruth.render.wire_table import wire_table
 from fieldtruth.sense.scene import Scene
 
-PARK_LEVEL: Final = 0.122
-"""Level of light, as ``_exposure`` meters it, in a park under a clear sky; there the exposure is 1."""
-ADAPTATION: Final = 0.95
-"""Exponent with which the exposure follows the level of light; 1 would make all worlds equally bright."""
-LONGEST: Final = 30.0
-_MEAN, _UPWARD = np.array([0, 4, 8]), np.array([3, 7, 11])
-"""Coefficients of a probe: mean radiance, and its change towards the zenith, by channel."""
+PARK_LEVEL: Final = 0.085
+"""Radiance of the ground, as ``exposure`` meters it, in a park under a clear sky; there the exposure is 1."""
+SHORTEST, LONGEST = 0.3, 30.0
+"""Limits of the exposure: fresh snow in the sun stays bright, the floor of a dense forest dim."""
+_MEAN, _UPWARD, _LEVEL = np.array([0, 4, 8]), np.array([3, 7, 11]), np.array([12, 13, 14])
+_NODES: Final = 1_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +75,7 @@ def bake(
         light=table,
         wires=wire_table(scene, materials),
         has_water=bool((materials.mirror > 0).any()),
-        exposure=_exposure(table),
+        exposure=exposure(table, materials, snow),
         air=air,
         snow=snow,
         has_snow=bool(snow.on_top > 0),
@@ -83,17 +83,24 @@ def bake(
     return BakedScene(scene=scene, shading=shading, weather=weather or WeatherConfig())
 
 
-def _exposure(light: LightTable) -> np.float32:
-    """Exposure of this world relative to a park: longer below a closed canopy.
+def exposure(light: LightTable, materials: MaterialTable, snow: SnowTable) -> np.float32:
+    """Exposure of this world relative to a park: longer below a closed canopy, shorter on pale ground and snow.
 
-    The level of light, over the radiance of white open ground, is the geometric mean, over the lowest probes (Reinhard
-    et al. 2002 take that of pixels), of the mean radiance from all sides and of that from below, as cameras on the
-    ground see more of it than of the sky. All images share the exposure, so that stereo pairs agree and no image
-    depends on those before it.
+    A camera on the ground sees more of it than of the sky, so that the level of light is the ground's mean radiance,
+    over that of white ground in the open: its reflectance times what falls on it from the air and from the sun. Means
+    are geometric (Reinhard et al. 2002), so that spots of sun do not darken the shade around them. All images share
+    the exposure, so that stereo pairs agree and no image depends on those before it.
     """
-    white = np.asarray(light.sun_rgb) * (max(float(light.sun[2]), 0.0) / np.pi) + light.dome.mean
-    lowest, open_level = light.volume[:, :, 0], max(float(white @ LUMINANCE), 1e-9)
-    sides = lowest[..., _MEAN] @ LUMINANCE / open_level
-    below = sides - lowest[..., _UPWARD] @ LUMINANCE / open_level
-    level = float(np.exp(np.log(sides.clip(3e-4) * below.clip(3e-4)).mean() / 2.0))
-    return np.float32(np.clip((PARK_LEVEL / level) ** ADAPTATION, 0.8, LONGEST))
+    from_sun = float(np.asarray(light.sun_rgb) @ LUMINANCE) * max(float(light.sun[2]), 0.0) / np.pi
+    white = max(from_sun + float(np.asarray(light.dome.mean) @ LUMINANCE), 1e-9)
+    probes = light.volume[:, :, 0]
+    from_air = _geometric_mean((probes[..., _MEAN] + probes[..., _UPWARD] + probes[..., _LEVEL]) @ LUMINANCE)
+    sunlit = np.asarray(light.ground_sun.values).ravel()
+    received = _geometric_mean(from_air + from_sun * sunlit[:: 1 + len(sunlit) // _NODES])
+    covered = float(np.mean(snow.ground.values)) if snow.on_top > 0 else 0.0
+    reflected = (1 - covered) * _geometric_mean(materials.ground[..., :3] @ LUMINANCE) + covered * WHITE[1]
+    return np.float32(np.clip(PARK_LEVEL * white / (reflected * received), SHORTEST, LONGEST))
+
+
+def _geometric_mean(values: Array) -> float:
+    return float(np.exp(np.log(np.maximum(values, 1e-6)).mean()))
