@@ -4,11 +4,11 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array
 from fieldtruth.core.cache_folder import cache_folder
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.experiment.light_config import LightConfig
@@ -30,7 +30,9 @@ PARK_LEVEL: Final = 0.085
 SHORTEST, LONGEST = 0.3, 30.0
 """Limits of the exposure: fresh snow in the sun stays bright, the floor of a dense forest dim."""
 _MEAN, _UPWARD, _LEVEL = np.array([0, 4, 8]), np.array([3, 7, 11]), np.array([12, 13, 14])
+"""Coefficients of a probe by channel, whose sum is what a level surface receives."""
 _NODES: Final = 1_000_000
+"""Nodes of the ground at most that the exposure looks at."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,5 +104,5 @@ def exposure(light: LightTable, materials: MaterialTable, snow: SnowTable) -> np
     return np.float32(np.clip(PARK_LEVEL * white / (reflected * received), SHORTEST, LONGEST))
 
 
-def _geometric_mean(values: Array) -> float:
+def _geometric_mean(values: NDArray[Any]) -> float:
     return float(np.exp(np.log(np.maximum(values, 1e-6)).mean()))
