@@ -8,9 +8,9 @@ from sense_worlds import at, box, make_world, quad
 
 from fieldtruth.core import frames
 from fieldtruth.experiment.light_config import LightConfig, Preset
-from fieldtruth.render.bake import PARK_LEVEL, BakedScene, bake, exposure
+from fieldtruth.render.bake import LONGEST, PARK_LEVEL, SHORTEST, BakedScene, bake, exposure
 from fieldtruth.render.sky.spectrum import LUMINANCE
-from fieldtruth.render.tables import EXPOSURE
+from fieldtruth.render.tables import EXPOSURE, Shading
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL
 from fieldtruth.sensors.camera.sensing import Camera
@@ -41,22 +41,31 @@ def test_labels_are_the_same_bytes_in_every_light(baked: dict[str, BakedScene]) 
             np.testing.assert_array_equal(getattr(first, name), getattr(other, name))
 
 
+def _dark_ground(shading: Shading, share: float) -> Shading:
+    """With the exposure of ground that reflects this share of what it does."""
+    materials = shading.materials._replace(
+        ground=shading.materials.ground * np.float32(share), tint=shading.materials.tint * np.float32(share)
+    )
+    return shading._replace(materials=materials, exposure=exposure(shading.light, materials, shading.snow))
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_exposed_level_ground_is_as_bright_in_any_light(name: Preset, baked: dict[str, BakedScene]) -> None:
     """The meter: open ground without anything on it has the same share of what white ground would have."""
-    camera = Camera(SMALL, baked[name])
+    shading = _dark_ground(baked[name].shading, 0.3)
+    camera = Camera(SMALL, BakedScene(scene=baked[name].scene, shading=shading))
     camera.render(frames.pose((-30, -30, 3.0), (0, 90, 0)) @ OPTICAL)
-    light = baked[name].shading.light
+    light = shading.light
     white = light.sun_rgb * max(float(light.sun[2]), 0.0) / np.pi + light.dome.mean
     found = camera._framebuffer.linear @ LUMINANCE
     assert found.mean() == pytest.approx(EXPOSURE * PARK_LEVEL * float(white @ LUMINANCE), rel=0.05)
 
 
 def test_exposure_follows_the_reflectance_of_the_ground(baked: dict[str, BakedScene]) -> None:
-    shading = baked["overcast"].shading
-    darker = shading.materials._replace(ground=shading.materials.ground * np.float32(0.5))
-    ratio = exposure(shading.light, darker, shading.snow) / exposure(shading.light, shading.materials, shading.snow)
-    assert ratio == pytest.approx(2.0, rel=1e-3)
+    pale, dark, black = (_dark_ground(baked["overcast"].shading, share).exposure for share in (0.3, 0.1, 1e-4))
+    assert dark / pale == pytest.approx(3.0, rel=1e-3)
+    assert black == LONGEST
+    assert _dark_ground(baked["overcast"].shading, 3.0).exposure == SHORTEST
 
 
 def test_disc_of_half_a_degree_is_seen_in_a_clear_sky(baked: dict[str, BakedScene]) -> None:
