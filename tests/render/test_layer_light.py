@@ -39,14 +39,13 @@ def seen(world: World) -> F8:
     """Brightness of the ground from straight above."""
     config = StereoConfig(width=160, height=160, horizontal_fov_deg=50.0, vertical_fov_deg=50.0)
     baked = bake(Scene(world), LOW_SUN)
-    camera = Camera(config, replace(baked, shading=baked.shading._replace(exposure=np.float32(1.0))))
+    camera = Camera(config, replace(baked, shading=baked.shading._replace(exposure=np.float32(0.8))))
     return np.asarray(camera.render(frames.pose((0, 0, 2.0), (0, 90, 0)) @ OPTICAL).photo.mean(axis=2))
 
 
 def contrast(world: World) -> float:
-    """Relative standard deviation of the ground's brightness over that of bare ground."""
-    ratio = seen(world) / seen(make_world(side=3.0, spacing=0.05))
-    return float(ratio.std() / ratio.mean())
+    """Standard deviation of the ground's brightness over that of bare ground."""
+    return float((seen(world) / seen(make_world(side=3.0, spacing=0.05))).std())
 
 
 @pytest.mark.parametrize("name", ["lawn", "dry_grass"])
@@ -55,11 +54,11 @@ def test_short_grass_is_shaded_as_the_ground_without_it(name: str) -> None:
     world = covered(name)
     assert world.terrain.layer is not None
     assert (world.terrain.layer < CRUMBS).mean() < 0.055
-    assert contrast(world) < 0.03
+    assert contrast(world) < 0.035
 
 
 def test_crumbs_of_earth_are_seen() -> None:
-    assert contrast(covered("earth")) > 0.03
+    assert contrast(covered("earth")) > 0.035
 
 
 def test_texture_detail_follows_each_facet() -> None:
