@@ -27,7 +27,8 @@ from fieldtruth.sense.scene import Scene
 
 PARK_LEVEL: Final = 0.085
 """Radiance of the ground, as ``exposure`` meters it, in a park under a clear sky; there the exposure is 1."""
-SHORTEST, LONGEST = 0.5, 30.0
+SHORTEST: Final = 0.5
+LONGEST: Final = 30.0
 """Limits of the exposure: fresh snow in the sun stays bright, the floor of a dense forest dim."""
 _MEAN, _UPWARD, _LEVEL = np.array([0, 4, 8]), np.array([3, 7, 11]), np.array([12, 13, 14])
 """Coefficients of a probe by channel, whose sum is what a level surface receives."""
