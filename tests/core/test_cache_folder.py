@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from fieldtruth.cli import main
+from fieldtruth.core.cache import SEAL_SIZE
 from fieldtruth.core.cache_folder import SIZE_VARIABLE, entries, load_or_make, size_limit
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.core.seal import SEAL_SIZE
 
 
 def test_a_second_process_waits_for_what_the_first_makes(tmp_path: Path) -> None:

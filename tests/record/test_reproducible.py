@@ -14,7 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from fieldtruth.core.cache_folder import cache_folder, entries
+from fieldtruth.core.cache import cache_folder
+from fieldtruth.core.cache_folder import entries
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 from fieldtruth.pipeline import generate

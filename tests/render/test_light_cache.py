@@ -85,7 +85,9 @@ def test_key_covers_sun_and_everything_that_lets_light_through(scene: Scene) -> 
     assert len(set(keys)) == len(keys)
 
 
-@pytest.mark.parametrize("module", ["sense/packets.py", "sense/embree.py", "sense/kernel.py", "render/sky/clouds.py"])
+@pytest.mark.parametrize(
+    "module", ["sense/packets.py", "sense/embree.py", "kernels/compile.py", "render/sky/clouds.py"]
+)
 def test_key_covers_every_module_that_bakes(module: str) -> None:
     root = Path(fieldtruth.__file__).parents[1]
     assert root / "fieldtruth" / module in import_closure(["fieldtruth.render.light"], root)

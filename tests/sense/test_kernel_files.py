@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from fieldtruth.sense import kernel as kernels
+from fieldtruth.kernels import compile as kernels
 
 
 @pytest.fixture

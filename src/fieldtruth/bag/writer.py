@@ -23,9 +23,9 @@ from rosbags.rosbag1.reader import Header, RecordType
 from rosbags.rosbag1.writer import MAXSIZE, WriteChunk
 
 from fieldtruth.bag.types import STORE
+from fieldtruth.core.cache import add_seal
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.files import replace_synced
-from fieldtruth.core.seal import add_seal
 from fieldtruth.experiment.topic import Topic
 
 CHUNK_SIZE: Final = 4 * 2**20  # [byte]; also LZ4's block size; larger blocks compress model states better
@@ -50,7 +50,7 @@ class BagWriter:
     Args:
         path: the bag.
         topics: what may be written.
-        seal: with this name, the bag is sealed, and several processes may write it at once; see ``core.seal``.
+        seal: with this name, the bag is sealed, and several processes may write it at once; see ``core.cache``.
 
     Raises:
         OutputError: the bag already exists.

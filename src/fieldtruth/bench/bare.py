@@ -17,8 +17,8 @@ from numba import types
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.kernels.compile import kernel
 from fieldtruth.sense import embree
-from fieldtruth.sense.kernel import kernel
 
 llvm.add_symbol("rtcIntersect1", ctypes.cast(embree._library().rtcIntersect1, ctypes.c_void_p).value)
 

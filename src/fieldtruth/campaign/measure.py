@@ -19,12 +19,11 @@ from fieldtruth.bag.writer import compressed
 from fieldtruth.campaign.duration import motion_of, simulated_s
 from fieldtruth.campaign.ends import end_with_parent
 from fieldtruth.campaign.stages import DRIVE, WORLD, Stages
-from fieldtruth.core.cache import cache_key
-from fieldtruth.core.cache_folder import cache_folder, load_or_make
+from fieldtruth.core.cache import SEAL_SIZE, cache_folder, cache_key
+from fieldtruth.core.cache_folder import load_or_make
 from fieldtruth.core.files import output_errors, remove
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress
-from fieldtruth.core.seal import SEAL_SIZE
 from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.config import FRAME_RATE, Experiment, RandomRouteConfig
 from fieldtruth.experiment.fields import Frozen

@@ -13,7 +13,8 @@ if TYPE_CHECKING:
 
 
 def _cache(options: argparse.Namespace) -> None:
-    from fieldtruth.core.cache_folder import SIZE_VARIABLE, cache_folder, entries, remove_entries, size_limit
+    from fieldtruth.core.cache import cache_folder
+    from fieldtruth.core.cache_folder import SIZE_VARIABLE, entries, remove_entries, size_limit
 
     folder, limit = cache_folder(), size_limit()
     found = entries(folder)

@@ -1,30 +1,87 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The one key under which results are kept in the cache folder and in a run's slices.
+"""The one key under which results are kept in the cache folder and in a run's slices, and the seal of their files.
 
 A result may be used again only if everything that shaped it is the same: the code, the data files that the code reads,
-the versions of the libraries, and the input values. ``cache_key`` covers all four.
+the versions of the libraries, and the input values. ``cache_key`` covers all four. A seal is a digest of content and
+name at the end of a file, which shows damage, and a file under a wrong name: BLAKE2b, which reads some 1.3 GB/s on one
+core.
 """
 
 import dataclasses
 import hashlib
+import os
 import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, BinaryIO, Final
 
 import numpy as np
+from platformdirs import user_cache_path
 
+SEAL_SIZE: Final = 32  # [byte]
+_SEAL_BLOCK: Final = 2**20  # [byte]
 _ROOT: Final = Path(__file__).parents[2]
 _PACKAGE: Final = "fieldtruth"
+KERNELS: Final = "kernels"
+"""Folder in the cache folder that holds the kernels of each key in a folder of their own."""
 _IMPORT: Final = re.compile(
     rf"^[ \t]*(?:from ({_PACKAGE}[\w.]*) import (\([^)]*\)|[^\n]+)|import ({_PACKAGE}[\w.]*))", re.MULTILINE
 )
 _DATA: Final = re.compile(r'Path\(__file__\)\.parent / "(\w+)"')
+
+
+def cache_folder() -> Path:
+    """Folder for worlds, baked light and compiled kernels, such as ``~/.cache/fieldtruth``; it may not exist yet.
+
+    For a user without a home it is one that cannot exist, so that everything is made in memory.
+    """
+    with suppress(RuntimeError):
+        folder = user_cache_path(_PACKAGE)
+        if folder.is_absolute():
+            return folder
+    return Path(os.devnull) / _PACKAGE
+
+
+def kernel_folder(key: str) -> Path:
+    """Folder for the compiled kernels of one key, marked as used."""
+    folder = cache_folder() / KERNELS / key
+    mark_used(folder)
+    return folder
+
+
+def mark_used(path: Path) -> None:
+    """Set the time of a file's or folder's last use to now, if that can be written."""
+    with suppress(OSError):
+        os.utime(path)
+
+
+def add_seal(file: BinaryIO, name: str) -> None:
+    """Seal an open file, readable and writable, at its end; ``name`` says what it holds: a key of its inputs."""
+    file.seek(0)
+    digest = hashlib.blake2b(name.encode() + b"\0", digest_size=SEAL_SIZE)
+    while block := file.read(_SEAL_BLOCK):
+        digest.update(block)
+    file.write(digest.digest())
+
+
+def is_sealed(path: Path, name: str) -> bool:
+    """Return whether a file is as it was sealed under this name; False, too, if it is missing or cannot be read."""
+    digest = hashlib.blake2b(name.encode() + b"\0", digest_size=SEAL_SIZE)
+    try:
+        with path.open("rb") as file:
+            left = path.stat().st_size - SEAL_SIZE
+            while left > 0 and (block := file.read(min(left, _SEAL_BLOCK))):
+                digest.update(block)
+                left -= len(block)
+            return left == 0 and file.read() == digest.digest()
+    except OSError:
+        return False
 
 
 def cache_key(modules: Iterable[str], *inputs: object, libraries: Sequence[str] = ()) -> str:

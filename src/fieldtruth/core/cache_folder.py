@@ -15,11 +15,10 @@ from pathlib import Path
 from typing import Final, NamedTuple, TypeVar
 
 from filelock import FileLock
-from platformdirs import user_cache_path
 
+from fieldtruth.core.cache import KERNELS, add_seal, is_sealed, mark_used
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.files import atomic_output, remove
-from fieldtruth.core.seal import add_seal, is_sealed
 
 T = TypeVar("T")
 
@@ -27,7 +26,6 @@ SIZE_VARIABLE: Final = "FIELDTRUTH_CACHE_SIZE"
 """Environment variable: limit of the folder in GB."""
 SIZE: Final = 10.0
 """Limit [GB] without that variable."""
-_KERNELS: Final = "kernels"
 _LOCK: Final = ".lock"
 _PATIENCE: Final = 900.0
 """Longest wait [s] for another process that makes the same file; then it is made twice."""
@@ -41,18 +39,6 @@ class Entry(NamedTuple):
     """[byte]"""
     used: float
     """Time of its last use [s since the epoch]."""
-
-
-def cache_folder() -> Path:
-    """Folder for worlds, baked light and compiled kernels, such as ``~/.cache/fieldtruth``; it may not exist yet."""
-    return user_cache_path("fieldtruth")
-
-
-def kernel_folder(key: str) -> Path:
-    """Folder for the compiled kernels of one key, marked as used."""
-    folder = cache_folder() / _KERNELS / key
-    _mark_used(folder)
-    return folder
 
 
 def size_limit() -> float:
@@ -100,7 +86,7 @@ def entries(folder: Path) -> list[Entry]:
     found = []
     with suppress(OSError):
         paths = [path for path in folder.iterdir() if path.is_file() and path.suffix != _LOCK]
-        kernels = folder / _KERNELS
+        kernels = folder / KERNELS
         for path in [*paths, *(kernels.iterdir() if kernels.is_dir() else ())]:
             with suppress(OSError):  # another process has removed it
                 files = [path, *path.rglob("*")]
@@ -131,11 +117,6 @@ def _stored(path: Path, load: Callable[[Path], T]) -> tuple[T] | None:
     """Return the value of an intact file, or None."""
     with suppress(OSError):  # another process may remove it
         if is_sealed(path, path.name):
-            _mark_used(path)
+            mark_used(path)
             return (load(path),)
     return None
-
-
-def _mark_used(path: Path) -> None:
-    with suppress(OSError):
-        os.utime(path)

@@ -18,11 +18,11 @@ from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.classes import Label
+from fieldtruth.kernels.compile import kernel
 from fieldtruth.world.model import LITTER, Heightfield, Mesh, World
 
 BEARING_SPACING: Final = 0.05
@@ -123,7 +123,7 @@ def divided(field: Heightfield) -> Heightfield:
     return Heightfield(heights=heights, spacing=spacing, x0=field.x0, y0=field.y0)
 
 
-@njit(nogil=True, cache=True)
+@kernel(allocates=True)
 def _lay_stones(
     heights: Float32Array,
     soil: Float32Array,
@@ -170,7 +170,7 @@ def _lay_stones(
 
 
 # (float64[:, ::1], int64, float64[:, ::1], int64, float64, float64) -> int64
-@njit(nogil=True, cache=True)
+@kernel(allocates=True)
 def _cut(corners: Array, count: int, kept: Array, axis: int, sign: float, limit: float) -> int:
     """Write to ``kept`` the part of a convex polygon where sign * coordinate <= limit; return its corner count."""
     n = 0
@@ -189,7 +189,7 @@ def _cut(corners: Array, count: int, kept: Array, axis: int, sign: float, limit:
 
 
 # (float32[:, ::1], float64, float64) -> float64
-@njit(nogil=True, cache=True)
+@kernel
 def _height(soil: Float32Array, u: float, v: float) -> float:
     """Height [m] of the triangles of ``soil`` at ``u``, ``v`` in spacings from the first node."""
     nx, ny = soil.shape

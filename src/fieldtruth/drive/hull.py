@@ -8,7 +8,6 @@ On ground of 5 cm that search takes a quarter of a step's time, and nearly alway
 from typing import Final
 
 import numpy as np
-from numba import njit
 from scipy.ndimage import maximum_filter
 
 from fieldtruth.core.arrays import Array, Float32Array
@@ -16,6 +15,7 @@ from fieldtruth.drive.physics import STEP_S
 from fieldtruth.drive.robot import body_boxes
 from fieldtruth.drive.vectors import axes_of, plus, turned
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.kernels.compile import kernel
 from fieldtruth.world.model import Heightfield
 
 EVERY: Final = 20
@@ -51,7 +51,7 @@ class Hull:
         )
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _clearance(highest: Float32Array, x0: float, y0: float, spacing: float, points: Array, qpos: Array) -> float:
     """Least height [m] of ``points`` (n, 3) of base_link above the nearest nodes of ``highest``."""
     nx, ny = highest.shape

@@ -20,10 +20,10 @@ import math
 from typing import Final
 
 import numpy as np
-from numba import njit
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.drive.wheel_contacts import Wheels
+from fieldtruth.kernels.compile import kernel
 
 Tyre = tuple[float, float, float]
 Grid = tuple[Float32Array, float, float, float]
@@ -43,7 +43,7 @@ _SMALL: Final = 0.02  # [m/s] at which resistance changes its sign
 _MEAN_LOAD, _MEAN_SLIP, _DEPTH = range(3)  # columns of the state
 
 
-@njit(nogil=True)
+@kernel
 def sinkage(load: float, tyre: Tyre, soil: Array) -> float:
     """Sinkage [m] of a wheel at rest that carries ``load`` [N]."""
     width, diameter, _ = tyre
@@ -51,20 +51,20 @@ def sinkage(load: float, tyre: Tyre, soil: Array) -> float:
     return float((3.0 * load / ((3.0 - n) * (k_c + width * k_phi) * math.sqrt(diameter))) ** (2.0 / (2.0 * n + 1.0)))
 
 
-@njit(nogil=True)
+@kernel
 def slip_factor(slip: float) -> float:
     """Sinkage of a driven wheel over its sinkage at rest; ``slip`` in [0, 1]."""
     return (1.0 + slip) / (1.0 - 0.5 * slip)
 
 
-@njit(nogil=True)
+@kernel
 def compaction(load: float, depth: float, tyre: Tyre, soil: Array) -> float:
     """Resistance [N] of soil that a wheel compacts to ``depth`` [m]."""
     n = soil[2]
     return float(3.0 / ((3.0 - n) * (n + 1.0)) * load * math.sqrt(depth / tyre[1]))
 
 
-@njit(nogil=True)
+@kernel
 def patch_length(load: float, depth: float, tyre: Tyre) -> float:
     """Length [m] of the contact of a wheel at ``depth`` [m]."""
     _, diameter, stiffness = tyre
@@ -72,26 +72,26 @@ def patch_length(load: float, depth: float, tyre: Tyre) -> float:
     return math.sqrt(diameter * (depth + deflection)) + math.sqrt(diameter * deflection)
 
 
-@njit(nogil=True)
+@kernel
 def strength(load: float, depth: float, tyre: Tyre, soil: Array) -> float:
     """Traction [N] when all soil of the patch is sheared off."""
     return float(soil[3] * tyre[0] * patch_length(load, depth, tyre) + soil[4] * load)
 
 
-@njit(nogil=True)
+@kernel
 def mobilized(slip: float, load: float, depth: float, tyre: Tyre, soil: Array) -> float:
     """Share of the strength that acts at ``slip`` >= 0: 0 without slip, 1 far beyond K / l."""
     x = slip * patch_length(load, depth, tyre) / soil[5]
     return float(0.5 * x if x < 1e-6 else 1.0 + math.expm1(-x) / x)
 
 
-@njit(nogil=True)
+@kernel
 def traction(slip: float, load: float, depth: float, tyre: Tyre, soil: Array) -> float:
     """Traction [N] at ``slip`` >= 0."""
     return strength(load, depth, tyre, soil) * mobilized(slip, load, depth, tyre, soil)
 
 
-@njit(nogil=True)
+@kernel
 def _bilinear(grid: Grid, x: float, y: float, channel: int) -> float:
     """Value at x, y [m]; outside the grid that of its edge."""
     values, x0, y0, per_metre = grid
@@ -104,7 +104,7 @@ def _bilinear(grid: Grid, x: float, y: float, channel: int) -> float:
     return float(low * (1.0 - u) + high * u)
 
 
-@njit(nogil=True)
+@kernel
 def mix_soils(ground: Ground, x: float, y: float, weights: Array) -> None:
     """Fill ``weights`` (n,) with the shares of soils at x, y [m]: the cover's, the trail's, its border's, stones."""
     cover, edge, stones, border_width = ground
@@ -118,7 +118,7 @@ def mix_soils(ground: Ground, x: float, y: float, weights: Array) -> None:
     weights[count + 2] = stone
 
 
-@njit(nogil=True, cache=True)
+@kernel(allocates=True)
 def step_soil(soils: Array, ground: Ground, tyre: Tyre, wheels: Wheels, state: Array, dt: float) -> None:
     """Advance ``state`` (n, 3) of the soil by ``dt`` [s] and set friction, drag, torque and sinkage of the wheels."""
     weights, count = np.empty(len(soils)), len(state)

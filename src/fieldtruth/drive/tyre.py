@@ -27,12 +27,12 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter, spline_filter
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.vectors import Axes, Vector, axes_of, cross, dot, plus, turned
+from fieldtruth.kernels.compile import kernel
 from fieldtruth.world.model import Heightfield
 
 DAMPING_RATIO: Final = 0.1
@@ -101,13 +101,13 @@ def smooth_ground(field: Heightfield, tread: Tread) -> SmoothGround:
     return SmoothGround(control, ceiling, around, field.x0 - shift, field.y0 - shift, 1 / field.spacing)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def surface_height(ground: SmoothGround, i: int, j: int, u: float, v: float) -> float:
     """Height [m] at the point u, v (0 to 1) of cell (i, j)."""
     return _sum(ground, i, j, _weights(u), _weights(v))
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def surface_slopes(ground: SmoothGround, i: int, j: int, u: float, v: float) -> tuple[float, float]:
     """Slopes along x and y at the point u, v (0 to 1) of cell (i, j)."""
     along_x = _sum(ground, i, j, _slopes(u), _weights(v))
@@ -115,7 +115,7 @@ def surface_slopes(ground: SmoothGround, i: int, j: int, u: float, v: float) -> 
     return along_x * ground.per_metre, along_y * ground.per_metre
 
 
-@njit(nogil=True, error_model="numpy")
+@kernel
 def _sum(ground: SmoothGround, i: int, j: int, wx: Weights, wy: Weights) -> float:
     """Weighted sum of the control values that shape cell (i, j)."""
     first, column = np.uint64(i - 1), np.uint64(j - 1)  # an index with a sign could count from the end: a test each
@@ -131,21 +131,21 @@ def _sum(ground: SmoothGround, i: int, j: int, wx: Weights, wy: Weights) -> floa
     return total
 
 
-@njit(nogil=True)
+@kernel
 def _weights(u: float) -> Weights:
     """Of the four control values around u (0 to 1) in a cubic B-spline."""
     a = 1.0 - u
     return a * a * a / 6, (0.5 * u - 1.0) * u * u + 2 / 3, (0.5 * a - 1.0) * a * a + 2 / 3, u * u * u / 6
 
 
-@njit(nogil=True)
+@kernel
 def _slopes(u: float) -> Weights:
     """Derivatives of ``_weights``."""
     a = 1.0 - u
     return -0.5 * a * a, (1.5 * u - 2.0) * u, (2.0 - 1.5 * a) * a, 0.5 * u * u
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _pressure(ground: SmoothGround, hub: Vector, axes: Axes, r: float, w: float) -> Vector:
     """Sum over a tread of radius ``r`` and half width ``w`` [m] of depth times normal [m^2 per width].
 
@@ -176,7 +176,7 @@ def _pressure(ground: SmoothGround, hub: Vector, axes: Axes, r: float, w: float)
     return px, py, pz
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def press(
     ground: SmoothGround, treads: Array, mounts: Array, qpos: Array, qvel: Array, sinkage: Array, patches: Patches
 ) -> None:

@@ -10,13 +10,13 @@ from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.robot import plane_geom, supports
 from fieldtruth.drive.tyre import Patches, Tread, press, smooth_ground
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.kernels.compile import kernel
 from fieldtruth.world.model import Heightfield
 
 
@@ -99,14 +99,14 @@ class WheelContacts:
         return _sort_loads(contacts.geom1, contacts.efc_address, self._data.efc_force, self._kind, self._load)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _pull(forward: Array, drag: Array, force: Array) -> None:
     for k in range(len(drag)):
         for axis in range(3):
             force[k, axis] = forward[k, axis] * drag[k]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _sort_loads(
     geoms: NDArray[np.int32], rows: NDArray[np.int32], forces: Array, kind: NDArray[np.int64], load: Array
 ) -> bool:

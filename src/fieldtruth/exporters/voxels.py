@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.classes import Label
+from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.sense.hits import Grid, read_grid
-from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.scene import grid_of, terrain_nodes
 from fieldtruth.world.model import Mesh, World
 

@@ -20,11 +20,10 @@ import numpy as np
 
 from fieldtruth.bag.growing import GrowingBag
 from fieldtruth.bag.writer import BagWriter
-from fieldtruth.core.cache import cache_key
+from fieldtruth.core.cache import cache_key, is_sealed
 from fieldtruth.core.errors import FieldtruthError, OutputError, SliceError
 from fieldtruth.core.files import output_errors, remove
 from fieldtruth.core.progress import Advance, Progress
-from fieldtruth.core.seal import is_sealed
 from fieldtruth.experiment.topic import Topic
 from fieldtruth.record.stream import Sensors, Stream
 

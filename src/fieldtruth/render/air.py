@@ -14,10 +14,10 @@ import numpy as np
 
 from fieldtruth.core.arrays import Float32Array
 from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.render.sky.dome import sky_radiance
 from fieldtruth.render.tables import EXPOSURE, AirTable, LightTable, Shading
 from fieldtruth.sense.air import clear_extinction, extinction, fog_extinction, fog_length
-from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.ray_batch import RayBatch
 
 WAVELENGTHS_NM: Final = (610.0, 550.0, 465.0)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.sense.kernel import inlined, kernel
+from fieldtruth.kernels.compile import inlined, kernel
 
 LEVELS: Final = 11
 SUN_ONE: Final = 85

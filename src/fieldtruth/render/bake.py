@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.cache_folder import cache_folder
+from fieldtruth.core.cache import cache_folder
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.weather_config import WeatherConfig

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Float32Array, Mask
+from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.sense.hits import LabelBuffers
-from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import IntArray
 
 EDGE_CONTRAST: Final = 0.27

@@ -11,13 +11,13 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from fieldtruth.core.arrays import Float32Array
+from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.render.atlas import Atlas, sample_lit
 from fieldtruth.render.ground_points import Relief, Texels, Vector, ground_texels
 from fieldtruth.render.probes import READ, among, falling_on, read_lowest
 from fieldtruth.render.relief_views import view_terms
 from fieldtruth.render.tables import LightTable, Shading
 from fieldtruth.sense.hits import TERRAIN, Grid
-from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import IntArray
 from fieldtruth.sense.ray_batch import RayBatch
 

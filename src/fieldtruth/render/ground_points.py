@@ -12,8 +12,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from fieldtruth.core.arrays import Float32Array
+from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.render.atlas import LEVELS, Atlas
-from fieldtruth.sense.kernel import inlined, kernel
 
 SAMPLES: Final = 2
 """Samples along the long side of a pixel's footprint, at most."""

@@ -10,11 +10,11 @@ from typing import Final
 
 import numpy as np
 
+from fieldtruth.kernels.compile import inlined
 from fieldtruth.render.atlas import sample
 from fieldtruth.render.gbuffer import mip_level
 from fieldtruth.render.tables import MaterialTable
 from fieldtruth.render.weathering import Colour, flat_value
-from fieldtruth.sense.kernel import inlined
 
 FADES: Final = np.float32(40.0)
 """Distance [m] from the edge at which the world's ground has faded."""

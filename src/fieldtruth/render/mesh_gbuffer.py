@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.core.arrays import Float32Array
+from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.render.atlas import sample
 from fieldtruth.render.gbuffer import (
     BLUE,
@@ -49,7 +50,6 @@ from fieldtruth.render.tables import (
 )
 from fieldtruth.render.weathering import FURROWS, PATCHES, WEATHERING, overgrown, patchy, texture_slope, tilted
 from fieldtruth.sense.hits import HitTable, read_grid
-from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import IntArray
 from fieldtruth.sense.ray_batch import RayBatch
 

@@ -7,12 +7,12 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from fieldtruth.core.arrays import Float32Array
+from fieldtruth.kernels.compile import kernel
 from fieldtruth.render.edges import EdgeBuffers, find_edges, new_edge_buffers
 from fieldtruth.render.shading import ShadingBuffers, new_shading_buffers
 from fieldtruth.render.tables import Shading
 from fieldtruth.render.wires import shade_view
 from fieldtruth.sense.hits import LabelBuffers
-from fieldtruth.sense.kernel import kernel
 from fieldtruth.sense.ray_batch import (
     BLOCK,
     BLOCK_HEIGHT,

@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.core.arrays import Float32Array
+from fieldtruth.kernels.compile import inlined
 from fieldtruth.render.tables import AIR_BASE, AIR_LAYER
-from fieldtruth.sense.kernel import inlined
 
 READ: Final = 15
 """Coefficients that are read: 4 of each channel, then one of each for what faces up."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.sense.kernel import kernel
+from fieldtruth.kernels.compile import kernel
 
 STEEPEST: Final = 1.0
 """Limit of the slope of shaded facets: heights that jump, as at a blade of grass, are no walls."""

@@ -12,9 +12,9 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.render.atlas import Atlas, sample_lit
 from fieldtruth.render.ground_points import STEEP, Relief, ground_texels
-from fieldtruth.sense.kernel import inlined, kernel
 
 TERMS: Final = 5
 _DESCENTS: Final = (0.08, 0.16, 0.3, 0.5, 0.8)

@@ -12,11 +12,11 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.render.probes import READ, falling_on, read_probes
 from fieldtruth.render.tables import EXPOSURE, LightTable, Shading
 from fieldtruth.render.visibility import sun_disc, visibility
 from fieldtruth.sense.hits import Grid, read_grid
-from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.robot_rays import enters
 from fieldtruth.sense.robot_view import RobotSamples, RobotView
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fieldtruth.core.arrays import Float32Array
+from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.render.air import dim
 from fieldtruth.render.gbuffer import (
     FIELDS,
@@ -39,7 +40,6 @@ from fieldtruth.render.water import (
 )
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import TERRAIN, Grid, read_grid
-from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import IntArray, Packet, new_packet, set_shadow_ray
 from fieldtruth.sense.ray_batch import RayBatch, new_batch
 

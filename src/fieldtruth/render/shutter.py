@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.kernels.compile import kernel
 from fieldtruth.render.edges import find_edges
 from fieldtruth.render.photograph import Framebuffer, refine, store
 from fieldtruth.render.shading import ShadingBuffers, shade_batch
@@ -18,7 +19,6 @@ from fieldtruth.render.tables import Shading
 from fieldtruth.render.wires import shade_view
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import LabelBuffers
-from fieldtruth.sense.kernel import kernel
 from fieldtruth.sense.ray_batch import BLOCK, View, label_pixels, trace
 
 STRIP: Final = 4

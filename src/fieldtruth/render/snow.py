@@ -10,10 +10,10 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.core.arrays import Float32Array
+from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.render.gbuffer import BLUE, GLOSS, GREEN, LIGHT, MIRROR, NZ, RED, SUN, TRACE_SUN
 from fieldtruth.render.tables import SnowTable
 from fieldtruth.sense.hits import TERRAIN, read_grid
-from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.ray_batch import RayBatch
 from fieldtruth.sense.scene import grid_of
 from fieldtruth.world.model import Terrain

@@ -13,8 +13,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.sense import embree
-from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import Packet, new_packet, set_shadow_ray
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.grids import coarseness

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Float32Array
+from fieldtruth.kernels.compile import kernel
 from fieldtruth.render.atlas import srgb_from_linear
-from fieldtruth.sense.kernel import kernel
 
 FILMIC_TOP: Final = 16.0
 WHITE: Final = 2.0

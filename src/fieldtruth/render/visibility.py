@@ -7,8 +7,8 @@ from typing import Any, Final
 import numpy as np
 
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.sense import embree
-from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import Packet, new_packet, set_shadow_ray
 
 SHADOW_RANGE: Final = 80.0  # [m]; occluders farther away cast no shadow

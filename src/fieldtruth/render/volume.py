@@ -20,13 +20,13 @@ import numpy as np
 from scipy.ndimage import convolve1d
 
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.kernels.compile import kernel
 from fieldtruth.render.gbuffer import NX, NY, NZ
 from fieldtruth.render.shading import ShadingBuffers, new_shading_buffers, shade_hits
 from fieldtruth.render.sky.dome import soft_dome
 from fieldtruth.render.tables import AIR_BASE, AIR_LAYER, EXPOSURE, Shading
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import hit_top
-from fieldtruth.sense.kernel import kernel
 from fieldtruth.sense.packets import set_shadow_ray
 from fieldtruth.sense.ray_batch import seen_over_map
 

@@ -11,10 +11,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from fieldtruth.core.arrays import Float32Array
+from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.render.gbuffer import FIELDS, MIRROR
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import hit_top
-from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import IntArray, Packet, set_ray
 from fieldtruth.sense.ray_batch import RayBatch, new_batch, seen_over_map
 

@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
+from fieldtruth.kernels.compile import inlined
 from fieldtruth.render.atlas import LEVELS, Atlas
-from fieldtruth.sense.kernel import inlined
 
 Colour = tuple[np.float32, np.float32, np.float32]
 Vector = tuple[np.float32, np.float32, np.float32]

@@ -12,13 +12,13 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.render.air import air_along
 from fieldtruth.render.probes import READ, falling_on, read_probes
 from fieldtruth.render.shading import ShadingBuffers, shade_batch
 from fieldtruth.render.tables import EXPOSURE, Shading, WireTable
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import hit_top
-from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import IntArray, set_ray
 from fieldtruth.sense.ray_batch import RayBatch, View, gradients, seen_over_map
 

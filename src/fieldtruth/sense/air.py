@@ -26,8 +26,8 @@ from scipy.stats import norm
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.kernels.compile import inlined
 from fieldtruth.sense.drops import Drops, rain, snow
-from fieldtruth.sense.kernel import inlined
 
 LIGHT_SPEED: Final = 299_792_458.0  # [m/s]
 CONTRAST: Final = 0.05

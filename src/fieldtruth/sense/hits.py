@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.classes import Label
+from fieldtruth.kernels.compile import inlined
 from fieldtruth.sense import embree
-from fieldtruth.sense.kernel import inlined
 from fieldtruth.world.model import GROUND_ID
 
 TERRAIN: Final = 0

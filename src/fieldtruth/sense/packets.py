@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Float32Array
+from fieldtruth.kernels.compile import inlined
 from fieldtruth.sense import embree
-from fieldtruth.sense.kernel import inlined
 
 LANES = embree.LANES
 _OX, _OY, _OZ, _DX, _DY, _DZ = embree.ORG_X, embree.ORG_Y, embree.ORG_Z, embree.DIR_X, embree.DIR_Y, embree.DIR_Z

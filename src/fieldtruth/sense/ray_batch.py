@@ -10,9 +10,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import HitTable, LabelBuffers, NormalBuffers, classify, hit_top
-from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import IntArray, Packet, set_ray
 from fieldtruth.sensors.camera.pinhole import Pinhole
 from fieldtruth.sensors.camera.ray_table import NO_TABLE

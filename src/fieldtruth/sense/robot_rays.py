@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.robot_body import RIM, Box, Cylinder
-from fieldtruth.sense.kernel import inlined, kernel
+from fieldtruth.kernels.compile import inlined, kernel
 
 SKIN: Final = 1e-3
 """Depth [m] of the air at a part from which it is not seen: that of a housing that stands on it."""

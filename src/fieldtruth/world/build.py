@@ -10,8 +10,8 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
+from fieldtruth.core.cache import cache_folder as default_cache_folder
 from fieldtruth.core.cache import cache_key
-from fieldtruth.core.cache_folder import cache_folder as default_cache_folder
 from fieldtruth.core.cache_folder import load_or_make
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.memory import check_memory

@@ -13,8 +13,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.render.sky.spectrum import OZONE, RGB_FROM_SPECTRUM, SOLAR, WAVELENGTHS
-from fieldtruth.sense.kernel import inlined, kernel
 
 EARTH: Final = 6371.0
 TOP: Final = 90.0

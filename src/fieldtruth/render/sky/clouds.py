@@ -16,8 +16,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.render.sky.atmosphere import forward_phase
-from fieldtruth.sense.kernel import inlined, kernel
 
 MAP: Final = 1024
 MAP_TEXEL: Final = 12.0

@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.core.arrays import Float32Array
+from fieldtruth.kernels.compile import kernel
 from fieldtruth.render.tables import EXPOSURE, LightTable
-from fieldtruth.sense.kernel import kernel
 from fieldtruth.sense.ray_batch import RayBatch
 
 RADIUS: Final = float(np.radians(0.266))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter, zoom
 
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.render.sky.atmosphere import (
     ABOVE,
     AEROSOL,
@@ -23,7 +24,6 @@ from fieldtruth.render.sky.atmosphere import (
 )
 from fieldtruth.render.sky.clouds import CloudLight, Clouds, Shade, march, shade_of
 from fieldtruth.render.sky.layers import Layer, layer_light
-from fieldtruth.sense.kernel import inlined, kernel
 
 SIZE: Final = 2048
 """Texels along each side of the dome that photographs show; below 500 the horizon would be outside of it."""

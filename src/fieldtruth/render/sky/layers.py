@@ -7,9 +7,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.kernels.compile import kernel
 from fieldtruth.render.sky.atmosphere import forward_phase
 from fieldtruth.render.sky.clouds import MAP_TEXEL, CloudLight, band_noise, ranks, read_map
-from fieldtruth.sense.kernel import kernel
 
 THICK_COLOUR: Final = np.array([0.985, 1.0, 1.02])
 """Of light that passed through water: red is absorbed first."""

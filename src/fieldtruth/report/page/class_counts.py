@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fieldtruth.bag.decode import image, points
 from fieldtruth.core.arrays import Counts
 from fieldtruth.core.classes import CLASSES, PALETTE
-from fieldtruth.sense.kernel import kernel
+from fieldtruth.kernels.compile import kernel
 
 _CODES: Final = (PALETTE.astype(np.int64) @ [1, 256, 65536]).astype(np.int64)
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from fieldtruth.core import frames, lenses
 from fieldtruth.core.arrays import Array, Float32Array, Mask
+from fieldtruth.kernels.compile import kernel
 from fieldtruth.sense import embree
-from fieldtruth.sense.kernel import kernel
 from fieldtruth.sense.packets import Packet, new_packet, set_ray
 from fieldtruth.sense.robot_rays import meet
 from fieldtruth.sense.robot_view import RobotView

@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike
 
 from fieldtruth.core import lenses
 from fieldtruth.core.arrays import Float32Array
+from fieldtruth.kernels.compile import kernel
 from fieldtruth.render.tonemap import SPILL
-from fieldtruth.sense.kernel import kernel
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.signal import CameraSignal
 

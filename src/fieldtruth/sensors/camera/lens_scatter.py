@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from fieldtruth.core.arrays import Float32Array
-from fieldtruth.sense.kernel import kernel
+from fieldtruth.kernels.compile import kernel
 
 CELL: Final = 8
 """Side [pixel] of the cells in which light is scattered: bloom is smooth over more pixels."""

@@ -14,7 +14,7 @@ from scipy.ndimage import gaussian_filter
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.random import rng_of
-from fieldtruth.sense.kernel import kernel
+from fieldtruth.kernels.compile import kernel
 from fieldtruth.sensors.camera.lens_scatter import CELL, cell_means
 
 _LIFE_S: Final = (10.0, 60.0)

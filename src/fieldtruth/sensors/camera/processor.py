@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Float32Array
-from fieldtruth.sense.kernel import kernel
+from fieldtruth.kernels.compile import kernel
 
 
 @kernel

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.sense.kernel import inlined, kernel
+from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.sensors.camera.response import FULL_SCALE, LUMINANCE
 from fieldtruth.sensors.camera.signal import CameraSignal, Mosaic
 

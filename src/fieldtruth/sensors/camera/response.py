@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.kernels.compile import kernel
 from fieldtruth.render.atlas import srgb_from_linear
 from fieldtruth.render.tonemap import FILMIC, FILMIC_TOP
-from fieldtruth.sense.kernel import kernel
 from fieldtruth.sensors.camera.signal import Response
 
 LUMINANCE: Final = np.array([0.2126, 0.7152, 0.0722], np.float32)

@@ -15,9 +15,9 @@ import numpy as np
 from fieldtruth.core import lenses
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.kernels.compile import kernel
 from fieldtruth.render.tables import EXPOSURE, Shading
 from fieldtruth.sense.drops import Drops, rain, snow
-from fieldtruth.sense.kernel import kernel
 
 DROP_LIGHT: Final = 0.94
 """Share of the light through a drop (Garg and Nayar 2007)."""

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
+from fieldtruth.kernels.compile import kernel
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import HitTable, classify, hit_top
-from fieldtruth.sense.kernel import kernel
 from fieldtruth.sense.packets import Packet, new_packet, set_ray
 from fieldtruth.sense.scene import Scene
 

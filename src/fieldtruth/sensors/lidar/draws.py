@@ -4,7 +4,7 @@
 
 import numpy as np
 
-from fieldtruth.sense.kernel import inlined
+from fieldtruth.kernels.compile import inlined
 
 DRAWS_PER_RAY = 16
 _GAMMA, _FIRST, _SECOND = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)

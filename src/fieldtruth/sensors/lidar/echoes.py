@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import HitTable, hit_top
-from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import Packet, set_ray
 from fieldtruth.sensors.lidar.noise import Receiver
 from fieldtruth.sensors.lidar.sensing import Beams, aimed, entry

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.sense.air import LIGHT_SPEED, Air, Beam, make_air, strongest_echo, transmitted
-from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.draws import uniforms
 from fieldtruth.sensors.lidar.noise import limit_of, receiver_of

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.sense.kernel import inlined, kernel
+from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.sensors.lidar.draws import normals
 from fieldtruth.sensors.lidar.signal import LidarSignal
 from fieldtruth.sensors.lidar.surfaces import EchoBuffers

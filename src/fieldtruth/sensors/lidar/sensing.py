@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.core.classes import NO_RETURN, Label
 from fieldtruth.experiment.robot_body import Box, Cylinder
+from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import HitTable, LabelBuffers, classify, hit_top
-from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import Packet, new_packet, set_ray
 from fieldtruth.sense.robot_scan import RobotScan
 from fieldtruth.sense.scene import Scene

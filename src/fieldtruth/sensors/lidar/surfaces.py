@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.core.classes import Label
+from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import TERRAIN, Grid, HitTable, hit_top, read_grid
-from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import Packet, set_ray
 from fieldtruth.sense.scene import Scene, grid_of
 from fieldtruth.sensors.lidar.reflectance import reflectance_of

@@ -13,10 +13,10 @@ import heapq
 from typing import Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.kernels.compile import kernel
 
 _DI: Final = np.array([-1, -1, -1, 0, 0, 1, 1, 1])
 _DJ: Final = np.array([-1, 0, 1, -1, 1, -1, 0, 1])
@@ -70,7 +70,7 @@ def collapsed(heights: Array, spacing: float, *, repose_deg: float, steps: int =
 
 
 # (float64[:, ::1], int64[::1], int64[::1], float64[::1], float64) -> None
-@njit(nogil=True, cache=True)
+@kernel(allocates=True)
 def _route(h: Array, order: NDArray[np.int64], receiver: NDArray[np.int64], drained: Array, spacing: float) -> None:
     """Fill ``order`` (downstream first), each node's ``receiver``, and the area ``drained`` through it [m^2]."""
     nx, ny = h.shape
@@ -115,7 +115,7 @@ def _route(h: Array, order: NDArray[np.int64], receiver: NDArray[np.int64], drai
 
 
 # (float64[::1], float64[::1], int64[::1], int64[::1], float64[::1], float64, int64) -> None
-@njit(nogil=True, cache=True)
+@kernel
 def _incise(
     h: Array,
     power: Array,
@@ -136,7 +136,7 @@ def _incise(
 
 
 # (float64[:, ::1], float64) -> None
-@njit(nogil=True, cache=True)
+@kernel(allocates=True)
 def _diffuse(h: Array, share: float) -> None:
     """One explicit step of diffusion inside the border; ``share`` at most 0.25."""
     nx, ny = h.shape
@@ -148,7 +148,7 @@ def _diffuse(h: Array, share: float) -> None:
 
 
 # (float64[:, ::1], float64[:, ::1], float64, float64) -> None
-@njit(nogil=True, cache=True)
+@kernel
 def _slide(h: Array, moved: Array, steepest: float, spacing: float) -> None:
     """Fill ``moved`` with the gain or loss of each node in one step; a quarter of the excess moves."""
     nx, ny = h.shape

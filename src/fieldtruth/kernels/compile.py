@@ -5,25 +5,26 @@
 Numba's own cache checks only the file of the outermost function, so edited constants or callees in other files would
 not reach a compiled kernel. Here the cache folder's name covers every module that the kernel's module imports. Numba
 also keeps an index of numbered files for each function, in which two processes that save at once can exchange the code
-of two signatures, and it checks no file for damage. Here each signature has its own sealed file, which installations of
-the same code share wherever they are.
+of two signatures, it checks no file for damage, and it refuses to work where no folder can be written. Here each
+signature has its own sealed file, which installations of the same code share wherever they are, and where it cannot be
+saved, each process compiles for itself.
 """
 
 import hashlib
+import os
 import pickle
+import platform
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache, partial
 from pathlib import Path
 from typing import Any, TypeVar, overload
 
-from numba import config, njit
+from numba import njit
 from numba.core import serialize
+from numba.core.compiler import CompileResult
 
-from fieldtruth.core.cache import cache_key
-from fieldtruth.core.cache_folder import kernel_folder
-from fieldtruth.core.files import atomic_output
-from fieldtruth.core.seal import SEAL_SIZE, add_seal, is_sealed
+from fieldtruth.core.cache import SEAL_SIZE, add_seal, cache_key, is_sealed, kernel_folder
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -57,16 +58,9 @@ def inlined(function: F) -> F:
 
 def _compiled(function: F, **choices: object) -> F:
     options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True} | choices
-    settings: Any = config
-    previous, settings.CACHE_DIR = settings.CACHE_DIR, str(_folder(function.__module__))
-    try:
-        compiled: F = njit(cache=True, **options)(function)
-        store: Any = compiled
-        store._cache._cache_file = _SealedFiles(_folder(function.__module__), store._cache._impl.filename_base)
-    except (RuntimeError, OSError):  # the cache is not writable: compile in each process
-        compiled = njit(**options)(function)
-    finally:
-        settings.CACHE_DIR = previous
+    dispatcher: Any = njit(**options)(function)
+    dispatcher._cache = _SealedFiles(function)
+    compiled: F = dispatcher
     return compiled
 
 
@@ -78,26 +72,51 @@ def _folder(module: str) -> Path:
 class _SealedFiles:
     """The files of one function's compiled code, by signature and processor, as Numba's dispatcher asks for them."""
 
-    def __init__(self, folder: Path, name: str) -> None:
-        self._folder = folder
-        self._name = name
+    def __init__(self, function: Any) -> None:
+        self._name = f"{function.__qualname__}-{function.__code__.co_firstlineno}".replace("<locals>", "")
+        self._folder = _folder(function.__module__)
+        cells = tuple(cell.cell_contents for cell in function.__closure__ or ())
+        self._code = hashlib.sha256(function.__code__.co_code + _bytes_of(cells)).hexdigest()
 
-    def load(self, key: object) -> object:
-        """Return what was saved under a key; None if there is no intact file."""
-        path, seal = self._file(key)
+    @property
+    def cache_path(self) -> str:
+        """Folder, as Numba's statistics show it."""
+        return str(self._folder)
+
+    def load_overload(self, signature: object, context: Any) -> Any:
+        """Return what was saved for a signature; None if there is no intact file."""
+        context.refresh()
+        path, seal = self._file(signature, context.codegen())
         if is_sealed(path, seal):
+            rebuild: Any = CompileResult._rebuild
             with suppress(OSError):
-                return pickle.loads(path.read_bytes()[:-SEAL_SIZE])
+                return rebuild(context, *pickle.loads(path.read_bytes()[:-SEAL_SIZE]))
         return None
 
-    def save(self, key: object, data: object) -> None:
-        """Save what belongs to a key, if the folder can be written."""
-        path, seal = self._file(key)
-        dumps: Any = serialize.dumps
-        with suppress(OSError), atomic_output(path) as part, part.open("w+b") as file:
-            file.write(dumps(data))
-            add_seal(file, seal)
+    def save_overload(self, signature: object, result: Any) -> None:
+        """Save the code for a signature, if it depends on no address and the folder can be written."""
+        if result.library.has_dynamic_globals:
+            return
+        path, seal = self._file(signature, result.library.codegen)
+        part = path.with_name(f".{path.name}.{platform.node()}.{os.getpid()}.part")
+        with suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                with part.open("w+b") as file:
+                    file.write(_bytes_of(result._reduce()))
+                    add_seal(file, seal)
+                part.replace(path)
+            finally:
+                part.unlink(missing_ok=True)
 
-    def _file(self, key: object) -> tuple[Path, str]:
-        seal = f"{self._name} {key!r}"
+    def flush(self) -> None:
+        """Do nothing: what was saved stays right."""
+
+    def _file(self, signature: object, codegen: Any) -> tuple[Path, str]:
+        seal = f"{self._name} {(signature, codegen.magic_tuple(), self._code)!r}"
         return self._folder / f"{self._name}-{hashlib.sha256(seal.encode()).hexdigest()[:16]}.kernel", seal
+
+
+def _bytes_of(value: object) -> bytes:
+    dumps: Any = serialize.dumps
+    return bytes(dumps(value))
