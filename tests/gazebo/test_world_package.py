@@ -19,7 +19,7 @@ from scipy.spatial import KDTree
 from sdf_reader import F8, Shape, matrix, resolve, shapes
 
 from fieldtruth.core import memory
-from fieldtruth.core.classes import PALETTE, Label
+from fieldtruth.core.classes import GROUND_ID, PALETTE, Label
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.gazebo import DEFAULT_LAYOUT, worlds, write_gazebo
@@ -27,7 +27,7 @@ from fieldtruth.gazebo.worlds import bodies, write_world
 from fieldtruth.interchange import ground_image
 from fieldtruth.interchange.ground import ground_tiles
 from fieldtruth.world.build import load_world
-from fieldtruth.world.model import GROUND_ID, Collider, World
+from fieldtruth.world.model import Collider, World
 
 FILES = {"classic": ("small.world", "small_plain.world"), "gz": ("small.sdf", "small_plain.sdf")}
 POST = Collider(shape="cylinder", size=(0.1, 0.8), position=(0.02, 0.0, -0.1))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from fieldtruth.core.classes import GROUND_ID
 from fieldtruth.core.frames import pose_from_quaternion_wxyz
 from fieldtruth.drive.physics import resting_pose
 from fieldtruth.experiment.rig import Rig
@@ -16,7 +17,7 @@ from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import Lidar
 from fieldtruth.world.build import load_world, reserved_corridors
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.model import GROUND_ID, World
+from fieldtruth.world.model import World
 
 F8 = NDArray[np.float64]
 GRASS, EARTH = (8.0, 20.0), (2.0, 6.0)  # [mm]

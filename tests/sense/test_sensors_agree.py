@@ -11,7 +11,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from sense_worlds import F8, built_scene, trace_rays
 
 from fieldtruth.core import frames
-from fieldtruth.core.classes import PALETTE, Label
+from fieldtruth.core.classes import GROUND_ID, PALETTE, Label
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import metres_from_route
@@ -20,7 +20,6 @@ from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages, tag_image
 from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.lidar.sensing import Lidar, Scan
-from fieldtruth.world.model import GROUND_ID
 
 RIG = Rig()
 LENS = pinhole(RIG.stereo)

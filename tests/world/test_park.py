@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from park_worlds import digest, park_variant, real_park
 from scipy.sparse.csgraph import connected_components
 
-from fieldtruth.core.classes import Label
+from fieldtruth.core.classes import GROUND_ID, Label
 from fieldtruth.world.backdrop import COARSER, NEAR_STEP
 from fieldtruth.world.build import build_world
 from fieldtruth.world.environments.park.corridors import CORRIDORS
-from fieldtruth.world.model import GROUND_ID, Instance, Mesh, Swarm, World
+from fieldtruth.world.model import Instance, Mesh, Swarm, World
 from fieldtruth.world.plants import TREES
 
 F8 = NDArray[np.float64]

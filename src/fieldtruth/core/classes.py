@@ -75,3 +75,6 @@ NO_RETURN: Final[frozenset[Label]] = frozenset({Label.WATER, Label.SKY})
 
 NOT_OF_WORLDS: Final[frozenset[Label]] = frozenset({Label.ROBOT, Label.PARTICLE})
 """Classes that no object of a world has: the robot that carries the sensors, and what floats in the air."""
+
+GROUND_ID: Final = 1
+"""Instance id of the ground, in every world."""

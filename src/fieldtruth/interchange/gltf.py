@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 import fieldtruth
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.core.classes import CLASSES
+from fieldtruth.core.classes import CLASSES, GROUND_ID
 from fieldtruth.core.geodesy import ORIGIN_HEIGHT, ORIGIN_LATITUDE, ORIGIN_LONGITUDE
 from fieldtruth.interchange import check_scene_memory
 from fieldtruth.interchange.glb import INDICES, VERTICES, Glb
@@ -30,7 +30,7 @@ from fieldtruth.interchange.ground import ground_tiles
 from fieldtruth.interchange.ground_image import ground_images
 from fieldtruth.interchange.surfaces import Surface, mesh_surfaces
 from fieldtruth.interchange.swarms import beyond_edge
-from fieldtruth.world.model import GROUND_ID, Mesh, Swarm, World
+from fieldtruth.world.model import Mesh, Swarm, World
 
 INSTANCING: Final = "EXT_mesh_gpu_instancing"
 

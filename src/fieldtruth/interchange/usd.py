@@ -26,7 +26,7 @@ from typing import Final
 import numpy as np
 from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom
 
-from fieldtruth.core.classes import Label
+from fieldtruth.core.classes import GROUND_ID, Label
 from fieldtruth.core.geodesy import ORIGIN_HEIGHT, ORIGIN_LATITUDE, ORIGIN_LONGITUDE
 from fieldtruth.interchange import check_scene_memory
 from fieldtruth.interchange.ground import ground_tiles
@@ -44,7 +44,7 @@ from fieldtruth.interchange.usd_prims import (
     add_tint,
     child,
 )
-from fieldtruth.world.model import GROUND_ID, Material, Mesh, World
+from fieldtruth.world.model import Material, Mesh, World
 
 STAGE: Final = "world.usdc"
 TEXTURES: Final = "textures"

@@ -13,6 +13,7 @@ import numpy as np
 
 from fieldtruth.bag import base_messages, robot_messages, topics
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.classes import GROUND_ID
 from fieldtruth.drive.state import poses_at, state_at
 from fieldtruth.drive.track import Stamps, Track, stamps_at_rate
 from fieldtruth.experiment.rig import Rig
@@ -25,7 +26,7 @@ from fieldtruth.sensors.gnss.stream import gnss_streams
 from fieldtruth.sensors.imu.stream import imu_streams
 from fieldtruth.sensors.lidar.stream import lidar_stream
 from fieldtruth.sensors.wheel_odometry.stream import wheel_streams
-from fieldtruth.world.model import GROUND_ID, World
+from fieldtruth.world.model import World
 
 
 def streams_of(world: World, track: Track, rig: Rig, *, latched: bool = False) -> list[Stream]:

@@ -44,8 +44,6 @@ _HIGH_QUALITY = 2
 _COHERENT = 1 << 16
 
 _SIGNATURES: Final[dict[str, tuple[Any, tuple[Any, ...]]]] = {
-    "rtcNewDevice": (c.c_void_p, (c.c_char_p,)),
-    "rtcGetDeviceProperty": (c.c_ssize_t, (c.c_void_p, c.c_int)),
     "rtcGetDeviceError": (c.c_int, (c.c_void_p,)),
     "rtcNewScene": (c.c_void_p, (c.c_void_p,)),
     "rtcReleaseScene": (None, (c.c_void_p,)),
@@ -67,34 +65,37 @@ _SIGNATURES: Final[dict[str, tuple[Any, tuple[Any, ...]]]] = {
 
 
 @cache
-def _library() -> c.CDLL:
-    """Load the wheel's Embree and TBB libraries once, and register the symbols that kernels call."""
+def embree_library() -> c.CDLL | None:
+    """Load the wheel's Embree and TBB libraries once, and register what kernels call; None if they are missing."""
     shipped = {stem: f for f in files("embreex") or () for stem in ("libtbb", "libembree4") if f.name.startswith(stem)}
     if len(shipped) != 2:
-        raise EngineError("cannot find Embree 4 in the package embreex; run: pip install --force-reinstall embreex")
+        return None
     c.CDLL(str(shipped["libtbb"].locate()), c.RTLD_GLOBAL)
     library = c.CDLL(str(shipped["libembree4"].locate()))
-    for name, (result, arguments) in _SIGNATURES.items():
-        function = getattr(library, name)
-        function.restype, function.argtypes = result, arguments
-    for name in ("rtcIntersect8", "rtcOccluded8", "rtcIntersect16", "rtcOccluded16"):
+    for name in (f"rtc{query}{lanes}" for query in ("Intersect", "Occluded") for lanes in (1, 8, 16)):
         llvm.add_symbol(name, c.cast(getattr(library, name), c.c_void_p).value)
+    library.rtcNewDevice.restype, library.rtcNewDevice.argtypes = c.c_void_p, (c.c_char_p,)
+    library.rtcGetDeviceProperty.restype = c.c_ssize_t
+    library.rtcGetDeviceProperty.argtypes = c.c_void_p, c.c_int
     return library
 
 
 @cache
-def _device() -> int:
+def embree_device(library: c.CDLL) -> int:
     """Return the Embree device of this process.
 
     It builds with one thread, so that the bounding volume hierarchy, and with it the result of a tie, does not depend
     on timing. It is never released: after releasing a second device, one of TBB's threads was seen to spin forever.
     """
-    return int(_library().rtcNewDevice(b"threads=1"))
+    return int(library.rtcNewDevice(b"threads=1"))
 
 
 def _native_lanes() -> int:
     """Packet width: 16 if Embree traces packets of 16 natively on this processor, else 8."""
-    return 16 if _library().rtcGetDeviceProperty(_device(), _NATIVE_RAY16) else 8
+    library = embree_library()  # without it, the engine says what is wrong
+    if library is None:
+        return 8
+    return 16 if library.rtcGetDeviceProperty(embree_device(library), _NATIVE_RAY16) else 8
 
 
 LANES: Final = _native_lanes()
@@ -113,6 +114,17 @@ occluded = types.ExternalFunction(f"rtcOccluded{LANES}", _TRACE)
 """Call from a kernel as ``intersect``; reads the 12 ray fields only; TFAR of an occluded lane becomes -inf."""
 
 
+@cache
+def _library() -> c.CDLL:
+    library = embree_library()
+    if library is None:
+        raise EngineError("cannot find Embree 4 in the package embreex; run: pip install --force-reinstall embreex")
+    for name, (result, arguments) in _SIGNATURES.items():
+        function = getattr(library, name)
+        function.restype, function.argtypes = result, arguments
+    return library
+
+
 class Engine:
     """The Embree device, after a check of version and packet layout.
 
@@ -122,7 +134,7 @@ class Engine:
 
     def __init__(self) -> None:
         self._api = _library()
-        self.device = _device()
+        self.device = embree_device(self._api)
         found = self._api.rtcGetDeviceProperty(self.device, 0)
         if found != VERSION:
             raise EngineError(f"Embree must be version {VERSION}, got {found}; run: pip install 'embreex>=4.4,<4.5'")

@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.core.classes import Label
+from fieldtruth.core.classes import GROUND_ID, Label
 from fieldtruth.kernels.compile import inlined
 from fieldtruth.sense import embree
-from fieldtruth.world.model import GROUND_ID
 
 TERRAIN: Final = 0
 """Row of the terrain among the scene's top-level geometries."""

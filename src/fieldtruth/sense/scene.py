@@ -8,10 +8,11 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from fieldtruth.core.arrays import Array, Float32Array, Mask
+from fieldtruth.core.classes import GROUND_ID
 from fieldtruth.sense.embree import CLEAR, MISS, SOLID, THIN, Engine, RayScene
 from fieldtruth.sense.hits import Grid, HitTable
 from fieldtruth.sense.parts import parts_of
-from fieldtruth.world.model import GROUND_ID, Heightfield, Mesh, Raster, World
+from fieldtruth.world.model import Heightfield, Mesh, Raster, World
 
 _NO_TINT: Final = (1.0, 1.0, 1.0)
 

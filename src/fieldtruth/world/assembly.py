@@ -8,9 +8,10 @@ from typing import Final
 
 import numpy as np
 
+from fieldtruth.core.classes import GROUND_ID
 from fieldtruth.world.litter import scatter_litter
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.model import GROUND_ID, Mesh, Terrain, World
+from fieldtruth.world.model import Mesh, Terrain, World
 from fieldtruth.world.placement import WorldBuilder
 from fieldtruth.world.swarms import FarSwarm
 from fieldtruth.world.textures import make_textures

@@ -19,9 +19,6 @@ from fieldtruth.core.classes import Label
 ROBOT_ID: Final = 0
 """Instance id of the robot. Pixels without an object, of the sky, have it too: they differ in the class."""
 
-GROUND_ID: Final = 1
-"""Instance id of the ground."""
-
 LITTER: Final = "litter"
 """Kind of the swarms of what lies loose on the ground: it bears no wheel."""
 

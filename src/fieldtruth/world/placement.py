@@ -11,10 +11,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array, Mask
+from fieldtruth.core.classes import GROUND_ID
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.world.circles import Circles
 from fieldtruth.world.grids import BUILT_IN
-from fieldtruth.world.model import GROUND_ID, Heightfield, Instance, Mesh, Swarm
+from fieldtruth.world.model import Heightfield, Instance, Mesh, Swarm
 from fieldtruth.world.poses import random_tint, rotations_to, upright_pose, upright_poses
 from fieldtruth.world.swarms import Density, SwarmSpec, jittered_grid, make_swarm, random_scales
 from fieldtruth.world.trails import Line, Trail

@@ -10,12 +10,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.classes import Label
+from fieldtruth.core.classes import GROUND_ID, Label
 from fieldtruth.drive.bearing import HARD
 from fieldtruth.interchange.ground import ground_tiles
 from fieldtruth.interchange.surfaces import Surface, mesh_surfaces
 from fieldtruth.interchange.swarms import beyond_edge, merged_swarms
-from fieldtruth.world.model import GROUND_ID, LITTER, Collider, Mesh, Swarm, World
+from fieldtruth.world.model import LITTER, Collider, Mesh, Swarm, World
 
 SOFT: Final = frozenset({Label.TREETOP, Label.BUSH, Label.HIGH_GRASS, Label.CABLE, Label.WATER})
 """Classes that a robot passes through. LiDAR rays hit them: water hides the ground below, and its class marks such a

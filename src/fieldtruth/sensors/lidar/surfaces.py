@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array, Mask
-from fieldtruth.core.classes import Label
+from fieldtruth.core.classes import GROUND_ID, Label
 from fieldtruth.kernels.compile import inlined, kernel
 from fieldtruth.sense import embree
 from fieldtruth.sense.hits import TERRAIN, Grid, HitTable, hit_top, read_grid
@@ -17,7 +17,7 @@ from fieldtruth.sense.scene import Scene, grid_of
 from fieldtruth.sensors.lidar.reflectance import reflectance_of
 from fieldtruth.sensors.lidar.sensing import Beams, aim_tile, aimed, entry
 from fieldtruth.sensors.lidar.snow import below_snow, ground_below_snow, snow_on_trails
-from fieldtruth.world.model import GROUND_ID, Raster, World
+from fieldtruth.world.model import Raster, World
 
 _LANES, _WIDTH, _HEIGHT = embree.LANES, embree.LANES // 4, 4
 _OX, _OY, _OZ, _DX, _DY, _DZ = embree.ORG_X, embree.ORG_Y, embree.ORG_Z, embree.DIR_X, embree.DIR_Y, embree.DIR_Z

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Index, Mask
+from fieldtruth.core.classes import GROUND_ID
 from fieldtruth.validation.retrace.ground import SKIN, Ground, blocks, meets, near_all
-from fieldtruth.world.model import GROUND_ID, Mesh, World
+from fieldtruth.world.model import Mesh, World
 
 TERRAIN: Final = 0
 """Label of triangles of the terrain, whose class depends on where they are hit."""

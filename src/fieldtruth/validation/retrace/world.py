@@ -16,7 +16,7 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.robot_messages import ModelStatesWriter
 from fieldtruth.bag.run import EXPERIMENT, Run
 from fieldtruth.core.arrays import Mask
-from fieldtruth.core.classes import CLASSES, NOT_OF_WORLDS, Label
+from fieldtruth.core.classes import CLASSES, GROUND_ID, NOT_OF_WORLDS, Label
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.files import VERSION_KEY
@@ -26,7 +26,7 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, RebuiltWorld, at
 from fieldtruth.world.build import world_of
-from fieldtruth.world.model import GROUND_ID, ROBOT_ID, WIDE_IDS, World
+from fieldtruth.world.model import ROBOT_ID, WIDE_IDS, World
 
 NAMES: Final = Rule("objects have the names of the world's objects")
 # Worlds that are built on other processors differ in the last digit.
