@@ -28,11 +28,10 @@ from scipy.ndimage import gaussian_filter
 import fieldtruth as ft
 from fieldtruth.bench.sensors import poses_on_route
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.render.atlas import linear_from_srgb, srgb_from_linear
+from fieldtruth.kernels.light import EXPOSURE, LightTable, sky_radiance
+from fieldtruth.kernels.textures import linear_from_srgb, srgb_from_linear
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.render.materials import material_table
-from fieldtruth.render.sky.dome import sky_radiance
-from fieldtruth.render.tables import EXPOSURE, LightTable
 from fieldtruth.sense.scene import Scene, terrain_nodes
 from fieldtruth.sensors.camera.config import OPTICAL
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
@@ -50,7 +49,7 @@ CONFIG: Final = StereoConfig(
 VIEWS: Final = 4
 FAR: Final = 40.0  # [m]
 GLOW: Final = (2.6, 2.8, 1.0)
-"""Light through a leaf over light from it, by channel, for a translucency of 1: as in ``render.shading``."""
+"""Light through a leaf over light from it, by channel, for a translucency of 1: as in ``kernels.shading``."""
 MOST: Final = 0.9
 """Of what falls on a leaf, the share that it reflects and transmits at most."""
 LUMINANCE: Final = np.array([0.2126, 0.7152, 0.0722])

@@ -17,17 +17,24 @@ from numba import njit
 from fieldtruth.bench.sensors import poses_on_route
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.files import load_experiment
-from fieldtruth.render.air import dim
+from fieldtruth.kernels.camera import tonemap
+from fieldtruth.kernels.camera_rays import BLOCK_HEIGHT, BLOCK_WIDTH, View, label_pixels, set_pixel_block, trace
+from fieldtruth.kernels.gbuffer import (
+    _fetch_faces,
+    _fetch_vertices,
+    _mesh_light,
+    _shade_surfaces,
+    _terrain_colours,
+    _terrain_light,
+    _terrain_normals,
+    _terrain_shares,
+    hits_on,
+)
+from fieldtruth.kernels.light import Shading, dim
+from fieldtruth.kernels.packets import LabelBuffers
+from fieldtruth.kernels.photograph import Framebuffer, find_edges, store
+from fieldtruth.kernels.shading import _illuminate, _share_sun
 from fieldtruth.render.bake import BakedScene, bake
-from fieldtruth.render.edges import find_edges
-from fieldtruth.render.gbuffer import _terrain_colours, _terrain_light, _terrain_normals, _terrain_shares, hits_on
-from fieldtruth.render.mesh_gbuffer import _fetch_faces, _fetch_vertices, _mesh_light, _shade_surfaces
-from fieldtruth.render.photograph import Framebuffer, store
-from fieldtruth.render.shading import _illuminate, _share_sun
-from fieldtruth.render.tables import Shading
-from fieldtruth.render.tonemap import tonemap
-from fieldtruth.sense.hits import LabelBuffers
-from fieldtruth.sense.ray_batch import BLOCK_HEIGHT, BLOCK_WIDTH, View, label_pixels, set_pixel_block, trace
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.sensing import Camera
 from fieldtruth.world.build import world_of

@@ -20,7 +20,7 @@ names = [info.name for info in pkgutil.walk_packages(fieldtruth.__path__, "field
 for name in names:
     if not name.endswith("__main__"):
         importlib.import_module(name)
-from fieldtruth.drive.vectors import dot
+from fieldtruth.kernels.tyre import dot
 print(len(names), dot((1.0, 2.0, 3.0), (4.0, 5.0, 6.0)))
 """
 

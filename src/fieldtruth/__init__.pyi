@@ -61,6 +61,7 @@ from .experiment.sensor_config import SensorConfig as SensorConfig
 from .exporters import export as export
 from .gazebo import write_gazebo as write_gazebo
 from .interchange import write_scene as write_scene
+from .kernels.lidar import Scan as Scan
 from .pipeline import generate as generate
 from .render.bake import BakedScene as BakedScene
 from .render.bake import bake as bake
@@ -85,7 +86,6 @@ from .sensors.gnss.config import GnssConfig as GnssConfig
 from .sensors.imu.config import ImuConfig as ImuConfig
 from .sensors.lidar.config import LidarConfig as LidarConfig
 from .sensors.lidar.sensing import Lidar as Lidar
-from .sensors.lidar.sensing import Scan as Scan
 from .sensors.wheel_odometry.config import WheelOdometryConfig as WheelOdometryConfig
 from .validation import Check as Check
 from .validation.runner import validate as validate

@@ -8,8 +8,8 @@ from scipy.optimize import brentq
 
 from fieldtruth.drive.physics import GRAVITY
 from fieldtruth.drive.soil import soil_rows
-from fieldtruth.drive.soil_law import Tyre, compaction, sinkage, slip_factor, traction
 from fieldtruth.experiment.robot_config import RobotConfig
+from fieldtruth.kernels.soil import Tyre, compaction, sinkage, slip_factor, traction
 
 ROBOT = RobotConfig()
 LOAD = ROBOT.mass * GRAVITY / 4  # [N]

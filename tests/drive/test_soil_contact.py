@@ -16,8 +16,8 @@ from fieldtruth.drive.robot import STOP, Command
 from fieldtruth.drive.simulate import SimulatedRobot, drive
 from fieldtruth.drive.soil import SOILS, soil_rows
 from fieldtruth.drive.soil_contact import SoilContact
-from fieldtruth.drive.soil_law import compaction, sinkage
 from fieldtruth.experiment.robot_config import WheelConfig
+from fieldtruth.kernels.soil import compaction, sinkage
 from fieldtruth.world.ground_types import GROUND_TYPES
 from fieldtruth.world.model import Raster, World
 

@@ -11,7 +11,9 @@ from soil_slip import LOAD, TYRE, climbing_slip
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.soil import SOILS, soil_rows
-from fieldtruth.drive.soil_law import (
+from fieldtruth.experiment.robot_config import WheelConfig
+from fieldtruth.kernels.soil import (
+    Wheels,
     compaction,
     mix_soils,
     mobilized,
@@ -22,8 +24,6 @@ from fieldtruth.drive.soil_law import (
     strength,
     traction,
 )
-from fieldtruth.drive.wheel_contacts import Wheels
-from fieldtruth.experiment.robot_config import WheelConfig
 
 
 def row(name: str) -> Array:

@@ -15,9 +15,10 @@ from fieldtruth.drive.monitor import DriveMonitor
 from fieldtruth.drive.physics import build_physics
 from fieldtruth.drive.robot import STOP, Command
 from fieldtruth.drive.simulate import SimulatedRobot
-from fieldtruth.drive.wheel_contacts import WheelContacts, Wheels
+from fieldtruth.drive.wheel_contacts import WheelContacts
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route
+from fieldtruth.kernels.soil import Wheels
 from fieldtruth.world.model import World
 
 

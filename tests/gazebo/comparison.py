@@ -16,10 +16,11 @@ from scipy.ndimage import binary_dilation
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import NO_RETURN, PALETTE, Label
+from fieldtruth.kernels.camera_rays import Pinhole
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, OPTICAL, CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
-from fieldtruth.sensors.camera.pinhole import Pinhole, pinhole
+from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import Lidar, ray_directions

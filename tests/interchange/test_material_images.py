@@ -15,7 +15,7 @@ from fieldtruth.core.classes import Label
 from fieldtruth.interchange.ground import ground_tiles
 from fieldtruth.interchange.ground_image import ground_image
 from fieldtruth.interchange.images import encode_image, material_image
-from fieldtruth.render.atlas import linear_from_srgb, srgb_from_linear
+from fieldtruth.kernels.textures import linear_from_srgb, srgb_from_linear
 from fieldtruth.world.model import Terrain, World
 
 LOOKS = {"soil": (200, 40, 10), "gravel": (30, 60, 220), "wood": (90, 90, 90)}

@@ -12,15 +12,15 @@ from sense_worlds import F8, make_world
 
 from fieldtruth.core import frames
 from fieldtruth.experiment.light_config import LightConfig
-from fieldtruth.render.atlas import LEVELS, SUN_ONE, linear_from_srgb, make_atlas, srgb_from_linear
+from fieldtruth.kernels.camera_rays import View
+from fieldtruth.kernels.packets import LabelBuffers
+from fieldtruth.kernels.photograph import new_framebuffer, render_linear
+from fieldtruth.kernels.textures import LEVELS, SUN_ONE, linear_from_srgb, patch_offsets, srgb_from_linear
+from fieldtruth.render.atlas import make_atlas
 from fieldtruth.render.bake import BakedScene, bake
-from fieldtruth.render.ground_points import patch_offsets
 from fieldtruth.render.materials import material_table
-from fieldtruth.render.photograph import new_framebuffer, render_linear
 from fieldtruth.render.relief import THROUGH, sun_factors
 from fieldtruth.render.wetness import WATER, mean_reflectance, wet_albedo
-from fieldtruth.sense.hits import LabelBuffers
-from fieldtruth.sense.ray_batch import View
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL
 from fieldtruth.sensors.camera.pinhole import pinhole

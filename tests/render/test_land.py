@@ -5,9 +5,9 @@
 import numpy as np
 import pytest
 
-from fieldtruth.render.land import FADES, is_steep, near_edge
+from fieldtruth.kernels.gbuffer import FADES, is_steep, near_edge
+from fieldtruth.kernels.light import MaterialTable
 from fieldtruth.render.materials import material_table
-from fieldtruth.render.tables import MaterialTable
 from fieldtruth.world.build import load_world
 
 FAR = np.array([0.5, 0.02, 0.3], np.float32)  # no ground has this colour

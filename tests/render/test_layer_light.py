@@ -10,13 +10,12 @@ from sense_worlds import F8, make_world
 
 from fieldtruth.core import frames
 from fieldtruth.experiment.light_config import LightConfig
+from fieldtruth.kernels.camera_rays import Pinhole, View, new_batch, trace
+from fieldtruth.kernels.packets import new_packet
 from fieldtruth.render.bake import bake
 from fieldtruth.render.materials import CRUMBS
-from fieldtruth.sense.packets import new_packet
-from fieldtruth.sense.ray_batch import View, new_batch, trace
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL
-from fieldtruth.sensors.camera.pinhole import Pinhole
 from fieldtruth.sensors.camera.sensing import Camera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.world.ground_types import GROUND_TYPES

@@ -13,10 +13,10 @@ from sense_worlds import at, box, make_world
 import fieldtruth
 from fieldtruth.core.cache import import_closure
 from fieldtruth.experiment.light_config import LightConfig
+from fieldtruth.kernels.light import LightTable
 from fieldtruth.render.light import _leaf_sun, bake_light
 from fieldtruth.render.light_cache import cached_light, light_key
 from fieldtruth.render.sky.daylight import sun_direction
-from fieldtruth.render.tables import LightTable
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import World
 
@@ -86,7 +86,7 @@ def test_key_covers_sun_and_everything_that_lets_light_through(scene: Scene) -> 
 
 
 @pytest.mark.parametrize(
-    "module", ["sense/packets.py", "sense/embree.py", "kernels/compile.py", "render/sky/clouds.py"]
+    "module", ["kernels/packets.py", "sense/embree.py", "kernels/light.py", "render/sky/clouds.py"]
 )
 def test_key_covers_every_module_that_bakes(module: str) -> None:
     root = Path(fieldtruth.__file__).parents[1]

@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 from sense_worlds import F8, Placed, at, box, make_world, quad
 
 from fieldtruth.experiment.light_config import LightConfig
+from fieldtruth.kernels.light import AIR_LAYER, LightTable, among, falling_on
+from fieldtruth.kernels.textures import linear_from_srgb, srgb_from_linear
 from fieldtruth.render.air import air_of
-from fieldtruth.render.atlas import linear_from_srgb, srgb_from_linear
 from fieldtruth.render.light import _unfilled, bake_light
 from fieldtruth.render.materials import LEAF_GLOW, material_table
-from fieldtruth.render.probes import among, falling_on
-from fieldtruth.render.tables import AIR_LAYER, LightTable
 from fieldtruth.render.volume import COEFFICIENTS, fill_volume, sphere
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import World

@@ -9,8 +9,9 @@ import pytest
 from sense_worlds import at, box, make_world, quad
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.kernels.light import OFFSET, TEXEL, SunMap, sun_share
 from fieldtruth.render.sky.daylight import sun_direction
-from fieldtruth.render.sun_map import MARGIN, OFFSET, TEXEL, SunMap, make_sun_map, sun_share
+from fieldtruth.render.sun_map import MARGIN, make_sun_map
 from fieldtruth.render.visibility import sun_disc, visibility
 from fieldtruth.sense.scene import Scene
 

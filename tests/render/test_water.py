@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from sense_worlds import at, box, make_world, quad
 
 from fieldtruth.core.classes import Label
+from fieldtruth.kernels.camera_rays import new_batch
+from fieldtruth.kernels.gbuffer import FIELDS, MIRROR
+from fieldtruth.kernels.shading import new_secondary_batch, water_rays
 from fieldtruth.render.bake import bake
-from fieldtruth.render.gbuffer import FIELDS, MIRROR
-from fieldtruth.render.water import new_secondary_batch, water_rays
-from fieldtruth.sense.ray_batch import new_batch
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL
 from fieldtruth.sensors.camera.labels import LabelCamera

@@ -10,12 +10,10 @@ from fieldtruth.core import frames
 from fieldtruth.core.arrays import Float32Array
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.weather_config import WeatherConfig
-from fieldtruth.render.air import AZIMUTHS, azimuth_of
+from fieldtruth.kernels.light import AZIMUTHS, EXPOSURE, azimuth_of, fog_length, sky_radiance
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.render.sky.daylight import sun_direction
-from fieldtruth.render.sky.dome import sky_radiance
-from fieldtruth.render.tables import EXPOSURE
-from fieldtruth.sense.air import extinction, fog_length
+from fieldtruth.sense.air import extinction
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL
 from fieldtruth.sensors.camera.sensing import Camera

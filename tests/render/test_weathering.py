@@ -6,8 +6,17 @@ import numpy as np
 import pytest
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.render.atlas import make_atlas, srgb_from_linear
-from fieldtruth.render.weathering import STEEPEST, flat_value, overgrown, patchy, solid_value, texture_slope, tilted
+from fieldtruth.kernels.textures import (
+    STEEPEST,
+    flat_value,
+    overgrown,
+    patchy,
+    solid_value,
+    srgb_from_linear,
+    texture_slope,
+    tilted,
+)
+from fieldtruth.render.atlas import make_atlas
 
 F = np.float32
 GREY = (F(0.15), F(0.15), F(0.15))

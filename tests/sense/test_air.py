@@ -13,17 +13,9 @@ from scipy.optimize import brentq, minimize_scalar
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.weather_config import WeatherConfig
-from fieldtruth.sense.air import (
-    Air,
-    Beam,
-    clear_extinction,
-    extinction,
-    fog_extinction,
-    fog_length,
-    make_air,
-    strongest_echo,
-    transmitted,
-)
+from fieldtruth.kernels.lidar_noise import Air, strongest_echo, transmitted
+from fieldtruth.kernels.light import fog_length
+from fieldtruth.sense.air import Beam, clear_extinction, extinction, fog_extinction, make_air
 from fieldtruth.sense.drops import Drops, rain, snow
 
 BEAM = Beam(wavelength_nm=850, width_m=0.01, divergence_rad=0.0023, pulse_ns=5, min_range=0.8, max_range=120)

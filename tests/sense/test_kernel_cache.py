@@ -16,7 +16,7 @@ import fieldtruth
 
 CLASSIFY_A_MISS = """
 import numpy as np
-from fieldtruth.sense.hits import Grid, HitTable, classify
+from fieldtruth.kernels.packets import Grid, HitTable, classify
 none = [np.zeros(0, kind) for kind in (np.int32, np.uint32, np.int32, np.int64, np.uint8)]
 table = HitTable(*none, Grid(np.ones((2, 2), np.float32), 0.0, 0.0, 1.0))
 print(*classify(table, -1, 0, 0.0, 0.0))

@@ -11,9 +11,10 @@ from sense_worlds import BOX_CORNERS, BOX_FACES, F8, Placed, at, box, floating, 
 
 from fieldtruth.core import frames
 from fieldtruth.core.classes import Label
+from fieldtruth.kernels.lidar import Scan
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.sensing import Lidar, Scan, ray_directions
+from fieldtruth.sensors.lidar.sensing import Lidar, ray_directions
 
 TOLERANCE = 1e-4  # [m]
 

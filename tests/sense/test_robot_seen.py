@@ -13,14 +13,16 @@ from fieldtruth.core import frames
 from fieldtruth.core.classes import Label
 from fieldtruth.core.lenses import FLAT, directions
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_body import RIM, Box, Cylinder, visible_parts
+from fieldtruth.experiment.robot_body import Box, Cylinder, visible_parts
+from fieldtruth.kernels.lidar import Scan
+from fieldtruth.kernels.robot import NO_FACE, RIM
 from fieldtruth.report.rig.coverage import ground_coverage
-from fieldtruth.sense.robot_rays import METAL, NO_FACE, PAINT, RUBBER, material_of, meet, part_table
+from fieldtruth.sense.robot_rays import METAL, PAINT, RUBBER, material_of, meet, part_table
 from fieldtruth.sense.robot_view import RobotView, robot_view, robot_views
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.lidar.measuring import SignalLidar
-from fieldtruth.sensors.lidar.sensing import Lidar, Scan, ray_directions
+from fieldtruth.sensors.lidar.sensing import Lidar, ray_directions
 from fieldtruth.sensors.lidar.signal import LidarSignal
 
 F8 = NDArray[np.float64]

@@ -12,6 +12,7 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import parse_experiment
 from fieldtruth.experiment.sensor_models import datasheet_of, models
+from fieldtruth.kernels.camera import interpolate
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.exposure import (
     METERINGS,
@@ -22,7 +23,7 @@ from fieldtruth.sensors.camera.exposure import (
     white_balance,
 )
 from fieldtruth.sensors.camera.photo import Developer
-from fieldtruth.sensors.camera.raw import interpolate, sensor_of
+from fieldtruth.sensors.camera.raw import sensor_of
 from fieldtruth.sensors.camera.response import encoded
 from fieldtruth.sensors.camera.signal import CameraSignal
 

@@ -18,8 +18,9 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.sensor_models import datasheet_of
+from fieldtruth.kernels.photograph import render_strips
 from fieldtruth.render.bake import BakedScene, bake
-from fieldtruth.render.shutter import render_strips, strips_of
+from fieldtruth.render.shutter import strips_of
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.sensing import Camera, CameraImages
 from fieldtruth.sensors.camera.signal import CameraSignal

@@ -13,12 +13,13 @@ from sense_worlds import at, box, floating, quad
 from fieldtruth.bag import decode
 from fieldtruth.experiment.sensor_models import datasheet_of
 from fieldtruth.exporters.sequences import xyz_and_reflectance
+from fieldtruth.kernels.lidar import TURNS
+from fieldtruth.kernels.lidar_noise import Reading
 from fieldtruth.record.stream import Sensors
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.echoes import TURNS, sub_rays_of
+from fieldtruth.sensors.lidar.echoes import sub_rays_of
 from fieldtruth.sensors.lidar.measuring import SignalLidar, new_lidar
-from fieldtruth.sensors.lidar.noise import Reading
 from fieldtruth.sensors.lidar.sensing import Lidar
 from fieldtruth.sensors.lidar.signal import LidarSignal
 from fieldtruth.sensors.lidar.stream import lidar_stream

@@ -11,11 +11,12 @@ from sense_worlds import at, floating, quad
 
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.weather_config import WeatherConfig
-from fieldtruth.sense.air import extinction, fog_length
+from fieldtruth.kernels.lidar_noise import Reading
+from fieldtruth.kernels.light import fog_length
+from fieldtruth.sense.air import extinction
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.measuring import new_lidar
-from fieldtruth.sensors.lidar.noise import Reading
 from fieldtruth.sensors.lidar.sensing import Lidar
 from fieldtruth.sensors.lidar.signal import LidarSignal
 

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from fieldtruth.core import frames
 from fieldtruth.core.classes import Label
+from fieldtruth.kernels.lidar import Scan
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.sensing import Lidar, Scan, ray_directions
+from fieldtruth.sensors.lidar.sensing import Lidar, ray_directions
 from fieldtruth.validation.context import RebuiltWorld
 from fieldtruth.validation.retrace.reference import NOTHING, RayReading, mismatches
 from fieldtruth.validation.retrace.tracer import ReferenceTracer

@@ -8,10 +8,9 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from fieldtruth.core.arrays import Array, Mask
+from fieldtruth.kernels.camera_rays import Pinhole, View, new_batch, trace
+from fieldtruth.kernels.packets import new_packet
 from fieldtruth.sense.embree import Engine, RayScene
-from fieldtruth.sense.packets import new_packet
-from fieldtruth.sense.ray_batch import View, new_batch, trace
-from fieldtruth.sensors.camera.pinhole import Pinhole
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.plants.plant import FOLIAGE
 

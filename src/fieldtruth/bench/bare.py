@@ -6,28 +6,17 @@ It does less than any sensor: directions are prepared in single precision in pac
 set once. A sensor's time is therefore always compared with a lower bound.
 """
 
-import ctypes
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from time import perf_counter
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
-from llvmlite import binding as llvm
-from numba import types
-from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.kernels.compile import kernel
-from fieldtruth.sense import embree
+from fieldtruth.kernels import packets
+from fieldtruth.kernels.bare import FIELDS, TRACERS, BarePacket
 
-llvm.add_symbol("rtcIntersect1", ctypes.cast(embree._library().rtcIntersect1, ctypes.c_void_p).value)
-
-# Field f of lane k is word f * lanes + k for any number of lanes; a single ray is a packet of one.
-_FIELD: Final = {
-    name: getattr(embree, name) // embree.LANES
-    for name in ("ORG_X", "ORG_Y", "ORG_Z", "TNEAR", "DIR_X", "DIR_Y", "DIR_Z", "TFAR", "MASK", "GEOM_ID", "INST_ID")
-}
-_WORDS: Final = embree.RAYHIT_WORDS // embree.LANES
+_WORDS: Final = packets.RAYHIT_WORDS // packets.LANES
 
 
 class Mode(NamedTuple):
@@ -43,16 +32,6 @@ MODES: Final = (
     *(Mode(8, rows, coherent) for rows in (1, 2, 4, 8) for coherent in (False, True)),
     *(Mode(16, rows, coherent) for rows in (1, 2, 4, 8, 16) for coherent in (False, True)),
 )
-
-
-class _Packet(NamedTuple):
-    """Memory of a packet; addresses are integers, so that the kernel counts no references."""
-
-    ray: Float32Array
-    words: NDArray[np.uint32]
-    ray_at: int
-    valid_at: int
-    arguments_at: int
 
 
 class BareTracer:
@@ -71,13 +50,13 @@ class BareTracer:
         tiles = directions.reshape(*self._tiles, 3).transpose(0, 2, 4, 1, 3)
         self._directions = np.ascontiguousarray(tiles, np.float32).reshape(-1, 3, lanes)
         self._distance = np.zeros((len(self._directions), lanes), np.float32)
-        ray, valid = embree.aligned(_WORDS * lanes), embree.aligned(lanes, np.int32)
-        words, arguments = ray.view(np.uint32), embree.arguments_block(coherent=mode.coherent)
-        words[_FIELD["MASK"] * lanes :][:lanes] = embree.MISS
+        ray, valid = packets.aligned(_WORDS * lanes), packets.aligned(lanes, np.int32)
+        words, arguments = ray.view(np.uint32), packets.arguments_block(coherent=mode.coherent)
+        words[FIELDS["MASK"] * lanes :][:lanes] = packets.MISS
         valid[:] = -1
-        self._packet = _Packet(ray, words, ray.ctypes.data, valid.ctypes.data, arguments.ctypes.data)
+        self._packet = BarePacket(ray, words, ray.ctypes.data, valid.ctypes.data, arguments.ctypes.data)
         self._kept = valid, arguments  # the packet has their addresses
-        self._kernel = _KERNELS[lanes]
+        self._kernel = TRACERS[lanes]
         self._scene, self._far = scene, np.float32(far)
 
     def trace(self, world_from_sensor: Array) -> None:
@@ -113,46 +92,3 @@ def best_mode(scene: np.uint64, directions: Float32Array, far: float, poses: Seq
     fitting = [mode for mode in MODES if height % mode.rows == 0 and width % (mode.lanes // mode.rows) == 0]
     leaders = sorted(fitting, key=lambda mode: seconds(mode, poses[:1]))[:5]
     return min(leaders, key=lambda mode: seconds(mode, poses))
-
-
-def _make_kernel(lanes: int) -> Callable[..., None]:
-    """Compile for a number of lanes, so that it is a constant."""
-    address = types.uint64
-    intersect: Any
-    if lanes == 1:
-        intersect = types.ExternalFunction("rtcIntersect1", types.void(address, address, address))
-    else:
-        intersect = types.ExternalFunction(f"rtcIntersect{lanes}", types.void(address, address, address, address))
-    ox, oy, oz, near, dx, dy, dz, tfar, _, geometry, instance = (field * lanes for field in _FIELD.values())
-    single, miss = lanes == 1, np.uint32(embree.MISS)
-
-    @kernel
-    def trace(
-        scene: np.uint64, packet: _Packet, pose: Float32Array, directions: Float32Array, far: float, out: Float32Array
-    ) -> None:
-        ray, words, ray_at, valid_at, arguments_at = packet
-        xx, xy, xz, yx, yy, yz = pose[0, 0], pose[0, 1], pose[0, 2], pose[1, 0], pose[1, 1], pose[1, 2]
-        zx, zy, zz = pose[2, 0], pose[2, 1], pose[2, 2]
-        for lane in range(lanes):
-            ray[ox + lane], ray[oy + lane], ray[oz + lane] = pose[0, 3], pose[1, 3], pose[2, 3]
-            ray[near + lane] = 0.0
-        for k in range(len(directions)):
-            for lane in range(lanes):
-                x, y, z = directions[k, 0, lane], directions[k, 1, lane], directions[k, 2, lane]
-                ray[dx + lane] = xx * x + xy * y + xz * z
-                ray[dy + lane] = yx * x + yy * y + yz * z
-                ray[dz + lane] = zx * x + zy * y + zz * z
-                ray[tfar + lane] = far
-                words[geometry + lane], words[instance + lane] = miss, miss
-            if single:
-                intersect(scene, ray_at, arguments_at)
-            else:
-                intersect(valid_at, scene, ray_at, arguments_at)
-            for lane in range(lanes):
-                out[k, lane] = ray[tfar + lane]
-
-    result: Callable[..., None] = trace
-    return result
-
-
-_KERNELS: Final = {lanes: _make_kernel(lanes) for lanes in (1, 8, 16)}

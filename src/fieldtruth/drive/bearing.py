@@ -20,9 +20,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
-from fieldtruth.kernels.compile import kernel
+from fieldtruth.kernels.soil import lay_stones
 from fieldtruth.world.model import LITTER, Heightfield, Mesh, World
 
 BEARING_SPACING: Final = 0.05
@@ -105,7 +105,7 @@ def _with_stones(world: World) -> Heightfield:
     for surface in surfaces:
         poses = np.ascontiguousarray(surface.poses, np.float64)
         grid = (soil.x0, soil.y0, soil.spacing, surface.reach)
-        _lay_stones(heights, soil.heights, grid, surface.vertices, surface.faces, poses)
+        lay_stones(heights, soil.heights, grid, surface.vertices, surface.faces, poses)
     return dataclasses.replace(soil, heights=heights)
 
 
@@ -121,82 +121,3 @@ def divided(field: Heightfield) -> Heightfield:
     )
     heights = np.stack([field.height_at(at, y).astype(np.float32) for at in x])
     return Heightfield(heights=heights, spacing=spacing, x0=field.x0, y0=field.y0)
-
-
-@kernel(allocates=True)
-def _lay_stones(
-    heights: Float32Array,
-    soil: Float32Array,
-    grid: tuple[float, float, float, float],
-    vertices: Array,
-    faces: NDArray[np.int32],
-    poses: Array,
-) -> None:
-    """Raise ``heights`` to copies of a mesh at ``poses`` (n, 4, 4); ``grid`` is x0, y0, spacing and reach [m].
-
-    Positions are in spacings from the first node.
-    """
-    x0, y0, spacing, reach = grid
-    nx, ny = soil.shape
-    placed = np.empty_like(vertices)
-    polygon, spare = np.empty((8, 3)), np.empty((8, 3))
-    for pose in poses:
-        for k in range(len(vertices)):
-            x, y, z = vertices[k]
-            placed[k, 0] = (pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3] - x0) / spacing
-            placed[k, 1] = (pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3] - y0) / spacing
-            placed[k, 2] = pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z + pose[2, 3]
-        for a, b, c in faces:
-            p, q, r = placed[a], placed[b], placed[c]
-            if (q[0] - p[0]) * (r[1] - p[1]) <= (q[1] - p[1]) * (r[0] - p[0]):
-                continue  # it faces down; the highest points belong to faces that face up
-            first_i = max(0, int(np.floor(min(p[0], q[0], r[0]) + 0.5)))
-            last_i = min(nx - 1, int(np.floor(max(p[0], q[0], r[0]) + 0.5)))
-            first_j = max(0, int(np.floor(min(p[1], q[1], r[1]) + 0.5)))
-            last_j = min(ny - 1, int(np.floor(max(p[1], q[1], r[1]) + 0.5)))
-            for i in range(first_i, last_i + 1):
-                for j in range(first_j, last_j + 1):
-                    polygon[0], polygon[1], polygon[2] = p, q, r
-                    count = _cut(polygon, 3, spare, 0, 1.0, i + 0.5)
-                    count = _cut(spare, count, polygon, 0, -1.0, 0.5 - i)
-                    count = _cut(polygon, count, spare, 1, 1.0, j + 0.5)
-                    count = _cut(spare, count, polygon, 1, -1.0, 0.5 - j)
-                    for k in range(count):
-                        below = _height(soil, polygon[k, 0], polygon[k, 1])
-                        if below < polygon[k, 2] <= below + reach:
-                            # Uphill of the node the soil itself is higher than there.
-                            top = polygon[k, 2] - max(0.0, below - soil[i, j])
-                            heights[i, j] = max(heights[i, j], np.float32(top))
-
-
-# (float64[:, ::1], int64, float64[:, ::1], int64, float64, float64) -> int64
-@kernel(allocates=True)
-def _cut(corners: Array, count: int, kept: Array, axis: int, sign: float, limit: float) -> int:
-    """Write to ``kept`` the part of a convex polygon where sign * coordinate <= limit; return its corner count."""
-    n = 0
-    for k in range(count):
-        a, b = corners[k], corners[(k + 1) % count]
-        over_a, over_b = sign * a[axis] - limit, sign * b[axis] - limit
-        if over_a <= 0.0:
-            kept[n] = a
-            n += 1
-        if (over_a < 0.0 < over_b) or (over_b < 0.0 < over_a):
-            share = over_a / (over_a - over_b)
-            for m in range(3):
-                kept[n, m] = a[m] + share * (b[m] - a[m])
-            n += 1
-    return n
-
-
-# (float32[:, ::1], float64, float64) -> float64
-@kernel
-def _height(soil: Float32Array, u: float, v: float) -> float:
-    """Height [m] of the triangles of ``soil`` at ``u``, ``v`` in spacings from the first node."""
-    nx, ny = soil.shape
-    u, v = min(max(u, 0.0), nx - 1.0), min(max(v, 0.0), ny - 1.0)
-    i, j = min(int(u), nx - 2), min(int(v), ny - 2)
-    u, v = u - i, v - j
-    low, high = soil[i, j], soil[i + 1, j + 1]
-    if u >= v:
-        return float(low + u * (soil[i + 1, j] - low) + v * (high - soil[i + 1, j]))
-    return float(low + v * (soil[i, j + 1] - low) + u * (high - soil[i, j + 1]))

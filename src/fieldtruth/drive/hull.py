@@ -10,12 +10,11 @@ from typing import Final
 import numpy as np
 from scipy.ndimage import maximum_filter
 
-from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.core.arrays import Array
 from fieldtruth.drive.physics import STEP_S
 from fieldtruth.drive.robot import body_boxes
-from fieldtruth.drive.vectors import axes_of, plus, turned
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.kernels.compile import kernel
+from fieldtruth.kernels.tyre import clearance
 from fieldtruth.world.model import Heightfield
 
 EVERY: Final = 20
@@ -47,20 +46,5 @@ class Hull:
         ``qpos`` begins with base_link's position [m] and quaternion_wxyz.
         """
         return bool(
-            _clearance(self._highest, self._field.x0, self._field.y0, self._field.spacing, self._points, qpos) < NEAR
+            clearance(self._highest, self._field.x0, self._field.y0, self._field.spacing, self._points, qpos) < NEAR
         )
-
-
-@kernel
-def _clearance(highest: Float32Array, x0: float, y0: float, spacing: float, points: Array, qpos: Array) -> float:
-    """Least height [m] of ``points`` (n, 3) of base_link above the nearest nodes of ``highest``."""
-    nx, ny = highest.shape
-    axes = axes_of(qpos[3], qpos[4], qpos[5], qpos[6])
-    least = np.inf
-    for k in range(len(points)):
-        point = (points[k, 0], points[k, 1], points[k, 2])
-        x, y, z = plus((qpos[0], qpos[1], qpos[2]), 1.0, turned(axes, point))
-        i = min(max(round((x - x0) / spacing), 0), nx - 1)
-        j = min(max(round((y - y0) / spacing), 0), ny - 1)
-        least = min(least, z - highest[i, j])
-    return least

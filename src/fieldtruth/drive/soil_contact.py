@@ -17,9 +17,8 @@ from fieldtruth.core.errors import ConfigurationError, suggestion
 from fieldtruth.drive.bearing import bearing_field
 from fieldtruth.drive.physics import STEP_S
 from fieldtruth.drive.soil import SOILS, soil_rows
-from fieldtruth.drive.soil_law import Grid, Tyre, step_soil
-from fieldtruth.drive.wheel_contacts import Wheels
 from fieldtruth.experiment.robot_config import WheelConfig
+from fieldtruth.kernels.soil import Grid, Tyre, Wheels, step_soil
 from fieldtruth.world.model import Raster, World
 
 PRESSED: Final = 0.02  # [m]

@@ -7,44 +7,16 @@ that is shifted or turned within itself moves nothing.
 """
 
 from collections.abc import Callable
-from typing import Any, Final, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array
 from fieldtruth.drive.robot import plane_geom, supports
-from fieldtruth.drive.tyre import Patches, Tread, press, smooth_ground
+from fieldtruth.drive.tyre import Tread, smooth_ground
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.kernels.compile import kernel
+from fieldtruth.kernels.soil import OTHER, Wheels, pull, sort_loads
+from fieldtruth.kernels.tyre import Patches, press
 from fieldtruth.world.model import Heightfield
-
-
-class Wheels(NamedTuple):
-    """The n wheels before a step, in the order of their names; the last four are for a soil to set.
-
-    The arrays are views of the simulation, so they can be read and written in compiled code.
-    """
-
-    position: Array
-    """Point of contact (n, 3) [m] in the world."""
-    load: Array
-    """Normal force (n,) [N] of the step before; 0 in the air."""
-    velocity: Array
-    """Of the chassis at the contact (n, 2) [m/s], forwards and to the left along the ground."""
-    rolling: Array
-    """Wheel speed times radius (n,) [m/s], positive forwards; it exceeds the velocity by the slip."""
-    friction: Array
-    """Coefficient of friction (n, 2), the same in both columns."""
-    drag: Array
-    """Force (n,) [N] on the axle along the ground, positive forwards: negative for ground that resists."""
-    torque: Array
-    """Torque (n,) [N m] on the wheel, positive forwards: negative resistance for a wheel that rolls forwards."""
-    sinkage: Array
-    """Depth (n,) [m] by which the ground below a wheel is lowered; the tyre's damper misses 2 N at 1 cm/s."""
-
-
-_OTHER: Final = -1
 
 Soil = Callable[[Wheels], None]
 """Called before every step; it reads the wheels, and sets friction, drag, torque and sinkage in place."""
@@ -79,7 +51,7 @@ class WheelContacts:
             sinkage=self._sinkage[:n],
         )
         # In a contact with the heightfield or a plane, that is always MuJoCo's first geom.
-        self._kind = np.full(model.ngeom, _OTHER)
+        self._kind = np.full(model.ngeom, OTHER)
         planes = [plane_geom(support.geom) for support in bearing]
         self._kind[[model.geom(name).id for name in (*planes, "ground")]] = range(count + 1)
         self._state = data.qpos, data.qvel
@@ -91,30 +63,9 @@ class WheelContacts:
         press(self._ground, self._treads, self._hubs, *self._state, self._sinkage, self._patches)
         if self._soil is not None:
             self._soil(self.wheels)
-            _pull(self._patches.forward, self.wheels.drag, self._force)
+            pull(self._patches.forward, self.wheels.drag, self._force)
 
     def read(self) -> bool:
         """Read the loads of the step that was made; return whether the robot touches more than the ground."""
         contacts = self._data.contact
-        return _sort_loads(contacts.geom1, contacts.efc_address, self._data.efc_force, self._kind, self._load)
-
-
-@kernel
-def _pull(forward: Array, drag: Array, force: Array) -> None:
-    for k in range(len(drag)):
-        for axis in range(3):
-            force[k, axis] = forward[k, axis] * drag[k]
-
-
-@kernel
-def _sort_loads(
-    geoms: NDArray[np.int32], rows: NDArray[np.int32], forces: Array, kind: NDArray[np.int64], load: Array
-) -> bool:
-    load[:] = 0.0
-    other = False
-    for k in range(len(geoms)):
-        wheel = kind[geoms[k]]
-        if 0 <= wheel < len(load) and rows[k] >= 0:
-            load[wheel] = forces[rows[k]]  # the first row of an elliptic cone is the normal
-        other |= wheel == _OTHER
-    return other
+        return sort_loads(contacts.geom1, contacts.efc_address, self._data.efc_force, self._kind, self._load)

@@ -3,15 +3,12 @@
 """Shape of a robot in base_link: the chassis between the wheels, the wheels and a caster."""
 
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.rig import Rig
-
-RIM: Final = 6 / 13
-"""Radius of a rim over that of its tyre: the size 13x5.00-6, which a Husky has, is a 13 in tyre on a 6 in rim."""
 
 
 class Box(NamedTuple):

@@ -14,9 +14,9 @@ from fieldtruth.bag.reader import BagError
 from fieldtruth.bag.run import Run
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array, Counts
-from fieldtruth.sense.embree import MISS, Engine, RayScene
-from fieldtruth.sense.packets import IntArray, new_packet
-from fieldtruth.sense.ray_batch import BLOCK, View, new_batch, trace
+from fieldtruth.kernels.camera_rays import BLOCK, View, new_batch, trace
+from fieldtruth.kernels.packets import MISS, IntArray, new_packet
+from fieldtruth.sense.embree import Engine, RayScene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.camera.ray_table import ray_table

@@ -13,10 +13,9 @@ from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.interchange.ground import GroundTile
 from fieldtruth.interchange.images import encode_image
-from fieldtruth.render.atlas import LEVELS, srgb_from_linear
-from fieldtruth.render.ground_points import patch_offsets
+from fieldtruth.kernels.light import MaterialTable
+from fieldtruth.kernels.textures import LEVELS, patch_offsets, srgb_from_linear
 from fieldtruth.render.materials import material_table
-from fieldtruth.render.tables import MaterialTable
 from fieldtruth.world.model import Raster, World
 
 GROUND_PIXELS: Final = 2048
@@ -42,7 +41,7 @@ def ground_image(
 ) -> NDArray[np.uint8]:
     """Albedo (n, n, 3) sRGB of a tile seen from above: +x to the right, +y up, as its uv.
 
-    It is that of a photograph's hits (``render.gbuffer.terrain_gbuffer``): the colour of the mixed materials times the
+    It is that of a photograph's hits (``kernels.gbuffer.terrain_gbuffer``): the colour of the mixed materials times the
     texture of one of them off the trails, and the trail's or its border's own texture on them. ``table`` is
     ``render.materials.material_table(world)``, which takes half a second: make it once for all tiles.
     """

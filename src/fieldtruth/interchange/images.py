@@ -10,7 +10,7 @@ import simplejpeg
 from numpy.typing import NDArray
 
 from fieldtruth.core.png import encode_png
-from fieldtruth.render.atlas import linear_from_srgb, srgb_from_linear
+from fieldtruth.kernels.textures import linear_from_srgb, srgb_from_linear
 from fieldtruth.world.model import Material, World
 
 JPEG_QUALITY: Final = 90

@@ -14,29 +14,14 @@ import numpy as np
 
 from fieldtruth.core.arrays import Float32Array
 from fieldtruth.experiment.weather_config import WeatherConfig
-from fieldtruth.kernels.compile import inlined, kernel
-from fieldtruth.render.sky.dome import sky_radiance
-from fieldtruth.render.tables import EXPOSURE, AirTable, LightTable, Shading
-from fieldtruth.sense.air import clear_extinction, extinction, fog_extinction, fog_length
-from fieldtruth.sense.ray_batch import RayBatch
+from fieldtruth.kernels.light import AZIMUTHS, LAYER, AirTable, LightTable, fog_length, sky_radiance
+from fieldtruth.sense.air import clear_extinction, extinction, fog_extinction
 
 WAVELENGTHS_NM: Final = (610.0, 550.0, 465.0)
 """Of red, green and blue: where the matching functions of sRGB's primaries are greatest, about."""
-LAYER: Final = 1000.0
-"""[m] up to which the weather reaches: a ray to the sky at elevation e is in it for LAYER / sin(e)."""
-AZIMUTHS: Final = 64
 _ELEVATIONS: Final = np.radians([0.5, 1.0, 1.5, 2.0])
 _SPREAD_DEG: Final = 12.0
 """Over which A is the mean of the horizon on both sides, so that no cloud stands in the air."""
-
-
-@inlined
-def azimuth_of(x: float, y: float) -> float:
-    """Azimuth of a direction on a scale from 0 to 4 that needs no arc tangent: the four quarters of |x| + |y| = 1."""
-    along = y / (abs(x) + abs(y) + np.float32(1e-9))
-    if x < np.float32(0.0):
-        return np.float32(2.0) - along  # type: ignore[return-value]
-    return along if along >= np.float32(0.0) else np.float32(4.0) + along  # type: ignore[return-value]
 
 
 def air_of(weather: WeatherConfig | None, light: LightTable, heights: Float32Array) -> AirTable:
@@ -99,57 +84,3 @@ def _air_light(air: AirTable, light: LightTable, height: float) -> Float32Array:
         return horizon
     seen = float(_sun_left(air, float(light.sun[2]), height).mean())
     return np.asarray(seen * horizon + (1 - seen) * light_in(air, light, height).dome.horizon, np.float32)
-
-
-@kernel(inner=True)
-def dim(shading: Shading, batch: RayBatch, count: int, colour: Float32Array) -> None:
-    """Change the exposed colours (n, 3) of traced rays as the air does; those for which the lens has no ray stay."""
-    top, direction, distance, air, one = batch.top, batch.direction, batch.distance, shading.air, np.float32(1.0)
-    scale = np.float32(EXPOSURE)  # as much less is scattered as falls, whatever the exposure
-    half, sixth, thin = np.float32(0.5), np.float32(1.0 / 6.0), np.float32(0.1)
-    unseen = np.float32(1e-3)  # a depth that changes no byte by more than one
-    per_azimuth = np.float32(AZIMUTHS / 4)
-    for k in range(count):
-        dx, dy, dz = direction[0, k], direction[1, k], direction[2, k]
-        length, clear = distance[k], one
-        if top[k] < 0:
-            if not air.has_weather or dx * dx + dy * dy + dz * dz < np.float32(0.5):
-                continue
-            length, clear = np.float32(LAYER) / max(dz, np.float32(1e-4)), np.float32(0.0)
-        elif not air.has_weather and air.clear[2] * length < unseen:
-            continue
-        thick = np.float32(0.0)
-        if air.fog_scale > np.float32(0.0):
-            above = batch.point[2, k] - distance[k] * dz - air.ground
-            thick = np.float32(fog_length(above, max(length * dz, -above), length, air.fog_scale))  # type: ignore[arg-type]
-        at = azimuth_of(dx, dy) * per_azimuth
-        row = min(int(at), AZIMUTHS - 1)
-        share = at - np.float32(row)
-        for channel in range(3):
-            depth = (clear * air.clear[channel] + air.even[channel]) * length + air.fog[channel] * thick
-            # 1 - exp(-depth): where that is little, by its first terms.
-            taken = depth * (one - depth * (half - depth * sixth)) if depth < thin else one - np.exp(-depth)
-            glow = air.light[row, channel] + share * (air.light[row + 1, channel] - air.light[row, channel])
-            colour[k, channel] += taken * (scale * glow - colour[k, channel])
-
-
-@inlined
-def air_along(
-    air: AirTable,
-    ray: tuple[float, float, float],
-    start: float,
-    distance: float,
-    left: Float32Array,
-    glow: Float32Array,
-) -> None:
-    """Share ``left`` (3,) of light after a distance from a height ``start`` [m] along a ray, and the air's light."""
-    thick = 0.0
-    if air.fog_scale > 0.0:
-        above = start - float(air.ground)
-        thick = fog_length(above, max(distance * ray[2], -above), distance, float(air.fog_scale))
-    at = azimuth_of(ray[0], ray[1]) * (AZIMUTHS / 4)
-    row = min(int(at), AZIMUTHS - 1)
-    for channel in range(3):
-        depth = (air.clear[channel] + air.even[channel]) * distance + air.fog[channel] * thick
-        left[channel] = np.exp(-depth)
-        glow[channel] = air.light[row, channel] + (at - row) * (air.light[row + 1, channel] - air.light[row, channel])

@@ -13,15 +13,15 @@ from fieldtruth.core.cache import cache_folder
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.kernels.light import LightTable, MaterialTable, Shading, SnowTable
+from fieldtruth.kernels.shading import WHITE
 from fieldtruth.render.air import air_of, light_in
 from fieldtruth.render.light import bake_light
 from fieldtruth.render.light_cache import cached_light
 from fieldtruth.render.materials import material_table
 from fieldtruth.render.sky.daylight import sun_direction
 from fieldtruth.render.sky.spectrum import LUMINANCE
-from fieldtruth.render.snow import WHITE, snow_table
-from fieldtruth.render.surfaces import surface_table
-from fieldtruth.render.tables import LightTable, MaterialTable, Shading, SnowTable
+from fieldtruth.render.surfaces import snow_table, surface_table
 from fieldtruth.render.wire_table import wire_table
 from fieldtruth.sense.scene import Scene
 

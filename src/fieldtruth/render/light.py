@@ -20,18 +20,18 @@ from scipy.ndimage import convolve1d, gaussian_filter, maximum_filter
 from fieldtruth.core.arrays import Array, Counts, Float32Array, Index, Mask
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.kernels.light import AIR_TEXEL, NO_SHADOW, SHADOW_RANGE, AirTable, LightTable, MaterialTable, Shading
+from fieldtruth.kernels.light_probes import NEAR
+from fieldtruth.kernels.packets import Grid
 from fieldtruth.render.air import air_of, light_in
 from fieldtruth.render.materials import material_table
 from fieldtruth.render.sky import dome
 from fieldtruth.render.sky.daylight import SUN_RADIUS_DEG, Daylight, metered_daylight, sun_direction
-from fieldtruth.render.snow import snow_table
 from fieldtruth.render.sun_map import make_sun_map
-from fieldtruth.render.surfaces import surface_table
-from fieldtruth.render.tables import AIR_TEXEL, NO_SHADOW, AirTable, LightTable, MaterialTable, Shading
-from fieldtruth.render.visibility import SHADOW_RANGE, hemisphere, sun_disc, visibility
-from fieldtruth.render.volume import COEFFICIENTS, LAYERS, NEAR, fill_volume, sphere
+from fieldtruth.render.surfaces import snow_table, surface_table
+from fieldtruth.render.visibility import hemisphere, sun_disc, visibility
+from fieldtruth.render.volume import COEFFICIENTS, LAYERS, fill_volume, sphere
 from fieldtruth.render.wire_table import wire_table
-from fieldtruth.sense.hits import Grid
 from fieldtruth.sense.scene import Scene
 from fieldtruth.world.grids import coarseness
 from fieldtruth.world.model import Heightfield, Mesh, Raster

@@ -12,11 +12,9 @@ from fieldtruth.core.cache import cache_key
 from fieldtruth.core.cache_folder import load_or_make
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.kernels.light import Dome, LightTable, SunMap
+from fieldtruth.kernels.packets import Grid
 from fieldtruth.render.sky import dome
-from fieldtruth.render.sky.dome import Dome
-from fieldtruth.render.sun_map import SunMap
-from fieldtruth.render.tables import LightTable
-from fieldtruth.sense.hits import Grid
 from fieldtruth.sense.scene import Scene
 
 _GRIDS: Final = ("ground_sun", "ground_near", "cloud_sun")

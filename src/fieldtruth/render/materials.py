@@ -11,12 +11,11 @@ from scipy.ndimage import gaussian_filter, zoom
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.classes import Label
-from fieldtruth.render.atlas import Atlas, make_atlas
-from fieldtruth.render.ground_points import Relief
+from fieldtruth.kernels.light import MaterialTable
+from fieldtruth.kernels.textures import TERMS, Atlas, Relief
+from fieldtruth.render.atlas import make_atlas
 from fieldtruth.render.ground_wear import ground_wear
-from fieldtruth.render.relief import sun_factors
-from fieldtruth.render.relief_views import TERMS, view_factors
-from fieldtruth.render.tables import MaterialTable
+from fieldtruth.render.relief import sun_factors, view_factors
 from fieldtruth.render.wetness import WET_GLOSS, wet_texture
 from fieldtruth.sense.scene import grid_of
 from fieldtruth.world.model import Heightfield, Terrain, World

@@ -4,6 +4,10 @@
 
 The sun stands still and ground textures are not turned, so that this is computed once per texture. Mip maps then
 average it with the colours, and the mean light is the same at every distance.
+
+Who looks along the sun's light sees lit sides, who looks against it shadows; and tops hide dark gaps. Near the camera
+this comes from rays that are followed through the relief. Far away their mean is used instead: factors on colour and on
+sunlight, fitted per material as polynomials of the view's cotangent and the cosine of its azimuth to the sun.
 """
 
 from typing import Final
@@ -13,7 +17,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.kernels.compile import kernel
+from fieldtruth.kernels.baking import RELIEF_STEPS, fill_in_light, fill_terms, seen_means
+from fieldtruth.kernels.textures import TERMS, Atlas, Relief
 
 STEEPEST: Final = 1.0
 """Limit of the slope of shaded facets: heights that jump, as at a blade of grass, are no walls."""
@@ -23,7 +28,9 @@ THROUGH: Final = np.float32(0.35)
 """Share of the sun's light that reaches a texel in the shadow of others: through blades and by reflection."""
 _SMOOTH: Final = 1.2
 """Standard deviation [texel] of the Gaussian that heights are smoothed with before their slope is taken."""
-_STEPS: Final = 48
+_DESCENTS: Final = (0.08, 0.16, 0.3, 0.5, 0.8)
+_AZIMUTHS: Final = 8
+_POINTS: Final = 1500
 
 
 def sun_factors(texture: NDArray[np.uint8], relief: float, repeat: float, sun: Array) -> Float32Array:
@@ -51,7 +58,7 @@ def sun_factors(texture: NDArray[np.uint8], relief: float, repeat: float, sun: A
     if across > 1e-6:
         reach = relief / texel * across / max(float(sun[2]), 0.05)
         towards = np.array([sun[0], -sun[1], sun[2]], np.float32) / np.float32(across)
-        _in_light(height, float(height.max()), towards, reach / _STEPS, seen)
+        fill_in_light(height, float(height.max()), towards, reach / RELIEF_STEPS, seen)
     else:
         seen[:] = 1.0
     factor = np.maximum(facing, 0.0) * (THROUGH + (1 - THROUGH) * seen)
@@ -61,27 +68,20 @@ def sun_factors(texture: NDArray[np.uint8], relief: float, repeat: float, sun: A
     return np.asarray(factor, np.float32)
 
 
-@kernel
-def _in_light(height: Float32Array, highest: float, step: Float32Array, least: float, seen: Float32Array) -> None:
-    """Share of the sun that each texel sees, by steps of ``least`` texels or one; ``step`` is (column, row, rise)."""
-    n = len(height)
-    mask, one = n - 1, np.float32(1.0)
-    size = max(one, np.float32(least))
-    for i in range(n):
-        for j in range(n):
-            base, share = height[i, j], one
-            for k in range(1, _STEPS + 1):
-                run = size * np.float32(k)
-                if base + run * step[2] >= highest:
-                    break
-                row, column = (
-                    int(np.floor(i + run * step[1] + 0.5)) & mask,
-                    int(np.floor(j + run * step[0] + 0.5)) & mask,
-                )
-                # The sun's disc and blurred edges: the shadow sets in over a quarter of a texel, more when far away.
-                above = height[row, column] - base - run * step[2]
-                if above > np.float32(0.0):
-                    share = min(share, max(one - above / (np.float32(0.25) + np.float32(0.05) * run), np.float32(0.0)))
-                    if share <= np.float32(0.0):
-                        break
-            seen[i, j] = share
+def view_factors(atlas: Atlas, texture: int, relief: Relief, sun: Array) -> Float32Array:
+    """Coefficients (2, TERMS) of the factors less 1 on colour and on sunlight of ground that is far away."""
+    rng = np.random.default_rng(5)
+    points = rng.uniform(0.0, 1.0 / float(relief.per_metre), (_POINTS, 2)).astype(np.float32)
+    angle = 2.0 * np.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
+    views = np.array(
+        [(np.sqrt(1 - d * d) * np.cos(a), np.sqrt(1 - d * d) * np.sin(a), d) for d in _DESCENTS for a in angle]
+    )
+    views = np.concatenate([[[0.0, 0.0, 1.0]], views]).astype(np.float32)
+    means, terms = np.empty((len(views), 2), np.float32), np.empty((len(views), TERMS), np.float32)
+    seen_means(atlas, texture, relief, points, views, means)
+    across = sun[:2] / max(float(np.hypot(sun[0], sun[1])), 1e-9)
+    fill_terms(views, np.float32(across[0]), np.float32(across[1]), terms)
+    colour = means[:, 0] / means[0, 0]
+    light = means[:, 1] / means[:, 0] / (means[0, 1] / means[0, 0])
+    fitted = np.linalg.lstsq(terms[1:], np.stack([colour, light], axis=-1)[1:] - 1.0, rcond=None)[0]
+    return np.asarray(fitted.T, np.float32)

@@ -1,13 +1,19 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Normals, texture coordinates, materials and tints of a scene's triangles, as tables that kernels read."""
+"""Normals, texture coordinates, materials, tints and snow of a scene's surfaces, as tables that kernels read."""
+
+from typing import Final
 
 import numpy as np
 
 from fieldtruth.core.arrays import Float32Array
-from fieldtruth.render.tables import SurfaceTable
-from fieldtruth.sense.scene import Scene
-from fieldtruth.world.model import Mesh
+from fieldtruth.kernels.light import SnowTable, SurfaceTable
+from fieldtruth.sense.scene import Scene, grid_of
+from fieldtruth.world.model import Mesh, Terrain
+from fieldtruth.world.seasons.snow import hidden_share
+
+LOADS: Final = 0.05
+"""Depth [m] in the open from which all that faces up is white."""
 
 
 def surface_table(scene: Scene, vertex_near: Float32Array) -> SurfaceTable:
@@ -36,3 +42,9 @@ def _metres_per_repeat(mesh: Mesh) -> Float32Array:
     s, t = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
     area_uv = np.abs(s[:, 0] * t[:, 1] - s[:, 1] * t[:, 0])
     return np.asarray(np.sqrt(area / np.maximum(area_uv, 1e-9)).clip(1e-3, 1e3), np.float32)
+
+
+def snow_table(terrain: Terrain) -> SnowTable:
+    """Table of a terrain, with ``on_top`` 0 where no snow lies."""
+    deep = 0.0 if terrain.snow is None else float(np.quantile(terrain.snow, 0.9))
+    return SnowTable(grid_of(hidden_share(terrain)), np.float32(min(deep / LOADS, 1.0)))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.render.atlas import linear_from_srgb, srgb_from_linear
+from fieldtruth.kernels.textures import linear_from_srgb, srgb_from_linear
 
 WATER: Final = 1.33
 """Refractive index of water."""

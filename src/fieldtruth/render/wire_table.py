@@ -5,7 +5,7 @@
 import numpy as np
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.render.tables import MaterialTable, WireTable
+from fieldtruth.kernels.light import MaterialTable, WireTable
 from fieldtruth.sense.scene import Scene
 
 

@@ -26,7 +26,7 @@ from scipy.stats import norm
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.weather_config import WeatherConfig
-from fieldtruth.kernels.compile import inlined
+from fieldtruth.kernels.lidar_noise import LEAST_POWER, SOFT_STEP, Air
 from fieldtruth.sense.drops import Drops, rain, snow
 
 LIGHT_SPEED: Final = 299_792_458.0  # [m/s]
@@ -41,12 +41,9 @@ DUST_EXTINCTION: Final = 1.0
 wavelength, as its grains are larger than those."""
 DUST_LIDAR_RATIO: Final = 55.0
 """Extinction over backscatter [sr] of desert dust: 55 +- 5 (Tesche et al. 2009, doi 10.1029/2009JD011862)."""
-LEAST_POWER: Final = 1e-7
-"""Weaker echoes of single particles are left out: a black surface (1 %) at 300 m is as weak."""
 _MOST_POWER: Final = 10.0
 _POWERS: Final = 129
 _RANGES: Final = 65
-_SOFT_STEP: Final = 0.1  # [m]
 _FINE: Final = 100  # steps of a pulse
 
 
@@ -66,25 +63,6 @@ class Beam(NamedTuple):
     """Photons of an echo of power 1. 0: no noise."""
 
 
-class Air(NamedTuple):
-    """The weather in one LiDAR's beam. Clear air has ``extinction`` 0 and ``has_echoes`` False."""
-
-    extinction: float  # [1/m], of fog that thins with height where it is densest
-    fog: float  # [1/m] part of it that thins
-    fog_scale: float  # [m] height over which it does, see fog_length; 0 without
-    fog_echo: float  # part of the soft target's echo that thins
-    has_echoes: bool
-    soft_power: Array  # (s,) greatest power of the soft target in front of a surface at k _SOFT_STEP, the last one any
-    soft_share: Array  # (s, c) probability that it is found in one of the cells up to a cell
-    cell: float  # [m] length of a cell, within which the pulse merges echoes; the first begins at min_range
-    min_range: float  # [m]
-    first_log_power: float  # of numbers
-    per_log_power: float  # rows of numbers
-    first_log_range: float
-    per_log_range: float  # columns of numbers
-    numbers: Array  # (p, r) mean number of particles nearer than a range whose echo is stronger than a power
-
-
 def falling(weather: WeatherConfig, wavelength_nm: float) -> tuple[Drops, ...]:
     """Particles of the weather that fall."""
     drops = (rain(weather.rain_mm_h, wavelength_nm),) if weather.rain_mm_h > 0 else ()
@@ -96,22 +74,6 @@ def fog_extinction(visibility_m: float, wavelength_nm: float = 550.0) -> float:
     km = visibility_m / 1000
     size = 1.3 if km > 6 else 0.16 * km + 0.34 if km > 1 else max(km - 0.5, 0.0)
     return float(-np.log(CONTRAST) / visibility_m * (wavelength_nm / 550.0) ** -size)
-
-
-@inlined
-def fog_length(above: float, rise: float, length: float, scale: float) -> float:
-    """Length [m] of a path in the densest fog with the same extinction, for cameras and LiDARs.
-
-    The path begins ``above`` [m] the densest fog, is ``length`` [m] long and ends ``rise`` [m] higher. It is the
-    integral of exp(-height / scale) along it; a ``scale`` of 0 is that of fog which is as dense at every height.
-    """
-    if scale == 0.0:
-        return length
-    low, high = above / scale, (above + rise) / scale
-    x = high - low
-    if abs(x) < 0.02:
-        return length * np.exp(-low) * (1.0 - x * (0.5 - x / 6.0))  # type: ignore[no-any-return]
-    return length * (np.exp(-low) - np.exp(-high)) / x  # type: ignore[no-any-return]
 
 
 def clear_extinction(visibility_m: float, wavelength_nm: float) -> float:
@@ -175,7 +137,7 @@ def _overlap(range_m: Array, beam: Beam) -> Array:
 
 
 def _soft_target(strength: float, alpha: float, beam: Beam, cell: float) -> tuple[Array, Array]:
-    """Greatest power of the soft target, and where it is found, in front of surfaces at multiples of _SOFT_STEP.
+    """Greatest power of the soft target, and where it is found, in front of surfaces at multiples of SOFT_STEP.
 
     A surface at R has its greatest power at R, so the pulse is centred: squared cosine over [-c tau / 2, c tau / 2],
     tau its width at half the power, which makes cells of c tau / 2.
@@ -186,7 +148,7 @@ def _soft_target(strength: float, alpha: float, beam: Beam, cell: float) -> tupl
     at = np.asarray(beam.min_range + step * (np.arange(cells * _FINE // 2) + 0.5), np.float64)
     density: Array = strength * _overlap(at, beam) * np.exp(-2 * alpha * at) / at**2
     pulse = np.cos(np.pi * np.arange(-_FINE // 2, _FINE // 2 + 1) / _FINE) ** 2 * step
-    surfaces = np.arange(0, last + _SOFT_STEP, _SOFT_STEP)
+    surfaces = np.arange(0, last + SOFT_STEP, SOFT_STEP)
     powers, shares = np.zeros(len(surfaces)), np.ones((len(surfaces), cells))
     for k, surface in enumerate(surfaces):
         echo = np.convolve(np.where(at < surface, density, 0.0), pulse, mode="same")
@@ -221,93 +183,3 @@ def _counts(drops: Drops, alpha: float, beam: Beam, log_powers: Array) -> Array:
     steps = (per_metre[:, 1:] + per_metre[:, :-1]) / 2 * np.diff(at)
     total = np.concatenate([np.zeros((len(log_powers), 1)), np.cumsum(steps, axis=1)], axis=1)
     return np.asarray(total[:, ::fine])
-
-
-@inlined
-def _between(values: Array, row: int, column: int, share: float) -> float:
-    """Entry of a row between two columns."""
-    begin: float = values[row, column]
-    end: float = values[row, column + 1]
-    return begin + share * (end - begin)
-
-
-@inlined
-def _soft_range(air: Air, k: int, u: float) -> float:
-    """Range at which the greatest power of a soft target is found, by a number u in (0, 1]."""
-    j, begin = 0, 0.0
-    while j < air.soft_share.shape[1] - 1 and air.soft_share[k, j] < u:
-        begin = air.soft_share[k, j]
-        j += 1
-    share = (u - begin) / max(air.soft_share[k, j] - begin, 1e-12)
-    return float(air.min_range + air.cell * (j + min(share, 1.0)))
-
-
-@inlined
-def transmitted(air: Air, range_m: float, above: float, slope: float) -> float:
-    """Share of a surface's power that the air leaves, there and back.
-
-    The beam begins ``above`` [m] the densest fog, and ``slope`` is the sine of its elevation.
-    """
-    thin = range_m - fog_length(above, slope * range_m, range_m, air.fog_scale)
-    return np.exp(-2.0 * (air.extinction * range_m - air.fog * thin))  # type: ignore[no-any-return]
-
-
-@inlined
-def _soft_share(air: Air, range_m: float, above: float, slope: float) -> float:
-    """Echo of the soft target at a range over that where the fog is densest everywhere."""
-    if air.fog_scale == 0.0:
-        return 1.0
-    density = np.exp(-(above + slope * range_m) / air.fog_scale)
-    less = np.exp(2.0 * air.extinction * range_m) * transmitted(air, range_m, above, slope)
-    return (1.0 - air.fog_echo * (1.0 - density)) * less  # type: ignore[no-any-return]
-
-
-@inlined
-def strongest_echo(
-    air: Air, power: float, range_m: float, beam: tuple[float, float], u1: float, u2: float
-) -> tuple[float, float, bool]:
-    """Power and range [m] of the strongest echo of a ray, and whether it is a particle's.
-
-    ``power`` is the surface's in this air and ``range_m`` its range; a ray that meets none has power 0 and the LiDAR's
-    max_range. ``beam`` is where it begins and its slope, as for ``transmitted``. ``u1`` and ``u2`` are uniform in
-    (0, 1].
-    """
-    particle, at, table, rows = False, range_m, air.numbers, air.numbers.shape[0]
-    k = min(int(range_m / _SOFT_STEP), air.soft_power.shape[0] - 1)
-    if air.soft_power[k] > 0.0:
-        found = min(_soft_range(air, k, u2), range_m)
-        soft = air.soft_power[k] * _soft_share(air, found, beam[0], beam[1])
-        if soft > power:
-            power, at, particle = soft, found, True
-    column = (np.log(range_m) - air.first_log_range) * air.per_log_range
-    if column <= 0.0:
-        return power, at, particle
-    last = min(int(column), table.shape[1] - 2)
-    share = min(column - last, 1.0)
-    rarity = -np.log(u1)  # the strongest one's power is that of which so many are expected to be stronger
-    row = (np.log(max(power, LEAST_POWER)) - air.first_log_power) * air.per_log_power
-    low = min(int(row), rows - 2)
-    below, above = _between(table, low, last, share), _between(table, low + 1, last, share)
-    if rarity >= below + (row - low) * (above - below):
-        return power, at, particle
-    high = rows - 1
-    while high - low > 1:
-        middle = (low + high) // 2
-        if _between(table, middle, last, share) > rarity:
-            low = middle
-        else:
-            high = middle
-    below, above = _between(table, low, last, share), _between(table, low + 1, last, share)
-    power = np.exp(air.first_log_power + (low + (below - rarity) / (below - above)) / air.per_log_power)
-    wanted = u2 * (below - above)  # particles of about this power, by range
-    left, right = 0, last + 1
-    while right - left > 1:
-        middle = (left + right) // 2
-        if table[low, middle] - table[low + 1, middle] < wanted:
-            left = middle
-        else:
-            right = middle
-    begin = table[low, left] - table[low + 1, left]
-    end = table[low, left + 1] - table[low + 1, left + 1]
-    column = left + (wanted - begin) / max(end - begin, 1e-300)
-    return power, min(np.exp(air.first_log_range + column / air.per_log_range), range_m), True

@@ -1,36 +1,22 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Embree 4 through its C API: devices, scenes, instances, and the two functions that compiled kernels call.
+"""Embree 4 through its C API: devices, scenes and instances; kernels trace them, see ``kernels.packets``.
 
 The ``embreex`` wheel ships the Embree library; its Python interface supports neither instances nor packets, so the
-library is called directly. Kernels refer to ``rtcIntersect16`` as an external symbol, so that Numba can cache them.
-
-Layout of a packet in 4-byte words (Embree 4.4, ``rtcore_ray.h``): field f of lane k is word ``f * LANES + k``, with the
-fields numbered as below. ``Engine`` raises EngineError for another version or layout.
-
-Packets are as wide as the processor traces natively: 16 rays with AVX-512, else 8. Measured on a park-like scene, one
-core, camera rays in 4 x 4 tiles with the coherent flag: 16 rays 9.5, 8 rays 7.1, single rays 4.4 Mrays/s.
+library is called directly. ``Engine`` raises EngineError for another version, or another layout of packets.
 """
 
 import ctypes as c
 from functools import cache
-from importlib.metadata import files
 from typing import Any, Final, Self
 
 import numpy as np
-from llvmlite import binding as llvm
-from numba import types
 from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core.errors import EngineError
+from fieldtruth.kernels import packets
+from fieldtruth.kernels.packets import LANES, MISS, SOLID
 
-MISS: Final = 0xFFFFFFFF
-SOLID: Final = 1
-"""Mask of geometry that casts shadows; the default."""
-CLEAR: Final = 2
-"""Mask of geometry that light passes through: water."""
-THIN: Final = 4
-"""Mask of wires. They cast shadows; photographs draw them by their width and need what is behind them."""
 VERSION: Final = 40400
 
 _TRIANGLES, _GRIDS, _INSTANCE = 0, 2, 121
@@ -38,10 +24,8 @@ _INDEX, _VERTEX, _GRID = 0, 1, 8
 _FLOAT3, _UINT3, _GRID_FORMAT, _FLOAT3X4_COLUMN_MAJOR = 0x9003, 0x5003, 0xA001, 0x9234
 _RTC_GRID: Final = np.dtype([("start", "u4"), ("stride", "u4"), ("width", "u2"), ("height", "u2")])
 _GRID_NODES: Final = 17  # on a side of a grid; 9 and 33 were measured to be no faster
-_NATIVE_RAY16 = 34
 _ROBUST = 1 << 2
 _HIGH_QUALITY = 2
-_COHERENT = 1 << 16
 
 _SIGNATURES: Final[dict[str, tuple[Any, tuple[Any, ...]]]] = {
     "rtcGetDeviceError": (c.c_int, (c.c_void_p,)),
@@ -65,58 +49,8 @@ _SIGNATURES: Final[dict[str, tuple[Any, tuple[Any, ...]]]] = {
 
 
 @cache
-def embree_library() -> c.CDLL | None:
-    """Load the wheel's Embree and TBB libraries once, and register what kernels call; None if they are missing."""
-    shipped = {stem: f for f in files("embreex") or () for stem in ("libtbb", "libembree4") if f.name.startswith(stem)}
-    if len(shipped) != 2:
-        return None
-    c.CDLL(str(shipped["libtbb"].locate()), c.RTLD_GLOBAL)
-    library = c.CDLL(str(shipped["libembree4"].locate()))
-    for name in (f"rtc{query}{lanes}" for query in ("Intersect", "Occluded") for lanes in (1, 8, 16)):
-        llvm.add_symbol(name, c.cast(getattr(library, name), c.c_void_p).value)
-    library.rtcNewDevice.restype, library.rtcNewDevice.argtypes = c.c_void_p, (c.c_char_p,)
-    library.rtcGetDeviceProperty.restype = c.c_ssize_t
-    library.rtcGetDeviceProperty.argtypes = c.c_void_p, c.c_int
-    return library
-
-
-@cache
-def embree_device(library: c.CDLL) -> int:
-    """Return the Embree device of this process.
-
-    It builds with one thread, so that the bounding volume hierarchy, and with it the result of a tie, does not depend
-    on timing. It is never released: after releasing a second device, one of TBB's threads was seen to spin forever.
-    """
-    return int(library.rtcNewDevice(b"threads=1"))
-
-
-def _native_lanes() -> int:
-    """Packet width: 16 if Embree traces packets of 16 natively on this processor, else 8."""
-    library = embree_library()  # without it, the engine says what is wrong
-    if library is None:
-        return 8
-    return 16 if library.rtcGetDeviceProperty(embree_device(library), _NATIVE_RAY16) else 8
-
-
-LANES: Final = _native_lanes()
-TILE_WIDTH: Final = 4
-"""A packet of neighbouring rays is a tile of ``TILE_WIDTH`` x ``TILE_HEIGHT``, lane = row * TILE_WIDTH + column."""
-TILE_HEIGHT: Final = LANES // TILE_WIDTH
-
-ORG_X, ORG_Y, ORG_Z, TNEAR, DIR_X, DIR_Y, DIR_Z, TIME, TFAR, MASK, ID, FLAGS = (LANES * k for k in range(12))
-NG_X, NG_Y, NG_Z, HIT_U, HIT_V, PRIM_ID, GEOM_ID, INST_ID, INST_PRIM_ID = (LANES * k for k in range(12, 21))
-RAYHIT_WORDS: Final = 21 * LANES
-
-_TRACE = types.void(types.voidptr, types.uint64, types.voidptr, types.voidptr)
-intersect = types.ExternalFunction(f"rtcIntersect{LANES}", _TRACE)
-"""Call from a kernel: (valid, scene, rayhit, arguments); valid is LANES int32 of -1 or 0; all 64-byte aligned."""
-occluded = types.ExternalFunction(f"rtcOccluded{LANES}", _TRACE)
-"""Call from a kernel as ``intersect``; reads the 12 ray fields only; TFAR of an occluded lane becomes -inf."""
-
-
-@cache
 def _library() -> c.CDLL:
-    library = embree_library()
+    library = packets.embree_library()
     if library is None:
         raise EngineError("cannot find Embree 4 in the package embreex; run: pip install --force-reinstall embreex")
     for name, (result, arguments) in _SIGNATURES.items():
@@ -134,7 +68,7 @@ class Engine:
 
     def __init__(self) -> None:
         self._api = _library()
-        self.device = embree_device(self._api)
+        self.device = packets.embree_device(self._api)
         found = self._api.rtcGetDeviceProperty(self.device, 0)
         if found != VERSION:
             raise EngineError(f"Embree must be version {VERSION}, got {found}; run: pip install 'embreex>=4.4,<4.5'")
@@ -155,18 +89,22 @@ class Engine:
         matrix[2, 3] = 2.0
         scene.add_instance(triangle.commit(), matrix)
         scene.commit()
-        ray, valid, arguments = aligned(RAYHIT_WORDS), aligned(LANES, np.int32), arguments_block(coherent=False)
-        lane, words = LANES - 1, ray.view(np.uint32)
+        ray, words, valid, arguments = packets.new_packet(coherent=False)
+        lane = LANES - 1
+
+        def at(*fields: str) -> list[int]:
+            return [getattr(packets, field) + lane for field in fields]
+
         valid[lane] = -1
-        ray[[ORG_X + lane, ORG_Y + lane, ORG_Z + lane]] = origin
-        ray[[DIR_X + lane, DIR_Y + lane, DIR_Z + lane]] = direction
-        ray[TFAR + lane] = 100.0
-        words[[MASK + lane, GEOM_ID + lane, INST_ID + lane, INST_PRIM_ID + lane]] = MISS
+        ray[at("ORG_X", "ORG_Y", "ORG_Z")] = origin
+        ray[at("DIR_X", "DIR_Y", "DIR_Z")] = direction
+        ray[at("TFAR")] = 100.0
+        words[at("MASK", "GEOM_ID", "INST_ID", "INST_PRIM_ID")] = MISS
         trace = getattr(self._api, f"rtcIntersect{LANES}")
         trace.restype, trace.argtypes = None, (c.c_void_p,) * 4
         trace(valid.ctypes.data, scene._pointer, ray.ctypes.data, arguments.ctypes.data)
-        floats = ray[[TFAR + lane, NG_X + lane, NG_Y + lane, NG_Z + lane, HIT_U + lane, HIT_V + lane]]
-        ids = words[[PRIM_ID + lane, GEOM_ID + lane, INST_ID + lane]]
+        floats = ray[at("TFAR", "NG_X", "NG_Y", "NG_Z", "HIT_U", "HIT_V")]
+        ids = words[at("PRIM_ID", "GEOM_ID", "INST_ID")]
         expected = [distance, *np.cross(first, second), u, v]
         if not (np.allclose(floats, expected, rtol=1e-5) and ids.tolist() == [1, 0, 1]):
             raise EngineError(f"Embree's packets of {LANES} rays have an unexpected layout; reinstall embreex")
@@ -251,25 +189,3 @@ class RayScene:
     def __del__(self) -> None:
         if getattr(self, "_pointer", None):
             self._api.rtcReleaseScene(self._pointer)
-
-
-def arguments_block(*, coherent: bool) -> NDArray[np.uint64]:
-    """RTCIntersectArguments (or RTCOccludedArguments) followed by its context, as one block for kernels.
-
-    ``coherent`` doubles the speed of neighbouring pixels' rays; those of a LiDAR are farther apart and faster without.
-    The block contains its own address: keep it alive while it is used, and do not copy it.
-    """
-    block = np.zeros(24, np.uint64)
-    words = block.view(np.uint32)
-    words[16:] = MISS  # RTCRayQueryContext: instID and instPrimID
-    words[0] = _COHERENT if coherent else 0
-    words[1] = MISS  # feature mask: all
-    block[1] = block[8:].ctypes.data
-    return block
-
-
-def aligned(words: int, dtype: type[np.float32] | type[np.int32] = np.float32) -> NDArray[Any]:
-    """Zeros (words,) on a 64-byte boundary, as packets need."""
-    memory = np.zeros(words + 16, dtype)
-    start = (-memory.ctypes.data % 64) // 4
-    return memory[start : start + words]

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core.arrays import Float32Array
-from fieldtruth.sense.hits import LabelBuffers
-from fieldtruth.sense.packets import new_packet
+from fieldtruth.kernels.lidar import Beams, trace_beams
+from fieldtruth.kernels.packets import LabelBuffers, new_packet
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.lidar.sensing import Beams, trace_beams
 
 
 class Hits(NamedTuple):

@@ -14,25 +14,14 @@ from fieldtruth.core.classes import Label
 from fieldtruth.core.lenses import FLAT, directions
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import visible_parts
-from fieldtruth.sense.hits import LabelBuffers
-from fieldtruth.sense.packets import IntArray
-from fieldtruth.sense.robot_rays import NO_FACE, material_of, meet, part_table
+from fieldtruth.kernels.packets import LabelBuffers
+from fieldtruth.kernels.robot import NO_FACE, RobotSamples
+from fieldtruth.sense.robot_rays import material_of, meet, part_table
 from fieldtruth.sensors.camera.config import Imager
 from fieldtruth.world.model import ROBOT_ID
 
 EDGE_SAMPLES: Final = 4
 """Rays along each side of a pixel at an edge of the robot, for its photograph."""
-
-
-class RobotSamples(NamedTuple):
-    """Points of the robot that photographs show, ordered by pixel: one at its centre, or several at an edge."""
-
-    pixel: IntArray  # (m,) number in the image, row by row
-    share: Float32Array  # (m,) of the pixel's area
-    depth: Float32Array  # (m,) [m] as in the depth image
-    point: Float32Array  # (m, 3) [m] in base_link
-    normal: Float32Array  # (m, 3) unit, in base_link
-    material: IntArray  # (m,)
 
 
 class RobotView(NamedTuple):

@@ -9,8 +9,8 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.core.classes import GROUND_ID
-from fieldtruth.sense.embree import CLEAR, MISS, SOLID, THIN, Engine, RayScene
-from fieldtruth.sense.hits import Grid, HitTable
+from fieldtruth.kernels.packets import CLEAR, MISS, SOLID, THIN, Grid, HitTable
+from fieldtruth.sense.embree import Engine, RayScene
 from fieldtruth.sense.parts import parts_of
 from fieldtruth.world.model import Heightfield, Mesh, Raster, World
 

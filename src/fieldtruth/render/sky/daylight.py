@@ -10,13 +10,13 @@ from scipy.ndimage import uniform_filter
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.experiment.light_config import Light
+from fieldtruth.kernels.clouds import MAP, MAP_TEXEL, CloudLight, Clouds, Layer, depth_at, shadows
+from fieldtruth.kernels.light import DISC, Dome
+from fieldtruth.kernels.packets import Grid
 from fieldtruth.render.sky.atmosphere import clear_sky
-from fieldtruth.render.sky.clouds import MAP, MAP_TEXEL, SEEN, CloudLight, Clouds, billows, cumulus_map, shadows
-from fieldtruth.render.sky.disc import DISC
-from fieldtruth.render.sky.dome import Dome, Sky, clear_mean, make_dome
-from fieldtruth.render.sky.layers import Layer, cirrus, depth_at, passed_by, thick_layer
+from fieldtruth.render.sky.clouds import SEEN, billows, cirrus, cumulus_map, passed_by, thick_layer
+from fieldtruth.render.sky.dome import Sky, clear_mean, make_dome
 from fieldtruth.render.sky.spectrum import LUMINANCE
-from fieldtruth.sense.hits import Grid
 
 SUN_RADIUS_DEG: Final = 0.266
 _BASE: Final = {"cumulus": 1300.0, "broken": 1000.0, "cirrus": 9000.0, "stratus": 450.0, "overcast": 1200.0}

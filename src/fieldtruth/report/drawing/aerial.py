@@ -10,10 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
+from fieldtruth.kernels.camera_rays import Pinhole
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.report.drawing.images import downscaled
 from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.pinhole import Pinhole, pinhole
+from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.camera.sensing import Camera
 from fieldtruth.world.model import Heightfield
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fieldtruth.bag.decode import image, points
 from fieldtruth.core.arrays import Counts
 from fieldtruth.core.classes import CLASSES, PALETTE
-from fieldtruth.kernels.compile import kernel
+from fieldtruth.kernels.counting import count_runs
 
 _CODES: Final = (PALETTE.astype(np.int64) @ [1, 256, 65536]).astype(np.int64)
 
@@ -22,7 +22,7 @@ def count_pixels(tag: Any) -> Counts:
         BagError: the image does not have three bytes per pixel.
     """
     counts = np.zeros(len(CLASSES), np.int64)
-    _count_runs(np.ascontiguousarray(image(tag)).reshape(-1, 3), _CODES, counts)
+    count_runs(np.ascontiguousarray(image(tag)).reshape(-1, 3), _CODES, counts)
     return counts
 
 
@@ -41,19 +41,3 @@ def class_ids(cloud: NDArray[np.void]) -> NDArray[np.uint8]:
     known = (value >= 1) & (value < len(CLASSES)) & (value == np.floor(value))
     ids: NDArray[np.uint8] = np.where(known, value, 0).astype(np.uint8)
     return ids
-
-
-@kernel
-def _count_runs(colours: NDArray[np.uint8], codes: Counts, counts: Counts) -> None:
-    """Add pixels (n, 3) to the counts of their classes. A colour is looked up only where it changes, which is rare."""
-    last, row, run = -1, 0, 0
-    for k in range(colours.shape[0]):
-        code = colours[k, 0] + 256 * np.int64(colours[k, 1]) + 65536 * np.int64(colours[k, 2])
-        if code != last:
-            counts[row] += run
-            last, row, run = code, 0, 0
-            for candidate in range(1, codes.shape[0]):
-                if codes[candidate] == code:
-                    row = candidate
-        run += 1
-    counts[row] += run

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.classes import PALETTE, Label
-from fieldtruth.sense.hits import NO_NORMALS, LabelBuffers, NormalBuffers
-from fieldtruth.sense.packets import new_packet
-from fieldtruth.sense.ray_batch import BLOCK, View, label_image, new_batch
+from fieldtruth.kernels.camera_rays import BLOCK, View, label_image, new_batch
+from fieldtruth.kernels.packets import NO_NORMALS, LabelBuffers, NormalBuffers, new_packet
 from fieldtruth.sense.robot_view import RobotView, hide_world
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig

@@ -7,8 +7,6 @@ from numpy.typing import ArrayLike
 
 from fieldtruth.core import lenses
 from fieldtruth.core.arrays import Float32Array
-from fieldtruth.kernels.compile import kernel
-from fieldtruth.render.tonemap import SPILL
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.signal import CameraSignal
 
@@ -33,49 +31,6 @@ def point_spread(sigma_px: float) -> Float32Array:
     reach = max(1, int(np.ceil(3.0 * sigma_px)))
     half = np.exp(-0.5 * (np.arange(reach + 1) / sigma_px) ** 2)
     return np.asarray(half / (2.0 * half.sum() - half[0]), np.float32)
-
-
-@kernel
-def spill(light: Float32Array, share: Float32Array, factor: float, out: Float32Array) -> None:
-    """Fill ``out`` (h, w, 3) with light that spills into neighbours as an ideal camera's does.
-
-    It is multiplied with ``factor`` and with the ``share`` (h, w) that vignetting leaves, which is empty for none.
-    """
-    height, width, _ = light.shape
-    keep, part, exposed = np.float32(1.0 - 4.0 * SPILL), np.float32(SPILL), np.float32(factor)
-    for v in range(height):
-        up, down = max(v - 1, 0), min(v + 1, height - 1)
-        for u in range(width):
-            left, right = max(u - 1, 0), min(u + 1, width - 1)
-            scale = exposed * share[v, u] if share.size else exposed
-            for channel in range(3):
-                near = (
-                    light[up, u, channel] + light[down, u, channel]
-                    + light[v, left, channel] + light[v, right, channel]
-                )  # fmt: skip
-                out[v, u, channel] = (keep * light[v, u, channel] + part * near) * scale
-
-
-@kernel
-def blur(light: Float32Array, spread: Float32Array, scratch: Float32Array) -> None:
-    """Convolve light (h, w, n) with a point spread; beyond the border is the border's light."""
-    height, width, channels = light.shape
-    for v in range(height):
-        for u in range(width):
-            for channel in range(channels):
-                total = spread[0] * light[v, u, channel]
-                for k in range(1, len(spread)):
-                    total += spread[k] * (light[v, max(u - k, 0), channel] + light[v, min(u + k, width - 1), channel])
-                scratch[v, u, channel] = total
-    for v in range(height):
-        for u in range(width):
-            for channel in range(channels):
-                light[v, u, channel] = spread[0] * scratch[v, u, channel]
-        for k in range(1, len(spread)):
-            up, down = max(v - k, 0), min(v + k, height - 1)
-            for u in range(width):
-                for channel in range(channels):
-                    light[v, u, channel] += spread[k] * (scratch[up, u, channel] + scratch[down, u, channel])
 
 
 def add_glare(light: Float32Array, share: float) -> None:

@@ -14,8 +14,8 @@ from scipy.ndimage import gaussian_filter
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.random import rng_of
-from fieldtruth.kernels.compile import kernel
-from fieldtruth.sensors.camera.lens_scatter import CELL, cell_means
+from fieldtruth.kernels.camera import draw_drops
+from fieldtruth.sensors.camera.lens_scatter import cell_means
 
 _LIFE_S: Final = (10.0, 60.0)
 _RADIUS: Final = 0.018
@@ -56,41 +56,4 @@ def add_drops(light: Float32Array, drops: Array) -> None:
     """Draw drops (n, 3), see ``drops_at``, into light (h, w, 3)."""
     if len(drops):
         soft: Float32Array = gaussian_filter(cell_means(light), (1.5, 1.5, 0.0), mode="nearest")
-        _draw_drops(light, soft, drops)
-
-
-@kernel
-def _draw_drops(light: Float32Array, soft: Float32Array, drops: Array) -> None:
-    height, width, _ = light.shape
-    rows, columns, _ = soft.shape
-    for n in range(len(drops)):
-        x, y, radius = drops[n]
-        shrinks = 0.35 * height / radius  # the drop shows 0.7 of the image's height
-        for v in range(max(int(y - radius), 0), min(int(y + radius) + 2, height)):
-            for u in range(max(int(x - radius), 0), min(int(x + radius) + 2, width)):
-                dx, dy = u - x, v - y
-                part = np.sqrt(dx * dx + dy * dy) / radius
-                if part >= 1.0:
-                    continue
-                edge = min((1.0 - part) / 0.45, 1.0)
-                cover = np.float32(0.92 * edge * edge * (3.0 - 2.0 * edge))
-                i = min(max(int((y - dy * shrinks) / CELL), 0), rows - 1)
-                j = min(max(int((x - dx * shrinks) / CELL), 0), columns - 1)
-                rim = np.float32(1.0 - 0.4 * part**4)
-                for channel in range(3):
-                    light[v, u, channel] += cover * (rim * soft[i, j, channel] - light[v, u, channel])
-
-
-@kernel
-def add_dust(light: Float32Array, dust: Array) -> None:
-    """Dim light (h, w, 3) behind specks (n, 4), see ``dust_of``: normal profiles, as they are far out of focus."""
-    height, width, _ = light.shape
-    for n in range(len(dust)):
-        x, y, radius, opacity = dust[n]
-        reach = 2.0 * radius
-        for v in range(max(int(y - reach), 0), min(int(y + reach) + 2, height)):
-            for u in range(max(int(x - reach), 0), min(int(x + reach) + 2, width)):
-                part = ((u - x) ** 2 + (v - y) ** 2) / (radius * radius)
-                left = np.float32(1.0 - opacity * np.exp(-2.0 * part))
-                for channel in range(3):
-                    light[v, u, channel] *= left
+        draw_drops(light, soft, drops)

@@ -7,12 +7,22 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.random import rng_of
+from fieldtruth.kernels.camera import (
+    Sensor,
+    apply_curve,
+    blur,
+    expose,
+    interpolate,
+    mix_colours,
+    sharpen,
+    spill,
+    spread_colours,
+)
 from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.lens_effects import add_glare, blur, illumination, point_spread, spill
-from fieldtruth.sensors.camera.lens_scatter import add_bloom, spread_colours
-from fieldtruth.sensors.camera.processor import mix_colours, sharpen
-from fieldtruth.sensors.camera.raw import Sensor, expose, interpolate, raw_shape, sensor_of
-from fieldtruth.sensors.camera.response import FULL_SCALE, apply_curve, curve_of
+from fieldtruth.sensors.camera.lens_effects import add_glare, illumination, point_spread
+from fieldtruth.sensors.camera.lens_scatter import add_bloom
+from fieldtruth.sensors.camera.raw import raw_shape, sensor_of
+from fieldtruth.sensors.camera.response import FULL_SCALE, curve_of
 from fieldtruth.sensors.camera.signal import IDENTITY, CameraSignal
 
 _NONE: Float32Array = np.zeros((0, 0, 0), np.float32)

@@ -2,18 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Intrinsics of the pinhole camera."""
 
-from typing import NamedTuple
-
+from fieldtruth.kernels.camera_rays import Pinhole
 from fieldtruth.sensors.camera.config import CameraConfig
-
-
-class Pinhole(NamedTuple):
-    """Intrinsics [pixel] in ROS's convention: the centre of the upper left pixel is (0, 0)."""
-
-    fx: float
-    fy: float
-    cx: float
-    cy: float
 
 
 def pinhole(config: CameraConfig) -> Pinhole:

@@ -13,10 +13,9 @@ import numpy as np
 
 from fieldtruth.core.arrays import Float32Array
 from fieldtruth.core.lenses import FLAT, Lens, directions
+from fieldtruth.kernels.camera_rays import NO_TABLE
 from fieldtruth.sensors.camera.config import CameraConfig
 
-NO_TABLE: Final[Float32Array] = np.zeros((0, 0, 4), np.float32)
-"""Of a pinhole."""
 _ROWS: Final = 256  # inverted at once
 
 

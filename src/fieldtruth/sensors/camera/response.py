@@ -3,15 +3,13 @@
 """Response curves: from linear light, 1 is a white surface in the sun, to the values of a photograph."""
 
 from functools import cache
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.kernels.compile import kernel
-from fieldtruth.render.atlas import srgb_from_linear
-from fieldtruth.render.tonemap import FILMIC, FILMIC_TOP
+from fieldtruth.core.arrays import Array
+from fieldtruth.kernels.camera import FILMIC, FILMIC_TOP, Curve
+from fieldtruth.kernels.textures import srgb_from_linear
 from fieldtruth.sensors.camera.signal import Response
 
 LUMINANCE: Final = np.array([0.2126, 0.7152, 0.0722], np.float32)
@@ -19,13 +17,6 @@ LUMINANCE: Final = np.array([0.2126, 0.7152, 0.0722], np.float32)
 FULL_SCALE: Final[dict[Response, float]] = {"filmic": 7.25, "srgb": 1.0, "linear": 1.0}
 """Linear light from which a curve is white: there the sensor saturates."""
 _STEPS: Final = 4096
-
-
-class Curve(NamedTuple):
-    """Bytes over the square root of linear light in [0, ``top``], as kernels take them."""
-
-    bytes_of: NDArray[np.uint8]
-    top: float
 
 
 @cache
@@ -42,16 +33,3 @@ def encoded(light: Array, response: Response, contrast: float = 0.0) -> Array:
     table, top = curve_of(response, contrast)
     row = np.sqrt(np.clip(light, 0.0, top) / top) * (len(table) - 1)
     return np.asarray(np.interp(row, np.arange(len(table)), table / 255.0))
-
-
-@kernel
-def apply_curve(light: Float32Array, gains: Float32Array, curve: Curve, photo: NDArray[np.uint8]) -> None:
-    """Write the photograph (h, w, 3) of light (h, w, 3) with a gain (3,) for each channel."""
-    table, top = curve.bytes_of, np.float32(curve.top)
-    height, width, _ = light.shape
-    scale, half, zero = np.float32((len(table) - 1) / np.sqrt(curve.top)), np.float32(0.5), np.float32(0.0)
-    for v in range(height):
-        for u in range(width):
-            for channel in range(3):
-                value = min(max(light[v, u, channel] * gains[channel], zero), top)
-                photo[v, u, channel] = table[int(np.sqrt(value) * scale + half)]

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.kernels.camera import tonemap
+from fieldtruth.kernels.packets import LabelBuffers
+from fieldtruth.kernels.photograph import new_framebuffer, render_linear
 from fieldtruth.render.bake import BakedScene
-from fieldtruth.render.photograph import new_framebuffer, render_linear
 from fieldtruth.render.robot import paint_robot
-from fieldtruth.render.tonemap import tonemap
-from fieldtruth.sense.hits import LabelBuffers
 from fieldtruth.sense.robot_view import RobotView, hide_world
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages

@@ -11,16 +11,17 @@ from numpy.typing import NDArray
 from fieldtruth.core import lenses
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.random import rng_of
+from fieldtruth.kernels.camera import add_dust
+from fieldtruth.kernels.camera_rays import View, label_image, trace
+from fieldtruth.kernels.packets import LabelBuffers
+from fieldtruth.kernels.photograph import STRIP, render_linear, render_mean, render_points, render_strips
 from fieldtruth.render.bake import BakedScene
-from fieldtruth.render.photograph import render_linear
-from fieldtruth.render.shutter import STRIP, offsets_of, render_mean, render_points, render_strips, strips_of
-from fieldtruth.sense.hits import LabelBuffers
-from fieldtruth.sense.ray_batch import View, label_image, trace
+from fieldtruth.render.shutter import offsets_of, strips_of
 from fieldtruth.sense.robot_view import RobotView
 from fieldtruth.sensors.camera.config import CameraConfig, Imager
 from fieldtruth.sensors.camera.exposure import Exposure, exposure_of, metered_exposure, metering_lags, white_balance
 from fieldtruth.sensors.camera.lens_effects import add_glare, illumination
-from fieldtruth.sensors.camera.on_glass import add_drops, add_dust, drops_at, dust_of
+from fieldtruth.sensors.camera.on_glass import add_drops, drops_at, dust_of
 from fieldtruth.sensors.camera.photo import Developer
 from fieldtruth.sensors.camera.sensing import Camera, CameraImages
 from fieldtruth.sensors.camera.signal import CameraSignal

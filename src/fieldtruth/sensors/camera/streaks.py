@@ -15,8 +15,8 @@ import numpy as np
 from fieldtruth.core import lenses
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.experiment.weather_config import WeatherConfig
-from fieldtruth.kernels.compile import kernel
-from fieldtruth.render.tables import EXPOSURE, Shading
+from fieldtruth.kernels.camera import draw_streaks
+from fieldtruth.kernels.light import EXPOSURE, Shading
 from fieldtruth.sense.drops import Drops, rain, snow
 
 DROP_LIGHT: Final = 0.94
@@ -109,28 +109,4 @@ def add_streaks(
     falling += [("snow", snow(weather.snow_mm_h), FLAKE_ALBEDO)] if weather.snow_mm_h else []
     for kind, drops, share in falling:
         found = particles_of(kind, drops, min(half + 0.05, np.pi), rng)
-        _draw(*streak_of(found, lens, poses, time_s), np.asarray(np.float32(share) * around, np.float32), linear)
-
-
-@kernel
-def _draw(
-    ends: Float32Array, widths: Float32Array, opacity: Float32Array, light: Float32Array, linear: Float32Array
-) -> None:
-    height, width, _ = linear.shape
-    one, half, zero = np.float32(1.0), np.float32(0.5), np.float32(0.0)
-    for n in range(len(widths)):
-        ax, ay, bx, by = ends[n, 0, 0], ends[n, 0, 1], ends[n, 1, 0], ends[n, 1, 1]
-        reach = half * max(widths[n], one) + half
-        soft = one / max(half * widths[n], one)  # out of focus
-        left, right = max(int(min(ax, bx) - reach), 0), min(int(max(ax, bx) + reach) + 1, width - 1)
-        upper, lower = max(int(min(ay, by) - reach), 0), min(int(max(ay, by) + reach) + 1, height - 1)
-        dx, dy = bx - ax, by - ay
-        per = one / max(dx * dx + dy * dy, np.float32(1e-6))
-        for v in range(upper, lower + 1):
-            for u in range(left, right + 1):
-                px, py = np.float32(u) - ax, np.float32(v) - ay
-                along = min(max((px * dx + py * dy) * per, zero), one)
-                away = np.sqrt((px - along * dx) ** 2 + (py - along * dy) ** 2)
-                share = min(max((reach - away) * soft, zero), one) * opacity[n]
-                for channel in range(3):
-                    linear[v, u, channel] += share * (light[channel] - linear[v, u, channel])
+        draw_streaks(*streak_of(found, lens, poses, time_s), np.asarray(np.float32(share) * around, np.float32), linear)

@@ -12,15 +12,17 @@ from fieldtruth.core.classes import Label
 from fieldtruth.core.random import rng_of
 from fieldtruth.experiment.robot_body import Box, Cylinder
 from fieldtruth.experiment.weather_config import WeatherConfig
-from fieldtruth.sense.packets import new_packet
+from fieldtruth.kernels.lidar import EchoBuffers, trace_echoes, trace_surfaces
+from fieldtruth.kernels.lidar_noise import Reading, measure
+from fieldtruth.kernels.packets import new_packet
 from fieldtruth.sense.robot_scan import RobotScan
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.echoes import sub_rays_of, trace_echoes
+from fieldtruth.sensors.lidar.echoes import sub_rays_of
 from fieldtruth.sensors.lidar.in_air import WeatherInAir
-from fieldtruth.sensors.lidar.noise import Reading, measure, new_reading, receiver_of
+from fieldtruth.sensors.lidar.noise import new_reading, receiver_of
 from fieldtruth.sensors.lidar.sensing import Lidar
-from fieldtruth.sensors.lidar.surfaces import EchoBuffers, echo_buffers, surface_table, trace_surfaces
+from fieldtruth.sensors.lidar.surfaces import echo_buffers, surface_table
 from fieldtruth.world.model import ROBOT_ID
 
 _ROBOT: Final = np.array([0.05, 0.05, 0.20])

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.kernels.lidar import EchoBuffers
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.noise import limit_of
 from fieldtruth.sensors.lidar.sensing import ray_directions
 from fieldtruth.sensors.lidar.signal import LidarSignal
-from fieldtruth.sensors.lidar.surfaces import EchoBuffers
 from fieldtruth.validation.check import Check, Rule, Spec, Tally
 
 BIAS: Final = Rule("ranges have no bias, within 5 standard errors and 2 %")

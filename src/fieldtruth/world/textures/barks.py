@@ -3,7 +3,7 @@
 """Barks and dead wood. u runs around the trunk and v along it; a tile is about 0.6 m, a pixel 0.8 to 1.6 mm.
 
 Light that furrows lose is part of the image (see `hollows`); what grows on bark is added where it is shaded (see
-`render.weathering`). ``tones`` are colours (k, 3) from dark to light, sRGB 0 to 255.
+`kernels.textures`). ``tones`` are colours (k, 3) from dark to light, sRGB 0 to 255.
 """
 
 import numpy as np

@@ -10,26 +10,43 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.kernels import packets
 from fieldtruth.kernels.compile import inlined, kernel
-from fieldtruth.sense import embree
-from fieldtruth.sense.hits import HitTable, LabelBuffers, NormalBuffers, classify, hit_top
-from fieldtruth.sense.packets import IntArray, Packet, set_ray
-from fieldtruth.sensors.camera.pinhole import Pinhole
-from fieldtruth.sensors.camera.ray_table import NO_TABLE
+from fieldtruth.kernels.packets import (
+    HitTable,
+    IntArray,
+    LabelBuffers,
+    NormalBuffers,
+    Packet,
+    classify,
+    hit_top,
+    set_ray,
+)
 
+
+class Pinhole(NamedTuple):
+    """Intrinsics [pixel] in ROS's convention: the centre of the upper left pixel is (0, 0)."""
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+
+NO_TABLE: Final[Float32Array] = np.zeros((0, 0, 4), np.float32)
+"""Of a pinhole."""
 BLOCK_WIDTH: Final = 128
 BLOCK_HEIGHT: Final = 32
 """Pixels that are traced and shaded at once. What neighbours above and below need is still in the cache then: strips of
 four whole rows were measured to take 7 % longer."""
 BLOCK: Final = BLOCK_WIDTH * BLOCK_HEIGHT
-
-_LANES, _WIDTH, _HEIGHT = embree.LANES, embree.TILE_WIDTH, embree.TILE_HEIGHT
-_DX, _DY, _DZ, _GEOM, _INST = embree.DIR_X, embree.DIR_Y, embree.DIR_Z, embree.GEOM_ID, embree.INST_ID
-_MISS = np.uint32(embree.MISS)
+_LANES, _WIDTH, _HEIGHT = packets.LANES, packets.TILE_WIDTH, packets.TILE_HEIGHT
+_DX, _DY, _DZ, _GEOM, _INST = packets.DIR_X, packets.DIR_Y, packets.DIR_Z, packets.GEOM_ID, packets.INST_ID
+_MISS = np.uint32(packets.MISS)
 _TINY = np.float32(1e-9)
-_NX, _NY, _NZ = embree.NG_X, embree.NG_Y, embree.NG_Z
-_FAR, _PRIM, _U, _V = embree.TFAR, embree.PRIM_ID, embree.HIT_U, embree.HIT_V
-_intersect: Any = embree.intersect
+_NX, _NY, _NZ = packets.NG_X, packets.NG_Y, packets.NG_Z
+_FAR, _PRIM, _U, _V = packets.TFAR, packets.PRIM_ID, packets.HIT_U, packets.HIT_V
+_intersect: Any = packets.intersect
 
 
 class View(NamedTuple):

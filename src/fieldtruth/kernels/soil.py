@@ -14,23 +14,75 @@
   patch of length l and area A = b l. The slip i may have any direction; the force is opposite to it.
 - Length of the patch: the wheel is lowered by its sinkage z and the tyre's deflection d; it touches soil ahead over
   sqrt(D (z + d)) and behind over sqrt(D d).
+
+And stones on the soil: the ground that bears wheels is raised to them, see ``drive.bearing``.
 """
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Float32Array
-from fieldtruth.drive.wheel_contacts import Wheels
 from fieldtruth.kernels.compile import kernel
+
+
+class Wheels(NamedTuple):
+    """The n wheels before a step, in the order of their names; the last four are for a soil to set.
+
+    The arrays are views of the simulation, so they can be read and written in compiled code.
+    """
+
+    position: Array
+    """Point of contact (n, 3) [m] in the world."""
+    load: Array
+    """Normal force (n,) [N] of the step before; 0 in the air."""
+    velocity: Array
+    """Of the chassis at the contact (n, 2) [m/s], forwards and to the left along the ground."""
+    rolling: Array
+    """Wheel speed times radius (n,) [m/s], positive forwards; it exceeds the velocity by the slip."""
+    friction: Array
+    """Coefficient of friction (n, 2), the same in both columns."""
+    drag: Array
+    """Force (n,) [N] on the axle along the ground, positive forwards: negative for ground that resists."""
+    torque: Array
+    """Torque (n,) [N m] on the wheel, positive forwards: negative resistance for a wheel that rolls forwards."""
+    sinkage: Array
+    """Depth (n,) [m] by which the ground below a wheel is lowered; the tyre's damper misses 2 N at 1 cm/s."""
+
+
+OTHER: Final = -1
+
+
+@kernel
+def pull(forward: Array, drag: Array, force: Array) -> None:
+    """Set the forces (n, 3) of drags along the wheels' directions."""
+    for k in range(len(drag)):
+        for axis in range(3):
+            force[k, axis] = forward[k, axis] * drag[k]
+
+
+@kernel
+def sort_loads(
+    geoms: NDArray[np.int32], rows: NDArray[np.int32], forces: Array, kind: NDArray[np.int64], load: Array
+) -> bool:
+    """Set the loads of the wheels [N]; return whether anything else is touched."""
+    load[:] = 0.0
+    other = False
+    for k in range(len(geoms)):
+        wheel = kind[geoms[k]]
+        if 0 <= wheel < len(load) and rows[k] >= 0:
+            load[wheel] = forces[rows[k]]  # the first row of an elliptic cone is the normal
+        other |= wheel == OTHER
+    return other
+
 
 Tyre = tuple[float, float, float]
 Grid = tuple[Float32Array, float, float, float]
 """Values (nx, ny, channels) at nodes, x and y [m] of the first node, nodes per metre."""
 Ground = tuple[Grid, Grid, Grid, float]
 """Weights of the cover's soils, signed distance to the nearest trail's edge [m], share of stones; width of borders."""
-
 EDGE: Final = 0.1
 """Distance [m] across the edge of a trail or border over which one soil replaces the other: a tyre's width."""
 STANDING: Final = 0.05
@@ -39,7 +91,6 @@ RUT: Final = 0.1  # [m] of travel in which sinkage follows slip and ground: the 
 SETTLING: Final = 0.1  # [s] in which a standing wheel sinks
 LOAD_SECONDS: Final = 0.02  # [s]: the soil feels the mean load of this time, not the ringing of the contact
 _SMALL: Final = 0.02  # [m/s] at which resistance changes its sign
-
 _MEAN_LOAD, _MEAN_SLIP, _DEPTH = range(3)  # columns of the state
 
 
@@ -155,3 +206,80 @@ def step_soil(soils: Array, ground: Ground, tyre: Tyre, wheels: Wheels, state: A
         wheels.drag[k] = -resistance * math.tanh(forward / _SMALL)
         wheels.torque[k] = -rolling * math.tanh(tread / _SMALL) * 0.5 * tyre[1]
         wheels.sinkage[k] = mean[_DEPTH]
+
+
+@kernel(allocates=True)
+def lay_stones(
+    heights: Float32Array,
+    soil: Float32Array,
+    grid: tuple[float, float, float, float],
+    vertices: Array,
+    faces: NDArray[np.int32],
+    poses: Array,
+) -> None:
+    """Raise ``heights`` to copies of a mesh at ``poses`` (n, 4, 4); ``grid`` is x0, y0, spacing and reach [m].
+
+    Positions are in spacings from the first node.
+    """
+    x0, y0, spacing, reach = grid
+    nx, ny = soil.shape
+    placed = np.empty_like(vertices)
+    polygon, spare = np.empty((8, 3)), np.empty((8, 3))
+    for pose in poses:
+        for k in range(len(vertices)):
+            x, y, z = vertices[k]
+            placed[k, 0] = (pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3] - x0) / spacing
+            placed[k, 1] = (pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3] - y0) / spacing
+            placed[k, 2] = pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z + pose[2, 3]
+        for a, b, c in faces:
+            p, q, r = placed[a], placed[b], placed[c]
+            if (q[0] - p[0]) * (r[1] - p[1]) <= (q[1] - p[1]) * (r[0] - p[0]):
+                continue  # it faces down; the highest points belong to faces that face up
+            first_i = max(0, int(np.floor(min(p[0], q[0], r[0]) + 0.5)))
+            last_i = min(nx - 1, int(np.floor(max(p[0], q[0], r[0]) + 0.5)))
+            first_j = max(0, int(np.floor(min(p[1], q[1], r[1]) + 0.5)))
+            last_j = min(ny - 1, int(np.floor(max(p[1], q[1], r[1]) + 0.5)))
+            for i in range(first_i, last_i + 1):
+                for j in range(first_j, last_j + 1):
+                    polygon[0], polygon[1], polygon[2] = p, q, r
+                    count = _cut(polygon, 3, spare, 0, 1.0, i + 0.5)
+                    count = _cut(spare, count, polygon, 0, -1.0, 0.5 - i)
+                    count = _cut(polygon, count, spare, 1, 1.0, j + 0.5)
+                    count = _cut(spare, count, polygon, 1, -1.0, 0.5 - j)
+                    for k in range(count):
+                        below = _height(soil, polygon[k, 0], polygon[k, 1])
+                        if below < polygon[k, 2] <= below + reach:
+                            # Uphill of the node the soil itself is higher than there.
+                            top = polygon[k, 2] - max(0.0, below - soil[i, j])
+                            heights[i, j] = max(heights[i, j], np.float32(top))
+
+
+@kernel(allocates=True)
+def _cut(corners: Array, count: int, kept: Array, axis: int, sign: float, limit: float) -> int:
+    """Write to ``kept`` the part of a convex polygon where sign * coordinate <= limit; return its corner count."""
+    n = 0
+    for k in range(count):
+        a, b = corners[k], corners[(k + 1) % count]
+        over_a, over_b = sign * a[axis] - limit, sign * b[axis] - limit
+        if over_a <= 0.0:
+            kept[n] = a
+            n += 1
+        if (over_a < 0.0 < over_b) or (over_b < 0.0 < over_a):
+            share = over_a / (over_a - over_b)
+            for m in range(3):
+                kept[n, m] = a[m] + share * (b[m] - a[m])
+            n += 1
+    return n
+
+
+@kernel
+def _height(soil: Float32Array, u: float, v: float) -> float:
+    """Height [m] of the triangles of ``soil`` at ``u``, ``v`` in spacings from the first node."""
+    nx, ny = soil.shape
+    u, v = min(max(u, 0.0), nx - 1.0), min(max(v, 0.0), ny - 1.0)
+    i, j = min(int(u), nx - 2), min(int(v), ny - 2)
+    u, v = u - i, v - j
+    low, high = soil[i, j], soil[i + 1, j + 1]
+    if u >= v:
+        return float(low + u * (soil[i + 1, j] - low) + v * (high - soil[i + 1, j]))
+    return float(low + v * (soil[i, j + 1] - low) + u * (high - soil[i, j + 1]))

@@ -1,34 +1,41 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Wires in photographs: a pixel shows as much of a wire as the wire covers of it.
+"""Images: labels and shading of the ray through each pixel's centre, wires by their width, more rays at edges.
 
-The ray through a pixel's centre meets a wire that is narrower than a pixel here and there only. Labels and depth are
-those of that ray; for light, rays go on to what is behind the wire, and the covered share of the pixel is computed:
-the pixel is a square, the wire a strip between two parallel lines.
+A moving camera has a pose of its own for each strip of STRIP rows, and for each of the sub-frames that are averaged.
 """
 
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.core.arrays import Array, Float32Array, Mask
+from fieldtruth.kernels import packets
+from fieldtruth.kernels.camera_rays import (
+    BLOCK,
+    BLOCK_HEIGHT,
+    BLOCK_WIDTH,
+    RayBatch,
+    View,
+    gradients,
+    label_pixels,
+    normal_pixels,
+    seen_over_map,
+    set_pixel_block,
+    trace,
+)
 from fieldtruth.kernels.compile import inlined, kernel
-from fieldtruth.render.air import air_along
-from fieldtruth.render.probes import READ, falling_on, read_probes
-from fieldtruth.render.shading import ShadingBuffers, shade_batch
-from fieldtruth.render.tables import EXPOSURE, Shading, WireTable
-from fieldtruth.sense import embree
-from fieldtruth.sense.hits import hit_top
-from fieldtruth.sense.packets import IntArray, set_ray
-from fieldtruth.sense.ray_batch import RayBatch, View, gradients, seen_over_map
+from fieldtruth.kernels.light import EXPOSURE, READ, Shading, WireTable, air_along, falling_on, read_probes
+from fieldtruth.kernels.packets import IntArray, LabelBuffers, hit_top, set_ray
+from fieldtruth.kernels.shading import ShadingBuffers, new_shading_buffers, shade_batch
 
 WIDEST: Final = 3.0
 """Width [pixel] from which a wire is drawn as the mesh that it is."""
-
-_LANES, _FAR, _MASK = embree.LANES, embree.TFAR, embree.MASK
-_PRIM, _U, _V = embree.PRIM_ID, embree.HIT_U, embree.HIT_V
-_BEHIND = np.uint32(embree.SOLID | embree.CLEAR)
-_intersect: Any = embree.intersect
+_LANES, _FAR, _MASK = packets.LANES, packets.TFAR, packets.MASK
+_PRIM, _U, _V = packets.PRIM_ID, packets.HIT_U, packets.HIT_V
+_BEHIND = np.uint32(packets.SOLID | packets.CLEAR)
+_intersect: Any = packets.intersect
 _Vector = tuple[float, float, float]
 NORMAL, MIDDLE, REACH = 0, 3, 6
 """Columns of planes: normal of the plane through camera and segment, direction of its middle, chord to its ends."""
@@ -309,3 +316,243 @@ def _blend(
         ]
         seen = EXPOSURE * (left[channel] * shading.exposure * value + (1.0 - left[channel]) * glow[channel])
         colour[channel] += np.float32(covered * (seen - colour[channel]))
+
+
+EDGE_CONTRAST: Final = 0.27
+"""Difference of the square roots of neighbours' luminance above which a pixel at an edge is refined."""
+EDGE_STEP: Final = 0.01
+"""Relative step in depth that makes an edge."""
+_CONTRAST, _STEP, _TILE = np.float32(EDGE_CONTRAST), np.float32(EDGE_STEP), 4
+
+
+class EdgeBuffers(NamedTuple):
+    """Memory for the edges of one image. Threads must not share it."""
+
+    marked: Mask  # (h, w)
+    pixels: IntArray  # (h * w, 2) row and column
+
+
+def new_edge_buffers(height: int, width: int) -> EdgeBuffers:
+    """Allocate memory for images of a size [pixel]."""
+    return EdgeBuffers(np.zeros((height, width), np.bool_), np.zeros((height * width, 2), np.int32))
+
+
+@kernel
+def find_edges(linear: Float32Array, labels: LabelBuffers, out: EdgeBuffers) -> int:
+    """List pixels that differ in brightness from a neighbour on another surface; returns their number.
+
+    Another surface is another instance, or a step in depth of more than EDGE_STEP: the contrast of a texture is no
+    edge. The list is in tiles, so that rays that are traced together remain neighbours.
+    """
+    _mark_edges(linear, labels, out.marked)
+    marked, pixels = out
+    height, width = marked.shape
+    count = 0
+    for upper in range(0, height, _TILE):
+        for left in range(0, width, _TILE):
+            for v in range(upper, min(upper + _TILE, height)):
+                for u in range(left, min(left + _TILE, width)):
+                    if marked[v, u]:
+                        pixels[count, 0], pixels[count, 1] = v, u
+                        count += 1
+    return count
+
+
+@inlined
+def _apart(instance: NDArray[np.uint32], depth: Float32Array, v: int, u: int, row: int, column: int) -> bool:
+    """Whether pixel (v, u) shows another surface than its neighbour."""
+    here = depth[v, u]
+    return instance[v, u] != instance[row, column] or abs(here - depth[row, column]) > _STEP * here  # type: ignore[no-any-return]
+
+
+@kernel(allocates=True)
+def _mark_edges(linear: Float32Array, labels: LabelBuffers, marked: Mask) -> None:
+    instance, depth = labels.instance, labels.depth
+    height, width = instance.shape
+    bright, white = np.empty((2, width), np.float32), np.float32(1.0)
+    marked[:] = False
+    for v in range(height):
+        row, above = v & 1, (v + 1) & 1
+        for u in range(width):
+            r, g, b = linear[v, u, 0], linear[v, u, 1], linear[v, u, 2]
+            bright[row, u] = np.sqrt(min(np.float32(0.2) * r + np.float32(0.7) * g + np.float32(0.1) * b, white))
+        for u in range(1, width):  # contrast is the rarer of the two conditions
+            if abs(bright[row, u] - bright[row, u - 1]) > _CONTRAST and _apart(instance, depth, v, u, v, u - 1):
+                marked[v, u], marked[v, u - 1] = True, True
+        for u in range(width if v > 0 else 0):
+            if abs(bright[row, u] - bright[above, u]) > _CONTRAST and _apart(instance, depth, v, u, v - 1, u):
+                marked[v, u], marked[v - 1, u] = True, True
+
+
+EXTRA_SAMPLES: Final = 2
+"""Rays per pixel at edges, in addition to the one through the pixel's centre."""
+_TURNS: Final = 12
+_ANGLES = 2.0 * np.pi * np.arange(_TURNS) / _TURNS + 0.3
+_OFFSETS = (0.38 * np.stack((np.cos(_ANGLES), np.sin(_ANGLES)), axis=-1)).astype(np.float32)  # [pixel]
+
+
+class Framebuffer(NamedTuple):
+    """Working memory for images of one size. Threads must not share it."""
+
+    shading: ShadingBuffers
+    linear: Float32Array  # (h, w, 3) linear and exposed
+    edges: EdgeBuffers
+
+
+def new_framebuffer(height: int, width: int) -> Framebuffer:
+    """Allocate memory for images of a size [pixel]."""
+    return Framebuffer(
+        shading=new_shading_buffers(BLOCK),
+        linear=np.zeros((height, width, 3), np.float32),
+        edges=new_edge_buffers(height, width),
+    )
+
+
+@kernel
+def render_linear(shading: Shading, framebuffer: Framebuffer, view: View, labels: LabelBuffers) -> None:
+    """Render labels, and the light of the photograph, ``framebuffer.linear``."""
+    buffers, linear, edges = framebuffer
+    height, width, _ = linear.shape
+    batch, colour = buffers.batch, buffers.colour
+    for upper in range(0, height, BLOCK_HEIGHT):
+        for left in range(0, width, BLOCK_WIDTH):
+            count = set_pixel_block(upper, left, height, width, batch.image)
+            trace(shading.scene, shading.hits.geometry_top, buffers.packet, view, batch, count)
+            label_pixels(shading.hits, batch, count, labels)
+            if len(labels.normal.image) > 0:
+                normal_pixels(view.pose, batch, count, labels.normal)
+            shade_view(shading, buffers, view, count)
+            store(batch.image, colour, count, linear)
+    refine(shading, framebuffer, view, 0, find_edges(linear, labels, edges))
+
+
+@kernel
+def store(image: Float32Array, colour: Float32Array, count: int, linear: Float32Array) -> None:
+    """Write the colours of a batch of pixel centres into ``linear`` (h, w, 3)."""
+    for k in range(count):
+        u, v = int(image[0, k]), int(image[1, k])
+        linear[v, u, 0], linear[v, u, 1], linear[v, u, 2] = colour[k, 0], colour[k, 1], colour[k, 2]
+
+
+@kernel(inner=True)
+def refine(shading: Shading, framebuffer: Framebuffer, view: View, start: int, end: int) -> None:
+    """Average pixels ``start`` to ``end`` of those at edges over the ray through the centre and EXTRA_SAMPLES others.
+
+    Samples are clipped at white first, so that one glint does not dominate its pixel.
+    """
+    buffers, linear, edges = framebuffer.shading, framebuffer.linear, framebuffer.edges.pixels
+    image, colour = buffers.batch.image, buffers.colour
+    white, share = np.float32(2.0), np.float32(1.0 / (EXTRA_SAMPLES + 1))
+    at_once = image.shape[1] // EXTRA_SAMPLES
+    for first in range(start, end, at_once):
+        pixels = min(at_once, end - first)
+        for k in range(pixels):
+            v, u = edges[first + k, 0], edges[first + k, 1]
+            turn = (3 * u + 5 * v) % _TURNS
+            for s in range(EXTRA_SAMPLES):
+                row = (turn + s * _TURNS // EXTRA_SAMPLES) % _TURNS
+                image[0, k * EXTRA_SAMPLES + s] = u + _OFFSETS[row, 0]
+                image[1, k * EXTRA_SAMPLES + s] = v + _OFFSETS[row, 1]
+        trace(shading.scene, shading.hits.geometry_top, buffers.packet, view, buffers.batch, pixels * EXTRA_SAMPLES)
+        shade_view(shading, buffers, view, pixels * EXTRA_SAMPLES)
+        for k in range(pixels):
+            v, u = edges[first + k, 0], edges[first + k, 1]
+            for channel in range(3):
+                total = min(linear[v, u, channel], white)
+                for s in range(EXTRA_SAMPLES):
+                    total += min(colour[k * EXTRA_SAMPLES + s, channel], white)
+                linear[v, u, channel] = total * share
+
+
+STRIP: Final = 4
+"""Rows with the same pose, a packet of rays high: at 60 deg/s, 1000 pixels of focal length and 20 ms for 720 rows a
+strip is 0.12 pixels from the next one."""
+_COLUMNS: Final = BLOCK // STRIP
+_TILE_WIDTH, _TILE_HEIGHT = packets.TILE_WIDTH, packets.TILE_HEIGHT
+_BRIGHTEST: Final = 8.0
+"""Light of a sample, so that one glint does not dominate its pixel; the ideal camera's curve is white from there."""
+
+
+@kernel
+def _set_strip(top: int, left: int, height: int, width: int, dx: float, dy: float, image: Float32Array) -> int:
+    """Set the image points to the pixel centres of a strip's next columns, moved by dx, dy; returns their number."""
+    k = 0
+    for upper in range(top, min(top + STRIP, height), _TILE_HEIGHT):
+        for first in range(left, min(left + _COLUMNS, width), _TILE_WIDTH):
+            for lane in range(_LANES):
+                image[0, k], image[1, k] = first + lane % _TILE_WIDTH + dx, upper + lane // _TILE_WIDTH + dy
+                k += 1
+    return k
+
+
+@kernel
+def render_strips(shading: Shading, framebuffer: Framebuffer, view: View, poses: Array, labels: LabelBuffers) -> None:
+    """Render the light ``framebuffer.linear`` like ``render_linear``, with poses (strips, 4, 4) world_from_optical.
+
+    Labels are those that the moving camera sees; edges need them.
+    """
+    buffers, linear, edges = framebuffer
+    height, width, _ = linear.shape
+    batch = buffers.batch
+    for upper in range(0, height, STRIP):
+        own = View(poses[upper // STRIP], view.pinhole, view.far, view.table)
+        for left in range(0, width, _COLUMNS):
+            count = _set_strip(upper, left, height, width, 0.0, 0.0, batch.image)
+            trace(shading.scene, shading.hits.geometry_top, buffers.packet, own, batch, count)
+            label_pixels(shading.hits, batch, count, labels)
+            shade_view(shading, buffers, own, count)
+            store(batch.image, buffers.colour, count, linear)
+    count, start = find_edges(linear, labels, edges), 0
+    while start < count:
+        strip, end = edges.pixels[start, 0] // STRIP, start
+        while end < count and edges.pixels[end, 0] // STRIP == strip:
+            end += 1
+        refine(shading, framebuffer, View(poses[strip], view.pinhole, view.far, view.table), start, end)
+        start = end
+
+
+@kernel
+def render_mean(shading: Shading, framebuffer: Framebuffer, view: View, poses: Array, offsets: Array) -> None:
+    """Render the mean light ``framebuffer.linear`` of n sub-frames with poses (n, strips, 4, 4) world_from_optical.
+
+    Sub-frame i has rays through points that are ``offsets[i]`` (n, 2) [pixel] from the pixel centres, which smooths
+    edges instead of further rays there.
+    """
+    buffers, linear = framebuffer.shading, framebuffer.linear
+    height, width, _ = linear.shape
+    batch, colour = buffers.batch, buffers.colour
+    share, brightest = np.float32(1.0 / len(poses)), np.float32(_BRIGHTEST)
+    linear[:] = np.float32(0.0)
+    for frame in range(len(poses)):
+        dx, dy = offsets[frame, 0], offsets[frame, 1]
+        for upper in range(0, height, STRIP):
+            own = View(poses[frame, upper // STRIP], view.pinhole, view.far, view.table)
+            for left in range(0, width, _COLUMNS):
+                count = _set_strip(upper, left, height, width, dx, dy, batch.image)
+                trace(shading.scene, shading.hits.geometry_top, buffers.packet, own, batch, count)
+                shade_view(shading, buffers, own, count)
+                _add(batch.image, colour, count, dx, dy, share, brightest, linear)
+
+
+@kernel
+def _add(
+    image: Float32Array,
+    colour: Float32Array,
+    count: int,
+    dx: float,
+    dy: float,
+    share: np.float32,
+    brightest: np.float32,
+    linear: Float32Array,
+) -> None:
+    for k in range(count):
+        u, v = int(image[0, k] - dx + 0.5), int(image[1, k] - dy + 0.5)
+        for channel in range(3):
+            linear[v, u, channel] += share * min(colour[k, channel], brightest)
+
+
+@kernel
+def render_points(shading: Shading, buffers: ShadingBuffers, view: View, count: int, pixel: float) -> None:
+    """Compute ``buffers.colour`` of the first ``count`` image points of the batch, each ``pixel`` [rad] wide."""
+    trace(shading.scene, shading.hits.geometry_top, buffers.packet, view, buffers.batch, count)
+    shade_batch(shading, buffers, count, pixel)
