@@ -6,12 +6,14 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
 
 import fieldtruth
 from fieldtruth.core.cache import cache_folder
+from fieldtruth.core.cache_folder import keep_temporary_files_in_memory
 
 USE = """
 import importlib, pkgutil
@@ -71,3 +73,15 @@ def test_a_user_without_a_home_has_no_cache(monkeypatch: pytest.MonkeyPatch) -> 
     assert not cache_folder().parent.is_dir()
     monkeypatch.setattr("fieldtruth.core.cache.user_cache_path", lambda *_: Path("~/.cache"))
     assert cache_folder().is_absolute()
+
+
+def test_temporary_files_lie_in_memory_where_there_is_no_other_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_folder() -> str:
+        raise FileNotFoundError("No usable temporary directory found")
+
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    keep_temporary_files_in_memory()
+    assert tempfile.tempdir != "/dev/shm"
+    monkeypatch.setattr(tempfile, "gettempdir", no_folder)
+    keep_temporary_files_in_memory()
+    assert tempfile.tempdir == "/dev/shm"

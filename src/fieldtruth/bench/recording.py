@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from fieldtruth.bag.topics import topics_of
+from fieldtruth.core.cache_folder import keep_temporary_files_in_memory
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import visible_parts
@@ -54,6 +55,7 @@ def record(baked: BakedScene, track: Track, rig: Rig, *, workers: int, seconds: 
         if names.issuperset(stream.topics)
     ]
     ready = [sensors_of(baked, rig, used=True) for _ in range(workers)]
+    keep_temporary_files_in_memory()
     with TemporaryDirectory() as folder:
         slices = Slices(Path(folder), streams, topics, ready.pop)
         start = perf_counter()

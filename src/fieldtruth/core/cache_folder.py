@@ -8,6 +8,7 @@ limit.
 """
 
 import os
+import tempfile
 import warnings
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
@@ -27,6 +28,7 @@ SIZE_VARIABLE: Final = "FIELDTRUTH_CACHE_SIZE"
 SIZE: Final = 10.0
 """Limit [GB] without that variable."""
 _LOCK: Final = ".lock"
+_IN_MEMORY: Final = "/dev/shm"
 _PATIENCE: Final = 900.0
 """Longest wait [s] for another process that makes the same file; then it is made twice."""
 
@@ -79,6 +81,15 @@ def load_or_make(path: Path, load: Callable[[Path], T], make: Callable[[], T], s
                     add_seal(file, path.name)
             trim(path.parent, limit, keep=path)
     return value
+
+
+def keep_temporary_files_in_memory() -> None:
+    """Let temporary files, of matplotlib for example, lie in memory where the system has no other folder for them."""
+    try:
+        tempfile.gettempdir()
+    except OSError:
+        if os.access(_IN_MEMORY, os.W_OK):
+            tempfile.tempdir = _IN_MEMORY
 
 
 def entries(folder: Path) -> list[Entry]:
