@@ -10,8 +10,7 @@ import numpy as np
 from fieldtruth.core import random
 from fieldtruth.core.arrays import Array, Counts, Mask
 from fieldtruth.core.geodesy import geodetic_from_world, world_from_geodetic
-from fieldtruth.drive.track import GnssFixes, GnssReadings, Track
-from fieldtruth.experiment.config import Experiment
+from fieldtruth.drive.track import GnssFixes, GnssReadings
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.gnss import noise
 from fieldtruth.sensors.gnss.almanac import directions, read_almanac, seconds_of_week
@@ -20,7 +19,6 @@ from fieldtruth.sensors.gnss.navigation import Process, follow
 from fieldtruth.sensors.gnss.signal import GnssSignal
 from fieldtruth.sensors.gnss.solution import solve
 from fieldtruth.sensors.gnss.visibility import amplitudes
-from fieldtruth.world.model import World
 
 NO_FIX: Final = -1
 """Status of sensor_msgs/NavSatStatus without a position."""
@@ -28,7 +26,6 @@ ALONE: Final = {"single": 0, "sbas": 1, "rtk": 0}
 """Its status with a position but without a base station: FIX or SBAS_FIX."""
 AIDED: Final = 2
 """GBAS_FIX, with ambiguities as real or as whole numbers, as ROS drivers have it."""
-SERVICE: Final = {"gps": 1, "galileo": 8}
 
 
 class Sky(NamedTuple):
@@ -55,16 +52,6 @@ def sky_at(scene: Scene | None, antennas: Array, stamps_ns: Counts, signal: Gnss
             amplitude[k, above[k]] = amplitudes(scene, antenna, toward[k, above[k]], leaf)
     ratio = noise.carrier_to_noise(sine, amplitude, signal)
     return Sky(toward, ratio, noise.in_use(sine, ratio, signal))
-
-
-def with_fixes(track: Track, world: World, experiment: Experiment) -> Track:
-    """Return a track with what the receivers of a rig measure, unless all are ideal."""
-    receivers = [config for config in experiment.rig.antennas if config.signal is not None]
-    if not receivers:
-        return track
-    scene = Scene(world) if any(config.signal.obstacles for config in receivers if config.signal) else None
-    fixes = {each.name: measure(scene, track.fixes[each.name], each, experiment.seed) for each in receivers}
-    return dataclasses.replace(track, fixes={**track.fixes, **fixes})
 
 
 def measure(scene: Scene | None, readings: GnssReadings, config: GnssConfig, seed: int) -> GnssReadings:
@@ -111,7 +98,7 @@ def fixes_of(sky: Sky, geodetic: Array, config: GnssConfig, seed: int) -> GnssFi
         geodetic=np.where(found[:, None], moved, np.nan),
         covariance=np.where(found[:, None, None] & (not exact), covariance, 0.0),
         status=np.where(found, np.where(states == noise.SINGLE, ALONE[signal.mode], AIDED), NO_FIX),
-        service=sum(SERVICE[system] for system in signal.constellations),
+        service=signal.service,
         state=states,
         satellites=solution.satellites,
         dop=solution.dop,

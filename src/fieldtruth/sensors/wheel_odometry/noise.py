@@ -21,9 +21,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from fieldtruth.core.arrays import Array, Counts
-from fieldtruth.drive.track import Base, Stamps, TachometerReadings, WheelMotion, WheelOdometry
+from fieldtruth.drive.track import Stamps, TachometerReadings, WheelMotion, WheelOdometry
 from fieldtruth.experiment.robot_config import WheelConfig
-from fieldtruth.sensors.wheel_odometry.sensing import dead_reckoning, effective_track
+from fieldtruth.sensors.wheel_odometry.sensing import TrueWheels, dead_reckoning, effective_track
 from fieldtruth.sensors.wheel_odometry.signal import WheelSignal
 
 _SMALL: Final = 1e-4
@@ -43,7 +43,7 @@ class MeasuredWheels(NamedTuple):
 
 
 def measured_wheels(
-    base: Base, every_step: Stamps, wheels: WheelConfig, signal: WheelSignal, rng: np.random.Generator
+    base: TrueWheels, every_step: Stamps, wheels: WheelConfig, signal: WheelSignal, rng: np.random.Generator
 ) -> MeasuredWheels:
     """Return what real encoders read where ideal ones have the readings of ``base``.
 

@@ -7,6 +7,8 @@ a side's advance is the mean of its wheels, the robot turns by the difference of
 moves on an arc from one reading to the next. Slip is what it does not see, so its error is that of a real robot.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from fieldtruth.core.arrays import Array
@@ -14,6 +16,14 @@ from fieldtruth.drive.robot import skid_compensation
 from fieldtruth.drive.steps import steps_at_rate
 from fieldtruth.drive.track import Motion, Stamps, TachometerReadings, WheelMotion, WheelOdometry
 from fieldtruth.experiment.robot_config import WheelConfig
+
+
+class TrueWheels(NamedTuple):
+    """The rotation of the wheels at every physics step, and what ideal encoders read of it."""
+
+    wheels: WheelMotion
+    tachometers: TachometerReadings
+    odometry: WheelOdometry
 
 
 def effective_track(wheels: WheelConfig) -> float:
