@@ -22,7 +22,6 @@ from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.render.shutter import render_strips, strips_of
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.sensing import CameraImages
-from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.signal import CameraSignal
 from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig

@@ -13,11 +13,14 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.geodesy import geodetic_from_world, world_from_geodetic
 from fieldtruth.drive.track import GnssReadings
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.gnss import message
 from fieldtruth.sensors.gnss.check import FIXES, Fixes
 from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.gnss.measuring import measure
+from fieldtruth.sensors.gnss.sensor import Gnss
+from fieldtruth.sensors.kind import At, Movement, Place
 from fieldtruth.validation.check import Tally
 from fieldtruth.world.build import load_world
 
@@ -39,8 +42,12 @@ def test_ideal_and_without_figures_the_message_is_the_same() -> None:
     assert measure(OPEN, true, GnssConfig(), 1) is true
     same = measure(OPEN, true, _config(), 1)
     assert same.fixes is not None
+    output, sensor = GnssConfig().outputs()[0], Gnss(GnssConfig(), Place(OPEN.world, Rig()))
     for k in range(60):
-        assert message.navsat(k, true, "g", same.fixes) == message.navsat(k, true, "g")
+        at = At(k, k, k, Movement(lambda _: np.eye(4)))
+        assert message.navsat(k, sensor.reading(output, at, same)) == message.navsat(
+            k, sensor.reading(output, at, true)
+        )
 
 
 def test_a_longer_drive_begins_with_a_shorter_one_and_receivers_differ() -> None:

@@ -20,7 +20,6 @@ from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.measuring import Lidar
 from fieldtruth.sensors.lidar.noise import Reading, limit_of
 from fieldtruth.sensors.lidar.reflectance import Reflectance, reflectance_of
-from fieldtruth.sensors.lidar.measuring import Lidar
 from fieldtruth.sensors.lidar.signal import LidarSignal
 from fieldtruth.sensors.lidar.surfaces import EchoBuffers, brightness
 from fieldtruth.world.materials import MATERIALS
@@ -109,7 +108,7 @@ def test_air_takes_its_share_twice() -> None:
 
     scene = wall(40.0)
     clear = Lidar(narrow(BRIGHT), scene).scan(at(0, 0, 0))
-    foggy = Lidar(narrow(BRIGHT), scene, in_air).scan(at(0, 0, 0))
+    foggy = Lidar(narrow(BRIGHT), scene, in_air=in_air).scan(at(0, 0, 0))
     ratio = np.median(foggy.signal[ahead(foggy, 8)]) / np.median(clear.signal[ahead(clear, 8)])
     assert ratio == pytest.approx(np.exp(-2.0 * alpha * 40.0), rel=0.01)
 

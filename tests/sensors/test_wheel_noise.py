@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fieldtruth.drive.track import Base, Commands, TachometerReadings, WheelMotion, stamps_at_rate
+from fieldtruth.drive.track import TachometerReadings, WheelMotion, stamps_at_rate
 from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.sensors.wheel_odometry.noise import MeasuredWheels, counted, measured_wheels
-from fieldtruth.sensors.wheel_odometry.sensing import effective_track, read_odometry
+from fieldtruth.sensors.wheel_odometry.sensing import TrueWheels, effective_track, read_odometry
 from fieldtruth.sensors.wheel_odometry.signal import WheelSignal
 
 Floats = NDArray[np.float64]
@@ -19,20 +19,19 @@ WHEELS = RobotConfig().wheels
 STEPS = stamps_at_rate(1000.0, 20 * 10**9)
 
 
-def driven(left: float, right: float) -> Base:
+def driven(left: float, right: float) -> TrueWheels:
     """Wheels that turn evenly [rad/s] for 20 s."""
     speed = np.tile((left, right, left, right), (len(STEPS), 1))
     wheels = WheelMotion(angle=speed * (STEPS[:, None] / 1e9), speed=speed)
     slow = stamps_at_rate(10.0, int(STEPS[-1]))
-    return Base(
+    return TrueWheels(
         wheels=wheels,
         tachometers=TachometerReadings(stamps_ns=slow, wheel_speed=speed[: len(slow)]),
         odometry=read_odometry(STEPS, wheels, WHEELS, 50.0),
-        commands=Commands(stamps_ns=slow, command=np.zeros((len(slow), 2))),
     )
 
 
-def measure(base: Base, seed: int = 0, *, counts: int | None = None, radii: float = 0.0) -> MeasuredWheels:
+def measure(base: TrueWheels, seed: int = 0, *, counts: int | None = None, radii: float = 0.0) -> MeasuredWheels:
     signal = WheelSignal(counts_per_revolution=counts, radius_error=radii)
     return measured_wheels(base, STEPS, WHEELS, signal, np.random.default_rng(seed))
 

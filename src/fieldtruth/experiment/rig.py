@@ -33,7 +33,6 @@ _Config = TypeVar("_Config", bound=SensorConfig)
 Sensor = Annotated[SerializeAsAny[SensorConfig], BeforeValidator(sensor_of)]
 
 
-
 class Rig(Frozen):
     """The robot with its sensors."""
 

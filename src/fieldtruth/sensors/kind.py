@@ -204,7 +204,8 @@ class Sensor(ABC):
 class MotionSensor(Sensor):
     """A sensor that measures the robot's own motion. Its noise has a memory, so a whole series is measured at once.
 
-    It reads at steps of the physics; ``sees`` of its configuration is false. The beginning of a series does not depend on what follows.
+    It reads at steps of the physics; ``sees`` of its configuration is false. The beginning of a series does not depend
+    on what follows.
     """
 
     @abstractmethod
