@@ -35,7 +35,9 @@ def read_imu(motion: Motion, config: ImuConfig) -> ImuReadings:
     return ImuReadings(
         stamps_ns=motion.stamps_ns[rows],
         quaternion_wxyz=quaternion_wxyz_from_rotation(world_from_imu).reshape(-1, 4),
-        angular_velocity=rotation_vector(motion.quaternion_wxyz[starts], ended) / seconds @ base_from_imu[:3, :3],
+        angular_velocity=_product(
+            rotation_vector(motion.quaternion_wxyz[starts], ended) / seconds, base_from_imu[:3, :3]
+        ),
         linear_acceleration=_into_frame(world_from_imu, specific_force),
     )
 
@@ -69,6 +71,12 @@ def point_velocity(motion: Motion, rows: NDArray[np.int64], lever_base: Array) -
     lever = rotation_from_quaternion_wxyz(motion.quaternion_wxyz[rows]) @ lever_base
     velocity: Array = motion.linear_velocity[rows] + np.cross(motion.angular_velocity[rows], lever)
     return velocity
+
+
+def _product(vectors: Array, matrix: Array) -> Array:
+    """Product of rows (n, 3) and a matrix (3, 3): one row as among many, where BLAS would add up otherwise."""
+    product: Array = np.concatenate([vectors, vectors[:1]]) @ matrix
+    return product[: len(vectors)]
 
 
 def _into_frame(world_from_frame: Array, vectors_world: Array) -> Array:

@@ -13,7 +13,7 @@ from fieldtruth.record.clocks import clock_of
 from fieldtruth.record.stream import Stream
 from fieldtruth.sensors.imu import message
 from fieldtruth.sensors.imu.config import ImuConfig
-from fieldtruth.sensors.imu.noise import measured_imu
+from fieldtruth.sensors.imu.noise import ImuErrors
 
 
 def imu_streams(config: ImuConfig, true: ImuReadings, seed: int) -> list[Stream]:
@@ -24,7 +24,7 @@ def imu_streams(config: ImuConfig, true: ImuReadings, seed: int) -> list[Stream]
         return [ideal]
     read, covariances = true, message.UNKNOWN
     if config.signal is not None:
-        read, *of = measured_imu(true, config.signal, config.rate_hz, rng_of(seed, config.name))
+        read, *of = ImuErrors(config.signal, config.rate_hz, rng_of(seed, config.name)).extend(true)
         covariances = (of[0], of[1], of[2])
     clock = clock_of(config, stamps, seed)
     shown = replace(read, stamps_ns=clock.shown_ns)

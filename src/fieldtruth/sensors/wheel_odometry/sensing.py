@@ -27,24 +27,34 @@ def advance(turned: Array, wheels: WheelConfig) -> tuple[Array, Array]:
     return (left + right) / 2, (right - left) / effective_track(wheels)
 
 
+class DeadReckoning:
+    """Wheel odometry that goes on from call to call, from the start of a drive: readings do not depend on the cuts."""
+
+    def __init__(self, config: WheelConfig) -> None:
+        self._config = config
+        self._angle: Array = np.zeros((1, len(config.names)))
+        self._stamp_ns = 0
+        self._pose: Array = np.full((1, 3), -0.0)  # so that the first sum has the sign of a zero
+
+    def extend(self, stamps_ns: Stamps, wheels: WheelMotion) -> WheelOdometry:
+        """Return odometry for the angles of the wheels at the next stamps (n,) [ns]; they are 0 at time 0."""
+        forward, turn = advance(np.diff(wheels.angle, axis=0, prepend=self._angle), self._config)
+        yaw = np.cumsum(np.append(self._pose[:, 2], turn))[1:]
+        middle, chord = yaw - turn / 2, forward * np.sinc(turn / (2 * np.pi))
+        moves = np.column_stack([chord * np.cos(middle), chord * np.sin(middle)])
+        pose = np.column_stack([np.cumsum(np.vstack([self._pose[:, :2], moves]), axis=0)[1:], yaw])
+        seconds = np.diff(stamps_ns, prepend=self._stamp_ns) / 1e9
+        if len(stamps_ns):
+            self._angle, self._stamp_ns, self._pose = wheels.angle[-1:].copy(), int(stamps_ns[-1]), pose[-1:].copy()
+        twist = np.column_stack([forward, turn]) / seconds[:, None]
+        return WheelOdometry(stamps_ns=stamps_ns, wheels=wheels, pose=pose, twist=twist)
+
+
 def read_odometry(stamps_ns: Stamps, wheels: WheelMotion, config: WheelConfig, rate_hz: float) -> WheelOdometry:
     """Return wheel odometry for the rotation of the wheels at every physics step, which has these stamps [ns]."""
     rows = steps_at_rate(rate_hz, int(stamps_ns[-1])) - 1
-    return dead_reckoning(stamps_ns[rows], WheelMotion(angle=wheels.angle[rows], speed=wheels.speed[rows]), config)
-
-
-def dead_reckoning(stamps_ns: Stamps, wheels: WheelMotion, config: WheelConfig) -> WheelOdometry:
-    """Return wheel odometry for the angles of the wheels at the stamps of its readings; they are 0 at time 0."""
-    forward, turn = advance(np.diff(wheels.angle, axis=0, prepend=np.zeros((1, wheels.angle.shape[1]))), config)
-    yaw = np.cumsum(turn)
-    middle, chord = yaw - turn / 2, forward * np.sinc(turn / (2 * np.pi))
-    seconds = np.diff(stamps_ns, prepend=0) / 1e9
-    return WheelOdometry(
-        stamps_ns=stamps_ns,
-        wheels=wheels,
-        pose=np.column_stack([np.cumsum(chord * np.cos(middle)), np.cumsum(chord * np.sin(middle)), yaw]),
-        twist=np.column_stack([forward, turn]) / seconds[:, None],
-    )
+    read = WheelMotion(angle=wheels.angle[rows], speed=wheels.speed[rows])
+    return DeadReckoning(config).extend(stamps_ns[rows], read)
 
 
 def read_tachometers(motion: Motion, wheel_speed: Array, rate_hz: float) -> TachometerReadings:

@@ -7,6 +7,8 @@ A whole drive is measured at once, before recording; so a message depends on its
 
 from dataclasses import replace
 
+import numpy as np
+
 from fieldtruth.core.random import rng_of
 from fieldtruth.drive.track import Base, Stamps, TachometerReadings, WheelOdometry
 from fieldtruth.experiment.rig import Rig
@@ -14,7 +16,7 @@ from fieldtruth.record.clocks import clock_of
 from fieldtruth.record.stream import Stream
 from fieldtruth.sensors.wheel_odometry import message
 from fieldtruth.sensors.wheel_odometry.config import JOINT_STATES, WheelOdometryConfig
-from fieldtruth.sensors.wheel_odometry.noise import measured_wheels
+from fieldtruth.sensors.wheel_odometry.noise import WheelErrors
 
 
 def wheel_streams(config: WheelOdometryConfig, rig: Rig, base: Base, every_step: Stamps, seed: int) -> list[Stream]:
@@ -29,7 +31,9 @@ def wheel_streams(config: WheelOdometryConfig, rig: Rig, base: Base, every_step:
         return ideal
     covariances = None
     if config.signal is not None:
-        read = measured_wheels(base, every_step, rig.wheels, config.signal, rng_of(seed, config.name))
+        slow_angle = base.wheels.angle[np.searchsorted(every_step, speeds.stamps_ns)]
+        noise = WheelErrors(rig.wheels, config.signal, rng_of(seed, config.name))
+        read = noise.extend(speeds, odometry, slow_angle)
         speeds, odometry, covariances = read.tachometers, read.odometry, (read.pose_covariance, read.twist_covariance)
     slow = clock_of(config, speeds.stamps_ns, seed, "tachometers")
     clock = clock_of(config, odometry.stamps_ns, seed)
