@@ -31,7 +31,7 @@ from fieldtruth.record.slices import SliceFolder, Slices, slices_key
 from fieldtruth.record.stream import Stream
 from fieldtruth.record.streams import streams_of
 from fieldtruth.report.card import data_card
-from fieldtruth.sensors.gnss.measuring import with_fixes
+from fieldtruth.sensors.gnss.measuring import obstacles_of, with_fixes
 from fieldtruth.world.build import check_experiment, world_of
 from fieldtruth.world.model import World
 
@@ -107,7 +107,7 @@ def track_in(world: World, experiment: Experiment, given: TrackFile | None, adva
     if experiment.frames is not None and given is None:
         return standing_robot(world, experiment)
     track = plan_and_drive(world, experiment, advance) if given is None else follow_track(experiment, world, given)
-    return with_fixes(track, world, experiment)
+    return with_fixes(track, experiment, obstacles_of(world, experiment.rig.antennas))
 
 
 def generate(
