@@ -393,8 +393,9 @@ def _motion(blocks: list[Array], first: int) -> Motion:
     """Motion of states, (n, 13 + 2 wheels) each block, from the physics step ``first`` on."""
 
     def turn_rate(block: Array) -> Array:
-        rates = np.einsum("nij,nj->ni", rotation_from_quaternion_wxyz(block[:, _QUATERNION]), block[:, _TURN_RATE])
-        return np.asarray(rates)
+        rows = np.repeat(block, 2, axis=0) if len(block) == 1 else block  # one row alone is rounded otherwise
+        rates = np.einsum("nij,nj->ni", rotation_from_quaternion_wxyz(rows[:, _QUATERNION]), rows[:, _TURN_RATE])
+        return np.asarray(rates)[: len(block)]
 
     return Motion(
         stamps_ns=np.arange(first, first + sum(map(len, blocks)), dtype=np.int64) * STEP_NS,
