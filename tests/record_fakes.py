@@ -32,7 +32,8 @@ from fieldtruth.record.streams import streams_of
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.wheel_odometry.sensing import read_odometry
+from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
+from fieldtruth.sensors.wheel_odometry.sensing import WheelTruth
 from fieldtruth.world.model import Heightfield, Instance, Raster, Terrain, World
 
 SMALL = paper_rig(stereo=StereoConfig(width=64, height=48))
@@ -120,7 +121,7 @@ def make_track(world: World, experiment: Experiment) -> Track:
             tachometers=TachometerReadings(
                 stamps_ns=wheel_stamps, wheel_speed=np.arange(4 * len(wheel_stamps)).reshape(-1, 4) / 8.0
             ),
-            odometry=read_odometry(stamps, wheels, rig.wheels, 50.0),
+            odometry=WheelTruth(WheelOdometryConfig(), rig.wheels).extend(stamps, wheels).odometry,
             commands=Commands(stamps_ns=imu_stamps, command=np.column_stack([imu_stamps / 1e10, -imu_stamps / 1e9])),
         ),
     )

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""RangeErrors of ranges and positions against laws: correlation, dilution of precision, covariance, states of RTK."""
+"""Errors of ranges and positions against laws: correlation, dilution of precision, covariance, states of RTK."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from fieldtruth.core.markov import GaussMarkov
 from fieldtruth.sensors.gnss import noise
 from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.gnss.measuring import sky_at
-from fieldtruth.sensors.gnss.navigation import ENU, RangeErrors, PositionFilter
+from fieldtruth.sensors.gnss.navigation import ENU, PositionFilter, RangeErrors
 from fieldtruth.sensors.gnss.signal import GnssSignal
 from fieldtruth.sensors.gnss.solution import solve
 

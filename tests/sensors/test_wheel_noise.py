@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from fieldtruth.drive.track import Base, Commands, TachometerReadings, WheelMotion, stamps_at_rate
 from fieldtruth.experiment.robot_config import RobotConfig
+from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 from fieldtruth.sensors.wheel_odometry.noise import MeasuredWheels, WheelErrors, counted
-from fieldtruth.sensors.wheel_odometry.sensing import DeadReckoning, effective_track, read_odometry
+from fieldtruth.sensors.wheel_odometry.sensing import DeadReckoning, WheelTruth, effective_track
 from fieldtruth.sensors.wheel_odometry.signal import WheelSignal
 
 Floats = NDArray[np.float64]
@@ -29,7 +30,7 @@ def driven(left: float, right: float) -> Base:
     return Base(
         wheels=wheels,
         tachometers=TachometerReadings(stamps_ns=slow, wheel_speed=speed[: len(slow)]),
-        odometry=read_odometry(STEPS, wheels, WHEELS, 50.0),
+        odometry=WheelTruth(WheelOdometryConfig(), WHEELS).extend(STEPS, wheels).odometry,
         commands=Commands(stamps_ns=slow, command=np.zeros((len(slow), 2))),
     )
 

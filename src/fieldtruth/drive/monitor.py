@@ -39,9 +39,7 @@ class DriveMonitor:
         self._timeout = TIMEOUT_SECONDS + math.tau / control.max_turn_rate
         self.progress = Nearing(0.0, (math.inf, math.inf), 0.0, math.inf, -1)
 
-    def check(
-        self, time_s: float, position: Array, quaternion_wxyz: Array, *, is_following: bool = True
-    ) -> None:
+    def check(self, time_s: float, position: Array, quaternion_wxyz: Array, *, is_following: bool = True) -> None:
         """Raise if the robot at this pose of base_link has left the world, is in water, tipped over or stuck.
 
         Nobody is stuck who drives by other commands than those of the follower.

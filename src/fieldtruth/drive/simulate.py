@@ -32,7 +32,7 @@ from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route
 from fieldtruth.sensors.gnss.sensing import antenna_geodetic
 from fieldtruth.sensors.imu.sensing import heading
-from fieldtruth.sensors.wheel_odometry.sensing import read_odometry, read_tachometers
+from fieldtruth.sensors.wheel_odometry.sensing import WheelTruth
 from fieldtruth.world.model import World
 
 STOP_SECONDS: Final = 0.5
@@ -416,9 +416,10 @@ def _base(motion: Motion, wheels: WheelMotion, commands: Array, rig: Rig) -> Bas
     if config is None:
         return None
     stamps = motion.stamps_ns[steps_at_rate(rig.imu.rate_hz, int(motion.stamps_ns[-1])) - 1]
+    true = WheelTruth(config, rig.wheels).extend(motion.stamps_ns, wheels)
     return Base(
         wheels=wheels,
-        tachometers=read_tachometers(motion, wheels.speed, config.tachometer_rate_hz),
-        odometry=read_odometry(motion.stamps_ns, wheels, rig.wheels, config.rate_hz),
+        tachometers=true.tachometers,
+        odometry=true.odometry,
         commands=Commands(stamps_ns=stamps, command=commands[: len(stamps)].reshape(-1, 2)),
     )

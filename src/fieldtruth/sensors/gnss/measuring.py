@@ -18,7 +18,7 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.gnss import noise
 from fieldtruth.sensors.gnss.almanac import directions, read_almanac, seconds_of_week
 from fieldtruth.sensors.gnss.config import GnssConfig
-from fieldtruth.sensors.gnss.navigation import RangeErrors, PositionFilter
+from fieldtruth.sensors.gnss.navigation import PositionFilter, RangeErrors
 from fieldtruth.sensors.gnss.signal import GnssSignal
 from fieldtruth.sensors.gnss.solution import solve
 from fieldtruth.sensors.gnss.visibility import amplitudes

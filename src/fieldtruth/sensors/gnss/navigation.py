@@ -20,7 +20,7 @@ ENU: Final = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
 class RangeErrors(NamedTuple):
-    """RangeErrors of ranges at a time: independent Gauss-Markov series (n,) of unit variance, and their sigma (n,) [m]."""
+    """Errors of ranges at a time: independent Gauss-Markov series (n,) of unit variance, and their sigma (n,) [m]."""
 
     series: Array
     sigma: Array
