@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fieldtruth import frames, geodesy
+from fieldtruth.core import frames, geodesy
 from fieldtruth.bag.topics import topics_of
 from fieldtruth.core.classes import Label
 from fieldtruth.drive.track import (
