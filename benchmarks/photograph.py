@@ -29,7 +29,7 @@ from fieldtruth.render.tonemap import tonemap
 from fieldtruth.sense.hits import LabelBuffers
 from fieldtruth.sense.ray_batch import BLOCK_HEIGHT, BLOCK_WIDTH, View, label_pixels, set_pixel_block, trace
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.world.build import world_of
 
 ENVIRONMENTS: Final = ("park", "lake", "forest", "hillside")

@@ -29,7 +29,8 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.sensing import Lidar, ray_directions
+from fieldtruth.sensors.lidar.measuring import Lidar
+from fieldtruth.sensors.lidar.sensing import ray_directions
 from fieldtruth.world.environments import ENVIRONMENTS, Environment
 from fieldtruth.world.environments.park.build import build as build_park
 from fieldtruth.world.environments.park.config import Config as ParkConfig

@@ -78,13 +78,13 @@ from .sensors.camera.config import CameraConfig as CameraConfig
 from .sensors.camera.labels import LabelCamera as LabelCamera
 from .sensors.camera.labels import LabelImages as LabelImages
 from .sensors.camera.labels import tag_image as tag_image
-from .sensors.camera.sensing import Camera as Camera
+from .sensors.camera.signal_camera import Camera as Camera
 from .sensors.camera.sensing import CameraImages as CameraImages
 from .sensors.camera.stereo_config import StereoConfig as StereoConfig
 from .sensors.gnss.config import GnssConfig as GnssConfig
 from .sensors.imu.config import ImuConfig as ImuConfig
 from .sensors.lidar.config import LidarConfig as LidarConfig
-from .sensors.lidar.sensing import Lidar as Lidar
+from .sensors.lidar.measuring import Lidar as Lidar
 from .sensors.lidar.sensing import Scan as Scan
 from .sensors.wheel_odometry.config import WheelOdometryConfig as WheelOdometryConfig
 from .validation import Check as Check

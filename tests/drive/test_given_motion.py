@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import TrackError
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz, wxyz_from_xyzw, xyzw_from_wxyz
-from fieldtruth.drive.given_motion import motion_along, readings_along
+from fieldtruth.drive.given_motion import motion_along, track_along
 from fieldtruth.drive.track import Motion, Track
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig, paper_rig
@@ -27,7 +27,7 @@ def stamps_of(times: ArrayLike) -> Counts:
 
 def moved(times: Array, position: Array, rotation: Rotation, rig: Rig = IN_MIDDLE) -> Track:
     motion = motion_along(stamps_of(times), position, wxyz_from_xyzw(rotation.as_quat()), 0)
-    return readings_along(motion, rig)
+    return track_along(motion, rig)
 
 
 def test_on_a_circle_the_imu_feels_the_centripetal_acceleration() -> None:
@@ -84,7 +84,7 @@ def flight() -> tuple[Counts, Array, Array]:
 def test_the_imu_integrates_to_path_and_attitude(flight: tuple[Counts, Array, Array]) -> None:
     stamps, position, quaternion = flight
     motion = motion_along(stamps, position, quaternion, int(stamps[0]))
-    imu, mount = readings_along(motion, ON_MAST).imus["imu"], ON_MAST.imu.mount.base_from_sensor
+    imu, mount = track_along(motion, ON_MAST).imus["imu"], ON_MAST.imu.mount.base_from_sensor
     world_from_imu = rotation_from_quaternion_wxyz(motion.quaternion_wxyz) @ mount[:3, :3]
     path = motion.position + rotation_from_quaternion_wxyz(motion.quaternion_wxyz) @ mount[:3, 3]
     attitude, place = Rotation.from_matrix(world_from_imu[1]), path[1]
@@ -102,7 +102,7 @@ def test_the_imu_integrates_to_path_and_attitude(flight: tuple[Counts, Array, Ar
 def test_the_middle_integrates_exactly(flight: tuple[Counts, Array, Array]) -> None:
     stamps, position, quaternion = flight
     motion = motion_along(stamps, position, quaternion, int(stamps[0]))
-    imu = readings_along(motion, IN_MIDDLE).imus["imu"]
+    imu = track_along(motion, IN_MIDDLE).imus["imu"]
     world = np.einsum("nij,nj->ni", rotation_from_quaternion_wxyz(motion.quaternion_wxyz), imu.linear_acceleration)
     velocity = motion.linear_velocity[1] + np.cumsum((world - (0.0, 0.0, GRAVITY))[2:], axis=0) * 1e-3
     np.testing.assert_allclose(motion.position[1] + np.cumsum(velocity, axis=0) * 1e-3, motion.position[2:], atol=1e-8)
@@ -148,7 +148,7 @@ def test_a_track_of_the_physics_gives_its_own_motion_and_imu(winding_track: Trac
     drive = winding_track.motion
     motion = motion_along(drive.stamps_ns, drive.position, drive.quaternion_wxyz, 0)
     assert_equal_motion(motion, drive)
-    imu = readings_along(motion, Rig()).imus["imu"]
+    imu = track_along(motion, Rig()).imus["imu"]
     # The first reading begins with the first state, whose velocity no pose states.
     np.testing.assert_allclose(
         imu.linear_acceleration[1:], winding_track.imus["imu"].linear_acceleration[1:], atol=1e-7

@@ -22,7 +22,8 @@ from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
 from fieldtruth.sensors.camera.pinhole import Pinhole, pinhole
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.sensing import Lidar, ray_directions
+from fieldtruth.sensors.lidar.measuring import Lidar
+from fieldtruth.sensors.lidar.sensing import ray_directions
 from fieldtruth.validation.retrace.tracer import ReferenceTracer
 
 RANGE: Final = 0.005

@@ -28,10 +28,11 @@ from fieldtruth.render.sky.daylight import Daylight, metered_daylight
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL, CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
-from fieldtruth.sensors.camera.sensing import Camera, CameraImages
-from fieldtruth.sensors.camera.signal_camera import SignalCamera
+from fieldtruth.sensors.camera.sensing import CameraImages
+from fieldtruth.sensors.camera.signal_camera import Camera
+from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.sensing import Lidar
+from fieldtruth.sensors.lidar.measuring import Lidar
 
 SIDE: Final = 60.0  # [m], of the world
 POSE: Final = frames.pose((0, 0.3, 1.1), (0, 4, 20))
@@ -139,7 +140,7 @@ def test_labels_are_the_same_bytes_with_each_lens_and_signal(model: Any, baked: 
     def standing(stamps: Any) -> F8:
         return np.tile(POSE, (*np.shape(stamps), 1, 1))
 
-    found = SignalCamera(real, wet, 3).capture(real.imagers()[0], 0, 2_000_000_000, standing)
+    found = Camera(real, wet, seed=3).capture(real.imagers()[0], 0, 2_000_000_000, standing)
     assert_same_labels(found, expected)
 
 

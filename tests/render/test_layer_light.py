@@ -17,7 +17,7 @@ from fieldtruth.sense.ray_batch import View, new_batch, trace
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL
 from fieldtruth.sensors.camera.pinhole import Pinhole
-from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.world.ground_types import GROUND_TYPES
 from fieldtruth.world.model import World

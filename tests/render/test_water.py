@@ -17,10 +17,10 @@ from fieldtruth.sense.ray_batch import new_batch
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL
 from fieldtruth.sensors.camera.labels import LabelCamera
-from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.sensing import Lidar
+from fieldtruth.sensors.lidar.measuring import Lidar
 
 COUNT = 48
 F8 = NDArray[np.float64]

@@ -18,7 +18,7 @@ from fieldtruth.render.tables import EXPOSURE
 from fieldtruth.sense.air import extinction, fog_length
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL
-from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 
 SMALL = StereoConfig(width=320, height=184)

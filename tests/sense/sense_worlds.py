@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from fieldtruth.core.classes import Label
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.sensing import Lidar
+from fieldtruth.sensors.lidar.measuring import Lidar
 from fieldtruth.world import assembly
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import Heightfield, Instance, Material, Mesh, Raster, Terrain, World

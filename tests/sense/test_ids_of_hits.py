@@ -14,10 +14,10 @@ from fieldtruth.render.bake import bake
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL
 from fieldtruth.sensors.camera.labels import LabelCamera
-from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.sensing import Lidar
+from fieldtruth.sensors.lidar.measuring import Lidar
 from fieldtruth.world.model import World
 
 IDS = (2, 65_535, 65_536 + 2, 3 * 65_536 + 2)

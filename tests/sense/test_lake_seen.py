@@ -19,7 +19,7 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
-from fieldtruth.sensors.lidar.sensing import Lidar
+from fieldtruth.sensors.lidar.measuring import Lidar
 from fieldtruth.world.furniture import hang, make_cable, make_power_pole
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.trails import Line

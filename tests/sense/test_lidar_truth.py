@@ -13,7 +13,8 @@ from fieldtruth.core import frames
 from fieldtruth.core.classes import Label
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.sensing import Lidar, Scan, ray_directions
+from fieldtruth.sensors.lidar.measuring import Lidar
+from fieldtruth.sensors.lidar.sensing import Scan, ray_directions
 
 TOLERANCE = 1e-4  # [m]
 

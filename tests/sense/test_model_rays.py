@@ -15,7 +15,8 @@ from fieldtruth.experiment.sensor_models import list_models
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.beams import column_times_ns, ray_times_ns, sweep_times_ns
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.sensing import Lidar, ray_directions
+from fieldtruth.sensors.lidar.measuring import Lidar
+from fieldtruth.sensors.lidar.sensing import ray_directions
 
 TOLERANCE = 1e-4  # [m]
 

@@ -8,7 +8,8 @@ from sense_worlds import F8, at, box, floating
 
 from fieldtruth.sensors.lidar.beams import column_times_ns
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.sensing import Lidar, ray_directions
+from fieldtruth.sensors.lidar.measuring import Lidar
+from fieldtruth.sensors.lidar.sensing import ray_directions
 
 PERIOD_NS = 100_000_000
 

@@ -13,7 +13,7 @@ from fieldtruth.drive.physics import resting_pose
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.sensing import Lidar
+from fieldtruth.sensors.lidar.measuring import Lidar
 from fieldtruth.world.build import load_world, reserved_corridors
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import GROUND_ID, World

@@ -19,8 +19,9 @@ from fieldtruth.sense.robot_rays import METAL, NO_FACE, PAINT, RUBBER, material_
 from fieldtruth.sense.robot_view import RobotView, robot_view, robot_views
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.labels import LabelCamera
-from fieldtruth.sensors.lidar.measuring import SignalLidar
-from fieldtruth.sensors.lidar.sensing import Lidar, Scan, ray_directions
+from fieldtruth.sensors.lidar.measuring import Lidar
+from fieldtruth.sensors.lidar.measuring import Lidar
+from fieldtruth.sensors.lidar.sensing import Scan, ray_directions
 from fieldtruth.sensors.lidar.signal import LidarSignal
 
 F8 = NDArray[np.float64]
@@ -339,7 +340,7 @@ def test_a_lidar_with_a_signal_sees_the_same_robot(flat: Scene) -> None:
     plain = scan_of(rig, flat)
     config = rig.lidar.model_copy(update={"signal": LidarSignal()})
     pose = WORLD_FROM_BASE @ config.mount.base_from_sensor
-    found = SignalLidar(config, flat, robot=visible_parts(rig)).scan(pose)
+    found = Lidar(config, flat, robot=visible_parts(rig)).scan(pose)
     for name in ("xyz", "label", "instance", "ring", "column"):
         np.testing.assert_array_equal(getattr(found, name), getattr(plain, name))
     np.testing.assert_array_equal(found.true_range, plain.range_m)

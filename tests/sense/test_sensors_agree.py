@@ -19,7 +19,8 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages, tag_image
 from fieldtruth.sensors.camera.pinhole import pinhole
-from fieldtruth.sensors.lidar.sensing import Lidar, Scan
+from fieldtruth.sensors.lidar.measuring import Lidar
+from fieldtruth.sensors.lidar.sensing import Scan
 from fieldtruth.world.model import GROUND_ID
 
 RIG = Rig()

@@ -17,9 +17,9 @@ from fieldtruth.record.stream import Sensors
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.echoes import TURNS, sub_rays_of
-from fieldtruth.sensors.lidar.measuring import SignalLidar, new_lidar
+from fieldtruth.sensors.lidar.measuring import Lidar
 from fieldtruth.sensors.lidar.noise import Reading
-from fieldtruth.sensors.lidar.sensing import Lidar
+from fieldtruth.sensors.lidar.measuring import Lidar
 from fieldtruth.sensors.lidar.signal import LidarSignal
 from fieldtruth.sensors.lidar.stream import lidar_stream
 
@@ -34,7 +34,7 @@ def scan(scene: Scene, **signal: Any) -> Reading:
     """Scan of beams 0.04 deg apart along each ring."""
     figures = {"divergence_deg": WIDTH, "pulse_length": 1.0, "sub_rays": 7, **signal}
     config = LidarConfig(columns=8192, rings=16, vertical_fov_deg=1.0, signal=signal_of(figures), min_range=0.1)
-    return SignalLidar(config, scene).scan(at(0, 0, 0))
+    return Lidar(config, scene).scan(at(0, 0, 0))
 
 
 def upright(name: str, x: float, left: float, right: float, material: str) -> Any:
@@ -149,7 +149,7 @@ def cloud(scene: Scene, config: LidarConfig, number: int = 3) -> tuple[Any, NDAr
     """Message of a stream and its points."""
     stamps = np.arange(5) * 100_000_000
     stream = lidar_stream(config, stamps, lambda _: np.eye(4))
-    (raw,) = stream.messages(number, Sensors(lidars={config.name: new_lidar(config, scene)}))
+    (raw,) = stream.messages(number, Sensors(lidars={config.name: Lidar(config, scene)}))
     message: Any = get_typestore(Stores.ROS1_NOETIC).deserialize_ros1(raw, "sensor_msgs/msg/PointCloud2")
     return message, decode.points(message)
 
@@ -163,7 +163,7 @@ def test_fields_of_a_cloud_with_a_signal() -> None:
     config = LidarConfig(columns=128, signal=signal_of(SHEET))
     message, points = cloud(scene, config)
     plain, ideal = cloud(scene, LidarConfig(columns=128))
-    scan = SignalLidar(config, scene).scan(config.mount.base_from_sensor, number=3)
+    scan = Lidar(config, scene).scan(config.mount.base_from_sensor, number=3)
     assert plain.point_step == 24
     assert [field.name for field in message.fields[: len(plain.fields)]] == [field.name for field in plain.fields]
     for name in ("true_range", "signal", "reflectivity", "echo", "mixed", "label", "instance", "ring", "column"):
@@ -183,7 +183,7 @@ def test_intensity_and_an_ousters_fields() -> None:
         LidarConfig(columns=128, signal=signal_of(SHEET), intensity="reflectivity", point_fields="ouster"),
     )
     config = LidarConfig(columns=128, signal=signal_of(SHEET))
-    scan = SignalLidar(config, scene).scan(config.mount.base_from_sensor, number=3)
+    scan = Lidar(config, scene).scan(config.mount.base_from_sensor, number=3)
     assert np.array_equal(points["intensity"], scan.reflectivity)
     assert points["reflectivity"].dtype == np.uint16
     assert np.array_equal(points["reflectivity"], np.rint(100.0 * scan.reflectivity))

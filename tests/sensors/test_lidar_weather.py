@@ -14,9 +14,9 @@ from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.sense.air import extinction, fog_length
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.measuring import new_lidar
+from fieldtruth.sensors.lidar.measuring import Lidar
 from fieldtruth.sensors.lidar.noise import Reading
-from fieldtruth.sensors.lidar.sensing import Lidar
+from fieldtruth.sensors.lidar.measuring import Lidar
 from fieldtruth.sensors.lidar.signal import LidarSignal
 
 signal_of = LidarSignal.model_validate
@@ -49,7 +49,7 @@ def rays(reading: Reading) -> NDArray[np.int64]:
 
 
 def test_clear_weather_gives_the_same_bytes(scene: Scene) -> None:
-    plain = new_lidar(config(), scene).scan(POSE, 0, 3)
+    plain = Lidar(config(), scene).scan(POSE, 0, 3)
     for a, b in zip(plain, scan(scene, 3), strict=True):
         np.testing.assert_array_equal(a, b)
 

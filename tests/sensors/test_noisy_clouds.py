@@ -11,8 +11,9 @@ from sense_worlds import at, box, floating
 
 from fieldtruth.experiment.sensor_models import datasheet_of
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.measuring import SignalLidar
-from fieldtruth.sensors.lidar.sensing import Lidar, ray_directions
+from fieldtruth.sensors.lidar.measuring import Lidar
+from fieldtruth.sensors.lidar.measuring import Lidar
+from fieldtruth.sensors.lidar.sensing import ray_directions
 from fieldtruth.sensors.lidar.signal import LidarSignal
 from fieldtruth.validation.check import Check
 from fieldtruth.validation.retrace.noisy_clouds import NoiseTally, ideal_points
@@ -26,7 +27,7 @@ WIDE = {"sub_rays": 3, "divergence_deg": 0.3, "returns": "two"}
 
 def points(config: LidarConfig, number: int = 0) -> NDArray[np.void]:
     """Points of a scan as a cloud has them."""
-    scan = SignalLidar(config, SCENE).scan(at(0, 0, 0), number=number)
+    scan = Lidar(config, SCENE).scan(at(0, 0, 0), number=number)
     own = {name: values for name, values in scan._asdict().items() if values.ndim == 1} | dict(
         zip("xyz", scan.xyz.T, strict=True)
     )
@@ -39,7 +40,7 @@ def points(config: LidarConfig, number: int = 0) -> NDArray[np.void]:
 def check(stated: LidarConfig, cloud: NDArray[np.void]) -> Check:
     """Result of the check of a cloud against what its configuration states."""
     tally = NoiseTally()
-    tally.add(stated, cloud, SignalLidar(stated, SCENE).echoes(at(0, 0, 0)), stated.columns)
+    tally.add(stated, cloud, Lidar(stated, SCENE).echoes(at(0, 0, 0)), stated.columns)
     return tally.result()
 
 

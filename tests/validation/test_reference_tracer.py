@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from fieldtruth.core import frames
 from fieldtruth.core.classes import Label
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.sensing import Lidar, Scan, ray_directions
+from fieldtruth.sensors.lidar.measuring import Lidar
+from fieldtruth.sensors.lidar.sensing import Scan, ray_directions
 from fieldtruth.validation.context import RebuiltWorld
 from fieldtruth.validation.retrace.reference import NOTHING, RayReading, mismatches
 from fieldtruth.validation.retrace.tracer import ReferenceTracer

@@ -23,7 +23,8 @@ from fieldtruth.experiment.robot_body import Box, Cylinder, visible_parts
 from fieldtruth.pipeline import generate
 from fieldtruth.sense.robot_rays import meet, part_table
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.lidar.sensing import Lidar, ray_directions
+from fieldtruth.sensors.lidar.measuring import Lidar
+from fieldtruth.sensors.lidar.sensing import ray_directions
 from fieldtruth.validation import Check
 from fieldtruth.validation.retrace.reference import NOTHING, RayReading, mismatches
 from fieldtruth.validation.retrace.robot import robot_hits, robot_parts

@@ -20,7 +20,7 @@ from fieldtruth.drive.controller import FollowerState, WaypointFollower, horizon
 from fieldtruth.drive.hull import EVERY
 from fieldtruth.drive.monitor import DriveMonitor, Nearing
 from fieldtruth.drive.physics import STEP_NS, STEP_S, resting_pose
-from fieldtruth.drive.readings import read_fixes, read_imus, sweep_steps
+from fieldtruth.drive.readings import sweep_steps
 from fieldtruth.drive.robot import STOP, Command, ramp, wheel_speeds
 from fieldtruth.drive.soil_contact import SoilContact
 from fieldtruth.drive.steps import due_step, steps_at_rate
@@ -32,7 +32,6 @@ from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route
 from fieldtruth.sensors.gnss.sensing import antenna_geodetic
 from fieldtruth.sensors.imu.sensing import heading
-from fieldtruth.sensors.wheel_odometry.sensing import WheelTruth
 from fieldtruth.world.model import World
 
 STOP_SECONDS: Final = 0.5
@@ -380,9 +379,7 @@ def _track(blocks: list[Array], count: int, commands: Array, rig: Rig) -> Track:
     swept, turned = _motion(merged, 1), _wheels(merged)
     motion = swept.first(count)
     wheels = WheelMotion(angle=turned.angle[:count], speed=turned.speed[:count])
-    imus, fixes = read_imus(motion, rig), read_fixes(motion, rig)
-    base = _base(motion, wheels, commands, rig)
-    return Track(motion=motion, swept=swept, imus=imus, fixes=fixes, base=base)
+    return Track(motion=motion, swept=swept, base=_base(motion, wheels, commands, rig))
 
 
 def _columns(blocks: list[Array], which: NDArray[np.intp]) -> Array:
@@ -412,14 +409,7 @@ def _wheels(blocks: list[Array]) -> WheelMotion:
 
 
 def _base(motion: Motion, wheels: WheelMotion, commands: Array, rig: Rig) -> Base | None:
-    config = rig.wheel_odometry
-    if config is None:
+    if not rig.reports_wheels:
         return None
     stamps = motion.stamps_ns[steps_at_rate(rig.imu.rate_hz, int(motion.stamps_ns[-1])) - 1]
-    true = WheelTruth(config, rig.wheels).extend(motion.stamps_ns, wheels)
-    return Base(
-        wheels=wheels,
-        tachometers=true.tachometers,
-        odometry=true.odometry,
-        commands=Commands(stamps_ns=stamps, command=commands[: len(stamps)].reshape(-1, 2)),
-    )
+    return Base(wheels=wheels, commands=Commands(stamps_ns=stamps, command=commands[: len(stamps)].reshape(-1, 2)))

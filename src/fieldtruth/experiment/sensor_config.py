@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the configurations of all sensors have in common; a subclass with a ``kind`` is a kind of sensor."""
 
+import math
 from collections.abc import Mapping
 from importlib.metadata import entry_points
 from typing import Annotated, Any, ClassVar, Final, TypeVar
@@ -12,10 +13,11 @@ from fieldtruth.core.errors import nearest_first, suggestion
 from fieldtruth.experiment.clock_config import ClockConfig
 from fieldtruth.experiment.fields import Boolean, Frozen, Mount, Rate
 from fieldtruth.experiment.problems import LocatedError, PartError, condition_at, shortened
+from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.experiment.sensor_models import figures_of, models
 from fieldtruth.experiment.signal_config import KEY as SIGNAL
 from fieldtruth.experiment.signal_config import SignalConfig, signal_values
-from fieldtruth.experiment.topic import Topic
+from fieldtruth.experiment.topic import Output, Topic
 
 _Config = TypeVar("_Config", bound=Frozen)
 
@@ -44,6 +46,14 @@ class SensorConfig(Frozen):
 
     sees: ClassVar[bool] = True
     """Whether it senses the world around it, so that a reading depends on a pose alone."""
+    needs_wheels: ClassVar[bool] = False
+    """Whether it belongs to a robot with wheels, whose commands are published with it; a rig has at most one."""
+    in_hull: ClassVar[bool] = True
+    """Whether it may be inside the robot's hull, unless it ``sees``."""
+    bag_order: ClassVar[float] = math.inf
+    """Rank of its topics among those of other kinds in a bag."""
+    frame_order: ClassVar[float] = math.inf
+    """Rank of its frames among those of other kinds in /tf_static."""
     datasheet: ClassVar[str] = ""
     """Model whose data sheet ``signal: datasheet`` means of a sensor without ``model``."""
     needs_mount: ClassVar[bool] = False
@@ -102,19 +112,51 @@ class SensorConfig(Frozen):
         added = {key: value for key, value in figures.items() if key in cls.model_fields and given.get(key) is None}
         return given | added
 
+    def outputs(self) -> tuple[Output, ...]:
+        """Series of readings that it publishes, in the order of their messages."""
+        raise NotImplementedError
+
+    def outputs_on(self, robot: RobotConfig) -> tuple[Output, ...]:
+        """Series of readings that it publishes on a robot."""
+        return self.outputs()
+
     def topics(self) -> tuple[Topic, ...]:
         """Topics that it publishes, in the order of its messages."""
-        raise NotImplementedError
+        return tuple(topic for output in self.outputs() for topic in output.topics)
+
+    @property
+    def sweep_s(self) -> float:
+        """Time [s] that a reading takes from its stamp on."""
+        return 0.0
+
+    @property
+    def late_s(self) -> float:
+        """Time [s] after its stamp up to which a reading needs the motion: of a sweep, or a shutter."""
+        return self.sweep_s
 
     @property
     def is_ideal(self) -> bool:
         """Whether its messages have the true readings at the true time, and none is lost."""
         return self.signal is None and self.clock is None
 
-    def with_truth(self, *topics: Topic) -> tuple[Topic, ...]:
-        """Return topics of its readings and, if it is not ideal, those of the ideal readings after them."""
-        ideal = [] if self.is_ideal else [topic._replace(name=topic.name + TRUTH) for topic in topics]
-        return (*topics, *ideal)
+    def output(self, *topics: Topic, part: str = "", clock: str = "") -> Output:
+        """Return a series of readings of the sensor, or of a part of it."""
+        return Output(f"{self.name}/{part}" if part else self.name, topics, part, clock=clock)
+
+    def with_truth(self, *outputs: Output) -> tuple[Output, ...]:
+        """Return series of its readings and, if it is not ideal, those of the ideal readings after them."""
+        ideal = () if self.is_ideal else outputs
+        return (
+            *outputs,
+            *(
+                each._replace(
+                    name=each.name + TRUTH,
+                    topics=tuple(topic._replace(name=topic.name + TRUTH) for topic in each.topics),
+                    ideal=True,
+                )
+                for each in ideal
+            ),
+        )
 
     def true_topic(self, name: str) -> str:
         """Return the topic with the ideal readings of one of its topics that ``with_truth`` knows."""
@@ -127,6 +169,10 @@ class SensorConfig(Frozen):
     def optical_frames(self) -> dict[str, tuple[str, Any]]:
         """Its REP-103 optical frames: parent and (4, 4) ``parent_from_optical`` by name."""
         return {}
+
+    def imagers(self) -> tuple[Any, ...]:
+        """Its views, if it is a camera."""
+        return ()
 
     def new_topic(self, name: str, msgtype: str, rate_hz: float | None = None) -> Topic:
         """Return a topic of the sensor, by default at its rate."""

@@ -3,7 +3,7 @@
 """The positions that a GNSS receiver measures along a drive, from what its antenna receives through the scene."""
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -12,8 +12,7 @@ from fieldtruth.core import random
 from fieldtruth.core.arrays import Array, Counts, Mask
 from fieldtruth.core.geodesy import geodetic_from_world, world_from_geodetic
 from fieldtruth.core.markov import GaussMarkov
-from fieldtruth.drive.track import GnssFixes, GnssReadings, Track
-from fieldtruth.experiment.config import Experiment
+from fieldtruth.drive.track import GnssFixes, GnssReadings
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.gnss import noise
 from fieldtruth.sensors.gnss.almanac import directions, read_almanac, seconds_of_week
@@ -22,7 +21,6 @@ from fieldtruth.sensors.gnss.navigation import PositionFilter, RangeErrors
 from fieldtruth.sensors.gnss.signal import GnssSignal
 from fieldtruth.sensors.gnss.solution import solve
 from fieldtruth.sensors.gnss.visibility import amplitudes
-from fieldtruth.world.model import World
 
 NO_FIX: Final = -1
 """Status of sensor_msgs/NavSatStatus without a position."""
@@ -30,7 +28,6 @@ ALONE: Final = {"single": 0, "sbas": 1, "rtk": 0}
 """Its status with a position but without a base station: FIX or SBAS_FIX."""
 AIDED: Final = 2
 """GBAS_FIX, with ambiguities as real or as whole numbers, as ROS drivers have it."""
-SERVICE: Final = {"gps": 1, "galileo": 8}
 
 
 class Sky(NamedTuple):
@@ -57,35 +54,6 @@ def sky_at(scene: Scene | None, antennas: Array, stamps_ns: Counts, signal: Gnss
             amplitude[k, above[k]] = amplitudes(scene, antenna, toward[k, above[k]], leaf)
     ratio = noise.carrier_to_noise(sine, amplitude, signal)
     return Sky(toward, ratio, noise.in_use(sine, ratio, signal))
-
-
-def obstacles_of(world: World, receivers: Iterable[GnssConfig]) -> Scene | None:
-    """Return the scene of a world if one of the receivers has obstacles."""
-    seen = any(config.signal is not None and config.signal.obstacles for config in receivers)
-    return Scene(world) if seen else None
-
-
-def with_fixes(track: Track, experiment: Experiment, scene: Scene | None) -> Track:
-    """Return a track with what the receivers of a rig measure in a scene of obstacles, unless all are ideal."""
-    receivers = [config for config in experiment.rig.antennas if config.signal is not None]
-    if not receivers:
-        return track
-    fixes = {each.name: measure(scene, track.fixes[each.name], each, experiment.seed) for each in receivers}
-    return dataclasses.replace(track, fixes={**track.fixes, **fixes})
-
-
-def measure(scene: Scene | None, readings: GnssReadings, config: GnssConfig, seed: int) -> GnssReadings:
-    """Return the readings of a receiver with what it measures added; as they are if its signal is ideal.
-
-    Args:
-        scene: with the obstacles.
-        readings: true positions of the antenna.
-        config: the receiver.
-        seed: of the experiment.
-    """
-    if config.signal is None or not len(readings.stamps_ns):
-        return readings
-    return GnssErrors(config, config.signal, seed).extend(readings, scene)
 
 
 class GnssErrors:
@@ -151,7 +119,7 @@ class GnssErrors:
             geodetic=np.array([fix.geodetic for fix in fixes]).reshape(-1, 3),
             covariance=np.array([fix.covariance for fix in fixes]).reshape(-1, 3, 3),
             status=np.array([fix.status for fix in fixes], np.int64),
-            service=sum(SERVICE[system] for system in self._signal.constellations),
+            service=self._signal.service,
             state=np.array([fix.state for fix in fixes], np.int64),
             satellites=np.array([fix.satellites for fix in fixes], np.int64),
             dop=np.array([fix.dop for fix in fixes]).reshape(-1, 3),

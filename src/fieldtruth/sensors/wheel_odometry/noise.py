@@ -24,7 +24,7 @@ import numpy as np
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.track import Stamps, TachometerReadings, WheelMotion, WheelOdometry
 from fieldtruth.experiment.robot_config import WheelConfig
-from fieldtruth.sensors.wheel_odometry.sensing import DeadReckoning, effective_track
+from fieldtruth.sensors.wheel_odometry.sensing import DeadReckoning, TrueWheels, effective_track
 from fieldtruth.sensors.wheel_odometry.signal import WheelSignal
 
 _SMALL: Final = 1e-4
@@ -73,11 +73,9 @@ class WheelErrors:
             [(scale, DeadReckoning(wheels)) for scale in pair] for pair in zip(scales, 2.0 - scales, strict=True)
         ]
 
-    def extend(self, tachometers: TachometerReadings, odometry: WheelOdometry, slow_angle: Array) -> MeasuredWheels:
-        """Return what real encoders read where ideal ones have these readings, the next of their series.
-
-        ``slow_angle`` (n, wheels) [rad] are the true angles at the stamps of the tachometers.
-        """
+    def extend(self, true: TrueWheels) -> MeasuredWheels:
+        """Return what real encoders read where ideal ones have these readings, the next of their series."""
+        tachometers, odometry, slow_angle = true
         speed = self._read(self._tachometers, tachometers.stamps_ns, slow_angle).speed
         stamps = odometry.stamps_ns
         seconds = np.diff(stamps, prepend=self._odometry.stamp_ns) / 1e9
