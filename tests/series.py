@@ -12,7 +12,8 @@ from fieldtruth.sensors.gnss.sensing import read_gnss
 from fieldtruth.sensors.imu.sensing import read_imu
 from fieldtruth.sensors.kind import At, Place
 from fieldtruth.sensors.known import sensor_class
-from fieldtruth.sensors.wheel_odometry.sensing import read_odometry, read_tachometers
+from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
+from fieldtruth.sensors.wheel_odometry.sensing import TrueWheels, WheelTruth
 
 
 def imu_along(track: Track, rig: Rig | None = None) -> ImuReadings:
@@ -23,14 +24,17 @@ def fixes_along(track: Track, rig: Rig | None = None) -> GnssReadings:
     return read_gnss(track.motion, (rig or Rig()).gnss)
 
 
-def tachometers_along(track: Track, rate_hz: float = 10.0) -> TachometerReadings:
+def wheels_along(track: Track, rig: Rig | None = None) -> TrueWheels:
     assert track.base is not None
-    return read_tachometers(track.motion, track.base.wheels.speed, rate_hz)
+    return WheelTruth(WheelOdometryConfig(), (rig or Rig()).wheels).extend(track.motion.stamps_ns, track.base.wheels)
+
+
+def tachometers_along(track: Track, rig: Rig | None = None) -> TachometerReadings:
+    return wheels_along(track, rig).tachometers
 
 
 def odometry_along(track: Track, rig: Rig | None = None) -> WheelOdometry:
-    assert track.base is not None
-    return read_odometry(track.motion.stamps_ns, track.base.wheels, (rig or Rig()).wheels, 50.0)
+    return wheels_along(track, rig).odometry
 
 
 def reading_of(config: SensorConfig, track: Track, k: int, part: str = "", rig: Rig | None = None) -> Any:

@@ -14,14 +14,15 @@ from fieldtruth.core.geodesy import world_from_geodetic
 from fieldtruth.drive.physics import STEP_NS
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.steps import steps_at_rate
-from fieldtruth.drive.track import Motion, Track
+from fieldtruth.drive.track import Motion, Track, WheelMotion
 from fieldtruth.experiment.fields import Mount
-from fieldtruth.experiment.rig import paper_rig
+from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.gnss.sensing import read_gnss
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.imu.sensing import point_velocity, read_imu
-from fieldtruth.sensors.wheel_odometry.sensing import read_tachometers
+from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
+from fieldtruth.sensors.wheel_odometry.sensing import WheelTruth
 
 
 def made_motion(position: Array, rotation: Rotation, velocity: Array, turn_rate: Array) -> Motion:
@@ -89,7 +90,9 @@ def test_drive_shorter_than_a_period_has_no_readings() -> None:
     motion = circling(2.0, 0.5, 10)
     assert read_imu(motion, ImuConfig()).quaternion_wxyz.shape == (0, 4)
     assert read_gnss(motion, GnssConfig()).geodetic.shape == (0, 3)
-    assert read_tachometers(motion, np.zeros((10, 4)), 10.0).wheel_speed.shape == (0, 4)
+    still = WheelMotion(angle=np.zeros((10, 4)), speed=np.zeros((10, 4)))
+    true = WheelTruth(WheelOdometryConfig(), Rig().wheels).extend(motion.stamps_ns, still)
+    assert true.tachometers.wheel_speed.shape == (0, 4)
 
 
 def test_gnss_position_is_the_antenna_within_a_millimetre(winding_track: Track) -> None:

@@ -12,7 +12,8 @@ from fieldtruth.core.frames import rotation_from_quaternion_wxyz, yaw_from_rotat
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import Track, WheelMotion, WheelOdometry
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.sensors.wheel_odometry.sensing import effective_track, read_odometry
+from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
+from fieldtruth.sensors.wheel_odometry.sensing import WheelTruth, effective_track
 from fieldtruth.world.model import World
 
 RIG = Rig()
@@ -24,7 +25,7 @@ def rolled(left: float, right: float, seconds: float, rate: float = 50.0) -> Whe
     stamps = np.arange(1, round(seconds * 1000) + 1) * 1_000_000
     speed = np.tile(np.array([left, right, left, right]) / RADIUS, (len(stamps), 1))
     wheels = WheelMotion(angle=speed * stamps[:, None] / 1e9, speed=speed)
-    return read_odometry(stamps, wheels, Rig().wheels, rate)
+    return WheelTruth(WheelOdometryConfig(rate_hz=rate), Rig().wheels).extend(stamps, wheels).odometry
 
 
 @pytest.mark.parametrize("rate", [1.0, 50.0, 1000.0])

@@ -218,7 +218,7 @@ def test_readings_of_the_drive_are_in_the_bag(readings: dict[str, list[Reading]]
     assert TRACK.base is not None
     for name, column in (("front_left", 0), ("front_right", 1), ("rear_left", 2), ("rear_right", 3)):
         speeds = [r.message.data for r in readings[f"/gazebo_client/{name}_speed"]]
-        assert speeds == tachometers_along(TRACK).wheel_speed[:, column].tolist()
+        assert speeds == tachometers_along(TRACK).wheel_speed[:, column].astype(np.float32).tolist()
     heights = [r.message.altitude for r in readings["/navsat/fix"]]
     assert heights == fixes_along(TRACK).geodetic[:, 2].tolist()
 

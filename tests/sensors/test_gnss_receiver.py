@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A receiver in small worlds and in forest and park: fixes, status, messages, and what checks say of them."""
 
+import copy
+from collections.abc import Iterable
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,14 +15,11 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.geodesy import geodetic_from_world, world_from_geodetic
 from fieldtruth.drive.track import GnssReadings
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
-from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.gnss import message
 from fieldtruth.sensors.gnss.check import FIXES, Fixes
 from fieldtruth.sensors.gnss.config import GnssConfig
-from fieldtruth.sensors.gnss.measuring import measure
-from fieldtruth.sensors.gnss.sensor import Gnss
-from fieldtruth.sensors.kind import At, Movement, Place
+from fieldtruth.sensors.gnss.measuring import GnssErrors, measure
 from fieldtruth.validation.check import Tally
 from fieldtruth.world.build import load_world
 
@@ -42,12 +41,23 @@ def test_ideal_and_without_figures_the_message_is_the_same() -> None:
     assert measure(OPEN, true, GnssConfig(), 1) is true
     same = measure(OPEN, true, _config(), 1)
     assert same.fixes is not None
-    output, sensor = GnssConfig().outputs()[0], Gnss(GnssConfig(), Place(OPEN.world, Rig()))
     for k in range(60):
-        at = At(k, k, k, Movement(lambda _: np.eye(4)))
-        assert message.navsat(k, sensor.reading(output, at, same)) == message.navsat(
-            k, sensor.reading(output, at, true)
-        )
+        assert message.navsat(k, true, "g", same.fixes) == message.navsat(k, true, "g")
+
+
+@pytest.mark.parametrize("cuts", [(1, 2, 3), (20,), range(1, 60)])
+def test_fixes_do_not_depend_on_how_a_drive_is_cut(cuts: Iterable[int]) -> None:
+    config = GnssConfig(model="zed_f9p", signal="datasheet")  # type: ignore[arg-type]
+    assert config.signal is not None
+    true = _readings()
+    whole = GnssErrors(config, config.signal, 4).extend(true, OPEN).fixes
+    receiver, parts = GnssErrors(config, config.signal, 4), list[Any]()
+    for rows in np.split(np.arange(60), list(cuts)):
+        receiver = copy.deepcopy(receiver)  # a copy goes on as well
+        part = GnssReadings(stamps_ns=true.stamps_ns[rows], geodetic=true.geodetic[rows])
+        parts.append(receiver.extend(part, OPEN).fixes)
+    for name in ("geodetic", "covariance", "status", "state", "satellites", "dop"):
+        np.testing.assert_array_equal(np.concatenate([getattr(part, name) for part in parts]), getattr(whole, name))
 
 
 def test_a_longer_drive_begins_with_a_shorter_one_and_receivers_differ() -> None:

@@ -152,8 +152,8 @@ class Track:
         return float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum())
 
 
-def stamps_at_rate(rate_hz: float, duration_ns: int) -> Stamps:
-    """Stamps [ns] of a sensor of ``rate_hz``: k / rate for k = 1, 2, ... up to and including ``duration_ns``."""
-    count = int(duration_ns * rate_hz / 1e9 + 1e-9)
-    stamps: Stamps = np.rint(np.arange(1, count + 1) * (1e9 / rate_hz)).astype(np.int64)
+def stamps_at_rate(rate_hz: float, duration_ns: int, since_ns: int = 0) -> Stamps:
+    """Stamps [ns] of a sensor of ``rate_hz``: k / rate for k = 1, 2, ..., after ``since_ns`` up to ``duration_ns``."""
+    first, last = (int(time_ns * rate_hz / 1e9 + 1e-9) for time_ns in (since_ns, duration_ns))
+    stamps: Stamps = np.rint(np.arange(first + 1, last + 1) * (1e9 / rate_hz)).astype(np.int64)
     return stamps

@@ -60,7 +60,9 @@ class Place(_Shared):
         rig: the robot.
         light: of photographs.
         weather: of photographs, and of sensors with a signal.
+        scene: the world in the ray tracer, if it was built.
         baked: the scene with its light, if it was baked.
+        seed: root of all randomness; None for the world's.
         reuse: whether the arrays of a reading may be overwritten by the next one, which saves time.
     """
 
@@ -71,20 +73,21 @@ class Place(_Shared):
         light: LightConfig | None = None,
         weather: WeatherConfig | None = None,
         *,
+        scene: Scene | None = None,
         baked: BakedScene | None = None,
+        seed: int | None = None,
         reuse: bool = False,
     ) -> None:
         super().__init__()
+        self.seed = world.seed if seed is None else seed
+        """Root of all randomness."""
         self.world, self.rig, self.reuse = world, rig, reuse
         self.light, self.weather = light or LightConfig(), weather or WeatherConfig()
+        if scene is not None:
+            self.once("scene", lambda: scene)
         if baked is not None:
             self.once("scene", lambda: baked.scene)
             self.once("baked", lambda: baked)
-
-    @property
-    def seed(self) -> int:
-        """Root of all randomness."""
-        return self.world.seed
 
     @property
     def wide_ids(self) -> bool:
@@ -202,39 +205,39 @@ class Sensor(ABC):
 
 
 class MotionSensor(Sensor):
-    """A sensor that measures the robot's own motion. Its noise has a memory, so a whole series is measured at once.
+    """A sensor that measures the robot's own motion. Its noise has a memory, so its readings are made in their order.
 
-    It reads at steps of the physics; ``sees`` of its configuration is false. The beginning of a series does not depend
-    on what follows.
+    It reads at steps of the physics; ``sees`` of its configuration is false. Readings depend neither on what follows
+    them, nor on how a motion is cut into calls of ``extend``.
     """
 
     @abstractmethod
-    def true_series(self, track: Track) -> Any:
-        """Return all readings of an ideal sensor along a drive."""
+    def begin(self) -> Any:
+        """Return what the readings of a drive have to go on from: a memory that can be copied."""
 
-    def signal_series(self, true: Any, track: Track) -> Any:
-        """Return what a real sensor reads instead, if the configuration has a signal."""
-        return true
+    @abstractmethod
+    def extend(self, memory: Any, track: Track) -> tuple[Any, Any]:
+        """Return the ideal and the measured readings that are due since the last call with this memory.
+
+        ``track`` is the whole motion, or its rows since the last reading that was made.
+        """
 
     @abstractmethod
     def reading(self, output: Output, at: At, series: Any) -> Any:
-        """Return one reading of a series."""
+        """Return reading ``at.number`` of those that one call of ``extend`` has returned."""
 
-    def series(self, movement: Movement, *, ideal: bool = False) -> Any:
-        """Return all readings along a drive; made once."""
-        name, track = self.config.name, movement.track
-        true = movement.once((name, "truth"), lambda: self.true_series(track))
-        if ideal or self.config.signal is None:
-            return true
-        return movement.once((name, "signal"), lambda: self.signal_series(true, track))
+    def series(self, movement: Movement) -> tuple[Any, Any]:
+        """Return all ideal and all measured readings along a drive; made once."""
+        return movement.once(self.config.name, lambda: self.extend(self.begin(), movement.track))
 
     def truth(self, output: Output, at: At) -> Any:
         """Return the reading of an ideal sensor."""
-        return self.reading(output, at, self.series(at.movement, ideal=True))
+        return self.reading(output, at, self.series(at.movement)[0])
 
     def read(self, output: Output, at: At) -> Any:
         """Return a reading."""
-        return self.reading(output, at, self.series(at.movement, ideal=output.ideal))
+        true, measured = self.series(at.movement)
+        return self.reading(output, at, true if output.ideal else measured)
 
 
 def stamps_of(config: SensorConfig, output: Output, end_ns: int) -> Stamps:

@@ -11,8 +11,8 @@ from fieldtruth.drive.track import GnssFixes, GnssReadings, Track
 from fieldtruth.experiment.topic import Output
 from fieldtruth.sensors.gnss import message
 from fieldtruth.sensors.gnss.config import GnssConfig
-from fieldtruth.sensors.gnss.measuring import measure
-from fieldtruth.sensors.gnss.sensing import read_gnss
+from fieldtruth.sensors.gnss.measuring import GnssErrors
+from fieldtruth.sensors.gnss.sensing import GnssTruth
 from fieldtruth.sensors.kind import At, MotionSensor, Movement
 
 
@@ -22,15 +22,17 @@ class Gnss(MotionSensor):
     config_type = GnssConfig
     config: GnssConfig
 
-    def true_series(self, track: Track) -> GnssReadings:
-        """Return the true positions of the antenna."""
-        return read_gnss(track.motion, self.config)
+    def begin(self) -> tuple[GnssTruth, GnssErrors | None]:
+        """Return what readings have to go on from: true positions, and what a real receiver has measured."""
+        config = self.config
+        return GnssTruth(config), None if config.signal is None else GnssErrors(config, config.signal, self.place.seed)
 
-    def signal_series(self, true: GnssReadings, track: Track) -> GnssReadings:
-        """Return the positions with what the receiver measures of satellites above the scene."""
-        signal = self.config.signal
+    def extend(self, memory: tuple[GnssTruth, GnssErrors | None], track: Track) -> tuple[GnssReadings, GnssReadings]:
+        """Return the true positions of the antenna, and what the receiver measures of satellites above the scene."""
+        truth, errors = memory
+        true, signal = truth.extend(track.motion), self.config.signal
         scene = self.place.scene if signal is not None and signal.obstacles else None
-        return measure(scene, true, self.config, self.place.seed)
+        return true, true if errors is None else errors.extend(true, scene)
 
     def reading(self, output: Output, at: At, series: GnssReadings) -> Fix:
         """Return one position: the true one, or the measured one."""
@@ -42,7 +44,7 @@ class Gnss(MotionSensor):
 
     def facts(self, movement: Movement) -> list[str]:
         """State what the receiver has measured, unless it is ideal."""
-        fixes = self.series(movement).fixes
+        fixes = self.series(movement)[1].fixes
         return [] if fixes is None else [_line(self.config.name, fixes)]
 
     def messages(self, output: Output, number: int, reading: Fix) -> Iterable[bytes]:

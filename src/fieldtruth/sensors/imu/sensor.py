@@ -10,8 +10,8 @@ from fieldtruth.experiment.topic import Output
 from fieldtruth.sensors.imu import message
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.imu.message import ImuReading
-from fieldtruth.sensors.imu.noise import MeasuredImu, measured_imu
-from fieldtruth.sensors.imu.sensing import read_imu
+from fieldtruth.sensors.imu.noise import ImuErrors, MeasuredImu
+from fieldtruth.sensors.imu.sensing import ImuTruth
 from fieldtruth.sensors.kind import At, MotionSensor
 
 
@@ -21,15 +21,16 @@ class Imu(MotionSensor):
     config_type = ImuConfig
     config: ImuConfig
 
-    def true_series(self, track: Track) -> MeasuredImu:
-        """Return the readings of an ideal IMU; its covariances are unknown."""
-        return MeasuredImu(read_imu(track.motion, self.config), *message.UNKNOWN)
+    def begin(self) -> tuple[ImuTruth, ImuErrors | None]:
+        """Return what readings have to go on from: those of an ideal IMU, and the errors of a real one."""
+        config, rng = self.config, rng_of(self.place.seed, self.config.name)
+        return ImuTruth(config), None if config.signal is None else ImuErrors(config.signal, config.rate_hz, rng)
 
-    def signal_series(self, true: MeasuredImu, track: Track) -> MeasuredImu:
-        """Return what a real IMU reads."""
-        assert self.config.signal is not None
-        rng = rng_of(self.place.seed, self.config.name)
-        return measured_imu(true.readings, self.config.signal, self.config.rate_hz, rng)
+    def extend(self, memory: tuple[ImuTruth, ImuErrors | None], track: Track) -> tuple[MeasuredImu, MeasuredImu]:
+        """Return what an ideal IMU reads, whose covariances are unknown, and what a real one reads."""
+        truth, errors = memory
+        true = MeasuredImu(truth.extend(track.motion), *message.UNKNOWN)
+        return true, true if errors is None else errors.extend(true.readings)
 
     def reading(self, output: Output, at: At, series: MeasuredImu) -> ImuReading:
         """Return one reading."""

@@ -15,8 +15,8 @@ from fieldtruth.sensors.kind import At, MotionSensor
 from fieldtruth.sensors.wheel_odometry import message
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 from fieldtruth.sensors.wheel_odometry.message import WheelReading
-from fieldtruth.sensors.wheel_odometry.noise import MeasuredWheels, measured_wheels
-from fieldtruth.sensors.wheel_odometry.sensing import TrueWheels, read_odometry, read_tachometers
+from fieldtruth.sensors.wheel_odometry.noise import MeasuredWheels, WheelErrors
+from fieldtruth.sensors.wheel_odometry.sensing import TrueWheels, WheelTruth
 
 
 class Wheels(MotionSensor):
@@ -25,19 +25,21 @@ class Wheels(MotionSensor):
     config_type = WheelOdometryConfig
     config: WheelOdometryConfig
 
-    def true_series(self, track: Track) -> TrueWheels:
-        """Return what ideal encoders read."""
-        assert track.base is not None
-        motion, wheels, config = track.motion, track.base.wheels, self.config
-        tachometers = read_tachometers(motion, wheels.speed, config.tachometer_rate_hz)
-        odometry = read_odometry(motion.stamps_ns, wheels, self.place.rig.wheels, config.rate_hz)
-        return TrueWheels(wheels, tachometers, odometry)
+    def begin(self) -> tuple[WheelTruth, WheelErrors | None]:
+        """Return what readings have to go on from: those of ideal encoders, and the errors of real ones."""
+        config, wheels = self.config, self.place.rig.wheels
+        rng = rng_of(self.place.seed, config.name)
+        errors = None if config.signal is None else WheelErrors(wheels, config.signal, rng)
+        return WheelTruth(config, wheels), errors
 
-    def signal_series(self, true: TrueWheels, track: Track) -> MeasuredWheels:
-        """Return what real encoders read."""
-        assert self.config.signal is not None
-        rng = rng_of(self.place.seed, self.config.name)
-        return measured_wheels(true, track.motion.stamps_ns, self.place.rig.wheels, self.config.signal, rng)
+    def extend(
+        self, memory: tuple[WheelTruth, WheelErrors | None], track: Track
+    ) -> tuple[TrueWheels, TrueWheels | MeasuredWheels]:
+        """Return what ideal and what real encoders read."""
+        assert track.base is not None
+        truth, errors = memory
+        true = truth.extend(track.motion.stamps_ns, track.base.wheels)
+        return true, true if errors is None else errors.extend(true)
 
     def reading(self, output: Output, at: At, series: TrueWheels | MeasuredWheels) -> Reading:
         """Return one reading of the output's part."""
