@@ -76,7 +76,7 @@ def ours(experiment: Experiment, count: int) -> list[NDArray[np.uint8]]:
     if config.signal is None or config.signal.is_ideal:
         camera = Camera(config, baked)
         return [camera.render(pose @ imager.base_from_optical).photo for pose in poses]
-    real = Camera(config, baked, experiment.seed)
+    real = Camera(config, baked, seed=experiment.seed)
     return [real.capture(imager, k, STAMP_NS, moving(pose)).photo for k, pose in enumerate(poses)]
 
 

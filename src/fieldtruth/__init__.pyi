@@ -72,7 +72,6 @@ from .report.viewer import view as view
 from .sense.rays import Hits as Hits
 from .sense.rays import cast_rays as cast_rays
 from .sense.scene import Scene as Scene
-from .sense.scene_sensor import SceneSensor as SceneSensor
 from .sensors.camera.config import OPTICAL as OPTICAL
 from .sensors.camera.config import CameraConfig as CameraConfig
 from .sensors.camera.labels import LabelCamera as LabelCamera
@@ -83,6 +82,11 @@ from .sensors.camera.signal_camera import Camera as Camera
 from .sensors.camera.stereo_config import StereoConfig as StereoConfig
 from .sensors.gnss.config import GnssConfig as GnssConfig
 from .sensors.imu.config import ImuConfig as ImuConfig
+from .sensors.kind import At as At
+from .sensors.kind import MotionSensor as MotionSensor
+from .sensors.kind import Movement as Movement
+from .sensors.kind import Place as Place
+from .sensors.kind import Sensor as Sensor
 from .sensors.lidar.config import LidarConfig as LidarConfig
 from .sensors.lidar.measuring import Lidar as Lidar
 from .sensors.lidar.sensing import Scan as Scan

@@ -339,7 +339,7 @@ def test_a_lidar_with_a_signal_sees_the_same_robot(flat: Scene) -> None:
     plain = scan_of(rig, flat)
     config = rig.lidar.model_copy(update={"signal": LidarSignal()})
     pose = WORLD_FROM_BASE @ config.mount.base_from_sensor
-    found = Lidar(config, flat, robot=visible_parts(rig)).scan(pose)
+    found = Lidar(config, flat, robot=visible_parts(rig)).measured(pose)
     for name in ("xyz", "label", "instance", "ring", "column"):
         np.testing.assert_array_equal(getattr(found, name), getattr(plain, name))
     np.testing.assert_array_equal(found.true_range, plain.range_m)

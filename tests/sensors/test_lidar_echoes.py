@@ -35,7 +35,7 @@ def scan(scene: Scene, **signal: Any) -> Reading:
     """Scan of beams 0.04 deg apart along each ring."""
     figures = {"divergence_deg": WIDTH, "pulse_length": 1.0, "sub_rays": 7, **signal}
     config = LidarConfig(columns=8192, rings=16, vertical_fov_deg=1.0, signal=signal_of(figures), min_range=0.1)
-    return Lidar(config, scene).scan(at(0, 0, 0))
+    return Lidar(config, scene).measured(at(0, 0, 0))
 
 
 def upright(name: str, x: float, left: float, right: float, material: str) -> Any:
@@ -167,7 +167,7 @@ def test_fields_of_a_cloud_with_a_signal() -> None:
     config = LidarConfig(columns=128, signal=signal_of(SHEET))
     message, points = cloud(scene, config)
     plain, ideal = cloud(scene, LidarConfig(columns=128))
-    scan = Lidar(config, scene).scan(config.mount.base_from_sensor, number=3)
+    scan = Lidar(config, scene).measured(config.mount.base_from_sensor, number=3)
     assert plain.point_step == 24
     assert [field.name for field in message.fields[: len(plain.fields)]] == [field.name for field in plain.fields]
     for name in ("true_range", "signal", "reflectivity", "echo", "mixed", "label", "instance", "ring", "column"):
@@ -187,7 +187,7 @@ def test_intensity_and_an_ousters_fields() -> None:
         LidarConfig(columns=128, signal=signal_of(SHEET), intensity="reflectivity", point_fields="ouster"),
     )
     config = LidarConfig(columns=128, signal=signal_of(SHEET))
-    scan = Lidar(config, scene).scan(config.mount.base_from_sensor, number=3)
+    scan = Lidar(config, scene).measured(config.mount.base_from_sensor, number=3)
     assert np.array_equal(points["intensity"], scan.reflectivity)
     assert points["reflectivity"].dtype == np.uint16
     assert np.array_equal(points["reflectivity"], np.rint(100.0 * scan.reflectivity))

@@ -26,7 +26,7 @@ WIDE = {"sub_rays": 3, "divergence_deg": 0.3, "returns": "two"}
 
 def points(config: LidarConfig, number: int = 0) -> NDArray[np.void]:
     """Points of a scan as a cloud has them."""
-    scan = Lidar(config, SCENE).scan(at(0, 0, 0), number=number)
+    scan = Lidar(config, SCENE).measured(at(0, 0, 0), number=number)
     own = {name: values for name, values in scan._asdict().items() if values.ndim == 1} | dict(
         zip("xyz", scan.xyz.T, strict=True)
     )
