@@ -28,7 +28,7 @@ from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.message import camera_jpeg
 from fieldtruth.sensors.camera.response import LUMINANCE
 from fieldtruth.sensors.camera.signal import CameraSignal
-from fieldtruth.sensors.camera.signal_camera import SignalCamera
+from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.world.build import world_of
 
@@ -88,12 +88,12 @@ def costs(config: CameraConfig, baked: BakedScene, pose: Array, tries: int) -> N
     imager = config.imagers()[0]
 
     def time_of(values: dict[str, Any]) -> float:
-        camera = SignalCamera(config.model_copy(update={"signal": CameraSignal(**values)}), baked, 0, reuse=True)
+        camera = Camera(config.model_copy(update={"signal": CameraSignal(**values)}), baked, seed=0, reuse=True)
         return least(lambda: camera.capture(imager, 0, STAMP_NS, turning(pose)), tries)
 
     ideal = time_of({})
     print(f"{'ideal photograph':34s} {ideal:7.1f} ms   1.00")
-    camera = SignalCamera(config.model_copy(update={"signal": CameraSignal()}), baked, 0, reuse=True)
+    camera = Camera(config.model_copy(update={"signal": CameraSignal()}), baked, seed=0, reuse=True)
     labels = least(lambda: camera.label(pose @ imager.base_from_optical), tries)
     print(f"{'labels alone':34s} {labels:7.1f} ms   {labels / ideal:.2f}")
     for name, values in EFFECTS.items():
@@ -128,7 +128,7 @@ def compare(config: CameraConfig, baked: BakedScene, poses: list[Array], folder:
     imager, sheet = config.imagers()[0], datasheet_of("stereo", config.model or "zed_2")
     for kind, values in {"ideal": {}, "datasheet": sheet, "robot": preset_of("stereo", "robot")}.items():
         own = config.model_copy(update={"signal": CameraSignal(**values)})
-        camera = SignalCamera(own, baked, 0)
+        camera = Camera(own, baked, seed=0)
         packed = [
             camera_jpeg(camera.capture(imager, k, STAMP_NS, turning(pose)).photo, own) for k, pose in enumerate(poses)
         ]

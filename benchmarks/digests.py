@@ -23,7 +23,12 @@ SECONDS = 1.0
 _SIZE = {"width": 160, "height": 96, "rate_hz": 5.0}
 MANY: list[dict[str, Any]] = [
     {"kind": "lidar", "name": "top", "columns": 256, "rings": 16, "mount": {"xyz": [0.0, 0.0, 0.9]}},
-    {"kind": "lidar", "name": "low", "model": "vlp_16", "mount": {"xyz": [0.55, 0.0, 0.2], "rpy_deg": [0.0, 15.0, 0.0]}},
+    {
+        "kind": "lidar",
+        "name": "low",
+        "model": "vlp_16",
+        "mount": {"xyz": [0.55, 0.0, 0.2], "rpy_deg": [0.0, 15.0, 0.0]},
+    },
     {"kind": "lidar", "name": "livox", "model": "mid_360", "mount": {"xyz": [0.0, 0.0, 1.0]}},
     {"kind": "stereo", "name": "pair", "baseline": 0.1, "depth": True, "mount": {"xyz": [0.3, 0.0, 0.6]}, **_SIZE},
     {
@@ -85,7 +90,9 @@ def run(name: str, experiment: ft.Experiment) -> dict[str, str]:
 def exports() -> dict[str, str]:
     """Every export of a second of park_1 with all images."""
     park = ft.load_experiment("park_1")
-    rig = park.rig.with_sensors(ft.StereoConfig, width=320, height=184, depth=True, instances=True, normals=True, flow=True)
+    rig = park.rig.with_sensors(
+        ft.StereoConfig, width=320, height=184, depth=True, instances=True, normals=True, flow=True
+    )
     bag = ft.generate(park.model_copy(update={"seconds": SECONDS, "rig": rig}), "source", overwrite=True)
     out = Path("exports")
     shutil.rmtree(out, ignore_errors=True)

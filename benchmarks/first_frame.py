@@ -16,7 +16,7 @@ REPOSITORY = Path(__file__).parents[1]
 FRAME = """
 import fieldtruth as ft
 scene = ft.Scene(ft.load_world("park"))
-pose = ft.frames.pose((0, 0, float(scene.world.terrain.field.height_at(0, 0)) + 0.8)) @ ft.OPTICAL
+pose = ft.transforms.pose((0, 0, float(scene.world.terrain.field.height_at(0, 0)) + 0.8)) @ ft.OPTICAL
 print(ft.Camera(ft.CameraConfig(), ft.bake(scene)).render(pose).label.shape)
 """
 

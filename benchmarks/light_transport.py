@@ -80,7 +80,7 @@ def viewpoints(environment: str, world: World) -> list[Image]:
     """Poses world_from_optical (4, 4)."""
     experiment = load_experiment(f"{environment}_1")
     poses = poses_on_route(experiment.route, world, experiment.rig, VIEWS)
-    return [pose @ ft.frames.pose(CONFIG.left.xyz) @ OPTICAL for pose in poses]
+    return [pose @ ft.transforms.pose(CONFIG.left.xyz) @ OPTICAL for pose in poses]
 
 
 def ours(baked: BakedScene, poses: list[Image]) -> tuple[Image, Image]:

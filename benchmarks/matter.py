@@ -106,7 +106,7 @@ def ring_noise(world: World, lidar: ft.Lidar, poses: list[Array]) -> Iterator[Ro
         range_m, kind = np.full((LIDAR.columns, LIDAR.rings), np.nan), np.full((LIDAR.columns, LIDAR.rings), "", "U20")
         near = (scan.instance == 1) & (scan.range_m > RANGES[0]) & (scan.range_m < RANGES[1])
         cell = scan.column[near], scan.ring[near]
-        x, y = ft.frames.transform(pose, scan.xyz[near].astype(np.float64))[:, :2].T
+        x, y = ft.transforms.transform(pose, scan.xyz[near].astype(np.float64))[:, :2].T
         range_m[cell], kind[cell] = scan.range_m[near], ground_types(world, x, y)
         second = range_m[2:] - 2 * range_m[1:-1] + range_m[:-2]
         same = (kind[2:] == kind[1:-1]) & (kind[1:-1] == kind[:-2]) & np.isfinite(second)
@@ -230,7 +230,9 @@ def beyond(world: World, scene: ft.Scene, poses: list[Array]) -> Iterator[Row]:
     shares = []
     for each in (scene, alone):
         lidar = ft.Lidar(config, each)
-        points = np.concatenate([ft.frames.transform(pose, lidar.scan(pose).xyz.astype(np.float64)) for pose in poses])
+        points = np.concatenate(
+            [ft.transforms.transform(pose, lidar.scan(pose).xyz.astype(np.float64)) for pose in poses]
+        )
         shares.append(float((np.abs(points[:, :2]) > half).any(axis=1).mean()))
     now = f"{shares[0]:.1%}; {shares[1]:.1%} with beyond: false"
     yield Row(f"points outside the 100 m x 50 m, {world.name}", "16.5 %", now)

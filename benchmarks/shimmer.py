@@ -93,7 +93,7 @@ def main() -> None:
     scene = bake(Scene(world), experiment.light)
     config = ft.Rig().cameras[0]
     camera = ft.Camera(config, scene)
-    on_robot = ft.frames.pose(config.imagers()[0].mount.xyz) @ ft.OPTICAL
+    on_robot = ft.transforms.pose(config.imagers()[0].mount.xyz) @ ft.OPTICAL
     poses = [np.asarray(p) for p in poses_on_route(experiment.route, world, experiment.rig, options.poses)]
     if options.cost:
         cost(scene, [p @ on_robot for p in poses])
@@ -101,7 +101,9 @@ def main() -> None:
     print(f"{'':16}" + "".join(f"{f'{a:.0f} to {b:.0f}':>16}" for a, b in pairwise(BANDS)))
     for name, (along, turn) in MOVES.items():
         parts = [
-            difference(camera, camera.pinhole, p @ on_robot, p @ ft.frames.pose((along, 0, 0), (0, 0, turn)) @ on_robot)
+            difference(
+                camera, camera.pinhole, p @ on_robot, p @ ft.transforms.pose((along, 0, 0), (0, 0, turn)) @ on_robot
+            )
             for p in poses
         ]
         distance, changed, contrast = (np.concatenate(column) for column in zip(*parts, strict=True))

@@ -16,8 +16,7 @@ from fieldtruth.core import frames
 from fieldtruth.experiment.sensor_models import datasheet_of
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.measuring import new_lidar
-from fieldtruth.sensors.lidar.sensing import Lidar
+from fieldtruth.sensors.lidar.measuring import Lidar
 from fieldtruth.sensors.lidar.signal import LidarSignal
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World
@@ -57,7 +56,7 @@ def main() -> None:
     world = load_world(options.environment)
     scene, poses = Scene(world), list(poses_in(world, options.poses))
     lidars: dict[str, Lidar] = {
-        name: new_lidar(config, scene) for name, config in configurations(datasheet_of("lidar", MODEL)).items()
+        name: Lidar(config, scene) for name, config in configurations(datasheet_of("lidar", MODEL)).items()
     }
     seconds = np.zeros((options.repetitions, len(lidars), len(poses)))
     for lidar in lidars.values():

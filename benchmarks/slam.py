@@ -110,7 +110,7 @@ def small_gicp(run: Path, out: Path, deskew: bool) -> Path:
             found = gicp.align(target, cloud, init_T_target_source=pose @ motion, num_threads=os.cpu_count() or 1)
             motion, pose = np.linalg.inv(pose) @ found.T_target_source, found.T_target_source
         target.insert(cloud, pose)
-        w, x, y, z = ft.frames.quaternion_wxyz_from_rotation(pose[:3, :3])
+        w, x, y, z = ft.transforms.quaternion_wxyz_from_rotation(pose[:3, :3])
         values = " ".join(f"{value:.9g}" for value in (*pose[:3, 3], x, y, z, w))
         lines.append(f"{seconds(reading.stamp_ns)} {values}\n")
     path = out / "estimate.tum"

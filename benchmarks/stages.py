@@ -38,7 +38,7 @@ FIRST_FRAME = """
 import sys
 import fieldtruth as ft
 world = ft.load_world(sys.argv[1], 0)
-pose = ft.frames.pose((0, 0, float(world.terrain.field.height_at(0, 0)) + 0.8)) @ ft.OPTICAL
+pose = ft.transforms.pose((0, 0, float(world.terrain.field.height_at(0, 0)) + 0.8)) @ ft.OPTICAL
 ft.Camera(ft.CameraConfig(), ft.bake(ft.Scene(world))).render(pose)
 """
 

@@ -84,7 +84,7 @@ def motion(before: Pair, after: Pair, matrix: Array, scale: float) -> Array:
     after_from_before = np.eye(4)
     if ok:
         after_from_before[:3, :3], after_from_before[:3, 3] = cv2.Rodrigues(turn)[0], shift.ravel()
-    return ft.frames.inverse(after_from_before)
+    return ft.transforms.inverse(after_from_before)
 
 
 def main() -> None:

@@ -37,7 +37,7 @@ def main(path: Path) -> None:
     scene = ft.Scene(world)
     x, y = -12.0, -1.5
     ground = float(world.terrain.field.height_at(x, y))
-    world_from_base = ft.frames.pose((x, y, ground + 0.13228), (0.0, 0.0, 22.0))
+    world_from_base = ft.transforms.pose((x, y, ground + 0.13228), (0.0, 0.0, 22.0))
     rig = ft.Rig()
     cameras, lidar = rig.cameras[0], rig.lidars[0]
     world_from_optical = world_from_base @ cameras.imagers()[0].base_from_optical

@@ -15,7 +15,7 @@ def main() -> None:
     camera = ft.Camera(ft.CameraConfig(), ft.bake(scene))
 
     ground = float(world.terrain.field.height_at(0, 0))
-    world_from_lidar = ft.frames.pose((0, 0, ground + 0.96), (0, 0, 90))  # x, y, z [m]; roll, pitch, yaw [deg]
+    world_from_lidar = ft.transforms.pose((0, 0, ground + 0.96), (0, 0, 90))  # x, y, z [m]; roll, pitch, yaw [deg]
     scan = lidar.scan(world_from_lidar)  # scan.xyz, scan.label, scan.instance
     images = camera.render(world_from_lidar @ ft.OPTICAL)  # images.photo, .label, .depth, .instance
 

@@ -17,7 +17,7 @@ def main(old_trees: str = "30", seed: str = "5") -> None:
         world = ft.load_world("forest", int(seed), layout)
         lidar = ft.Lidar(experiment.rig.lidar, ft.Scene(world))
         ground = float(world.terrain.field.height_at(0, 0))
-        scan = lidar.scan(ft.frames.pose((0, 0, ground + 0.96)))
+        scan = lidar.scan(ft.transforms.pose((0, 0, ground + 0.96)))
         share = np.bincount(scan.label, minlength=len(ft.CLASSES)) / len(scan.label)
         trees = share[ft.Label.TRUNK] + share[ft.Label.TREETOP]
         distance = float(np.median(np.linalg.norm(scan.xyz, axis=1)))

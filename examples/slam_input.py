@@ -24,7 +24,7 @@ def main(run: str) -> None:
         true.append(sample["world_from_lidar"])
         seconds.append(sample["stamp_ns"] / 1e9)
 
-    first_from_world = ft.frames.inverse(true[0])
+    first_from_world = ft.transforms.inverse(true[0])
     reference = PoseTrajectory3D(poses_se3=[first_from_world @ pose for pose in true], timestamps=np.array(seconds))
     estimate = PoseTrajectory3D(poses_se3=estimated, timestamps=np.array(seconds))
     error = APE(PoseRelation.translation_part)

@@ -28,7 +28,7 @@ from fieldtruth.experiment.files import with_overrides
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.pipeline import PreparedHere, generate, prepare
 from fieldtruth.record.slices import slices_key
-from fieldtruth.record.stream import Sensors, Stream
+from fieldtruth.record.stream import Stream
 
 _CHUNKS: Final = 16
 """Decompressed parts of the bag in memory, some for each worker thread."""
@@ -118,7 +118,7 @@ class _Stored:
         index = self._bag.index([topic])[topic]
         for k in (0, -1):
             found = self._bag.message(self._bag.chunk(int(index.chunk[k])), int(index.offset[k])).data
-            if [found] != list(stream.messages(range(len(stream.stamps_ns))[k], Sensors())):
+            if [found] != list(stream.messages(range(len(stream.stamps_ns))[k], {})):
                 raise _other_version(self._bag, topic)
 
 

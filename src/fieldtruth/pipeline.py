@@ -26,12 +26,13 @@ from fieldtruth.experiment.files import dump_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.folder import RunFolder, run_folder
 from fieldtruth.record.following import follow_track, with_stored_track, without_wheels
-from fieldtruth.record.sensors import sensor_factory
+from fieldtruth.record.sensors import movement_of, sensor_factory
 from fieldtruth.record.slices import SliceFolder, Slices, slices_key
 from fieldtruth.record.stream import Stream
 from fieldtruth.record.streams import streams_of
 from fieldtruth.report.card import data_card
-from fieldtruth.sensors.gnss.measuring import with_fixes
+from fieldtruth.sensors.kind import Movement, Place
+from fieldtruth.sensors.known import sensor_class
 from fieldtruth.world.build import check_experiment, world_of
 from fieldtruth.world.model import World
 
@@ -78,12 +79,23 @@ class PreparedHere:
     def slices(self, folder: Path) -> Slices:
         """Build the scene and bake its light for the slices in a folder."""
         streams = self.streams()
-        sensors = sensor_factory(self.world, self.sensed(), self.experiment.light, self.experiment.weather)
+        sensors = sensor_factory(self.place, self.sensed())
         return Slices(folder, streams, topics_of_run(self.experiment, latched=self.latched), sensors)
+
+    @cached_property
+    def place(self) -> Place:
+        """Where the sensors are."""
+        made = self.experiment
+        return Place(self.world, made.rig, made.light, made.weather, reuse=True)
 
     def streams(self) -> list[Stream]:
         """Return every stream of the recording."""
-        return streams_of(self.world, self.track, self.experiment.rig, latched=self.latched)
+        return streams_of(self.world, self.track, self.experiment.rig, latched=self.latched, movement=self.movement)
+
+    @cached_property
+    def movement(self) -> Movement:
+        """Motion of the robot, with the series that sensors have measured of it."""
+        return movement_of(self.track)
 
     def sensed(self) -> Rig:
         """Return the rig with the sensors that are needed to make the streams."""
@@ -91,7 +103,10 @@ class PreparedHere:
 
     def card(self, counts: Mapping[str, int]) -> str:
         """Return the data card."""
-        return data_card(self.experiment, self.world, self.track, counts)
+        own = () if self.track.is_frames else self.experiment.rig.in_order()
+        sensors = (sensor_class(config)(config, self.place) for config in own if not config.sees)
+        measured = [line for sensor in sensors for line in sensor.facts(self.movement)]
+        return data_card(self.experiment, self.world, self.track, counts, measured)
 
 
 def prepare(experiment: Experiment, given: TrackFile | None, progress: Progress) -> PreparedHere:
@@ -106,8 +121,7 @@ def track_in(world: World, experiment: Experiment, given: TrackFile | None, adva
     """Plan the route and drive, follow the poses of a track file, or stand the robot where frames are taken."""
     if experiment.frames is not None and given is None:
         return standing_robot(world, experiment)
-    track = plan_and_drive(world, experiment, advance) if given is None else follow_track(experiment, world, given)
-    return with_fixes(track, world, experiment)
+    return plan_and_drive(world, experiment, advance) if given is None else follow_track(experiment, world, given)
 
 
 def generate(

@@ -36,7 +36,7 @@ from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.build import load_world
@@ -53,7 +53,7 @@ def _one_scene() -> Iterator[None]:
     scene = Scene(world)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(annotation, "load_world", lambda name, seed, layout: world)
-        patch.setattr("fieldtruth.record.sensors.Scene", lambda world: scene)
+        patch.setattr("fieldtruth.sensors.kind.Scene", lambda world: scene)
         patch.setattr("fieldtruth.record.slices.SLICE_NS", 200_000_000)
         yield
 

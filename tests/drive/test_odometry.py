@@ -5,13 +5,15 @@
 import numpy as np
 import pytest
 from drive_worlds import make_experiment, make_world, tilted
+from series import odometry_along
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz, yaw_from_rotation
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import Track, WheelMotion, WheelOdometry
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.sensors.wheel_odometry.sensing import effective_track, read_odometry
+from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
+from fieldtruth.sensors.wheel_odometry.sensing import WheelTruth, effective_track
 from fieldtruth.world.model import World
 
 RIG = Rig()
@@ -23,7 +25,7 @@ def rolled(left: float, right: float, seconds: float, rate: float = 50.0) -> Whe
     stamps = np.arange(1, round(seconds * 1000) + 1) * 1_000_000
     speed = np.tile(np.array([left, right, left, right]) / RADIUS, (len(stamps), 1))
     wheels = WheelMotion(angle=speed * stamps[:, None] / 1e9, speed=speed)
-    return read_odometry(stamps, wheels, Rig().wheels, rate)
+    return WheelTruth(WheelOdometryConfig(rate_hz=rate), Rig().wheels).extend(stamps, wheels).odometry
 
 
 @pytest.mark.parametrize("rate", [1.0, 50.0, 1000.0])
@@ -46,12 +48,11 @@ def test_turning_in_place_does_not_move() -> None:
 
 def ends(track: Track) -> tuple[Array, Array]:
     """Estimated and true x, y [m] and yaw [rad] at the end, in the frame of time 0."""
-    assert track.base is not None
     motion = track.motion
     rotation = rotation_from_quaternion_wxyz(motion.quaternion_wxyz[[0, -1]])
     moved = rotation[0].T @ (motion.position[-1] - motion.position[0])
     yaw = np.unwrap(yaw_from_rotation(rotation_from_quaternion_wxyz(motion.quaternion_wxyz[::100])))
-    return track.base.odometry.pose[-1], np.array([*moved[:2], yaw[-1] - yaw[0]])
+    return odometry_along(track).pose[-1], np.array([*moved[:2], yaw[-1] - yaw[0]])
 
 
 def test_on_level_ground_the_end_of_a_winding_drive_is_found(flat_world: World) -> None:

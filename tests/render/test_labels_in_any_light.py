@@ -28,10 +28,10 @@ from fieldtruth.render.sky.daylight import Daylight, metered_daylight
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL, CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
-from fieldtruth.sensors.camera.sensing import Camera, CameraImages
-from fieldtruth.sensors.camera.signal_camera import SignalCamera
+from fieldtruth.sensors.camera.sensing import CameraImages
+from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.sensing import Lidar
+from fieldtruth.sensors.lidar.sensing import IdealLidar
 
 SIDE: Final = 60.0  # [m], of the world
 POSE: Final = frames.pose((0, 0.3, 1.1), (0, 4, 20))
@@ -139,7 +139,7 @@ def test_labels_are_the_same_bytes_with_each_lens_and_signal(model: Any, baked: 
     def standing(stamps: Any) -> F8:
         return np.tile(POSE, (*np.shape(stamps), 1, 1))
 
-    found = SignalCamera(real, wet, 3).capture(real.imagers()[0], 0, 2_000_000_000, standing)
+    found = Camera(real, wet, seed=3).capture(real.imagers()[0], 0, 2_000_000_000, standing)
     assert_same_labels(found, expected)
 
 
@@ -147,11 +147,11 @@ def test_scan_is_the_same_bytes_before_and_after_all_photographs(scene: Scene, b
     """A LiDAR takes no light; a bake or a photograph that changed the scene would change it."""
     fresh = Scene(scene.world)
     config = LidarConfig(columns=256, rings=16)
-    before = Lidar(config, fresh).scan(POSE)
+    before = IdealLidar(config, fresh).scan(POSE)
     bake(fresh)
     for preset in PRESETS:
         photographed(in_light(baked, preset), camera_config())
     for each in (fresh, scene):
-        after = Lidar(config, each).scan(POSE)
+        after = IdealLidar(config, each).scan(POSE)
         for name in ("range_m", "label", "instance", "column"):
             np.testing.assert_array_equal(getattr(before, name), getattr(after, name))

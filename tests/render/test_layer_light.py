@@ -16,7 +16,7 @@ from fieldtruth.render.bake import bake
 from fieldtruth.render.materials import CRUMBS
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL
-from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.world.ground_types import GROUND_TYPES
 from fieldtruth.world.model import World

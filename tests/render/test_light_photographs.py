@@ -13,7 +13,7 @@ from fieldtruth.render.bake import LONGEST, PARK_LEVEL, SHORTEST, BakedScene, ba
 from fieldtruth.render.sky.spectrum import LUMINANCE
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL
-from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 
 SMALL = StereoConfig(width=320, height=184)

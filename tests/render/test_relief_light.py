@@ -12,7 +12,7 @@ from fieldtruth.render.bake import bake
 from fieldtruth.render.light import bake_light
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL
-from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 
 SUN = LightConfig(sun_azimuth_deg=0.0, sun_elevation_deg=40.0)  # in the north, at +x

@@ -18,7 +18,8 @@ from fieldtruth.sense.robot_rays import part_table
 from fieldtruth.sense.robot_view import RobotView, robot_view, robot_views
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import Imager
-from fieldtruth.sensors.camera.sensing import Camera, CameraImages
+from fieldtruth.sensors.camera.sensing import CameraImages
+from fieldtruth.sensors.camera.signal_camera import Camera
 
 ROBOT = int(Label.ROBOT)
 NORTH = LightConfig(sun_azimuth_deg=0.0, sun_elevation_deg=40.0)

@@ -16,7 +16,7 @@ from fieldtruth.render.sky.daylight import sun_direction
 from fieldtruth.sense.air import extinction
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL
-from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 
 SMALL = StereoConfig(width=320, height=184)

@@ -20,7 +20,7 @@ from fieldtruth.sensors.camera.config import OPTICAL, CameraConfig
 from fieldtruth.sensors.camera.on_glass import drops_at, dust_of
 from fieldtruth.sensors.camera.sensing import CameraImages
 from fieldtruth.sensors.camera.signal import CameraSignal
-from fieldtruth.sensors.camera.signal_camera import SignalCamera
+from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.streaks import APERTURE, Particles, fall_speed, particles_of, streak_of
 
 FOCAL = 500.0
@@ -86,7 +86,7 @@ def capture(scene: BakedScene, number: int = 0, **signal: Any) -> CameraImages:
         pose = frames.pose((0, 0, 1.0))
         return np.tile(pose, (len(stamps), 1, 1)) if isinstance(stamps, np.ndarray) else pose
 
-    return SignalCamera(config, scene, 3).capture(config.imagers()[0], number, STAMP + number * 40_000_000, standing)
+    return Camera(config, scene, seed=3).capture(config.imagers()[0], number, STAMP + number * 40_000_000, standing)
 
 
 def test_rain_is_of_the_photograph_alone_and_depends_on_its_number(scenes: dict[str, BakedScene]) -> None:

@@ -22,9 +22,9 @@ from fieldtruth.kernels.photograph import render_strips
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.render.shutter import strips_of
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.sensing import Camera, CameraImages
+from fieldtruth.sensors.camera.sensing import CameraImages
 from fieldtruth.sensors.camera.signal import CameraSignal
-from fieldtruth.sensors.camera.signal_camera import SignalCamera
+from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 
 WIDTH, HEIGHT = 320, 240
@@ -82,13 +82,15 @@ def clutter() -> BakedScene:
 
 def capture(scene: BakedScene, poses: Poses, k: int = 0, side: int = 0, **signal: Any) -> CameraImages:
     config = camera_config(**signal)
-    return SignalCamera(config, scene, 3).capture(config.imagers()[side], k, STAMP, poses)
+    return Camera(config, scene, seed=3).capture(config.imagers()[side], k, STAMP, poses)
 
 
 def light_of(scene: BakedScene, poses: Poses, **signal: Any) -> NDArray[np.float64]:
     """Luminance (h, w) of the light in an exposure."""
-    camera = SignalCamera(camera_config(**signal), scene, 3)
-    camera.expose(camera.config.imagers()[0], STAMP, poses, camera.signal.exposure_time_ms / 1e3)
+    camera = Camera(camera_config(**signal), scene, seed=3)
+    assert camera.config.signal is not None
+    exposure_ms = camera.config.signal.exposure_time_ms
+    camera.expose(camera.config.imagers()[0], STAMP, poses, exposure_ms / 1e3)
     return np.asarray(camera.linear.mean(axis=-1), np.float64)
 
 
@@ -140,7 +142,7 @@ def test_longer_exposure_of_a_camera_that_stands_is_the_same_photograph(clutter:
 
 
 def test_strips_with_one_pose_are_the_ideal_photograph(clutter: BakedScene) -> None:
-    camera = SignalCamera(camera_config(readout_ms=10.0), clutter, 3)
+    camera = Camera(camera_config(readout_ms=10.0), clutter, seed=3)
     pose = turning(0.0)(STAMP) @ camera.config.imagers()[0].base_from_optical
     camera.render(pose)
     ideal = camera.linear.copy()
@@ -176,19 +178,19 @@ def test_photographs_depend_on_their_number_alone(clutter: BakedScene) -> None:
     left, right = config.imagers()
 
     def photos(order: list[int], seed: int = 3) -> dict[int, NDArray[np.uint8]]:
-        camera, poses = SignalCamera(config, clutter, seed, reuse=True), turning(0.5)
+        camera, poses = Camera(config, clutter, seed=seed, reuse=True), turning(0.5)
         return {k: camera.capture(left, k, STAMP + k * 40_000_000, poses).photo.copy() for k in order}
 
     with ThreadPoolExecutor(2) as pool:
         first, second = pool.map(photos, ([0, 1, 2, 3], [3, 0, 2, 1]))
     assert all(np.array_equal(first[k], second[k]) for k in range(4))
     still = turning(0.0)
-    camera = SignalCamera(config, clutter, 3)
+    camera = Camera(config, clutter, seed=3)
     a, b, c = (camera.capture(view, k, STAMP, still).photo for view, k in ((left, 0), (left, 1), (left, 0)))
     assert np.array_equal(a, c)
     assert not np.array_equal(a, b)
-    assert not np.array_equal(a, SignalCamera(config, clutter, 4).capture(left, 0, STAMP, still).photo)
-    assert camera.metered(STAMP, still)[0] == SignalCamera(config, clutter, 3).metered(STAMP, still)[0]
+    assert not np.array_equal(a, Camera(config, clutter, seed=4).capture(left, 0, STAMP, still).photo)
+    assert camera.metered(STAMP, still)[0] == Camera(config, clutter, seed=3).metered(STAMP, still)[0]
     assert not np.array_equal(a, camera.capture(right, 0, STAMP, still).photo)
 
 

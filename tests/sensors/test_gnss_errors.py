@@ -5,10 +5,11 @@
 import numpy as np
 import pytest
 
+from fieldtruth.core.markov import GaussMarkov
 from fieldtruth.sensors.gnss import noise
 from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.gnss.measuring import sky_at
-from fieldtruth.sensors.gnss.navigation import ENU, Process, follow
+from fieldtruth.sensors.gnss.navigation import ENU, PositionFilter, RangeErrors
 from fieldtruth.sensors.gnss.signal import GnssSignal
 from fieldtruth.sensors.gnss.solution import solve
 
@@ -25,17 +26,17 @@ THREE_AND_ZENITH = _towards(np.array([0.0, 120.0, 240.0, 0.0]), np.array([0.0, 0
 
 
 def test_correlation_of_a_gauss_markov_series_falls_to_1_by_e_at_tau() -> None:
-    series = noise.gauss_markov(RNG(1), (40_000, 20), float(np.exp(-0.5 / 10.0)))
+    series = GaussMarkov(RNG(1), 20, float(np.exp(-0.5 / 10.0))).draw(40_000)
     assert series.var() == pytest.approx(1.0, abs=0.02)
     assert series[0].std() == pytest.approx(1.0, abs=0.6)  # from the first row on
     assert (series[20:] * series[:-20]).mean() == pytest.approx(np.exp(-1.0), abs=0.02)  # 20 steps of 0.5 s are 10 s
     assert (series[40:] * series[:-40]).mean() == pytest.approx(np.exp(-2.0), abs=0.02)
-    start = noise.gauss_markov(RNG(1), (100, 20), float(np.exp(-0.5 / 10.0)))
+    start = GaussMarkov(RNG(1), 20, float(np.exp(-0.5 / 10.0))).draw(100)
     assert np.array_equal(start, series[:100])
 
 
 def test_the_first_row_of_a_gauss_markov_series_is_stationary() -> None:
-    first = noise.gauss_markov(RNG(2), (2, 50_000), 0.99)
+    first = GaussMarkov(RNG(2), 50_000, 0.99).draw(2)
     assert first.std(axis=1) == pytest.approx([1.0, 1.0], abs=0.02)
 
 
@@ -79,13 +80,14 @@ def test_claimed_covariance_is_that_of_the_errors(memory: float) -> None:
     used = RNG(5).random((steps, 9)) < 0.75
     sigma = RNG(6).uniform(0.3, 3.0, (3, steps, 9))
     gain = solve(sky, used, np.sqrt((sigma**2).sum(axis=0))).gain
-    kept, filtered = (0.99, 0.7, 0.0), np.full(steps, memory)
+    kept = (0.99, 0.7, 0.0)
     ends, covariance = [], np.zeros((3, 3))
     for _ in range(count):
-        parts = [Process(noise.gauss_markov(rng, (steps, 9), k), s, k) for k, s in zip(kept, sigma, strict=True)]
-        error, covariances = follow(gain, parts, filtered)
-        ends.append(ENU @ error[-1])
-        covariance = covariances[-1]
+        processes, position = [GaussMarkov(rng, 9, k) for k in kept], PositionFilter()
+        for k in range(steps):
+            parts = [RangeErrors(p.draw(1)[0], s[k], p.kept) for p, s in zip(processes, sigma, strict=True)]
+            error, covariance = position.follow(gain[k], parts, memory)
+        ends.append(ENU @ error)
     sample = np.array(ends)
     squares = np.einsum("ni,ij,nj->n", sample, np.linalg.inv(covariance), sample)
     assert squares.mean() == pytest.approx(3.0, abs=5.0 * np.sqrt(6.0 / count))
@@ -99,10 +101,10 @@ def test_claimed_covariance_is_that_of_the_errors(memory: float) -> None:
 def test_without_a_filter_the_covariance_is_that_of_least_squares() -> None:
     sigma = np.array([[1.0, 2.0, 3.0, 0.5]])
     gain = solve(THREE_AND_ZENITH[None], np.ones((1, 4), bool), sigma).gain
-    _, covariance = follow(gain, [Process(np.zeros((1, 4)), sigma, 0.0)], np.zeros(1))
+    _, covariance = PositionFilter().follow(gain[0], [RangeErrors(np.zeros(4), sigma[0], 0.0)], 0.0)
     rows = np.concatenate([-THREE_AND_ZENITH, np.ones((4, 1))], axis=1)
     own = np.linalg.inv(rows.T @ np.diag(1.0 / sigma[0] ** 2) @ rows)[:3, :3]
-    assert ENU.T @ covariance[0] @ ENU == pytest.approx(own)
+    assert ENU.T @ covariance @ ENU == pytest.approx(own)
 
 
 def test_obliquity_and_strength() -> None:
@@ -133,31 +135,25 @@ def test_open_sky_has_the_error_of_the_data_sheet(model: str, state: int, middle
     assert np.median(np.hypot(error[..., 0], error[..., 1])) == pytest.approx(middle, rel=0.04)
 
 
-def test_phases_are_of_use_some_time_after_they_were_lost() -> None:
-    strong = np.array([[1, 1], [0, 1], [1, 1], [1, 1], [1, 0], [1, 1]], bool)
-    expected = [[1, 1], [0, 1], [0, 1], [1, 1], [1, 0], [1, 0]]
-    assert noise.locked(strong, 0.5, 1.0).astype(int).tolist() == expected
-
-
 def test_states_of_rtk() -> None:
     signal = GnssSignal(mode="rtk", rtk_cn0_min_dbhz=35.0, rtk_min_satellites=5, rtk_fix_s=2.0)
     ratio = np.full((10, 6), 40.0)
     ratio[3, :2] = 30.0
-    states = noise.rtk_states(RNG(0), ratio, 1.0, signal)
+    states = noise.RtkStates(RNG(0), 1.0, signal).extend(ratio)
     assert states.tolist() == [2, 2, 2, 1, 1, 2, 2, 2, 2, 2]
-    assert (noise.rtk_states(RNG(0), np.full((5, 4), 40.0), 1.0, signal) == noise.FLOAT).all()
+    assert (noise.RtkStates(RNG(0), 1.0, signal).extend(np.full((5, 4), 40.0)) == noise.FLOAT).all()
 
 
 def test_rates_of_losses() -> None:
     ratio, hours = np.full((400_000, 6), 40.0), 400_000 / 3600.0
     lost = GnssSignal(mode="rtk", rtk_losses_per_hour=6.0, rtk_fix_s=3.0)
-    states = noise.rtk_states(RNG(1), ratio, 1.0, lost)
+    states = noise.RtkStates(RNG(1), 1.0, lost).extend(ratio)
     begun = np.count_nonzero(np.diff(states) == -1)
     assert begun == pytest.approx(6.0 * hours, abs=5.0 * np.sqrt(6.0 * hours))
     assert np.count_nonzero(states == noise.FLOAT) == pytest.approx(3 * begun, rel=0.03)
     cut = GnssSignal(mode="rtk", link_losses_per_hour=6.0, link_loss_s=20.0)
-    states = noise.rtk_states(RNG(2), ratio, 1.0, cut)
+    states = noise.RtkStates(RNG(2), 1.0, cut).extend(ratio)
     share = 6.0 * 20.0 / 3600.0  # of the time, as pauses rarely meet
     assert np.mean(states == noise.SINGLE) == pytest.approx(share, rel=0.2)
     assert not (states == noise.FLOAT).any()
-    assert np.array_equal(noise.rtk_states(RNG(2), ratio[:999], 1.0, cut), states[:999])
+    assert np.array_equal(noise.RtkStates(RNG(2), 1.0, cut).extend(ratio[:999]), states[:999])

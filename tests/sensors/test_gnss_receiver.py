@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A receiver in small worlds and in forest and park: fixes, status, messages, and what checks say of them."""
 
+import copy
+from collections.abc import Iterable
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,7 +19,7 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.gnss import message
 from fieldtruth.sensors.gnss.check import FIXES, Fixes
 from fieldtruth.sensors.gnss.config import GnssConfig
-from fieldtruth.sensors.gnss.measuring import measure
+from fieldtruth.sensors.gnss.measuring import GnssErrors, measure
 from fieldtruth.validation.check import Tally
 from fieldtruth.world.build import load_world
 
@@ -41,6 +43,21 @@ def test_ideal_and_without_figures_the_message_is_the_same() -> None:
     assert same.fixes is not None
     for k in range(60):
         assert message.navsat(k, true, "g", same.fixes) == message.navsat(k, true, "g")
+
+
+@pytest.mark.parametrize("cuts", [(1, 2, 3), (20,), range(1, 60)])
+def test_fixes_do_not_depend_on_how_a_drive_is_cut(cuts: Iterable[int]) -> None:
+    config = GnssConfig(model="zed_f9p", signal="datasheet")  # type: ignore[arg-type]
+    assert config.signal is not None
+    true = _readings()
+    whole = GnssErrors(config, config.signal, 4).extend(true, OPEN).fixes
+    receiver, parts = GnssErrors(config, config.signal, 4), list[Any]()
+    for rows in np.split(np.arange(60), list(cuts)):
+        receiver = copy.deepcopy(receiver)  # a copy goes on as well
+        part = GnssReadings(stamps_ns=true.stamps_ns[rows], geodetic=true.geodetic[rows])
+        parts.append(receiver.extend(part, OPEN).fixes)
+    for name in ("geodetic", "covariance", "status", "state", "satellites", "dop"):
+        np.testing.assert_array_equal(np.concatenate([getattr(part, name) for part in parts]), getattr(whole, name))
 
 
 def test_a_longer_drive_begins_with_a_shorter_one_and_receivers_differ() -> None:

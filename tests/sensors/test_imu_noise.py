@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Noise of an IMU against its laws: Allan deviations, variances, ranges, and an independent implementation of them."""
 
+import copy
 import math
+from collections.abc import Iterable
 from functools import cache
 from typing import Any
 
@@ -12,8 +14,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from fieldtruth.core.markov import GaussMarkov
 from fieldtruth.drive.track import ImuReadings, stamps_at_rate
-from fieldtruth.sensors.imu.noise import MeasuredImu, Triad, markov, measured_imu, measured_triad, quantised
+from fieldtruth.sensors.imu.noise import ImuErrors, MeasuredImu, Triad, TriadErrors, quantised
 from fieldtruth.sensors.imu.signal import ImuSignal
 
 Floats = NDArray[np.float64]
@@ -40,7 +43,7 @@ def at_rest(seconds: float, rate: float = RATE) -> ImuReadings:
 
 
 def measure(signal: ImuSignal, true: ImuReadings, seed: int = 0, rate: float = RATE) -> MeasuredImu:
-    return measured_imu(true, signal, rate, np.random.default_rng(seed))
+    return ImuErrors(signal, rate, np.random.default_rng(seed)).extend(true)
 
 
 def adev(values: Floats, taus: list[float], rate: float = RATE) -> Floats:
@@ -80,11 +83,12 @@ def test_bias_instability_is_the_flat_bottom_of_the_allan_deviation() -> None:
 
 
 def test_a_markov_process_has_its_deviation_and_forgets_in_its_time() -> None:
-    values = markov(200_000, np.array([1.0, 2.0, 3.0]), 2.0, 10.0, np.random.default_rng(1))
-    np.testing.assert_allclose(values.std(axis=0), [1.0, 2.0, 3.0], rtol=0.05)
+    kept = math.exp(-1.0 / (2.0 * 10.0))
+    values = GaussMarkov(np.random.default_rng(1), 3, kept).draw(200_000)
+    np.testing.assert_allclose(values.std(axis=0), 1.0, rtol=0.05)
     after = [float(np.mean(values[:-20, k] * values[20:, k]) / np.var(values[:, k])) for k in range(3)]
     np.testing.assert_allclose(after, math.exp(-1.0), atol=0.05)
-    starts = [markov(1, np.ones(3), 2.0, 10.0, np.random.default_rng(seed))[0] for seed in range(400)]
+    starts = [GaussMarkov(np.random.default_rng(seed), 3, kept).draw(1)[0] for seed in range(400)]
     assert np.std(starts) == pytest.approx(1.0, rel=0.1)  # not zero: it has gone on for ever
 
 
@@ -103,6 +107,21 @@ def test_a_short_series_is_the_start_of_a_long_one() -> None:
         np.testing.assert_array_equal(getattr(short, name), getattr(long, name)[:500])
 
 
+@pytest.mark.parametrize("cuts", [(1, 2, 3), (20,), range(1, 100)])
+def test_readings_do_not_depend_on_how_a_series_is_cut(cuts: Iterable[int]) -> None:
+    signal = NOISY.model_copy(
+        update={"gyroscope_bias_instability": 1e-4, "yaw_error": 0.01, "gyroscope_misalignment": 0.01}
+    )
+    true = at_rest(1.0)
+    whole = measure(signal, true).readings
+    imu, parts = ImuErrors(signal, RATE, np.random.default_rng(0)), list[ImuReadings]()
+    for rows in np.split(np.arange(100), list(cuts)):
+        imu = copy.deepcopy(imu)  # a copy goes on as well
+        parts.append(imu.extend(ImuReadings(**{name: values[rows] for name, values in vars(true).items()})).readings)
+    for name, values in vars(whole).items():
+        np.testing.assert_array_equal(np.concatenate([getattr(part, name) for part in parts]), values)
+
+
 def test_effects_do_not_change_the_noise_of_each_other() -> None:
     """So that a figure can be varied while everything else of a run stays."""
     alone = measure(ImuSignal(gyroscope_noise_density=1e-3), at_rest(5.0)).readings.angular_velocity
@@ -118,7 +137,7 @@ def triad(**values: Any) -> Triad:
 def test_turn_on_biases_scales_and_misalignments_have_their_deviations() -> None:
     unit = np.vstack([np.zeros(3), np.eye(3)])
     figures = triad(bias=(0.1, 0.2, 0.3), scale_error=0.01, misalignment=0.003)
-    read = np.array([measured_triad(unit, figures, RATE, np.random.default_rng(seed)) for seed in range(3000)])
+    read = np.array([TriadErrors(figures, RATE, np.random.default_rng(seed)).extend(unit) for seed in range(3000)])
     np.testing.assert_allclose(read[:, 0].std(axis=0), [0.1, 0.2, 0.3], rtol=0.06)
     matrices = (read[:, 1:] - read[:, :1]).transpose(0, 2, 1) - np.eye(3)  # columns are the answers to unit vectors
     np.testing.assert_allclose(matrices.std(axis=0), np.full((3, 3), 0.003) + 0.007 * np.eye(3), rtol=0.06)
@@ -129,10 +148,10 @@ def test_order_of_the_effects() -> None:
     """Bias is not scaled; the range limits what has bias and noise; steps come last and stay in the range."""
     figures = triad(bias=1.0, scale_error=0.1, range=2.05, resolution=0.1)
     rng = np.random.default_rng(5)
-    zero, one = measured_triad(np.array([[0.0] * 3, [0.5] * 3]), triad(bias=1.0, scale_error=0.1), RATE, rng)
+    zero, one = TriadErrors(triad(bias=1.0, scale_error=0.1), RATE, rng).extend(np.array([[0.0] * 3, [0.5] * 3]))
     expected = np.clip(np.rint(np.array([zero, one, 2 * one - zero, zero + 20 * (one - zero)]) / 0.1), -20, 20) * 0.1
     true = np.array([[0.0] * 3, [0.5] * 3, [1.0] * 3, [10.0] * 3])
-    read = measured_triad(true, figures, RATE, np.random.default_rng(5))
+    read = TriadErrors(figures, RATE, np.random.default_rng(5)).extend(true)
     np.testing.assert_allclose(read, expected, atol=1e-12)
     assert read.max() == pytest.approx(2.0)
 

@@ -14,7 +14,7 @@ from fieldtruth.drive.track import ImuReadings, stamps_at_rate
 from fieldtruth.experiment.clock_config import ClockConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.clocks import read_clock
-from fieldtruth.sensors.imu.noise import Triad, measured_imu
+from fieldtruth.sensors.imu.noise import ImuErrors, Triad
 from fieldtruth.sensors.imu.signal import ImuSignal
 from fieldtruth.validation.check import Check, Spec, Tally
 from fieldtruth.validation.motion.clocks import Clocks
@@ -119,7 +119,7 @@ def check_imu(made: dict[str, Any], change: Callable[[ImuReadings], None] = lamb
     sensor = {"kind": "imu", "rate_hz": RATE, "signal": SIGNAL}
     checker = ImuNoise(context(Rig.model_validate({"sensors": [sensor]}), "/imu/data", "/imu/data/truth"))
     true = moving()
-    read = measured_imu(true, ImuSignal(**(SIGNAL | made)), RATE, np.random.default_rng(4))
+    read = ImuErrors(ImuSignal(**(SIGNAL | made)), RATE, np.random.default_rng(4)).extend(true)
     change(read.readings)
     due = [
         np.diag(Triad.of(ImuSignal(**(SIGNAL | made)), t).variances(RATE)).ravel()

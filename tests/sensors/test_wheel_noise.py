@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Readings of real encoders against closed forms: counts, radii, arcs, and the covariance of odometry."""
 
+import copy
 import math
+from collections.abc import Iterable
 
 import numpy as np
 import pytest
@@ -10,8 +12,9 @@ from numpy.typing import NDArray
 
 from fieldtruth.drive.track import Base, Commands, TachometerReadings, WheelMotion, stamps_at_rate
 from fieldtruth.experiment.robot_config import RobotConfig
-from fieldtruth.sensors.wheel_odometry.noise import MeasuredWheels, counted, measured_wheels
-from fieldtruth.sensors.wheel_odometry.sensing import effective_track, read_odometry
+from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
+from fieldtruth.sensors.wheel_odometry.noise import MeasuredWheels, WheelErrors, counted
+from fieldtruth.sensors.wheel_odometry.sensing import DeadReckoning, WheelTruth, effective_track
 from fieldtruth.sensors.wheel_odometry.signal import WheelSignal
 
 Floats = NDArray[np.float64]
@@ -27,14 +30,15 @@ def driven(left: float, right: float) -> Base:
     return Base(
         wheels=wheels,
         tachometers=TachometerReadings(stamps_ns=slow, wheel_speed=speed[: len(slow)]),
-        odometry=read_odometry(STEPS, wheels, WHEELS, 50.0),
+        odometry=WheelTruth(WheelOdometryConfig(), WHEELS).extend(STEPS, wheels).odometry,
         commands=Commands(stamps_ns=slow, command=np.zeros((len(slow), 2))),
     )
 
 
 def measure(base: Base, seed: int = 0, *, counts: int | None = None, radii: float = 0.0) -> MeasuredWheels:
     signal = WheelSignal(counts_per_revolution=counts, radius_error=radii)
-    return measured_wheels(base, STEPS, WHEELS, signal, np.random.default_rng(seed))
+    slow_angle = base.wheels.angle[np.searchsorted(STEPS, base.tachometers.stamps_ns)]
+    return WheelErrors(WHEELS, signal, np.random.default_rng(seed)).extend(base.tachometers, base.odometry, slow_angle)
 
 
 def test_without_figures_nothing_differs_but_speeds_are_differences() -> None:
@@ -46,6 +50,27 @@ def test_without_figures_nothing_differs_but_speeds_are_differences() -> None:
     np.testing.assert_allclose(read.tachometers.wheel_speed, base.tachometers.wheel_speed, rtol=1e-9)
     assert not read.pose_covariance.any()
     assert not read.twist_covariance.any()
+
+
+@pytest.mark.parametrize("cuts", [(1, 2, 3), (20,), range(1, 1000)])
+def test_readings_do_not_depend_on_how_a_drive_is_cut(cuts: Iterable[int]) -> None:
+    base, signal = driven(2.0, 3.1), WheelSignal(counts_per_revolution=512, radius_error=0.01)
+    whole = measure(base, 3, counts=512, radii=0.01)
+    noise, parts = WheelErrors(WHEELS, signal, np.random.default_rng(3)), list[MeasuredWheels]()
+    none = TachometerReadings(stamps_ns=STEPS[:0], wheel_speed=np.zeros((0, 4)))
+    true, ideal = base.odometry, DeadReckoning(WHEELS)
+    for rows in np.split(np.arange(len(true.stamps_ns)), list(cuts)):
+        noise = copy.deepcopy(noise)  # a copy goes on as well
+        wheels = WheelMotion(angle=true.wheels.angle[rows], speed=true.wheels.speed[rows])
+        part = ideal.extend(true.stamps_ns[rows], wheels)
+        np.testing.assert_array_equal(part.pose, true.pose[rows])
+        np.testing.assert_array_equal(part.twist, true.twist[rows])
+        parts.append(noise.extend(none, part, np.zeros((0, 4))))
+    for name in ("pose_covariance", "twist_covariance"):
+        np.testing.assert_array_equal(np.concatenate([getattr(part, name) for part in parts]), getattr(whole, name))
+    for name in ("pose", "twist"):
+        cut = np.concatenate([getattr(part.odometry, name) for part in parts])
+        np.testing.assert_array_equal(cut, getattr(whole.odometry, name))
 
 
 def test_counts() -> None:

@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,19 +30,18 @@ from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning, Output
 from fieldtruth.core.files import locked, output_errors
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
+from fieldtruth.drive.track import Stamps
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_config import KINDS
-from fieldtruth.experiment.topic import Topic
+from fieldtruth.experiment.sensor_config import KINDS, SensorConfig
+from fieldtruth.experiment.topic import Output, Topic
 from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.record.folder import RunFolder, new_folder
-from fieldtruth.record.sensors import sensor_factory
+from fieldtruth.record.sensors import sensor_factory, sensor_streams
 from fieldtruth.record.slices import Slices, slices_key
 from fieldtruth.record.stream import Stream
-from fieldtruth.record.streams import scene_stream
-from fieldtruth.sensors.camera.stream import imager_stream
+from fieldtruth.sensors.kind import Movement, Place
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.stream import lidar_stream
 from fieldtruth.world.build import check_layout, load_world
 
 CAMERAS_ONLY = Rig().with_sensors(LidarConfig, enabled=False)
@@ -98,7 +98,7 @@ def annotate(
     config = WorldConfig(world) if isinstance(world, str) else world
     check_layout(config.environment, config.layout)
     progress = Silent() if progress is None else progress
-    run = open_run(bag)
+    run, rig = open_run(bag), rig.with_sensors(SensorConfig, clock=None)
     target = run.folder / f"{run.name}_annotated.bag" if out is None else Path(out)
     added = _added_topics(run, rig)
     with _work_folder(target) as folder:
@@ -130,7 +130,7 @@ def _slices(
     check_objects(run, world)
     check_poses(poses.trajectory, streams, rig, world)
     with progress.stage("prepare the scene"):
-        sensors = sensor_factory(world, rig, config.light, config.weather)
+        sensors = sensor_factory(Place(world, rig, config.light, config.weather, reuse=True))
     path = folder.slices(slices_key(world, rig, config.light, config.weather, poses.trajectory))
     return Slices(path, streams, added, sensors, start_ns=min(int(stream.stamps_ns[0]) for stream in streams) - 1)
 
@@ -173,15 +173,12 @@ def _streams(poses: Poses, rig: Rig) -> list[Stream]:
             return np.stack([poses.trajectory.world_from_base(stamp) for stamp in known.tolist()])
         return poses.trajectory.world_from_base(stamp_ns)
 
-    streams: list[Stream] = []
-    for lidar in rig.lidars:
-        sweep_ns = round(1e9 / lidar.rate_hz) if lidar.spinning else 0
-        streams.append(lidar_stream(lidar, poses.stamps(lidar.name, lidar.rate_hz, sweep_ns), pose_at))
-    for imager in rig.imagers:
-        stamps = poses.stamps(imager.config.name, imager.config.rate_hz)
-        streams.append(imager_stream(imager, stamps, pose_at))
-    for sensor in rig.scene_sensors:
-        streams.append(scene_stream(sensor, poses.stamps(sensor.name, sensor.rate_hz), pose_at))
+    def stamps(config: SensorConfig, output: Output) -> Stamps:
+        return poses.stamps(config.name, output.rate_hz, round(1e9 * config.sweep_s))
+
+    movement, streams = Movement(pose_at), list[Stream]()
+    for config in (each for each in rig.in_order() if each.sees):
+        streams += sensor_streams(config, rig, partial(stamps, config), movement, 0)
     return streams
 
 

@@ -67,8 +67,8 @@ def check_frames(run: Run, rig: Rig) -> dict[tuple[str, str], Array]:
     Raises:
         BagError: the bag has one of them at another pose.
     """
-    needed = [frame for imager in rig.imagers for frame in (imager.frame, imager.optical_frame)]
-    needed += [sensor.frame for sensor in (*rig.lidars, *rig.scene_sensors)]
+    seeing = [sensor for sensor in rig.in_order() if sensor.sees]
+    needed = [frame for sensor in seeing for frame in (*sensor.frames(), *sensor.optical_frames())]
     own = {(parent, child): matrix for (parent, child), matrix in rig_transforms(rig).items() if child in needed}
     ours = StaticFrames({child: (parent, matrix) for (parent, child), matrix in own.items()}, "the rig")
     theirs = static_frames(run)
@@ -112,7 +112,7 @@ def check_poses(trajectory: Trajectory, streams: Sequence[Stream], rig: Rig, wor
     Raises:
         BagError: with time and position.
     """
-    mounts = [imager.mount for imager in rig.imagers] + [sensor.mount for sensor in (*rig.lidars, *rig.scene_sensors)]
+    mounts = [mount for sensor in rig.in_order() if sensor.sees for mount in sensor.frames().values()]
     half = np.array(world.size) / 2.0
     stamps = np.unique(np.concatenate([stream.stamps_ns for stream in streams]))
     for stamp in stamps.tolist():

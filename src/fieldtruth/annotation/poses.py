@@ -163,9 +163,10 @@ class _Log:
     def __init__(self, source: str, rig: Rig) -> None:
         self.source = source
         self.stamps, self.recorded, self.values = array("q"), array("q"), array("d")
-        rates = dict.fromkeys(sensor.rate_hz for sensor in (*rig.lidars, *rig.cameras, *rig.scene_sensors))
+        seeing = [sensor for sensor in rig.in_order() if sensor.sees]
+        rates = dict.fromkeys(output.rate_hz for each in seeing for output in each.outputs())
         self._rates = [(Fraction(rate_hz) / 10**9).as_integer_ratio() for rate_hz in rates]
-        self._every = any(lidar.spinning for lidar in rig.lidars)
+        self._every = any(sensor.sweep_s for sensor in seeing)
         self._last: tuple[_Pose, int] | None = None
         self._kept = False
 

@@ -10,10 +10,9 @@ from typing import Final
 
 from fieldtruth.experiment.config import FRAME_RATE, Experiment
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.experiment.sensor_config import KINDS, TRUTH
+from fieldtruth.experiment.sensor_config import KINDS
 from fieldtruth.experiment.topic import Topic
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
-from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
 
 TRUTH_RATE: Final = 1000.0  # [Hz]; the physics rate
 MOST_REPEATED: Final = 500
@@ -42,11 +41,9 @@ _TRUTH: Final = (
 def topics_of(rig: Rig, *, latched: bool = False) -> tuple[Topic, ...]:
     """Topics that this rig publishes; ``latched``: static objects have a topic of their own."""
     rows = [row for row in _TRUTH if latched or row.kind != "objects"]
-    others = set(WHEEL_SPEEDS) - set(rig.wheel_speed_topics)  # of a robot with two wheels
-    absent = others | {name + TRUTH for name in others}
     for sensor in rig.in_order():
-        rows += (topic for topic in sensor.topics() if topic.name not in absent)
-        if sensor == rig.wheel_odometry:
+        rows += (topic for output in sensor.outputs_on(rig.robot) for topic in output.topics)
+        if sensor.needs_wheels:
             # The controller's rate is that of the IMU.
             rows.append(Topic(COMMANDS, "geometry_msgs/msg/Twist", rig.imu.rate_hz, sensor.kind, sensor.name))
     return tuple(rows)

@@ -13,16 +13,14 @@ from fieldtruth.bag.topics import topics_of
 from fieldtruth.core.cache_folder import keep_temporary_files_in_memory
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_body import visible_parts
 from fieldtruth.record.slices import Slices
 from fieldtruth.record.stream import Sensors
 from fieldtruth.record.streams import streams_of
 from fieldtruth.render.bake import BakedScene
-from fieldtruth.sense.robot_view import robot_views
 from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.signal_camera import new_camera
+from fieldtruth.sensors.kind import At, Movement, Place
+from fieldtruth.sensors.known import new_sensors
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.sensing import Lidar
 
 SECONDS: Final = 4
 """Simulated time [s] that is recorded, one slice per second: a multiple of the usual numbers of workers."""
@@ -67,15 +65,13 @@ def record(baked: BakedScene, track: Track, rig: Rig, *, workers: int, seconds: 
 
 
 def sensors_of(baked: BakedScene, rig: Rig, *, used: bool = False) -> Sensors:
-    """The cameras and LiDARs of one worker in a scene that all share.
+    """The sensors of one worker in a scene that all share.
 
     ``used``: after the first use of their memory, which a long run pays once.
     """
-    lidars = {config.name: Lidar(config, baked.scene, visible_parts(rig)) for config in rig.lidars}
-    cameras = {config.name: new_camera(config, baked) for config in rig.cameras}
-    if used:
-        for camera in cameras.values():
-            camera.render(np.eye(4))
-        for lidar in lidars.values():
-            lidar.scan(np.eye(4))
-    return Sensors(lidars, cameras, robot=robot_views(rig), wide_ids=baked.scene.world.has_wide_ids)
+    sensors = new_sensors(Place(baked.scene.world, rig, baked=baked, reuse=True))
+    still = Movement(lambda stamps: np.tile(np.eye(4), (*np.shape(stamps), 1, 1)))
+    for sensor in sensors.values() if used else ():
+        for output in sensor.config.outputs():
+            sensor.read(output, At(0, 0, 0, still))
+    return sensors

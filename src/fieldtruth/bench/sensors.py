@@ -21,8 +21,8 @@ from fieldtruth.render.bake import BakedScene
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
-from fieldtruth.sensors.camera.sensing import Camera
-from fieldtruth.sensors.lidar.sensing import Lidar, ray_directions
+from fieldtruth.sensors.camera.sensing import IdealCamera
+from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
 from fieldtruth.world.model import World
 
 _TRIAL_POSES = 4
@@ -59,7 +59,7 @@ def measure_lidars(scene: Scene, rig: Rig, poses: Sequence[Array], repeats: int)
     """Rates of labelled scans of all LiDARs and of bare rays from poses world_from_base; empty without LiDAR."""
     mrays, total = 0.0, np.zeros(2)
     for config in rig.lidars:
-        lidar, directions = Lidar(config, scene), ray_directions(config).astype(np.float32)
+        lidar, directions = IdealLidar(config, scene), ray_directions(config).astype(np.float32)
         poses_of = [pose @ config.mount.base_from_sensor for pose in poses]
         mrays += len(poses_of) * directions.size / 3 / 1e6
         total += _against_bare(scene, directions, config.max_range, poses_of, [lidar.scan], _LIDAR_TRIES * repeats)
@@ -77,7 +77,7 @@ def measure_cameras(baked: BakedScene, rig: Rig, poses: Sequence[Array], repeats
     """Label images and photographs of all cameras against bare rays from poses world_from_base; empty without one."""
     mrays, total = 0.0, np.zeros(5)
     for config in rig.cameras:
-        camera, directions = Camera(config, baked, reuse=True), pixel_directions(config)
+        camera, directions = IdealCamera(config, baked, reuse=True), pixel_directions(config)
         geometry = LabelCamera(config.model_copy(update={"normals": True}), baked.scene, reuse=True)
         poses_of = [pose @ imager.base_from_optical for pose in poses for imager in config.imagers()]
         mrays += len(poses_of) * directions.size / 3 / 1e6

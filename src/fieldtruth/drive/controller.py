@@ -7,6 +7,7 @@ position of the last one.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +16,14 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.geodesy import world_from_geodetic
 from fieldtruth.drive.robot import STOP, Command
 from fieldtruth.experiment.config import ControlConfig
+
+
+class FollowerState(NamedTuple):
+    """Waypoints, current one and last fix of a ``WaypointFollower``."""
+
+    waypoints_xy: Array
+    target: int
+    antenna_xy: Array
 
 
 class WaypointFollower:
@@ -45,9 +54,13 @@ class WaypointFollower:
         self.waypoints_xy = np.vstack([self.waypoints_xy, horizontal_from_geodetic(waypoint)])
         self._arrive(self.antenna_xy)
 
-    def go_back(self, waypoints: int, antenna_xy: Array) -> None:
-        """Return to the fix that reached the last of the first so many waypoints, and forget the others."""
-        self.waypoints_xy, self.target, self.antenna_xy = self.waypoints_xy[:waypoints], waypoints, antenna_xy
+    def save(self) -> FollowerState:
+        """Return what ``restore`` needs to go on from here."""
+        return FollowerState(self.waypoints_xy, self.target, self.antenna_xy)
+
+    def restore(self, saved: FollowerState) -> None:
+        """Go on from where ``save`` was called, and forget waypoints that were added since then."""
+        self.waypoints_xy, self.target, self.antenna_xy = saved
 
     def _arrive(self, antenna_xy: Array) -> None:
         self.antenna_xy = antenna_xy

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Motion along given poses instead of a simulated drive, with the readings of IMU and GNSS receiver.
+"""Motion along given poses instead of a simulated drive.
 
 Positions follow a cubic spline through the poses, orientations SciPy's rotation spline: velocity, turn rate and their
 derivatives are continuous. The rate of the physics samples both; velocity and turn rate are those of the step that ends
@@ -18,7 +18,7 @@ from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import TrackError
 from fieldtruth.core.frames import wxyz_from_xyzw, xyzw_from_wxyz
 from fieldtruth.drive.physics import STEP_NS, STEP_S
-from fieldtruth.drive.readings import read_fixes, read_imus, sweep_steps
+from fieldtruth.drive.readings import sweep_steps
 from fieldtruth.drive.track import Motion, Track
 from fieldtruth.experiment.rig import Rig
 
@@ -78,14 +78,12 @@ def motion_along(
     )
 
 
-def readings_along(swept: Motion, rig: Rig) -> Track:
-    """Return a motion, which ends with the sweep of the last scan, with the readings of IMU and GNSS receiver.
+def track_along(swept: Motion, rig: Rig) -> Track:
+    """Return the track of a motion, which ends with the sweep of the last scan.
 
     What moves along given poses may have no wheels.
     """
-    motion = swept.first(len(swept.stamps_ns) - sweep_steps(rig))
-    imus, fixes = read_imus(motion, rig), read_fixes(motion, rig)
-    return Track(motion=motion, swept=swept, imus=imus, fixes=fixes, base=None)
+    return Track(motion=swept.first(len(swept.stamps_ns) - sweep_steps(rig)), swept=swept, base=None)
 
 
 def _attitudes(times: Array, quaternion_wxyz: Array, steps: Array) -> Array:

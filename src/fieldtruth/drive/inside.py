@@ -74,8 +74,8 @@ def _first_inside(world: World, world_from_base: Array, rig: Rig) -> tuple[int, 
 
 def _points(rig: Rig) -> dict[str, tuple[float, float, float]]:
     """Checked points in base_link [m] by frame."""
-    origins = {config.frame: config.mount.xyz for config in (*rig.lidars, *rig.scene_sensors)}
-    origins |= {imager.frame: imager.mount.xyz for imager in rig.imagers}
+    mounts = (item for sensor in rig.in_order() if sensor.sees for item in sensor.frames().items())
+    origins = {frame: mount.xyz for frame, mount in mounts}
     return {"base_link": (0.0, 0.0, 0.0), **origins}
 
 

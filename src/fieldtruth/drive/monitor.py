@@ -39,8 +39,11 @@ class DriveMonitor:
         self._timeout = TIMEOUT_SECONDS + math.tau / control.max_turn_rate
         self.progress = Nearing(0.0, (math.inf, math.inf), 0.0, math.inf, -1)
 
-    def check(self, time_s: float, position: Array, quaternion_wxyz: Array) -> None:
-        """Raise if the robot at this pose of base_link has left the world, is in water, tipped over or stuck."""
+    def check(self, time_s: float, position: Array, quaternion_wxyz: Array, *, is_following: bool = True) -> None:
+        """Raise if the robot at this pose of base_link has left the world, is in water, tipped over or stuck.
+
+        Nobody is stuck who drives by other commands than those of the follower.
+        """
         x, y = float(position[0]), float(position[1])
         if not (abs(x) <= self._half_size[0] and abs(y) <= self._half_size[1]):  # also true for nan
             self.fail("outside the world", time_s, x, y)
@@ -49,7 +52,9 @@ class DriveMonitor:
         up = 1 - 2 * float(quaternion_wxyz[1] ** 2 + quaternion_wxyz[2] ** 2)
         if up < math.cos(math.radians(MAX_TILT_DEG)):
             self.fail("tipped over", time_s, x, y)
-        if not self._follower.finished:
+        if not is_following:
+            self.progress = Nearing(time_s, (x, y), time_s, math.inf, -1)
+        elif not self._follower.finished:
             self._check_progress(time_s, x, y)
 
     def _node(self, x: float, y: float) -> tuple[int, int]:

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz
-from fieldtruth.drive.controller import WaypointFollower, horizontal_from_geodetic
+from fieldtruth.drive.controller import FollowerState, WaypointFollower, horizontal_from_geodetic
 from fieldtruth.drive.hull import EVERY
 from fieldtruth.drive.monitor import DriveMonitor, Nearing
 from fieldtruth.drive.physics import STEP_NS, STEP_S, resting_pose
-from fieldtruth.drive.readings import read_fixes, read_imus, sweep_steps
+from fieldtruth.drive.readings import sweep_steps
 from fieldtruth.drive.robot import STOP, Command, ramp, wheel_speeds
 from fieldtruth.drive.soil_contact import SoilContact
 from fieldtruth.drive.steps import due_step, steps_at_rate
@@ -32,7 +32,6 @@ from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import geodetic_route
 from fieldtruth.sensors.gnss.sensing import antenna_geodetic
 from fieldtruth.sensors.imu.sensing import heading
-from fieldtruth.sensors.wheel_odometry.sensing import read_odometry, read_tachometers
 from fieldtruth.world.model import World
 
 STOP_SECONDS: Final = 0.5
@@ -69,26 +68,33 @@ def drive(world: World, experiment: Experiment, *, progress: Callable[[float], N
 class RobotState(NamedTuple):
     """What ``SimulatedRobot`` needs to go on from here."""
 
-    step: int
+    steps: int
+    ramp: tuple[Command, Command, int]
     command: Command
     xy: Array
     surroundings: FollowingState
 
 
 class Checkpoint(NamedTuple):
-    """A drive at the moment at which the fix that reaches a waypoint has been read."""
+    """A drive at a moment: what ``Drive.restore`` needs to go on from there."""
 
     robot: RobotState
-    progress: Nearing
-    antenna_xy: Array
+    follower: FollowerState
+    nearing: Nearing
     state: Array
     blocks: int
     commands: int
+    periods: int
     fixes: int
+    end: float
+    arrived: bool
 
 
 class Drive:
     """A drive along waypoints, to which others may be added while it goes on, and which can go back to a checkpoint.
+
+    Periods of control begin at the readings of the IMU: there the follower gives the robot a command, the ramp of the
+    wheels' speeds begins anew, and the monitor looks. So the motion does not depend on how a drive is cut into steps.
 
     Args:
         world: the world to drive in.
@@ -108,9 +114,12 @@ class Drive:
         self._follower = WaypointFollower(route.waypoints, experiment.control)
         self._monitor = DriveMonitor(world, self._follower, experiment.control)
         soil = SoilContact(world, self._rig.wheels, experiment.soil)
-        self._robot = SimulatedRobot(world, self._rig, self._monitor, soil)
-        self._state = self._robot.spawn(horizontal_from_geodetic(route.start), self._follower.waypoints_xy[0])
-        self._blocks, self._commands, self._fixes = list[Array](), list[Command](), 0
+        self.robot = SimulatedRobot(world, self._rig, self._monitor, soil)
+        self.end: float = math.inf
+        """Physics step at which the drive ends: infinite until it is limited, or the last waypoint is reached."""
+        self._state = self.robot.spawn(horizontal_from_geodetic(route.start), self._follower.waypoints_xy[0])
+        self._blocks, self._commands, self._periods, self._fixes = list[Array](), list[Command](), 0, 0
+        self._sweep, self._arrived = sweep_steps(self._rig), False
         self._read_fix(self._state)
 
     def add(self, waypoint: tuple[float, float]) -> None:
@@ -124,24 +133,37 @@ class Drive:
             DriveError: it cannot be.
         """
         while not self._follower.finished:
-            self._advance()
+            self._advance(math.inf)
+        return self.save()
+
+    def save(self) -> Checkpoint:
+        """Return what ``restore`` needs to go on from here."""
         return Checkpoint(
-            self._robot.save(),
+            self.robot.save(),
+            self._follower.save(),
             self._monitor.progress,
-            self._follower.antenna_xy,
             self._state,
             len(self._blocks),
             len(self._commands),
+            self._periods,
             self._fixes,
+            self.end,
+            self._arrived,
         )
 
-    def go_back(self, checkpoint: Checkpoint, waypoints: int) -> None:
-        """Return to a checkpoint at the last of so many ``waypoints``, and forget the others."""
-        self._robot.restore(checkpoint.robot)
-        self._monitor.progress = checkpoint.progress
-        self._follower.go_back(waypoints, checkpoint.antenna_xy)
-        self._state, self._fixes = checkpoint.state, checkpoint.fixes
-        del self._blocks[checkpoint.blocks :], self._commands[checkpoint.commands :]
+    def restore(self, saved: Checkpoint) -> None:
+        """Go on from where ``save`` was called, and forget what came after it."""
+        self.robot.restore(saved.robot)
+        self._follower.restore(saved.follower)
+        self._monitor.progress = saved.nearing
+        self._state, self._periods, self._fixes = saved.state, saved.periods, saved.fixes
+        self.end, self._arrived = saved.end, saved.arrived
+        del self._blocks[saved.blocks :], self._commands[saved.commands :]
+
+    def limit(self, seconds: float | None) -> None:
+        """End the drive after this time [s] at the latest."""
+        if seconds is not None:
+            self.end = max(1, round(seconds / STEP_S))
 
     def finish(self, seconds: float | None = None) -> Track:
         """Drive to the last waypoint and stop there, or for ``seconds``; return the whole track.
@@ -149,34 +171,61 @@ class Drive:
         Raises:
             DriveError: as ``drive``.
         """
-        end = math.inf if seconds is None else max(1, round(seconds / STEP_S))
-        sweep, arrived = sweep_steps(self._rig), False
-        while True:
-            if self._follower.finished and not arrived:
-                arrived, end = True, min(end, self._robot.step + round(STOP_SECONDS / STEP_S))
-            if self._robot.step >= end + sweep:
-                break
-            self._advance(end + sweep)
+        self.limit(seconds)
+        while self._advance(math.inf):
+            pass
         # The reading of the IMU at the end has the command that follows it.
-        commands = [*self._commands, self._command()]
-        return _track(self._blocks, int(end), np.array(commands[1:]), self._rig)
+        commands = [*self._commands, self._follow()]
+        return _track(self._blocks, int(self.end), np.array(commands[1:]), self._rig)
 
-    def _command(self) -> Command:
+    def drive_to(self, step: int, command: Command | None = None) -> tuple[Motion, WheelMotion]:
+        """Drive to a physics step, at most to where the sweep after the end is complete; return the motion since then.
+
+        Args:
+            step: counted from time 0.
+            command: of the robot from now on; None for those of the follower.
+
+        Raises:
+            DriveError: as ``drive``.
+        """
+        first = self.robot.steps + 1
+        while self._advance(step, command):
+            pass
+        blocks = self._blocks or [np.empty((0, _WHEELS + 2 * len(self._rig.wheels.names)))]
+        motion, wheels = _motion(blocks, first), _wheels(blocks)
+        self._blocks, self._commands = [], []
+        return motion, wheels
+
+    def _follow(self) -> Command:
         return self._follower.command(heading(self._state[_QUATERNION]))
 
-    def _advance(self, end: float = math.inf) -> None:
-        """Drive to the next reading of the IMU, or to the step ``end``."""
-        robot, began = self._robot, self._robot.step
-        self._commands.append(self._command())
-        next_reading = due_step(self._rig.imu.rate_hz, len(self._commands))
-        block = robot.advance(self._commands[-1], int(min(next_reading, end)) - began)
+    def _advance(self, step: float, command: Command | None = None) -> bool:
+        """Drive to the next period of control, at most to a step; return False at that step, or behind the end."""
+        robot, began, rate = self.robot, self.robot.steps, self._rig.imu.rate_hz
+        begins = began == due_step(rate, self._periods)
+        if begins and self._follower.finished and not self._arrived:
+            self._arrived, self.end = True, min(self.end, began + round(STOP_SECONDS / STEP_S))
+        last = self.end + self._sweep
+        if began >= min(step, last):
+            return False
+        if begins:
+            self._commands.append(self._follow() if command is None else command)
+            self._periods += 1
+            robot.head_for(self._commands[-1])
+        elif command is not None and command != robot.target:
+            robot.head_for(command)
+        due = due_step(rate, self._periods)
+        block = robot.drive(int(min(due, step, last)) - began)
         self._blocks.append(block)
         self._state = block[-1]
-        while (fix := due_step(self._rig.gnss.rate_hz, self._fixes + 1)) <= robot.step:
+        if robot.steps in {due, last}:
+            self._monitor.check(robot.seconds, *robot.pose, is_following=command is None)
+        while (fix := due_step(self._rig.gnss.rate_hz, self._fixes + 1)) <= robot.steps:
             self._read_fix(block[fix - began - 1])
             self._fixes += 1
         if self._progress is not None and int(robot.seconds) > int(began * STEP_S):
             self._progress(robot.seconds)
+        return True
 
     def _read_fix(self, state: Array) -> None:
         latitude, longitude, _ = antenna_geodetic(state[_POSITION], state[_QUATERNION], self._rig.gnss.mount)
@@ -184,67 +233,135 @@ class Drive:
 
 
 class SimulatedRobot:
-    """The robot in the physics simulation. ``step`` counts the physics steps since the recording began."""
+    """The robot of a rig in the physics simulation of a world.
+
+    ``steps`` counts the physics steps, of 1 ms, since the recording began; it is negative while the robot settles.
+
+    Args:
+        world: the world to drive in.
+        rig: supplies the robot.
+        monitor: ends a drive that cannot go on.
+        soil: what the ground does to the wheels; None for hard ground.
+    """
 
     def __init__(self, world: World, rig: Rig, monitor: DriveMonitor, soil: Soil | None = None) -> None:
-        self.step = 0
+        self.steps = 0
         self._following = Following(world, rig, soil)
         self._rig = rig
         self._monitor = monitor
         self._command = STOP
+        self._ramp = STOP, STOP, 0
         self._xy = np.zeros(2)
 
     @property
     def seconds(self) -> float:
         """Simulated time [s]; 0 while the robot settles."""
-        return max(0, self.step) * STEP_NS / 1e9
+        return max(0, self.steps) * STEP_NS / 1e9
+
+    @property
+    def command(self) -> Command:
+        """Forward speed [m/s] and turn rate [rad/s] that the wheels are driven with: on the way to ``target``."""
+        return self._command
+
+    @property
+    def target(self) -> Command:
+        """Command that the robot was given last."""
+        return self._ramp[1]
+
+    @property
+    def pose(self) -> tuple[Array, Array]:
+        """Position (3,) [m] and quaternion_wxyz (4,) of base_link in the world."""
+        qpos = self.surroundings.data.qpos
+        return qpos[:3].copy(), qpos[3:7].copy()
+
+    @property
+    def velocity(self) -> tuple[Array, Array]:
+        """Velocity (3,) [m/s] of base_link's origin in the world, and turn rate (3,) [rad/s] in base_link."""
+        qvel = self.surroundings.data.qvel
+        return qvel[:3].copy(), qvel[3:6].copy()
+
+    @property
+    def wheel_angles(self) -> Array:
+        """Angles (wheels,) [rad], in the order of the rig's ``wheels.names``, since the robot was put down."""
+        return np.array(self.surroundings.data.qpos[7:])
+
+    @property
+    def wheel_speeds(self) -> Array:
+        """Angular speeds (wheels,) [rad/s], positive forwards."""
+        return np.array(self.surroundings.data.qvel[6:])
 
     def save(self) -> RobotState:
         """Return what ``restore`` needs to go on from here."""
-        return RobotState(self.step, self._command, self._xy, self._following.save())
+        return RobotState(self.steps, self._ramp, self._command, self._xy, self._following.save())
 
     def restore(self, saved: RobotState) -> None:
         """Go on from where ``save`` was called."""
-        self.step, self._command, self._xy = saved.step, saved.command, saved.xy
+        self.steps, self._ramp, self._command, self._xy = saved.steps, saved.ramp, saved.command, saved.xy
         self._following.restore(saved.surroundings)
 
     def spawn(self, start_xy: Array, ahead_xy: Array) -> Array:
         """Put the robot at ``start_xy`` [m], facing ``ahead_xy``, let it settle, and return the state at time 0."""
         north, west = ahead_xy - start_xy
         self._xy = start_xy
-        here = self.surroundings
+        here = self._following.at(start_xy)
         here.data.qpos[:3], here.data.qpos[3:7] = resting_pose(
             here.bearing, start_xy, math.atan2(west, north), self._rig
         )
-        self.step = -round(SETTLE_SECONDS / STEP_S)
-        settled: Array = self.advance(STOP, -self.step)[-1]
+        self.steps = -round(SETTLE_SECONDS / STEP_S)
+        settled: Array = self.advance(STOP, -self.steps)[-1]
         return settled
 
     @property
     def surroundings(self) -> Surroundings:
         """Physics of the part of the world around the robot."""
-        return self._following.at(self._xy)
+        return self._following.here
+
+    def step(self, command: tuple[float, float], seconds: float) -> None:
+        """Drive on for some time [s], a multiple of 1 ms, towards a speed [m/s] and a turn rate [rad/s].
+
+        The robot accelerates within its limits; the same command again goes on with its ramp. The robot of a simulation
+        is moved by ``Simulation.step``, which calls this.
+
+        Raises:
+            DriveError: the robot tips over, touches an obstacle, drives into water or leaves the world.
+        """
+        if command != self.target:
+            self.head_for(Command(*command))
+        self.drive(round(seconds / STEP_S))
+        self._monitor.check(self.seconds, *self.pose, is_following=False)
 
     def advance(self, command: Command, count: int) -> Array:
         """Drive ``count`` physics steps towards ``command`` and return the state after each, (count, 13 + 2 wheels)."""
-        here = self.surroundings
+        self.head_for(command)
+        states = self.drive(count)
+        self._monitor.check(self.seconds, states[-1, _POSITION], states[-1, _QUATERNION])
+        return states
+
+    def head_for(self, command: Command) -> None:
+        """Begin to accelerate towards a command, from what the wheels are driven with."""
+        self._ramp = self._command, command, 0
+        self._following.at(self._xy)
+
+    def drive(self, count: int) -> Array:
+        """Drive ``count`` physics steps towards the target and return the state after each, (count, 13 + 2 wheels)."""
+        here, (begun, target, since) = self.surroundings, self._ramp
         model, data, contacts = here.model, here.data, here.contacts
         qpos, qvel, ctrl = data.qpos, data.qvel, data.ctrl
-        commands = ramp(self._command, command, np.arange(1, count + 1) * STEP_S, self._rig.robot)
+        commands = ramp(begun, target, np.arange(since + 1, since + count + 1) * STEP_S, self._rig.robot)
         turning = _WHEELS + len(self._rig.wheels.names)
         states = np.empty((count, len(qpos) + len(qvel)))
         for state, speeds in zip(states, wheel_speeds(commands, self._rig.wheels), strict=True):
             ctrl[:] = speeds
-            if self.step % EVERY == 0:
+            if self.steps % EVERY == 0:
                 here.is_near_ground = here.hull.is_near_ground(qpos)
             contacts.update()
             mujoco.mj_step(model, data)
-            self.step += 1
+            self.steps += 1
             state[:7], state[7:turning], state[turning:] = qpos[:7], qvel, qpos[7:]
             if contacts.read():
                 self._monitor.fail(f"touched {here.touched()}", self.seconds, *state[:2])
-        self._command, self._xy = Command(*commands[-1]), states[-1, :2]
-        self._monitor.check(self.seconds, states[-1, _POSITION], states[-1, _QUATERNION])
+        if count:
+            self._ramp, self._command, self._xy = (begun, target, since + count), Command(*commands[-1]), states[-1, :2]
         return states
 
 
@@ -259,37 +376,40 @@ def _track(blocks: list[Array], count: int, commands: Array, rig: Rig) -> Track:
     while blocks:
         merged.append(np.concatenate(blocks[:_MERGED]))
         del blocks[:_MERGED]
+    swept, turned = _motion(merged, 1), _wheels(merged)
+    motion = swept.first(count)
+    wheels = WheelMotion(angle=turned.angle[:count], speed=turned.speed[:count])
+    return Track(motion=motion, swept=swept, base=_base(motion, wheels, commands, rig))
 
-    def columns(which: NDArray[np.intp]) -> Array:
-        return np.concatenate([block[:, which] for block in merged])
+
+def _columns(blocks: list[Array], which: NDArray[np.intp]) -> Array:
+    return np.concatenate([block[:, which] for block in blocks])
+
+
+def _motion(blocks: list[Array], first: int) -> Motion:
+    """Motion of states, (n, 13 + 2 wheels) each block, from the physics step ``first`` on."""
 
     def turn_rate(block: Array) -> Array:
-        rates = np.einsum("nij,nj->ni", rotation_from_quaternion_wxyz(block[:, _QUATERNION]), block[:, _TURN_RATE])
-        return np.asarray(rates)
+        rows = np.repeat(block, 2, axis=0) if len(block) == 1 else block  # one row alone is rounded otherwise
+        rates = np.einsum("nij,nj->ni", rotation_from_quaternion_wxyz(rows[:, _QUATERNION]), rows[:, _TURN_RATE])
+        return np.asarray(rates)[: len(block)]
 
-    swept = Motion(
-        stamps_ns=np.arange(1, sum(map(len, merged)) + 1, dtype=np.int64) * STEP_NS,
-        position=columns(_POSITION),
-        quaternion_wxyz=columns(_QUATERNION),
-        linear_velocity=columns(_VELOCITY),
-        angular_velocity=np.concatenate([turn_rate(block) for block in merged]),
+    return Motion(
+        stamps_ns=np.arange(first, first + sum(map(len, blocks)), dtype=np.int64) * STEP_NS,
+        position=_columns(blocks, _POSITION),
+        quaternion_wxyz=_columns(blocks, _QUATERNION),
+        linear_velocity=_columns(blocks, _VELOCITY),
+        angular_velocity=np.concatenate([turn_rate(block) for block in blocks]),
     )
-    motion = swept.first(count)
-    speeds, angles = np.split(np.arange(_WHEELS, merged[0].shape[1]), 2)
-    wheels = WheelMotion(angle=columns(angles)[:count], speed=columns(speeds)[:count])
-    imus, fixes = read_imus(motion, rig), read_fixes(motion, rig)
-    base = _base(motion, wheels, commands, rig)
-    return Track(motion=motion, swept=swept, imus=imus, fixes=fixes, base=base)
+
+
+def _wheels(blocks: list[Array]) -> WheelMotion:
+    speeds, angles = np.split(np.arange(_WHEELS, blocks[0].shape[1]), 2)
+    return WheelMotion(angle=_columns(blocks, angles), speed=_columns(blocks, speeds))
 
 
 def _base(motion: Motion, wheels: WheelMotion, commands: Array, rig: Rig) -> Base | None:
-    config = rig.wheel_odometry
-    if config is None:
+    if not rig.reports_wheels:
         return None
     stamps = motion.stamps_ns[steps_at_rate(rig.imu.rate_hz, int(motion.stamps_ns[-1])) - 1]
-    return Base(
-        wheels=wheels,
-        tachometers=read_tachometers(motion, wheels.speed, config.tachometer_rate_hz),
-        odometry=read_odometry(motion.stamps_ns, wheels, rig.wheels, config.rate_hz),
-        commands=Commands(stamps_ns=stamps, command=commands[: len(stamps)].reshape(-1, 2)),
-    )
+    return Base(wheels=wheels, commands=Commands(stamps_ns=stamps, command=commands[: len(stamps)].reshape(-1, 2)))

@@ -75,7 +75,7 @@ def standing_robot(world: World, experiment: Experiment) -> Track:
         linear_velocity=np.zeros((config.count, 3)),
         angular_velocity=np.zeros((config.count, 3)),
     )
-    return Track(motion=motion, swept=motion, imus={}, fixes={}, base=None, is_frames=True)
+    return Track(motion=motion, swept=motion, base=None, is_frames=True)
 
 
 def _spread(size: tuple[float, float], free: Callable[[Array], Mask], count: int, rng: np.random.Generator) -> Array:

@@ -13,9 +13,9 @@ from fieldtruth.drive.physics import STEP_NS
 from fieldtruth.drive.track import stamps_at_rate
 
 
-def steps_at_rate(rate_hz: float, duration_ns: int) -> Counts:
-    """Physics steps (n,), counted from 1, at which a sensor of ``rate_hz`` reads, ``duration_ns`` included."""
-    return np.rint(stamps_at_rate(rate_hz, duration_ns) / STEP_NS).astype(np.int64)
+def steps_at_rate(rate_hz: float, duration_ns: int, since_ns: int = 0) -> Counts:
+    """Physics steps (n,), counted from 1, of the readings of a sensor that are due after one time and up to another."""
+    return np.rint(stamps_at_rate(rate_hz, duration_ns, since_ns) / STEP_NS).astype(np.int64)
 
 
 def due_step(rate_hz: float, number: int) -> int:

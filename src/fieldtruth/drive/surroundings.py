@@ -91,6 +91,11 @@ class Following:
         self._middle = np.zeros(2)
         self._here: Surroundings | None = None
 
+    @property
+    def here(self) -> Surroundings:
+        """Surroundings of the last point that was given."""
+        return self.at(self._middle)
+
     def at(self, xy: Array) -> Surroundings:
         """Return the surroundings of a point (2,) [m]: those of the call before until it is near their edge."""
         before = self._here
@@ -107,7 +112,7 @@ class Following:
 
     def save(self) -> FollowingState:
         """Return what ``restore`` needs to go on from here."""
-        here = self.at(self._middle)
+        here = self.here
         wheels = here.contacts.wheels
         soil = self._soil.state.copy() if isinstance(self._soil, SoilContact) else np.zeros((len(wheels.load), 3))
         return FollowingState(

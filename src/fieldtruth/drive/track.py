@@ -1,8 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Result of a drive: the true motion at the physics rate, readings of the sensors, wheel odometry and commands."""
+"""Result of a drive: the true motion at the physics rate and commands; and series of readings that it makes."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -123,11 +122,9 @@ class Commands:
 
 @dataclass(frozen=True, kw_only=True)
 class Base:
-    """What a robot with wheels reports of itself. Rows of ``wheels`` are those of the track's motion."""
+    """What a robot with wheels does. Rows of ``wheels`` are those of the track's motion."""
 
     wheels: WheelMotion
-    tachometers: TachometerReadings
-    odometry: WheelOdometry
     commands: Commands
 
 
@@ -138,13 +135,10 @@ class Track:
     motion: Motion
     swept: Motion
     """The motion, continued beyond the end until the last scan of a spinning LiDAR is complete."""
-    imus: Mapping[str, ImuReadings]
-    fixes: Mapping[str, GnssReadings]
-    """Readings of IMUs and GNSS receivers by the name of the sensor."""
     base: Base | None
     """None without wheels, as along a track file."""
     is_frames: bool = False
-    """Whether each row of the motion is a pose of its own, at which all sensors read; there is no IMU and no GNSS."""
+    """Whether each row of the motion is a pose of its own, at which all sensors read; no sensor measures motion."""
 
     @property
     def duration_s(self) -> float:
@@ -158,8 +152,8 @@ class Track:
         return float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum())
 
 
-def stamps_at_rate(rate_hz: float, duration_ns: int) -> Stamps:
-    """Stamps [ns] of a sensor of ``rate_hz``: k / rate for k = 1, 2, ... up to and including ``duration_ns``."""
-    count = int(duration_ns * rate_hz / 1e9 + 1e-9)
-    stamps: Stamps = np.rint(np.arange(1, count + 1) * (1e9 / rate_hz)).astype(np.int64)
+def stamps_at_rate(rate_hz: float, duration_ns: int, since_ns: int = 0) -> Stamps:
+    """Stamps [ns] of a sensor of ``rate_hz``: k / rate for k = 1, 2, ..., after ``since_ns`` up to ``duration_ns``."""
+    first, last = (int(time_ns * rate_hz / 1e9 + 1e-9) for time_ns in (since_ns, duration_ns))
+    stamps: Stamps = np.rint(np.arange(first + 1, last + 1) * (1e9 / rate_hz)).astype(np.int64)
     return stamps

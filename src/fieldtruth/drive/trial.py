@@ -51,7 +51,7 @@ class TrialDrive:
         """
         if self._drive is None or not self._checkpoints:
             raise DriveError("the robot reaches no waypoint")
-        self._drive.go_back(self._checkpoints[-1], len(self._checkpoints))
+        self._drive.restore(self._checkpoints[-1])
         return self._drive.finish()
 
     def _back_to(self, route: RouteConfig) -> Drive:
@@ -61,7 +61,7 @@ class TrialDrive:
         common = min(common, len(route.waypoints)) if self._start == route.start else 0
         del self._waypoints[common:], self._checkpoints[common:]
         if self._drive is not None and common:
-            self._drive.go_back(self._checkpoints[-1], common)
+            self._drive.restore(self._checkpoints[-1])
         else:
             self._start = route.start
             first = RouteConfig(start=route.start, waypoints=route.waypoints[:1])

@@ -3,8 +3,8 @@
 """Configuration of the robot and its sensors; by default the paper's (Tables 1, 2 and 5)."""
 
 import itertools
-from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, ClassVar, Final, Self, TypeVar
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
 
@@ -18,7 +18,7 @@ from fieldtruth.experiment.sections import (
     with_robot,
     with_sections,
 )
-from fieldtruth.experiment.sensor_config import MountedConfig, SensorConfig, sensor_of
+from fieldtruth.experiment.sensor_config import SensorConfig, sensor_of
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.urdf import with_urdf_mounts
 from fieldtruth.sensors.camera.config import CameraConfig, Imager
@@ -30,12 +30,6 @@ from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS, WheelOdometry
 
 _Config = TypeVar("_Config", bound=SensorConfig)
 Sensor = Annotated[SerializeAsAny[SensorConfig], BeforeValidator(sensor_of)]
-
-
-IN_BAG: Final = (ImuConfig, GnssConfig, WheelOdometryConfig, LidarConfig, CameraConfig)
-"""Order in which the topics of the sensors are in a bag: the paper's Table 5."""
-IN_TABLE_2: Final = (GnssConfig, LidarConfig, CameraConfig, ImuConfig)
-"""Order in which the frames of the sensors are in /tf_static: the paper's Table 2."""
 
 
 class Rig(Frozen):
@@ -95,11 +89,6 @@ class Rig(Frozen):
         return tuple(imager for camera in self.cameras for imager in camera.imagers())
 
     @property
-    def scene_sensors(self) -> tuple[MountedConfig, ...]:
-        """The sensors that are enabled, of kinds that another package has added (``sense.scene_sensor``)."""
-        return tuple(each for each in self.enabled(MountedConfig) if not isinstance(each, IN_BAG))
-
-    @property
     def imus(self) -> tuple[ImuConfig, ...]:
         """The inertial measurement units that are enabled."""
         return self.enabled(ImuConfig)
@@ -113,6 +102,11 @@ class Rig(Frozen):
     def wheel_odometry(self) -> WheelOdometryConfig | None:
         """The wheel odometry, if it is enabled."""
         return next(iter(self.enabled(WheelOdometryConfig)), None)
+
+    @property
+    def reports_wheels(self) -> bool:
+        """Whether a sensor reports of the robot's wheels; then its commands are published, too."""
+        return any(sensor.needs_wheels and sensor.enabled for sensor in self.sensors)
 
     @property
     def lidar(self) -> LidarConfig:
@@ -140,7 +134,7 @@ class Rig(Frozen):
 
     def in_order(self) -> tuple[SensorConfig, ...]:
         """The sensors that are enabled, in the order in which their topics are in a bag."""
-        return tuple(sorted((each for each in self.sensors if each.enabled), key=lambda each: _rank(each, IN_BAG)))
+        return tuple(sorted((each for each in self.sensors if each.enabled), key=lambda each: each.bag_order))
 
     def with_sensors(self, config: type[SensorConfig], **values: Any) -> Self:
         """Return a rig in which all sensors of a class, or of one derived from it, have other values."""
@@ -149,7 +143,7 @@ class Rig(Frozen):
 
     def mounts(self) -> dict[str, Mount]:
         """Every frame that is fixed in base_link by name: those of the sensors and of the robot."""
-        sensors = sorted(self.sensors, key=lambda sensor: _rank(sensor, IN_TABLE_2))
+        sensors = sorted(self.sensors, key=lambda sensor: sensor.frame_order)
         return dict(frame for sensor in sensors for frame in sensor.frames().items()) | self._own_frames()
 
     def _own_frames(self) -> dict[str, Mount]:
@@ -167,10 +161,6 @@ class Rig(Frozen):
         enabled = self.enabled(config)
         own = enabled or [sensor for sensor in self.sensors if isinstance(sensor, config)]
         return own[0] if own else config.model_validate({"enabled": False})
-
-
-def _rank(sensor: SensorConfig, order: Sequence[type[SensorConfig]]) -> int:
-    return next((i for i, config in enumerate(order) if isinstance(sensor, config)), len(order))
 
 
 def paper_rig(

@@ -9,9 +9,6 @@ from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.problems import LocatedError
 from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.experiment.sensor_config import SensorConfig
-from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.gnss.config import GnssConfig
-from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 
 OWN_TOPICS: Final = (
     "/clock",
@@ -33,11 +30,13 @@ def check_sensors(sensors: Sequence[SensorConfig], own_frames: Mapping[str, Moun
     Raises:
         LocatedError: the key of the sensor, and what it has in common with which other.
     """
-    odometry = [i for i, sensor in enumerate(sensors) if isinstance(sensor, WheelOdometryConfig)]
-    if len(odometry) > 1:
-        raise LocatedError("must differ: a rig has at most one wheel_odometry", ("sensors", odometry[1], "kind"))
+    of_wheels = [i for i, sensor in enumerate(sensors) if sensor.needs_wheels]
+    if len(of_wheels) > 1:
+        second = of_wheels[1]
+        raise LocatedError(f"must differ: a rig has at most one {sensors[second].kind}", ("sensors", second, "kind"))
     _differ(sensors, "name", [(sensor.name,) for sensor in sensors], {})
-    _differ(sensors, "name", [_views(sensor) for sensor in sensors], {}, "the name of a camera")
+    views = [[imager.name for imager in sensor.imagers()] for sensor in sensors]
+    _differ(sensors, "name", views, {}, "the name of a camera")
     topics = [[topic.name for topic in sensor.topics()] for sensor in sensors]
     _differ(sensors, "topic", topics, dict.fromkeys(OWN_TOPICS, "the robot"))
     frames = [[*sensor.frames(), *sensor.optical_frames()] for sensor in sensors]
@@ -46,13 +45,9 @@ def check_sensors(sensors: Sequence[SensorConfig], own_frames: Mapping[str, Moun
         if sensor.clock is not None and sensor.clock.jitter_s > (most := MOST_JITTER / sensor.rate_hz):
             at = ("sensors", i, "clock", "jitter_s")
             raise LocatedError(f"must be at most {most:g}, a fifth of the period; got {sensor.clock.jitter_s:g}", at)
-        if sensor.enabled and (sensor.sees or isinstance(sensor, GnssConfig)):
+        if sensor.enabled and (sensor.sees or not sensor.in_hull):
             for frame, mount in sensor.frames().items():
                 _check_outside(mount, frame, robot, ("sensors", i, "mount"))
-
-
-def _views(sensor: SensorConfig) -> list[str]:
-    return [imager.name for imager in sensor.imagers()] if isinstance(sensor, CameraConfig) else []
 
 
 def _differ(

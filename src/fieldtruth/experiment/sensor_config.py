@@ -2,20 +2,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the configurations of all sensors have in common; a subclass with a ``kind`` is a kind of sensor."""
 
-from collections.abc import Mapping
+import math
+import os
+import sys
+from collections.abc import Callable, Mapping
+from functools import partial
 from importlib.metadata import entry_points
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, TypeVar
 
 from pydantic import Field, ValidationError, model_validator
 
-from fieldtruth.core.errors import nearest_first, suggestion
+from fieldtruth.core.errors import ConfigurationError, nearest_first, suggestion
 from fieldtruth.experiment.clock_config import ClockConfig
 from fieldtruth.experiment.fields import Boolean, Frozen, Mount, Rate
 from fieldtruth.experiment.problems import LocatedError, PartError, condition_at, shortened
+from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.experiment.sensor_models import figures_of, models
 from fieldtruth.experiment.signal_config import KEY as SIGNAL
 from fieldtruth.experiment.signal_config import SignalConfig, signal_values
-from fieldtruth.experiment.topic import Topic
+from fieldtruth.experiment.topic import Output, Topic
 
 _Config = TypeVar("_Config", bound=Frozen)
 
@@ -44,6 +51,14 @@ class SensorConfig(Frozen):
 
     sees: ClassVar[bool] = True
     """Whether it senses the world around it, so that a reading depends on a pose alone."""
+    needs_wheels: ClassVar[bool] = False
+    """Whether it belongs to a robot with wheels, whose commands are published with it; a rig has at most one."""
+    in_hull: ClassVar[bool] = True
+    """Whether it may be inside the robot's hull, unless it ``sees``."""
+    bag_order: ClassVar[float] = math.inf
+    """Rank of its topics among those of other kinds in a bag."""
+    frame_order: ClassVar[float] = math.inf
+    """Rank of its frames among those of other kinds in /tf_static."""
     datasheet: ClassVar[str] = ""
     """Model whose data sheet ``signal: datasheet`` means of a sensor without ``model``."""
     needs_mount: ClassVar[bool] = False
@@ -102,19 +117,51 @@ class SensorConfig(Frozen):
         added = {key: value for key, value in figures.items() if key in cls.model_fields and given.get(key) is None}
         return given | added
 
+    def outputs(self) -> tuple[Output, ...]:
+        """Series of readings that it publishes, in the order of their messages."""
+        raise NotImplementedError
+
+    def outputs_on(self, robot: RobotConfig) -> tuple[Output, ...]:
+        """Series of readings that it publishes on a robot."""
+        return self.outputs()
+
     def topics(self) -> tuple[Topic, ...]:
         """Topics that it publishes, in the order of its messages."""
-        raise NotImplementedError
+        return tuple(topic for output in self.outputs() for topic in output.topics)
+
+    @property
+    def sweep_s(self) -> float:
+        """Time [s] that a reading takes from its stamp on."""
+        return 0.0
+
+    @property
+    def late_s(self) -> float:
+        """Time [s] after its stamp up to which a reading needs the motion: of a sweep, or a shutter."""
+        return self.sweep_s
 
     @property
     def is_ideal(self) -> bool:
         """Whether its messages have the true readings at the true time, and none is lost."""
         return self.signal is None and self.clock is None
 
-    def with_truth(self, *topics: Topic) -> tuple[Topic, ...]:
-        """Return topics of its readings and, if it is not ideal, those of the ideal readings after them."""
-        ideal = [] if self.is_ideal else [topic._replace(name=topic.name + TRUTH) for topic in topics]
-        return (*topics, *ideal)
+    def output(self, *topics: Topic, part: str = "", clock: str = "") -> Output:
+        """Return a series of readings of the sensor, or of a part of it."""
+        return Output(f"{self.name}/{part}" if part else self.name, topics, part, clock=clock)
+
+    def with_truth(self, *outputs: Output) -> tuple[Output, ...]:
+        """Return series of its readings and, if it is not ideal, those of the ideal readings after them."""
+        ideal = () if self.is_ideal else outputs
+        return (
+            *outputs,
+            *(
+                each._replace(
+                    name=each.name + TRUTH,
+                    topics=tuple(topic._replace(name=topic.name + TRUTH) for topic in each.topics),
+                    ideal=True,
+                )
+                for each in ideal
+            ),
+        )
 
     def true_topic(self, name: str) -> str:
         """Return the topic with the ideal readings of one of its topics that ``with_truth`` knows."""
@@ -127,6 +174,10 @@ class SensorConfig(Frozen):
     def optical_frames(self) -> dict[str, tuple[str, Any]]:
         """Its REP-103 optical frames: parent and (4, 4) ``parent_from_optical`` by name."""
         return {}
+
+    def imagers(self) -> tuple[Any, ...]:
+        """Its views, if it is a camera."""
+        return ()
 
     def new_topic(self, name: str, msgtype: str, rate_hz: float | None = None) -> Topic:
         """Return a topic of the sensor, by default at its rate."""
@@ -157,6 +208,49 @@ class MountedConfig(SensorConfig):
         return {self.frame: self.mount}
 
 
+GROUP: Final = "fieldtruth.sensors"
+"""Entry points of packages with kinds of sensors: each names a module."""
+FOLDERS: Final = "FIELDTRUTH_PATH"
+"""Variable with the folders of a user; modules in their folder ``sensors`` are kinds, too."""
+
+
+def load_added_kinds() -> dict[str, str]:
+    """Import the modules of other packages and of the user that define kinds of sensors; return kind and description.
+
+    Raises:
+        ConfigurationError: one of them cannot be imported.
+    """
+    for point in entry_points(group=GROUP):
+        _load(f"the sensors of the entry point {point.name} = {point.value}", point.load)
+    for folder in filter(None, os.environ.get(FOLDERS, "").split(os.pathsep)):
+        for path in sorted((Path(folder) / "sensors").glob("*.py")):
+            _load(str(path), partial(_import_file, path))
+    own = __name__.partition(".")[0]
+    added = {kind: config for kind, config in KINDS.items() if config.__module__.partition(".")[0] != own}
+    return {kind: (config.__doc__ or "").strip().partition("\n")[0] for kind, config in sorted(added.items())}
+
+
+def _import_file(path: Path) -> None:
+    """Import a file as a module of its own, once."""
+    name = f"fieldtruth_sensors_{path.stem}"
+    spec = spec_from_file_location(name, path)
+    if name in sys.modules or spec is None or spec.loader is None:
+        return
+    sys.modules[name] = module = module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+
+
+def _load(what: str, load: Callable[[], Any]) -> None:
+    try:
+        load()
+    except Exception as error:  # whatever the code of others raises
+        raise ConfigurationError(f"{what} cannot be imported: {type(error).__name__}: {error}") from error
+
+
 def sensor_of(value: Any) -> SensorConfig:
     """Return the configuration that an item of ``rig.sensors`` describes.
 
@@ -172,8 +266,7 @@ def sensor_of(value: Any) -> SensorConfig:
     if kind is None:
         raise LocatedError(f"is required: one of {', '.join(sorted(KINDS))}", ["kind"])
     if kind not in KINDS:
-        for module in entry_points(group="fieldtruth.sensors"):
-            module.load()
+        load_added_kinds()
     if kind not in KINDS:
         raise LocatedError(f"{shortened(kind)} is unknown; {suggestion(str(kind), sorted(KINDS))}", ["kind"])
     config = KINDS[kind]

@@ -22,3 +22,24 @@ class Topic(NamedTuple):
     def latched(self) -> bool:
         """Whether late subscribers get the last message; true for topics that are published once."""
         return self.rate_hz is None
+
+
+class Output(NamedTuple):
+    """A series of readings of a sensor; each makes one message for each of ``topics``."""
+
+    name: str
+    """That of the sensor, with a part or ``truth`` behind a slash: ``lidar``, ``stereo/left``, ``imu/truth``."""
+    topics: tuple[Topic, ...]
+    part: str = ""
+    """Which of the sensor's series it is, if there are several, such as ``left``."""
+    ideal: bool = False
+    """Whether it has what an ideal sensor reads, beside the series of one that is not ideal."""
+    clock: str = ""
+    """Part of the sensor that loses readings by a draw of its own; see ``record.clocks.clock_of``."""
+
+    @property
+    def rate_hz(self) -> float:
+        """Rate of the readings."""
+        rate_hz = self.topics[0].rate_hz
+        assert rate_hz is not None
+        return rate_hz

@@ -7,12 +7,11 @@ import warnings
 from fieldtruth.bag.run import TRACK
 from fieldtruth.bag.track_file import TrackFile
 from fieldtruth.core.errors import FieldtruthWarning
-from fieldtruth.drive.given_motion import motion_along, readings_along
+from fieldtruth.drive.given_motion import motion_along, track_along
 from fieldtruth.drive.inside import check_motion
 from fieldtruth.drive.readings import sweep_steps
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
-from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 from fieldtruth.world.model import World
 
 
@@ -28,12 +27,14 @@ def with_stored_track(experiment: Experiment, file: TrackFile) -> Experiment:
 
 def without_wheels(experiment: Experiment) -> Experiment:
     """Return the experiment without wheel odometry."""
-    rig = experiment.rig.with_sensors(WheelOdometryConfig, enabled=False)
+    rig = experiment.rig
+    kept = (each.model_copy(update={"enabled": each.enabled and not each.needs_wheels}) for each in rig.sensors)
+    rig = rig.model_copy(update={"sensors": tuple(kept)})
     return experiment.model_copy(update={"rig": rig})
 
 
 def follow_track(experiment: Experiment, world: World, file: TrackFile) -> Track:
-    """Return the motion of the rig along the poses of a track file, and the readings of IMU and GNSS receiver.
+    """Return the motion of the rig along the poses of a track file.
 
     Warns of a long time without a pose.
 
@@ -52,7 +53,7 @@ def follow_track(experiment: Experiment, world: World, file: TrackFile) -> Track
         experiment.seconds,
         sweep_steps(rig),
     )
-    track = readings_along(swept, rig)
+    track = track_along(swept, rig)
     check_motion(world, track.motion, rig, file.name, start_ns, allow_inside=config.allow_inside)
     if file.gap:
         warnings.warn(file.gap, FieldtruthWarning, stacklevel=2)

@@ -1,34 +1,75 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The sensors of a rig in a world, one set per worker thread."""
+"""The sensors of a rig in a place, one set per worker thread, and the streams of their messages."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
-from fieldtruth.experiment.light_config import LightConfig
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.drive.state import poses_at, state_at
+from fieldtruth.drive.track import Stamps, Track
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_body import visible_parts
-from fieldtruth.experiment.weather_config import WeatherConfig
-from fieldtruth.record.stream import Sensors
-from fieldtruth.render.bake import bake
-from fieldtruth.sense.robot_view import robot_views
-from fieldtruth.sense.scene import Scene
-from fieldtruth.sense.scene_sensor import SCENE_SENSORS
-from fieldtruth.sensors.camera.signal_camera import new_camera
-from fieldtruth.sensors.lidar.measuring import new_lidar
-from fieldtruth.world.model import World
+from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.experiment.topic import Output
+from fieldtruth.record.clocks import ClockReadings, clock_of
+from fieldtruth.record.stream import Sensors, Stream
+from fieldtruth.sensors.kind import At, Movement, Place
+from fieldtruth.sensors.known import new_sensors
 
 
-def sensor_factory(world: World, rig: Rig, light: LightConfig, weather: WeatherConfig) -> Callable[[], Sensors]:
-    """Build the scene and bake its light, and return the function that makes sensors in it."""
-    scene = Scene(world)
-    wide_ids = world.has_wide_ids
-    baked = bake(scene, light, weather) if rig.cameras else None
-    parts, views = visible_parts(rig), robot_views(rig)
+def sensor_factory(place: Place, rig: Rig | None = None) -> Callable[[], Sensors]:
+    """Build what the sensors of a rig need, scene and light, and return the function that makes a set for a thread."""
+    ready = [new_sensors(place, rig)]
 
     def make() -> Sensors:
-        lidars = {config.name: new_lidar(config, scene, weather, parts) for config in rig.lidars}
-        cameras = {} if baked is None else {c.name: new_camera(c, baked) for c in rig.cameras}
-        others = {config.name: SCENE_SENSORS[config.kind](config, scene) for config in rig.scene_sensors}
-        return Sensors(lidars, cameras, others, views, wide_ids)
+        try:
+            return ready.pop()
+        except IndexError:
+            return new_sensors(place, rig)
 
     return make
+
+
+def movement_of(track: Track) -> Movement:
+    """Return the motion of a drive, to the end of the last sweep."""
+
+    def pose(stamp_ns: int | Stamps) -> NDArray[np.float64]:
+        if isinstance(stamp_ns, np.ndarray):
+            return poses_at(track.swept, stamp_ns)
+        return state_at(track.swept, stamp_ns).world_from_base
+
+    return Movement(pose, track)
+
+
+def sensor_streams(
+    config: SensorConfig, rig: Rig, stamps_of: Callable[[Output], Stamps], movement: Movement, seed: int
+) -> list[Stream]:
+    """Return the streams of a sensor, one for each of its outputs.
+
+    Args:
+        config: the sensor.
+        rig: the robot that carries it.
+        stamps_of: true stamps [ns] of the readings of an output.
+        movement: motion of the robot.
+        seed: of the sensor's clock.
+    """
+    streams = []
+    for output in config.outputs_on(rig.robot):
+        stamps = stamps_of(output)
+        exact = ClockReadings(stamps, np.arange(len(stamps)))
+        clock = exact if output.ideal else clock_of(config, stamps, seed, output.clock)
+        streams.append(clock.without_lost(_stream(config.name, output, stamps, clock, movement)))
+    return streams
+
+
+def _stream(name: str, output: Output, stamps: Stamps, clock: ClockReadings, movement: Movement) -> Stream:
+    following = np.append(clock.kept, -1)[np.searchsorted(clock.kept, np.arange(len(stamps)), side="right")]
+
+    def messages(k: int, sensors: Sensors) -> Iterable[bytes]:
+        after = int(following[k])
+        next_ns = None if after < 0 else int(stamps[after])
+        at, sensor = At(k, int(stamps[k]), int(clock.shown_ns[k]), movement, next_ns), sensors[name]
+        return sensor.messages(output, k, sensor.read(output, at))
+
+    return Stream(tuple(topic.name for topic in output.topics), stamps, messages)

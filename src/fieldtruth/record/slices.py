@@ -26,6 +26,8 @@ from fieldtruth.core.files import output_errors, remove
 from fieldtruth.core.progress import Advance, Progress
 from fieldtruth.experiment.topic import Topic
 from fieldtruth.record.stream import Sensors, Stream
+from fieldtruth.sensors.kind import SENSORS
+from fieldtruth.sensors.known import OWN
 
 SLICE_NS: Final = 10**9
 """Simulated time [ns] in a slice."""
@@ -33,13 +35,15 @@ _PROGRESS_NS: Final = 10**8
 """Simulated time [ns] between two reports of progress."""
 
 _MODULES: Final = ("fieldtruth.record.slices", "fieldtruth.record.sensors", "fieldtruth.record.streams")
+"""Those of the package's kinds of sensors are imported by these."""
 LIBRARIES: Final = ("numpy", "scipy", "numba", "embreex", "simplejpeg", "lz4", "rosbags")
 """Distributions whose version shapes the bytes of a slice."""
 
 
 def slices_key(*inputs: object) -> str:
     """Key of the slices made from ``inputs`` by the current code of sensors, rendering and bags; see ``cache_key``."""
-    return cache_key(_MODULES, *inputs, libraries=LIBRARIES)
+    added = {kind.__module__ for kind in SENSORS.values()} - {kind.__module__ for kind in OWN}
+    return cache_key((*_MODULES, *sorted(added)), *inputs, libraries=LIBRARIES)
 
 
 def ignore(seconds: float) -> None:

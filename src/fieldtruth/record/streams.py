@@ -5,59 +5,53 @@
 A reading depends only on its number, so parts of a recording can be made in any order and by any thread.
 """
 
-from collections.abc import Callable, Iterable
-from functools import partial
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
 from fieldtruth.bag import base_messages, robot_messages, topics
-from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import GROUND_ID
-from fieldtruth.drive.state import poses_at, state_at
-from fieldtruth.drive.track import Stamps, Track, stamps_at_rate
+from fieldtruth.drive.state import state_at
+from fieldtruth.drive.track import Commands, Stamps, Track, stamps_at_rate
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_config import MountedConfig, SensorConfig
-from fieldtruth.record.clocks import clock_of
-from fieldtruth.record.stream import PoseAt, Sensors, Stream
-from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.camera.stream import imager_stream
-from fieldtruth.sensors.gnss.stream import gnss_streams
-from fieldtruth.sensors.imu.stream import imu_streams
-from fieldtruth.sensors.lidar.stream import lidar_stream
-from fieldtruth.sensors.wheel_odometry.stream import wheel_streams
+from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.experiment.topic import Output
+from fieldtruth.record.sensors import movement_of, sensor_streams
+from fieldtruth.record.stream import Sensors, Stream
+from fieldtruth.sensors.kind import Movement, stamps_of
 from fieldtruth.world.model import World
 
 
-def streams_of(world: World, track: Track, rig: Rig, *, latched: bool = False) -> list[Stream]:
-    """Return every stream of a recording, in the order of ``topics_of``; ``latched``: static objects come once."""
+def streams_of(
+    world: World, track: Track, rig: Rig, *, latched: bool = False, movement: Movement | None = None
+) -> list[Stream]:
+    """Return every stream of a recording, in the order of ``topics_of``.
 
-    def stamps_at(rate_hz: float) -> Stamps:
-        stamps = track.motion.stamps_ns
-        return stamps if track.is_frames else stamps_at_rate(rate_hz, int(stamps[-1]))
-
-    def world_from_base(stamp_ns: int | Stamps) -> Array:
-        if isinstance(stamp_ns, np.ndarray):
-            return poses_at(track.swept, stamp_ns)
-        return state_at(track.swept, stamp_ns).world_from_base
-
-    def camera_stream(config: CameraConfig) -> Callable[..., Stream]:
-        kept = clock_of(config, stamps_at(config.rate_hz), world.seed).kept
-        return partial(imager_stream, stands=track.is_frames, kept=kept)
-
-    streams = _truth(world, track, rig, stamps_at(topics.POSE_RATE), latched=latched)
-    if not track.is_frames:
-        streams += _measured(track, rig, world.seed)
-    seeing: list[tuple[Any, SensorConfig, Callable[..., Stream]]] = [
-        *((each, each, lidar_stream) for each in rig.lidars),
-        *((each, each.config, camera_stream(each.config)) for each in rig.imagers),
-        *((each, each, scene_stream) for each in rig.scene_sensors),
-    ]
-    for each, config, make in seeing:
-        stamps = stamps_at(config.rate_hz)
-        clock = clock_of(config, stamps, world.seed)
-        streams.append(clock.without_lost(make(each, stamps, world_from_base, clock.shown_ns)))
+    Args:
+        world: what the sensors are in.
+        track: the drive.
+        rig: the sensors.
+        latched: whether static objects come once.
+        movement: that of the track, if it was made; it keeps what sensors have measured.
+    """
+    end_ns, movement = int(track.motion.stamps_ns[-1]), movement or movement_of(track)
+    poses = track.motion.stamps_ns if track.is_frames else stamps_at_rate(topics.POSE_RATE, end_ns)
+    streams = _truth(world, track, rig, poses, latched=latched)
+    for config in rig.in_order():
+        if config.sees or not track.is_frames:
+            streams += sensor_streams(config, rig, _stamps(config, track), movement, world.seed)
+        if config.needs_wheels and track.base is not None:
+            streams.append(_commands(track.base.commands))
     return streams
+
+
+def _stamps(config: SensorConfig, track: Track) -> Callable[[Output], Stamps]:
+    stamps = track.motion.stamps_ns
+    return lambda output: stamps if track.is_frames else stamps_of(config, output, int(stamps[-1]))
+
+
+def _commands(commands: Commands) -> Stream:
+    return Stream((topics.COMMANDS,), commands.stamps_ns, lambda k, _: [base_messages.command(k, commands)])
 
 
 def _truth(world: World, track: Track, rig: Rig, poses: Stamps, *, latched: bool) -> list[Stream]:
@@ -84,29 +78,3 @@ def _truth(world: World, track: Track, rig: Rig, poses: Stamps, *, latched: bool
         ),
         Stream((topics.TF,), poses, tf),
     ]
-
-
-def _measured(track: Track, rig: Rig, seed: int) -> list[Stream]:
-    streams = [stream for each in rig.imus for stream in imu_streams(each, track.imus[each.name], seed)]
-    streams += [stream for each in rig.antennas for stream in gnss_streams(each, track.fixes[each.name], seed)]
-    base, wheels = track.base, rig.wheel_odometry
-    if base is None or wheels is None:
-        return streams
-    commands = base.commands
-    return [
-        *streams,
-        *wheel_streams(wheels, rig, base, track.motion.stamps_ns, seed),
-        Stream((topics.COMMANDS,), commands.stamps_ns, lambda k, _: [base_messages.command(k, commands)]),
-    ]
-
-
-def scene_stream(config: MountedConfig, stamps: Stamps, world_from_base: PoseAt, shown: Stamps | None = None) -> Stream:
-    """Readings at ``stamps`` [ns] of a sensor whose kind another package has added; ``shown`` as in lidar_stream."""
-    shown = stamps if shown is None else shown
-    base_from_sensor = config.mount.base_from_sensor
-
-    def read(k: int, sensors: Sensors) -> Iterable[bytes]:
-        sensor, stamp = sensors.others[config.name], int(stamps[k])
-        return sensor.messages(k, int(shown[k]), sensor.read(world_from_base(stamp) @ base_from_sensor))
-
-    return Stream(tuple(topic.name for topic in config.topics()), stamps, read)

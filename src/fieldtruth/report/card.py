@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The data card of a run, DATASET.md: contents, conventions and limits of the data."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from string import Template
 from typing import Final
@@ -20,7 +20,6 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.report.card_sensors import (
     cloud_frames,
-    fix_lines,
     frame_content,
     imu_lines,
     odometry_lines,
@@ -41,7 +40,9 @@ _FIXED: Final = "`/tf` has the pose of `base_link` in the world"
 _TURNING: Final = f"{_FIXED} and those of the wheels in `base_link`"
 
 
-def data_card(experiment: Experiment, world: World, track: Track, counts: Mapping[str, int]) -> str:
+def data_card(
+    experiment: Experiment, world: World, track: Track, counts: Mapping[str, int], measured: Sequence[str] = ()
+) -> str:
     """Return the card of a run as Markdown with the front matter of data set hubs.
 
     Args:
@@ -49,6 +50,7 @@ def data_card(experiment: Experiment, world: World, track: Track, counts: Mappin
         world: its world.
         track: the drive.
         counts: number of messages by topic.
+        measured: lines about what sensors have measured.
     """
     rig = experiment.rig
     return _template("card.md").substitute(
@@ -65,7 +67,7 @@ def data_card(experiment: Experiment, world: World, track: Track, counts: Mappin
         seed=experiment.seed,
         topics="\n".join(_topics(experiment, counts, latches_objects(experiment, len(world.instances)))),
         objects_topic=objects_topic(counts),
-        sensors="\n".join([*sensor_lines(rig), *fix_lines(track)]),
+        sensors="\n".join([*sensor_lines(rig), *measured]),
         rays=ray_depths(rig),
         clouds=cloud_frames(rig),
         classes="\n".join(_classes()),

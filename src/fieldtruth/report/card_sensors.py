@@ -5,10 +5,7 @@
 from collections.abc import Sequence
 from typing import Final
 
-import numpy as np
-
 from fieldtruth.core.lenses import FLAT, fields_of_view
-from fieldtruth.drive.track import GnssFixes, Track
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import TRUTH, SensorConfig
 from fieldtruth.sensors.camera.config import CameraConfig
@@ -48,25 +45,6 @@ def _real(sensor: SensorConfig) -> str:
     truth = [topic.name for topic in sensor.topics() if topic.name.endswith(TRUTH)]
     ideal = f". Ideal readings: {', '.join(f'`{name}`' for name in truth)}" if truth else ""
     return f"- `{sensor.name}` has {' and '.join(what)}{ideal}."
-
-
-def fix_lines(track: Track) -> list[str]:
-    """What receivers with a signal have measured."""
-    return [_fixes(name, each.fixes) for name, each in track.fixes.items() if each.fixes is not None]
-
-
-def _fixes(name: str, fixes: GnssFixes) -> str:
-    found, middle = fixes.status >= 0, int(np.median(fixes.satellites))
-    line = f"- GNSS receiver `{name}`: {fixes.satellites.min()} to {fixes.satellites.max()} satellites, median {middle}"
-    if not found.any():
-        return f"{line}, and no fix."
-    reach = np.sqrt(fixes.covariance[found, 0, 0] + fixes.covariance[found, 1, 1])
-    shares = [f"{100.0 * share:.1f} % {what}" for share, what in (
-        (1.0 - found.mean(), "without a fix"), (np.mean(fixes.state == 1), "RTK float"),
-        (np.mean(fixes.state == 2), "RTK fixed"),
-    ) if share > 0.0]  # fmt: skip
-    dilution = f"median HDOP {np.median(fixes.dop[found, 1]):.2f} and horizontal standard deviation"
-    return f"{line}; {dilution} {np.median(reach):.3g} m{''.join(f'; {each}' for each in shares)}."
 
 
 def imu_lines(rig: Rig) -> list[str]:

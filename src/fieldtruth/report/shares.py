@@ -28,7 +28,7 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.sensing import Lidar
+from fieldtruth.sensors.lidar.sensing import IdealLidar
 from fieldtruth.world.build import world_of
 
 SPACING: Final = 2.0  # [m]
@@ -111,7 +111,7 @@ def count_classes(scene: Scene, rig: Rig, poses: Sequence[Array], *, workers: in
                 image = camera.label(poses[row] @ view.base_from_optical, robot[view.name])
                 pixels[row] += np.bincount(image.label.ravel(), minlength=len(CLASSES))
         for head in heads:
-            lidar = Lidar(head, scene, parts)
+            lidar = IdealLidar(head, scene, parts)
             for row in rows:
                 scan = lidar.scan(poses[row] @ head.mount.base_from_sensor)
                 points[row] += np.bincount(scan.label, minlength=len(CLASSES))

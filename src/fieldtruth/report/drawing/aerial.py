@@ -15,7 +15,7 @@ from fieldtruth.render.bake import BakedScene
 from fieldtruth.report.drawing.images import downscaled
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.pinhole import pinhole
-from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.camera.sensing import IdealCamera
 from fieldtruth.world.model import Heightfield
 
 HEIGHT: Final = 300.0
@@ -60,7 +60,7 @@ def render_aerial(baked: BakedScene, width: int) -> Aerial:
         far=10.0 * HEIGHT,
     )
     world_from_optical = frames.pose((0.0, 0.0, float(np.mean(field.heights)) + HEIGHT), (180.0, 0.0, 0.0))
-    photo = _stretched(downscaled(Camera(config, baked, exposure=1.0).render(world_from_optical).photo, _SAMPLES))
+    photo = _stretched(downscaled(IdealCamera(config, baked, exposure=1.0).render(world_from_optical).photo, _SAMPLES))
     lens = pinhole(config.model_copy(update={"width": photo.shape[1], "height": photo.shape[0]}))
     return Aerial(photo=photo, world_from_optical=world_from_optical, lens=lens, field=field)
 

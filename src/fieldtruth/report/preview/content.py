@@ -23,8 +23,8 @@ from fieldtruth.report.shares import SPACING, ClassShares, count_classes
 from fieldtruth.sense.robot_view import RobotView, robot_views
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import Imager
-from fieldtruth.sensors.camera.sensing import Camera, CameraImages
-from fieldtruth.sensors.lidar.sensing import Lidar
+from fieldtruth.sensors.camera.sensing import CameraImages, IdealCamera
+from fieldtruth.sensors.lidar.sensing import IdealLidar
 from fieldtruth.world.model import World
 
 VIEWS: Final = 4
@@ -126,14 +126,14 @@ def _views(
     shares: ClassShares,
     robots: Mapping[str, RobotView],
 ) -> tuple[View, ...]:
-    camera, robot = Camera(imager.config, baked), robots.get(imager.name)
+    camera, robot = IdealCamera(imager.config, baked), robots.get(imager.name)
     rows = most_informative(shares.pixels, viewpoints[:, :2], VIEWS)
     return tuple(View(viewpoints[row], camera.render(poses[row] @ imager.base_from_optical, robot)) for row in rows)
 
 
 def _scan(scene: Scene, rig: Rig, poses: Sequence[Array]) -> Cloud:
     """Returns inside the edges of the world, from a scan of each LiDAR at each pose world_from_base (4, 4)."""
-    lidars = [(Lidar(config, scene, visible_parts(rig)), config.mount.base_from_sensor) for config in rig.lidars]
+    lidars = [(IdealLidar(config, scene, visible_parts(rig)), config.mount.base_from_sensor) for config in rig.lidars]
     xyz, label = [np.zeros((0, 3))], [np.zeros(0, np.uint8)]
     for lidar, world_from_lidar in ((lidar, pose @ mount) for pose in poses for lidar, mount in lidars):
         scan = lidar.scan(world_from_lidar)

@@ -21,7 +21,7 @@ from fieldtruth.sensors.camera.check_lens import pixel_ray
 from fieldtruth.sensors.camera.config import Imager
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
 from fieldtruth.sensors.camera.message import photograph_jpeg
-from fieldtruth.sensors.camera.sensing import Camera
+from fieldtruth.sensors.camera.sensing import IdealCamera
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Context, RebuiltWorld
 from fieldtruth.validation.retrace.reference import NOTHING, UNKNOWN, RayReading, RayReference, close
@@ -221,7 +221,7 @@ class RetracedImages(CameraFrameChecker):
                 own["label"][config.name] = LabelCamera(config, self._rebuilt.scene, reuse=True)
             return own["label"][config.name].label(pose, robot), None
         if config.name not in own.setdefault("photograph", {}):
-            own["photograph"][config.name] = Camera(config, baked, reuse=True)
+            own["photograph"][config.name] = IdealCamera(config, baked, reuse=True)
         images = own["photograph"][config.name].render(pose, robot)
         return images, _difference(photograph, images.photo, config.jpeg_quality)
 

@@ -12,7 +12,7 @@ from fieldtruth.core import frames, lenses
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.fields import Boolean, Integer, Mount, Number, Range, Rate
 from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, SensorName, TopicName
-from fieldtruth.experiment.topic import Topic
+from fieldtruth.experiment.topic import Output
 from fieldtruth.sensors.camera.lens_config import LensConfig
 from fieldtruth.sensors.camera.signal import CameraSignal
 
@@ -41,6 +41,8 @@ EXTRAS: Final = ("depth", "instances", "normals", "flow")
 class CameraConfig(MountedConfig):
     """A camera, which looks along the x axis of its frame: x forward, y left, z up (REP-103)."""
 
+    bag_order: ClassVar[float] = 5
+    frame_order: ClassVar[float] = 3
     needs_mount: ClassVar[bool] = True
 
     datasheet: ClassVar[str] = "zed_2"
@@ -109,13 +111,20 @@ class CameraConfig(MountedConfig):
         """Its views: one of a camera, two of a pair."""
         return (Imager(self.name, self, self.frame, self.mount, OPTICAL, self.topic),)
 
-    def topics(self) -> tuple[Topic, ...]:
+    def outputs(self) -> tuple[Output, ...]:
         """Calibration and images of each view."""
         return tuple(
-            self.new_topic(topic, STREAMS[stream][1])
+            self.output(
+                *(self.new_topic(topic, STREAMS[stream][1]) for stream, topic in imager.topics.items()),
+                part=imager.side,
+            )
             for imager in self.imagers()
-            for stream, topic in imager.topics.items()
         )
+
+    @property
+    def late_s(self) -> float:
+        """Until the last row is exposed, if it has a signal."""
+        return 0.0 if self.signal is None else self.signal.late_s
 
     def frames(self) -> dict[str, Mount]:
         """Frames of the views, right before left as in the paper's Table 2."""

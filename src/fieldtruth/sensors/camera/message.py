@@ -15,6 +15,7 @@ from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__RegionOfInteres
 from fieldtruth.bag import types as ros
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import PALETTE
+from fieldtruth.core.readings import Ids
 from fieldtruth.sensors.camera.config import CameraConfig, Imager
 
 
@@ -58,7 +59,7 @@ def depth(seq: int, stamp_ns: int, frame: str, metres: NDArray[np.float32]) -> b
     return _image(seq, stamp_ns, frame, "32FC1", far)
 
 
-def instances(seq: int, stamp_ns: int, frame: str, instance: NDArray[np.uint32], *, wide_ids: bool = False) -> bytes:
+def instances(seq: int, stamp_ns: int, frame: str, instance: Ids, *, wide_ids: bool = False) -> bytes:
     """Serialise sensor_msgs/Image of instance ids (h, w) as in the cloud's ``instance``; 0 for sky.
 
     It is 16UC1, with ``wide_ids`` 32SC1; ROS has no unsigned encoding of 32 bits.

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The camera: photograph, labels and depth come from the same ray through each pixel's centre."""
+"""The ideal camera: photograph, labels and depth come from the same ray through each pixel's centre."""
 
 from dataclasses import dataclass
 
@@ -25,8 +25,8 @@ class CameraImages(LabelImages):
     photo: NDArray[np.uint8]
 
 
-class Camera(LabelCamera):
-    """A ``LabelCamera`` that also renders photographs of a baked scene.
+class IdealCamera(LabelCamera):
+    """A ``LabelCamera`` that also renders ideal photographs of a baked scene, whatever its configuration's signal.
 
     ``exposure`` is relative to that of an open meadow; None takes the exposure chosen for the world, which suits a
     camera near the ground.

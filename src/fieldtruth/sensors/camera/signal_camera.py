@@ -1,14 +1,17 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A camera with the signal of a real one. Its labels, instances and depth are those of an ideal one at the stamp."""
+"""A camera as its configuration says: ideal, or with the signal of a real one.
+
+Labels, instances and depth are those of an ideal one at the stamp.
+"""
 
 from collections.abc import Callable
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core import lenses
+from fieldtruth.core import frames, lenses
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.random import rng_of
 from fieldtruth.kernels.camera import add_dust
@@ -23,8 +26,7 @@ from fieldtruth.sensors.camera.exposure import Exposure, exposure_of, metered_ex
 from fieldtruth.sensors.camera.lens_effects import add_glare, illumination
 from fieldtruth.sensors.camera.on_glass import add_drops, drops_at, dust_of
 from fieldtruth.sensors.camera.photo import Developer
-from fieldtruth.sensors.camera.sensing import Camera, CameraImages
-from fieldtruth.sensors.camera.signal import CameraSignal
+from fieldtruth.sensors.camera.sensing import CameraImages, IdealCamera
 from fieldtruth.sensors.camera.streaks import add_streaks
 
 PoseAt = Callable[[int | NDArray[np.int64]], Array]
@@ -37,20 +39,46 @@ _STILL: Final = 0.05  # [pixel]; rows of an image that moves by less are read at
 _FAR: Final = 1e6  # [m], of the sky
 
 
-class SignalCamera(Camera):
-    """A ``Camera`` whose photographs have the signal of a real one.
+class Light(NamedTuple):
+    """What a camera with a signal develops: label images at the stamp, and how the light was metered.
 
-    Rows are exposed around the stamp: the middle of the exposure of the image's middle row is at the stamp. A
-    photograph depends on its number, the view's name, the seed, and poses; not on photographs before it.
+    The light itself is in a buffer of the camera. Without metering, the images have their photograph already.
     """
 
-    def __init__(self, config: CameraConfig, baked: BakedScene, seed: int, *, reuse: bool = False) -> None:
+    images: CameraImages
+    metered: tuple[Exposure, Array] | None
+
+
+class Camera(IdealCamera):
+    """A camera of a baked scene, whose photographs are as its configuration says. Use one per thread.
+
+    Without a ``signal`` it is ideal. With one, rows are exposed around the stamp: the middle of the exposure of the
+    image's middle row is at the stamp. A photograph depends on its number, the view's name, the seed, and poses; not on
+    photographs before it.
+
+    Args:
+        config: with or without a signal.
+        baked: the scene with its light.
+        reuse: whether each call overwrites the arrays that the previous one returned.
+        exposure: relative to that of an open meadow; None takes the exposure chosen for the world.
+        seed: of the noise; None takes that of the world.
+    """
+
+    def __init__(
+        self,
+        config: CameraConfig,
+        baked: BakedScene,
+        *,
+        reuse: bool = False,
+        exposure: float | None = None,
+        seed: int | None = None,
+    ) -> None:
+        super().__init__(config, baked, reuse=reuse, exposure=exposure)
         signal = config.signal
-        if not isinstance(signal, CameraSignal):
-            raise TypeError(f"the camera {config.name} has no signal")
-        super().__init__(config, baked, reuse=reuse)
-        self.signal, self._weather = signal, baked.weather
-        self._developer = Developer(config, signal, seed)
+        if signal is None:
+            return
+        self._signal, self._weather = signal, baked.weather
+        self._developer = Developer(config, signal, baked.scene.world.seed if seed is None else seed)
         h, w = config.height, config.width
         self._scratch = LabelBuffers(
             np.empty((h, w), np.uint8), np.empty((h, w), np.uint32), np.empty((h, w), np.float32)
@@ -60,6 +88,14 @@ class SignalCamera(Camera):
         self._meter_share = illumination(config, signal, *points)[:, None]
         self._last: tuple[int, tuple[Exposure, Array]] | None = None
 
+    def render(self, world_from_optical: Array, robot: RobotView | None = None) -> CameraImages:
+        """Photograph, label, instance and depth images from a pose (4, 4) at which the camera stands at time 0."""
+        if self.config.signal is None:
+            return super().render(world_from_optical, robot)
+        imager = self.config.imagers()[0]
+        pose = world_from_optical @ frames.inverse(imager.base_from_optical)
+        return self.capture(imager, 0, 0, standing_at(pose), robot)
+
     def capture(
         self, imager: Imager, number: int, stamp_ns: int, world_from_base: PoseAt, robot: RobotView | None = None
     ) -> CameraImages:
@@ -67,13 +103,28 @@ class SignalCamera(Camera):
 
         What the view sees of the robot moves with it, and is not blurred.
         """
+        light = self.light(imager, stamp_ns, world_from_base, robot)
+        return self.develop(light, imager, number, stamp_ns, world_from_base)
+
+    def light(self, imager: Imager, stamp_ns: int, world_from_base: PoseAt, robot: RobotView | None = None) -> Light:
+        """Collect the light of a photograph, and the images of the pose at its stamp."""
         pose = world_from_base(stamp_ns) @ imager.base_from_optical
-        if self.signal.is_ideal:
-            return self.render(pose, robot)
-        exposure, balance = self.metered(stamp_ns, world_from_base)
-        images = self.expose(imager, stamp_ns, world_from_base, exposure.time_s)
+        if self.config.signal is None or self._signal.is_ideal:
+            return Light(super().render(pose, robot), None)
+        metered = self.metered(stamp_ns, world_from_base)
+        images = self.expose(imager, stamp_ns, world_from_base, metered[0].time_s)
         if robot is not None:
             self._paint(robot, pose, self._buffers(images))
+        return Light(images, metered)
+
+    def develop(
+        self, light: Light, imager: Imager, number: int, stamp_ns: int, world_from_base: PoseAt
+    ) -> CameraImages:
+        """Make photograph ``number`` of a view of the light that was collected last."""
+        images, metered = light
+        if metered is None:
+            return images
+        exposure, balance = metered
         self._in_front(imager, number, stamp_ns, world_from_base, exposure.time_s)
         factor = exposure.total / float(self._shading.exposure)
         raw, sensor = self._developer.raw(self._framebuffer.linear, imager.name, number, factor, exposure.gain)
@@ -82,7 +133,7 @@ class SignalCamera(Camera):
 
     def _in_front(self, imager: Imager, number: int, stamp_ns: int, world_from_base: PoseAt, time_s: float) -> None:
         """Draw what falls before the camera while the shutter is open, and what is on its glass."""
-        linear, signal, shape = self._framebuffer.linear, self.signal, (self.config.height, self.config.width)
+        linear, signal, shape = self._framebuffer.linear, self._signal, (self.config.height, self.config.width)
         seed, view, weather = self.scene.world.seed, imager.name, self._weather
         if weather.rain_mm_h or weather.snow_mm_h:
             stamps = stamp_ns + np.rint(np.array([-0.5, 0.0, 0.5]) * time_s * 1e9).astype(np.int64)
@@ -104,7 +155,7 @@ class SignalCamera(Camera):
         """
         if self._last is not None and self._last[0] == stamp_ns:
             return self._last[1]
-        signal, world, images = self.signal, float(self._shading.exposure), list[Array]()
+        signal, world, images = self._signal, float(self._shading.exposure), list[Array]()
         if signal.exposure == "automatic" or signal.gray_world:
             stamps = stamp_ns - np.rint(metering_lags(signal) * 1e9).astype(np.int64)
             base_from_optical = self.config.imagers()[0].base_from_optical
@@ -124,7 +175,7 @@ class SignalCamera(Camera):
         pixel = self.config.width / METERING[0] / lens.fx
         render_points(self._shading, self._framebuffer.shading, self._view(world_from_optical), count, pixel)
         seen = np.asarray(self._framebuffer.shading.colour[:count] * self._meter_share, np.float32)
-        add_glare(seen, self.signal.glare)
+        add_glare(seen, self._signal.glare)
         return seen.astype(np.float64)
 
     def expose(self, imager: Imager, stamp_ns: int, world_from_base: PoseAt, time_s: float) -> CameraImages:
@@ -138,11 +189,11 @@ class SignalCamera(Camera):
             poses = world_from_base(stamps) @ imager.base_from_optical
             return np.ascontiguousarray(poses).reshape(*seconds.shape, 4, 4)
 
-        read_s = self.signal.readout_ms / 1e3
+        read_s = self._signal.readout_ms / 1e3
         images, view = self._own_images(), self._view(world_from_base(stamp_ns) @ imager.base_from_optical)
         labels = self._buffers(images)
         blurred, skewed = (self._motion(view, optical_at, seconds) for seconds in (time_s, read_s))
-        count = int(np.clip(np.ceil(blurred), 1, self.signal.blur_samples))
+        count = int(np.clip(np.ceil(blurred), 1, self._signal.blur_samples))
         if count == 1 and skewed < _STILL:
             render_linear(self._shading, self._framebuffer, view, labels)
             return images
@@ -181,8 +232,6 @@ def _grid(config: CameraConfig) -> Array:
     return np.stack([each.ravel() for each in np.meshgrid(u, v)])
 
 
-def new_camera(config: CameraConfig, baked: BakedScene) -> Camera:
-    """Return a camera of a baked scene, with its signal if it has one; for one thread."""
-    if config.signal is None:
-        return Camera(config, baked, reuse=True)
-    return SignalCamera(config, baked, baked.scene.world.seed, reuse=True)
+def standing_at(pose: Array) -> PoseAt:
+    """Return the motion of a base that stands at a pose (4, 4)."""
+    return lambda stamps: np.tile(pose, (len(stamps), 1, 1)) if isinstance(stamps, np.ndarray) else pose

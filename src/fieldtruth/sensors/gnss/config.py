@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Literal
 
 from fieldtruth.experiment.fields import Mount, Rate
 from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, SensorName, TopicName
-from fieldtruth.experiment.topic import Topic
+from fieldtruth.experiment.topic import Output
 from fieldtruth.sensors.gnss.signal import GnssSignal
 
 
@@ -14,6 +14,9 @@ class GnssConfig(MountedConfig):
     """GNSS receiver; the mount is that of its antenna, by default the paper's GNSS_link."""
 
     sees: ClassVar[bool] = False
+    in_hull: ClassVar[bool] = False
+    bag_order: ClassVar[float] = 2
+    frame_order: ClassVar[float] = 1
 
     datasheet: ClassVar[str] = "duro"
 
@@ -30,6 +33,6 @@ class GnssConfig(MountedConfig):
         """Topic and frame that an antenna has by its name."""
         return {**super().of_name(name), "topic": f"/{name}/fix"}
 
-    def topics(self) -> tuple[Topic, ...]:
+    def outputs(self) -> tuple[Output, ...]:
         """Its positions, and the ideal ones if it is not ideal."""
-        return self.with_truth(self.new_topic(self.topic, "sensor_msgs/msg/NavSatFix"))
+        return self.with_truth(self.output(self.new_topic(self.topic, "sensor_msgs/msg/NavSatFix")))

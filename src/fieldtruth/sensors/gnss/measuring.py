@@ -3,6 +3,7 @@
 """The positions that a GNSS receiver measures along a drive, from what its antenna receives through the scene."""
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -10,17 +11,16 @@ import numpy as np
 from fieldtruth.core import random
 from fieldtruth.core.arrays import Array, Counts, Mask
 from fieldtruth.core.geodesy import geodetic_from_world, world_from_geodetic
-from fieldtruth.drive.track import GnssFixes, GnssReadings, Track
-from fieldtruth.experiment.config import Experiment
+from fieldtruth.core.markov import GaussMarkov
+from fieldtruth.drive.track import GnssFixes, GnssReadings
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.gnss import noise
 from fieldtruth.sensors.gnss.almanac import directions, read_almanac, seconds_of_week
 from fieldtruth.sensors.gnss.config import GnssConfig
-from fieldtruth.sensors.gnss.navigation import Process, follow
+from fieldtruth.sensors.gnss.navigation import PositionFilter, RangeErrors
 from fieldtruth.sensors.gnss.signal import GnssSignal
 from fieldtruth.sensors.gnss.solution import solve
 from fieldtruth.sensors.gnss.visibility import amplitudes
-from fieldtruth.world.model import World
 
 NO_FIX: Final = -1
 """Status of sensor_msgs/NavSatStatus without a position."""
@@ -28,7 +28,6 @@ ALONE: Final = {"single": 0, "sbas": 1, "rtk": 0}
 """Its status with a position but without a base station: FIX or SBAS_FIX."""
 AIDED: Final = 2
 """GBAS_FIX, with ambiguities as real or as whole numbers, as ROS drivers have it."""
-SERVICE: Final = {"gps": 1, "galileo": 8}
 
 
 class Sky(NamedTuple):
@@ -57,62 +56,82 @@ def sky_at(scene: Scene | None, antennas: Array, stamps_ns: Counts, signal: Gnss
     return Sky(toward, ratio, noise.in_use(sine, ratio, signal))
 
 
-def with_fixes(track: Track, world: World, experiment: Experiment) -> Track:
-    """Return a track with what the receivers of a rig measure, unless all are ideal."""
-    receivers = [config for config in experiment.rig.antennas if config.signal is not None]
-    if not receivers:
-        return track
-    scene = Scene(world) if any(config.signal.obstacles for config in receivers if config.signal) else None
-    fixes = {each.name: measure(scene, track.fixes[each.name], each, experiment.seed) for each in receivers}
-    return dataclasses.replace(track, fixes={**track.fixes, **fixes})
-
-
-def measure(scene: Scene | None, readings: GnssReadings, config: GnssConfig, seed: int) -> GnssReadings:
-    """Return the readings of a receiver with what it measures added; as they are if its signal is ideal.
+class GnssErrors:
+    """What a receiver measures, fix by fix, so that fixes do not depend on how their series is cut.
 
     Args:
-        scene: with the obstacles.
-        readings: true positions of the antenna.
         config: the receiver.
+        signal: its figures.
         seed: of the experiment.
     """
-    signal = config.signal
-    if signal is None or not len(readings.stamps_ns):
-        return readings
-    antennas = world_from_geodetic(readings.geodetic)
-    sky = sky_at(scene, antennas, readings.stamps_ns, signal)
-    return dataclasses.replace(readings, fixes=fixes_of(sky, readings.geodetic, config, seed))
+
+    def __init__(self, config: GnssConfig, signal: GnssSignal, seed: int) -> None:
+        self._signal, self._step_s = signal, 1.0 / config.rate_hz
+
+        def rng(purpose: str) -> np.random.Generator:
+            return random.rng_of(seed, config.name, purpose)
+
+        self._rtk = noise.RtkStates(rng("rtk"), self._step_s, signal) if signal.mode == "rtk" else None
+        kept = [float(np.exp(-self._step_s / tau)) for tau in (signal.range_tau_s, signal.multipath_tau_s)]
+        satellites = len(read_almanac(signal.constellations).names)
+        self._processes = [
+            GaussMarkov(rng(name), satellites, share)
+            for name, share in zip(("range", "multipath", "white"), [*kept, 0.0], strict=True)
+        ]
+        self._filter, self._state = PositionFilter(), -1
+
+    def extend(self, true: GnssReadings, scene: Scene | None) -> GnssReadings:
+        """Return the next readings with what the receiver measures in a scene of obstacles."""
+        antennas = world_from_geodetic(true.geodetic)
+        fixes = [
+            self._fix(sky_at(scene, antennas[k : k + 1], true.stamps_ns[k : k + 1], self._signal), true.geodetic[k])
+            for k in range(len(true.stamps_ns))
+        ]
+        return dataclasses.replace(true, fixes=self._joined(fixes))
+
+    def _fix(self, sky: Sky, geodetic: Array) -> "_Fix":
+        """Return the fix at a true position (3,) under a sky of one time."""
+        signal = self._signal
+        states = np.zeros(1, np.int64)
+        if self._rtk is not None:
+            states = self._rtk.extend(np.where(sky.used, sky.ratio, -np.inf))
+        sigma = noise.sigmas(sky.directions[..., 2], sky.ratio, states, signal)
+        solution = solve(sky.directions, sky.used, np.sqrt(sum(each**2 for each in sigma)))
+        gain = solution.gain[0] if solution.dop[0, 0] <= signal.pdop_max else np.full_like(solution.gain[0], np.nan)
+        errors = [RangeErrors(p.draw(1)[0], own[0], p.kept) for p, own in zip(self._processes, sigma, strict=True)]
+        state = int(states[0])
+        memory = float(np.exp(-self._step_s / max(signal.filter_s, 1e-9))) if state == self._state else 0.0
+        self._state = state
+        error, covariance = self._filter.follow(gain, errors, memory)
+        found, exact = bool(np.isfinite(error[0])), signal.is_exact
+        moved = geodetic if exact else geodetic_from_world(world_from_geodetic(geodetic) + error)
+        return _Fix(
+            geodetic=moved if found else np.full(3, np.nan),
+            covariance=covariance if found and not exact else np.zeros((3, 3)),
+            status=NO_FIX if not found else ALONE[signal.mode] if state == noise.SINGLE else AIDED,
+            state=state,
+            satellites=int(solution.satellites[0]),
+            dop=solution.dop[0],
+        )
+
+    def _joined(self, fixes: Sequence["_Fix"]) -> GnssFixes:
+        return GnssFixes(
+            geodetic=np.array([fix.geodetic for fix in fixes]).reshape(-1, 3),
+            covariance=np.array([fix.covariance for fix in fixes]).reshape(-1, 3, 3),
+            status=np.array([fix.status for fix in fixes], np.int64),
+            service=self._signal.service,
+            state=np.array([fix.state for fix in fixes], np.int64),
+            satellites=np.array([fix.satellites for fix in fixes], np.int64),
+            dop=np.array([fix.dop for fix in fixes]).reshape(-1, 3),
+        )
 
 
-def fixes_of(sky: Sky, geodetic: Array, config: GnssConfig, seed: int) -> GnssFixes:
-    """Return the positions that a receiver at ``geodetic`` (t, 3) measures under a sky."""
-    signal, step_s = config.signal, 1.0 / config.rate_hz
-    assert signal is not None
+class _Fix(NamedTuple):
+    """A row of ``GnssFixes``."""
 
-    def rng(purpose: str) -> np.random.Generator:
-        return random.rng_of(seed, config.name, purpose)
-
-    states = np.zeros(len(geodetic), np.int64)
-    if signal.mode == "rtk":
-        states = noise.rtk_states(rng("rtk"), np.where(sky.used, sky.ratio, -np.inf), step_s, signal)
-    sigma = noise.sigmas(sky.directions[..., 2], sky.ratio, states, signal)
-    solution = solve(sky.directions, sky.used, np.sqrt(sum(each**2 for each in sigma)))
-    solution.gain[~(solution.dop[:, 0] <= signal.pdop_max)] = np.nan
-    kept = [float(np.exp(-step_s / tau)) for tau in (signal.range_tau_s, signal.multipath_tau_s)]
-    processes = [
-        Process(noise.gauss_markov(rng(name), sky.used.shape, share), each, share)
-        for name, each, share in zip(("range", "multipath", "white"), sigma, [*kept, 0.0], strict=True)
-    ]
-    memory = np.where(np.diff(states, prepend=-1), 0.0, np.exp(-step_s / max(signal.filter_s, 1e-9)))
-    error, covariance = follow(solution.gain, processes, memory)
-    found, exact = np.isfinite(error[:, 0]), signal.is_exact
-    moved = geodetic if exact else geodetic_from_world(world_from_geodetic(geodetic) + error)
-    return GnssFixes(
-        geodetic=np.where(found[:, None], moved, np.nan),
-        covariance=np.where(found[:, None, None] & (not exact), covariance, 0.0),
-        status=np.where(found, np.where(states == noise.SINGLE, ALONE[signal.mode], AIDED), NO_FIX),
-        service=sum(SERVICE[system] for system in signal.constellations),
-        state=states,
-        satellites=solution.satellites,
-        dop=solution.dop,
-    )
+    geodetic: Array
+    covariance: Array
+    status: int
+    state: int
+    satellites: int
+    dop: Array

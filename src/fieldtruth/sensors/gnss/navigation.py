@@ -19,8 +19,8 @@ ENU: Final = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """East, north, up from north, west, up."""
 
 
-class Process(NamedTuple):
-    """Errors of ranges: independent Gauss-Markov series (t, n) of unit variance, and their sigma (t, n) [m]."""
+class RangeErrors(NamedTuple):
+    """Errors of ranges at a time: independent Gauss-Markov series (n,) of unit variance, and their sigma (n,) [m]."""
 
     series: Array
     sigma: Array
@@ -28,28 +28,30 @@ class Process(NamedTuple):
     """Correlation from one time to the next; 0 for white noise."""
 
 
-def follow(gain: Array, processes: Sequence[Process], memory: Array) -> tuple[Array, Array]:
-    """Return the errors (t, 3) of the positions in the world frame [m], and their covariances (t, 3, 3) in ENU [m^2].
+class PositionFilter:
+    """The filter of a receiver, which goes on from time to time."""
 
-    Args:
-        gain: (t, 3, n) of the solutions, NaN without one.
-        processes: whose sum is the error of each range.
-        memory: (t,) share of the output before that the filter keeps; 0 where it begins.
-    """
-    count, _, satellites = gain.shape
-    errors, covariances = np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan)
-    error, covariance, lost = np.zeros(3), np.zeros((3, 3)), True
-    shared = [np.zeros((3, satellites)) for _ in processes]  # covariance with each process
-    for k in range(count):
-        if not np.isfinite(gain[k]).all():
-            lost = True
-            continue
-        old = 0.0 if lost else memory[k]
-        new, lost = 1.0 - old, False
-        moved = [gain[k] * process.sigma[k] for process in processes]
-        cross = old * sum(p.kept * (c @ m.T) for p, c, m in zip(processes, shared, moved, strict=True))
-        covariance = old**2 * covariance + new * (cross + cross.T) + new**2 * sum(m @ m.T for m in moved)
-        shared = [old * p.kept * c + new * m for p, c, m in zip(processes, shared, moved, strict=True)]
-        error = old * error + new * sum(m @ p.series[k] for p, m in zip(processes, moved, strict=True))
-        errors[k], covariances[k] = error, ENU @ covariance @ ENU.T
-    return errors, covariances
+    def __init__(self) -> None:
+        self._error, self._covariance = np.zeros(3), np.zeros((3, 3))
+        self._shared: list[Array] | None = None  # covariance with each process; None without a position before
+
+    def follow(self, gain: Array, errors: Sequence[RangeErrors], memory: float) -> tuple[Array, Array]:
+        """Return the error (3,) of the position in the world frame [m], and its covariance (3, 3) in ENU [m^2].
+
+        Args:
+            gain: (3, n) of the solution, NaN without one: then so is the result.
+            errors: whose sum is the error of each range.
+            memory: share of the output before that the filter keeps; 0 where it begins.
+        """
+        if not np.isfinite(gain).all():
+            self._shared = None
+            return np.full(3, np.nan), np.full((3, 3), np.nan)
+        old = 0.0 if self._shared is None else memory
+        new, before = 1.0 - old, self._shared or [np.zeros_like(gain) for _ in errors]
+        moved = [gain * each.sigma for each in errors]
+        cross = old * sum(p.kept * (c @ m.T) for p, c, m in zip(errors, before, moved, strict=True))
+        ours = new**2 * sum(m @ m.T for m in moved)
+        self._covariance = old**2 * self._covariance + new * (cross + np.transpose(cross)) + ours
+        self._shared = [old * p.kept * c + new * m for p, c, m in zip(errors, before, moved, strict=True)]
+        self._error = old * self._error + new * sum(m @ p.series for p, m in zip(errors, moved, strict=True))
+        return self._error, ENU @ self._covariance @ ENU.T

@@ -1,11 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Errors of ranges: series in time, how they grow with elevation and signal, and the states of an RTK receiver."""
+"""Errors of ranges: how they grow with elevation and signal, and the states of an RTK receiver."""
 
 from typing import Final
 
 import numpy as np
-from scipy.signal import lfilter
 
 from fieldtruth.core.arrays import Array, Counts, Mask
 from fieldtruth.sensors.gnss.signal import GnssSignal
@@ -17,17 +16,6 @@ _LAYER: Final = 350_000.0  # [m], height of the ionosphere
 
 SINGLE, FLOAT, FIXED = 0, 1, 2
 """States of an RTK receiver: alone, ambiguities as real numbers, and as whole ones."""
-
-
-def gauss_markov(rng: np.random.Generator, shape: tuple[int, int], kept: float) -> Array:
-    """Return series (t, n) of unit variance whose correlation over k steps is ``kept`` to the power of k.
-
-    It is stationary from the first row on, and a longer series begins with a shorter one.
-    """
-    white = rng.standard_normal(shape)
-    white[1:] *= np.sqrt(1.0 - kept * kept)
-    series: Array = lfilter([1.0], [1.0, -kept], white, axis=0)
-    return series
 
 
 def obliquity(sine: Array) -> Array:
@@ -70,35 +58,45 @@ def sigmas(sine: Array, ratio: Array, state: Counts, signal: GnssSignal) -> tupl
     )
 
 
-def locked(strong: Mask, step_s: float, lock_s: float) -> Mask:
-    """Which satellites (t, n) have been ``strong`` (t, n) for a time [s], as all had been before the first row."""
-    rows = np.arange(len(strong))[:, None]
-    weak_at = np.maximum.accumulate(np.where(strong, -np.inf, rows), axis=0)
-    return np.asarray(strong & ((rows - weak_at) * step_s >= lock_s))
-
-
-def rtk_states(rng: np.random.Generator, ratio: Array, step_s: float, signal: GnssSignal) -> Counts:
-    """State (t,) of an RTK receiver by the carrier-to-noise density ratios (t, n) of the satellites in use, else -inf.
+class RtkStates:
+    """States of an RTK receiver, which go on from call to call: they do not depend on how a drive is cut.
 
     It had its ambiguities before the drive. The phase of a satellite that was too weak counts from its beginning again,
-    and takes ``rtk_fix_s`` to be of use. A longer series begins with a shorter one.
+    and takes ``rtk_fix_s`` to be of use.
+
+    Args:
+        rng: used by these states only.
+        step_s: time [s] from one to the next.
+        signal: figures.
     """
-    usable = locked(ratio >= signal.rtk_cn0_min_dbhz, step_s, signal.rtk_fix_s).sum(axis=1)
-    chance = rng.random((len(usable), 3))
-    lost = chance[:, 0] < _probability(signal.rtk_losses_per_hour, step_s)
-    cut = chance[:, 1] < _probability(signal.link_losses_per_hour, step_s)
-    pause = -signal.link_loss_s * np.log1p(-chance[:, 2])  # exponential distribution
-    states, linked_at, since = np.empty(len(usable), np.int64), -np.inf, -np.inf
-    for k, count in enumerate(usable):
-        now = k * step_s
-        if cut[k]:
-            linked_at = max(linked_at, now + pause[k])
-        alone = now < linked_at
-        if alone or lost[k]:
-            since = now
-        fixed = not lost[k] and now - since >= signal.rtk_fix_s and count >= signal.rtk_min_satellites
-        states[k] = SINGLE if alone else FIXED if fixed else FLOAT
-    return states
+
+    def __init__(self, rng: np.random.Generator, step_s: float, signal: GnssSignal) -> None:
+        self._rng, self._step_s, self._signal = rng, step_s, signal
+        self._number = 0
+        self._weak_at: Array | float = -np.inf  # number at which each satellite was last too weak
+        self._linked_at = self._since = -np.inf
+
+    def extend(self, ratio: Array) -> Counts:
+        """Return the next states (t,) by the carrier-to-noise density ratios (t, n) of satellites in use, else -inf."""
+        return np.array([self._next(row) for row in ratio], np.int64)
+
+    def _next(self, ratio: Array) -> int:
+        signal, step_s = self._signal, self._step_s
+        now = self._number * step_s
+        strong = ratio >= signal.rtk_cn0_min_dbhz
+        self._weak_at = np.where(strong, self._weak_at, self._number)
+        count = np.count_nonzero(strong & ((self._number - self._weak_at) * step_s >= signal.rtk_fix_s))
+        chance = self._rng.random(3)
+        lost = chance[0] < _probability(signal.rtk_losses_per_hour, step_s)
+        if chance[1] < _probability(signal.link_losses_per_hour, step_s):
+            pause = -signal.link_loss_s * np.log1p(-chance[2])  # exponential distribution
+            self._linked_at = max(self._linked_at, now + pause)
+        alone = now < self._linked_at
+        if alone or lost:
+            self._since = now
+        self._number += 1
+        fixed = not lost and now - self._since >= signal.rtk_fix_s and count >= signal.rtk_min_satellites
+        return SINGLE if alone else FIXED if fixed else FLOAT
 
 
 def in_use(sine: Array, ratio: Array, signal: GnssSignal) -> Mask:

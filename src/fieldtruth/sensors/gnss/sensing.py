@@ -7,17 +7,31 @@ import numpy as np
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz
 from fieldtruth.core.geodesy import geodetic_from_world
+from fieldtruth.drive.physics import STEP_NS
 from fieldtruth.drive.steps import steps_at_rate
 from fieldtruth.drive.track import GnssReadings, Motion
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.sensors.gnss.config import GnssConfig
 
 
+class GnssTruth:
+    """True positions of an antenna, which go on as a motion grows."""
+
+    def __init__(self, config: GnssConfig) -> None:
+        self._config, self._until_ns = config, 0
+
+    def extend(self, motion: Motion) -> GnssReadings:
+        """Return the geodetic positions that are due since the call before."""
+        config, end_ns = self._config, int(motion.stamps_ns[-1])
+        rows = steps_at_rate(config.rate_hz, end_ns, self._until_ns) - int(motion.stamps_ns[0]) // STEP_NS
+        self._until_ns = end_ns
+        geodetic = antenna_geodetic(motion.position[rows], motion.quaternion_wxyz[rows], config.mount)
+        return GnssReadings(stamps_ns=motion.stamps_ns[rows], geodetic=geodetic)
+
+
 def read_gnss(motion: Motion, config: GnssConfig) -> GnssReadings:
-    """Return the geodetic position of the antenna."""
-    rows = steps_at_rate(config.rate_hz, int(motion.stamps_ns[-1])) - 1
-    geodetic = antenna_geodetic(motion.position[rows], motion.quaternion_wxyz[rows], config.mount)
-    return GnssReadings(stamps_ns=motion.stamps_ns[rows], geodetic=geodetic)
+    """Return the geodetic positions of the antenna along a motion."""
+    return GnssTruth(config).extend(motion)
 
 
 def antenna_geodetic(position: Array, quaternion_wxyz: Array, mount: Mount) -> Array:

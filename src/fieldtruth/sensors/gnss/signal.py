@@ -28,6 +28,8 @@ Duration = Annotated[Number, Field(gt=0, le=1e6)]
 
 
 System = Annotated[Literal["gps", "galileo"], Field(description="gps or galileo")]
+SERVICE: Final = {"gps": 1, "galileo": 8}
+"""Satellite systems, of sensor_msgs/NavSatStatus."""
 
 
 class GnssSignal(SignalConfig):
@@ -95,6 +97,11 @@ class GnssSignal(SignalConfig):
         if len(set(self.constellations)) < len(self.constellations):
             raise ValueError("constellations must differ")
         return self
+
+    @property
+    def service(self) -> int:
+        """Its satellite systems, of sensor_msgs/NavSatStatus."""
+        return sum(SERVICE[system] for system in self.constellations)
 
     @property
     def is_exact(self) -> bool:

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from fieldtruth.experiment.fields import Mount, Rate
 from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, SensorName, TopicName
-from fieldtruth.experiment.topic import Topic
+from fieldtruth.experiment.topic import Output
 from fieldtruth.sensors.imu.signal import ImuSignal
 
 
@@ -16,6 +16,8 @@ class ImuConfig(MountedConfig):
     """Inertial measurement unit; by default the paper's, in imu_link."""
 
     sees: ClassVar[bool] = False
+    bag_order: ClassVar[float] = 1
+    frame_order: ClassVar[float] = 4
 
     datasheet: ClassVar[str] = "3dm_gx5_25"
 
@@ -35,6 +37,6 @@ class ImuConfig(MountedConfig):
         """Topic and frame that an IMU has by its name."""
         return {**super().of_name(name), "topic": f"/{name}/data"}
 
-    def topics(self) -> tuple[Topic, ...]:
+    def outputs(self) -> tuple[Output, ...]:
         """Its readings, and the ideal ones if it is not ideal."""
-        return self.with_truth(self.new_topic(self.topic, "sensor_msgs/msg/Imu"))
+        return self.with_truth(self.output(self.new_topic(self.topic, "sensor_msgs/msg/Imu")))

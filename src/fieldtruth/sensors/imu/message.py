@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The message of an inertial measurement unit: Imu.
 
-Covariances are all zero: the readings are exact. ROS reads zeros as "unknown", so a filter must be given its own.
+Covariances of ideal readings are all zero. ROS reads zeros as "unknown", so a filter must be given its own.
 """
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -12,7 +13,7 @@ from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__Imu as Imu
 
 from fieldtruth.bag import types as ros
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive.track import ImuReadings
+from fieldtruth.core.readings import Inertial
 
 Covariances = tuple[Array, Array, Array]
 
@@ -21,19 +22,23 @@ UNKNOWN: Final = (np.zeros(9), np.zeros(9), np.zeros(9))
 """Covariances of an ideal IMU, which ROS reads as unknown."""
 
 
-def imu(k: int, readings: ImuReadings, frame: str, covariances: Covariances = UNKNOWN) -> bytes:
-    """Serialise sensor_msgs/Imu, all of it in the IMU's frame (REP-145); the orientation is world_from_imu.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImuReading(Inertial):
+    """A reading with the covariances (9,) of orientation, angular velocity and linear acceleration."""
 
-    ``covariances`` (9,) are those of orientation, angular velocity and linear acceleration.
-    """
-    attitude, rate, force = covariances
+    covariances: Covariances = UNKNOWN
+
+
+def imu(k: int, reading: ImuReading) -> bytes:
+    """Serialise sensor_msgs/Imu, all of it in the IMU's frame (REP-145); the orientation is world_from_imu."""
+    attitude, rate, force = reading.covariances
     message = Imu(
-        ros.header(k, int(readings.stamps_ns[k]), frame),
-        ros.quaternion(readings.quaternion_wxyz[k]),
+        ros.header(k, int(reading.header_ns), reading.frame),
+        ros.quaternion(reading.orientation_wxyz),
         attitude,
-        ros.vector(readings.angular_velocity[k]),
+        ros.vector(reading.angular_velocity),
         rate,
-        ros.vector(readings.linear_acceleration[k]),
+        ros.vector(reading.linear_acceleration),
         force,
     )
     return ros.serialize(message, "sensor_msgs/msg/Imu")

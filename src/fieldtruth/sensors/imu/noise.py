@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Readings of a real IMU from the true ones: arrays to arrays, for a whole series at once.
+"""Readings of a real IMU from the true ones: arrays to arrays, in one piece or as they come.
 
 A reading is made in the order of the physics: with u the true reading of a triad,
 
@@ -26,11 +26,11 @@ from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.frames import wxyz_from_xyzw, xyzw_from_wxyz
+from fieldtruth.core.markov import GaussMarkov
 from fieldtruth.drive.track import ImuReadings
 from fieldtruth.sensors.imu.signal import Axes, ImuSignal
 
@@ -81,30 +81,85 @@ class MeasuredImu(NamedTuple):
     force_covariance: Array  # [m^2/s^4]
 
 
-def measured_imu(true: ImuReadings, signal: ImuSignal, rate_hz: float, rng: np.random.Generator) -> MeasuredImu:
-    """Return what a real IMU reads where an ideal one has the ``true`` readings, at ``rate_hz``."""
-    of_gyroscope, of_accelerometer, of_attitude = rng.spawn(3)
-    gyroscope, accelerometer = Triad.of(signal, "gyroscope"), Triad.of(signal, "accelerometer")
-    readings = replace(
-        true,
-        quaternion_wxyz=_attitude(true.quaternion_wxyz, signal, rate_hz, of_attitude),
-        angular_velocity=measured_triad(true.angular_velocity, gyroscope, rate_hz, of_gyroscope),
-        linear_acceleration=measured_triad(true.linear_acceleration, accelerometer, rate_hz, of_accelerometer),
-    )
-    tilt, yaw = signal.roll_pitch_error**2, signal.yaw_error**2
-    attitude = np.array([-1.0, *[0.0] * 8]) if signal.no_attitude else np.diag([tilt, tilt, yaw]).ravel()
-    rate, force = (np.diag(triad.variances(rate_hz)).ravel() for triad in (gyroscope, accelerometer))
-    return MeasuredImu(readings, attitude, rate, force)
+class ImuErrors:
+    """Errors of a real IMU, which go on from call to call: readings do not depend on how their series is cut.
+
+    Args:
+        signal: figures of the IMU.
+        rate_hz: of the readings.
+        rng: of the experiment's seed and the IMU's name.
+    """
+
+    def __init__(self, signal: ImuSignal, rate_hz: float, rng: np.random.Generator) -> None:
+        of_gyroscope, of_accelerometer, of_attitude = rng.spawn(3)
+        triads = Triad.of(signal, "gyroscope"), Triad.of(signal, "accelerometer")
+        self._gyroscope = TriadErrors(triads[0], rate_hz, of_gyroscope)
+        self._accelerometer = TriadErrors(triads[1], rate_hz, of_accelerometer)
+        self._no_attitude = signal.no_attitude
+        self._turn = np.array([signal.roll_pitch_error, signal.roll_pitch_error, signal.yaw_error])
+        self._turns = GaussMarkov(of_attitude, 3, math.exp(-1.0 / (signal.attitude_correlation_s * rate_hz)))
+        attitude = np.array([-1.0, *[0.0] * 8]) if signal.no_attitude else np.diag(self._turn**2).ravel()
+        rate, force = (np.diag(triad.variances(rate_hz)).ravel() for triad in triads)
+        self._covariances = attitude, rate, force
+
+    def extend(self, true: ImuReadings) -> MeasuredImu:
+        """Return what the IMU reads where an ideal one has the ``true`` readings, the next of its series."""
+        readings = replace(
+            true,
+            quaternion_wxyz=self._attitude(true.quaternion_wxyz),
+            angular_velocity=self._gyroscope.extend(true.angular_velocity),
+            linear_acceleration=self._accelerometer.extend(true.linear_acceleration),
+        )
+        return MeasuredImu(readings, *self._covariances)
+
+    def _attitude(self, quaternion_wxyz: Array) -> Array:
+        """Return the attitudes (n, 4) that the sensor states."""
+        if self._no_attitude:
+            return np.tile([1.0, 0.0, 0.0, 0.0], (len(quaternion_wxyz), 1))
+        if not self._turn.any() or not len(quaternion_wxyz):
+            return quaternion_wxyz
+        turned = Rotation.from_rotvec(self._turns.draw(len(quaternion_wxyz)) * self._turn)
+        return np.asarray(wxyz_from_xyzw((turned * Rotation.from_quat(xyzw_from_wxyz(quaternion_wxyz))).as_quat()))
 
 
-def measured_triad(true: Array, triad: Triad, rate_hz: float, rng: np.random.Generator) -> Array:
-    """Return the readings (n, 3) of a real gyroscope or accelerometer whose true readings are (n, 3)."""
-    fixed, white, slow = rng.spawn(3)
-    matrix = np.eye(3) + triad.misalignment * fixed.standard_normal((3, 3)) * (1.0 - np.eye(3))
-    matrix += np.diag(triad.scale * fixed.standard_normal(3))
-    bias = triad.bias * fixed.standard_normal(3) + _bias_changes(len(true), triad, rate_hz, slow)
-    read = true @ matrix.T + bias + triad.density * math.sqrt(rate_hz) * white.standard_normal(true.shape)
-    return quantised(read, triad.range, triad.resolution)
+class TriadErrors:
+    """Errors of a real gyroscope or accelerometer; see ``ImuErrors``."""
+
+    def __init__(self, triad: Triad, rate_hz: float, rng: np.random.Generator) -> None:
+        fixed, self._white, slow = rng.spawn(3)
+        self._triad, self._rate_hz = triad, rate_hz
+        matrix = np.eye(3) + triad.misalignment * fixed.standard_normal((3, 3)) * (1.0 - np.eye(3))
+        self._matrix: Array = matrix + np.diag(triad.scale * fixed.standard_normal(3))
+        self._bias: Array = triad.bias * fixed.standard_normal(3)
+        self._of_walk, *of_flicker = slow.spawn(1 + len(FLICKER_TIMES_S))
+        self._walked = np.zeros(3)
+        self._flicker = [
+            GaussMarkov(own, 3, math.exp(-1.0 / (time_s * rate_hz)))
+            for time_s, own in zip(FLICKER_TIMES_S, of_flicker, strict=True)
+        ]
+
+    def extend(self, true: Array) -> Array:
+        """Return the readings (n, 3) whose true ones are (n, 3), the next of their series."""
+        white = self._triad.density * math.sqrt(self._rate_hz) * self._white.standard_normal(true.shape)
+        # Column by column: the sums of a product of matrices depend on the number of rows.
+        turned = true[:, :1] * self._matrix[:, 0] + true[:, 1:2] * self._matrix[:, 1] + true[:, 2:] * self._matrix[:, 2]
+        read = turned + (self._bias + self._bias_changes(len(true))) + white
+        return quantised(read, self._triad.range, self._triad.resolution)
+
+    def _bias_changes(self, count: int) -> Array:
+        """Return how the bias differs (count, 3) from what it was when the sensor was turned on."""
+        triad, bias = self._triad, np.zeros((count, 3))
+        if triad.walk.any() and count:
+            steps = self._of_walk.standard_normal((count, 3))
+            steps[0] += self._walked
+            walked = np.cumsum(steps, axis=0)
+            self._walked = walked[-1]
+            bias += walked * triad.walk / math.sqrt(self._rate_hz)
+        if triad.bottom.any():
+            deviation = triad.bottom / BOTTOM * math.sqrt(math.log(4.0) / math.pi)
+            for process in self._flicker:
+                bias += process.draw(count) * deviation
+        return bias
 
 
 def quantised(values: Array, limit: float | None, resolution: float | None) -> Array:
@@ -116,39 +171,6 @@ def quantised(values: Array, limit: float | None, resolution: float | None) -> A
         most = math.floor(limit / resolution * (1.0 + 1e-12))
         steps = np.clip(steps, -most, most)
     return np.asarray(steps * resolution)
-
-
-def markov(count: int, deviation: Array, time_s: float, rate_hz: float, rng: np.random.Generator) -> Array:
-    """Return (count, 3) values of Gauss-Markov processes with a deviation (3,), a correlation time and a rate."""
-    kept = math.exp(-1.0 / (time_s * rate_hz))
-    noise = rng.standard_normal((count, 3))
-    noise[1:] *= math.sqrt(1.0 - kept**2)
-    values: Array = lfilter([1.0], [1.0, -kept], noise, axis=0) * deviation
-    return values
-
-
-def _bias_changes(count: int, triad: Triad, rate_hz: float, rng: np.random.Generator) -> Array:
-    """Return how the bias differs (count, 3) from what it was when the sensor was turned on."""
-    of_walk, *of_flicker = rng.spawn(1 + len(FLICKER_TIMES_S))
-    bias: Array = np.zeros((count, 3))
-    if triad.walk.any():
-        bias += np.cumsum(of_walk.standard_normal((count, 3)), axis=0) * triad.walk / math.sqrt(rate_hz)
-    if triad.bottom.any():
-        deviation = triad.bottom / BOTTOM * math.sqrt(math.log(4.0) / math.pi)
-        for time_s, own in zip(FLICKER_TIMES_S, of_flicker, strict=True):
-            bias += markov(count, deviation, time_s, rate_hz, own)
-    return bias
-
-
-def _attitude(quaternion_wxyz: Array, signal: ImuSignal, rate_hz: float, rng: np.random.Generator) -> Array:
-    """Return the attitudes (n, 4) that the sensor states."""
-    if signal.no_attitude:
-        return np.tile([1.0, 0.0, 0.0, 0.0], (len(quaternion_wxyz), 1))
-    deviation = np.array([signal.roll_pitch_error, signal.roll_pitch_error, signal.yaw_error])
-    if not deviation.any():
-        return quaternion_wxyz
-    turned = Rotation.from_rotvec(markov(len(quaternion_wxyz), deviation, signal.attitude_correlation_s, rate_hz, rng))
-    return np.asarray(wxyz_from_xyzw((turned * Rotation.from_quat(xyzw_from_wxyz(quaternion_wxyz))).as_quat()))
 
 
 def axes_of(value: Axes) -> Array:

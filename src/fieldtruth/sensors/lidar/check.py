@@ -18,8 +18,8 @@ from fieldtruth.drive.state import poses_at
 from fieldtruth.experiment.robot_body import visible_parts
 from fieldtruth.sensors.lidar.beams import ray_times_ns, sweep_times_ns
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.measuring import SignalLidar
-from fieldtruth.sensors.lidar.sensing import Lidar
+from fieldtruth.sensors.lidar.measuring import Lidar
+from fieldtruth.sensors.lidar.sensing import IdealLidar
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, RebuiltWorld, at
 from fieldtruth.validation.retrace.dense_cloud import DenseCloud
@@ -246,7 +246,7 @@ class RetracedClouds(Checker):
             return []  # the check of labels reports the layout
         lidars = vars(self._own)
         if config.name not in lidars:
-            lidars[config.name] = Lidar(config, self._rebuilt.scene, visible_parts(self._context.rig))
+            lidars[config.name] = IdealLidar(config, self._rebuilt.scene, visible_parts(self._context.rig))
         aimed = poses if len(poses) > 1 else poses[0], raw.stamp_ns
         scan = lidars[config.name].scan(*aimed)
         own = DenseCloud.of(config, scan.column, scan.ring, scan.xyz, scan.label, scan.instance)
@@ -283,5 +283,5 @@ class RetracedClouds(Checker):
         """Count the noise of a cloud against the echoes that its LiDAR expects from the rebuilt world."""
         lidars, name = vars(self._own), f"signal of {config.name}"
         if name not in lidars:
-            lidars[name] = SignalLidar(config, self._rebuilt.scene, robot=visible_parts(self._context.rig))
+            lidars[name] = Lidar(config, self._rebuilt.scene, robot=visible_parts(self._context.rig))
         self.noise.add(config, cloud, lidars[name].echoes(*aimed), columns)

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from fieldtruth.experiment.fields import Boolean, Integer, Mount, Number, Range, Rate
 from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, SensorName, TopicName
-from fieldtruth.experiment.topic import Topic
+from fieldtruth.experiment.topic import Output
 from fieldtruth.sensors.lidar.signal import LidarSignal
 
 MOST_RINGS: Final = 256
@@ -26,6 +26,8 @@ _PER_RING: Final = {"min_length": 1, "max_length": MOST_RINGS}
 class LidarConfig(MountedConfig):
     """Rotating multi-beam LiDAR; by default the paper's Ouster OS1-64."""
 
+    bag_order: ClassVar[float] = 4
+    frame_order: ClassVar[float] = 2
     datasheet: ClassVar[str] = "os1_64_gen1"
 
     kind: Literal["lidar"] = "lidar"
@@ -82,9 +84,14 @@ class LidarConfig(MountedConfig):
         """Topic and frame that a LiDAR has by its name."""
         return {**super().of_name(name), "topic": f"/{name}/points"}
 
-    def topics(self) -> tuple[Topic, ...]:
+    def outputs(self) -> tuple[Output, ...]:
         """Its point clouds."""
-        return (self.new_topic(self.topic, "sensor_msgs/msg/PointCloud2"),)
+        return (self.output(self.new_topic(self.topic, "sensor_msgs/msg/PointCloud2")),)
+
+    @property
+    def sweep_s(self) -> float:
+        """One turn, if it spins."""
+        return 1.0 / self.rate_hz if self.spinning else 0.0
 
     @classmethod
     def completed(cls, given: dict[str, Any], figures: Mapping[str, Any]) -> dict[str, Any]:

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The message of a LiDAR: PointCloud2."""
 
-from typing import Final, Protocol
+from collections.abc import Mapping
+from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointCloud2 as 
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__PointField as PointField
 
 from fieldtruth.bag import types as ros
+from fieldtruth.core.readings import Cloud
 from fieldtruth.sensors.lidar.config import LidarConfig
 
 _XYZI: Final = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
@@ -20,13 +22,7 @@ _MAKERS: Final = {
 }
 """Fields instead of ``ring`` by maker: of FAST-LIO2's ``ouster_ros::Point``, and of livox_ros_driver2's PointCloud2."""
 
-_MEASURED: Final = [
-    ("true_range", "<f4"),
-    ("signal", "<f4"),
-    ("reflectivity", "<f4"),
-    ("echo", "<u2"),
-    ("mixed", "<u2"),
-]
+MEASURED: Final = {"true_range": "<f4", "signal": "<f4", "reflectivity": "<f4", "echo": "<u2", "mixed": "<u2"}
 """Fields of a LiDAR with a signal; the reflectivity of an Ouster is its own, in percent."""
 
 _CLOCKS: Final = {"time": "<f4", "timestamp": "<f8"}
@@ -69,11 +65,11 @@ def point_type(config: LidarConfig, *, wide_ids: bool) -> np.dtype[np.void]:
     time = [("t", "<u4"), *([(clock, _CLOCKS[clock])] if clock else [])] if config.spinning else []
     ids = [("column", "<u2"), ("label", "<u2"), ("instance", "<u4" if wide_ids else "<u2")]
     own = _MAKERS[maker] if maker else _RING
-    measured = [] if config.signal is None else [field for field in _MEASURED if field[0] not in dict(own)]
+    measured = [] if config.signal is None else [each for each in MEASURED.items() if each[0] not in dict(own)]
     return np.dtype([*_XYZI, *time, *own, *ids, *measured], align=True)
 
 
-def point_cloud(seq: int, stamp_ns: int, scan: Scan, config: LidarConfig, *, wide_ids: bool = False) -> bytes:
+def point_cloud(seq: int, stamp_ns: int, scan: Scan | Cloud, config: LidarConfig, *, wide_ids: bool = False) -> bytes:
     """Serialise sensor_msgs/PointCloud2 of the returns, in the order of the scan; with ``t`` if the LiDAR spins.
 
     The scan of a LiDAR with a signal has ``true_range``, ``signal``, ``reflectivity``, ``echo`` and ``mixed``, which
@@ -82,7 +78,10 @@ def point_cloud(seq: int, stamp_ns: int, scan: Scan, config: LidarConfig, *, wid
     [ns] the time of the ray, and its ``tag`` zero: a sure return. An organised cloud has a row for each ring, NaN as
     coordinates of rays without a return, and zero in their other fields but ring and column.
     """
-    measured = {} if config.signal is None else {name: getattr(scan, name) for name, _ in _MEASURED}
+    measured: Mapping[str, NDArray[Any]] = {}
+    if config.signal is not None:
+        measured = scan.others if isinstance(scan, Cloud) else {name: getattr(scan, name) for name in MEASURED}
+    t_ns = np.zeros(len(scan.xyz), np.int64) if scan.t_ns is None else scan.t_ns.astype(np.int64)
     kind, clock, maker = point_type(config, wide_ids=wide_ids), config.time_field, config.point_fields
     points = np.zeros(len(scan.xyz), kind)
     points["x"], points["y"], points["z"] = scan.xyz.T
@@ -90,16 +89,16 @@ def point_cloud(seq: int, stamp_ns: int, scan: Scan, config: LidarConfig, *, wid
     for name, values in measured.items():
         points[name] = values
     if config.spinning:
-        points["t"] = scan.t_ns
+        points["t"] = t_ns
     if config.spinning and clock:
-        points[clock] = (scan.t_ns.astype(np.int64) + (stamp_ns if clock == "timestamp" else 0)) / 1e9
+        points[clock] = (t_ns + (stamp_ns if clock == "timestamp" else 0)) / 1e9
     points["ring"], points["column"] = scan.ring, scan.column
     points["label"], points["instance"] = scan.label, scan.instance
     if maker == "ouster":
         points["reflectivity"] = np.minimum(np.rint(100.0 * measured["reflectivity"]), 255) if measured else scan.label
         points["range"] = np.rint(1000.0 * np.linalg.norm(scan.xyz.astype(np.float64), axis=1))
     if maker == "livox":
-        points["line"], points["timestamp"] = scan.ring, stamp_ns + scan.t_ns.astype(np.int64)
+        points["line"], points["timestamp"] = scan.ring, stamp_ns + t_ns
     rows = _organised(points, config) if config.organised else points[None]
     message = PointCloud2(
         ros.header(seq, stamp_ns, config.frame),

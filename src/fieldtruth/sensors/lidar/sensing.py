@@ -51,8 +51,8 @@ def _new_scan(count: int) -> Scan:
     )
 
 
-class Lidar:
-    """A LiDAR in a scene. Use one per thread: each owns its buffers.
+class IdealLidar:
+    """An ideal LiDAR in a scene, whatever its configuration's signal. Use one per thread: each owns its buffers.
 
     The origin is the frame ``os1_lidar``. A ray returns the first surface between ``min_range`` and ``max_range``; a
     nearer surface occludes those behind it without a return; water and sky return nothing. All rays of a scan leave at

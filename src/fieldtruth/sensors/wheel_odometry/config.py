@@ -5,8 +5,9 @@
 from typing import ClassVar, Final, Literal
 
 from fieldtruth.experiment.fields import Rate
+from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.experiment.sensor_config import SensorConfig, SensorName, TopicName
-from fieldtruth.experiment.topic import WHEELS, Topic
+from fieldtruth.experiment.topic import WHEELS, Output
 from fieldtruth.sensors.wheel_odometry.signal import WheelSignal
 
 WHEEL_SPEEDS: Final = tuple(f"/gazebo_client/{wheel}_speed" for wheel in WHEELS)
@@ -17,6 +18,8 @@ class WheelOdometryConfig(SensorConfig):
     """Speeds of the wheels, joint states and wheel odometry; a rig has one of these or none."""
 
     sees: ClassVar[bool] = False
+    needs_wheels: ClassVar[bool] = True
+    bag_order: ClassVar[float] = 3
 
     datasheet: ClassVar[str] = "husky_a200"
 
@@ -27,13 +30,21 @@ class WheelOdometryConfig(SensorConfig):
     tachometer_rate_hz: Rate = 10.0  # of the wheels' speeds
     signal: WheelSignal | None = None
 
-    def topics(self) -> tuple[Topic, ...]:
+    def outputs(self) -> tuple[Output, ...]:
         """Wheel speeds, joint states and odometry; a robot with two wheels has the first two speeds only.
 
         The ideal ones follow if it is not ideal.
         """
+        speeds = (self.new_topic(name, "std_msgs/msg/Float32", self.tachometer_rate_hz) for name in WHEEL_SPEEDS)
         return self.with_truth(
-            *(self.new_topic(name, "std_msgs/msg/Float32", self.tachometer_rate_hz) for name in WHEEL_SPEEDS),
-            self.new_topic(JOINT_STATES, "sensor_msgs/msg/JointState"),
-            self.new_topic(self.topic, "nav_msgs/msg/Odometry"),
+            self.output(*speeds, part="speeds", clock="tachometers"),
+            self.output(self.new_topic(JOINT_STATES, "sensor_msgs/msg/JointState"), part="joints"),
+            self.output(self.new_topic(self.topic, "nav_msgs/msg/Odometry"), part="odometry"),
+        )
+
+    def outputs_on(self, robot: RobotConfig) -> tuple[Output, ...]:
+        """Its outputs with a speed for each wheel of the robot."""
+        count = len(robot.wheels.names)
+        return tuple(
+            each._replace(topics=each.topics[:count]) if each.part == "speeds" else each for each in self.outputs()
         )

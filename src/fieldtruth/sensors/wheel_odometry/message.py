@@ -2,19 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages of wheel encoders and of the driver that integrates them: Float32, JointState and Odometry."""
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__PoseWithCovariance as PoseWithCovariance
 from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__TwistWithCovariance as TwistWithCovariance
-from rosbags.typesys.stores.ros1_noetic import nav_msgs__msg__Odometry as Odometry
+from rosbags.typesys.stores.ros1_noetic import nav_msgs__msg__Odometry as OdometryMessage
 from rosbags.typesys.stores.ros1_noetic import sensor_msgs__msg__JointState as JointState
 from rosbags.typesys.stores.ros1_noetic import std_msgs__msg__Float32 as Float32
 
 from fieldtruth.bag import types as ros
-from fieldtruth.bag.base_messages import BASE, JOINTS, ODOM
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive.track import WheelOdometry
+from fieldtruth.core.readings import Joints, Odometry
 
 Covariances = tuple[Array, Array]
 VARIANCES: Final = (0.001, 0.001, 0.001, 0.001, 0.001, 0.03)
@@ -27,24 +27,30 @@ def wheel_speed(speed: float) -> bytes:
     return ros.serialize(Float32(float(speed)), "std_msgs/msg/Float32")
 
 
-def joint_states(k: int, odometry: WheelOdometry) -> bytes:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WheelReading(Odometry):
+    """Wheel odometry with the covariances (36,) of pose and twist that are added to those of the driver."""
+
+    covariances: Covariances | None = None
+
+
+def joint_states(k: int, joints: Joints) -> bytes:
     """Serialise sensor_msgs/JointState: angle [rad] and speed [rad/s] of each wheel, positive forwards; no torques."""
-    head, wheels = ros.header(k, int(odometry.stamps_ns[k]), BASE), odometry.wheels
-    message = JointState(head, list(JOINTS[: wheels.angle.shape[1]]), wheels.angle[k], wheels.speed[k], np.zeros(0))
+    head = ros.header(k, int(joints.header_ns), joints.frame)
+    message = JointState(head, list(joints.names), joints.angle, joints.speed, np.zeros(0))
     return ros.serialize(message, "sensor_msgs/msg/JointState")
 
 
-def wheel_odometry(k: int, odometry: WheelOdometry, covariances: Covariances | None = None) -> bytes:
+def wheel_odometry(k: int, reading: WheelReading) -> bytes:
     """Serialise nav_msgs/Odometry: the pose of base_link in odom, the twist in base_link; both are planar.
 
-    ``covariances`` (n, 36) of pose and twist are added to those of the driver, which stand for slip.
+    Covariances of the reading are added to those of the driver, which stand for slip.
     """
-    (x, y, yaw), (speed, turn_rate) = odometry.pose[k], odometry.twist[k]
-    attitude = np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
-    pose = ros.Pose(ros.Point(float(x), float(y), 0.0), ros.quaternion(attitude))
-    twist = ros.Twist(ros.Vector3(float(speed), 0.0, 0.0), ros.Vector3(0.0, 0.0, float(turn_rate)))
+    pose = ros.Pose(ros.point(reading.position), ros.quaternion(reading.quaternion_wxyz))
+    twist = ros.Twist(ros.vector(reading.linear_velocity), ros.vector(reading.angular_velocity))
     driver = np.diag(VARIANCES).ravel()
-    of_pose, of_twist = (driver, driver) if covariances is None else (driver + each[k] for each in covariances)
-    head = ros.header(k, int(odometry.stamps_ns[k]), ODOM)
-    message = Odometry(head, BASE, PoseWithCovariance(pose, of_pose), TwistWithCovariance(twist, of_twist))
-    return ros.serialize(message, "nav_msgs/msg/Odometry")
+    added = reading.covariances
+    of_pose, of_twist = (driver, driver) if added is None else (driver + each for each in added)
+    head = ros.header(k, int(reading.header_ns), reading.frame)
+    parts = PoseWithCovariance(pose, of_pose), TwistWithCovariance(twist, of_twist)
+    return ros.serialize(OdometryMessage(head, reading.child, *parts), "nav_msgs/msg/Odometry")

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Readings of real wheel encoders from the true angles of the wheels: arrays to arrays, for a whole drive at once.
+"""Readings of real wheel encoders from the true angles of the wheels: arrays to arrays, in one piece or as they come.
 
 Radii: a wheel whose radius is R (1 + e), where the robot assumes R, turns by 1 / (1 + e) of what the robot expects over
 the same distance. The e are drawn once (Borenstein and Feng, Measurement and Correction of Systematic Odometry Errors
@@ -16,14 +16,15 @@ where J is the change of the pose by each e and s the deviation of e, and of the
 """
 
 import math
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from fieldtruth.core.arrays import Array, Counts
-from fieldtruth.drive.track import Base, Stamps, TachometerReadings, WheelMotion, WheelOdometry
+from fieldtruth.core.arrays import Array
+from fieldtruth.drive.track import Stamps, TachometerReadings, WheelMotion, WheelOdometry
 from fieldtruth.experiment.robot_config import WheelConfig
-from fieldtruth.sensors.wheel_odometry.sensing import dead_reckoning, effective_track
+from fieldtruth.sensors.wheel_odometry.sensing import DeadReckoning, TrueWheels, effective_track
 from fieldtruth.sensors.wheel_odometry.signal import WheelSignal
 
 _SMALL: Final = 1e-4
@@ -42,34 +43,84 @@ class MeasuredWheels(NamedTuple):
     twist_covariance: Array
 
 
-def measured_wheels(
-    base: Base, every_step: Stamps, wheels: WheelConfig, signal: WheelSignal, rng: np.random.Generator
-) -> MeasuredWheels:
-    """Return what real encoders read where ideal ones have the readings of ``base``.
+@dataclass
+class _Last:
+    """Angles (1, wheels) [rad] and stamp [ns] of the reading before."""
+
+    angle: Array
+    stamp_ns: int = 0
+
+
+class WheelErrors:
+    """Errors of real encoders, which go on from call to call: readings do not depend on how their series are cut.
 
     Args:
-        base: the true angles at the stamps ``every_step`` [ns], and the ideal readings.
-        every_step: see ``base``.
         wheels: the robot's wheels, with the radius that it assumes.
         signal: figures of the encoders.
         rng: used in the order of the docstring of this module.
     """
-    of_radii, of_phases = rng.spawn(2)
-    count = base.wheels.angle.shape[1]
-    errors = signal.radius_error * of_radii.standard_normal(count)
-    phases = of_phases.random((count,))
 
-    def read(stamps_ns: Stamps) -> WheelMotion:
-        rows: Counts = np.searchsorted(every_step, stamps_ns)
-        angle = counted(base.wheels.angle[rows] / (1.0 + errors), signal.counts_per_revolution, phases)
-        steps = np.diff(angle, axis=0, prepend=np.zeros((1, count)))
-        return WheelMotion(angle=angle, speed=steps / (np.diff(stamps_ns, prepend=0)[:, None] / 1e9))
+    def __init__(self, wheels: WheelConfig, signal: WheelSignal, rng: np.random.Generator) -> None:
+        of_radii, of_phases = rng.spawn(2)
+        count = len(wheels.names)
+        self._wheels, self._signal = wheels, signal
+        self._errors: Array = signal.radius_error * of_radii.standard_normal(count)
+        self._phases: Array = of_phases.random((count,))
+        self._tachometers, self._odometry = _Last(np.zeros((1, count))), _Last(np.zeros((1, count)))
+        self._reckoning = DeadReckoning(wheels)
+        scales = np.ones((count, count)) + _SMALL * np.eye(count)
+        self._varied = [
+            [(scale, DeadReckoning(wheels)) for scale in pair] for pair in zip(scales, 2.0 - scales, strict=True)
+        ]
 
-    speed = read(base.tachometers.stamps_ns).speed
-    tachometers = TachometerReadings(stamps_ns=base.tachometers.stamps_ns, wheel_speed=speed)
-    stamps = base.odometry.stamps_ns
-    odometry = dead_reckoning(stamps, read(stamps), wheels)
-    return MeasuredWheels(tachometers, odometry, *_covariances(odometry, wheels, signal))
+    def extend(self, true: TrueWheels) -> MeasuredWheels:
+        """Return what real encoders read where ideal ones have these readings, the next of their series."""
+        tachometers, odometry, slow_angle = true
+        speed = self._read(self._tachometers, tachometers.stamps_ns, slow_angle).speed
+        stamps = odometry.stamps_ns
+        seconds = np.diff(stamps, prepend=self._odometry.stamp_ns) / 1e9
+        read = self._reckoning.extend(stamps, self._read(self._odometry, stamps, odometry.wheels.angle))
+        return MeasuredWheels(replace(tachometers, wheel_speed=speed), read, *self._covariances(read, seconds))
+
+    def _read(self, last: _Last, stamps_ns: Stamps, true_angle: Array) -> WheelMotion:
+        angle = counted(true_angle / (1.0 + self._errors), self._signal.counts_per_revolution, self._phases)
+        steps = np.diff(angle, axis=0, prepend=last.angle)
+        seconds = np.diff(stamps_ns, prepend=last.stamp_ns) / 1e9
+        if len(stamps_ns):
+            last.angle, last.stamp_ns = angle[-1:].copy(), int(stamps_ns[-1])
+        return WheelMotion(angle=angle, speed=steps / seconds[:, None])
+
+    def _covariances(self, odometry: WheelOdometry, seconds: Array) -> tuple[Array, Array]:
+        """Return covariances (n, 36) of the pose and of the twist."""
+        wheels, signal = self._wheels, self._signal
+        pose, twist = (np.zeros((len(odometry.stamps_ns), 6, 6)) for _ in range(2))
+        of_pose, of_twist = self._by_radii(odometry)
+        if signal.counts_per_revolution is not None:
+            variance = (2.0 * math.pi / signal.counts_per_revolution) ** 2 / 6.0 * wheels.radius**2
+            # The mean of all wheels, and the difference of the means of two sides.
+            count = odometry.wheels.angle.shape[1]
+            forward, turn = variance / count, 4.0 * variance / count / effective_track(wheels) ** 2
+            of_pose += np.diag([forward, forward, turn])
+            of_twist += np.diag([forward, turn]) / seconds[:, None, None] ** 2
+        pose[:, _PLANAR[:, None], _PLANAR] += of_pose
+        twist[:, _FORWARD_TURN[:, None], _FORWARD_TURN] += of_twist
+        return pose.reshape(-1, 36), twist.reshape(-1, 36)
+
+    def _by_radii(self, odometry: WheelOdometry) -> tuple[Array, Array]:
+        """Return covariances (n, 3, 3) of the pose and (n, 2, 2) of the twist by unknown radii of the wheels."""
+        count, own, deviation = len(odometry.stamps_ns), odometry.wheels, self._signal.radius_error
+        of_pose, of_twist = np.zeros((count, 3, 3)), np.zeros((count, 2, 2))
+        for pair in self._varied if deviation else ():
+            more, less = (
+                reckoning.extend(odometry.stamps_ns, WheelMotion(angle=own.angle * scale, speed=own.speed))
+                for scale, reckoning in pair
+            )
+            by_pose, by_twist = (
+                (a - b) / (2.0 * _SMALL) for a, b in ((more.pose, less.pose), (more.twist, less.twist))
+            )
+            of_pose += deviation**2 * by_pose[:, :, None] * by_pose[:, None, :]
+            of_twist += deviation**2 * by_twist[:, :, None] * by_twist[:, None, :]
+        return of_pose, of_twist
 
 
 def counted(angle: Array, counts_per_revolution: int | None, phases: Array) -> Array:
@@ -78,37 +129,3 @@ def counted(angle: Array, counts_per_revolution: int | None, phases: Array) -> A
         return angle
     step = 2.0 * math.pi / counts_per_revolution
     return np.asarray(np.floor(angle / step + phases) * step)
-
-
-def _covariances(odometry: WheelOdometry, wheels: WheelConfig, signal: WheelSignal) -> tuple[Array, Array]:
-    """Return covariances (n, 36) of the pose and of the twist."""
-    pose, twist = (np.zeros((len(odometry.stamps_ns), 6, 6)) for _ in range(2))
-    of_pose, of_twist = _by_radii(odometry, wheels, signal.radius_error)
-    if signal.counts_per_revolution is not None:
-        variance = (2.0 * math.pi / signal.counts_per_revolution) ** 2 / 6.0 * wheels.radius**2
-        # The mean of all wheels, and the difference of the means of two sides.
-        count = odometry.wheels.angle.shape[1]
-        forward, turn = variance / count, 4.0 * variance / count / effective_track(wheels) ** 2
-        of_pose += np.diag([forward, forward, turn])
-        seconds = np.diff(odometry.stamps_ns, prepend=0)[:, None, None] / 1e9
-        of_twist += np.diag([forward, turn]) / seconds**2
-    pose[:, _PLANAR[:, None], _PLANAR] += of_pose
-    twist[:, _FORWARD_TURN[:, None], _FORWARD_TURN] += of_twist
-    return pose.reshape(-1, 36), twist.reshape(-1, 36)
-
-
-def _by_radii(odometry: WheelOdometry, wheels: WheelConfig, deviation: float) -> tuple[Array, Array]:
-    """Return covariances (n, 3, 3) of the pose and (n, 2, 2) of the twist by unknown radii of the wheels."""
-    count, own = len(odometry.stamps_ns), odometry.wheels
-    of_pose, of_twist = np.zeros((count, 3, 3)), np.zeros((count, 2, 2))
-    for wheel in range(own.angle.shape[1]) if deviation else ():
-        scale = np.ones(own.angle.shape[1])
-        scale[wheel] += _SMALL
-        more, less = (
-            dead_reckoning(odometry.stamps_ns, WheelMotion(angle=own.angle * s, speed=own.speed), wheels)
-            for s in (scale, 2.0 - scale)
-        )
-        by_pose, by_twist = ((a - b) / (2.0 * _SMALL) for a, b in ((more.pose, less.pose), (more.twist, less.twist)))
-        of_pose += deviation**2 * by_pose[:, :, None] * by_pose[:, None, :]
-        of_twist += deviation**2 * by_twist[:, :, None] * by_twist[:, None, :]
-    return of_pose, of_twist

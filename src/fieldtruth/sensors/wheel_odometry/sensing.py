@@ -7,13 +7,17 @@ a side's advance is the mean of its wheels, the robot turns by the difference of
 moves on an arc from one reading to the next. Slip is what it does not see, so its error is that of a real robot.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.drive.physics import STEP_NS
 from fieldtruth.drive.robot import skid_compensation
 from fieldtruth.drive.steps import steps_at_rate
-from fieldtruth.drive.track import Motion, Stamps, TachometerReadings, WheelMotion, WheelOdometry
+from fieldtruth.drive.track import Stamps, TachometerReadings, WheelMotion, WheelOdometry
 from fieldtruth.experiment.robot_config import WheelConfig
+from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 
 
 def effective_track(wheels: WheelConfig) -> float:
@@ -27,27 +31,58 @@ def advance(turned: Array, wheels: WheelConfig) -> tuple[Array, Array]:
     return (left + right) / 2, (right - left) / effective_track(wheels)
 
 
-def read_odometry(stamps_ns: Stamps, wheels: WheelMotion, config: WheelConfig, rate_hz: float) -> WheelOdometry:
-    """Return wheel odometry for the rotation of the wheels at every physics step, which has these stamps [ns]."""
-    rows = steps_at_rate(rate_hz, int(stamps_ns[-1])) - 1
-    return dead_reckoning(stamps_ns[rows], WheelMotion(angle=wheels.angle[rows], speed=wheels.speed[rows]), config)
+class DeadReckoning:
+    """Wheel odometry that goes on from call to call, from the start of a drive: readings do not depend on the cuts."""
+
+    def __init__(self, config: WheelConfig) -> None:
+        self._config = config
+        self._angle: Array = np.zeros((1, len(config.names)))
+        self._stamp_ns = 0
+        self._pose: Array = np.full((1, 3), -0.0)  # so that the first sum has the sign of a zero
+
+    def extend(self, stamps_ns: Stamps, wheels: WheelMotion) -> WheelOdometry:
+        """Return odometry for the angles of the wheels at the next stamps (n,) [ns]; they are 0 at time 0."""
+        forward, turn = advance(np.diff(wheels.angle, axis=0, prepend=self._angle), self._config)
+        yaw = np.cumsum(np.append(self._pose[:, 2], turn))[1:]
+        middle, chord = yaw - turn / 2, forward * np.sinc(turn / (2 * np.pi))
+        moves = np.column_stack([chord * np.cos(middle), chord * np.sin(middle)])
+        pose = np.column_stack([np.cumsum(np.vstack([self._pose[:, :2], moves]), axis=0)[1:], yaw])
+        seconds = np.diff(stamps_ns, prepend=self._stamp_ns) / 1e9
+        if len(stamps_ns):
+            self._angle, self._stamp_ns, self._pose = wheels.angle[-1:].copy(), int(stamps_ns[-1]), pose[-1:].copy()
+        twist = np.column_stack([forward, turn]) / seconds[:, None]
+        return WheelOdometry(stamps_ns=stamps_ns, wheels=wheels, pose=pose, twist=twist)
 
 
-def dead_reckoning(stamps_ns: Stamps, wheels: WheelMotion, config: WheelConfig) -> WheelOdometry:
-    """Return wheel odometry for the angles of the wheels at the stamps of its readings; they are 0 at time 0."""
-    forward, turn = advance(np.diff(wheels.angle, axis=0, prepend=np.zeros((1, wheels.angle.shape[1]))), config)
-    yaw = np.cumsum(turn)
-    middle, chord = yaw - turn / 2, forward * np.sinc(turn / (2 * np.pi))
-    seconds = np.diff(stamps_ns, prepend=0) / 1e9
-    return WheelOdometry(
-        stamps_ns=stamps_ns,
-        wheels=wheels,
-        pose=np.column_stack([np.cumsum(chord * np.cos(middle)), np.cumsum(chord * np.sin(middle)), yaw]),
-        twist=np.column_stack([forward, turn]) / seconds[:, None],
-    )
+class TrueWheels(NamedTuple):
+    """Readings of ideal encoders, and the angles (n, wheels) [rad] at the stamps of the tachometers."""
+
+    tachometers: TachometerReadings
+    odometry: WheelOdometry
+    slow_angle: Array
 
 
-def read_tachometers(motion: Motion, wheel_speed: Array, rate_hz: float) -> TachometerReadings:
-    """Return the readings of ``wheel_speed`` (n, 4) [rad/s], given at every physics step."""
-    rows = steps_at_rate(rate_hz, int(motion.stamps_ns[-1])) - 1
-    return TachometerReadings(stamps_ns=motion.stamps_ns[rows], wheel_speed=wheel_speed[rows])
+class WheelTruth:
+    """Readings of ideal encoders, which go on as a motion grows.
+
+    Args:
+        config: rates of the readings.
+        wheels: of the robot.
+    """
+
+    def __init__(self, config: WheelOdometryConfig, wheels: WheelConfig) -> None:
+        self._config, self._reckoning, self._until_ns = config, DeadReckoning(wheels), 0
+
+    def extend(self, stamps_ns: Stamps, turned: WheelMotion) -> TrueWheels:
+        """Return the readings that are due since the call before, of wheels that turned so at these stamps [ns]."""
+        config, end_ns = self._config, int(stamps_ns[-1])
+        first = int(stamps_ns[0]) // STEP_NS
+        rates = config.tachometer_rate_hz, config.rate_hz
+        slow, fast = (steps_at_rate(rate, end_ns, self._until_ns) - first for rate in rates)
+        self._until_ns = end_ns
+        read = WheelMotion(angle=turned.angle[fast], speed=turned.speed[fast])
+        return TrueWheels(
+            TachometerReadings(stamps_ns=stamps_ns[slow], wheel_speed=turned.speed[slow]),
+            self._reckoning.extend(stamps_ns[fast], read),
+            turned.angle[slow],
+        )

@@ -1,0 +1,67 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The GNSS receiver as a kind of sensor."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from fieldtruth.core.readings import Fix
+from fieldtruth.drive.track import GnssFixes, GnssReadings, Track
+from fieldtruth.experiment.topic import Output
+from fieldtruth.sensors.gnss import message
+from fieldtruth.sensors.gnss.config import GnssConfig
+from fieldtruth.sensors.gnss.measuring import GnssErrors
+from fieldtruth.sensors.gnss.sensing import GnssTruth
+from fieldtruth.sensors.kind import At, MotionSensor, Movement
+
+
+class Gnss(MotionSensor):
+    """A GNSS receiver."""
+
+    config_type = GnssConfig
+    config: GnssConfig
+
+    def begin(self) -> tuple[GnssTruth, GnssErrors | None]:
+        """Return what readings have to go on from: true positions, and what a real receiver has measured."""
+        config = self.config
+        return GnssTruth(config), None if config.signal is None else GnssErrors(config, config.signal, self.place.seed)
+
+    def extend(self, memory: tuple[GnssTruth, GnssErrors | None], track: Track) -> tuple[GnssReadings, GnssReadings]:
+        """Return the true positions of the antenna, and what the receiver measures of satellites above the scene."""
+        truth, errors = memory
+        true, signal = truth.extend(track.motion), self.config.signal
+        scene = self.place.scene if signal is not None and signal.obstacles else None
+        return true, true if errors is None else errors.extend(true, scene)
+
+    def reading(self, output: Output, at: At, series: GnssReadings) -> Fix:
+        """Return one position: the true one, or the measured one."""
+        k, fixes = at.number, series.fixes
+        stamps = {**at.stamps, "frame": self.config.frame}
+        if fixes is None:
+            return Fix(**stamps, geodetic=series.geodetic[k], covariance=np.zeros((3, 3)), status=message.FIX)
+        return Fix(**stamps, geodetic=fixes.geodetic[k], covariance=fixes.covariance[k], status=int(fixes.status[k]))
+
+    def facts(self, movement: Movement) -> list[str]:
+        """State what the receiver has measured, unless it is ideal."""
+        fixes = self.series(movement)[1].fixes
+        return [] if fixes is None else [_line(self.config.name, fixes)]
+
+    def messages(self, output: Output, number: int, reading: Fix) -> Iterable[bytes]:
+        """Serialise sensor_msgs/NavSatFix."""
+        signal = None if output.ideal else self.config.signal
+        return [message.navsat(number, reading) if signal is None else message.navsat(number, reading, signal.service)]
+
+
+def _line(name: str, fixes: GnssFixes) -> str:
+    found, middle = fixes.status >= 0, int(np.median(fixes.satellites))
+    line = f"- GNSS receiver `{name}`: {fixes.satellites.min()} to {fixes.satellites.max()} satellites, median {middle}"
+    if not found.any():
+        return f"{line}, and no fix."
+    reach = np.sqrt(fixes.covariance[found, 0, 0] + fixes.covariance[found, 1, 1])
+    shares = [f"{100.0 * share:.1f} % {what}" for share, what in (
+        (1.0 - found.mean(), "without a fix"), (np.mean(fixes.state == 1), "RTK float"),
+        (np.mean(fixes.state == 2), "RTK fixed"),
+    ) if share > 0.0]  # fmt: skip
+    dilution = f"median HDOP {np.median(fixes.dop[found, 1]):.2f} and horizontal standard deviation"
+    return f"{line}; {dilution} {np.median(reach):.3g} m{''.join(f'; {each}' for each in shares)}."

@@ -1,0 +1,49 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""The inertial measurement unit as a kind of sensor."""
+
+from collections.abc import Iterable
+
+from fieldtruth.core.random import rng_of
+from fieldtruth.drive.track import Track
+from fieldtruth.experiment.topic import Output
+from fieldtruth.sensors.imu import message
+from fieldtruth.sensors.imu.config import ImuConfig
+from fieldtruth.sensors.imu.message import ImuReading
+from fieldtruth.sensors.imu.noise import ImuErrors, MeasuredImu
+from fieldtruth.sensors.imu.sensing import ImuTruth
+from fieldtruth.sensors.kind import At, MotionSensor
+
+
+class Imu(MotionSensor):
+    """An inertial measurement unit."""
+
+    config_type = ImuConfig
+    config: ImuConfig
+
+    def begin(self) -> tuple[ImuTruth, ImuErrors | None]:
+        """Return what readings have to go on from: those of an ideal IMU, and the errors of a real one."""
+        config, rng = self.config, rng_of(self.place.seed, self.config.name)
+        return ImuTruth(config), None if config.signal is None else ImuErrors(config.signal, config.rate_hz, rng)
+
+    def extend(self, memory: tuple[ImuTruth, ImuErrors | None], track: Track) -> tuple[MeasuredImu, MeasuredImu]:
+        """Return what an ideal IMU reads, whose covariances are unknown, and what a real one reads."""
+        truth, errors = memory
+        true = MeasuredImu(truth.extend(track.motion), *message.UNKNOWN)
+        return true, true if errors is None else errors.extend(true.readings)
+
+    def reading(self, output: Output, at: At, series: MeasuredImu) -> ImuReading:
+        """Return one reading."""
+        found, *covariances = series
+        return ImuReading(
+            **at.stamps,
+            frame=self.config.frame,
+            angular_velocity=found.angular_velocity[at.number],
+            linear_acceleration=found.linear_acceleration[at.number],
+            orientation_wxyz=found.quaternion_wxyz[at.number],
+            covariances=(covariances[0], covariances[1], covariances[2]),
+        )
+
+    def messages(self, output: Output, number: int, reading: ImuReading) -> Iterable[bytes]:
+        """Serialise sensor_msgs/Imu."""
+        return [message.imu(number, reading)]

@@ -1,0 +1,250 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""What every kind of sensor is: readings as arrays from the motion, a signal over them, and their messages.
+
+A sensor gives the reading of an ``Output`` of its configuration in three steps, which all kinds have: the truth, what a
+real sensor makes of it, and the messages. A kind is known once the module with its class is imported.
+"""
+
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from functools import cached_property
+from typing import Any, ClassVar, Final, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fieldtruth.core.arrays import Array
+from fieldtruth.drive.physics import STEP_NS
+from fieldtruth.drive.steps import steps_at_rate
+from fieldtruth.drive.track import Stamps, Track, stamps_at_rate
+from fieldtruth.experiment.light_config import LightConfig
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.robot_body import Box, Cylinder, visible_parts
+from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.experiment.topic import Output
+from fieldtruth.experiment.weather_config import WeatherConfig
+from fieldtruth.render.bake import BakedScene, bake
+from fieldtruth.sense.scene import Scene
+from fieldtruth.world.model import World
+
+_Made = TypeVar("_Made")
+PoseAt = Callable[[int | NDArray[np.int64]], Array]
+"""``world_from_base`` (4, 4) at a stamp [ns], or (n, 4, 4) at n."""
+SENSORS: Final[dict[type[SensorConfig], type["Sensor"]]] = {}
+"""Sensors by the class of their configuration."""
+
+
+class _Shared:
+    """Keeps what is made once, and used by many threads."""
+
+    def __init__(self) -> None:
+        self._lock, self._made = threading.RLock(), dict[Hashable, Any]()
+
+    def once(self, key: Hashable, make: Callable[[], _Made]) -> _Made:
+        """Return the result of ``make``, called for the first request of this key only."""
+        if key not in self._made:
+            with self._lock:
+                if key not in self._made:
+                    self._made[key] = make()
+        made: _Made = self._made[key]
+        return made
+
+
+class Place(_Shared):
+    """Where sensors are: a world in its light and weather, and the robot that carries them. Threads may share it.
+
+    Args:
+        world: what they sense.
+        rig: the robot.
+        light: of photographs.
+        weather: of photographs, and of sensors with a signal.
+        scene: the world in the ray tracer, if it was built.
+        baked: the scene with its light, if it was baked.
+        seed: root of all randomness; None for the world's.
+        reuse: whether the arrays of a reading may be overwritten by the next one, which saves time.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        rig: Rig,
+        light: LightConfig | None = None,
+        weather: WeatherConfig | None = None,
+        *,
+        scene: Scene | None = None,
+        baked: BakedScene | None = None,
+        seed: int | None = None,
+        reuse: bool = False,
+    ) -> None:
+        super().__init__()
+        self.seed = world.seed if seed is None else seed
+        """Root of all randomness."""
+        self.world, self.rig, self.reuse = world, rig, reuse
+        self.light, self.weather = light or LightConfig(), weather or WeatherConfig()
+        if scene is not None:
+            self.once("scene", lambda: scene)
+        if baked is not None:
+            self.once("scene", lambda: baked.scene)
+            self.once("baked", lambda: baked)
+
+    @property
+    def wide_ids(self) -> bool:
+        """Whether instance ids need more than 16 bits."""
+        return self.world.has_wide_ids
+
+    @property
+    def scene(self) -> Scene:
+        """The world in the ray tracer; built at the first use."""
+        return self.once("scene", lambda: Scene(self.world))
+
+    @property
+    def baked(self) -> BakedScene:
+        """The scene with its light; baked at the first use."""
+        return self.once("baked", lambda: bake(self.scene, self.light, self.weather))
+
+    @cached_property
+    def robot_parts(self) -> Sequence[Box | Cylinder]:
+        """What the sensors see of the robot that carries them."""
+        return visible_parts(self.rig)
+
+
+class Movement(_Shared):
+    """Motion of the robot that carries the sensors, as far as it is known. Threads may share it.
+
+    Args:
+        pose: ``world_from_base`` at one stamp or several.
+        track: the drive, which sensors of motion need.
+    """
+
+    def __init__(self, pose: PoseAt, track: Track | None = None) -> None:
+        super().__init__()
+        self.pose = pose
+        self._track = track
+
+    @property
+    def track(self) -> Track:
+        """The drive."""
+        assert self._track is not None
+        return self._track
+
+    @property
+    def stands(self) -> bool:
+        """Whether each pose is one by itself, at which the robot stands."""
+        return self._track is not None and self._track.is_frames
+
+
+class At(NamedTuple):
+    """When a reading is taken, and where."""
+
+    number: int
+    """Of the reading, from 0."""
+    stamp_ns: int
+    """True time [ns]."""
+    header_ns: int
+    """What the sensor's clock shows [ns]."""
+    movement: Movement
+    next_ns: int | None = None
+    """Stamp [ns] of the next reading that is not lost; None after the last."""
+
+    @property
+    def stamps(self) -> dict[str, Any]:
+        """Stamps of the reading, as ``core.readings`` names them."""
+        return {"stamp_ns": self.stamp_ns, "header_ns": self.header_ns}
+
+
+class Sensor(ABC):
+    """A sensor in a place. Use one per thread: each owns its buffers.
+
+    A subclass that sets ``config_type`` makes its kind known.
+
+    Args:
+        config: of type ``config_type``.
+        place: shared by all sensors.
+    """
+
+    config_type: ClassVar[type[SensorConfig]]
+
+    def __init__(self, config: Any, place: Place) -> None:
+        self.config, self.place = config, place
+
+    def __init_subclass__(cls) -> None:
+        """Make the kind known."""
+        super().__init_subclass__()
+        if "config_type" in vars(cls):
+            SENSORS[cls.config_type] = cls
+
+    @abstractmethod
+    def truth(self, output: Output, at: At) -> Any:
+        """Return the reading of an ideal sensor; of one with a signal, what its ``signal`` begins with."""
+
+    def signal(self, output: Output, at: At, truth: Any) -> Any:
+        """Return the reading that a real sensor makes of the truth, if the configuration has a signal."""
+        return truth
+
+    @abstractmethod
+    def messages(self, output: Output, number: int, reading: Any) -> Iterable[bytes]:
+        """Serialise a reading: a message for each topic of the output."""
+
+    def difference(self, output: Output, reading: Any, messages: Sequence[Any]) -> str:
+        """State in what the decoded messages of a bag differ from a reading that was made again; empty: in nothing.
+
+        By default nothing is compared.
+        """
+        return ""
+
+    def facts(self, movement: Movement) -> list[str]:
+        """Return lines of the data card about what it has measured along a drive, if there is anything to say."""
+        return []
+
+    def read(self, output: Output, at: At) -> Any:
+        """Return a reading as arrays: one of the types of ``core.readings``, or the kind's own."""
+        truth = self.truth(output, at)
+        return truth if output.ideal or self.config.signal is None else self.signal(output, at, truth)
+
+
+class MotionSensor(Sensor):
+    """A sensor that measures the robot's own motion. Its noise has a memory, so its readings are made in their order.
+
+    It reads at steps of the physics; ``sees`` of its configuration is false. Readings depend neither on what follows
+    them, nor on how a motion is cut into calls of ``extend``.
+    """
+
+    @abstractmethod
+    def begin(self) -> Any:
+        """Return what the readings of a drive have to go on from: a memory that can be copied."""
+
+    @abstractmethod
+    def extend(self, memory: Any, track: Track) -> tuple[Any, Any]:
+        """Return the ideal and the measured readings that are due since the last call with this memory.
+
+        ``track`` is the whole motion, or its rows since the last reading that was made.
+        """
+
+    @abstractmethod
+    def reading(self, output: Output, at: At, series: Any) -> Any:
+        """Return reading ``at.number`` of those that one call of ``extend`` has returned."""
+
+    def series(self, movement: Movement) -> tuple[Any, Any]:
+        """Return all ideal and all measured readings along a drive; made once."""
+        return movement.once(self.config.name, lambda: self.extend(self.begin(), movement.track))
+
+    def truth(self, output: Output, at: At) -> Any:
+        """Return the reading of an ideal sensor."""
+        return self.reading(output, at, self.series(at.movement)[0])
+
+    def read(self, output: Output, at: At) -> Any:
+        """Return a reading."""
+        true, measured = self.series(at.movement)
+        return self.reading(output, at, true if output.ideal else measured)
+
+
+def stamps_of(config: SensorConfig, output: Output, end_ns: int) -> Stamps:
+    """Return the stamps [ns] of the readings of a sensor, up to and including ``end_ns``.
+
+    A sensor of motion reads at steps of the physics.
+    """
+    if config.sees:
+        return stamps_at_rate(output.rate_hz, end_ns)
+    return steps_at_rate(output.rate_hz, end_ns) * STEP_NS

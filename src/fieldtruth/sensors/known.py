@@ -1,0 +1,27 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Sensors of a rig, of whatever kind; the package's own kinds are imported here."""
+
+from typing import Final
+
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.sensors.camera.sensor import CameraSensor
+from fieldtruth.sensors.gnss.sensor import Gnss
+from fieldtruth.sensors.imu.sensor import Imu
+from fieldtruth.sensors.kind import SENSORS, Place, Sensor
+from fieldtruth.sensors.lidar.sensor import LidarSensor
+from fieldtruth.sensors.wheel_odometry.sensor import Wheels
+
+OWN: Final = (Imu, Gnss, Wheels, LidarSensor, CameraSensor)
+"""Kinds of the package."""
+
+
+def sensor_class(config: SensorConfig) -> type[Sensor]:
+    """Return the class of the sensors with a configuration."""
+    return next(SENSORS[each] for each in type(config).__mro__ if each in SENSORS)
+
+
+def new_sensors(place: Place, rig: Rig | None = None) -> dict[str, Sensor]:
+    """Return the enabled sensors of a rig, by default the place's, by name in the order of a bag; for one thread."""
+    return {config.name: sensor_class(config)(config, place) for config in (rig or place.rig).in_order()}

@@ -1,0 +1,76 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Wheel encoders as a kind of sensor: speeds of the wheels, joint states, and odometry from their angles."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from fieldtruth.bag.base_messages import BASE, JOINTS, ODOM
+from fieldtruth.core.random import rng_of
+from fieldtruth.core.readings import Joints, Reading, WheelSpeeds
+from fieldtruth.drive.track import Track
+from fieldtruth.experiment.topic import Output
+from fieldtruth.sensors.kind import At, MotionSensor
+from fieldtruth.sensors.wheel_odometry import message
+from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
+from fieldtruth.sensors.wheel_odometry.message import WheelReading
+from fieldtruth.sensors.wheel_odometry.noise import MeasuredWheels, WheelErrors
+from fieldtruth.sensors.wheel_odometry.sensing import TrueWheels, WheelTruth
+
+
+class Wheels(MotionSensor):
+    """Encoders of a robot's wheels."""
+
+    config_type = WheelOdometryConfig
+    config: WheelOdometryConfig
+
+    def begin(self) -> tuple[WheelTruth, WheelErrors | None]:
+        """Return what readings have to go on from: those of ideal encoders, and the errors of real ones."""
+        config, wheels = self.config, self.place.rig.wheels
+        rng = rng_of(self.place.seed, config.name)
+        errors = None if config.signal is None else WheelErrors(wheels, config.signal, rng)
+        return WheelTruth(config, wheels), errors
+
+    def extend(
+        self, memory: tuple[WheelTruth, WheelErrors | None], track: Track
+    ) -> tuple[TrueWheels, TrueWheels | MeasuredWheels]:
+        """Return what ideal and what real encoders read."""
+        assert track.base is not None
+        truth, errors = memory
+        true = truth.extend(track.motion.stamps_ns, track.base.wheels)
+        return true, true if errors is None else errors.extend(true)
+
+    def reading(self, output: Output, at: At, series: TrueWheels | MeasuredWheels) -> Reading:
+        """Return one reading of the output's part."""
+        k, names = at.number, self.place.rig.wheels.names
+        if output.part == "speeds":
+            return WheelSpeeds(**at.stamps, speed=series.tachometers.wheel_speed[k], names=names)
+        odometry = series.odometry
+        if output.part == "joints":
+            joints = JOINTS[: len(names)]
+            angle, speed = odometry.wheels.angle[k], odometry.wheels.speed[k]
+            return Joints(**at.stamps, frame=BASE, names=joints, angle=angle, speed=speed)
+        covariances = None
+        if isinstance(series, MeasuredWheels):
+            covariances = series.pose_covariance[k], series.twist_covariance[k]
+        (x, y, yaw), (forward, turn) = odometry.pose[k], odometry.twist[k]
+        return WheelReading(
+            **at.stamps,
+            frame=ODOM,
+            position=np.array([x, y, 0.0]),
+            quaternion_wxyz=np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)]),
+            linear_velocity=np.array([forward, 0.0, 0.0]),
+            angular_velocity=np.array([0.0, 0.0, turn]),
+            child=BASE,
+            covariances=covariances,
+        )
+
+    def messages(self, output: Output, number: int, reading: Reading) -> Iterable[bytes]:
+        """Serialise std_msgs/Float32 for each wheel, sensor_msgs/JointState or nav_msgs/Odometry."""
+        if isinstance(reading, WheelSpeeds):
+            return map(message.wheel_speed, reading.speed)
+        if isinstance(reading, Joints):
+            return [message.joint_states(number, reading)]
+        assert isinstance(reading, WheelReading)
+        return [message.wheel_odometry(number, reading)]
