@@ -121,7 +121,7 @@ def prepare(
     world: World | None = None,
     scene: Scene | None = None,
 ) -> PreparedHere:
-    """Build the world, or take the one that was built, and drive, or follow the poses of a track file, in this process."""
+    """Build the world, unless it is given, and drive, or follow the poses of a track file, in this process."""
     if world is None:
         with progress.stage("build the world"):
             world = world_of(experiment) if scene is None else scene.world

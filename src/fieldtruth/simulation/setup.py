@@ -28,8 +28,8 @@ def experiment_for(
     """Return an experiment, with what is given in place of its own.
 
     Args:
-        experiment: or its name, or the path of its file. None: the first built-in one in the environment; in a world, or
-            where there is none, a straight route from the middle northwards.
+        experiment: or its name, or the path of its file. None: the first built-in one in the environment; in a world,
+            or where there is none, a straight route from the middle northwards.
         environment: whose experiment is meant; a ``world`` has one.
         robot: a name from ``fieldtruth list robots``; it has its own sensors.
         rig: the robot with its sensors.
