@@ -89,8 +89,8 @@ def test_seeds_and_commands_decide_everything() -> None:
         assert same == messages
     seeded, noise = driven(4, 0.25)
     np.testing.assert_array_equal(seeded.pose, end.pose)  # the world is given: only the errors differ
-    assert noise["/imu"] != messages["/imu"]
-    assert noise["/imu/truth"] == messages["/imu/truth"]
+    assert noise["/imu/data"] != messages["/imu/data"]
+    assert noise["/imu/data/truth"] == messages["/imu/data/truth"]
     turned, _ = driven(3, 0.25, turn_rate=-0.2)
     assert abs(turned.pose - end.pose).max() > 1e-3
 
@@ -113,7 +113,7 @@ def test_commands_move_the_robot_as_far_as_they_say() -> None:
 
 
 def test_a_drive_ends_at_its_last_waypoint() -> None:
-    made = make_experiment([(0.7, 0.0)])
+    made = make_experiment([(1.1, 0.0)])
     sim, track = ft.Simulation(made, scene=SCENE, sensors=["imu"]), drive(SCENE.world, made)
     while not sim.done:
         frame = sim.step(0.3)
@@ -129,9 +129,7 @@ def test_what_is_due_and_asked_for_is_sensed() -> None:
     sim = ft.Simulation(made, scene=SCENE, sensors=["turning", "flash", "imu"])
     first = sim.step(0.15)
     assert set(first) == {"flash", "imu"}  # the turn that begins at 0.1 s is complete at 0.2 s
-    assert [reading.stamp_ns for reading in first.all["imu"]] == [
-        round(k * 1000 / 300) * 10**6 for k in range(1, 46)
-    ]
+    assert [reading.stamp_ns for reading in first.all["imu"]] == [round(k * 1000 / 300) * 10**6 for k in range(1, 46)]
     with pytest.raises(ft.UnknownNameError, match=r"^unknown reading at 0.15 s 'turning'; .*Available: "):
         first["turning"]
     second = sim.step(0.05, sensors=["turning"])
