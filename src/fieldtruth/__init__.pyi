@@ -69,7 +69,7 @@ from .report.preview import preview as preview
 from .report.shares import ClassShares as ClassShares
 from .report.shares import class_shares as class_shares
 from .report.viewer import view as view
-from .sense.rays import Hits as Hits
+from .sense.cast import Hits as Hits
 from .sense.rays import cast_rays as cast_rays
 from .sense.scene import Scene as Scene
 from .sense.scene_sensor import SceneSensor as SceneSensor

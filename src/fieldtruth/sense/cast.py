@@ -1,0 +1,323 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Any number of rays from anywhere: what they hit, and whether anything is in their way.
+
+Rays are packed as they come, without a pose each; blocks of them are traced side by side by threads.
+"""
+
+from collections.abc import Callable
+from typing import Any, Final, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fieldtruth.core.arrays import Float32Array
+from fieldtruth.core.parallel import cpu_count, in_order
+from fieldtruth.sense import embree
+from fieldtruth.sense.hits import TERRAIN, Grid, HitTable, classify, hit_top, read_grid
+from fieldtruth.sense.kernel import inlined, kernel
+from fieldtruth.sense.packets import Packet, new_packet, set_ray
+from fieldtruth.world.model import Mesh, World
+
+BLOCK: Final = 1 << 16
+"""Rays that a thread traces at once."""
+MARGIN: Final = 1e-3
+"""Distance [m] before a target from which on nothing hides it: its own surface must not."""
+
+_LANES, _MISS = embree.LANES, embree.MISS
+_OX, _OY, _OZ, _DX, _DY, _DZ = embree.ORG_X, embree.ORG_Y, embree.ORG_Z, embree.DIR_X, embree.DIR_Y, embree.DIR_Z
+_NX, _NY, _NZ, _PRIM = embree.NG_X, embree.NG_Y, embree.NG_Z, embree.PRIM_ID
+_NEAR, _FAR, _MASK, _GEOM, _INST = embree.TNEAR, embree.TFAR, embree.MASK, embree.GEOM_ID, embree.INST_ID
+_INST_PRIM = embree.INST_PRIM_ID
+_intersect: Any = embree.intersect
+_occluded: Any = embree.occluded
+
+Points = NDArray[np.float32] | NDArray[np.float64]
+
+
+class Hits(NamedTuple):
+    """First hits of n rays, in the world frame, to single precision.
+
+    Where a ray hits nothing, ``range_m`` is infinite, ``position`` NaN, ``normal``, ``label`` and ``instance`` 0, and
+    ``material`` -1.
+    """
+
+    range_m: Float32Array
+    """(n,) distance [m] from the origin, whatever the length of the direction."""
+    position: Points
+    """(n, 3) [m], of the type of the rays."""
+    normal: Float32Array
+    """(n, 3) of unit length: the plane of the triangle, without interpolation between vertices, on the side from which
+    the ray came. So it always points against the ray, whichever way the triangle's corners are ordered."""
+    label: NDArray[np.uint8]
+    """(n,) class id."""
+    instance: NDArray[np.uint32]
+    """(n,) instance id."""
+    material: NDArray[np.int16]
+    """(n,) row in ``Scene.materials``. Of the ground: on trails that of the trail or of its border, elsewhere that of
+    the greatest weight, of which photographs show a mixture; under snow that of the soil."""
+
+
+class CastTable(NamedTuple):
+    """What a hit has besides class and instance id."""
+
+    axes: Float32Array  # (tops, 3, 3) rotation times scale of world_from_object
+    face_material: NDArray[np.int16]  # (faces of all meshes,) row of the world's materials
+    cover: Float32Array  # (nx, ny, c) weights of the materials of the ground
+    ground: NDArray[np.int16]  # (c + 2,) their rows, then those of the trail and of its border
+    grid: Grid  # of the cover; its values are the first channel
+    border_width: float
+
+
+class _Bundle(NamedTuple):
+    """Rays of one type of numbers; a step of 0 repeats the first row of an array for all rays."""
+
+    origins: Points
+    origin_step: int
+    ahead: Points  # directions of any length above 0, or targets
+    ahead_step: int
+    targets: bool
+    near: float
+    far: float
+    mask: int
+
+
+def cast_table(world: World, meshes: list[Mesh], poses: list[NDArray[np.float64]]) -> CastTable:
+    """Return normals' axes and materials of all triangles; ``poses`` are those of the top-level geometries."""
+    rows = {name: row for row, name in enumerate(world.materials)}
+    faces = [np.array([rows[n] for n in m.materials], np.int16)[m.material] for m in meshes]
+    terrain = world.terrain
+    names = (*terrain.ground_materials, terrain.trail_material, terrain.border_material)
+    cover = np.ascontiguousarray(terrain.cover.values, np.float32)
+    return CastTable(
+        axes=np.array([pose[:3, :3] for pose in poses], np.float32),
+        face_material=np.concatenate([*faces, np.zeros(0, np.int16)]),
+        cover=cover,
+        ground=np.array([rows[name] for name in names], np.int16),
+        grid=Grid(cover[..., 0], terrain.cover.x0, terrain.cover.y0, 1.0 / terrain.cover.spacing),
+        border_width=terrain.border_width,
+    )
+
+
+def cast(scene: np.uint64, hits: HitTable, table: CastTable, bundle: _Bundle, workers: int | None) -> Hits:
+    """Trace rays with ``workers`` threads, by default one per core; see ``Scene.cast``."""
+    count = _count(bundle)
+    out = Hits(
+        np.empty(count, np.float32),
+        np.empty((count, 3), bundle.origins.dtype),
+        np.empty((count, 3), np.float32),
+        np.empty(count, np.uint8),
+        np.empty(count, np.uint32),
+        np.empty(count, np.int16),
+    )
+    _in_blocks(bundle, workers, lambda packet, span: int(_trace(scene, hits, table, packet, bundle, span, out)))
+    return out
+
+
+def occluded(scene: np.uint64, bundle: _Bundle, workers: int | None) -> NDArray[np.bool_]:
+    """Whether anything is in the way of each ray (n,); see ``Scene.occluded``."""
+    out = np.empty(_count(bundle), np.bool_)
+    _in_blocks(bundle, workers, lambda packet, span: int(_block(scene, packet, bundle, span, out)))
+    return out
+
+
+def bundle_of(
+    origins: ArrayLike, ahead: ArrayLike, kind: Literal["directions", "targets"], near: float, far: float, water: bool
+) -> _Bundle:
+    """Check the shapes of rays, and bring origins and directions, or targets, to one type of numbers.
+
+    Raises:
+        ValueError: shapes that do not fit, or limits that are no range.
+    """
+    given = {"origins": np.asarray(origins), kind: np.asarray(ahead)}
+    single = all(array.dtype == np.float32 for array in given.values())
+    for name, array in given.items():
+        if array.ndim not in (1, 2) or array.shape[-1] != 3:
+            raise ValueError(f"{name} must have the shape (n, 3) or (3,), got {array.shape}")
+    kind_of_number: Any = np.float32 if single else np.float64
+    starts, ends = (np.ascontiguousarray(np.atleast_2d(array), kind_of_number) for array in given.values())
+    if given["origins"].ndim == given[kind].ndim == 2 and len(starts) != len(ends):
+        raise ValueError(f"origins and {kind} must be equally many, got {len(starts)} and {len(ends)}")
+    if not 0.0 <= near <= far:
+        raise ValueError(f"min_range must be at least 0 and at most max_range, got {near} and {far}")
+    steps = [int(array.ndim == 2) for array in given.values()]
+    mask = _MISS if water else embree.SOLID | embree.THIN
+    return _Bundle(starts, steps[0], ends, steps[1], kind == "targets", float(near), float(far), mask)
+
+
+def _count(bundle: _Bundle) -> int:
+    """Return the number of rays."""
+    starts, ends = len(bundle.origins), len(bundle.ahead)
+    return ends if bundle.ahead_step else starts
+
+
+def _in_blocks(bundle: _Bundle, workers: int | None, work: Callable[[Packet, tuple[int, int]], int]) -> None:
+    """Trace blocks of rays, each from a first to a last row.
+
+    Raises:
+        ValueError: ``work`` returned the row of a ray that is none, instead of -1.
+    """
+    count = _count(bundle)
+    spans = [(first, min(first + BLOCK, count)) for first in range(0, count, BLOCK)]
+    threads = min(workers or cpu_count(), len(spans))
+
+    def trace(span: tuple[int, int]) -> int:
+        return work(new_packet(coherent=False), span)
+
+    for bad in in_order(spans, trace, threads) if threads > 1 else map(trace, spans):
+        if bad >= 0:
+            raise ValueError(_problem(bundle, bad, count))
+
+
+def _problem(bundle: _Bundle, row: int, count: int) -> str:
+    """State what is wrong with a ray."""
+    where = f"; row {row} is" if count > 1 else ", got" if bundle.targets else ""
+    origin, ahead = bundle.origins[row * bundle.origin_step], bundle.ahead[row * bundle.ahead_step]
+    with np.errstate(over="ignore"):
+        if not np.isfinite(origin.astype(np.float32)).all():
+            return f"origins must be finite{where or ', got'} {origin.tolist()}"
+    if bundle.targets:
+        return f"targets must be finite{where} {ahead.tolist()}"
+    return "directions must be finite and longer than 0" + (f"{where} {ahead.tolist()}" if where else "")
+
+
+@inlined
+def _length(x: float, y: float, z: float) -> float:
+    """Length of a vector, also where squares would be too large or too small; not finite if a component is not."""
+    total = abs(x) + abs(y) + abs(z)
+    if not (total > 0.0 and total < np.inf):
+        return total
+    per = 1.0 / total
+    if per == np.inf:  # the least numbers have no reciprocal
+        return 0.0
+    x, y, z = x * per, y * per, z * per
+    return total * np.sqrt(x * x + y * y + z * z)  # type: ignore[no-any-return]
+
+
+@inlined
+def _aim(packet: Packet, lane: int, bundle: _Bundle, k: int) -> int:
+    """Put ray k into a lane, not valid if it has no length between its limits; returns -1, or k if it is no ray."""
+    ray, words = packet.ray, packet.words
+    i, j = k * bundle.origin_step, k * bundle.ahead_step
+    ox, oy, oz = np.float64(bundle.origins[i, 0]), np.float64(bundle.origins[i, 1]), np.float64(bundle.origins[i, 2])
+    x, y, z = np.float64(bundle.ahead[j, 0]), np.float64(bundle.ahead[j, 1]), np.float64(bundle.ahead[j, 2])
+    far = bundle.far
+    if bundle.targets:
+        x, y, z = x - ox, y - oy, z - oz
+    length = _length(x, y, z)
+    if bundle.targets:
+        far = min(far, length - MARGIN)
+    a, b, c = np.float32(ox), np.float32(oy), np.float32(oz)
+    if not (length < np.inf and (length > 0.0 or bundle.targets) and abs(a) + abs(b) + abs(c) < np.inf):
+        return k
+    per = 1.0 / length if length > 0.0 else 0.0
+    ray[_OX + lane], ray[_OY + lane], ray[_OZ + lane] = a, b, c
+    ray[_DX + lane], ray[_DY + lane], ray[_DZ + lane] = x * per, y * per, z * per
+    ray[_NEAR + lane], ray[_FAR + lane] = bundle.near, far
+    words[_GEOM + lane], words[_INST + lane], words[_INST_PRIM + lane] = _MISS, _MISS, _MISS
+    packet.valid[lane] = -1 if far >= bundle.near else 0
+    return -1
+
+
+@inlined
+def _fill(packet: Packet, bundle: _Bundle, first: int, last: int) -> int:
+    """Put rays into a packet; returns -1, or the row of one that is none."""
+    for lane in range(_LANES):
+        if first + lane < last:
+            if _aim(packet, lane, bundle, first + lane) >= 0:
+                return first + lane
+        else:
+            packet.valid[lane] = 0
+    return -1
+
+
+@inlined
+def _prepare(packet: Packet, bundle: _Bundle) -> None:
+    """Set what all rays share."""
+    for lane in range(_LANES):
+        set_ray(packet, lane, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.0, 0.0)
+        packet.words[_MASK + lane] = bundle.mask
+
+
+@kernel
+def _block(scene: np.uint64, packet: Packet, bundle: _Bundle, span: tuple[int, int], out: NDArray[np.bool_]) -> int:
+    """Write whether anything is in the way of a span of rays; returns -1, or the row of one that is none."""
+    ray, valid, arguments = packet.ray, packet.valid, packet.arguments
+    _prepare(packet, bundle)
+    for first in range(span[0], span[1], _LANES):
+        bad = _fill(packet, bundle, first, span[1])
+        if bad >= 0:
+            return bad
+        _occluded(valid.ctypes, scene, ray.ctypes, arguments.ctypes)
+        for lane in range(min(_LANES, span[1] - first)):
+            out[first + lane] = valid[lane] != 0 and ray[_FAR + lane] < np.float32(0.0)
+    return -1
+
+
+@inlined
+def _ground_material(hits: HitTable, table: CastTable, x: float, y: float) -> int:
+    """Row of the material of the ground at world x, y [m]."""
+    ground, channels = table.ground, table.cover.shape[2]
+    trail = read_grid(hits.trail_distance, x, y)
+    if trail < 0.0:
+        return ground[channels + 1 if trail > -table.border_width else channels]  # type: ignore[no-any-return]
+    grid, values = table.grid, table.cover
+    u = min(max((x - grid.x0) * grid.per_metre, 0.0), values.shape[0] - 1.0)
+    v = min(max((y - grid.y0) * grid.per_metre, 0.0), values.shape[1] - 1.0)
+    i, j = min(int(u), values.shape[0] - 2), min(int(v), values.shape[1] - 2)
+    fu, fv = u - i, v - j
+    best, most = 0, -1.0
+    for c in range(channels):
+        low = values[i, j, c] * (1.0 - fv) + values[i, j + 1, c] * fv
+        weight = low * (1.0 - fu) + (values[i + 1, j, c] * (1.0 - fv) + values[i + 1, j + 1, c] * fv) * fu
+        if weight > most:
+            best, most = c, weight
+    return ground[best]  # type: ignore[no-any-return]
+
+
+@kernel
+def _trace(
+    scene: np.uint64,
+    hits: HitTable,
+    table: CastTable,
+    packet: Packet,
+    bundle: _Bundle,
+    span: tuple[int, int],
+    out: Hits,
+) -> int:
+    """Write what a span of rays hits; returns -1, or the row of one that is none."""
+    ray, words, valid, arguments = packet
+    range_m, position, normal, label, instance, material = out
+    tops, axes = hits.geometry_top, table.axes
+    _prepare(packet, bundle)
+    for first in range(span[0], span[1], _LANES):
+        bad = _fill(packet, bundle, first, span[1])
+        if bad >= 0:
+            return bad
+        _intersect(valid.ctypes, scene, ray.ctypes, arguments.ctypes)
+        for lane in range(min(_LANES, span[1] - first)):
+            k = first + lane
+            top = hit_top(tops, words, lane)
+            if top < 0:
+                range_m[k], label[k], instance[k], material[k] = np.inf, 0, 0, -1
+                for axis in range(3):
+                    position[k, axis], normal[k, axis] = np.nan, 0.0
+                continue
+            i, far = k * bundle.origin_step, np.float64(ray[_FAR + lane])
+            dx, dy, dz = np.float64(ray[_DX + lane]), np.float64(ray[_DY + lane]), np.float64(ray[_DZ + lane])
+            x, y = bundle.origins[i, 0] + far * dx, bundle.origins[i, 1] + far * dy
+            range_m[k] = ray[_FAR + lane]
+            position[k, 0], position[k, 1], position[k, 2] = x, y, bundle.origins[i, 2] + far * dz
+            label[k], instance[k] = classify(hits, top, words[_PRIM + lane], x, y)
+            if top == TERRAIN:
+                material[k] = _ground_material(hits, table, x, y)
+            else:
+                material[k] = table.face_material[hits.mesh_face[hits.top_mesh[top]] + words[_PRIM + lane]]
+            a, b, c = np.float64(ray[_NX + lane]), np.float64(ray[_NY + lane]), np.float64(ray[_NZ + lane])
+            nx = axes[top, 0, 0] * a + axes[top, 0, 1] * b + axes[top, 0, 2] * c
+            ny = axes[top, 1, 0] * a + axes[top, 1, 1] * b + axes[top, 1, 2] * c
+            nz = axes[top, 2, 0] * a + axes[top, 2, 1] * b + axes[top, 2, 2] * c
+            length = np.sqrt(nx * nx + ny * ny + nz * nz)
+            scale = 0.0 if length == 0.0 else (-1.0 if nx * dx + ny * dy + nz * dz > 0.0 else 1.0) / length
+            normal[k, 0], normal[k, 1], normal[k, 2] = nx * scale, ny * scale, nz * scale
+    return -1
