@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bare Embree on the rays of camera and LiDAR in the park in every packet mode, and ``Scene.cast`` beside it.
 
-Run: python benchmarks/rays.py [cast]; with ``cast``, the latter alone: a million random, so incoherent, rays from NumPy.
+Run: python benchmarks/rays.py [cast]; with ``cast``, the latter alone: a million random rays from NumPy.
 Bare Embree has them in packet order already and keeps the distance only.
 """
 
@@ -30,7 +30,7 @@ _FAR, _GEOM, _INST, _MISS = embree.TFAR, embree.GEOM_ID, embree.INST_ID, embree.
 _intersect: Any = embree.intersect
 
 
-@njit(nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(nogil=True, error_model="numpy")
 def bare_random(scene: np.uint64, packet: Packet, rays: Float32Array, out: Float32Array) -> None:
     """Trace rays (n / LANES, 6, LANES); of the hits only the distance is kept."""
     ray, words, valid, arguments = packet

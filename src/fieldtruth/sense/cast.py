@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core.arrays import Float32Array
+from fieldtruth.core.classes import Label
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.sense import embree
-from fieldtruth.sense.hits import TERRAIN, Grid, HitTable, classify, hit_top, read_grid
+from fieldtruth.sense.hits import TERRAIN, Grid, HitTable, hit_top, read_grid
 from fieldtruth.sense.kernel import inlined, kernel
 from fieldtruth.sense.packets import Packet, new_packet, set_ray
 from fieldtruth.world.model import Mesh, World
@@ -29,6 +30,8 @@ _OX, _OY, _OZ, _DX, _DY, _DZ = embree.ORG_X, embree.ORG_Y, embree.ORG_Z, embree.
 _NX, _NY, _NZ, _PRIM = embree.NG_X, embree.NG_Y, embree.NG_Z, embree.PRIM_ID
 _NEAR, _FAR, _MASK, _GEOM, _INST = embree.TNEAR, embree.TFAR, embree.MASK, embree.GEOM_ID, embree.INST_ID
 _INST_PRIM = embree.INST_PRIM_ID
+_GROUND, _TRAIL = int(Label.GROUND), int(Label.TRAIL)
+_OBJECT, _FIRST = 9, 10
 _intersect: Any = embree.intersect
 _occluded: Any = embree.occluded
 
@@ -61,8 +64,10 @@ class Hits(NamedTuple):
 class CastTable(NamedTuple):
     """What a hit has besides class and instance id."""
 
-    axes: Float32Array  # (tops, 3, 3) rotation times scale of world_from_object
+    tops: Float32Array  # (tops, 16) rotation times scale of world_from_object, by row; a line of the cache each
+    words: NDArray[np.uint32]  # the same bytes; from column 9 on instance id and first row in ``face_material``
     face_material: NDArray[np.int16]  # (faces of all meshes,) row of the world's materials
+    label: NDArray[np.uint8]  # (materials,) class ids
     cover: Float32Array  # (nx, ny, c) weights of the materials of the ground
     ground: NDArray[np.int16]  # (c + 2,) their rows, then those of the trail and of its border
     grid: Grid  # of the cover; its values are the first channel
@@ -82,16 +87,23 @@ class _Bundle(NamedTuple):
     mask: int
 
 
-def cast_table(world: World, meshes: list[Mesh], poses: list[NDArray[np.float64]]) -> CastTable:
-    """Return normals' axes and materials of all triangles; ``poses`` are those of the top-level geometries."""
+def cast_table(world: World, meshes: list[Mesh], poses: list[NDArray[np.float64]], hits: HitTable) -> CastTable:
+    """Return what hits are looked up in; ``poses`` (4, 4) are those of the top-level geometries of ``hits``."""
     rows = {name: row for row, name in enumerate(world.materials)}
     faces = [np.array([rows[n] for n in m.materials], np.int16)[m.material] for m in meshes]
     terrain = world.terrain
     names = (*terrain.ground_materials, terrain.trail_material, terrain.border_material)
     cover = np.ascontiguousarray(terrain.cover.values, np.float32)
+    tops = embree.aligned(16 * len(poses)).reshape(-1, 16)
+    tops[:, :9] = np.array([pose[:3, :3].ravel() for pose in poses])
+    words = tops.view(np.uint32)
+    words[:, _OBJECT] = hits.top_object
+    words[:, _FIRST] = np.array([*hits.mesh_face, 0])[hits.top_mesh]  # the terrain's row is -1
     return CastTable(
-        axes=np.array([pose[:3, :3] for pose in poses], np.float32),
-        face_material=np.concatenate([*faces, np.zeros(0, np.int16)]),
+        tops=tops,
+        words=words,
+        face_material=np.concatenate([*faces, np.zeros(1, np.int16)]),
+        label=np.array([int(material.label) for material in world.materials.values()], np.uint8),
         cover=cover,
         ground=np.array([rows[name] for name in names], np.int16),
         grid=Grid(cover[..., 0], terrain.cover.x0, terrain.cover.y0, 1.0 / terrain.cover.spacing),
@@ -255,12 +267,12 @@ def _block(scene: np.uint64, packet: Packet, bundle: _Bundle, span: tuple[int, i
 
 
 @inlined
-def _ground_material(hits: HitTable, table: CastTable, x: float, y: float) -> int:
-    """Row of the material of the ground at world x, y [m]."""
+def _ground(hits: HitTable, table: CastTable, x: float, y: float) -> tuple[int, int]:
+    """Row of the material, and class, of the ground at world x, y [m]."""
     ground, channels = table.ground, table.cover.shape[2]
     trail = read_grid(hits.trail_distance, x, y)
     if trail < 0.0:
-        return ground[channels + 1 if trail > -table.border_width else channels]  # type: ignore[no-any-return]
+        return ground[channels + 1 if trail > -table.border_width else channels], _TRAIL
     grid, values = table.grid, table.cover
     u = min(max((x - grid.x0) * grid.per_metre, 0.0), values.shape[0] - 1.0)
     v = min(max((y - grid.y0) * grid.per_metre, 0.0), values.shape[1] - 1.0)
@@ -272,7 +284,38 @@ def _ground_material(hits: HitTable, table: CastTable, x: float, y: float) -> in
         weight = low * (1.0 - fu) + (values[i + 1, j, c] * (1.0 - fv) + values[i + 1, j + 1, c] * fv) * fu
         if weight > most:
             best, most = c, weight
-    return ground[best]  # type: ignore[no-any-return]
+    return ground[best], _GROUND
+
+
+@inlined
+def _look_up(hits: HitTable, table: CastTable, packet: Packet, first: int, count: int, out: Hits) -> None:
+    """Write ``material`` of the hits of a packet, and into ``instance`` the row of the top-level geometry.
+
+    Each loop waits for the memory of all lanes at once.
+    """
+    words, tops, rows = packet.words, hits.geometry_top, table.words
+    top, material, faces = out.instance, out.material, table.face_material
+    for lane in range(count):
+        top[first + lane] = hit_top(tops, words, lane)
+    for lane in range(count):
+        row = top[first + lane]
+        material[first + lane] = -1
+        if row != _MISS and row != TERRAIN:
+            material[first + lane] = faces[np.int64(rows[row, _FIRST]) + np.int64(words[_PRIM + lane])]
+
+
+@inlined
+def _write_normal(packet: Packet, lane: int, axes: Float32Array, row: int, normal: Float32Array, k: int) -> None:
+    """Write the unit normal of a hit on the top-level geometry of a row, on the side of the ray."""
+    ray = packet.ray
+    a, b, c = np.float64(ray[_NX + lane]), np.float64(ray[_NY + lane]), np.float64(ray[_NZ + lane])
+    x = axes[row, 0] * a + axes[row, 1] * b + axes[row, 2] * c
+    y = axes[row, 3] * a + axes[row, 4] * b + axes[row, 5] * c
+    z = axes[row, 6] * a + axes[row, 7] * b + axes[row, 8] * c
+    length = np.sqrt(x * x + y * y + z * z)
+    away = x * ray[_DX + lane] + y * ray[_DY + lane] + z * ray[_DZ + lane] > 0.0
+    scale = 0.0 if length == 0.0 else (-1.0 if away else 1.0) / length
+    normal[k, 0], normal[k, 1], normal[k, 2] = x * scale, y * scale, z * scale
 
 
 @kernel
@@ -286,38 +329,32 @@ def _trace(
     out: Hits,
 ) -> int:
     """Write what a span of rays hits; returns -1, or the row of one that is none."""
-    ray, words, valid, arguments = packet
+    ray, _, valid, arguments = packet
     range_m, position, normal, label, instance, material = out
-    tops, axes = hits.geometry_top, table.axes
     _prepare(packet, bundle)
     for first in range(span[0], span[1], _LANES):
         bad = _fill(packet, bundle, first, span[1])
         if bad >= 0:
             return bad
         _intersect(valid.ctypes, scene, ray.ctypes, arguments.ctypes)
-        for lane in range(min(_LANES, span[1] - first)):
+        count = min(_LANES, span[1] - first)
+        _look_up(hits, table, packet, first, count, out)
+        for lane in range(count):
             k = first + lane
-            top = hit_top(tops, words, lane)
-            if top < 0:
-                range_m[k], label[k], instance[k], material[k] = np.inf, 0, 0, -1
+            row = instance[k]
+            if row == _MISS:
+                range_m[k], label[k], instance[k] = np.inf, 0, 0
                 for axis in range(3):
                     position[k, axis], normal[k, axis] = np.nan, 0.0
                 continue
             i, far = k * bundle.origin_step, np.float64(ray[_FAR + lane])
-            dx, dy, dz = np.float64(ray[_DX + lane]), np.float64(ray[_DY + lane]), np.float64(ray[_DZ + lane])
-            x, y = bundle.origins[i, 0] + far * dx, bundle.origins[i, 1] + far * dy
-            range_m[k] = ray[_FAR + lane]
-            position[k, 0], position[k, 1], position[k, 2] = x, y, bundle.origins[i, 2] + far * dz
-            label[k], instance[k] = classify(hits, top, words[_PRIM + lane], x, y)
-            if top == TERRAIN:
-                material[k] = _ground_material(hits, table, x, y)
+            x, y = bundle.origins[i, 0] + far * ray[_DX + lane], bundle.origins[i, 1] + far * ray[_DY + lane]
+            range_m[k], instance[k] = far, table.words[row, _OBJECT]
+            position[k, 0], position[k, 1] = x, y
+            position[k, 2] = bundle.origins[i, 2] + far * ray[_DZ + lane]
+            if row == TERRAIN:
+                material[k], label[k] = _ground(hits, table, x, y)
             else:
-                material[k] = table.face_material[hits.mesh_face[hits.top_mesh[top]] + words[_PRIM + lane]]
-            a, b, c = np.float64(ray[_NX + lane]), np.float64(ray[_NY + lane]), np.float64(ray[_NZ + lane])
-            nx = axes[top, 0, 0] * a + axes[top, 0, 1] * b + axes[top, 0, 2] * c
-            ny = axes[top, 1, 0] * a + axes[top, 1, 1] * b + axes[top, 1, 2] * c
-            nz = axes[top, 2, 0] * a + axes[top, 2, 1] * b + axes[top, 2, 2] * c
-            length = np.sqrt(nx * nx + ny * ny + nz * nz)
-            scale = 0.0 if length == 0.0 else (-1.0 if nx * dx + ny * dy + nz * dz > 0.0 else 1.0) / length
-            normal[k, 0], normal[k, 1], normal[k, 2] = nx * scale, ny * scale, nz * scale
+                label[k] = table.label[material[k]]
+            _write_normal(packet, lane, table.tops, row, normal, k)
     return -1

@@ -140,7 +140,7 @@ class Scene:
 
     @cached_property
     def _cast_table(self) -> CastTable:
-        return cast_table(self.world, self.meshes, [top.world_from_object for top in self.tops])
+        return cast_table(self.world, self.meshes, [top.world_from_object for top in self.tops], self.hits)
 
     def mesh_rays(self, mesh: Mesh, part: Mask | None = None) -> RayScene:
         """Build the Embree scene of a mesh in its own frame, of all faces or of a part (f,) of them."""
