@@ -1,21 +1,95 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Bare Embree on the rays of camera and LiDAR in the park in every packet mode. Run: python benchmarks/rays.py"""
+"""Bare Embree on the rays of camera and LiDAR in the park in every packet mode, and ``Scene.cast`` beside it.
 
+Run: python benchmarks/rays.py [cast]; with ``cast``, the latter alone: a million random rays from NumPy.
+Bare Embree has them in packet order already and keeps the distance only.
+"""
+
+import sys
+from collections.abc import Callable
 from time import perf_counter
+from typing import Any
 
 import numpy as np
+from numba import njit
 
 import fieldtruth as ft
 from fieldtruth.bench.bare import MODES, BareTracer
 from fieldtruth.bench.sensors import pixel_directions, poses_on_route
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.kernels.packets import Packet, new_packet, set_ray
+from fieldtruth.sense import embree
 from fieldtruth.sensors.lidar.sensing import ray_directions
 
 VIEWS, TRIES = 6, 3
+RANDOM = 1 << 20
+LANES = embree.LANES
+_OX, _OY, _OZ, _DX, _DY, _DZ = embree.ORG_X, embree.ORG_Y, embree.ORG_Z, embree.DIR_X, embree.DIR_Y, embree.DIR_Z
+_FAR, _GEOM, _INST, _MISS = embree.TFAR, embree.GEOM_ID, embree.INST_ID, embree.MISS
+_intersect: Any = embree.intersect
+
+
+@njit(nogil=True, error_model="numpy")
+def bare_random(scene: np.uint64, packet: Packet, rays: Float32Array, out: Float32Array) -> None:
+    """Trace rays (n / LANES, 6, LANES); of the hits only the distance is kept."""
+    ray, words, valid, arguments = packet
+    for lane in range(LANES):
+        set_ray(packet, lane, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.0, np.inf)
+    for k in range(len(rays)):
+        for lane in range(LANES):
+            ray[_OX + lane], ray[_OY + lane], ray[_OZ + lane] = rays[k, 0, lane], rays[k, 1, lane], rays[k, 2, lane]
+            ray[_DX + lane], ray[_DY + lane], ray[_DZ + lane] = rays[k, 3, lane], rays[k, 4, lane], rays[k, 5, lane]
+            ray[_FAR + lane] = np.inf
+            words[_GEOM + lane], words[_INST + lane] = _MISS, _MISS
+        _intersect(valid.ctypes, scene, ray.ctypes, arguments.ctypes)
+        for lane in range(LANES):
+            out[k, lane] = ray[_FAR + lane]
+
+
+def compare_cast(name: str, scene: ft.Scene, low: tuple[float, ...], high: tuple[float, ...]) -> float:
+    """Print the rates of random rays from a box, and return the time of ``Scene.cast`` over that of bare Embree."""
+    rng = np.random.default_rng(0)
+    directions = rng.normal(size=(RANDOM, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    rays = np.concatenate([rng.uniform(low, high, (RANDOM, 3)), directions], axis=1).astype(np.float32)
+    packed = np.ascontiguousarray(rays.reshape(-1, LANES, 6).transpose(0, 2, 1))
+    packet, out = new_packet(coherent=False), np.zeros((len(packed), LANES), np.float32)
+    origins, ahead = np.ascontiguousarray(rays[:, :3]), np.ascontiguousarray(rays[:, 3:])
+    wide = origins.astype(np.float64), ahead.astype(np.float64)
+    ways: dict[str, Callable[[], object]] = {
+        "bare": lambda: bare_random(scene.rays.handle, packet, packed, out),
+        "cast, float32": lambda: scene.cast(origins, ahead, workers=1),
+        "cast, float64": lambda: scene.cast(*wide, workers=1),
+        "occluded": lambda: scene.occluded(origins, ahead, workers=1),
+        "cast, all cores": lambda: scene.cast(origins, ahead),
+    }
+    times: dict[str, list[float]] = {way: [] for way in ways}
+    for _ in range(TRIES + 1):  # in turns, so that other load slows all of them; the first compiles
+        for way, trace in ways.items():
+            start = perf_counter()
+            trace()
+            times[way].append(perf_counter() - start)
+    least = {way: min(tries[1:]) for way, tries in times.items()}
+    np.testing.assert_allclose(scene.cast(origins, ahead, workers=1).range_m, out.ravel(), rtol=1e-3)
+    for way, seconds in least.items():
+        print(
+            f"{name:<10}{way:<18}{RANDOM / seconds / 1e6:>7.2f} Mrays/s{seconds / least['bare']:>7.2f} of bare's time"
+        )
+    return least["cast, float32"] / least["bare"]
+
+
+def compare_casts() -> None:
+    park = ft.Scene(ft.load_world("park", 0))
+    compare_cast("park", park, (-45.0, -20.0, 0.5), (45.0, 20.0, 5.0))
+    compare_cast("above", park, (-45.0, -20.0, 30.0), (45.0, 20.0, 40.0))  # half of the rays hit nothing
 
 
 def main() -> None:
+    experiment = ft.load_experiment("park_1")
+    compare_casts()
+    if sys.argv[1:] == ["cast"]:
+        return
     experiment = ft.load_experiment("park_1")
     world = ft.load_world(experiment.environment, experiment.seed)
     scene, rig = ft.Scene(world), experiment.rig

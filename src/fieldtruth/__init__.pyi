@@ -61,6 +61,7 @@ from .experiment.sensor_config import SensorConfig as SensorConfig
 from .exporters import export as export
 from .gazebo import write_gazebo as write_gazebo
 from .interchange import write_scene as write_scene
+from .kernels.cast import Hits as Hits
 from .kernels.lidar import Scan as Scan
 from .pipeline import generate as generate
 from .render.bake import BakedScene as BakedScene
@@ -70,7 +71,6 @@ from .report.preview import preview as preview
 from .report.shares import ClassShares as ClassShares
 from .report.shares import class_shares as class_shares
 from .report.viewer import view as view
-from .sense.rays import Hits as Hits
 from .sense.rays import cast_rays as cast_rays
 from .sense.scene import Scene as Scene
 from .sensors.camera.config import OPTICAL as OPTICAL

@@ -3,13 +3,17 @@
 """The ray-tracing scene that all sensors share: the world in Embree, and the classes of its hits."""
 
 from collections.abc import Iterator
+from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.core.classes import GROUND_ID
+from fieldtruth.kernels.cast import CastTable, Hits
 from fieldtruth.kernels.packets import CLEAR, MISS, SOLID, THIN, Grid, HitTable
+from fieldtruth.sense.cast import bundle_of, cast, cast_table, occluded
 from fieldtruth.sense.embree import Engine, RayScene
 from fieldtruth.sense.parts import parts_of
 from fieldtruth.world.model import Heightfield, Mesh, Raster, World
@@ -68,6 +72,77 @@ class Scene:
                 geometry_top.append(row)
         self.rays.commit()
         self.hits = _hit_table(world, self.meshes, self.tops, geometry_top)
+
+    @property
+    def materials(self) -> tuple[str, ...]:
+        """Names of the world's materials, by ``Hits.material``."""
+        return tuple(self.world.materials)
+
+    def cast(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        max_range: float = np.inf,
+        *,
+        min_range: float = 0.0,
+        water: bool = True,
+        workers: int | None = None,
+    ) -> Hits:
+        """Return the first surface that each ray hits.
+
+        Args:
+            origins: (n, 3) [m] in the world frame, or (3,) of all rays; float32 is traced without a copy.
+            directions: (n, 3) in the world frame, or (3,) of all rays; of any length above 0, which changes nothing.
+            max_range: farther surfaces are not hit [m].
+            min_range: nearer surfaces are not hit [m]; above 0, a ray that leaves a surface does not hit it again.
+            water: whether water is hit; otherwise rays go straight through.
+            workers: threads, by default one per core.
+
+        Raises:
+            ValueError: a direction without length, a number that is not finite, or shapes that do not fit.
+        """
+        bundle = bundle_of(origins, directions, "directions", min_range, max_range, water)
+        return cast(self.rays.handle, self.hits, self._cast_table, bundle, workers)
+
+    def occluded(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike | None = None,
+        max_range: float = np.inf,
+        *,
+        targets: ArrayLike | None = None,
+        min_range: float = 0.0,
+        water: bool = True,
+        workers: int | None = None,
+    ) -> Mask:
+        """Whether anything is in the way (n,): along ``directions`` up to ``max_range``, or before ``targets``.
+
+        It is faster than ``cast``, because any hit will do. Arguments are those of ``cast``, and:
+
+        Args:
+            origins: see ``cast``.
+            directions: see ``cast``.
+            max_range: see ``cast``.
+            targets: (n, 3) [m] in the world frame, or (3,) of all rays, instead of directions. What is in the last
+                millimetre before a target does not hide it: it may be on a surface.
+            min_range: see ``cast``.
+            water: see ``cast``.
+            workers: see ``cast``.
+
+        Raises:
+            ValueError: as ``cast``; not exactly one of directions and targets.
+        """
+        if (directions is None) == (targets is None):
+            raise ValueError("occluded needs directions or targets, one of the two")
+        if targets is not None:
+            bundle = bundle_of(origins, targets, "targets", min_range, max_range, water)
+        else:
+            bundle = bundle_of(origins, np.asarray(directions), "directions", min_range, max_range, water)
+        return occluded(self.rays.handle, bundle, workers)
+
+    @cached_property
+    def _cast_table(self) -> CastTable:
+        return cast_table(self.world, self.meshes, [top.world_from_object for top in self.tops], self.hits)
 
     def mesh_rays(self, mesh: Mesh, part: Mask | None = None) -> RayScene:
         """Build the Embree scene of a mesh in its own frame, of all faces or of a part (f,) of them."""
