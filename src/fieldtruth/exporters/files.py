@@ -78,7 +78,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     suffixes = {folder.path: folder.suffix for folder in all_folders if folder.topic in run.counts}
     for path in suffixes:
         (target / path).mkdir(parents=True)
-    run.streams([topic for topic in known if topic in run.counts and topic != table.MODEL_STATES])
+    run.streams([topic for topic in {*known, table.ODOMETRY} - {table.MODEL_STATES} if topic in run.counts])
     writers = [*_image_writers(run, options.label_map), *_text_writers(run, all_texts)]
     counts = _write_readings(run, writers, suffixes, target, options)
     for text in all_texts:
