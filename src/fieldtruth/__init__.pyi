@@ -13,6 +13,7 @@ from .bag.run import Run as Run
 from .bag.run import open_run as open_run
 from .core import frames as frames
 from .core import geodesy as geodesy
+from .core import readings as readings
 from .core.classes import CLASSES as CLASSES
 from .core.classes import NO_RETURN as NO_RETURN
 from .core.classes import PALETTE as PALETTE

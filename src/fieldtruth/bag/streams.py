@@ -55,7 +55,7 @@ def read_streams(bag: BagReader, storage: Storage, topics: Sequence[str]) -> dic
     for topic, index in found.items():
         stamps = headers.get(topic, index.stamps_ns)
         rows = rising_rows(stamps, topic, bag.path, bag_ns=index.stamps_ns)
-        _refuse_second_pass(stamps, index, topic, bag.path)
+        refuse_second_pass(stamps, index, topic, bag.path)
         streams[topic] = Stream(topic, stamps, index.chunk, index.offset, index.stamps_ns).rows(rows)
     return streams
 
@@ -160,7 +160,7 @@ def _header_stamps(bag: BagReader, topics: Sequence[str]) -> dict[str, Counts]:
     return {topic: np.array(values, np.int64) for topic, values in stamps.items()}
 
 
-def _refuse_second_pass(stamps: Counts, index: MessageIndex, topic: str, path: Path) -> None:
+def refuse_second_pass(stamps: Counts, index: MessageIndex, topic: str, path: Path) -> None:
     """Refuse stamps of the bag itself that go back once in the file, to a time that was recorded before."""
     written = stamps[np.lexsort((index.offset, index.chunk))]
     back = np.flatnonzero(np.diff(written) < 0)  # more of them: messages that were written in any order

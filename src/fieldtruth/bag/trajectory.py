@@ -11,7 +11,7 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.bag_file import BagFile
 from fieldtruth.bag.model_states import ROBOT, ModelStatesReader
 from fieldtruth.bag.reader import BagError, decoder, open_bag
-from fieldtruth.bag.streams import rising_rows
+from fieldtruth.bag.streams import refuse_second_pass, rising_rows
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array, Counts
 
@@ -95,6 +95,7 @@ def _from_odometry(run: BagFile, topic: str) -> Rows:
             p, q = message.pose.pose.position, message.pose.pose.orientation
             stamps.append(message.header.stamp.sec * 10**9 + message.header.stamp.nanosec)
             rows.extend((p.x, p.y, p.z, q.x, q.y, q.z, q.w))
+        refuse_second_pass(np.array(stamps, np.int64), bag.index([topic])[topic], topic, run.bag)
     return stamps, rows
 
 
