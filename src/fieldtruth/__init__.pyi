@@ -12,6 +12,7 @@ from .bag.errors import BagError as BagError
 from .bag.run import Run as Run
 from .bag.run import open_run as open_run
 from .core import geodesy as geodesy
+from .core import readings as readings
 from .core import transforms as transforms
 from .core.classes import CLASSES as CLASSES
 from .core.classes import NO_RETURN as NO_RETURN

@@ -6,7 +6,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
 from fieldtruth.bag.pairing import WINDOW_NS, _Item, _Pairing
 
 

@@ -17,9 +17,11 @@ import pytest
 from dataset_bags import equal, rewrite
 from numpy.typing import NDArray
 
+from fieldtruth.bag import storage
 from fieldtruth.bag.reader import open_bag
+from fieldtruth.bag.readings import cloud_of
 from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.datasets import GEOMETRY, ITEMS, RunDataset, Sample, collate, storage
+from fieldtruth.datasets import GEOMETRY, ITEMS, RunDataset, Sample, collate
 from fieldtruth.ontology.label_map import label_map_of
 
 ALL = tuple(name for name in (*ITEMS, *GEOMETRY) if name not in ("normals", "flow"))  # which the small run lacks
@@ -139,12 +141,18 @@ def cloud(**columns: Any) -> SimpleNamespace:
     step = 4 * len(fields)
     raw = np.frombuffer(data.tobytes(), np.uint8)
     return SimpleNamespace(
-        height=1, width=len(data), fields=fields, point_step=step, row_step=step * len(data), data=raw
+        is_bigendian=False,
+        height=1,
+        width=len(data),
+        fields=fields,
+        point_step=step,
+        row_step=step * len(data),
+        data=raw,
     )
 
 
 def value(item: str, message: Any) -> NDArray[Any]:
-    return ITEMS[item].value(message, np.arange(16))
+    return ITEMS[item].value(cloud_of(message, labelled=item == "labels"), np.arange(18))
 
 
 def test_a_cloud_of_the_papers_data_set_has_classes_as_intensity_and_nan_points_are_dropped() -> None:
@@ -155,9 +163,9 @@ def test_a_cloud_of_the_papers_data_set_has_classes_as_intensity_and_nan_points_
     assert value("labels", both).tolist() == [5]
 
 
-@pytest.mark.parametrize("wrong", [16.0, -1.0, 2.5])
+@pytest.mark.parametrize("wrong", [18.0, -1.0, 2.5])
 def test_a_point_with_an_invalid_class_is_an_error(wrong: float) -> None:
-    with pytest.raises(FieldtruthError, match=rf"intensity of a point must be a class id, got {wrong:g}"):
+    with pytest.raises(FieldtruthError, match=rf"intensity of a point must be a class from 0 to 17, got {wrong:g}"):
         value("labels", cloud(x=[1, 1], y=[1, 1], z=[1, 1], intensity=[1, wrong]))
 
 

@@ -201,11 +201,11 @@ def test_errors_are_one_line(bag: Path, tmp_path: Path) -> None:
         ),
         "other": (
             with_clouds(bag, tmp_path / "other.bag", lambda stamp: bare_cloud(stamp, [1.0, 1.0, 87.5])),
-            r"cloud at \d+ ns in .*other\.bag: intensity must be a class from 0 to 17, got 87\.5",
+            r"other\.bag: /os1_cloud_node/points at \d+ ns: intensity of a point must be a class .*, got 87\.5",
         ),
         "twice": (
             with_clouds(bag, tmp_path / "twice.bag", lambda stamp: bare_cloud(500_000_000, [1.0, 1.0])),
-            "two clouds with the stamp 500000000 ns",
+            "two messages of /os1_cloud_node/points have the stamp 500000000 ns",
         ),
         "late": (
             with_clouds(bag, tmp_path / "late.bag", lambda stamp: bare_cloud(10**12 + stamp, [1.0, 1.0])),

@@ -86,9 +86,9 @@ def test_missing_topics_are_named(bag: Path, tmp_path: Path, dropped: tuple[str,
         (
             "label",
             18,
-            r"the cloud at 100000000 ns in .*odd\.bag: label must be a class from 0 to 17, got 18",
+            r"odd\.bag: .*points at 100000000 ns: label of a point must be a class from 0 to 17, got 18",
         ),
-        ("x", None, r"must have x, y, z and label or intensity, got y, z, "),
+        ("x", None, r"must have x, y and z, got y, z, "),
     ],
 )
 def test_invalid_clouds_are_refused(bag: Path, tmp_path: Path, field: str, value: int | None, message: str) -> None:

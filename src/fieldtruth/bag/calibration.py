@@ -2,20 +2,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mounts of the sensors and projection of the cameras, from /tf_static and CameraInfo."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from functools import cached_property
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.bag_file import BagFile
 from fieldtruth.bag.decode import matrix
 from fieldtruth.bag.reader import BagError, decoder, open_bag
-from fieldtruth.bag.run import Run
+from fieldtruth.bag.sources import Source
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
-from fieldtruth.sensors.camera.config import Imager
-from fieldtruth.sensors.lidar.config import LidarConfig
 
 BASE: Final = "base_link"
 
@@ -55,58 +55,89 @@ class StaticFrames:
         return frame, root_from_frame
 
 
-@dataclass(frozen=True)
-class Calibration:
-    """Geometry of a camera with one or two views, and of a LiDAR; views by name: left and right of the paper's pair."""
+class Lens(NamedTuple):
+    """What a camera publishes of its images: CameraInfo."""
 
+    frame: str
     width: int
     height: int
-    """Size [pixel] of the images of all views."""
-    projection: Mapping[str, Array]
-    """P (3, 4) [pixel] by view, of points [m] in the optical frame of the first; the right one holds the baseline."""
-    base_from_lidar: Array
-    """(4, 4) from the frame of the clouds."""
-    base_from_optical: Mapping[str, Array]
-    """(4, 4) by view, from the optical frame (x right, y down, z forward)."""
-    static: StaticFrames
+    K: Array
+    """(3, 3) [pixel]; the centre of the first pixel is (0, 0). Of a panorama zeros."""
+    R: Array
+    """(3, 3) rotation to the rectified frame."""
+    P: Array
+    """(3, 4) [pixel] of points [m] in the optical frame of the left camera; the right one holds the baseline."""
+    D: Array
+    """(n,) coefficients."""
+    model: str
+    """plumb_bob, equidistant, ..."""
 
-    def base_from(self, frame: str) -> Array:
-        """Return base_link from any frame of /tf_static, (4, 4).
+    @property
+    def is_pinhole(self) -> bool:
+        """Whether K alone describes it."""
+        return self.model in ("", "plumb_bob") and not self.D.any()
+
+
+class Calibration:
+    """Mounts of the sensors and lenses of the cameras, by name of the sensor; each is read when it is first asked."""
+
+    def __init__(self, run: BagFile, sensors: Mapping[str, Source]) -> None:
+        self._run, self._sensors = run, sensors
+        self._lenses: dict[str, Lens] = {}
+
+    def has_lens(self, sensor: str) -> bool:
+        """Whether the bag has the lens of a view."""
+        return self._sensors[sensor].info in self._run.counts
+
+    def lens(self, sensor: str) -> Lens:
+        """Return the lens of a view.
 
         Raises:
-            BagError: unknown frame, or one that is not connected to base_link.
+            BagError: the bag has none, or is damaged.
         """
-        return self.static.base_from(frame)
+        if sensor not in self._lenses:
+            topic = self._sensors[sensor].info
+            self._run.require(topic)
+            m = first_message(self._run, topic)
+            k, r, p = (np.array(getattr(m, name), np.float64).reshape(3, -1) for name in "KRP")
+            d = np.array(m.D, np.float64)
+            size = int(m.width), int(m.height)
+            self._lenses[sensor] = Lens(str(m.header.frame_id), *size, k, r, p, d, str(m.distortion_model))
+        return self._lenses[sensor]
+
+    def projection(self, sensor: str) -> Array:
+        """Return P (3, 4) [pixel] of a rectified view.
+
+        Raises:
+            BagError: the bag has none, or one that is no projection.
+        """
+        p = self.lens(sensor).P
+        if not (np.isfinite(p).all() and p[0, 0] > 0.0 < p[1, 1]):
+            topic = self._sensors[sensor].info
+            raise BagError(f"{topic} of {self._run.bag} has an invalid projection: P has fx {p[0, 0]}, fy {p[1, 1]}")
+        return p
+
+    def frame(self, sensor: str) -> str:
+        """Return the frame of a sensor's readings: that of its first message, without any that of its configuration."""
+        source = self._sensors[sensor]
+        topic = next((t for t in (source.info, *source.topics.values()) if t in self._run.counts), None)
+        return source.frame if topic is None else str(first_message(self._run, topic).header.frame_id)
+
+    def base_from(self, sensor: str) -> Array:
+        """Return base_link from the frame of a sensor's readings, (4, 4).
+
+        Raises:
+            BagError: /tf_static is missing, or does not connect the frame with base_link.
+        """
+        return self.static.base_from(self.frame(sensor))
+
+    @cached_property
+    def static(self) -> StaticFrames:
+        """The fixed frames."""
+        return read_static_frames(self._run)
 
 
-def read_calibration(run: Run, imagers: Sequence[Imager], lidar: LidarConfig) -> Calibration:
-    """Read the calibration of the views of a camera, and of a LiDAR, of a run.
-
-    Raises:
-        BagError: /tf_static or a CameraInfo is missing or invalid, or the views differ in size.
-    """
-    topics = {imager.name: imager.topic_of("camera_info") for imager in imagers}
-    run.require(table.TF_STATIC, *topics.values())
-    static = read_static_frames(run)
-    infos = {name: first_message(run, topic) for name, topic in topics.items()}
-    projection = {name: np.asarray(info.P, np.float64).reshape(3, 4) for name, info in infos.items()}
-    for name, matrix34 in projection.items():
-        fx, fy = matrix34[0, 0], matrix34[1, 1]
-        if not (np.isfinite(matrix34).all() and fx > 0.0 and fy > 0.0):
-            raise BagError(f"{topics[name]} of {run.bag} has an invalid projection: P has fx {fx}, fy {fy}")
-    sizes = [(int(info.width), int(info.height)) for info in infos.values()]
-    if len({*sizes}) > 1:
-        raise BagError(f"the cameras of {run.bag} differ in size: {sizes[0]} and {sizes[1]}")
-    return Calibration(
-        *sizes[0],
-        projection,
-        base_from_lidar(run, static, lidar),
-        {name: static.base_from(info.header.frame_id) for name, info in infos.items()},
-        static,
-    )
-
-
-def read_static_frames(run: Run) -> StaticFrames:
+def read_static_frames(run: BagFile) -> StaticFrames:
     """Read the fixed frames of a run.
 
     Raises:
@@ -120,17 +151,7 @@ def read_static_frames(run: Run) -> StaticFrames:
     return StaticFrames(parents, str(run.bag))
 
 
-def base_from_lidar(run: Run, static: StaticFrames, lidar: LidarConfig) -> Array:
-    """Return base_link from the frame of a LiDAR's clouds, (4, 4), or from that of its configuration without clouds.
-
-    Raises:
-        BagError: /tf_static does not connect the frame with base_link.
-    """
-    has_clouds = lidar.topic in run.counts
-    return static.base_from(first_message(run, lidar.topic).header.frame_id if has_clouds else lidar.frame)
-
-
-def first_message(run: Run, topic: str) -> Any:
+def first_message(run: BagFile, topic: str) -> Any:
     """Read the first message of a topic of the run, with ROS's field names.
 
     Raises:

@@ -7,16 +7,16 @@ from typing import Final
 
 import numpy as np
 
+from fieldtruth.bag.bag_file import BagFile
 from fieldtruth.bag.errors import BagError
 from fieldtruth.bag.reader import open_bag
-from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import objects_topic
 from fieldtruth.core.arrays import Array
 
 ROBOT: Final = "husky"
 
 
-def read_objects(run: Run) -> tuple[tuple[str, ...], Array]:
+def read_objects(run: BagFile) -> tuple[tuple[str, ...], Array]:
     """Return names and poses (n, 7) of all objects by instance id, as the run's first message has them; none without.
 
     Raises:

@@ -1,107 +1,206 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""A run: the folder that ``generate`` made, or any bag with the same topics."""
+"""A run as readings of its sensors: frames by sensor and stamp, the true trajectory and the calibration, as arrays.
 
-import json
-from collections.abc import Mapping
+This is the one reader of bags by sensor: of data sets, exports, reports and the viewer. It has no file open and keeps
+no message, so that runs may be pickled, forked and read by threads.
+"""
+
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final
 
-from fieldtruth.bag.reader import BagError, open_bag
-from fieldtruth.experiment.config import Experiment
-from fieldtruth.experiment.files import load_experiment
+import numpy as np
+
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.bag_file import CARD as CARD
+from fieldtruth.bag.bag_file import EXPERIMENT as EXPERIMENT
+from fieldtruth.bag.bag_file import TRACK as TRACK
+from fieldtruth.bag.bag_file import BagFile, experiment_of
+from fieldtruth.bag.bag_file import find_bag as find_bag
+from fieldtruth.bag.calibration import Calibration, StaticFrames, read_static_frames
+from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.measured import measured_rig, misfits
+from fieldtruth.bag.poses import Poses, pose_topic
+from fieldtruth.bag.reader import open_bag
+from fieldtruth.bag.readings import Readings, warn_of_intensity
+from fieldtruth.bag.sources import Source, sources_of
+from fieldtruth.bag.storage import Storage
+from fieldtruth.bag.streams import Stream, read_streams
+from fieldtruth.bag.trajectory import Trajectory, read_trajectory
+from fieldtruth.core.errors import FieldtruthWarning, UnknownNameError
+from fieldtruth.core.readings import Cloud, Frame, Message, Reading
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_config import TRUTH
 
-EXPERIMENT: str = "experiment.yaml"
-"""The experiment beside a bag."""
-CARD: str = "DATASET.md"
-"""The data card beside a bag."""
-TRACK: str = "track.csv"
-"""The poses of the track file beside a bag, if its experiment has one."""
+ASSUMED: Final = (
+    "there is no experiment.yaml of this bag beside it, so its sensors are taken for those of the paper's rig; rates, "
+    "sizes of images and clouds, and frames are measured from the bag"
+)
 
 
-class Run(NamedTuple):
-    """A bag and its metadata, which is known without reading all of it."""
+class Run(BagFile):
+    """A bag whose sensors are read by name: ``run["lidar"][3].xyz``, ``run["stereo/left"].at(stamp_ns).photo``.
 
-    bag: Path
-    experiment: Experiment | None
-    """The experiment that generated it; None for a bag from elsewhere."""
-    counts: Mapping[str, int]
-    """Messages by topic; every topic has at least one."""
-    msgtypes: Mapping[str, str]
-    """Message type by topic, like ``sensor_msgs/msg/Imu``."""
-    start_ns: int
-    end_ns: int
-    """First and last stamp [ns]."""
+    Names are those of the rig; of a pair's views ``NAME/left`` and ``NAME/right``.
+    """
 
-    @property
-    def name(self) -> str:
-        """The bag's name without its suffix."""
-        return self.bag.stem
-
-    @property
-    def folder(self) -> Path:
-        """The folder of the bag."""
-        return self.bag.parent
-
-    @property
+    @cached_property
     def rig(self) -> Rig:
-        """The rig that recorded it; of a bag from elsewhere the paper's."""
-        return Rig() if self.experiment is None else self.experiment.rig
+        """The rig that recorded it; of a bag from elsewhere the paper's, which is said with a warning."""
+        if self.experiment is not None:
+            return self.experiment.rig
+        warnings.warn(f"{self.bag}: {self.assumed}", FieldtruthWarning, stacklevel=3)
+        return measured_rig(self)
 
     @property
-    def clocked(self) -> frozenset[str]:
-        """Topics whose headers have a sensor's own time, while their stamps in the bag are the true ones."""
-        if self.experiment is None:
-            return frozenset()
-        sensors = (sensor for sensor in self.rig.sensors if sensor.clock is not None)
-        topics = (topic.name for sensor in sensors for topic in sensor.topics())
-        return frozenset(name for name in topics if name in self.counts and not name.endswith(TRUTH))
+    def assumed(self) -> str:
+        """What is assumed of a bag that has no experiment.yaml beside it; else empty."""
+        return "" if self.experiment is not None else ASSUMED
 
-    @property
-    def world(self) -> str | None:
-        """Text that is equal for runs in the same world; None for a bag from elsewhere, whose world is unknown."""
-        if self.experiment is None:
-            return None
-        parts = self.experiment.model_dump(mode="json", include={"environment", "seed", "layout"})
-        return json.dumps(parts, sort_keys=True)
+    @cached_property
+    def sensors(self) -> Mapping[str, Source]:
+        """Sensors of the rig that are enabled, by name, also those that the bag has no messages of."""
+        return sources_of(self.rig)
 
-    @property
-    def is_frames(self) -> bool:
-        """Whether each pose stands for itself, so that nothing moves from one to the next."""
-        return self.experiment is not None and self.experiment.frames is not None
-
-    @property
-    def duration_s(self) -> float:
-        """Time [s] from the first to the last stamp."""
-        return (self.end_ns - self.start_ns) / 1e9
-
-    def require(self, *topics: str) -> None:
-        """Check that the bag has messages of all these topics.
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """True poses of base_link.
 
         Raises:
-            BagError: lists the missing and the available topics.
+            BagError: the bag has none, or is damaged, or their stamps do not rise.
         """
-        missing = [topic for topic in topics if topic not in self.counts]
-        if missing:
-            raise BagError(f"{self.bag} has no {', '.join(missing)}; available: {', '.join(sorted(self.counts))}")
+        return read_trajectory(self)
 
-    def require_instances(self, *topics: str) -> None:
-        """Check that the bag has these topics of instance images.
+    @cached_property
+    def poses(self) -> Poses:
+        """True poses by stamp, each read when it is asked for; raises as ``trajectory``."""
+        topic = pose_topic(self)
+        return Poses(self.storage, self.streams([topic])[topic])
+
+    @property
+    def has_poses(self) -> bool:
+        """Whether the bag has true poses."""
+        return table.ODOMETRY in self.counts or table.MODEL_STATES in self.counts
+
+    @cached_property
+    def static(self) -> StaticFrames:
+        """Fixed frames.
 
         Raises:
-            BagError: lists the missing ones and states how to make them.
+            BagError: the bag has no /tf_static, or is damaged.
         """
-        missing = [topic for topic in topics if topic not in self.counts]
-        if missing:
-            name = "NAME" if self.experiment is None else self.experiment.name
-            hint = f"`fieldtruth generate {name} --extras instances` makes a bag that has them"
-            raise BagError(f"{self.bag} has no {', '.join(missing)}, the object of each pixel; {hint}")
+        return read_static_frames(self)
+
+    @cached_property
+    def calibration(self) -> Calibration:
+        """Mounts of the sensors, and lenses of the cameras, by name of the sensor."""
+        return Calibration(self, self.sensors)
+
+    def source(self, name: str) -> Source:
+        """Return a sensor by its name, or a view by its name in files.
+
+        Raises:
+            UnknownNameError: the rig has no such sensor.
+        """
+        labels = {source.label: source for source in self.sensors.values()}
+        if name not in self.sensors and name not in labels:
+            raise UnknownNameError("sensor", name, self.sensors, str(self.bag))
+        return self.sensors.get(name) or labels[name]
+
+    def of(self, kind: type[Reading], *parts: str, recorded: bool = True) -> list[Source]:
+        """Return the sensors whose readings have a type, in the order of the rig; with ``recorded`` those in the bag.
+
+        Args:
+            kind: type of the readings, such as ``Cloud``.
+            parts: what the bag must have of them; by default the first part.
+            recorded: whether the bag must have them.
+        """
+        found = (source for source in self.sensors.values() if source.type is kind)
+        return [source for source in found if not recorded or source.has(self.counts, *parts)]
+
+    def __getitem__(self, name: str) -> Readings:
+        """Return the readings of a sensor, with all parts that the bag has.
+
+        Raises:
+            UnknownNameError: the rig has no such sensor.
+            BagError: the bag has no readings of it, or is damaged, or their stamps do not rise.
+        """
+        return self.readings(name)
+
+    def readings(self, name: str, parts: Sequence[str] = (), *, labelled: bool = True) -> Readings:
+        """Return the readings of a sensor, with some of its parts, by default all that the bag has; raises as above.
+
+        If not ``labelled``, the points of clouds have no classes, and none are looked for.
+        """
+        source = self.source(name)
+        parts = tuple(parts) or source.recorded(self.counts) or tuple(source.topics)[:1]
+        topics = [source.topics[part] for part in parts]
+        self.require(*topics)
+        streams = self.streams(topics)
+        found = Readings(source, parts, [streams[topic] for topic in topics], self.storage, labelled=labelled)
+        if labelled and source.type is Cloud and source.name not in self._said:
+            self._said.add(source.name)
+            warn_of_intensity(found.message(0), source.topic, self.bag)
+        return found
+
+    def messages(self, topic: str) -> Readings:
+        """Return the messages of any topic as readings; raises as ``readings``."""
+        self.require(topic)
+        types = {topic: self.msgtypes[topic]}
+        source = Source(topic, topic, Message, {"main": topic}, types, "", None, topic)
+        return Readings(source, ["main"], [self.streams([topic])[topic]], self.storage)
+
+    def frames(self, sensors: Sequence[str] | None = None) -> Iterator[Frame]:
+        """Yield the readings of some sensors, or of all, in time order; those with the same stamp together.
+
+        Raises:
+            UnknownNameError: the rig has no such sensor.
+            BagError: the bag has no readings of one that is asked for, or is damaged, or stamps do not rise.
+        """
+        names = [n for n, s in self.sensors.items() if s.recorded(self.counts)] if sensors is None else sensors
+        self.streams([t for name in names for t in self.source(name).topics.values() if t in self.counts])
+        opened = {name: self[name] for name in names}
+        poses = self.poses if self.has_poses else None
+        for stamp in np.unique(np.concatenate([each.stamps_ns for each in opened.values()])).tolist():
+            rows = {name: each.row_at(stamp) for name, each in opened.items()}
+            found = {name: opened[name].read(row) for name, row in rows.items() if row is not None}
+            pose = poses.world_from_base(stamp) if poses and poses.cover(np.array([stamp]))[0] else None
+            yield Frame(stamp_ns=stamp, readings=found, pose=pose)
+
+    @cached_property
+    def storage(self) -> Storage:
+        """The messages by position."""
+        with open_bag(self.bag) as bag:
+            return Storage(bag, self.clocked)
+
+    def streams(self, topics: Sequence[str]) -> dict[str, Stream]:
+        """Stamps and positions of the messages of topics; read once.
+
+        Raises:
+            BagError: the bag is damaged, or stamps do not rise.
+        """
+        new = [topic for topic in dict.fromkeys(topics) if topic not in self._streams]
+        if new:
+            with open_bag(self.bag) as bag:
+                self._streams.update(read_streams(bag, self.storage, new))
+        return {topic: self._streams[topic] for topic in topics}
+
+    @cached_property
+    def _streams(self) -> dict[str, Stream]:
+        return {}
+
+    @cached_property
+    def _said(self) -> set[str]:
+        """Sensors of which a warning was given."""
+        return set()
 
 
 def open_run(path: Path | str) -> Run:
     """Open the folder of a run, or a bag.
+
+    An experiment.yaml beside the bag that does not fit it is reported with a warning.
 
     Raises:
         BagError: no such path, no bag in the folder or several, an unreadable bag, or one without messages.
@@ -112,32 +211,7 @@ def open_run(path: Path | str) -> Run:
         counts = {topic: count for topic, count in stored.counts.items() if count}
         if not counts:
             raise BagError(f"{bag} has no messages")
-        return Run(bag, _experiment_of(bag), counts, stored.msgtypes, stored.start_ns, stored.end_ns)
-
-
-def find_bag(path: Path | str) -> Path:
-    """Return the path of the bag: the file itself, or the one in the folder of a run.
-
-    Raises:
-        BagError: no such path, no bag in the folder, or several.
-    """
-    path = Path(path)
-    if not path.is_dir():
-        if not path.exists():
-            raise BagError(f"{path} does not exist; a run must be the folder of a run, or a bag")
-        return path
-    own = path / f"{path.resolve().name}.bag"
-    bags = [own] if own.exists() else sorted(path.glob("*.bag"))
-    if len(bags) != 1:
-        what = f"{len(bags)} bags ({', '.join(bag.name for bag in bags)})" if bags else "no bag"
-        raise BagError(f"{path} has {what}; a run must be a folder with one bag, or a bag")
-    return bags[0]
-
-
-def _experiment_of(bag: Path) -> Experiment | None:
-    """Return the experiment beside a bag if it has the bag's name, else it belongs to another bag."""
-    path = bag.parent / EXPERIMENT
-    if not path.exists():
-        return None
-    experiment = load_experiment(path)
-    return experiment if experiment.name == bag.stem else None
+        run = Run(bag, experiment_of(bag), counts, stored.msgtypes, stored.start_ns, stored.end_ns)
+    for text in misfits(run):
+        warnings.warn(text, FieldtruthWarning, stacklevel=2)
+    return run

@@ -145,10 +145,10 @@ def _from_bag(path: Path, config: DriveConfig) -> TrackFile:
     run = open_run(path)
     odometry = sorted(name for name, msgtype in run.msgtypes.items() if msgtype == ODOMETRY)
     if config.topic is None and table.ODOMETRY not in odometry and table.MODEL_STATES in run.counts:
-        return _from_topic(run.bag.name, read_trajectory(run), config.pose_of or BASE, table.MODEL_STATES)
+        return _from_topic(run.bag.name, read_trajectory(run, coarse=True), config.pose_of or BASE, table.MODEL_STATES)
     topic = _topic(run.bag, odometry, config.topic)
     frame = config.pose_of or first_message(run, topic).child_frame_id.strip("/") or BASE
-    return _from_topic(run.bag.name, read_trajectory(run, topic), frame, topic)
+    return _from_topic(run.bag.name, read_trajectory(run, topic, coarse=True), frame, topic)
 
 
 def _topic(bag: Path, odometry: Sequence[str], asked: str | None) -> str:

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.bag_file import BagFile
 from fieldtruth.bag.model_states import ROBOT, ModelStatesReader
 from fieldtruth.bag.reader import BagError, decoder, open_bag
-from fieldtruth.bag.run import Run
+from fieldtruth.bag.streams import refuse_second_pass, rising_rows
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array, Counts
 
@@ -64,27 +65,28 @@ class Trajectory:
         return frames.pose_from_quaternion_wxyz(position, mixed / np.linalg.norm(mixed))
 
 
-def read_trajectory(run: Run, topic: str = table.ODOMETRY) -> Trajectory:
+def read_trajectory(run: BagFile, topic: str = table.ODOMETRY, *, coarse: bool = False) -> Trajectory:
     """Read the true poses from odometry or, if that is missing, from the robot in /gazebo/model_states.
 
-    Stamps are those of the headers; ModelStates has no header, so the bag's stamps are used.
+    Stamps are those of the headers; ModelStates has no header, so the bag's stamps are used. Of several states with
+    one stamp of the bag, whose clock may be coarse, the first is taken; with ``coarse`` so are poses of odometry.
 
     Raises:
-        BagError: the bag has neither, or is damaged.
+        BagError: the bag has neither, or is damaged, or the stamps do not rise.
     """
     if topic in run.counts and topic != table.MODEL_STATES:
         stamps, rows = _from_odometry(run, topic)
     elif table.MODEL_STATES in run.counts:
+        topic, coarse = table.MODEL_STATES, True
         stamps, rows = _from_model_states(run)
     else:
         run.require(topic)
-    poses = np.array(rows, np.float64).reshape(-1, 7)
-    order = np.argsort(stamps, kind="stable")
-    poses, stamps_ns = poses[order], np.array(stamps, np.int64)[order]
-    return Trajectory(stamps_ns, poses[:, :3], poses[:, [6, 3, 4, 5]])
+    stamps_ns, poses = np.array(stamps, np.int64), np.array(rows, np.float64).reshape(-1, 7)
+    order = rising_rows(stamps_ns, topic, run.bag, coarse=coarse)
+    return Trajectory(stamps_ns[order], poses[order, :3], poses[order][:, [6, 3, 4, 5]])
 
 
-def _from_odometry(run: Run, topic: str) -> Rows:
+def _from_odometry(run: BagFile, topic: str) -> Rows:
     stamps, rows = array("q"), array("d")
     with open_bag(run.bag) as bag:
         decode = decoder(bag)
@@ -93,10 +95,11 @@ def _from_odometry(run: Run, topic: str) -> Rows:
             p, q = message.pose.pose.position, message.pose.pose.orientation
             stamps.append(message.header.stamp.sec * 10**9 + message.header.stamp.nanosec)
             rows.extend((p.x, p.y, p.z, q.x, q.y, q.z, q.w))
+        refuse_second_pass(np.array(stamps, np.int64), bag.index([topic])[topic], topic, run.bag)
     return stamps, rows
 
 
-def _from_model_states(run: Run) -> Rows:
+def _from_model_states(run: BagFile) -> Rows:
     reader = ModelStatesReader()
     stamps, rows = array("q"), array("d")
     with open_bag(run.bag) as bag:

@@ -26,6 +26,7 @@ class Stamped(Protocol):
         ...
 
 
+T = TypeVar("T")
 S = TypeVar("S", bound=Stamped)
 
 
@@ -129,3 +130,10 @@ class _Lines:
 
         yield advance
         self._console.print(f"{name}: done in {monotonic() - start:.1f} s", highlight=False)
+
+
+def counted(items: Iterable[T], advance: Advance, total: float, count: int) -> Iterator[T]:
+    """Yield items, of which there are ``count``, and advance by an equal share of the total for each."""
+    for item in items:
+        yield item
+        advance(total / count)

@@ -50,6 +50,15 @@ class Cloud(Reading):
     """(n,) time [ns] of the ray after the stamp."""
     others: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     """(n,) by name: other fields, such as ``reflectivity``."""
+    names: tuple[str, ...] = ()
+    """Of all fields as they are recorded, in their order."""
+
+    def fields(self) -> dict[str, NDArray[Any]]:
+        """Return all fields (n,) by name, as a bag has them: x, y, z, label, instance, ring, column, t, ..."""
+        own: dict[str, NDArray[Any] | None] = dict(zip("xyz", self.xyz.T, strict=True))
+        own |= {"label": self.label, "instance": self.instance, "ring": self.ring, "column": self.column}
+        own |= {"t": self.t_ns, **self.others}
+        return {name: values for name in self.names or own if (values := own.get(name)) is not None}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Items of a sample: for each its sensor, its stream, and the conversion of the message to an array."""
+"""Items of a sample: for each its sensor, and the conversion of its reading to an array."""
 
 from collections.abc import Callable
 from typing import Any, Final, Literal, NamedTuple, TypedDict
@@ -8,9 +8,10 @@ from typing import Any, Final, Literal, NamedTuple, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag import decode as read
-from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.readings import reflectivity
 from fieldtruth.core.arrays import Array, Counts
+from fieldtruth.core.readings import Cloud
 
 Sensor = Literal["camera", "lidar"]
 
@@ -71,104 +72,47 @@ class Sample(TypedDict, total=False):
 
 
 class Item(NamedTuple):
-    """Sensor, what it publishes, and conversion to an array from the message and the output ids by class."""
+    """Sensor, part of its reading, and conversion to an array from the reading and the output ids by class."""
 
     sensor: Sensor
-    stream: str
-    """Of a camera, as in ``Imager.topics``; of a LiDAR ``points``."""
+    part: str
+    """Of a camera the field of ``Image``; of a LiDAR ``main``."""
     value: Callable[[Any, Counts], NDArray[Any]]
 
 
-def _image(message: Any, ids: Counts) -> NDArray[np.uint8]:
-    return np.ascontiguousarray(read.image(message).transpose(2, 0, 1))
+def _channels_first(image: NDArray[Any]) -> NDArray[Any]:
+    return np.ascontiguousarray(image.transpose(2, 0, 1))
 
 
-def _mask(message: Any, ids: Counts) -> Counts:
-    mask: Counts = np.take(ids, read.labels(read.image(message)))
-    return mask
+def _ids(label: NDArray[np.uint8], ids: Counts) -> Counts:
+    mapped: Counts = np.take(ids, label)
+    return mapped
 
 
-def _depth(message: Any, ids: Counts) -> NDArray[np.float32]:
-    return read.depth(message).astype(np.float32)
-
-
-def _instance_mask(message: Any, ids: Counts) -> NDArray[np.int32]:
-    return read.instances(message).astype(np.int32)
-
-
-def _normals(message: Any, ids: Counts) -> NDArray[np.float32]:
-    return np.ascontiguousarray(read.normals(message).transpose(2, 0, 1), np.float32)
-
-
-def _flow(message: Any, ids: Counts) -> NDArray[np.float32]:
-    return np.ascontiguousarray(read.flow(message).transpose(2, 0, 1), np.float32)
-
-
-def _cloud(message: Any, ids: Counts) -> NDArray[np.float32]:
-    return _columns(_returns(message), ("x", "y", "z"), np.dtype(np.float32))
-
-
-def _labels(message: Any, ids: Counts) -> Counts:
-    """Return class ids; clouds of the paper's data set have no field for them and store them as intensity."""
-    points = _returns(message)
-    field = "label" if "label" in (points.dtype.names or ()) else "intensity"
-    exact = _columns(points, (field,), np.dtype(np.float64))[:, 0]
-    label = exact.astype(np.intp)
-    wrong = (label != exact) | (label < 0) | (label >= len(ids))
-    if wrong.any():
-        raise BagError(f"{field} of a point must be a class id, got {exact[wrong][0]:g}")
-    found: Counts = np.take(ids, label)
-    return found
-
-
-def _instances(message: Any, ids: Counts) -> NDArray[np.int32]:
-    return _columns(_returns(message), ("instance",), np.dtype(np.int32))[:, 0]
-
-
-def _rays(message: Any, ids: Counts) -> Counts:
-    points = _returns(message)
-    rays = np.zeros((len(points), 3), np.int64)
-    rays[:, :2] = _columns(points, ("ring", "column"), np.dtype(np.int64))
-    if "t" in (points.dtype.names or ()):
-        rays[:, 2] = points["t"]
-    return rays
-
-
-def _reflectivity(message: Any, ids: Counts) -> NDArray[np.float32]:
-    return read.reflectivity(_returns(message))
-
-
-def _returns(message: Any) -> NDArray[np.void]:
-    """Return the points with finite coordinates; organised clouds have NaN for rays without a return."""
-    points = read.points(message)
-    finite = np.isfinite(_columns(points, ("x", "y", "z"), np.dtype(np.float32))).all(axis=1)
-    return points if finite.all() else points[finite]
-
-
-def _columns(points: NDArray[np.void], fields: tuple[str, ...], dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Return fields of a structured array as (n, len(fields))."""
-    known = points.dtype.names or ()
-    for field in fields:
-        if field not in known:
-            raise BagError(f"points of the cloud have no field {field!r}; available: {', '.join(known)}")
-    values = np.empty((len(points), len(fields)), dtype)
-    for column, field in enumerate(fields):
-        values[:, column] = points[field]
+def _field(cloud: Cloud, field: str) -> NDArray[Any]:
+    values: NDArray[Any] | None = getattr(cloud, field)
+    if values is None:
+        raise BagError(f"points of the cloud have no field {field!r}; available: {', '.join(cloud.fields())}")
     return values
 
 
+def _rays(cloud: Cloud, ids: Counts) -> Counts:
+    t = np.zeros(len(cloud.xyz), np.int64) if cloud.t_ns is None else cloud.t_ns
+    return np.stack([_field(cloud, "ring"), _field(cloud, "column"), t], axis=1, dtype=np.int64)
+
+
 ITEMS: Final[dict[str, Item]] = {
-    "image": Item("camera", "photograph", _image),
-    "mask": Item("camera", "tag", _mask),
-    "depth": Item("camera", "depth", _depth),
-    "instance_mask": Item("camera", "instances", _instance_mask),
-    "normals": Item("camera", "normals", _normals),
-    "flow": Item("camera", "flow", _flow),
-    "cloud": Item("lidar", "points", _cloud),
-    "labels": Item("lidar", "points", _labels),
-    "instances": Item("lidar", "points", _instances),
-    "reflectivity": Item("lidar", "points", _reflectivity),
-    "rays": Item("lidar", "points", _rays),
+    "image": Item("camera", "photo", lambda image, ids: _channels_first(image.photo)),
+    "mask": Item("camera", "label", lambda image, ids: _ids(image.label, ids)),
+    "depth": Item("camera", "depth", lambda image, ids: image.depth.astype(np.float32)),
+    "instance_mask": Item("camera", "instance", lambda image, ids: image.instance.astype(np.int32)),
+    "normals": Item("camera", "normal", lambda image, ids: _channels_first(image.normal).astype(np.float32)),
+    "flow": Item("camera", "flow", lambda image, ids: _channels_first(image.flow).astype(np.float32)),
+    "cloud": Item("lidar", "main", lambda cloud, ids: cloud.xyz.astype(np.float32)),
+    "labels": Item("lidar", "main", lambda cloud, ids: _ids(cloud.label, ids)),
+    "instances": Item("lidar", "main", lambda cloud, ids: _field(cloud, "instance").astype(np.int32)),
+    "reflectivity": Item("lidar", "main", lambda cloud, ids: reflectivity(cloud)),
+    "rays": Item("lidar", "main", _rays),
 }
 """Items that are readings of a sensor."""
 

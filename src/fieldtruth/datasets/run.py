@@ -6,29 +6,29 @@ import copy
 import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple, Protocol, SupportsIndex, TypeVar, cast
+from typing import Any, Final, SupportsIndex, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fieldtruth.bag import topics as table
-from fieldtruth.bag.calibration import read_static_frames
-from fieldtruth.bag.errors import BagError, read_errors
-from fieldtruth.bag.reader import open_bag
-from fieldtruth.bag.run import Run, open_run
+from fieldtruth.bag.calibration import Lens
+from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.poses import Poses
+from fieldtruth.bag.readings import Readings
+from fieldtruth.bag.run import open_run
+from fieldtruth.bag.sources import EXTRAS, PARTS, Source
+from fieldtruth.bag.streams import nearest
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
-from fieldtruth.datasets.association import Stream, associate, explain_no_frame, read_streams
+from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.datasets.items import GEOMETRY, ITEMS, Sample, Sensor
-from fieldtruth.datasets.poses import Poses, pose_topic
-from fieldtruth.datasets.storage import Storage
 from fieldtruth.ontology.label_map import LabelMap, label_map_of
-from fieldtruth.sensors.camera.config import EXTRAS, Imager
-from fieldtruth.sensors.lidar.config import LidarConfig
 
 DEFAULT_ITEMS: Final = ("image", "mask")
 _SENSORS: Final[tuple[Sensor, ...]] = ("camera", "lidar")
+_KINDS: Final = {"camera": (Image, "camera", "photo"), "lidar": (Cloud, "LiDAR", "main")}
+"""Type of readings, name in messages, and main part of a sensor."""
+_MAIN_ITEM: Final = {"camera": "image", "lidar": "cloud"}
 
 Transform = Callable[[Sample], Any]
 
@@ -76,28 +76,27 @@ class RunDataset:
         self.anchor: Sensor = anchor or ("camera" if "camera" in needed or not needed else "lidar")
         _check_choices(self.anchor, tolerance_s)
         self.classes, self._ids = _ontology(label_map)
-        self._sensors = [sensor for sensor in _SENSORS if sensor in needed or sensor == self.anchor]
         self.run = open_run(Path(path))
-        source = _Source.of(self.run, camera, lidar)
-        self._topics = {item: source.topic(self.run, item) for item in self.items if item in ITEMS}
         self.name = self.run.name
         """Name of the run in samples; ``open_runs`` sets it to the run's path in the folder."""
-        opened = _open(self.run, self._topics_by_sensor(source), self.items, source)
-        self._storage, self._poses, self._fixed = opened.storage, opened.poses, opened.fixed
-        chosen = associate(opened.streams, self.anchor, round(tolerance_s * 1e9), opened.covered)
-        self._streams = {stream.topic: stream for group in chosen.values() for stream in group}
-        self._stamps = {sensor: group[0].stamps_ns for sensor, group in chosen.items()}
+        chosen = {"camera": self._chosen("camera", camera), "lidar": self._chosen("lidar", lidar)}
+        sensors = [sensor for sensor in _SENSORS if sensor in needed or sensor == self.anchor]
+        self._readings = {sensor: self._open(sensor, chosen[sensor]) for sensor in sensors}
+        self._poses = self.run.poses if "pose" in self.items else None
+        self._fixed = self._geometry()
+        tolerance_ns, anchored = round(tolerance_s * 1e9), self._readings[self.anchor].stamps_ns
+        self._rows = _associated(self._readings, anchored, tolerance_ns, self._poses)
         if not len(self):
-            why = explain_no_frame(opened.streams, self.anchor)
+            why = _explain_no_frame(self._readings, anchored)
             raise BagError(f"{self.run.bag} has no frame with {', '.join(self.items)}: {why}")
 
     @property
     def stamps_ns(self) -> Counts:
         """(len,) stamp [ns] of each frame."""
-        return self._stamps[self.anchor]
+        return self._stamps(self.anchor)
 
     def __len__(self) -> int:
-        return len(self._stamps[self.anchor])
+        return len(self._rows[self.anchor])
 
     def __getitem__(self, index: SupportsIndex) -> Any:
         """Return a sample; negative indices count from the end.
@@ -115,17 +114,17 @@ class RunDataset:
     def __repr__(self) -> str:
         return f"RunDataset({self.name}: {len(self)} frames of {', '.join(self.items)})"
 
+    def _stamps(self, sensor: Sensor) -> Counts:
+        return self._readings[sensor].stamps_ns[self._rows[sensor]]
+
     def _sample(self, i: int) -> Sample:
         sample: dict[str, Any] = {"run": self.name, "stamp_ns": int(self.stamps_ns[i])}
-        for sensor in self._sensors:
-            sample[f"{sensor}_stamp_ns"] = int(self._stamps[sensor][i])
-        messages: dict[str, Any] = {}
-        for item, topic in self._topics.items():
-            if topic not in messages:
-                stream = self._streams[topic]
-                messages[topic] = self._storage.message(topic, int(stream.chunk[i]), int(stream.offset[i]))
-            with read_errors(self.run.bag):
-                sample[item] = ITEMS[item].value(messages[topic], self._ids)
+        for sensor, readings in self._readings.items():
+            sample[f"{sensor}_stamp_ns"] = int(self._stamps(sensor)[i])
+            items = [item for item in self.items if item in ITEMS and ITEMS[item].sensor == sensor]
+            if items:
+                reading = readings.read(int(self._rows[sensor][i]))
+                sample |= {item: ITEMS[item].value(reading, self._ids) for item in items}
         if self._poses is not None:
             sample |= self._true_poses(i, self._poses)
         if "calibration" in self.items:
@@ -134,21 +133,78 @@ class RunDataset:
 
     def _true_poses(self, i: int, poses: Poses) -> dict[str, Array]:
         result = {"world_from_base": poses.world_from_base(int(self.stamps_ns[i]))}
-        for sensor in self._sensors:
-            stamp = int(self._stamps[sensor][i])
+        for sensor in self._readings:
+            stamp = int(self._stamps(sensor)[i])
             same = stamp == self.stamps_ns[i]
             world_from_base = result["world_from_base"] if same else poses.world_from_base(stamp)
             result[f"world_from_{sensor}"] = world_from_base @ self._fixed[f"base_from_{sensor}"]
         return result
 
-    def _topics_by_sensor(self, source: "_Source") -> dict[Sensor, list[str]]:
-        """Return topics by sensor; an anchor without items has its main topic."""
-        default = {"camera": "image", "lidar": "cloud"}
-        return {
-            sensor: list(dict.fromkeys(topic for item, topic in self._topics.items() if ITEMS[item].sensor == sensor))
-            or [source.topic(self.run, default[sensor])]
-            for sensor in self._sensors
-        }
+    def _chosen(self, sensor: Sensor, name: str | None) -> Source | None:
+        """Return the sensor of a name, or the first of the rig, if it has any."""
+        kind, called, _ = _KINDS[sensor]
+        known = {source.label: source for source in self.run.of(kind, recorded=False)}
+        if name is None:
+            return next(iter(known.values()), None)
+        if name not in {*known, *(source.name for source in known.values())}:
+            raise UnknownNameError(called, name, known)
+        return self.run.source(name)
+
+    def _open(self, sensor: Sensor, source: Source | None) -> Readings:
+        """Open a sensor with what the items need; an anchor without items has its main part."""
+        run, (_, called, main) = self.run, _KINDS[sensor]
+        items = [item for item in self.items if item in ITEMS and ITEMS[item].sensor == sensor]
+        if source is None:
+            what = (items or [_MAIN_ITEM[sensor]])[0]
+            raise BagError(f"{what}: the rig of {run.bag} has no {called}")
+        parts = list(dict.fromkeys(ITEMS[item].part for item in items)) or [main]
+        for part in parts:
+            topic = source.topics[part]
+            if topic not in run.counts and part in EXTRAS:
+                raise BagError(
+                    f"{run.bag} has no {topic}; `fieldtruth generate NAME --extras {PARTS[part]}` records it"
+                )
+        return run.readings(source.name, parts, labelled="labels" in items)
+
+    def _geometry(self) -> dict[str, Any]:
+        """Calibration by key of the sample, as far as items need it."""
+        if not any(item in GEOMETRY for item in self.items):
+            return {}
+        static = self.run.static
+        fixed: dict[str, Any] = {f"base_from_{s}": static.base_from(each.frame()) for s, each in self._readings.items()}
+        if "calibration" in self.items and "camera" in self._readings:
+            source = self._readings["camera"].source
+            fixed |= _lens(self.run.calibration.lens(source.name), f"{source.info} of {self.run.bag}")
+        return fixed
+
+
+def _associated(
+    readings: Mapping[Sensor, Readings], anchored: Counts, tolerance_ns: int, poses: Poses | None
+) -> dict[Sensor, Counts]:
+    """Select rows of each sensor, so that row i of each belongs to frame i: the nearest to a stamp of the anchor.
+
+    Stamps of frames are within the tolerance [ns], and have a true pose, if there are poses.
+    """
+    if not all(map(len, readings.values())):
+        return {sensor: np.empty(0, np.int64) for sensor in readings}
+    rows = {sensor: nearest(anchored, each.stamps_ns) for sensor, each in readings.items()}
+    keep = np.full(len(anchored), True)
+    for sensor, each in readings.items():
+        found = each.stamps_ns[rows[sensor]]
+        keep &= np.abs(found - anchored) <= tolerance_ns
+        keep &= True if poses is None else poses.cover(found)
+    return {sensor: own[keep] for sensor, own in rows.items()}
+
+
+def _explain_no_frame(readings: Mapping[Sensor, Readings], anchored: Counts) -> str:
+    for each in readings.values():
+        if not len(each):
+            return f"no stamp is common to {', '.join(each.source.topics[part] for part in each.parts)}"
+    for each in readings.values():
+        least = int(np.abs(each.stamps_ns[nearest(anchored, each.stamps_ns)] - anchored).min())
+        if least:
+            return f"stamps of camera and LiDAR differ by at least {least / 1e9:.6f} s; see tolerance_s"
+    return "there is no true pose at their stamps"
 
 
 def checked_index(index: SupportsIndex, length: int) -> int:
@@ -161,107 +217,16 @@ def checked_index(index: SupportsIndex, length: int) -> int:
     return frame % length
 
 
-class _Source(NamedTuple):
-    """The sensors of the rig that are read; None if it has none of this kind."""
-
-    camera: Imager | None
-    lidar: LidarConfig | None
-
-    @classmethod
-    def of(cls, run: Run, camera: str | None, lidar: str | None) -> "_Source":
-        """Choose sensors by name, or the first of the rig."""
-        return cls(_named("camera", camera, run.rig.imagers), _named("LiDAR", lidar, run.rig.lidars))
-
-    def topic(self, run: Run, item: str) -> str:
-        """Return the topic of an item.
-
-        Raises:
-            BagError: the rig has no such sensor.
-        """
-        sensor, stream, _ = ITEMS[item]
-        if sensor == "camera" and self.camera is not None:
-            return self.camera.topic_of(stream)
-        if sensor == "lidar" and self.lidar is not None:
-            return self.lidar.topic
-        raise BagError(f"{item}: the rig of {run.bag} has no {'LiDAR' if sensor == 'lidar' else sensor}")
-
-
-class _Named(Protocol):
-    @property
-    def name(self) -> str: ...
-
-
-_Found = TypeVar("_Found", bound=_Named)
-
-
-def _named(kind: str, name: str | None, sensors: Sequence[_Found]) -> _Found | None:
-    known = {sensor.name: sensor for sensor in sensors}
-    if name is not None and name not in known:
-        raise UnknownNameError(kind, name, known)
-    return next(iter(sensors), None) if name is None else known[name]
-
-
-class _Opened(NamedTuple):
-    """Data from a bag's index and its first messages."""
-
-    storage: Storage
-    streams: dict[Sensor, list[Stream]]
-    poses: Poses | None
-    fixed: dict[str, Any]
-    """Calibration by key of the sample."""
-
-    def covered(self, stamps_ns: Counts) -> NDArray[np.bool_]:
-        """Return which stamps have a true pose, or all if none is requested."""
-        return np.full(len(stamps_ns), True) if self.poses is None else self.poses.cover(stamps_ns)
-
-
-def _open(run: Run, topics: Mapping[Sensor, list[str]], items: Sequence[str], source: _Source) -> _Opened:
-    readings = [topic for group in topics.values() for topic in group]
-    _require(run, readings, source.camera)
-    pose = pose_topic(run) if "pose" in items else None
-    geometry = any(item in GEOMETRY for item in items)
-    camera = source.camera if "calibration" in items and "camera" in topics else None
-    info = None if camera is None else camera.topic_of("camera_info")
-    run.require(*[table.TF_STATIC] * geometry, *filter(None, [info]))
-    with open_bag(run.bag, true_stamps=run.clocked) as bag:
-        storage = Storage(bag)
-        streams = read_streams(bag, storage, [*readings, *filter(None, (pose, info))])
-    fixed: dict[str, Any] = {}
-    if geometry:
-        static = read_static_frames(run)
-        for sensor, group in topics.items():
-            first = _first(storage, streams[group[0]])
-            fixed[f"base_from_{sensor}"] = static.base_from(first.header.frame_id)
-    if info is not None:
-        fixed |= _lens(_first(storage, streams[info]), f"{info} of {run.bag}")
-    by_sensor = {sensor: [streams[topic] for topic in group] for sensor, group in topics.items()}
-    return _Opened(storage, by_sensor, None if pose is None else Poses(storage, streams[pose]), fixed)
-
-
-def _lens(info: Any, where: str) -> dict[str, Array | str]:
-    """Return ``K``, ``D`` and ``distortion_model`` of a CameraInfo.
+def _lens(lens: Lens, where: str) -> dict[str, Array | str]:
+    """Return ``K``, ``D`` and ``distortion_model`` of a camera.
 
     Raises:
         BagError: not a calibration; of a panorama, K is zeros.
     """
-    matrix, coefficients = np.array(info.K, np.float64).reshape(3, 3), np.array(info.D, np.float64)
-    pinhole = np.isfinite(matrix).all() and matrix[0, 0] > 0.0 < matrix[1, 1]
-    if not (pinhole or (info.distortion_model == "equirectangular" and not matrix.any())):
-        raise BagError(f"{where} has an invalid calibration: K is {matrix.ravel().tolist()}")
-    return {"K": matrix, "D": coefficients, "distortion_model": str(info.distortion_model)}
-
-
-def _first(storage: Storage, stream: Stream) -> Any:
-    return storage.message(stream.topic, int(stream.chunk[0]), int(stream.offset[0]))
-
-
-def _require(run: Run, topics: Sequence[str], camera: Imager | None) -> None:
-    """Check that the bag has the topics; the error for optional ones shows how to record them."""
-    for topic in topics:
-        for extra in EXTRAS:
-            if topic not in run.counts and camera is not None and topic == camera.topic_of(extra):
-                raise BagError(f"{run.bag} has no {topic}; `fieldtruth generate NAME --extras {extra}` records it")
-    run.require(*topics)
+    pinhole = np.isfinite(lens.K).all() and lens.K[0, 0] > 0.0 < lens.K[1, 1]
+    if not (pinhole or (lens.model == "equirectangular" and not lens.K.any())):
+        raise BagError(f"{where} has an invalid calibration: K is {lens.K.ravel().tolist()}")
+    return {"K": lens.K, "D": lens.D, "distortion_model": lens.model}
 
 
 def _checked_items(items: Sequence[str]) -> tuple[str, ...]:

@@ -191,7 +191,17 @@ def _write(to: str, runs: Sequence[Run], target: Path, options: Options) -> None
         with output_errors(target):
             remove(part)  # of a process that was killed
             write(runs, part, options)
+            _state_assumptions(runs, part)
             replace_synced(part, target)
+
+
+def _state_assumptions(runs: Sequence[Run], target: Path) -> None:
+    """Add to the README of an output, if it has one, what was assumed of runs without an experiment."""
+    lines = [f"{run.name}: {run.assumed}.\n" for run in runs if run.assumed]
+    for readme in (target / name for name in ("README.md", "README.txt")):
+        if lines and readme.is_file():
+            with readme.open("a", encoding="utf-8") as file:
+                file.write("\n" + "".join(lines))
 
 
 def _remove_empty(folder: Path) -> None:

@@ -12,6 +12,7 @@ from fieldtruth.bag.run import Run
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES
+from fieldtruth.core.readings import Image
 from fieldtruth.exporters.amodal import WholeObjects, world_of_run
 from fieldtruth.exporters.coco_segments import Segment, object_bits
 from fieldtruth.ontology.label_map import LabelMap
@@ -27,7 +28,7 @@ class CocoBoxes:
 
     def __init__(self, run: Run, label_map: LabelMap | None, names: Sequence[str]) -> None:
         self._world, self._bits = world_of_run(run), object_bits(names)
-        self._configs = {imager.name: imager.config for imager in run.rig.imagers}
+        self._configs = {view.label: view.config for view in run.of(Image, recorded=False)}
         self._ids = np.arange(len(CLASSES)) if label_map is None else label_map.ids
         self._boxes = {number: object_box(self._world, each) for number, each in named_objects(self._world).items()}
         self._own = threading.local()

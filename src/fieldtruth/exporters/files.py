@@ -11,36 +11,33 @@ from contextlib import ExitStack
 from functools import partial
 from io import StringIO
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.decode import depth, flow, image, instances, labels, normals, reading_stamp, stamp_ns
+from fieldtruth.bag.errors import BagError
 from fieldtruth.bag.model_states import read_objects
-from fieldtruth.bag.reader import BagError, BagReader, RawMessage, decoder, open_bag
+from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run
+from fieldtruth.bag.sources import sources_of
 from fieldtruth.core.arrays import Counts
-from fieldtruth.core.classes import CLASSES
+from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png, ids_png
-from fieldtruth.core.progress import timed
+from fieldtruth.core.progress import counted
+from fieldtruth.core.readings import Cloud, Image, Message
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.depth_files import metres_npy, millimetres_png
 from fieldtruth.exporters.files_layout import CALIBRATION, OBJECTS, README, SHEET, Folder, folders, readme
 from fieldtruth.exporters.files_sheet import write_sheet
-from fieldtruth.exporters.files_text import (
-    TextFile,
-    calibration_yaml,
-    line,
-    points_csv,
-    text_files,
-)
+from fieldtruth.exporters.files_text import Row, TextFile, calibration_yaml, line, points_csv, pose_lines, text_files
 from fieldtruth.exporters.geometry_files import flow_flo, flow_png, normals_png
-from fieldtruth.exporters.sequences import returns
 from fieldtruth.ontology.label_map import LabelMap
 
+_POSES: Final = (table.MODEL_STATES, table.ODOMETRY)
+"""Topics of the true poses."""
 _PER_RUN: Final = {
     CALIBRATION: "projection of the cameras, their baseline, and the pose of every sensor",
     OBJECTS: "columns id,name: the objects in the instance images",
@@ -49,13 +46,19 @@ _PER_RUN: Final = {
 
 
 class _Encoded(NamedTuple):
-    """Files of a message, bytes by folder, and counts by class id (18,) of "pixels" or "points" of a sensor."""
+    """Files of a reading, bytes by folder, and counts by class id (18,) of "pixels" or "points" of a sensor."""
 
     files: Mapping[str, bytes]
     counts: Mapping[tuple[str, str], Counts] = {}
 
 
-_Encoder = Callable[[Any], _Encoded]
+class _Writer(NamedTuple):
+    """Readings, and what makes files of one, or a line of a text file."""
+
+    readings: Readings
+    encode: Callable[[Any], _Encoded | str]
+    path: str = ""
+    """Of the text file."""
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
@@ -66,34 +69,29 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
             stamp, an image or cloud cannot be read or has an unknown class, or the bag is damaged.
     """
     (run,) = runs
-    all_folders, all_texts = list(folders(run.rig, options.label_map)), list(text_files(run))
+    sources = sources_of(run.rig, disabled=True).values()
+    all_folders, all_texts = list(folders(sources, options.label_map)), list(text_files(run, sources))
     outputs: list[Folder | TextFile] = [*all_folders, *all_texts]
     known = {each.topic: each.msgtype for each in outputs}
-    topics = [topic for topic in known if topic in run.counts]
     _check(run, known)
     _check_paths(run, [each.path for each in outputs])
     suffixes = {folder.path: folder.suffix for folder in all_folders if folder.topic in run.counts}
     for path in suffixes:
         (target / path).mkdir(parents=True)
-    counts: dict[tuple[str, str], Counts] = {}
-    with (
-        ExitStack() as stack,
-        open_bag(run.bag, true_stamps=run.clocked) as bag,
-        options.progress.stage("write files", run.duration_s) as advance,
-    ):
-        write_line = _line_writers(stack, bag, target, [text for text in all_texts if text.topic in topics])
-        work = partial(_save, run, decoder(bag), _encoders(run, options.label_map), target, suffixes)
-        messages = timed(bag.messages(topics), advance, run.start_ns)
-        for found in in_order(_images_and_clouds(messages, write_line), work, options.workers):
-            for key, more in found.items():
-                counts[key] = counts.get(key, 0) + more
+    run.streams([topic for topic in {*known, table.ODOMETRY} - {table.MODEL_STATES} if topic in run.counts])
+    writers = [*_image_writers(run, options.label_map), *_text_writers(run, all_texts)]
+    counts = _write_readings(run, writers, suffixes, target, options)
+    for text in all_texts:
+        if text.topic in run.counts and text.topic in _POSES:
+            with (target / text.path).open("w", encoding="ascii", newline="\n") as file:
+                file.writelines(pose_lines(run, text.topic))
     per_run = _write_per_run(run, target, counts, options.label_map)
-    text = readme(run, all_folders, all_texts, per_run, options.label_map)
-    (target / README).write_text(text, encoding="utf-8")
+    about = readme(run, all_folders, all_texts, per_run, options.label_map)
+    (target / README).write_text(about, encoding="utf-8")
 
 
 def _check(run: Run, known: Mapping[str, str]) -> None:
-    sensors = [topic for topic in known if topic not in (table.MODEL_STATES, table.ODOMETRY)]
+    sensors = [topic for topic in known if topic not in _POSES]
     if run.counts.keys().isdisjoint(sensors):
         has = ", ".join(sorted(run.counts))
         raise BagError(f"{run.bag} has no messages of sensors; expected {', '.join(sensors)}; available: {has}")
@@ -109,90 +107,74 @@ def _check_paths(run: Run, paths: Sequence[str]) -> None:
 
 
 # ---------------------------------------------------------------------------------------------------------------------
-# Lines of text, in the reading thread
+# Readings, in time order
 
 
-def _line_writers(
-    stack: ExitStack, bag: BagReader, target: Path, texts: Sequence[TextFile]
-) -> Mapping[str, Callable[[RawMessage], object]]:
-    """Functions that write a message as a line, for each topic with a text file."""
-    decode = decoder(bag)
+def _write_readings(
+    run: Run, writers: Sequence[_Writer], suffixes: Mapping[str, str], target: Path, options: Options
+) -> dict[tuple[str, str], Counts]:
+    """Write files and lines of all readings; return the counts of the classes."""
+    jobs = sorted(
+        (stamp, k, row) for k, each in enumerate(writers) for row, stamp in enumerate(each.readings.stamps_ns.tolist())
+    )
+    counts: dict[tuple[str, str], Counts] = {}
 
-    def writer(text: TextFile) -> Callable[[RawMessage], object]:
-        path, row = target / text.path, text.make_row(decode)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        file = stack.enter_context(path.open("w", encoding="ascii", newline="\n"))
-        return lambda raw: file.write(line(*row(raw)))
+    def work(job: tuple[int, int, int]) -> tuple[str, str] | Mapping[tuple[str, str], Counts]:
+        stamp, k, row = job
+        encoded = writers[k].encode(writers[k].readings.read(row))
+        if isinstance(encoded, str):
+            return writers[k].path, encoded
+        for folder, data in encoded.files.items():
+            (target / folder / f"{stamp}{suffixes[folder]}").write_bytes(data)
+        return encoded.counts
 
-    return {text.topic: writer(text) for text in texts}
-
-
-def _images_and_clouds(
-    messages: Iterator[RawMessage], write_line: Mapping[str, Callable[[RawMessage], object]]
-) -> Iterator[RawMessage]:
-    """Messages of images and clouds; the others are written as lines of text."""
-    for raw in messages:
-        if raw.topic in write_line:
-            write_line[raw.topic](raw)
-        else:
-            yield raw
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Images and clouds, in the workers
-
-
-def _save(
-    run: Run,
-    decode: Callable[[RawMessage], Any],
-    encoders: Mapping[str, _Encoder],
-    target: Path,
-    suffixes: Mapping[str, str],
-    raw: RawMessage,
-) -> Mapping[tuple[str, str], Counts]:
-    message = decode(raw)
-    stamp = reading_stamp(raw.stamp_ns, message.header)
-    encoded = encoders[raw.topic](message)
-    for folder, data in encoded.files.items():
-        try:
-            with (target / folder / f"{stamp}{suffixes[folder]}").open("xb") as file:
-                file.write(data)
-        except FileExistsError:
-            raise BagError(f"{run.bag}: {raw.topic} has two messages with the stamp {stamp} ns") from None
-    return encoded.counts
+    with ExitStack() as stack, options.progress.stage("write files", run.duration_s) as advance:
+        files = {path: stack.enter_context(_opened(target / path)) for path in {each.path for each in writers} - {""}}
+        for found in counted(in_order(jobs, work, options.workers), advance, run.duration_s, len(jobs)):
+            if isinstance(found, tuple):
+                files[found[0]].write(found[1])
+            else:
+                for key, more in found.items():
+                    counts[key] = counts.get(key, 0) + more
+    return counts
 
 
-def _encoders(run: Run, label_map: LabelMap | None) -> Mapping[str, _Encoder]:
-    images: dict[str, _Encoder] = {}
-    for imager in run.rig.imagers:
-        name = imager.name
-        images |= {
-            imager.topic_of("photograph"): partial(_photograph, name),
-            imager.topic_of("tag"): partial(_tag, name, label_map),
-            imager.topic_of("depth"): partial(_depth, name),
-            imager.topic_of("instances"): partial(_instances, name),
-            imager.topic_of("normals"): partial(_normals, name),
-            imager.topic_of("flow"): partial(_flow, name),
-        }
-    named = {topic: partial(_with_context, run, topic, make) for topic, make in images.items()}
-    return named | {lidar.topic: partial(_cloud, run, lidar.name, label_map) for lidar in run.rig.lidars}
+def _opened(path: Path) -> TextIO:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return path.open("w", encoding="ascii", newline="\n")
 
 
-def _with_context(run: Run, topic: str, make: _Encoder, message: Any) -> _Encoded:
-    try:
-        return make(message)
-    except BagError as error:
-        raise BagError(f"{run.bag}: {topic} at {stamp_ns(message.header)} ns: {error}") from error
+def _text_writers(run: Run, texts: Sequence[TextFile]) -> Iterator[_Writer]:
+    for text in texts:
+        if text.topic in run.counts and text.topic not in _POSES:
+            yield _Writer(run.messages(text.topic), partial(_line, text.row), text.path)
 
 
-def _photograph(name: str, message: Any) -> _Encoded:
-    return _Encoded({f"img_{name}": encode_png(image(message))})
+def _line(row: Row, reading: Message) -> str:
+    return line(reading.stamp_ns, row(reading.value))
 
 
-def _tag(name: str, label_map: LabelMap | None, message: Any) -> _Encoded:
-    colours = image(message)
-    label = labels(colours)
-    files = {f"img_{name}_tag": encode_png(colours)}
+def _image_writers(run: Run, label_map: LabelMap | None) -> Iterator[_Writer]:
+    """Each part of the images is written, also at a stamp at which another is missing."""
+    encoders: Mapping[str, Callable[[str, Any], _Encoded]] = {
+        "photo": lambda name, image: _Encoded({f"img_{name}": encode_png(image.photo)}),
+        "label": partial(_tag, label_map),
+        "depth": _depth,
+        "instance": lambda name, image: _Encoded({f"instances_{name}": ids_png(image.instance)}),
+        "normal": lambda name, image: _Encoded({f"normals_{name}": normals_png(image.normal)}),
+        "flow": _flow,
+    }
+    for view in run.of(Image, recorded=False):
+        for part in view.recorded(run.counts):
+            yield _Writer(run.readings(view.name, [part]), partial(encoders[part], view.label))
+    for lidar in run.of(Cloud):
+        yield _Writer(run[lidar.name], partial(_cloud, lidar.name, label_map))
+
+
+def _tag(label_map: LabelMap | None, name: str, image: Image) -> _Encoded:
+    assert image.label is not None
+    label = image.label
+    files = {f"img_{name}_tag": encode_png(PALETTE[label])}
     if label_map is not None:
         ids = label_map.ids[label]
         files |= {
@@ -202,34 +184,20 @@ def _tag(name: str, label_map: LabelMap | None, message: Any) -> _Encoded:
     return _Encoded(files, {("pixels", name): _count(label)})
 
 
-def _depth(name: str, message: Any) -> _Encoded:
-    metres = depth(message)
-    return _Encoded({f"depth_{name}": millimetres_png(metres), f"depth_{name}_raw": metres_npy(metres)})
+def _depth(name: str, image: Any) -> _Encoded:
+    return _Encoded({f"depth_{name}": millimetres_png(image.depth), f"depth_{name}_raw": metres_npy(image.depth)})
 
 
-def _instances(name: str, message: Any) -> _Encoded:
-    return _Encoded({f"instances_{name}": ids_png(instances(message))})
+def _flow(name: str, image: Any) -> _Encoded:
+    return _Encoded({f"flow_{name}": flow_png(image.flow), f"flow_{name}_raw": flow_flo(image.flow)})
 
 
-def _normals(name: str, message: Any) -> _Encoded:
-    return _Encoded({f"normals_{name}": normals_png(normals(message))})
-
-
-def _flow(name: str, message: Any) -> _Encoded:
-    pixels = flow(message)
-    return _Encoded({f"flow_{name}": flow_png(pixels), f"flow_{name}_raw": flow_flo(pixels)})
-
-
-def _cloud(run: Run, name: str, label_map: LabelMap | None, message: Any) -> _Encoded:
-    rows, label = returns(message, run)
-    names = rows.dtype.names or ()
-    reflectivity = rows["intensity"] if "intensity" in names else label
-    kind = np.result_type(np.float32, *(rows.dtype[axis] for axis in "xyz"))
-    columns = [rows["x"], rows["y"], rows["z"], reflectivity]
-    files = {name: points_csv(np.stack(columns, axis=1, dtype=kind))}
+def _cloud(name: str, label_map: LabelMap | None, cloud: Cloud) -> _Encoded:
+    last = cloud.others.get("intensity", cloud.label)
+    files = {name: points_csv(np.concatenate([cloud.xyz, last[:, None]], axis=1, dtype=cloud.xyz.dtype))}
     if label_map is not None:
-        files[f"{name}_label"] = label_map.ids[label].astype("<u4").tobytes()
-    return _Encoded(files, {("points", name): _count(label)})
+        files[f"{name}_label"] = label_map.ids[cloud.label].astype("<u4").tobytes()
+    return _Encoded(files, {("points", name): _count(cloud.label)})
 
 
 def _count(label: NDArray[np.uint8]) -> Counts:
@@ -246,12 +214,13 @@ def _write_per_run(
     """Write calibration, names of objects and class shares as far as the run has them; return file names and texts."""
     if calibration := calibration_yaml(run):
         (target / CALIBRATION).write_text(calibration, encoding="utf-8")
-    has_instances = any(imager.topic_of("instances") in run.counts for imager in run.rig.imagers)
-    if table.MODEL_STATES in run.counts and has_instances:
+    if table.MODEL_STATES in run.counts and run.of(Image, "instance"):
         (target / OBJECTS).write_text(_objects(run), encoding="utf-8")
     if any(found.any() for found in counts.values()):
-        pixels = {each.name: counts["pixels", each.name] for each in run.rig.imagers if ("pixels", each.name) in counts}
-        points = {each.name: counts["points", each.name] for each in run.rig.lidars if ("points", each.name) in counts}
+        labels = [view.label for view in run.sensors.values()]
+        pixels, points = (
+            {name: counts[what, name] for name in labels if (what, name) in counts} for what in ("pixels", "points")
+        )
         write_sheet(target / SHEET, run.name, pixels, points, label_map)
     return [(name, about) for name, about in _PER_RUN.items() if (target / name).exists()]
 

@@ -2,18 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Folders and files of the format ``files``, and the README.txt that describes them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from textwrap import fill, wrap
 from typing import Final, NamedTuple
 
 import fieldtruth
 from fieldtruth.bag.run import Run
+from fieldtruth.bag.sources import Source
 from fieldtruth.core.classes import CLASSES
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.exporters.files_text import TextFile
 from fieldtruth.ontology.label_map import LabelMap
-from fieldtruth.sensors.camera.config import STREAMS, CameraConfig, Imager
-from fieldtruth.sensors.lidar.config import LidarConfig
 
 README: Final = "README.txt"
 SHEET: Final = "data_proportion.xlsx"
@@ -31,27 +30,25 @@ class Folder(NamedTuple):
     about: str
 
 
-def folders(rig: Rig, label_map: LabelMap | None) -> Iterator[Folder]:
-    """Folders of all topics that a run with this rig may have."""
-    for camera in rig.sensors:
-        if isinstance(camera, CameraConfig):
-            for imager in camera.imagers():
-                yield from _image_folders(imager, label_map)
-    for lidar in rig.sensors:
-        if isinstance(lidar, LidarConfig):
-            yield from _cloud_folders(lidar, label_map)
+def folders(sources: Collection[Source], label_map: LabelMap | None) -> Iterator[Folder]:
+    """Folders of all topics that a run with these sensors may have."""
+    for kind, of in ((Image, _image_folders), (Cloud, _cloud_folders)):
+        for source in sources:
+            if source.type is kind:
+                yield from of(source, label_map)
 
 
-def _image_folders(imager: Imager, label_map: LabelMap | None) -> Iterator[Folder]:
-    def folder(stream: str, path: str, about: str, suffix: str = ".png") -> Folder:
-        return Folder(imager.topic_of(stream), STREAMS[stream][1], path, suffix, about)
+def _image_folders(view: Source, label_map: LabelMap | None) -> Iterator[Folder]:
+    def folder(part: str, path: str, about: str, suffix: str = ".png") -> Folder:
+        topic = view.topics[part]
+        return Folder(topic, view.msgtypes[topic], path, suffix, about)
 
-    name = imager.name
-    yield folder("photograph", f"img_{name}", f"photographs of the {name} camera, RGB")
-    yield folder("tag", f"img_{name}_tag", "tag images: each pixel in the flat colour of its class")
+    name = view.label
+    yield folder("photo", f"img_{name}", f"photographs of the {name} camera, RGB")
+    yield folder("label", f"img_{name}_tag", "tag images: each pixel in the flat colour of its class")
     if label_map is not None:
-        yield folder("tag", f"img_{name}_label_id", f"tag images as {label_map.name} ids, grey, 8 bits")
-        yield folder("tag", f"img_{name}_label_color", f"tag images in {label_map.name}'s colours, RGB")
+        yield folder("label", f"img_{name}_label_id", f"tag images as {label_map.name} ids, grey, 8 bits")
+        yield folder("label", f"img_{name}_label_color", f"tag images in {label_map.name}'s colours, RGB")
     yield folder(
         "depth",
         f"depth_{name}",
@@ -64,12 +61,12 @@ def _image_folders(imager: Imager, label_map: LabelMap | None) -> Iterator[Folde
         ".npy",
     )
     yield folder(
-        "instances",
+        "instance",
         f"instances_{name}",
         "instance id of each pixel, grey, 16 bits (beyond id 65,535: R + 256 G + 65536 B); 0: no object",
     )
     yield folder(
-        "normals",
+        "normal",
         f"normals_{name}",
         "unit normals towards the camera in its optical frame (x right, y down, z forward), RGB, 16 bits: "
         "(sample - 32768) / 32767; 0 0 0: sky",
@@ -88,8 +85,8 @@ def _image_folders(imager: Imager, label_map: LabelMap | None) -> Iterator[Folde
     )
 
 
-def _cloud_folders(lidar: LidarConfig, label_map: LabelMap | None) -> Iterator[Folder]:
-    kind, name = "sensor_msgs/msg/PointCloud2", lidar.name
+def _cloud_folders(lidar: Source, label_map: LabelMap | None) -> Iterator[Folder]:
+    kind, name = lidar.msgtypes[lidar.topic], lidar.name
     axes = f"metres in {lidar.frame} (x forward, y left, z up), and the class id"
     yield Folder(lidar.topic, kind, name, ".csv", f"columns x,y,z,reflectivity: {axes}")
     if label_map is not None:

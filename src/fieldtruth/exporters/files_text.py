@@ -6,7 +6,7 @@ Numbers have the fewest digits that read back to the same bits. Clouds are forma
 points take 7 ms of a core's time; NumPy's savetxt takes 39 ms, Python's own formatting 34 ms and pandas 66 ms.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
 from typing import Any, Final, NamedTuple
 
@@ -17,21 +17,18 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.base_messages import JOINTS
-from fieldtruth.bag.calibration import BASE, first_message, read_static_frames
-from fieldtruth.bag.decode import reading_stamp
-from fieldtruth.bag.model_states import ModelStatesReader
-from fieldtruth.bag.reader import BagError, Decoder, RawMessage
+from fieldtruth.bag.calibration import BASE, Lens
+from fieldtruth.bag.errors import BagError
 from fieldtruth.bag.run import Run
+from fieldtruth.bag.sources import Source
+from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
-from fieldtruth.experiment.topic import WHEELS
-from fieldtruth.sensors.gnss.config import GnssConfig
-from fieldtruth.sensors.imu.config import ImuConfig
-from fieldtruth.sensors.wheel_odometry.config import JOINT_STATES, WHEEL_SPEEDS, WheelOdometryConfig
+from fieldtruth.core.readings import Fix, Image, Inertial, Joints, Odometry, Reading, WheelSpeeds
 
 Numbers = tuple[float | np.float32, ...]
-Row = Callable[[RawMessage], tuple[int, Numbers]]
-"""Returns a message's stamp [ns] and values."""
+Row = Callable[[Any], Numbers]
+"""Returns the values of a message."""
 
 
 class TextFile(NamedTuple):
@@ -44,7 +41,7 @@ class TextFile(NamedTuple):
     columns: str
     """Names of the columns, in order; the first is the stamp."""
     about: str
-    make_row: Callable[[Decoder], Row]
+    row: Row
 
 
 def points_csv(points: NDArray[Any]) -> bytes:
@@ -61,73 +58,50 @@ def line(stamp: int, numbers: Numbers) -> str:
     return " ".join(map(str, (stamp, *numbers))) + "\n"
 
 
-def text_files(run: Run) -> Iterator[TextFile]:
+def text_files(run: Run, sources: Collection[Source]) -> Iterator[TextFile]:
     """Text files of all topics that a run may have; of the two sources of true poses only the better one."""
-    sensors = run.rig.sensors
-    yield from (_imu_file(sensor) for sensor in sensors if isinstance(sensor, ImuConfig))
-    yield from (_gnss_file(sensor) for sensor in sensors if isinstance(sensor, GnssConfig))
-    for sensor in sensors:
-        if isinstance(sensor, WheelOdometryConfig):
-            yield from (*_TACHOMETERS, _JOINTS, _wheel_odometry_file(sensor), _COMMANDS)
+    for kind, files in _FILES.items():
+        for source in sources:
+            if source.type is kind:
+                yield from files(source)
     yield _POSE_OF_MODEL if table.MODEL_STATES in run.counts else _POSE_OF_ODOMETRY
 
 
-def _imu(decode: Decoder) -> Row:
-    def row(raw: RawMessage) -> tuple[int, Numbers]:
-        message = decode(raw)
-        vectors = message.angular_velocity, message.linear_acceleration
-        numbers = tuple(value for v in vectors for value in (v.x, v.y, v.z))
-        return reading_stamp(raw.stamp_ns, message.header), (*_xyzw(message.orientation), *numbers)
-
-    return row
+def pose_lines(run: Run, topic: str) -> Iterator[str]:
+    """Lines of the true poses of a topic."""
+    poses = read_trajectory(run, topic)
+    rows = np.concatenate([poses.position, poses.quaternion_wxyz[:, [1, 2, 3, 0]]], axis=1).tolist()
+    return (line(stamp, tuple(row)) for stamp, row in zip(poses.stamps_ns.tolist(), rows, strict=True))
 
 
-def _gnss(decode: Decoder) -> Row:
-    def row(raw: RawMessage) -> tuple[int, Numbers]:
-        message = decode(raw)
-        return reading_stamp(raw.stamp_ns, message.header), (message.latitude, message.longitude, message.altitude)
-
-    return row
+def _imu(message: Any) -> Numbers:
+    vectors = message.angular_velocity, message.linear_acceleration
+    return (*_xyzw(message.orientation), *(value for v in vectors for value in (v.x, v.y, v.z)))
 
 
-def _wheel(decode: Decoder) -> Row:
-    return lambda raw: (raw.stamp_ns, (np.float32(decode(raw).data),))
+def _gnss(message: Any) -> Numbers:
+    return message.latitude, message.longitude, message.altitude
 
 
-def _joints(decode: Decoder) -> Row:
-    def row(raw: RawMessage) -> tuple[int, Numbers]:
-        message = decode(raw)
-        numbers = tuple(  # nan of a wheel that the robot does not have
-            float(part[message.name.index(joint)]) if joint in message.name else float("nan")
-            for part in (message.position, message.velocity)
-            for joint in JOINTS
-        )
-        return reading_stamp(raw.stamp_ns, message.header), numbers
-
-    return row
+def _wheel(message: Any) -> Numbers:
+    return (np.float32(message.data),)
 
 
-def _command(decode: Decoder) -> Row:
-    def row(raw: RawMessage) -> tuple[int, Numbers]:
-        message = decode(raw)
-        return raw.stamp_ns, (message.linear.x, message.angular.z)
-
-    return row
-
-
-def _model(decode: Decoder) -> Row:
-    states = ModelStatesReader()
-    return lambda raw: (raw.stamp_ns, tuple(states.poses(raw.data)[states.row(raw.data)].tolist()))
+def _joints(message: Any) -> Numbers:
+    return tuple(  # nan of a wheel that the robot does not have
+        float(part[message.name.index(joint)]) if joint in message.name else float("nan")
+        for part in (message.position, message.velocity)
+        for joint in JOINTS
+    )
 
 
-def _odometry(decode: Decoder) -> Row:
-    def row(raw: RawMessage) -> tuple[int, Numbers]:
-        message = decode(raw)
-        position = message.pose.pose.position
-        numbers = (position.x, position.y, position.z, *_xyzw(message.pose.pose.orientation))
-        return reading_stamp(raw.stamp_ns, message.header), numbers
+def _command(message: Any) -> Numbers:
+    return message.linear.x, message.angular.z
 
-    return row
+
+def _odometry(message: Any) -> Numbers:
+    position = message.pose.pose.position
+    return (position.x, position.y, position.z, *_xyzw(message.pose.pose.orientation))
 
 
 def _xyzw(q: Any) -> Numbers:
@@ -140,17 +114,17 @@ _POSE_ABOUT: Final = (
     " base_link to the world"
 )
 _POSE_OF_MODEL: Final = TextFile(
-    table.MODEL_STATES, "gazebo_msgs/msg/ModelStates", "pose_ground_truth.txt", _POSE, _POSE_ABOUT, _model
+    table.MODEL_STATES, "gazebo_msgs/msg/ModelStates", "pose_ground_truth.txt", _POSE, _POSE_ABOUT, _odometry
 )
 _POSE_OF_ODOMETRY: Final = TextFile(
     table.ODOMETRY, "nav_msgs/msg/Odometry", "pose_ground_truth.txt", _POSE, _POSE_ABOUT, _odometry
 )
 
 
-def _imu_file(imu: ImuConfig) -> TextFile:
-    return TextFile(
+def _imu_file(imu: Source) -> Iterator[TextFile]:
+    yield TextFile(
         imu.topic,
-        "sensor_msgs/msg/Imu",
+        imu.msgtypes[imu.topic],
         f"{imu.name}_data.txt",
         "t_ns qx qy qz qw wx wy wz ax ay az",
         f"orientation (unit quaternion from {imu.frame} to the world), angular velocity [rad/s] and specific force"
@@ -159,59 +133,63 @@ def _imu_file(imu: ImuConfig) -> TextFile:
     )
 
 
-def _gnss_file(gnss: GnssConfig) -> TextFile:
-    paper = GnssConfig.model_fields["name"].default
-    return TextFile(
+def _gnss_file(gnss: Source) -> Iterator[TextFile]:
+    yield TextFile(
         gnss.topic,
-        "sensor_msgs/msg/NavSatFix",
-        f"{'GNSS' if gnss.name == paper else gnss.name}_data.txt",
+        gnss.msgtypes[gnss.topic],
+        f"{'GNSS' if gnss.name == _PAPER_GNSS else gnss.name}_data.txt",
         "t_ns latitude longitude altitude",
         f"position of the antenna ({gnss.frame}): degrees, degrees, metres above the WGS 84 ellipsoid",
         _gnss,
     )
 
 
-_TACHOMETERS: Final = tuple(
-    TextFile(
-        topic,
-        "std_msgs/msg/Float32",
-        f"tacho_data/{wheel}.txt",
-        "t_ns speed",
-        f"speed of the {wheel.replace('_', ' ')} wheel [rad/s]",
-        _wheel,
+def _tachometers(speeds: Source) -> Iterator[TextFile]:
+    for wheel, topic in speeds.topics.items():
+        about = f"speed of the {wheel.replace('_', ' ')} wheel [rad/s]"
+        yield TextFile(topic, speeds.msgtypes[topic], f"tacho_data/{wheel}.txt", "t_ns speed", about, _wheel)
+
+
+def _joints_file(joints: Source) -> Iterator[TextFile]:
+    yield TextFile(
+        joints.topic,
+        joints.msgtypes[joints.topic],
+        "joint_states.txt",
+        "t_ns fl fr rl rr fl_speed fr_speed rl_speed rr_speed",
+        "angles [rad] and speeds [rad/s] of the wheels, positive forwards: front left, front right, rear left, rear "
+        "right",
+        _joints,
     )
-    for wheel, topic in zip(WHEELS, WHEEL_SPEEDS, strict=True)
-)
-
-_JOINTS: Final = TextFile(
-    JOINT_STATES,
-    "sensor_msgs/msg/JointState",
-    "joint_states.txt",
-    "t_ns fl fr rl rr fl_speed fr_speed rl_speed rr_speed",
-    "angles [rad] and speeds [rad/s] of the wheels, positive forwards: front left, front right, rear left, rear right",
-    _joints,
-)
 
 
-def _wheel_odometry_file(config: WheelOdometryConfig) -> TextFile:
-    return TextFile(
-        config.topic,
-        "nav_msgs/msg/Odometry",
+def _odometry_files(odometry: Source) -> Iterator[TextFile]:
+    yield TextFile(
+        odometry.topic,
+        odometry.msgtypes[odometry.topic],
         "wheel_odometry.txt",
         _POSE,
         "pose of base_link by dead reckoning from the wheels, in the frame odom: where base_link was at time 0",
         _odometry,
     )
+    yield TextFile(
+        table.COMMANDS,
+        "geometry_msgs/msg/Twist",
+        "commands.txt",
+        "t_ns speed turn_rate",
+        "commanded speed [m/s] and turn rate [rad/s]",
+        _command,
+    )
 
 
-_COMMANDS: Final = TextFile(
-    table.COMMANDS,
-    "geometry_msgs/msg/Twist",
-    "commands.txt",
-    "t_ns speed turn_rate",
-    "commanded speed [m/s] and turn rate [rad/s]",
-    _command,
-)
+_PAPER_GNSS: Final = "gnss"
+_FILES: Final[dict[type[Reading], Callable[[Source], Iterator[TextFile]]]] = {
+    Inertial: _imu_file,
+    Fix: _gnss_file,
+    WheelSpeeds: _tachometers,
+    Joints: _joints_file,
+    Odometry: _odometry_files,
+}
+"""Files by type of the readings, in their order."""
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -230,15 +208,15 @@ def calibration_yaml(run: Run) -> str:
     Raises:
         BagError: the bag is damaged.
     """
-    topics = {imager.name: imager.topic_of("camera_info") for imager in run.rig.imagers}
-    infos = {name: first_message(run, topic) for name, topic in topics.items() if topic in run.counts}
+    views = [view for view in run.of(Image, recorded=False) if run.calibration.has_lens(view.name)]
+    lenses = {view.label: run.calibration.lens(view.name) for view in views}
     content: dict[str, Any] = {}
-    if infos:
-        content["cameras"] = {name: _camera(info) for name, info in infos.items()}
+    if lenses:
+        content["cameras"] = {name: _camera(lens) for name, lens in lenses.items()}
     baselines = {
-        imager.config.name: float(-infos[imager.name].P[3] / infos[imager.name].P[0])
-        for imager in run.rig.imagers
-        if imager.side == "right" and imager.name in infos and infos[imager.name].P[0]
+        view.device: float(-lenses[view.label].P[0, 3] / lenses[view.label].P[0, 0])
+        for view in views
+        if view.side == "right" and lenses[view.label].P[0, 0]
     }
     if len(baselines) == 1:
         content["baseline_m"] = baselines.popitem()[1]
@@ -252,19 +230,19 @@ def calibration_yaml(run: Run) -> str:
     return _CALIBRATION + text
 
 
-def _camera(info: Any) -> dict[str, Any]:
+def _camera(lens: Lens) -> dict[str, Any]:
     return {
-        "frame": str(info.header.frame_id),
-        "width": int(info.width),
-        "height": int(info.height),
-        "distortion_model": str(info.distortion_model),
-        "D": np.asarray(info.D, np.float64).tolist(),
-        **{name: np.reshape(np.asarray(getattr(info, name), np.float64), (3, -1)).tolist() for name in ("K", "R", "P")},
+        "frame": lens.frame,
+        "width": lens.width,
+        "height": lens.height,
+        "distortion_model": lens.model,
+        "D": lens.D.tolist(),
+        **{name: getattr(lens, name).tolist() for name in "KRP"},
     }
 
 
 def _frames(run: Run) -> dict[str, Any]:
-    static = read_static_frames(run)
+    static = run.static
     described: dict[str, Any] = {}
     for frame, (parent, parent_from_frame) in static.parents.items():
         wxyz = frames.quaternion_wxyz_from_rotation(parent_from_frame[:3, :3])

@@ -7,26 +7,22 @@ Without cameras each cloud is a frame.
 """
 
 from collections.abc import Collection, Mapping, Sequence
-from functools import cached_property
+from functools import reduce
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-import simplejpeg
 from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.calibration import StaticFrames, first_message, read_static_frames
-from fieldtruth.bag.reader import BagError, open_bag
+from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.readings import Readings, checked_jpeg, reflectivity
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.trajectory import Trajectory, read_trajectory
+from fieldtruth.bag.sources import EXTRAS, PARTS, Source
+from fieldtruth.bag.streams import matched
 from fieldtruth.core.arrays import Array, Counts
-from fieldtruth.datasets.association import Stream, matched, read_streams
-from fieldtruth.datasets.storage import Storage
-from fieldtruth.exporters.sequences import returns
+from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.ontology.label_map import LabelMap
-from fieldtruth.sensors.camera.config import EXTRAS, Imager
-from fieldtruth.sensors.lidar.config import LidarConfig
 
 LIDAR: Final = "lidar"
 """Name of the LiDAR whose entries are not named after it: the paper's."""
@@ -56,24 +52,6 @@ class Frame(NamedTuple):
     """Poses (4, 4) and calibration, as JSON."""
 
 
-class Source:
-    """A run and an ontology, with what all frames share."""
-
-    def __init__(self, run: Run, label_map: LabelMap) -> None:
-        self.run, self.ids = run, label_map.ids
-
-    @cached_property
-    def trajectory(self) -> Trajectory | None:
-        """True poses, if the bag has them."""
-        has_pose = table.ODOMETRY in self.run.counts or table.MODEL_STATES in self.run.counts
-        return read_trajectory(self.run) if has_pose else None
-
-    @cached_property
-    def static(self) -> StaticFrames | None:
-        """Mounts, if the bag has them."""
-        return read_static_frames(self.run) if table.TF_STATIC in self.run.counts else None
-
-
 class Frames:
     """The frames of some views and LiDARs of a run, by index; may be read from several threads.
 
@@ -85,30 +63,23 @@ class Frames:
 
     def __init__(
         self,
-        source: Source,
-        imagers: Sequence[Imager],
-        lidars: Sequence[LidarConfig] = (),
+        run: Run,
+        label_map: LabelMap,
+        views: Sequence[Source],
+        lidars: Sequence[Source] = (),
         extras: Collection[str] = EXTRAS,
     ) -> None:
-        run = source.run
-        self._run, self._ids = run, source.ids
-        self._topics = {imager.name: _image_topics(run, imager, extras) for imager in imagers}
-        images = [topic for topics in self._topics.values() for topic in topics.values()]
-        clouds = {lidar.name: lidar.topic for lidar in lidars}
-        with open_bag(run.bag, true_stamps=run.clocked) as bag:
-            self._storage = Storage(bag)
-            streams = read_streams(bag, self._storage, [*images, *clouds.values()])
-        chosen = matched([streams[topic] for topic in images or clouds.values()])
-        self.stamps_ns: Counts = chosen[0].stamps_ns
+        self._ids = label_map.ids
+        run.streams([*_topics(run, views, extras), *(lidar.topic for lidar in lidars)])
+        self._views = {view.label: run.readings(view.name, _parts(run, view, extras)) for view in views}
+        self._clouds = {lidar.name: run.readings(lidar.name) for lidar in lidars}
+        chosen = list((self._views or self._clouds).values())
+        self.stamps_ns: Counts = reduce(np.intersect1d, [each.stamps_ns for each in chosen])
         """(len,) stamp [ns] of each frame."""
         if not len(self.stamps_ns):
-            raise BagError(f"{run.bag} has no frame: no stamp is common to {', '.join(images)}")
-        self._streams = {stream.topic: stream for stream in chosen}
-        self._clouds = {name: streams[topic] for name, topic in clouds.items()}
-        self._row_at = {
-            name: {int(stamp): k for k, stamp in enumerate(stream.stamps_ns)} for name, stream in self._clouds.items()
-        }
-        self._geometry = _Geometry(source, imagers, lidars)
+            topics = ", ".join(_topics(run, views, extras))
+            raise BagError(f"{run.bag} has no frame: no stamp is common to {topics}")
+        self._geometry = _Geometry(run, views, lidars)
 
     def __len__(self) -> int:
         return len(self.stamps_ns)
@@ -120,64 +91,51 @@ class Frames:
             BagError: the bag is damaged, has changed, or has a colour that no class has.
         """
         stamp = int(self.stamps_ns[i])
-        views = {name: self._view(name, i) for name in self._topics}
-        clouds = {name: self._cloud(name, rows[stamp]) for name, rows in self._row_at.items() if stamp in rows}
+        views = {name: self._view(readings, stamp) for name, readings in self._views.items()}
+        rows = {name: readings.row_at(stamp) for name, readings in self._clouds.items()}
+        clouds = {name: self._cloud(self._clouds[name].read(row)) for name, row in rows.items() if row is not None}
         about = {"stamp_ns": stamp} | self._geometry.at(stamp, clouds)
         return Frame(stamp, views, clouds, about)
 
-    def _view(self, name: str, i: int) -> View:
-        messages = {kind: self._message(self._streams[topic], i) for kind, topic in self._topics[name].items()}
-        where = f"{name} camera at {int(self.stamps_ns[i])} ns in {self._run.bag}"
-        try:
-            mask = np.take(self._ids, read.labels(read.image(messages["tag"])))
-            extras: dict[str, NDArray[Any]] = {
-                kind: getattr(read, kind)(messages[kind]) for kind in EXTRAS if kind in messages
-            }
-            jpeg = checked_jpeg(messages["photograph"], mask.shape)
-        except BagError as error:
-            raise BagError(f"{where}: {error}") from error
-        return View(jpeg, mask, extras)
+    def _view(self, readings: Readings, stamp: int) -> View:
+        image, jpeg = with_jpeg(readings, stamp)
+        extras = {PARTS[part]: getattr(image, part) for part in EXTRAS if part in readings.parts}
+        return View(jpeg, np.take(self._ids, image.label), extras)
 
-    def _cloud(self, name: str, row: int) -> dict[str, NDArray[Any]]:
-        found = returns(self._message(self._clouds[name], row), self._run)
-        fields = found.rows.dtype.names or ()
-        cloud: dict[str, NDArray[Any]] = {
-            "xyz": np.stack([found.rows[axis].astype("<f4") for axis in "xyz"], axis=1),
-            "label": np.take(self._ids, found.label),
-        }
+    def _cloud(self, cloud: Cloud) -> dict[str, NDArray[Any]]:
+        fields = cloud.fields()
         measured = read.MEASURED if "true_range" in fields else ()
-        cloud |= {
-            name: np.ascontiguousarray(found.rows[name])
-            for name in ("instance", "ring", "column", "t", *measured)
-            if name in fields
-        }
-        return cloud | ({"reflectivity": read.reflectivity(found.rows)} if measured else {})
+        named = {name: fields[name] for name in ("instance", "ring", "column", "t", *measured) if name in fields}
+        found = {"xyz": cloud.xyz.astype("<f4"), "label": np.take(self._ids, cloud.label)} | named
+        return found | ({"reflectivity": reflectivity(cloud)} if measured else {})
 
     def empty_clouds(self) -> dict[str, dict[str, NDArray[Any]]]:
         """Return the arrays of a cloud without points of each LiDAR."""
-        first = {name: self._cloud(name, 0) for name in self._clouds}
+        first = {name: self._cloud(readings.read(0)) for name, readings in self._clouds.items()}
         return {name: {field: values[:0] for field, values in cloud.items()} for name, cloud in first.items()}
 
-    def _message(self, stream: Stream, row: int) -> Any:
-        return self._storage.message(stream.topic, int(stream.chunk[row]), int(stream.offset[row]))
+
+def with_jpeg(readings: Readings, stamp: int) -> tuple[Any, bytes]:
+    """Return the images of a view at a stamp [ns] without the photograph, and this as it is stored.
+
+    Raises:
+        BagError: the images cannot be read, or the photograph is not a JPEG of their size.
+    """
+    row = readings.row_at(stamp)
+    assert row is not None
+    image = readings.read(row, [part for part in readings.parts if part != "photo"])
+    try:
+        return image, checked_jpeg(readings.message(row, "photo"), image.label.shape)
+    except BagError as error:
+        raise BagError(f"{readings.source.topic} at {stamp} ns: {error}") from error
 
 
-def cameras_of(run: Run) -> dict[str, list[Imager]]:
+def cameras_of(run: Run) -> dict[str, list[Source]]:
     """Views with photographs and labels, by name of the camera or pair."""
-    labelled = {
-        camera.name: [
-            imager
-            for imager in camera.imagers()
-            if {imager.topic_of("photograph"), imager.topic_of("tag")} <= run.counts.keys()
-        ]
-        for camera in run.rig.cameras
-    }
-    return {name: imagers for name, imagers in labelled.items() if imagers}
-
-
-def lidars_of(run: Run) -> list[LidarConfig]:
-    """LiDARs with clouds."""
-    return [lidar for lidar in run.rig.lidars if lidar.topic in run.counts]
+    views: dict[str, list[Source]] = {}
+    for view in run.of(Image, "photo", "label"):
+        views.setdefault(view.device, []).append(view)
+    return views
 
 
 def require_frames(run: Run, *, clouds: bool) -> None:
@@ -186,40 +144,41 @@ def require_frames(run: Run, *, clouds: bool) -> None:
     Raises:
         BagError: it names the topics of the first camera and LiDAR.
     """
-    if cameras_of(run) or (clouds and lidars_of(run)):
+    if cameras_of(run) or (clouds and run.of(Cloud)):
         return
-    needed = [f"{each.topic_of('photograph')} with {each.topic_of('tag')}" for each in run.rig.imagers[:1]]
-    needed += [lidar.topic for lidar in run.rig.lidars[:1] if clouds]
+    views, lidars = run.of(Image, recorded=False)[:1], run.of(Cloud, recorded=False)[:1]
+    needed = [f"{view.topics['photo']} with {view.topics['label']}" for view in views]
+    needed += [lidar.topic for lidar in lidars if clouds]
     what = ", or ".join(needed) or f"camera{' or LiDAR' * clouds}"
     raise BagError(f"{run.bag} has no {what}; available: {', '.join(sorted(run.counts))}")
 
 
-def count_common(run: Run, imagers: Sequence[Imager]) -> int:
+def count_common(run: Run, views: Sequence[Source]) -> int:
     """Return the number of stamps at which all images of these views exist.
 
     Raises:
         BagError: the bag is damaged.
     """
-    topics = [topic for imager in imagers for topic in _image_topics(run, imager, EXTRAS).values()]
-    with open_bag(run.bag, true_stamps=run.clocked) as bag:
-        return len(matched([*read_streams(bag, Storage(bag), topics).values()])[0].stamps_ns)
+    return len(matched([*run.streams(_topics(run, views, EXTRAS)).values()])[0].stamps_ns)
 
 
-def _image_topics(run: Run, imager: Imager, extras: Collection[str]) -> dict[str, str]:
-    """Recorded topics of a view by stream: photograph, tag, and as far as recorded ``extras``."""
-    topics = {stream: imager.topic_of(stream) for stream in ("photograph", "tag", *extras)}
-    return {stream: topic for stream, topic in topics.items() if topic in run.counts}
+def _parts(run: Run, view: Source, extras: Collection[str]) -> list[str]:
+    """Recorded parts of a view: photograph, label, and as far as recorded ``extras``."""
+    return [part for part in view.recorded(run.counts) if part in ("photo", "label", *extras)]
+
+
+def _topics(run: Run, views: Sequence[Source], extras: Collection[str]) -> list[str]:
+    return [view.topics[part] for view in views for part in _parts(run, view, extras)]
 
 
 class _Geometry:
     """Poses and calibration, as far as the bag has them."""
 
-    def __init__(self, source: Source, imagers: Sequence[Imager], lidars: Sequence[LidarConfig]) -> None:
-        run, static = source.run, source.static
-        self._trajectory = source.trajectory
-        known = [imager for imager in imagers if imager.topic_of("camera_info") in run.counts]
-        self.cameras = {imager.name: _camera(run, imager, static) for imager in known}
-        self.lidars = {lidar.name: _lidar(run, lidar, static) for lidar in lidars}
+    def __init__(self, run: Run, views: Sequence[Source], lidars: Sequence[Source]) -> None:
+        self._trajectory = run.trajectory if run.has_poses else None
+        mounted = table.TF_STATIC in run.counts
+        self.cameras = {v.label: _camera(run, v, mounted) for v in views if run.calibration.has_lens(v.name)}
+        self.lidars = {lidar.name: _lidar(run, lidar) if mounted else {} for lidar in lidars}
 
     def at(self, stamp_ns: int, clouds: Collection[str]) -> dict[str, Any]:
         """Poses and calibration of the cameras, and of the LiDARs with clouds, at a stamp, as JSON."""
@@ -239,42 +198,18 @@ def _placed(sensor: Mapping[str, Any], kind: str, world_from_base: Array | None)
     return {**sensor, f"world_from_{kind}": (world_from_base @ np.array(mount)).tolist()}
 
 
-def _camera(run: Run, imager: Imager, static: StaticFrames | None) -> dict[str, Any]:
-    info = first_message(run, imager.topic_of("camera_info"))
-    frame = info.header.frame_id
+def _camera(run: Run, view: Source, mounted: bool) -> dict[str, Any]:
+    lens = run.calibration.lens(view.name)
     camera = {
-        "frame_id": frame,
-        "K": np.asarray(info.K, np.float64).reshape(3, 3).tolist(),
-        "P": np.asarray(info.P, np.float64).reshape(3, 4).tolist(),
-        "distortion_model": info.distortion_model,
-        "D": np.asarray(info.D, np.float64).tolist(),
+        "frame_id": lens.frame,
+        "K": lens.K.tolist(),
+        "P": lens.P.tolist(),
+        "distortion_model": lens.model,
+        "D": lens.D.tolist(),
     }
-    return camera if static is None else camera | {"base_from_camera": static.base_from(frame).tolist()}
+    return camera | {"base_from_camera": run.calibration.base_from(view.name).tolist()} if mounted else camera
 
 
-def _lidar(run: Run, lidar: LidarConfig, static: StaticFrames | None) -> dict[str, Any]:
-    if static is None:
-        return {}
-    frame = first_message(run, lidar.topic).header.frame_id
-    return {"frame_id": frame, "base_from_lidar": static.base_from(frame).tolist()}
-
-
-def checked_jpeg(message: Any, shape: tuple[int, ...]) -> bytes:
-    """Return the JPEG of a photograph.
-
-    Args:
-        message: sensor_msgs/CompressedImage.
-        shape: (h, w) of its tag image.
-
-    Raises:
-        BagError: it is not a JPEG, or one of another size.
-    """
-    data = bytes(message.data)
-    try:
-        height, width, *_ = simplejpeg.decode_jpeg_header(data)
-    except ValueError:
-        raise BagError("the photograph is not a JPEG") from None
-    if (height, width) != shape:
-        tag = f"its tag image has {shape[1]} x {shape[0]} pixels"
-        raise BagError(f"the photograph is a JPEG of {width} x {height} pixels; {tag}")
-    return data
+def _lidar(run: Run, lidar: Source) -> dict[str, Any]:
+    mount = run.calibration.base_from(lidar.name)
+    return {"frame_id": run.calibration.frame(lidar.name), "base_from_lidar": mount.tolist()}

@@ -13,20 +13,20 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag.calibration import first_message
 from fieldtruth.bag.decode import MEASURED
 from fieldtruth.bag.run import Run
+from fieldtruth.bag.sources import EXTRAS, PARTS, Source
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png, ids_png
+from fieldtruth.core.readings import Cloud
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.croissant import CROISSANT, croissant_text
-from fieldtruth.exporters.frames import LIDAR, Frame, Frames, Source, cameras_of, lidars_of, require_frames
+from fieldtruth.exporters.frames import LIDAR, Frame, Frames, cameras_of, require_frames
 from fieldtruth.exporters.huggingface_card import CARD, card_text
 from fieldtruth.exporters.parquet import Column, ParquetFiles, Table, Written
 from fieldtruth.exporters.splits import SPLITS, Member
 from fieldtruth.exporters.tiff import encode_tiff
 from fieldtruth.ontology.label_map import OWN, LabelMap
-from fieldtruth.sensors.camera.config import Imager
 
 _CLASSES: Final = Column("classes", "classes", "the classes that occur")
 _RUN: Final = Column("run", "string", "name of the run")
@@ -127,22 +127,16 @@ def class_names(labels: LabelMap) -> list[str]:
 def _image_columns(members: Sequence[Member]) -> tuple[Column, ...]:
     """Columns of the images: those of ``EXTRAS``, if any run has them; nothing without photographs."""
     views = [(member.run, v) for member in members for views in cameras_of(member.run).values() for v in views]
-    found = [
-        column
-        for name, column in _EXTRA_COLUMNS.items()
-        if any(view.topic_of(name) in run.counts for run, view in views)
-    ]
-    names = " or ".join(dict.fromkeys(view.name for _, view in views))
+    found = [_EXTRA_COLUMNS[PARTS[part]] for part in EXTRAS if any(view.has(run.counts, part) for run, view in views)]
+    names = " or ".join(dict.fromkeys(view.label for _, view in views))
     columns = (*_IMAGE_COLUMNS[:2], *found, *_IMAGE_COLUMNS[2:]) if views else ()
     columns += _LENS_COLUMNS * any(_is_distorted(run, view) for run, view in views)
     return tuple(column._replace(about=column.about.replace("{cameras}", names)) for column in columns)
 
 
-def _is_distorted(run: Run, view: Imager) -> bool:
+def _is_distorted(run: Run, view: Source) -> bool:
     """Whether K alone does not describe a camera."""
-    topic = view.topic_of("camera_info")
-    info = first_message(run, topic) if topic in run.counts else None
-    return info is not None and (info.distortion_model not in ("", "plumb_bob") or bool(np.any(info.D)))
+    return run.calibration.has_lens(view.name) and not run.calibration.lens(view.name).is_pinhole
 
 
 def _cloud_columns(members: Sequence[Member]) -> tuple[Column, ...]:
@@ -150,8 +144,8 @@ def _cloud_columns(members: Sequence[Member]) -> tuple[Column, ...]:
 
     The LiDAR's name is a column, unless there is only the paper's.
     """
-    lidars = [(member.run, lidar) for member in members for lidar in lidars_of(member.run)]
-    fields = {field.name for run, lidar in lidars for field in first_message(run, lidar.topic).fields}
+    lidars = [(member.run, lidar) for member in members for lidar in member.run.of(Cloud)]
+    fields = {field.name for run, lidar in lidars for field in run[lidar.name].message(0).fields}
     fields -= set() if "true_range" in fields else set(MEASURED)  # an ideal Ouster's reflectivity is the class
     found = [column for name, column in _FIELD_COLUMNS.items() if name in fields]
     names = list(dict.fromkeys(lidar.name for _, lidar in lidars))
@@ -161,17 +155,15 @@ def _cloud_columns(members: Sequence[Member]) -> tuple[Column, ...]:
 
 def _images(member: Member, labels: LabelMap, options: Options) -> Iterator[tuple[dict[str, Any], int]]:
     """Rows of a run's images with their sizes [byte], camera by camera in time order."""
-    source = Source(member.run, labels)
-    for imagers in cameras_of(member.run).values():
-        for rows in _read(member, "images", Frames(source, imagers), _image_rows, options):
+    for views in cameras_of(member.run).values():
+        for rows in _read(member, "images", Frames(member.run, labels, views), _image_rows, options):
             yield from rows
 
 
 def _clouds(member: Member, labels: LabelMap, options: Options) -> Iterator[tuple[dict[str, Any], int]]:
     """Rows of a run's clouds with their sizes [byte], LiDAR by LiDAR in time order."""
-    source = Source(member.run, labels)
-    for lidar in lidars_of(member.run):
-        for rows in _read(member, "clouds", Frames(source, [], [lidar]), _cloud_rows, options):
+    for lidar in member.run.of(Cloud):
+        for rows in _read(member, "clouds", Frames(member.run, labels, [], [lidar]), _cloud_rows, options):
             yield from rows
 
 

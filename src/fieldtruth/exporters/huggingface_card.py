@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, Final
 import yaml
 
 import fieldtruth
+from fieldtruth.core.readings import Image
 from fieldtruth.exporters.splits import Member
 from fieldtruth.ontology.label_map import LabelMap
 from fieldtruth.report.card import card_part
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
 
 if TYPE_CHECKING:
     from fieldtruth.exporters.parquet import Table
@@ -45,8 +45,8 @@ def is_own(members: Sequence[Member]) -> bool:
 
 def content_of(members: Sequence[Member]) -> str:
     """What the data set has, for its description."""
-    cameras = [camera for member in members for camera in member.run.rig.cameras]
-    stereo = not cameras or any(isinstance(camera, StereoConfig) for camera in cameras)
+    views = [view for member in members for view in member.run.of(Image, recorded=False)]
+    stereo = not views or any(view.side for view in views)
     return f"{'Stereo photographs' if stereo else 'Photographs'} and LiDAR clouds"
 
 

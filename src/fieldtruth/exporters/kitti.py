@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Export runs as KITTI odometry: stereo photographs, clouds, poses, times and calibration, one sequence per run.
 
-A frame is a cloud, both photographs with the same stamp, and the pose at that stamp (see ``bag.pairing``). In a rig
-with several sensors these are of the first LiDAR and the first stereo pair; without a pair image_2 is of the first
+A frame is a cloud, both photographs with the same stamp, and the pose at that stamp (see ``sequences.paired``). In a
+rig with several sensors these are of the first LiDAR and the first stereo pair; without a pair image_2 is of the first
 camera.
 """
 
@@ -13,27 +13,26 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from fieldtruth.bag.decode import image
-from fieldtruth.bag.pairing import WINDOW_NS, Frame, paired_frames
-from fieldtruth.bag.reader import BagError, open_bag
+from fieldtruth.bag.errors import BagError
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
-from fieldtruth.core.progress import timed
+from fieldtruth.core.progress import counted
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.sequences import (
     CLOUDS,
     IMAGES,
+    WINDOW_NS,
     Geometry,
+    Pair,
     calib_text,
     chosen_of_many,
     first_lidar,
     first_views,
+    paired,
     poses_text,
     read_geometry,
     require_pinholes,
-    returned,
     times_text,
     xyz_and_reflectance,
 )
@@ -75,8 +74,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     for run in runs:
         if not (views := first_views(run)):
             raise BagError(f"the rig of {run.bag} has no camera, and KITTI's frames have photographs")
-        needed = [view.topic_of(stream) for stream in ("photograph", "camera_info") for view in views]
-        run.require(first_lidar(run).topic, *needed)
+        run.require(first_lidar(run).topic, *(view.topics["photo"] for view in views), *(view.info for view in views))
         require_pinholes(run, "KITTI")
     geometries = [read_geometry(run) for run in runs]
     (target / "poses").mkdir(parents=True)
@@ -93,7 +91,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
 
 
 def _write_sequence(run: Run, geometry: Geometry, target: Path, name: str, options: Options) -> _Written:
-    trajectory, folder = read_trajectory(run), target / "sequences" / name
+    trajectory, folder = run.trajectory, target / "sequences" / name
     done = _write_frames(run, folder, options)
     world_from_cam0 = [trajectory.world_from_base(stamp) @ geometry.base_from_cam0 for stamp in done.stamps_ns]
     (target / "poses" / f"{name}.txt").write_text(poses_text(np.array(world_from_cam0)), encoding="ascii")
@@ -103,24 +101,24 @@ def _write_sequence(run: Run, geometry: Geometry, target: Path, name: str, optio
 
 
 def _write_frames(run: Run, folder: Path, options: Options) -> _Written:
-    topics = [view.topic_of("photograph") for view in first_views(run)]
-    for name in (CLOUDS, *IMAGES[: len(topics)]):
+    views = first_views(run)
+    for name in (CLOUDS, *IMAGES[: len(views)]):
         (folder / name).mkdir(parents=True)
+    clouds = run.readings(first_lidar(run).name, labelled=False)
+    photos = [run.readings(view.name, ["photo"]) for view in views]
 
-    def save(numbered: tuple[int, Frame]) -> tuple[int, int]:
-        number, frame = numbered
-        xyz_and_reflectance(returned(frame.cloud, run)).tofile(folder / CLOUDS / f"{number:06d}.bin")
-        for name, photograph in zip(IMAGES, frame.images, strict=False):
-            (folder / name / f"{number:06d}.png").write_bytes(encode_png(image(photograph)))
-        return frame.stamp_ns, frame.apart_ns
+    def save(numbered: tuple[int, Pair]) -> tuple[int, int]:
+        number, pair = numbered
+        xyz_and_reflectance(clouds.read(pair.cloud)).tofile(folder / CLOUDS / f"{number:06d}.bin")
+        for name, images, row in zip(IMAGES, photos, pair.images, strict=False):
+            (folder / name / f"{number:06d}.png").write_bytes(encode_png(images.read(row).photo))
+        return pair.stamp_ns, pair.apart_ns
 
-    with (
-        open_bag(run.bag, true_stamps=run.clocked) as bag,
-        options.progress.stage(f"{run.name}: frames", run.duration_s) as advance,
-    ):
-        frames = enumerate(timed(paired_frames(bag, first_lidar(run).topic, topics), advance, run.start_ns))
-        saved = list(in_order(frames, save, options.workers))
+    pairs = paired(clouds.stamps_ns, [images.stamps_ns for images in photos])
+    with options.progress.stage(f"{run.name}: frames", run.duration_s) as advance:
+        work = in_order(enumerate(pairs), save, options.workers)
+        saved = list(counted(work, advance, run.duration_s, len(pairs)))
     if not saved:
-        what = "photographs of both cameras" if len(topics) > 1 else "a photograph"
+        what = "photographs of both cameras" if len(views) > 1 else "a photograph"
         raise BagError(f"{run.bag} has no cloud with {what} within {WINDOW_NS / 1e9} s")
     return _Written([stamp for stamp, _ in saved], max(apart for _, apart in saved))

@@ -14,30 +14,30 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from fieldtruth.bag.decode import image, instances
-from fieldtruth.bag.pairing import Frame, paired_frames
-from fieldtruth.bag.reader import BagError, open_bag
+from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.trajectory import Trajectory, read_trajectory
+from fieldtruth.bag.sources import Source
+from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
-from fieldtruth.core.progress import timed
+from fieldtruth.core.progress import counted
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.amodal import WholeObjects, area, clipped, visible_pixels, world_of_run
 from fieldtruth.exporters.sequences import (
     CLOUDS,
     Geometry,
+    Pair,
     calib_text,
     first_lidar,
     first_views,
+    paired,
     read_geometry,
     require_pinholes,
-    returned,
     xyz_and_reflectance,
 )
-from fieldtruth.sensors.camera.config import Imager
 from fieldtruth.world.boxes import OrientedBox, box_around, outermost
 from fieldtruth.world.model import World
 
@@ -74,9 +74,10 @@ class KittiBox(NamedTuple):
 class _Source(NamedTuple):
     """What is needed to write a frame."""
 
-    run: Run
+    clouds: Readings
+    images: Readings
     world: World
-    imager: Imager
+    view: Source
     geometry: Geometry
     trajectory: Trajectory
     own: threading.local
@@ -92,23 +93,22 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     (run,) = runs
     if not (views := first_views(run)):
         raise BagError(f"the rig of {run.bag} has no camera, and KITTI's frames have photographs")
-    imager = views[0]
-    topics = [imager.topic_of("photograph"), imager.topic_of("instances")]
-    run.require(first_lidar(run).topic, topics[0], *(view.topic_of("camera_info") for view in views))
-    run.require_instances(topics[1])
+    view = views[0]
+    run.require(first_lidar(run).topic, view.topics["photo"], *(each.info for each in views))
+    run.require_instances(view.topics["instance"])
     require_pinholes(run, "KITTI")
     with options.progress.stage("build the world"):
         world = world_of_run(run)
-    source = _Source(run, world, imager, read_geometry(run), read_trajectory(run), threading.local())
+    clouds = run.readings(first_lidar(run).name, labelled=False)
+    images = run.readings(view.name, ["photo", "instance"])
+    source = _Source(clouds, images, world, view, read_geometry(run), run.trajectory, threading.local())
     folder = target / "training"
     for name in ("image_2", CLOUDS, "calib", "label_2", "visibility"):
         (folder / name).mkdir(parents=True)
-    with (
-        open_bag(run.bag, true_stamps=run.clocked) as bag,
-        options.progress.stage("frames and boxes", run.duration_s) as advance,
-    ):
-        found = enumerate(timed(paired_frames(bag, first_lidar(run).topic, topics), advance, run.start_ns))
-        stamps = list(in_order(found, partial(_save, source, folder), options.workers))
+    pairs = paired(clouds.stamps_ns, [images.stamps_ns])
+    with options.progress.stage("frames and boxes", run.duration_s) as advance:
+        work = in_order(enumerate(pairs), partial(_save, source, folder), options.workers)
+        stamps = list(counted(work, advance, run.duration_s, len(pairs)))
     if not stamps:
         raise BagError(f"{run.bag} has no cloud with a photograph and an instance image")
     numbers = [f"{k:06d}\n" for k in range(len(stamps))]
@@ -119,17 +119,17 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     (target / "README.md").write_text(_README, encoding="utf-8")
 
 
-def _save(source: _Source, folder: Path, numbered: tuple[int, Frame]) -> int:
-    number, frame = f"{numbered[0]:06d}", numbered[1]
-    photograph, ids = frame.images
-    (folder / "image_2" / f"{number}.png").write_bytes(encode_png(image(photograph)))
-    xyz_and_reflectance(returned(frame.cloud, source.run)).tofile(folder / CLOUDS / f"{number}.bin")
+def _save(source: _Source, folder: Path, numbered: tuple[int, Pair]) -> int:
+    number, pair = f"{numbered[0]:06d}", numbered[1]
+    image = source.images.read(pair.images[0])
+    (folder / "image_2" / f"{number}.png").write_bytes(encode_png(image.photo))
+    xyz_and_reflectance(source.clouds.read(pair.cloud)).tofile(folder / CLOUDS / f"{number}.bin")
     (folder / "calib" / f"{number}.txt").write_text(_calib(source.geometry), encoding="ascii")
-    world_from_cam0 = source.trajectory.world_from_base(frame.stamp_ns) @ source.geometry.base_from_cam0
-    labels, shares = _lines(source, instances(ids), world_from_cam0)
+    world_from_cam0 = source.trajectory.world_from_base(pair.stamp_ns) @ source.geometry.base_from_cam0
+    labels, shares = _lines(source, image.instance, world_from_cam0)
     (folder / "label_2" / f"{number}.txt").write_text(labels, encoding="utf-8")
     (folder / "visibility" / f"{number}.txt").write_text(shares, encoding="utf-8")
-    return frame.stamp_ns
+    return pair.stamp_ns
 
 
 def _calib(geometry: Geometry) -> str:
@@ -143,9 +143,9 @@ def _lines(source: _Source, ids: Any, world_from_optical: Array) -> tuple[str, s
     """Lines of ``label_2`` and of ``visibility``."""
     own = source.own
     if not hasattr(own, "whole"):
-        own.whole = WholeObjects(source.world, source.imager.config)
+        own.whole = WholeObjects(source.world, source.view.config)
     whole: WholeObjects = own.whole
-    config, labels, shares = source.imager.config, [], []
+    config, labels, shares = source.view.config, [], []
     for object_id, pixels in visible_pixels(ids, whole.objects.keys()).items():
         bounds = whole.bounds(object_id, world_from_optical)
         if bounds is None:

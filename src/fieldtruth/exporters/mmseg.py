@@ -18,7 +18,7 @@ from fieldtruth.core.classes import Label
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.frames import Frames, Source, cameras_of, require_frames
+from fieldtruth.exporters.frames import Frames, cameras_of, require_frames
 from fieldtruth.exporters.splits import SPLITS, Member
 from fieldtruth.ontology.label_map import OWN, LabelMap
 
@@ -102,8 +102,7 @@ def _classes(labels: LabelMap) -> list[int]:
 
 def _write_run(member: Member, target: Path, numbers: NDArray[np.uint8], options: Options) -> None:
     require_frames(member.run, clouds=False)
-    source = Source(member.run, OWN)
-    cameras = [Frames(source, imagers, extras=()) for imagers in cameras_of(member.run).values()]
+    cameras = [Frames(member.run, OWN, views, extras=()) for views in cameras_of(member.run).values()]
 
     def save(frame_of: tuple[Frames, int]) -> None:
         frame = frame_of[0][frame_of[1]]

@@ -2,26 +2,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """Export clouds as PCD files, which CloudCompare, PCL and Open3D show in the colours of the classes."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag.calibration import base_from_lidar, read_static_frames
-from fieldtruth.bag.decode import stamp_ns
-from fieldtruth.bag.reader import BagError, decoder, open_bag
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.core.parallel import in_order
-from fieldtruth.core.progress import timed
+from fieldtruth.core.progress import counted
+from fieldtruth.core.readings import Cloud
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.frames import LIDAR, lidars_of
-from fieldtruth.exporters.sequences import Returns, first_lidar, returns
+from fieldtruth.exporters.frames import LIDAR
+from fieldtruth.exporters.sequences import first_lidar
 from fieldtruth.ontology.label_map import LabelMap
 
 _TYPES: Final = {"f": "F", "u": "U", "i": "I"}
@@ -55,38 +52,25 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
         BagError: the bag has no clouds, true poses or /tf_static, clouds have no labels, or the bag is damaged.
     """
     (run,) = runs
-    lidars = {lidar.topic: lidar for lidar in lidars_of(run) or [first_lidar(run)]}
-    static, trajectory = read_static_frames(run), read_trajectory(run)
-    mounts = {topic: base_from_lidar(run, static, lidar) for topic, lidar in lidars.items()}
-    folders = {topic: target / ("" if lidar.name == LIDAR else lidar.name) for topic, lidar in lidars.items()}
+    lidars = run.of(Cloud) or [first_lidar(run)]
+    mounts, trajectory = {each.name: run.calibration.base_from(each.name) for each in lidars}, run.trajectory
+    folders = {lidar.name: target / ("" if lidar.name == LIDAR else lidar.name) for lidar in lidars}
     ids, colours = _ids_and_colours(options.label_map)
+    run.streams([lidar.topic for lidar in lidars])
+    clouds = {lidar.name: run[lidar.name] for lidar in lidars}
     for folder in (target, *folders.values()):
         folder.mkdir(exist_ok=True)
     (target / "README.md").write_text(_readme(run, options.label_map), encoding="utf-8")
 
-    def save(read: tuple[str, Any]) -> None:
-        topic, cloud = read
-        stamp = stamp_ns(cloud.header)
-        world_from_lidar = trajectory.world_from_base(stamp) @ mounts[topic]
-        rows = _with_colours(returns(cloud, run), ids, colours)
-        (folders[topic] / f"{stamp}.pcd").write_bytes(_header(rows, world_from_lidar) + rows.tobytes())
+    def save(job: tuple[int, str, int]) -> None:
+        stamp, name, row = job
+        world_from_lidar = trajectory.world_from_base(stamp) @ mounts[name]
+        rows = _with_colours(clouds[name].read(row), ids, colours)
+        (folders[name] / f"{stamp}.pcd").write_bytes(_header(rows, world_from_lidar) + rows.tobytes())
 
-    with (
-        open_bag(run.bag, true_stamps=run.clocked) as bag,
-        options.progress.stage("write the clouds", run.duration_s) as advance,
-    ):
-        decode, seen = decoder(bag), set[tuple[str, int]]()
-
-        def clouds() -> Iterator[tuple[str, Any]]:
-            for raw in timed(bag.messages([*lidars]), advance, run.start_ns):
-                cloud = decode(raw)
-                stamp = stamp_ns(cloud.header)
-                if (raw.topic, stamp) in seen:
-                    raise BagError(f"{run.bag} has two clouds with the stamp {stamp} ns")
-                seen.add((raw.topic, stamp))
-                yield raw.topic, cloud
-
-        for _ in in_order(clouds(), save, options.workers):
+    jobs = sorted((s, name, row) for name, each in clouds.items() for row, s in enumerate(each.stamps_ns.tolist()))
+    with options.progress.stage("write the clouds", run.duration_s) as advance:
+        for _ in counted(in_order(jobs, save, options.workers), advance, run.duration_s, len(jobs)):
             pass
 
 
@@ -97,15 +81,16 @@ def _ids_and_colours(label_map: LabelMap | None) -> tuple[NDArray[np.uint8], NDA
     return label_map.ids, label_map.colours()
 
 
-def _with_colours(found: Returns, ids: NDArray[np.uint8], colours: NDArray[np.uint8]) -> NDArray[np.void]:
+def _with_colours(cloud: Cloud, ids: NDArray[np.uint8], colours: NDArray[np.uint8]) -> NDArray[np.void]:
     """Points as stored: x, y, z, rgb, label (32 bits, as in PCL's PointXYZRGBL), then all other fields."""
-    dtype = found.rows.dtype
-    others = [name for name in dtype.names or () if name not in ("x", "y", "z", "rgb", "label")]
-    kinds = [(name, dtype[name].base, dtype[name].shape) for name in ("x", "y", "z", *others)]
-    rows = np.empty(len(found.rows), [*kinds[:3], ("rgb", "<u4"), ("label", "<u4"), *kinds[3:]])
-    for name, _, _ in kinds:
-        rows[name] = found.rows[name]
-    rows["label"] = ids[found.label]
+    fields = {name: values for name, values in cloud.fields().items() if name not in ("rgb", "label")}
+    kinds = [(name, values.dtype, values.shape[1:]) for name, values in fields.items()]
+    axes = [kind for axis in "xyz" for kind in kinds if kind[0] == axis]
+    others = [kind for kind in kinds if kind not in axes]
+    rows = np.empty(len(cloud.xyz), [*axes, ("rgb", "<u4"), ("label", "<u4"), *others])
+    for name, values in fields.items():
+        rows[name] = values
+    rows["label"] = ids[cloud.label]
     red, green, blue = colours[rows["label"]].astype(np.uint32).T
     rows["rgb"] = red << 16 | green << 8 | blue
     return rows
@@ -139,6 +124,6 @@ def _readme(run: Run, label_map: LabelMap | None) -> str:
     else:
         rows = [(number, other.name, other.rgb) for number, other in sorted(label_map.classes.items())]
     lines = [f"| {number} | {name} | {' '.join(map(str, rgb))} |\n" for number, name, rgb in rows]
-    others = [f"`{lidar.name}/`" for lidar in lidars_of(run) if lidar.name != LIDAR]
+    others = [f"`{lidar.name}/`" for lidar in run.of(Cloud) if lidar.name != LIDAR]
     folders = f"Clouds of these LiDARs are in folders of their names: {', '.join(others)}.\n" if others else ""
     return _README.format(name=run.name, folders=folders) + "".join(lines)

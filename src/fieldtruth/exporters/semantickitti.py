@@ -8,7 +8,7 @@ frame to cam0. In a run without cameras, cam0 is an optical frame in the LiDAR's
 several sensors, clouds are those of the first LiDAR, images those of the first stereo pair or else of the first camera.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -16,16 +16,16 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from fieldtruth.bag.decode import image, reading_stamp, stamp_ns
+from fieldtruth.bag.errors import BagError
 from fieldtruth.bag.model_states import read_objects
-from fieldtruth.bag.reader import BagError, decoder, open_bag
+from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import NO_RETURN, NOT_OF_WORLDS, Label
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
-from fieldtruth.core.progress import timed
+from fieldtruth.core.progress import counted
+from fieldtruth.core.readings import Cloud
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.sequences import (
     CLOUDS,
@@ -38,7 +38,6 @@ from fieldtruth.exporters.sequences import (
     has_cameras,
     poses_text,
     read_geometry,
-    returns,
     times_text,
     xyz_and_reflectance,
 )
@@ -90,7 +89,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
 
 
 def _write_sequence(run: Run, geometry: Geometry, folder: Path, options: Options) -> _Written:
-    trajectory = read_trajectory(run)
+    trajectory = run.trajectory
     stamps_ns, counts = _write_clouds(run, folder, options)
     world_from_cam0 = np.array([trajectory.world_from_base(stamp) @ geometry.base_from_cam0 for stamp in stamps_ns])
     (folder / "poses.txt").write_text(poses_text(world_from_cam0), encoding="ascii")
@@ -109,43 +108,31 @@ def _write_clouds(run: Run, folder: Path, options: Options) -> tuple[list[int], 
     ids = (options.label_map or OWN).ids
     (folder / CLOUDS).mkdir(parents=True)
     (folder / "labels").mkdir()
-    stamps_ns: list[int] = []
+    clouds = run[first_lidar(run).name]
     counts: Counts = np.zeros(256, np.int64)
 
-    def save(numbered: tuple[int, Any]) -> Counts:
-        number, cloud = numbered
-        xyzr, label, instance = _cloud_arrays(cloud, run)
-        mapped = ids[label].astype("<u4")
-        xyzr.tofile(folder / CLOUDS / f"{number:06d}.bin")
-        (mapped | instance << np.uint32(16)).astype("<u4").tofile(folder / "labels" / f"{number:06d}.label")
+    def save(number: int) -> Counts:
+        cloud: Cloud = clouds.read(number)
+        mapped = ids[cloud.label].astype("<u4")
+        xyz_and_reflectance(cloud).tofile(folder / CLOUDS / f"{number:06d}.bin")
+        word = mapped | _instances(cloud, run) << np.uint32(16)
+        word.astype("<u4").tofile(folder / "labels" / f"{number:06d}.label")
         return np.bincount(mapped, minlength=256)
 
-    with (
-        open_bag(run.bag, true_stamps=run.clocked) as bag,
-        options.progress.stage(f"{run.name}: clouds", run.duration_s) as advance,
-    ):
-        decode = decoder(bag)
-
-        def clouds() -> Iterator[tuple[int, Any]]:
-            for number, raw in enumerate(timed(bag.messages([first_lidar(run).topic]), advance, run.start_ns)):
-                cloud = decode(raw)
-                stamps_ns.append(stamp_ns(cloud.header))
-                yield number, cloud
-
-        for count in in_order(clouds(), save, options.workers):
+    with options.progress.stage(f"{run.name}: clouds", run.duration_s) as advance:
+        work = in_order(range(len(clouds)), save, options.workers)
+        for count in counted(work, advance, run.duration_s, len(clouds)):
             counts += count
-    return stamps_ns, counts
+    return clouds.stamps_ns.tolist(), counts
 
 
-def _cloud_arrays(cloud: Any, run: Run) -> tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.uint32]]:
-    """Points (n, 4) with remission, class ids (n,) and instance ids (n,), 0 if the cloud has none."""
-    found = returns(cloud, run)
-    rows, names = found.rows, found.rows.dtype.names or ()
-    instance = rows["instance"] if "instance" in names else np.zeros(len(rows), np.uint32)
+def _instances(cloud: Cloud, run: Run) -> NDArray[np.uint32]:
+    """Instance ids (n,), 0 if the cloud has none."""
+    instance = np.zeros(len(cloud.xyz), np.uint32) if cloud.instance is None else cloud.instance
     if (odd := instance[(instance < 0) | (instance > _MAX_INSTANCE)]).size:
-        where = f"the cloud at {stamp_ns(cloud.header)} ns in {run.bag}"
+        where = f"the cloud at {cloud.stamp_ns} ns in {run.bag}"
         raise BagError(f"{where}: instance must be from 0 to {_MAX_INSTANCE} in a label file, got {odd[0]}")
-    return xyz_and_reflectance(rows), found.label, instance.astype(np.uint32)
+    return instance.astype(np.uint32)
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -154,33 +141,22 @@ def _cloud_arrays(cloud: Any, run: Run) -> tuple[NDArray[np.float32], NDArray[np
 
 def _write_images(run: Run, stamps_ns: Sequence[int], folder: Path, options: Options) -> int:
     """Write the photographs with the stamp of a cloud, under the cloud's number; return how many."""
-    number_at = {stamp: number for number, stamp in enumerate(stamps_ns)}
-    topics = (view.topic_of("photograph") for view in first_views(run))
-    folders = {topic: folder / name for topic, name in zip(topics, IMAGES, strict=False)}
-    present = [topic for topic in folders if topic in run.counts]
+    jobs: list[tuple[int, Path, Readings, int]] = []
+    for view, name in zip(first_views(run), IMAGES, strict=False):
+        if view.has(run.counts, "photo"):
+            photos = run.readings(view.name, ["photo"])
+            found = ((number, photos.row_at(stamp)) for number, stamp in enumerate(stamps_ns))
+            jobs += [(number, folder / name, photos, row) for number, row in found if row is not None]
 
-    def save(job: tuple[Path, Any]) -> int:
-        path, message = job
-        path.parent.mkdir(exist_ok=True)
-        path.write_bytes(encode_png(image(message)))
+    def save(job: tuple[int, Path, Readings, int]) -> int:
+        number, images, photos, row = job
+        images.mkdir(exist_ok=True)
+        (images / f"{number:06d}.png").write_bytes(encode_png(photos.read(row).photo))
         return 1
 
-    if not present:
-        return 0
-    with (
-        open_bag(run.bag, true_stamps=run.clocked) as bag,
-        options.progress.stage(f"{run.name}: images", run.duration_s) as advance,
-    ):
-        decode = decoder(bag)
-
-        def jobs() -> Iterator[tuple[Path, Any]]:
-            for raw in timed(bag.messages(present), advance, run.start_ns):
-                message = decode(raw)
-                number = number_at.get(reading_stamp(raw.stamp_ns, message.header))
-                if number is not None:
-                    yield folders[raw.topic] / f"{number:06d}.png", message
-
-        return sum(in_order(jobs(), save, options.workers))
+    with options.progress.stage(f"{run.name}: images", run.duration_s) as advance:
+        work = in_order(sorted(jobs, key=lambda job: job[0]), save, options.workers)
+        return sum(counted(work, advance, run.duration_s, len(jobs)))
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -10,28 +10,32 @@ cam0 relative to its first. Tr takes points from the LiDAR's frame to cam0.
 """
 
 from collections.abc import Sequence
+from functools import reduce
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag.calibration import base_from_lidar, first_message, read_calibration, read_static_frames
-from fieldtruth.bag.decode import points, reflectivity, stamp_ns
-from fieldtruth.bag.reader import BagError
+from fieldtruth.bag import topics as table
+from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.readings import reflectivity
 from fieldtruth.bag.run import Run
+from fieldtruth.bag.sources import Source
+from fieldtruth.bag.streams import nearest
 from fieldtruth.bag.trajectory import seconds
 from fieldtruth.core import frames
-from fieldtruth.core.arrays import Array
-from fieldtruth.core.classes import CLASSES
-from fieldtruth.sensors.camera.config import OPTICAL, Imager
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
-from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.core.arrays import Array, Counts
+from fieldtruth.core.readings import Cloud, Image
 
 CLOUDS: Final = "velodyne"
 IMAGES: Final = ("image_2", "image_3")
 """Folders of the colour images, left and right; KITTI's image_0 and image_1 are grey."""
-
-_XYZ: Final = frozenset("xyz")
+WINDOW_NS: Final = 500_000_000
+"""Largest difference [ns] of the stamps of a cloud and its photographs."""
+_EXACT_SHARE: Final = 0.1
+"""Pairing is exact if at least this share of the clouds has photographs of its own stamp."""
+OPTICAL: Final = frames.pose((0.0, 0.0, 0.0), (-90.0, 0.0, -90.0))
+"""The LiDAR's frame from an optical frame that looks along its x."""
 
 
 class Geometry(NamedTuple):
@@ -48,36 +52,38 @@ class Geometry(NamedTuple):
         return frames.inverse(self.base_from_cam0) @ self.base_from_lidar
 
 
-def first_lidar(run: Run) -> LidarConfig:
+def first_lidar(run: Run) -> Source:
     """Return the first LiDAR of the rig.
 
     Raises:
         BagError: the rig has none, or it has no clouds.
     """
-    lidars = run.rig.lidars
+    lidars = run.of(Cloud, recorded=False)
     if not lidars:
         raise BagError(f"the rig of {run.bag} has no LiDAR, and this format is made of clouds")
     run.require(lidars[0].topic)
     return lidars[0]
 
 
-def first_views(run: Run) -> list[Imager]:
+def first_views(run: Run) -> list[Source]:
     """Return the views of the first stereo pair of the rig, without a pair that of its first camera, if any."""
-    cameras = run.rig.enabled(StereoConfig) or run.rig.cameras
-    return [imager for camera in cameras[:1] for imager in camera.imagers()]
+    views = run.of(Image, recorded=False)
+    device = next((view.device for view in [view for view in views if view.side] or views), None)
+    return [view for view in views if view.device == device]
 
 
 def chosen_of_many(run: Run) -> dict[str, Any]:
     """Names of LiDAR and cameras of a sequence; empty for a rig with one LiDAR, and one pair or no camera."""
-    views = [imager.name for imager in first_views(run)]
-    if len(run.rig.lidars) <= 1 and len(run.rig.cameras) <= 1 and len(views) != 1:
+    views, lidars = [view.label for view in first_views(run)], run.of(Cloud, recorded=False)
+    devices = {view.device for view in run.of(Image, recorded=False)}
+    if len(lidars) <= 1 and len(devices) <= 1 and len(views) != 1:
         return {}
-    return {"lidar": run.rig.lidar.name, "cameras": views}
+    return {"lidar": first_lidar(run).name, "cameras": views}
 
 
 def has_cameras(run: Run) -> bool:
     """Whether the run has the calibration of a camera."""
-    return any(imager.topic_of("camera_info") in run.counts for imager in first_views(run))
+    return any(run.calibration.has_lens(view.name) for view in first_views(run))
 
 
 def read_geometry(run: Run) -> Geometry:
@@ -86,16 +92,19 @@ def read_geometry(run: Run) -> Geometry:
     So has a run with panoramas, which have no projection matrix.
 
     Raises:
-        BagError: /tf_static or a camera's CameraInfo is missing or invalid.
+        BagError: /tf_static or a camera's CameraInfo is missing or invalid, or the views differ in size.
     """
-    views, lidar = first_views(run), first_lidar(run)
-    if has_cameras(run) and not _are_panoramas(run):
-        calibration = read_calibration(run, views, lidar)
-        left, right = views[0].name, views[-1].name
-        projection = calibration.projection[left], calibration.projection[right]
-        return Geometry(projection, calibration.base_from_optical[left], calibration.base_from_lidar)
-    base_from_sensor = base_from_lidar(run, read_static_frames(run), lidar)
-    return Geometry((np.eye(3, 4), np.eye(3, 4)), base_from_sensor @ OPTICAL, base_from_sensor)
+    views, calibration = first_views(run), run.calibration
+    if not has_cameras(run) or _are_panoramas(run):
+        base_from_sensor = calibration.base_from(first_lidar(run).name)
+        return Geometry((np.eye(3, 4), np.eye(3, 4)), base_from_sensor @ OPTICAL, base_from_sensor)
+    run.require(table.TF_STATIC, *(view.info for view in views))
+    left, right = views[0].name, views[-1].name
+    projection = calibration.projection(left), calibration.projection(right)
+    sizes = [(lens.width, lens.height) for lens in (calibration.lens(view.name) for view in views)]
+    if len({*sizes}) > 1:
+        raise BagError(f"the cameras of {run.bag} differ in size: {sizes[0]} and {sizes[1]}")
+    return Geometry(projection, calibration.base_from(left), calibration.base_from(first_lidar(run).name))
 
 
 def require_pinholes(run: Run, form: str) -> None:
@@ -104,18 +113,57 @@ def require_pinholes(run: Run, form: str) -> None:
     Raises:
         BagError: the cameras have another lens.
     """
-    for topic in (imager.topic_of("camera_info") for imager in first_views(run)):
-        info = first_message(run, topic)
-        if info.distortion_model not in ("", "plumb_bob") or np.any(info.D):
+    for view in first_views(run):
+        lens = run.calibration.lens(view.name)
+        if not lens.is_pinhole:
             raise BagError(
-                f"{form} has rectified photographs, and those of {run.bag} have the lens {info.distortion_model!r}; "
-                f"rectify them with {topic}, or export as coco, webdataset or files, which keep the lens"
+                f"{form} has rectified photographs, and those of {run.bag} have the lens {lens.model!r}; "
+                f"rectify them with {view.info}, or export as coco, webdataset or files, which keep the lens"
             )
 
 
 def _are_panoramas(run: Run) -> bool:
-    topics = [imager.topic_of("camera_info") for imager in first_views(run)]
-    return any(first_message(run, t).distortion_model == "equirectangular" for t in topics if t in run.counts)
+    known = [view.name for view in first_views(run) if run.calibration.has_lens(view.name)]
+    return any(run.calibration.lens(name).model == "equirectangular" for name in known)
+
+
+class Pair(NamedTuple):
+    """Rows of a cloud and of the photographs that belong to it, in the order of their cameras."""
+
+    cloud: int
+    images: tuple[int, ...]
+    stamp_ns: int
+    """Of the first photograph (cam0)."""
+    apart_ns: int
+    """Largest difference between the stamps."""
+
+
+def paired(clouds: Counts, images: Sequence[Counts]) -> list[Pair]:
+    """Pair clouds with photographs of one or several cameras, by their stamps [ns], which rise.
+
+    At 10 and 25 Hz every second cloud has photographs with its stamp. With the nearest ones instead, every second pair
+    would be 20 ms apart, 9 pixels for a robot that turns at 0.5 rad/s. So clouds without photographs of their own stamp
+    are left out, unless a bag has (nearly) no others: then the nearest photographs are used, each once.
+    """
+    if not all(map(len, images)):
+        return []
+    common = reduce(np.intersect1d, [clouds, *images])
+    if len(common) >= _EXACT_SHARE * len(clouds):
+        rows = np.array([np.searchsorted(stamps, common) for stamps in (clouds, *images)])
+        return [
+            Pair(first, tuple(rest), stamp, 0)
+            for stamp, (first, *rest) in zip(common.tolist(), rows.T.tolist(), strict=True)
+        ]
+    found: list[Pair] = []
+    left = nearest(clouds, images[0])
+    for row, first in enumerate(left.tolist()):
+        stamp = images[0][first : first + 1]
+        chosen = [first, *(int(nearest(stamp, others)[0]) for others in images[1:])]
+        stamps = [int(clouds[row]), *(int(each[k]) for each, k in zip(images, chosen, strict=True))]
+        apart = max(stamps) - min(stamps)
+        if apart <= WINDOW_NS and not (found and found[-1].stamp_ns == stamps[1]):
+            found.append(Pair(row, tuple(chosen), stamps[1], apart))
+    return found
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -149,56 +197,9 @@ def _row(matrix: Array) -> str:
 # Clouds
 
 
-class Returns(NamedTuple):
-    """The LiDAR returns of a cloud (n): points with finite coordinates."""
-
-    rows: NDArray[np.void]
-    """Structured, with the cloud's own fields."""
-    label: NDArray[np.uint8]
-    """Class ids."""
-
-
-def returns(cloud: Any, run: Run) -> Returns:
-    """LiDAR returns of a sensor_msgs/PointCloud2; without ``label`` the intensity is the class, as in the paper.
-
-    Raises:
-        BagError: x, y, z or both label and intensity are missing, or a label is not a class id.
-    """
-    names = [field.name for field in cloud.fields]
-    source = next((name for name in ("label", "intensity") if name in names), None)
-    if source is None or not _XYZ.issubset(names):
-        raise BagError(f"{_where(cloud, run)} must have x, y, z and label or intensity, got {', '.join(names)}")
-    rows = returned(cloud, run)
-    label = rows[source]
-    if (odd := label[~np.isin(label, np.arange(len(CLASSES)))]).size:
-        raise BagError(f"{_where(cloud, run)}: {source} must be a class from 0 to {len(CLASSES) - 1}, got {odd[0]}")
-    return Returns(rows, label.astype(np.uint8))
-
-
-def returned(cloud: Any, run: Run) -> NDArray[np.void]:
-    """Structured array (n) of the points with finite coordinates, with the cloud's own fields.
-
-    Raises:
-        BagError: x, y or z is missing.
-    """
-    rows = points(cloud)
-    if not _XYZ.issubset(names := rows.dtype.names or ()):
-        raise BagError(f"{_where(cloud, run)} must have x, y and z, got {', '.join(names)}")
-    finite = np.logical_and.reduce([np.isfinite(rows[axis]) for axis in "xyz"])
-    return rows if finite.all() else rows[finite]
-
-
-def xyz_and_reflectance(rows: NDArray[np.void]) -> NDArray[np.float32]:
+def xyz_and_reflectance(cloud: Cloud) -> NDArray[np.float32]:
     """(n, 4): x, y, z [m] and the reflectivity; 0 of a LiDAR without a signal.
 
     The bag's intensity is the class, which must not become an input of a network.
     """
-    values: NDArray[np.float32] = np.zeros((len(rows), 4), "<f4")
-    for column, axis in enumerate("xyz"):
-        values[:, column] = rows[axis]
-    values[:, 3] = reflectivity(rows)
-    return values
-
-
-def _where(cloud: Any, run: Run) -> str:
-    return f"the cloud at {stamp_ns(cloud.header)} ns in {run.bag}"
+    return np.concatenate([cloud.xyz, reflectivity(cloud)[:, None]], axis=1, dtype="<f4", casting="same_kind")

@@ -7,10 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import BagError
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.slam_facts import Facts, read_facts
@@ -70,9 +68,8 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
 
 def _write_truths(run: Run, facts: Facts, target: Path) -> str:
     """Write the true poses of the sensors, as far as the bag has poses, and return their line of the README."""
-    if table.ODOMETRY not in run.counts and table.MODEL_STATES not in run.counts:
+    if not run.has_poses:
         return ""
-    trajectory = read_trajectory(run)
     mounts = {
         "lidar": facts.lidar and facts.lidar.base_from_lidar,
         "imu": facts.imu and facts.imu.base_from_imu,
@@ -82,7 +79,7 @@ def _write_truths(run: Run, facts: Facts, target: Path) -> str:
     for name, base_from_sensor in mounts.items():
         if base_from_sensor is not None:
             names.append(f"truth_{name}.tum")
-            (target / names[-1]).write_text(tum_text(trajectory, base_from_sensor), encoding="ascii")
+            (target / names[-1]).write_text(tum_text(run.trajectory, base_from_sensor), encoding="ascii")
     return f"true poses of the sensors in the world, for evo: {', '.join(names)}\n"
 
 

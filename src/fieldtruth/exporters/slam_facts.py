@@ -7,17 +7,16 @@ first camera. Mounts, lenses and fields of points are those of the messages in t
 """
 
 from collections.abc import Mapping
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from fieldtruth.bag.calibration import StaticFrames, first_message, read_static_frames
 from fieldtruth.bag.run import Run
+from fieldtruth.bag.sources import Source
+from fieldtruth.bag.topics import TF_STATIC
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.readings import Cloud, Image, Inertial
 from fieldtruth.exporters.sequences import first_views
-from fieldtruth.sensors.camera.config import Imager
-from fieldtruth.sensors.imu.config import ImuConfig
-from fieldtruth.sensors.lidar.config import LidarConfig
 
 _UINT8, _UINT32, _FLOAT32 = 2, 6, 7
 """Datatypes of sensor_msgs/PointField."""
@@ -120,49 +119,43 @@ def read_facts(run: Run) -> Facts:
     Raises:
         BagError: /tf_static is missing or does not connect a sensor with base_link, or the bag is damaged.
     """
-    rig, static = run.rig, read_static_frames(run)
-    lidars = [lidar for lidar in rig.lidars if lidar.topic in run.counts]
-    imus = [imu for imu in rig.imus if imu.topic in run.counts]
-    views = [view for view in first_views(run) if {*map(view.topic_of, _OF_VIEW)} <= run.counts.keys()]
-    used = {view.config.name for view in views}
-    others = [camera.name for camera in rig.cameras if camera.name not in used]
+    run.require(TF_STATIC)
+    lidars, imus = run.of(Cloud), run.of(Inertial)
+    views = [view for view in first_views(run) if view.has(run.counts, "photo") and run.calibration.has_lens(view.name)]
+    used, cameras = {view.device for view in views}, dict.fromkeys(v.device for v in run.of(Image, recorded=False))
+    others = [camera for camera in cameras if camera not in used]
     more = [sensor.name for sensor in (*lidars[1:], *imus[1:])] + others * bool(views)
     return Facts(
-        _lidar(run, lidars[0], static) if lidars else None,
-        _imu(run, imus[0], static) if imus else None,
-        tuple(_view(run, view, static) for view in views),
+        _lidar(run, lidars[0]) if lidars else None,
+        _imu(run, imus[0]) if imus else None,
+        tuple(_view(run, view) for view in views),
         tuple(more),
     )
 
 
-_OF_VIEW: Final = ("photograph", "camera_info")
-
-
-def _lidar(run: Run, lidar: LidarConfig, static: StaticFrames) -> LidarFacts:
-    cloud = first_message(run, lidar.topic)
-    frame = cloud.header.frame_id
+def _lidar(run: Run, lidar: Source) -> LidarFacts:
+    config = lidar.config
     return LidarFacts(
         name=lidar.name,
         topic=lidar.topic,
-        frame=frame,
-        base_from_lidar=static.base_from(frame),
-        rate_hz=lidar.rate_hz,
-        rings=lidar.rings,
-        columns=lidar.columns,
-        min_range=lidar.min_range,
-        max_range=lidar.max_range,
-        pattern=lidar.pattern,
-        fields={field.name: field.datatype for field in cloud.fields},
+        frame=run.calibration.frame(lidar.name),
+        base_from_lidar=run.calibration.base_from(lidar.name),
+        rate_hz=config.rate_hz,
+        rings=config.rings,
+        columns=config.columns,
+        min_range=config.min_range,
+        max_range=config.max_range,
+        pattern=config.pattern,
+        fields={field.name: field.datatype for field in run.readings(lidar.name, labelled=False).message(0).fields},
     )
 
 
-def _imu(run: Run, imu: ImuConfig, static: StaticFrames) -> ImuFacts:
-    noise = noise_of(imu)
-    mount = static.base_from(first_message(run, imu.topic).header.frame_id)
-    return ImuFacts(imu.name, imu.topic, mount, imu.rate_hz, noise or ASSUMED_NOISE, noise is None)
+def _imu(run: Run, imu: Source) -> ImuFacts:
+    noise, mount = noise_of(imu.config), run.calibration.base_from(imu.name)
+    return ImuFacts(imu.name, imu.topic, mount, imu.config.rate_hz, noise or ASSUMED_NOISE, noise is None)
 
 
-def noise_of(imu: ImuConfig) -> ImuNoise | None:
+def noise_of(imu: Any) -> ImuNoise | None:
     """Noise of an IMU, of the worst axis; None if it reads exactly. What it lacks, as often walks, is assumed."""
     if (signal := imu.signal) is None:
         return None
@@ -172,18 +165,16 @@ def noise_of(imu: ImuConfig) -> ImuNoise | None:
     return ImuNoise(*(figure or assumed for figure, assumed in zip(figures, ASSUMED_NOISE, strict=True)))
 
 
-def _view(run: Run, view: Imager, static: StaticFrames) -> ViewFacts:
-    info = first_message(run, view.topic_of("camera_info"))
-    matrix, coefficients = np.asarray(info.K, np.float64), tuple(float(value) for value in info.D)
-    distorted = info.distortion_model not in ("", "plumb_bob") or any(coefficients)
+def _view(run: Run, view: Source) -> ViewFacts:
+    lens = run.calibration.lens(view.name)
     return ViewFacts(
-        name=view.name,
-        topic=view.topic_of("photograph").removesuffix("/compressed"),
-        base_from_optical=static.base_from(info.header.frame_id),
-        model=info.distortion_model if distorted else "pinhole",
-        intrinsics=(float(matrix[0]), float(matrix[4]), float(matrix[2]), float(matrix[5])),
-        coefficients=coefficients if distorted else (),
-        width=int(info.width),
-        height=int(info.height),
+        name=view.label,
+        topic=view.topic.removesuffix("/compressed"),
+        base_from_optical=run.calibration.base_from(view.name),
+        model="pinhole" if lens.is_pinhole else lens.model,
+        intrinsics=(float(lens.K[0, 0]), float(lens.K[1, 1]), float(lens.K[0, 2]), float(lens.K[1, 2])),
+        coefficients=() if lens.is_pinhole else tuple(lens.D.tolist()),
+        width=lens.width,
+        height=lens.height,
         rate_hz=view.config.rate_hz,
     )

@@ -9,25 +9,22 @@ f B / d. Where the bag has the true depth, it is written as well, with a table o
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag.calibration import first_message
-from fieldtruth.bag.decode import depth, image
-from fieldtruth.bag.reader import BagError, open_bag
+from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run
+from fieldtruth.bag.sources import Source
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.parallel import in_order
-from fieldtruth.datasets.association import Stream, matched, read_streams
-from fieldtruth.datasets.storage import Storage
 from fieldtruth.exporters import Options
 from fieldtruth.exporters.depth_files import metres_npy, millimetres_png
 from fieldtruth.exporters.sequences import first_views, require_pinholes
 from fieldtruth.exporters.stereo_errors import Errors, errors_csv, errors_of
-from fieldtruth.sensors.camera.config import Imager
 
 NEAREST: Final = 1.0
 """Depth [m] of the largest disparity that is searched."""
@@ -73,19 +70,21 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     if len(views) != 2:
         raise BagError(f"the rig of {run.bag} has no stereo pair, and stereo-depth matches its photographs")
     left, right = views
-    topics = [view.topic_of("photograph") for view in views]
-    run.require(*topics, *(view.topic_of("camera_info") for view in views))
+    run.require(*(view.topics["photo"] for view in views), *(view.info for view in views))
     require_pinholes(run, "stereo-depth")
     pair = _pair(run, right)
-    if has_truth := left.topic_of("depth") in run.counts:
-        topics.append(left.topic_of("depth"))
+    has_truth = left.has(run.counts, "depth")
+    images = [
+        run.readings(left.name, ["photo", "depth"] if has_truth else ["photo"]),
+        run.readings(right.name, ["photo"]),
+    ]
     for folder in ("stereo", "true")[: 1 + has_truth]:
         (target / folder).mkdir(parents=True)
-    errors = _write_frames(run, topics, pair, target, options)
+    errors = _write_frames(run, images, pair, target, options)
     if has_truth:
         (target / "errors.csv").write_text(errors_csv(errors), encoding="ascii")
     text = _README.format(
-        left=left.name, right=right.name, run=run.name, truth=_TRUTH if has_truth else _NO_TRUTH, scale=pair.scale,
+        left=left.label, right=right.label, run=run.name, truth=_TRUTH if has_truth else _NO_TRUTH, scale=pair.scale,
         most=pair.disparities - 1, nearest=pair.scale / (pair.disparities - 1),
     )  # fmt: skip
     (target / "README.txt").write_text(text, encoding="utf-8")
@@ -112,51 +111,48 @@ def disparity(left: NDArray[np.uint8], right: NDArray[np.uint8], disparities: in
     return np.where(found > 0.0, found, np.float32(np.nan))
 
 
-def _pair(run: Run, right: Imager) -> Pair:
-    info = first_message(run, right.topic_of("camera_info"))
-    scale = -float(np.asarray(info.P)[3])
+def _pair(run: Run, right: Source) -> Pair:
+    lens = run.calibration.lens(right.name)
+    scale = -float(lens.P[0, 3])
     if not scale > 0.0:
-        raise BagError(f"{right.topic_of('camera_info')} of {run.bag} has no baseline: P[3] must be below 0")
-    most = int(info.width) // 2
+        raise BagError(f"{right.info} of {run.bag} has no baseline: P[3] must be below 0")
+    most = lens.width // 2
     return Pair(scale, 16 * max(min(int(np.ceil(scale / NEAREST)) + 16, most) // 16, 1))
 
 
-def _write_frames(run: Run, topics: Sequence[str], pair: Pair, target: Path, options: Options) -> list[Errors]:
-    """Write the frames and return their errors, if the third topic is that of the true depth."""
-    with open_bag(run.bag) as bag:
-        storage = Storage(bag)
-        found = read_streams(bag, storage, topics)
-    streams = matched([found[topic] for topic in topics])
-    count = len(streams[0].stamps_ns)
+def _write_frames(run: Run, images: Sequence[Readings], pair: Pair, target: Path, options: Options) -> list[Errors]:
+    """Write the frames and return their errors, if the left images have the true depth."""
+    stamps = np.intersect1d(images[0].stamps_ns, images[1].stamps_ns).tolist()
+    count = len(stamps)
     if not count:
-        raise BagError(f"{run.bag} has no frame: no stamp is common to {', '.join(topics)}")
+        topics = ", ".join(each.source.topics[part] for each in images for part in each.parts)
+        raise BagError(f"{run.bag} has no frame: no stamp is common to {topics}")
     made: list[Errors] = []
     with options.progress.stage("match the photographs", run.duration_s) as advance:
-        work = partial(_write_frame, storage, streams, pair, target)
-        for errors in in_order(range(count), work, options.workers):
+        work = partial(_write_frame, images, pair, target)
+        for errors in in_order(stamps, work, options.workers):
             made += errors
             advance(run.duration_s / count)
     return made
 
 
-def _write_frame(storage: Storage, streams: Sequence[Stream], pair: Pair, target: Path, k: int) -> list[Errors]:
-    messages = [storage.message(s.topic, int(s.chunk[k]), int(s.offset[k])) for s in streams]
-    left, right = (_grey(message) for message in messages[:2])
+def _write_frame(images: Sequence[Readings], pair: Pair, target: Path, stamp: int) -> list[Errors]:
+    first, second = (each.at(stamp) for each in images)
+    left, right = _grey(first.photo), _grey(second.photo)
     if left.shape != right.shape:
         raise BagError(f"the photographs of a pair differ in size: {left.shape[::-1]} and {right.shape[::-1]}")
     found = disparity(left, right, pair.disparities)
     metres = np.where(np.isnan(found), np.float32(np.inf), np.float32(pair.scale) / found)
-    name = str(int(streams[0].stamps_ns[k]))
+    name = str(stamp)
     _save(target / "stereo", name, metres)
-    if len(messages) < 3:
+    if first.depth is None:
         return []
-    truth = depth(messages[2])
-    _save(target / "true", name, truth)
-    return [errors_of(found, _disparity_of(truth, pair.scale), truth)]
+    _save(target / "true", name, first.depth)
+    return [errors_of(found, _disparity_of(first.depth, pair.scale), first.depth)]
 
 
-def _grey(message: Any) -> NDArray[np.uint8]:
-    grey: NDArray[np.uint8] = np.asarray(cv2.cvtColor(image(message), cv2.COLOR_RGB2GRAY), np.uint8)
+def _grey(photo: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    grey: NDArray[np.uint8] = np.asarray(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY), np.uint8)
     return grey
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.trajectory import Trajectory, read_trajectory, seconds
+from fieldtruth.bag.trajectory import Trajectory, seconds
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.exporters import Options
@@ -20,8 +20,7 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     """
     (run,) = runs
     with options.progress.stage("write the trajectory"):
-        trajectory = read_trajectory(run)
-        target.write_text(tum_text(trajectory), encoding="ascii")
+        target.write_text(tum_text(run.trajectory), encoding="ascii")
 
 
 def tum_text(trajectory: Trajectory, base_from_sensor: Array | None = None) -> str:

@@ -14,7 +14,6 @@ import json
 import tarfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 from zipfile import ZipFile
@@ -24,15 +23,15 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag.checksums import sha256_of
 from fieldtruth.bag.run import Run
+from fieldtruth.bag.sources import Source
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
+from fieldtruth.core.readings import Cloud
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.frames import LIDAR, Frames, Source, cameras_of, count_common, lidars_of, require_frames
+from fieldtruth.exporters.frames import LIDAR, Frames, cameras_of, count_common, require_frames
 from fieldtruth.exporters.splits import SPLITS, Member
 from fieldtruth.exporters.zipped import add_member
 from fieldtruth.ontology.label_map import OWN, LabelMap
-from fieldtruth.sensors.camera.config import Imager
-from fieldtruth.sensors.lidar.config import LidarConfig
 
 DATASET: Final = "dataset.json"
 
@@ -56,8 +55,8 @@ class Sample(NamedTuple):
 class _Content(NamedTuple):
     """Samples of one kind of a run: views and LiDARs whose readings they have."""
 
-    imagers: list[Imager]
-    lidars: list[LidarConfig]
+    views: list[Source]
+    lidars: list[Source]
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
@@ -71,14 +70,12 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     contents = {member.name: _contents(member.run) for member in options.members}
     described = {member.name: _run_row(member, contents[member.name]) for member in options.members}
     names = sorted({name for own in contents.values() for name in own}, key=_rank)
-    run_of = {member.name: member.run for member in options.members}
-    source_of = lru_cache(maxsize=1)(lambda name: Source(run_of[name], labels))
     shards: list[dict[str, Any]] = []
     for split, name in ((split, name) for split in SPLITS for name in names):
         with _Shards(target, split if name == "frames" else f"{name}-{split}", options.shard_bytes) as files:
             for member in options.members:
                 if member.split == split and name in contents[member.name]:
-                    frames = Frames(source_of(member.name), *contents[member.name][name])
+                    frames = Frames(member.run, labels, *contents[member.name][name])
                     described[member.name][name] = len(frames)
                     for sample in _samples(member, frames, name, options):
                         files.add(sample)
@@ -97,19 +94,19 @@ def _contents(run: Run) -> dict[str, _Content]:
         BagError: it has nothing of these.
     """
     require_frames(run, clouds=True)
-    cameras, lidars = cameras_of(run), lidars_of(run)
+    cameras, lidars = cameras_of(run), run.of(Cloud)
     found: dict[str, _Content] = {}
-    if imagers := [imager for views in cameras.values() for imager in views]:
-        common = count_common(run, imagers) if len(cameras) > 1 else -1
+    if every := [view for views in cameras.values() for view in views]:
+        common = count_common(run, every) if len(cameras) > 1 else -1
         if common:
-            found["frames"] = _Content(imagers, lidars)
+            found["frames"] = _Content(every, lidars)
         for name, views in cameras.items() if len(cameras) > 1 else ():
             if count_common(run, views) > common:
                 found[f"frames_{name}"] = _Content(views, lidars)
     return found | {_name("clouds", lidar): _Content([], [lidar]) for lidar in lidars}
 
 
-def _name(what: str, lidar: LidarConfig) -> str:
+def _name(what: str, lidar: Source) -> str:
     return what if lidar.name == LIDAR else f"{what}_{lidar.name}"
 
 
@@ -180,7 +177,7 @@ def _run_row(member: Member, contents: Mapping[str, _Content]) -> dict[str, Any]
     row: dict[str, Any] = {"name": member.name, "split": member.split}
     if (made_by := member.run.experiment) is not None:
         row |= {"environment": made_by.environment, "seed": made_by.seed}
-    cameras = [imager.name for views in cameras_of(member.run).values() for imager in views]
+    cameras = [view.label for views in cameras_of(member.run).values() for view in views]
     clouds = {} if any(name.startswith("clouds_") for name in contents) else {"clouds": 0}
     return row | {"cameras": cameras, "frames": 0} | clouds
 

@@ -8,8 +8,9 @@ data in memory, and a tag image takes a megabyte.
 
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,16 +20,16 @@ from numpy.typing import NDArray
 from fieldtruth.bag import decode as read
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.base_messages import WHEEL_FRAMES
-from fieldtruth.bag.reader import RawMessage, decoder, open_bag
+from fieldtruth.bag.calibration import Lens
+from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run, open_run
-from fieldtruth.bag.trajectory import read_trajectory
+from fieldtruth.bag.sources import Source
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.files import atomic_output, output_errors
-from fieldtruth.core.progress import Progress, Silent, timed
-from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.core.progress import Progress, Silent, counted
+from fieldtruth.core.readings import Cloud, Fix, Image, Inertial, Message, WheelSpeeds
 from fieldtruth.report.drawing.vectors import flow_colours, normal_colours
-from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
 
 RATE: Final = 5.0  # [Hz]
 TIMELINE: Final = "time"
@@ -78,12 +79,7 @@ class _Log:
 
     def __init__(self, rr: Any, recording: Any, run: Run) -> None:
         self.rr, self.recording, self.run = rr, recording, run
-        rig = run.rig
-        self._last_image = {topic: -_EPOCH_NS for imager in rig.imagers for topic in imager.topics.values()}
-        self._imus = dict(zip((imu.topic for imu in rig.imus), _entity_names("imu", rig.imus), strict=True))
-        self._antennas = dict(zip((a.topic for a in rig.antennas), _entity_names("gnss", rig.antennas), strict=True))
         self._entities: dict[str, str] = {}
-        self._known: set[str] = set()
 
     def everything(self, progress: Progress) -> None:
         """Log static data, then the messages in time order."""
@@ -91,52 +87,42 @@ class _Log:
         described = [rr.AnnotationInfo(int(c.label), c.name, c.rgb) for c in CLASSES if c.rgb is not None]
         self.recording.log("/", rr.AnnotationContext(described), static=True)
         self.recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        static = read.static_transforms(run.bag) if table.TF_STATIC in run.counts else {}
-        self._entities = entities(static)
-        for (_, child), parent_from_child in static.items():
+        parents = run.static.parents if table.TF_STATIC in run.counts else {}
+        self._entities = entities({(parent, child): matrix for child, (parent, matrix) in parents.items()})
+        for child, (_, parent_from_child) in parents.items():
             self.recording.log(self._entities[child], self._transform(parent_from_child), static=True)
-        path = read_trajectory(run).position
+        path = run.trajectory.position
         self.recording.log("world/path", rr.LineStrips3D([path[:: max(1, len(path) // 5000)]], radii=0.02), static=True)
-        senders = {topic: sender for topic, sender in self._senders().items() if topic in run.counts}
-        with (
-            progress.stage("log the run", run.duration_s) as advance,
-            open_bag(run.bag, true_stamps=run.clocked) as bag,
-        ):
-            decode = decoder(bag)
-            for raw in timed(bag.messages(list(senders)), advance, run.start_ns):
-                if not self._is_skipped(raw):
-                    self._set_time(raw.stamp_ns)
-                    senders[raw.topic](raw.topic, decode(raw))
+        for view in run.of(Image, recorded=False):
+            if run.calibration.has_lens(view.name):
+                self._lens(run.calibration.lens(view.name))
+        logged = [*self._sensors(), *((run.messages(t), send) for t, send in self._topics() if t in run.counts)]
+        jobs = [(stamp, k, row) for k, (each, _) in enumerate(logged) for row, stamp in _shown(each)]
+        with progress.stage("log the run", run.duration_s) as advance:
+            for stamp, k, row in counted(sorted(jobs), advance, run.duration_s, len(jobs)):
+                readings, send = logged[k]
+                self._set_time(stamp)
+                send(readings.read(row))
 
-    def _senders(self) -> dict[str, Any]:
-        cameras = {
-            imager.topic_of(stream): send
-            for imager in self.run.rig.imagers
-            for stream, send in (
-                ("camera_info", self._camera_info),
-                ("photograph", self._photograph),
-                ("tag", self._tag),
-                ("depth", self._depth),
-                ("normals", self._normals),
-                ("flow", self._flow),
-            )
-        }
-        return cameras | {
-            table.ODOMETRY: self._odometry,
-            table.TF: self._wheel_frames,
-            **dict.fromkeys((lidar.topic for lidar in self.run.rig.lidars), self._points),
-            **dict.fromkeys(self._imus, self._imu),
-            **dict.fromkeys(self._antennas, self._navsat),
-            **dict.fromkeys(WHEEL_SPEEDS, self._wheel),
-        }
+    def _sensors(self) -> Iterator[tuple[Readings, Callable[[Any], None]]]:
+        """Readings of the sensors, and what logs one; the parts of images one by one."""
+        run, imus, antennas = self.run, self.run.of(Inertial), self.run.of(Fix)
+        images = {"photo": self._photo, "label": self._label, "depth": self._depth, "normal": self._normal}
+        for view in run.of(Image, recorded=False):
+            for part, send in (images | {"flow": self._flow}).items():
+                if view.has(run.counts, part):
+                    yield run.readings(view.name, [part]), send
+        for lidar in run.of(Cloud):
+            yield run[lidar.name], self._points
+        for imu, name in zip(imus, _entity_names("imu", run.of(Inertial, recorded=False)), strict=False):
+            yield run[imu.name], partial(self._imu, name)
+        for antenna, name in zip(antennas, _entity_names("gnss", run.of(Fix, recorded=False)), strict=False):
+            yield run[antenna.name], partial(self._navsat, name)
+        for wheels in run.of(WheelSpeeds):
+            yield run[wheels.name], self._wheels
 
-    def _is_skipped(self, raw: RawMessage) -> bool:
-        if raw.topic not in self._last_image:
-            return False
-        if raw.stamp_ns - self._last_image[raw.topic] < 0.999e9 / RATE:
-            return True
-        self._last_image[raw.topic] = raw.stamp_ns
-        return False
+    def _topics(self) -> list[tuple[str, Callable[[Any], None]]]:
+        return [(table.ODOMETRY, self._odometry), (table.TF, self._wheel_frames)]
 
     def _set_time(self, stamp_ns: int) -> None:
         if stamp_ns < _EPOCH_NS:
@@ -150,69 +136,61 @@ class _Log:
     def _transform(self, parent_from_child: NDArray[np.float64]) -> Any:
         return self.rr.Transform3D(translation=parent_from_child[:3, 3], mat3x3=parent_from_child[:3, :3])
 
-    def _odometry(self, _: str, message: Any) -> None:
+    def _odometry(self, reading: Message) -> None:
+        message = reading.value
         self.recording.log(BASE, self._transform(read.pose_matrix(message.pose.pose)))
         linear = message.twist.twist.linear
         self._scalar("speed", float(np.linalg.norm([linear.x, linear.y, linear.z])))
 
-    def _wheel_frames(self, _: str, message: Any) -> None:
-        for each in message.transforms:
+    def _wheel_frames(self, reading: Message) -> None:
+        for each in reading.value.transforms:
             if each.child_frame_id in WHEEL_FRAMES:
                 self.recording.log(self._entity(each.child_frame_id), self._transform(read.matrix(each.transform)))
 
-    def _points(self, _: str, message: Any) -> None:
-        cloud = read.points(message)
-        names = cloud.dtype.names or ()
-        label = cloud["label" if "label" in names else "intensity"].astype(np.uint16)
-        xyz = np.stack([cloud["x"], cloud["y"], cloud["z"]], axis=-1)
-        entity = f"{self._entity(message.header.frame_id)}/points"
-        self.recording.log(entity, self.rr.Points3D(xyz, class_ids=label, radii=self.rr.Radius.ui_points(1.5)))
+    def _points(self, cloud: Cloud) -> None:
+        radii, label = self.rr.Radius.ui_points(1.5), cloud.label.astype(np.uint16)
+        entity = f"{self._entity(cloud.frame)}/points"
+        self.recording.log(entity, self.rr.Points3D(cloud.xyz, class_ids=label, radii=radii))
 
-    def _camera_info(self, _: str, message: Any) -> None:
-        entity = self._entity(message.header.frame_id)
-        if entity in self._known:
+    def _lens(self, lens: Lens) -> None:
+        if not lens.is_pinhole or not lens.K[0, 0]:  # rerun has pinholes only; other images are shown flat
             return
-        self._known.add(entity)
-        if (
-            np.any(message.D) or not message.K[0] or message.distortion_model == "equidistant"
-        ):  # rerun has pinholes only; other images are shown flat
-            return
-        matrix = message.K.reshape(3, 3).copy()
+        matrix = lens.K.copy()
         matrix[:2, 2] += 0.5  # rerun's origin is the corner of the first pixel, that of ROS its centre
-        axes, size = self.rr.ViewCoordinates.RDF, {"width": message.width, "height": message.height}
-        lens = self.rr.Pinhole(image_from_camera=matrix, camera_xyz=axes, image_plane_distance=1.0, **size)
-        self.recording.log(entity, lens, static=True)
+        axes, size = self.rr.ViewCoordinates.RDF, {"width": lens.width, "height": lens.height}
+        pinhole = self.rr.Pinhole(image_from_camera=matrix, camera_xyz=axes, image_plane_distance=1.0, **size)
+        self.recording.log(self._entity(lens.frame), pinhole, static=True)
 
-    def _photograph(self, _: str, message: Any) -> None:
-        entity = f"{self._entity(message.header.frame_id)}/photograph"
-        self.recording.log(entity, self.rr.EncodedImage(contents=message.data.tobytes(), media_type="image/jpeg"))
+    def _photo(self, image: Image) -> None:
+        entity = f"{self._entity(image.frame)}/photograph"
+        shown = self.rr.Image(image.photo) if image.jpeg is None else None
+        self.recording.log(entity, shown or self.rr.EncodedImage(contents=image.jpeg, media_type="image/jpeg"))
 
-    def _tag(self, _: str, message: Any) -> None:
-        label = read.labels(read.image(message))
-        image = self.rr.SegmentationImage(label, opacity=0.4, draw_order=1.0)
-        self.recording.log(f"{self._entity(message.header.frame_id)}/tag", image)
+    def _label(self, image: Image) -> None:
+        shown = self.rr.SegmentationImage(image.label, opacity=0.4, draw_order=1.0)
+        self.recording.log(f"{self._entity(image.frame)}/tag", shown)
 
-    def _depth(self, _: str, message: Any) -> None:
-        metres = read.depth(message)
-        image = self.rr.DepthImage(np.where(np.isfinite(metres), metres, 0.0).astype(np.float32), meter=1.0)
-        self.recording.log(f"depth/{message.header.frame_id}", image)
+    def _depth(self, image: Any) -> None:
+        shown = self.rr.DepthImage(np.where(np.isfinite(image.depth), image.depth, 0.0).astype(np.float32), meter=1.0)
+        self.recording.log(f"depth/{image.frame}", shown)
 
-    def _normals(self, _: str, message: Any) -> None:
-        self.recording.log(f"normals/{message.header.frame_id}", self.rr.Image(normal_colours(read.normals(message))))
+    def _normal(self, image: Any) -> None:
+        self.recording.log(f"normals/{image.frame}", self.rr.Image(normal_colours(image.normal)))
 
-    def _flow(self, _: str, message: Any) -> None:
-        self.recording.log(f"flow/{message.header.frame_id}", self.rr.Image(flow_colours(read.flow(message))))
+    def _flow(self, image: Any) -> None:
+        self.recording.log(f"flow/{image.frame}", self.rr.Image(flow_colours(image.flow)))
 
-    def _imu(self, topic: str, message: Any) -> None:
-        for name in ("angular_velocity", "linear_acceleration"):
-            for axis in "xyz":
-                self._scalar(f"{self._imus[topic]}/{name}/{axis}", getattr(getattr(message, name), axis))
+    def _imu(self, name: str, reading: Inertial) -> None:
+        for what in ("angular_velocity", "linear_acceleration"):
+            for axis, value in zip("xyz", getattr(reading, what), strict=True):
+                self._scalar(f"{name}/{what}/{axis}", value)
 
-    def _navsat(self, topic: str, message: Any) -> None:
-        self.recording.log(self._antennas[topic], self.rr.GeoPoints(lat_lon=[message.latitude, message.longitude]))
+    def _navsat(self, name: str, fix: Fix) -> None:
+        self.recording.log(name, self.rr.GeoPoints(lat_lon=fix.geodetic[:2].tolist()))
 
-    def _wheel(self, topic: str, message: Any) -> None:
-        self._scalar(f"wheels/{topic.rpartition('/')[2].removesuffix('_speed')}", message.data)
+    def _wheels(self, wheels: WheelSpeeds) -> None:
+        for name, value in zip(wheels.names, wheels.speed, strict=True):
+            self._scalar(f"wheels/{name}", value)
 
     def _scalar(self, name: str, value: float) -> None:
         self.recording.log(f"curves/{name}", self.rr.Scalars(float(value)))
@@ -231,7 +209,16 @@ def entities(static: Mapping[tuple[str, str], NDArray[np.float64]]) -> dict[str,
     return found
 
 
-def _entity_names(kind: str, sensors: Sequence[SensorConfig]) -> list[str]:
+def _shown(readings: Readings) -> Iterator[tuple[int, int]]:
+    """Row and stamp [ns] of the readings that are shown: of images ``RATE`` per second, of others all."""
+    last = -_EPOCH_NS
+    for row, stamp in enumerate(readings.stamps_ns.tolist()):
+        if readings.source.type is not Image or stamp - last >= 0.999e9 / RATE:
+            last = stamp
+            yield row, stamp
+
+
+def _entity_names(kind: str, sensors: Sequence[Source]) -> list[str]:
     """Entities of the sensors of a kind: its name if there is one, else a branch for each."""
     return [kind] if len(sensors) == 1 else [f"{kind}/{sensor.name}" for sensor in sensors]
 
@@ -240,12 +227,14 @@ def _blueprint(run: Run) -> Any:
     import rerun.blueprint as rrb
 
     images = [
-        rrb.Spatial2DView(origin=f"{BASE}/{imager.frame}/{imager.optical_frame}", name=f"{imager.name} camera")
-        for imager in run.rig.imagers
-        if run.counts.keys() & {imager.topic_of("photograph"), imager.topic_of("tag")}
+        rrb.Spatial2DView(
+            origin=f"{BASE}/{view.frame.removesuffix('_optical')}/{view.frame}", name=f"{view.label} camera"
+        )
+        for view in run.of(Image, recorded=False)
+        if view.has(run.counts, "photo") or view.has(run.counts, "label")
     ]
     views = [("speed", "speed [m/s]")]
-    for imu in _entity_names("imu", run.rig.imus):
+    for imu in _entity_names("imu", run.of(Inertial, recorded=False)):
         of = f" of {imu.removeprefix('imu/')}" if "/" in imu else ""
         views.append((f"{imu}/angular_velocity", f"angular velocity{of} [rad/s]"))
         views.append((f"{imu}/linear_acceleration", f"acceleration{of} [m/s²]"))

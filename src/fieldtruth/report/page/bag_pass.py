@@ -16,15 +16,16 @@ from fieldtruth.bag.decode import stamp_ns
 from fieldtruth.bag.reader import BagError, RawMessage, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory
+from fieldtruth.core import readings
 from fieldtruth.core.arrays import Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.parallel import in_order
 from fieldtruth.core.progress import Progress, timed
-from fieldtruth.experiment.topic import WHEELS, Topic
+from fieldtruth.core.readings import Cloud, Image
+from fieldtruth.experiment.topic import Topic
 from fieldtruth.report.page.class_counts import count_pixels, count_points
 from fieldtruth.report.page.decimate import BUCKETS, CHANNELS
 from fieldtruth.report.page.series import Collector, Fixes, Inertial, Lines, Motion, Wheel
-from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
 
 UNEXPECTED: Final = (BagError, AttributeError, KeyError, TypeError, ValueError, IndexError)
 """Exceptions from a message that differs from what its topic promises."""
@@ -83,12 +84,18 @@ def summarize_bag(run: Run, workers: int, progress: Progress) -> BagSummary:
     topics, unusable = usable_topics(run)
     summary = BagSummary(unreadable=unusable)
     collectors = _collectors(run, topics)
-    clouds = [lidar.topic for lidar in run.rig.lidars]
-    tags = [imager.topic_of("tag") for imager in run.rig.imagers]
+    clouds = [lidar.topic for lidar in run.of(Cloud)]
+    tags = [view.topics["label"] for view in run.of(Image, "label")]
     counters: dict[str, Callable[[Any], Counts]] = dict.fromkeys(tags, count_pixels) | dict.fromkeys(
         clouds, count_points
     )
     wanted = [topic for topic in (*collectors, *counters) if topic in topics]
+    for topic in set(wanted) - {table.MODEL_STATES}:
+        try:
+            run.streams([topic])
+        except BagError as error:
+            summary.unreadable[topic] = reason(error)
+    wanted = [topic for topic in wanted if topic not in summary.unreadable]
     if not wanted:  # an empty list would mean all topics
         return summary
     counts: dict[str, Counts] = {}
@@ -125,14 +132,15 @@ def summarize_bag(run: Run, workers: int, progress: Progress) -> BagSummary:
 def _collectors(run: Run, topics: set[str]) -> dict[str, Collector]:
     """Collectors of the small messages by topic; Odometry replaces ModelStates, whose rate is 20 times as high."""
     poses = table.ODOMETRY if table.ODOMETRY in topics else table.MODEL_STATES
-    imus, antennas = run.rig.imus, run.rig.antennas
+    imus, antennas = run.of(readings.Inertial), run.of(readings.Fix)
+    wheels = run.of(readings.WheelSpeeds, recorded=False)
     channels = _OTHER_CHANNELS + 6 * len(imus) + 3 * len(antennas)
     time = run.start_ns, run.end_ns, min(BUCKETS, BUCKETS * CHANNELS // channels)
     made: Mapping[str, Collector] = {
         poses: Motion(time, from_model_states=poses == table.MODEL_STATES),
         **{imu.topic: Inertial(time, imu.name * (len(imus) > 1)) for imu in imus},
         **{each.topic: Fixes(time, each.name * (len(antennas) > 1)) for each in antennas},
-        **{t: Wheel(time, name.replace("_", " ")) for t, name in zip(WHEEL_SPEEDS, WHEELS, strict=True)},
+        **{t: Wheel(time, name.replace("_", " ")) for each in wheels for name, t in each.topics.items()},
     }
     return {topic: collector for topic, collector in made.items() if topic in topics}
 

@@ -9,7 +9,7 @@ from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.progress import Progress
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.report.drawing.style import class_colour
 from fieldtruth.report.drawing.text import shortened
 from fieldtruth.report.page import snippets, tables
@@ -80,9 +80,9 @@ def collect_content(run: Run, workers: int, progress: Progress) -> PageContent:
         map=draw_map(run, trajectory, aerial, [each.stamp_ns for each in samples], next(iter(cameras), None)),
         map_note=map_note,
         samples=samples,
-        is_pair=[imager.side for imager in run.rig.imagers] == ["left", "right"],
+        is_pair=[view.side for view in run.of(Image, recorded=False)] == ["left", "right"],
         image_classes=tuple((row.name, class_colour(row.label)) for row in CLASSES if row.label in visible),
-        counted=_counted(run.rig, len(summary.pixels)),
+        counted=_counted(run, len(summary.pixels)),
         cloud=cloud,
         cloud_note=cloud_note,
         classes=classes,
@@ -103,12 +103,13 @@ def collect_content(run: Run, workers: int, progress: Progress) -> PageContent:
     )
 
 
-def _counted(rig: Rig, cameras: int) -> str:
+def _counted(run: Run, cameras: int) -> str:
     """Name what the shares count: pixels of the cameras that the bag has, and points of the LiDARs of the rig."""
     whose = f"all {cameras} cameras" if cameras > 2 else "the camera" if cameras == 1 else "both cameras"
-    scans = f"the scans of {len(rig.lidars)} LiDARs" if len(rig.lidars) > 1 else "the scans"
+    lidars, views = run.of(Cloud, recorded=False), run.of(Image, recorded=False)
+    scans = f"the scans of {len(lidars)} LiDARs" if len(lidars) > 1 else "the scans"
     pixels, points = f"every pixel in the tag images of {whose}", f"every point in {scans}"
-    return " and of ".join([pixels] * bool(rig.imagers) + [points] * bool(rig.lidars))
+    return " and of ".join([pixels] * bool(views) + [points] * bool(lidars))
 
 
 def _cloud(run: Run, trajectory: Trajectory | None) -> tuple[CloudView | None, str]:
@@ -117,6 +118,6 @@ def _cloud(run: Run, trajectory: Trajectory | None) -> tuple[CloudView | None, s
     except UNEXPECTED as error:
         return None, f"The clouds cannot be shown: {reason(error)}."
     if cloud is None:
-        topics = ", ".join(lidar.topic for lidar in run.rig.lidars)
+        topics = ", ".join(lidar.topic for lidar in run.of(Cloud, recorded=False))
         return None, f"The bag has no {topics}." if topics else "The rig has no LiDAR."
     return (pack_cloud(cloud, trajectory), "") if len(cloud.xyz) else (None, "The clouds have no points.")

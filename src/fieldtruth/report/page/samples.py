@@ -2,24 +2,25 @@
 # SPDX-License-Identifier: Apache-2.0
 """Images of all cameras from a run with their tag images (paper, Figures 17 to 20), compressed to bounded sizes."""
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag.decode import image, labels
-from fieldtruth.bag.reader import decoder, open_bag
+from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.readings import Readings, image_of
 from fieldtruth.bag.run import Run
+from fieldtruth.bag.sources import Source
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.core.png import encode_png
+from fieldtruth.core.readings import Image
 from fieldtruth.report.drawing.images import downscaled, jpeg_below
 from fieldtruth.report.page.bag_pass import UNEXPECTED, reason, usable_topics
-from fieldtruth.sensors.camera.config import Imager
 
 SAMPLES: Final = 6
-STREAMS_SHOWN: Final = ("photograph", "tag")
+PARTS_SHOWN: Final = ("photo", "label")
 PHOTO_BYTES: Final = 330_000
 TAG_BYTES: Final = 130_000
 """Limits of two cameras; more share what these have."""
@@ -53,10 +54,6 @@ class Sample:
     thumbnail: bytes = b""
 
 
-Nearest = Callable[[str, int], tuple[int, Any] | None]
-"""Stamp [ns] and message of a topic that are nearest to a stamp; None if the topic has none near it."""
-
-
 def read_samples(run: Run) -> tuple[list[Sample], dict[str, str]]:
     """Read a sample from the middle of each sixth of the images, and by topic why its images cannot be shown.
 
@@ -65,77 +62,71 @@ def read_samples(run: Run) -> tuple[list[Sample], dict[str, str]]:
     Raises:
         BagError: the bag is damaged.
     """
-    usable, imagers = usable_topics(run)[0], run.rig.imagers
-    wanted = [t for stream in STREAMS_SHOWN for t in (each.topic_of(stream) for each in imagers) if t in usable]
-    samples: list[Sample] = []
+    usable, views = usable_topics(run)[0], run.of(Image, recorded=False)
     unreadable: dict[str, str] = {}
-    if not wanted:
-        return samples, unreadable
-    near_ns = {t: _near_ns(each) for each in imagers for t in map(each.topic_of, STREAMS_SHOWN)}
-    with open_bag(run.bag, true_stamps=run.clocked) as bag:
-        decode, index = decoder(bag), bag.index(wanted)
-
-        def nearest(topic: str, stamp: int) -> tuple[int, Any] | None:
-            if topic not in index:
-                return None
-            stamps_ns, chunk, offset = index[topic]
-            row = int(np.abs(stamps_ns - stamp).argmin())
-            found = int(stamps_ns[row])
-            if abs(found - stamp) > near_ns[topic]:
-                return None
-            return found, decode(bag.message(bag.chunk(int(chunk[row])), int(offset[row])))
-
-        stamps = index[wanted[0]].stamps_ns
-        count = min(SAMPLES, len(stamps))
-        share = min(1.0, 2.0 / len(imagers))
-        for k in range(count):
-            sample = Sample(int(stamps[(2 * k + 1) * len(stamps) // (2 * count)]))
-            for imager in imagers:
-                view = _view(imager, nearest, unreadable, sample, share)
-                if view.photo or view.tag:
-                    sample.views[imager.name] = view
-            if sample.views:
-                samples.append(sample)
+    images: dict[tuple[str, str], Readings] = {}
+    for part in PARTS_SHOWN:
+        for view in views:
+            if view.topics[part] in usable:
+                try:
+                    images[view.name, part] = run.readings(view.name, [part])
+                except BagError as error:
+                    unreadable[view.topics[part]] = reason(error)
+    samples: list[Sample] = []
+    stamps = next((each.stamps_ns for each in images.values()), np.empty(0, np.int64))
+    count = min(SAMPLES, len(stamps))
+    share = min(1.0, 2.0 / max(len(views), 1))
+    for k in range(count):
+        sample = Sample(int(stamps[(2 * k + 1) * len(stamps) // (2 * count)]))
+        for source in views:
+            found = _view(source, images, unreadable, sample, share)
+            if found.photo or found.tag:
+                sample.views[source.label] = found
+        if sample.views:
+            samples.append(sample)
     return samples, unreadable
 
 
-def _near_ns(imager: Imager) -> int:
-    """Half the interval between images, at least what counts as simultaneous."""
-    return max(_SIMULTANEOUS, round(0.5e9 / imager.config.rate_hz))
-
-
-def _view(imager: Imager, nearest: Nearest, unreadable: dict[str, str], sample: Sample, share: float) -> View:
-    view = View()
-    for stream, add, most in (("photograph", _add_photo, PHOTO_BYTES), ("tag", _add_tag, TAG_BYTES)):
-        found = nearest(imager.topic_of(stream), sample.stamp_ns)
-        if found is None:
+def _view(
+    source: Source, images: Mapping[tuple[str, str], Readings], unreadable: dict[str, str], sample: Sample, share: float
+) -> View:
+    view, near_ns = View(), max(_SIMULTANEOUS, round(0.5e9 / source.config.rate_hz))
+    for part, add, most in (("photo", _add_photo, PHOTO_BYTES), ("label", _add_tag, TAG_BYTES)):
+        readings = images.get((source.name, part))
+        if readings is None or not len(readings):
             continue
-        stamp, message = found
+        row = int(np.abs(readings.stamps_ns - sample.stamp_ns).argmin())
+        later_ns = int(readings.stamps_ns[row]) - sample.stamp_ns
+        if abs(later_ns) > near_ns:
+            continue
+        message = readings.message(row)
         try:
-            colours = image(message)
-            add(view, message, colours, int(share * most))
+            colours = add(view, image_of({part: message}), int(share * most))
         except UNEXPECTED as error:
-            unreadable[imager.topic_of(stream)] = reason(error)
+            unreadable[source.topics[part]] = reason(error)
         else:
             view.height, view.width = colours.shape[:2]
-            later_ns = stamp - sample.stamp_ns
             view.later_ms = round(later_ns / 1e6) if abs(later_ns) > _SIMULTANEOUS else 0
             sample.thumbnail = sample.thumbnail or jpeg_below(_narrowed(colours, _THUMBNAIL), THUMBNAIL_BYTES)
     return view
 
 
-def _add_photo(view: View, message: Any, colours: NDArray[np.uint8], most: int) -> None:
-    stored = bytes(message.data)
-    fits = len(stored) <= most and colours.shape[1] <= _WIDEST
+def _add_photo(view: View, image: Any, most: int) -> NDArray[np.uint8]:
+    colours: NDArray[np.uint8] = image.photo
+    stored = image.jpeg or b""
+    fits = stored and len(stored) <= most and colours.shape[1] <= _WIDEST
     view.photo = stored if fits else jpeg_below(_narrowed(colours, _WIDEST), most)
+    return colours
 
 
-def _add_tag(view: View, _: Any, colours: NDArray[np.uint8], most: int) -> None:
-    ids = labels(colours)
+def _add_tag(view: View, image: Any, most: int) -> NDArray[np.uint8]:
+    ids: NDArray[np.uint8] = image.label
+    colours = PALETTE[ids]
     view.classes = frozenset(np.unique(ids).tolist())
     while len(png := encode_png(ids, palette=PALETTE)) > most or ids.shape[1] > _WIDEST:
         ids = np.ascontiguousarray(ids[::2, ::2])
     view.tag = png
+    return colours
 
 
 def _narrowed(colours: NDArray[np.uint8], widest: int) -> NDArray[np.uint8]:

@@ -8,15 +8,16 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag.calibration import read_static_frames
 from fieldtruth.bag.decode import points
-from fieldtruth.bag.reader import BagError, BagReader, decoder, open_bag
+from fieldtruth.bag.errors import BagError
 from fieldtruth.bag.run import Run
+from fieldtruth.bag.sources import Source
 from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
-from fieldtruth.report.drawing.cloud import Cloud
-from fieldtruth.report.page.bag_pass import UNEXPECTED, stamp_of, usable_topics
+from fieldtruth.core.readings import Cloud
+from fieldtruth.report.drawing import cloud as drawing
+from fieldtruth.report.page.bag_pass import UNEXPECTED, usable_topics
 from fieldtruth.report.page.class_counts import class_ids
 
 SCANS: Final = 120
@@ -29,7 +30,7 @@ _BUFFER: Final = 6 * LARGEST  # points in memory while scans are added
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScanCloud(Cloud):
+class ScanCloud(drawing.Cloud):
     """Accumulated scans with one point per occupied voxel."""
 
     voxel: float
@@ -50,11 +51,10 @@ def accumulate_scans(run: Run, trajectory: Trajectory | None) -> ScanCloud | Non
     Raises:
         BagError: the bag is damaged, or its clouds have no x, y, z.
     """
-    lidars = [lidar for lidar in run.rig.lidars if lidar.topic in usable_topics(run)[0]]
+    lidars = [lidar for lidar in run.of(Cloud) if lidar.topic in usable_topics(run)[0]]
     if not lidars:
         return None
-    with open_bag(run.bag, true_stamps=run.clocked) as bag:
-        found = [_accumulated(run, bag, lidar.topic, trajectory) for lidar in lidars]
+    found = [_accumulated(run, lidar, trajectory) for lidar in lidars]
     same = [each for each in found if each.frame == found[0].frame]
     for each in same:
         each.reduce(LARGEST // len(same))
@@ -75,16 +75,10 @@ def accumulate_scans(run: Run, trajectory: Trajectory | None) -> ScanCloud | Non
     )
 
 
-def _accumulated(run: Run, bag: BagReader, topic: str, trajectory: Trajectory | None) -> "_Voxels":
-    index, decode = bag.index([topic])[topic], decoder(bag)
-    last = len(index.stamps_ns) - 1
-
-    def scan(row: int) -> tuple[Any, int]:
-        raw = bag.message(bag.chunk(int(index.chunk[row])), int(index.offset[row]))
-        cloud = decode(raw)
-        return cloud, stamp_of(cloud, raw)
-
-    middle, _ = scan((last + 1) // 2)
+def _accumulated(run: Run, lidar: Source, trajectory: Trajectory | None) -> "_Voxels":
+    clouds, topic = run.readings(lidar.name, labelled=False), lidar.topic
+    last = len(clouds) - 1
+    middle = clouds.message((last + 1) // 2)
     base_from_sensor, note = _mount(run, middle.header.frame_id)
     if trajectory is None or base_from_sensor is None:
         voxels = _Voxels(middle.header.frame_id, note or "The bag has no true poses.")
@@ -92,9 +86,9 @@ def _accumulated(run: Run, bag: BagReader, topic: str, trajectory: Trajectory | 
         return voxels
     voxels = _Voxels("world", note)
     for row in np.unique(np.linspace(0, last, SCANS).round().astype(int)).tolist():
-        cloud, stamp = scan(row)
+        cloud = clouds.message(row)
         try:
-            world_from_sensor = trajectory.world_from_base(stamp) @ base_from_sensor
+            world_from_sensor = trajectory.world_from_base(int(clouds.stamps_ns[row])) @ base_from_sensor
         except BagError:  # before the first pose or after the last
             continue
         xyz, label = _returns(topic, cloud)
@@ -105,7 +99,7 @@ def _accumulated(run: Run, bag: BagReader, topic: str, trajectory: Trajectory | 
 def _mount(run: Run, frame: str) -> tuple[Array | None, str]:
     """``base_from_sensor`` (4, 4), and a remark if it is not from the bag."""
     try:
-        return read_static_frames(run).base_from(frame), ""
+        return run.static.base_from(frame), ""
     except UNEXPECTED:  # no frames, not this one, or an invalid rotation
         mounts = run.rig.mounts()
     if frame in mounts:

@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.checksums import CHECKSUMS
 from fieldtruth.bag.run import Run
+from fieldtruth.core.readings import Cloud, Image
 
 FORMATS: Final = {
     "files": "PNG, CSV and text files with class shares, as the paper publishes them",
@@ -50,8 +51,8 @@ def snippets(run: Run) -> list[Snippet]:
         Snippet("fieldtruth", "Python", _fieldtruth(run, path)),
         Snippet("rosbags, without ROS", "Python", _ROSBAGS.format(path=path)),
     ]
-    clouds, images = [lidar.topic for lidar in run.rig.lidars[:1]], run.rig.imagers[:1]
-    if clouds and images and run.counts.keys() >= {*clouds, images[0].topic_of("photograph")}:
+    clouds, images = run.of(Cloud, recorded=False)[:1], run.of(Image, recorded=False)[:1]
+    if clouds and images and all(each.has(run.counts) for each in (*clouds, *images)):
         found.append(Snippet("PyTorch", "Python", _PYTORCH.format(path=path)))
     if table.ODOMETRY in run.counts:
         found.append(Snippet("evo", "shell", f"evo_traj bag {bag} {table.ODOMETRY} --plot"))
@@ -68,8 +69,10 @@ def snippets(run: Run) -> list[Snippet]:
 
 def _fieldtruth(run: Run, path: str) -> str:
     """A program that reads the topic with the richest content."""
-    decoders = dict.fromkeys([lidar.topic for lidar in run.rig.lidars], "ft.bag.points(reading.message)")
-    decoders |= dict.fromkeys([each.topic_of("tag") for each in run.rig.imagers], "ft.bag.image(reading.message)")
+    decoders = dict.fromkeys([lidar.topic for lidar in run.of(Cloud)], "ft.bag.points(reading.message)")
+    decoders |= dict.fromkeys(
+        [view.topics["label"] for view in run.of(Image, "label")], "ft.bag.image(reading.message)"
+    )
     topic = next((topic for topic in decoders if topic in run.counts), min(run.counts))
     return _FIELDTRUTH.format(path=path, topic=ascii(topic), value=decoders.get(topic, "reading.message"))
 

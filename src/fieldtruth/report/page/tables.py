@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.calibration import first_message, read_static_frames
+from fieldtruth.bag.calibration import first_message
 from fieldtruth.bag.checksums import read_checksums, sha256_of
 from fieldtruth.bag.reader import BagError
 from fieldtruth.bag.run import EXPERIMENT, TRACK, Run
@@ -17,6 +17,7 @@ from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.lenses import COEFFICIENTS, Lens, fields_of_view
 from fieldtruth.core.progress import Progress
+from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.experiment.files import VERSION_KEY
 from fieldtruth.experiment.yaml_io import parse_mapping
 from fieldtruth.report.drawing.geometry import heading_of
@@ -87,9 +88,9 @@ def key_figures(run: Run, summary: BagSummary) -> list[Figure]:
         if run.duration_s > 0:
             figures.append(Figure(f"{trajectory.length_m / run.duration_s:.2f}", "m/s", "mean speed"))
     counted = {
-        "stereo pairs": _count(run, [i.topic_of("photograph") for i in run.rig.imagers if i.side == "left"]),
-        "single images": _count(run, [i.topic_of("photograph") for i in run.rig.imagers if not i.side]),
-        "LiDAR scans": _count(run, [lidar.topic for lidar in run.rig.lidars]),
+        "stereo pairs": _count(run, [view.topic for view in run.of(Image, recorded=False) if view.side == "left"]),
+        "single images": _count(run, [view.topic for view in run.of(Image, recorded=False) if not view.side]),
+        "LiDAR scans": _count(run, [lidar.topic for lidar in run.of(Cloud)]),
         "labelled pixels": sum(int(counts[1:].sum()) for counts in summary.pixels.values()),
         "labelled points": sum(int(counts[1:].sum()) for counts in summary.points.values()),
     }
@@ -218,7 +219,7 @@ def frame_rows(run: Run) -> list[FrameRow]:
     if table.TF_STATIC not in usable_topics(run)[0]:
         return []
     try:
-        parents = read_static_frames(run).parents
+        parents = run.static.parents
     except UNEXPECTED:  # an invalid quaternion, for example
         return []
     children: dict[str, list[str]] = {}

@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.bag_file import BagFile
 from fieldtruth.bag.model_states import ROBOT
 from fieldtruth.bag.reader import BagError
-from fieldtruth.bag.run import Run
+from fieldtruth.bag.storage import Storage
+from fieldtruth.bag.streams import Stream
 from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core.arrays import Array, Counts, Mask
-from fieldtruth.datasets.association import Stream
-from fieldtruth.datasets.storage import Storage
 
 
-def pose_topic(run: Run) -> str:
+def pose_topic(run: BagFile) -> str:
     """Return the topic of the true pose: /ground_truth/odom if the bag has it, else /gazebo/model_states.
 
     Raises:

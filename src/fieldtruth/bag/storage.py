@@ -4,7 +4,7 @@
 
 import os
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from threading import Lock
 from typing import Any, Final
@@ -17,7 +17,6 @@ from fieldtruth.bag.reader import (
     message_at,
     read_chunk,
     types_of,
-    with_stamp,
 )
 
 BUDGET: Final = 64 * 2**20  # [byte]; the chunks of two frames of 1280 x 720 with all items
@@ -28,12 +27,13 @@ Key = tuple[Path, tuple[int, int], int]
 class Storage:
     """The messages of one bag by position. It holds no file and no message, so it can be pickled and forked."""
 
-    def __init__(self, bag: BagReader) -> None:
+    def __init__(self, bag: BagReader, clocked: Collection[str] = ()) -> None:
         self.path = bag.path.resolve()
+        self.clocked = frozenset(clocked)
+        """Topics whose headers have a sensor's own time."""
         self._version = _version(self.path)
         self._definitions = {c.msgtype: c.msgdef.data for c in bag.connections}
         self._kinds = {c.id: (c.topic, c.msgtype) for c in bag.connections}
-        self._true_stamps = bag.true_stamps
 
     def message(self, topic: str, chunk: int, offset: int) -> Any:
         """Return the message of a topic at an offset in the chunk at a position in the file, with ROS's field names.
@@ -47,8 +47,6 @@ class Storage:
         found, msgtype = self._kinds.get(number, ("no topic", ""))
         if found != topic:
             raise BagError(f"cannot read {self.path}: its index has {topic} at the position of a message of {found}")
-        if topic in self._true_stamps:
-            data = with_stamp(data, stamp)
         return decoder_of(types_of(self._definitions), self.path)(RawMessage(stamp, topic, msgtype, data))
 
     def _unpack(self, chunk: int) -> bytes:

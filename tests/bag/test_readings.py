@@ -1,0 +1,232 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Runs as readings by sensor name: the values are those of rosbags, and stamps that do not rise are refused."""
+
+import io
+import pickle
+import shutil
+import struct
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image as Picture
+from rosbags.rosbag1 import Reader, Writer
+
+import fieldtruth as ft
+from fieldtruth.bag.decode import read_bag
+from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.run import open_run
+from fieldtruth.bag.streams import rising_rows
+from fieldtruth.bag.track_file import read_track_file
+from fieldtruth.core.errors import FieldtruthWarning, UnknownNameError
+from fieldtruth.core.readings import Cloud, Image, Inertial
+from fieldtruth.experiment.config import DriveConfig
+
+POINTS, ODOMETRY, IMU = "/os1_cloud_node/points", "/ground_truth/odom", "/imu/data"
+PHOTOS = "/stereo/camera/left/real/compressed"
+Change = Callable[[str, int, bytes], tuple[int, bytes]]
+
+
+def rewritten(run: Path, path: Path, change: Change, passes: int = 1) -> Path:
+    """Copy a run's bag; ``change`` gives a message's new stamp in the bag and bytes. It may be played several times."""
+    with Reader(run / f"{run.name}.bag") as reader, Writer(path) as writer:
+        connections = {
+            c.id: writer.add_connection(c.topic, c.msgtype, msgdef=c.msgdef.data, md5sum=c.digest)
+            for c in reader.connections
+        }
+        rows = [(c, stamp, bytes(data)) for c, stamp, data in reader.messages()]
+        for number in range(passes):
+            for connection, stamp, data in rows:
+                moved, new = change(connection.topic, stamp, data)
+                writer.write(connections[connection.id], moved + number * reader.duration, new)
+    return path
+
+
+def stamped(data: bytes, stamp_ns: int) -> bytes:
+    return data[:4] + struct.pack("<2L", *divmod(stamp_ns, 10**9)) + data[12:]
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Readings
+
+
+def test_readings_are_the_messages_as_arrays(small_run: Path) -> None:
+    run = open_run(small_run)
+    clouds, views, imu = run["lidar"], run["stereo/left"], run["imu"]
+    messages = [reading.message for reading in read_bag(run.bag, [POINTS])]
+    assert (len(clouds), clouds[-1].stamp_ns, clouds[3].frame) == (12, 1_200_000_000, "os1_lidar")
+    for cloud, message in zip(clouds[2:5], messages[2:5], strict=True):
+        assert isinstance(cloud, Cloud)
+        raw = np.frombuffer(message.data.tobytes(), np.uint8).reshape(-1, message.point_step)
+        assert np.array_equal(cloud.xyz, raw[:, :12].copy().view("<f4"))
+        assert list(cloud.fields()) == [field.name for field in message.fields]
+        assert np.array_equal(cloud.label, cloud.others["intensity"])
+        assert cloud.stamp_ns == cloud.header_ns == message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+    image = views.at(400_000_000)
+    assert isinstance(image, Image)
+    (photo,) = [r.message for r in read_bag(run.bag, [PHOTOS]) if r.stamp_ns == 400_000_000]
+    assert image.jpeg == photo.data.tobytes()
+    assert image.photo is not None
+    assert np.array_equal(image.photo, np.asarray(Picture.open(io.BytesIO(photo.data.tobytes()))))
+    assert image.flow is None
+    assert image.depth is not None
+    assert image.depth.shape == (184, 320)
+    series = imu[:]
+    assert isinstance(series, Inertial)
+    rates = [(m.x, m.y, m.z) for m in (r.message.angular_velocity for r in read_bag(run.bag, [IMU]))]
+    assert np.array_equal(series.angular_velocity, rates)
+    assert np.array_equal(series.stamp_ns, imu.stamps_ns)
+    assert series.orientation_wxyz.shape == (len(imu), 4)
+
+
+def test_frames_come_in_time_order_with_the_true_pose(small_run: Path) -> None:
+    run = open_run(small_run)
+    frames = list(run.frames(sensors=["lidar", "stereo/left"]))
+    stamps = {*range(10**8, 13 * 10**8, 10**8), *range(4 * 10**7, 121 * 10**7, 4 * 10**7)}
+    assert [frame.stamp_ns for frame in frames] == sorted(stamps)
+    assert [len(frame) for frame in frames].count(2) == 6
+    both = next(frame for frame in frames if len(frame) == 2)
+    assert np.array_equal(both["lidar"].xyz, run["lidar"].at(both.stamp_ns).xyz)
+    assert both.pose == pytest.approx(run.trajectory.world_from_base(both.stamp_ns))
+    assert {name for frame in run.frames() for name in frame} == {
+        "imu", "gnss", "wheel_odometry", "wheel_odometry/speeds", "wheel_odometry/joints", "lidar", "stereo/left",
+        "stereo/right",
+    }  # fmt: skip
+
+
+def test_names_and_copies(small_run: Path, tmp_path: Path) -> None:
+    run = open_run(small_run)
+    assert np.array_equal(run["left"][0].photo, run["stereo/left"][0].photo)
+    assert np.array_equal(pickle.loads(pickle.dumps(run["lidar"]))[5].xyz, run["lidar"][5].xyz)
+    assert run.calibration.base_from("stereo/right")[:3, 3] == pytest.approx([0.15, -0.06, 0.72])
+    assert run.calibration.lens("stereo/left").is_pinhole
+    with pytest.raises(UnknownNameError, match="unknown sensor 'radar'"):
+        run["radar"]
+    with pytest.raises(BagError, match=r"lidar of .* has no reading at 5 ns; the nearest is at 100000000 ns"):
+        run["lidar"].at(5)
+    with pytest.raises(IndexError):
+        run["lidar"][12]
+
+
+def test_what_is_assumed_is_said_once(small_run: Path, tmp_path: Path) -> None:
+    bag = rewritten(small_run, tmp_path / "other.bag", lambda topic, stamp, data: (stamp, data))
+    run = open_run(bag)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        assert run["lidar"].source.frame == "os1_lidar"
+        assert run["imu"].source.config in run.rig.sensors
+    (text,) = [str(each.message) for each in said]
+    assert "there is no experiment.yaml of this bag" in text
+    lidar, stereo = run.sensors["lidar"].config, run.sensors["stereo/left"].config
+    assert (lidar.columns, lidar.rings, stereo.width, stereo.height) == (512, 64, 320, 184)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        made = ft.export(bag, "pcd", out=tmp_path / "pcd")
+    assert "other: there is no experiment.yaml of this bag" in (made / "README.md").read_text()
+
+
+def test_an_experiment_that_does_not_fit_is_reported_in_one_line(small_run: Path, tmp_path: Path) -> None:
+    shutil.copytree(small_run, tmp_path / "park_1")
+    path = tmp_path / "park_1/experiment.yaml"
+    changed = path.read_text().replace("  rate_hz: 10.0\n", "  rate_hz: 5.0\n")
+    assert changed != path.read_text()
+    path.write_text(changed)
+    with pytest.warns(FieldtruthWarning) as said:
+        open_run(tmp_path / "park_1")
+    (text,) = [str(each.message) for each in said]
+    assert "does not fit the bag" in text
+    assert "points has 9.17 Hz, not 5 Hz" in text
+    assert "\n" not in text
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Stamps
+
+
+def test_stamps_must_rise(tmp_path: Path) -> None:
+    def rows(stamps: list[int], **options: Any) -> list[int]:
+        return rising_rows(np.array(stamps) * 10**7, "/t", tmp_path, **options).tolist()
+
+    assert rows([1, 2, 3]) == [0, 1, 2]
+    assert rows([3, 1, 30, 2]) == [1, 3, 0, 2]  # messages that arrived late
+    assert rows([0, 0, 5, 6]) == [2, 3]  # before the clock started
+    assert rows([0]) == [0]
+    assert rows([1, 1, 2, 2, 3], coarse=True) == [0, 2, 4]
+    for stamps, words in (
+        ([10, 50, 100, 11, 51], r"stamps of /t go back from 1000000000 ns to 110000000 ns"),
+        ([1, 2, 3, 2], "two messages of /t have the stamp 20000000 ns"),
+        ([0, 0], "all 2 stamps of /t are 0"),
+    ):
+        with pytest.raises(BagError, match=words):
+            rows(stamps)
+    with pytest.raises(BagError, match="two messages"):
+        rows([1, 2, 1, 2], coarse=True)  # a second pass, not a coarse clock
+
+
+def reset(topic: str, stamp: int, data: bytes) -> tuple[int, bytes]:
+    """The clock of the headers begins again after 0.6 s, 7 ms later."""
+    return stamp, stamped(data, stamp if stamp < 6 * 10**8 else stamp - 593_000_000) if headed(topic) else data
+
+
+def headed(topic: str) -> bool:
+    return topic in (ODOMETRY, POINTS, IMU) or topic.startswith("/stereo/camera/")
+
+
+FORMS = ["tum", "kitti", "semantickitti", "webdataset", "mmseg", "pcd", "files", "coco", "stereo-depth"]
+
+
+@pytest.mark.filterwarnings("ignore::fieldtruth.core.errors.FieldtruthWarning")
+@pytest.mark.parametrize("to", FORMS)
+def test_every_form_refuses_a_run_that_was_reset_or_looped(small_run: Path, tmp_path: Path, to: str) -> None:
+    again = rewritten(small_run, tmp_path / "reset.bag", reset)
+    twice = rewritten(small_run, tmp_path / "loop.bag", lambda topic, stamp, data: (stamp, data), passes=2)
+    for bag in (again, twice):
+        with pytest.raises(BagError, match=r"stamps of /\S+ go back from \d+ ns to \d+ ns.*; cut the bag there"):
+            ft.export(bag, to, out=tmp_path / "out", workers=2)
+        assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.filterwarnings("ignore::fieldtruth.core.errors.FieldtruthWarning")
+def test_data_sets_and_track_files_refuse_them_too(small_run: Path, tmp_path: Path) -> None:
+    again = rewritten(small_run, tmp_path / "reset.bag", reset)
+    with pytest.raises(BagError, match="go back"):
+        ft.RunDataset(again)
+    with pytest.raises(BagError, match="go back"):
+        ft.RunDataset(again, ["pose"])
+    with pytest.raises(BagError, match="go back"):
+        read_track_file(DriveConfig(track=str(again)))
+
+
+@pytest.mark.filterwarnings("ignore::fieldtruth.core.errors.FieldtruthWarning")
+def test_a_repeated_stamp_amid_others_is_refused_where_it_is_read(small_run: Path, tmp_path: Path) -> None:
+    def repeat(topic: str, stamp: int, data: bytes) -> tuple[int, bytes]:
+        return stamp, stamped(data, 500_000_000) if topic == POINTS and stamp == 600_000_000 else data
+
+    bag = rewritten(small_run, tmp_path / "once.bag", repeat)
+    with pytest.raises(BagError, match=f"stamps of {POINTS} go back from 600000000 ns to 500000000 ns"):
+        ft.export(bag, "semantickitti", out=tmp_path / "out")
+
+
+@pytest.mark.filterwarnings("ignore::fieldtruth.core.errors.FieldtruthWarning")
+def test_stamps_of_the_bag_that_go_back_in_the_file_are_refused(small_run: Path, tmp_path: Path) -> None:
+    """With ``use_sim_time`` the recorder's clock is reset, too."""
+
+    def both(topic: str, stamp: int, data: bytes) -> tuple[int, bytes]:
+        new = stamp if stamp < 6 * 10**8 else stamp - 593_000_000
+        return new, stamped(data, new) if headed(topic) else data
+
+    bag = rewritten(small_run, tmp_path / "sim.bag", both)
+    for name in ("imu", "lidar", "stereo/left"):
+        with pytest.raises(BagError, match="go back"):
+            open_run(bag)[name]
+    with pytest.raises(BagError, match="go back"):
+        _ = open_run(bag).trajectory
+    rng = np.random.default_rng(1)
+    late = rewritten(
+        small_run, tmp_path / "late.bag", lambda topic, stamp, data: (stamp + int(rng.integers(3 * 10**8)), data)
+    )
+    assert np.array_equal(open_run(late)["lidar"].stamps_ns, open_run(small_run)["lidar"].stamps_ns)
