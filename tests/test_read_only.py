@@ -60,8 +60,8 @@ def test_every_module_is_imported_and_kernels_run(read_only: dict[str, str], tmp
 def test_runs_are_made_checked_and_annotated(read_only: dict[str, str], tmp_path: Path) -> None:
     work, command = tmp_path / "work", ("-m", "fieldtruth.cli")
     run(read_only, work, *command, "generate", "park_1", "--seconds", "0.1", "--no-cameras", "--out", "run")
-    assert "failed" not in run(read_only, work, *command, "validate", "run")
-    run(read_only, work, *command, "annotate", "run/park_1.bag", "--world", "park", "--out", "annotated.bag")
+    assert " 0 failed" in run(read_only, work, *command, "validate", "run/park_1")
+    run(read_only, work, *command, "annotate", "run/park_1/park_1.bag", "--world", "park", "--out", "annotated.bag")
     assert {path.name for path in work.iterdir()} == {"run", "annotated.bag"}
 
 
