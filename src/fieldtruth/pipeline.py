@@ -26,12 +26,12 @@ from fieldtruth.experiment.files import dump_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.folder import RunFolder, run_folder
 from fieldtruth.record.following import follow_track, with_stored_track, without_wheels
-from fieldtruth.record.sensors import movement_of, sensor_factory
+from fieldtruth.record.sensors import sensor_factory
 from fieldtruth.record.slices import SliceFolder, Slices, slices_key
 from fieldtruth.record.stream import Stream
 from fieldtruth.record.streams import streams_of
 from fieldtruth.report.card import data_card
-from fieldtruth.sensors.kind import Movement, Place
+from fieldtruth.sensors.kind import Movement, Place, movement_of
 from fieldtruth.sensors.known import sensor_class
 from fieldtruth.world.build import check_experiment, world_of
 from fieldtruth.world.model import World
