@@ -11,8 +11,8 @@ from .bag.decode import read_bag as read_bag
 from .bag.errors import BagError as BagError
 from .bag.run import Run as Run
 from .bag.run import open_run as open_run
-from .core import frames as frames
 from .core import geodesy as geodesy
+from .core import transforms as transforms
 from .core.classes import CLASSES as CLASSES
 from .core.classes import NO_RETURN as NO_RETURN
 from .core.classes import PALETTE as PALETTE
@@ -91,6 +91,9 @@ from .sensors.lidar.config import LidarConfig as LidarConfig
 from .sensors.lidar.measuring import Lidar as Lidar
 from .sensors.lidar.sensing import Scan as Scan
 from .sensors.wheel_odometry.config import WheelOdometryConfig as WheelOdometryConfig
+from .simulation.ahead import frames as frames
+from .simulation.frame import Frame as Frame
+from .simulation.stepped import Simulation as Simulation
 from .validation import Check as Check
 from .validation.runner import validate as validate
 from .world.build import check_experiment as check_experiment

@@ -26,7 +26,7 @@ from fieldtruth.core.progress import Progress
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import with_overrides
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.pipeline import PreparedHere, generate, prepare
+from fieldtruth.pipeline import PreparedHere, generate_by, prepare
 from fieldtruth.record.slices import slices_key
 from fieldtruth.record.stream import Stream
 
@@ -78,7 +78,7 @@ def degrade(
             made = prepare(experiment, given, progress)
             return _Degraded(made.experiment, made.world, made.track, run, stored)
 
-        return generate(experiment, out, engine=engine, workers=workers, overwrite=overwrite, progress=progress)
+        return generate_by(engine, experiment, out, workers=workers, overwrite=overwrite, progress=progress)
 
 
 class _Stored:

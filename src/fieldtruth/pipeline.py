@@ -7,32 +7,32 @@ The stages are those of the paper's sections 3 and 4; each passes plain data to 
 
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Protocol
 
 from fieldtruth.bag.decode import count_messages
 from fieldtruth.bag.topics import latches_objects, topics_of_run
-from fieldtruth.bag.track_file import TrackFile, read_track_file
+from fieldtruth.bag.track_file import TrackFile
 from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.core.parallel import cpu_count
-from fieldtruth.core.progress import Advance, Progress, Silent
-from fieldtruth.drive.plan import expected_seconds, plan_and_drive
-from fieldtruth.drive.standing import standing_robot
+from fieldtruth.core.progress import Progress, Silent
+from fieldtruth.drive.plan import expected_seconds
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.folder import RunFolder, run_folder
-from fieldtruth.record.following import follow_track, with_stored_track, without_wheels
 from fieldtruth.record.sensors import sensor_factory
 from fieldtruth.record.slices import SliceFolder, Slices, slices_key
-from fieldtruth.record.stream import Stream
+from fieldtruth.record.stream import Sensors, Stream
 from fieldtruth.record.streams import streams_of
 from fieldtruth.report.card import data_card
+from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.kind import Movement, Place, movement_of
 from fieldtruth.sensors.known import sensor_class
+from fieldtruth.simulation.motion import track_in, with_given_track
 from fieldtruth.world.build import check_experiment, world_of
 from fieldtruth.world.model import World
 
@@ -65,6 +65,10 @@ class PreparedHere:
     experiment: Experiment
     world: World
     track: Track
+    scene: Scene | None = field(default=None, kw_only=True)
+    """The world in the ray tracer, if it was built."""
+    new_sensors: Callable[[], Sensors] | None = field(default=None, kw_only=True)
+    """Makes the sensors of a thread; None: those of the rig."""
 
     @cached_property
     def key(self) -> str:
@@ -79,14 +83,14 @@ class PreparedHere:
     def slices(self, folder: Path) -> Slices:
         """Build the scene and bake its light for the slices in a folder."""
         streams = self.streams()
-        sensors = sensor_factory(self.place, self.sensed())
+        sensors = self.new_sensors or sensor_factory(self.place, self.sensed())
         return Slices(folder, streams, topics_of_run(self.experiment, latched=self.latched), sensors)
 
     @cached_property
     def place(self) -> Place:
         """Where the sensors are."""
         made = self.experiment
-        return Place(self.world, made.rig, made.light, made.weather, reuse=True)
+        return Place(self.world, made.rig, made.light, made.weather, scene=self.scene, seed=made.seed, reuse=True)
 
     def streams(self) -> list[Stream]:
         """Return every stream of the recording."""
@@ -109,26 +113,28 @@ class PreparedHere:
         return data_card(self.experiment, self.world, self.track, counts, measured)
 
 
-def prepare(experiment: Experiment, given: TrackFile | None, progress: Progress) -> PreparedHere:
-    """Build the world and drive, or follow the poses of a track file, in this process."""
-    with progress.stage("build the world"):
-        world = world_of(experiment)
+def prepare(
+    experiment: Experiment,
+    given: TrackFile | None,
+    progress: Progress,
+    *,
+    world: World | None = None,
+    scene: Scene | None = None,
+) -> PreparedHere:
+    """Build the world, unless it is given, and drive, or follow the poses of a track file, in this process."""
+    if world is None:
+        with progress.stage("build the world"):
+            world = world_of(experiment) if scene is None else scene.world
     with progress.stage("drive", None if given is not None else expected_seconds(experiment)) as advance:
-        return PreparedHere(experiment, world, track_in(world, experiment, given, advance))
-
-
-def track_in(world: World, experiment: Experiment, given: TrackFile | None, advance: Advance | None = None) -> Track:
-    """Plan the route and drive, follow the poses of a track file, or stand the robot where frames are taken."""
-    if experiment.frames is not None and given is None:
-        return standing_robot(world, experiment)
-    return plan_and_drive(world, experiment, advance) if given is None else follow_track(experiment, world, given)
+        return PreparedHere(experiment, world, track_in(world, experiment, given, advance), scene=scene)
 
 
 def generate(
     experiment: Experiment,
     out: Path | str,
     *,
-    engine: Engine | None = None,
+    world: World | None = None,
+    scene: Scene | None = None,
     workers: int | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
@@ -141,7 +147,8 @@ def generate(
     Args:
         experiment: what to simulate.
         out: folder of data sets; nothing outside ``out/NAME`` is written.
-        engine: where world, drive and slices are made; None for this process.
+        world: what it is simulated in; None builds the experiment's.
+        scene: the world in the ray tracer, if it was built.
         workers: threads that make slices; None for one per core that the process may use.
         overwrite: replace an earlier run in the folder, finished or not.
         progress: receives the progress.
@@ -159,20 +166,43 @@ def generate(
         TrackError, BagError: a track file that cannot be read, or leads out of the world or into something solid.
         EngineError: the installed Embree is not the version for which the kernels were written.
     """
+    if world is None and scene is None:
+        check_experiment(experiment)
+    engine = partial(prepare, world=world, scene=scene)
+    return _generate(engine, experiment, Path(out), workers, overwrite=overwrite, progress=progress)
+
+
+def generate_by(
+    engine: Engine | None,
+    experiment: Experiment,
+    out: Path | str,
+    *,
+    workers: int | None = None,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> Path:
+    """Generate a data set as ``generate`` does, where world, drive and slices are made by an engine; None: here."""
     check_experiment(experiment)
+    return _generate(engine or prepare, experiment, Path(out), workers, overwrite=overwrite, progress=progress)
+
+
+def _generate(
+    engine: Engine,
+    experiment: Experiment,
+    out: Path,
+    workers: int | None,
+    *,
+    overwrite: bool,
+    progress: Progress | None,
+) -> Path:
     _warn_of_weather(experiment)
-    given = None if experiment.drive is None else read_track_file(experiment.drive)
-    if given is not None:
-        experiment = with_stored_track(experiment, given)
-    if experiment.frames is not None:
-        experiment = without_wheels(experiment)
+    experiment, given = with_given_track(experiment)
     text = None if given is None else given.csv()
-    workers = cpu_count() if workers is None else workers
     progress = Silent() if progress is None else progress
-    with run_folder(experiment, Path(out), overwrite=overwrite, track=text) as run:
-        prepared = (engine or prepare)(experiment, given, progress)
+    with run_folder(experiment, out, overwrite=overwrite, track=text) as run:
+        prepared = engine(experiment, given, progress)
         run.begin(experiment, overwrite=overwrite, track=text)
-        _record(prepared, run, workers, progress)
+        _record(prepared, run, cpu_count() if workers is None else workers, progress)
     return run.bag
 
 
@@ -181,7 +211,7 @@ def _warn_of_weather(experiment: Experiment) -> None:
     ideal = ", ".join(lidar.name for lidar in experiment.rig.lidars if lidar.signal is None)
     if ideal and not experiment.weather.is_clear:
         what = f"weather has no effect on ideal LiDARs ({ideal}); give them a signal, as --signal datasheet does"
-        warnings.warn(what, FieldtruthWarning, stacklevel=3)
+        warnings.warn(what, FieldtruthWarning, stacklevel=4)
 
 
 def _record(prepared: Prepared, run: RunFolder, workers: int, progress: Progress) -> None:

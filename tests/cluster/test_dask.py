@@ -26,7 +26,7 @@ from fieldtruth.campaign.config import Campaign
 from fieldtruth.campaign.task import Options, generate_campaign
 from fieldtruth.cluster import cluster_engine
 from fieldtruth.core.errors import ClusterError, FieldtruthWarning, RouteError
-from fieldtruth.pipeline import generate
+from fieldtruth.pipeline import generate, generate_by
 
 pytestmark = pytest.mark.slow
 SECONDS = 6.0
@@ -49,7 +49,7 @@ def whole(tmp_path: Path) -> bytes:
 
 def run(dask: Processes, out: Path) -> bytes:
     with cluster_engine(dask.file) as engine:
-        return generate(make_experiment(SECONDS), out, engine=engine, workers=1).read_bytes()
+        return generate_by(engine, make_experiment(SECONDS), out, workers=1).read_bytes()
 
 
 @contextmanager
@@ -191,7 +191,7 @@ def campaign_on_cluster(dask: Processes, campaign: Campaign, out: Path) -> list[
     """Make a campaign, two runs at once; returns the states of its runs."""
     with cluster_engine(dask.file) as engine:
         assert engine.runs_at_once() == 2
-        options = Options(jobs=2, workers=1, measure=False, generate=partial(generate, engine=engine))
+        options = Options(jobs=2, workers=1, measure=False, generate=partial(generate_by, engine))
         states = generate_campaign(campaign, out, options, say=lambda line: None)
     return [state.kind.value for state in states]
 

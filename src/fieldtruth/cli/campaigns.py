@@ -66,7 +66,7 @@ def generate(options: argparse.Namespace, cluster: "AbstractContextManager[Clust
             shard=shard,
             overwrite=options.overwrite,
             measure=not options.no_estimate and engine is None,
-            generate=None if engine is None else partial(pipeline.generate, engine=engine),
+            generate=None if engine is None else partial(pipeline.generate_by, engine),
         )
         states = generate_campaign(campaign, out, task, source=options.experiment, shows=show_progress, say=_say)
     return FAILED if any(state.kind is Kind.FAILED for state in states) else 0

@@ -57,13 +57,13 @@ def _generate_one(options: argparse.Namespace) -> None:
     start = time.monotonic()
     # After the checks: compiled kernels and physics take a second to load.
     from fieldtruth.core.progress import show_progress
-    from fieldtruth.pipeline import generate
+    from fieldtruth.pipeline import generate_by
 
     with _engine(options) as engine, show_progress() as progress:
-        bag = generate(
+        bag = generate_by(
+            engine,
             experiment,
             Path("data") if options.out is None else options.out,
-            engine=engine,
             workers=options.workers or cpu_count(),
             overwrite=options.overwrite,
             progress=progress,

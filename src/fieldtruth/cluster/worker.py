@@ -20,8 +20,9 @@ from fieldtruth.cluster.recent import Recent
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import parse_experiment
-from fieldtruth.pipeline import PreparedHere, track_in
+from fieldtruth.pipeline import PreparedHere
 from fieldtruth.record.slices import Slices
+from fieldtruth.simulation.motion import track_in
 from fieldtruth.world.build import world_of
 from fieldtruth.world.model import World
 

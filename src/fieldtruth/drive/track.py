@@ -3,6 +3,7 @@
 """Result of a drive: the true motion at the physics rate and commands; and series of readings that it makes."""
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from fieldtruth.core.arrays import Array, Counts
 
 Stamps = NDArray[np.int64]
 """Simulated time (n,) [ns]."""
+_Columns = TypeVar("_Columns", "Motion", "WheelMotion")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +31,7 @@ class Motion:
 
     def first(self, count: int) -> "Motion":
         """The first ``count`` rows."""
-        return Motion(**{name: rows[:count] for name, rows in vars(self).items()})
+        return rows_of(self, 0, count)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +40,16 @@ class WheelMotion:
 
     angle: Array  # (n, wheels) [rad], 0 before the robot settles
     speed: Array  # (n, wheels) [rad/s]
+
+
+def rows_of(columns: _Columns, begin: int, end: int) -> _Columns:
+    """Return the rows of a motion from ``begin`` to before ``end``."""
+    return type(columns)(**{name: rows[begin:end] for name, rows in vars(columns).items()})
+
+
+def joined(before: _Columns, after: _Columns) -> _Columns:
+    """Return the rows of two motions, one behind the other."""
+    return type(before)(**{name: np.concatenate([rows, getattr(after, name)]) for name, rows in vars(before).items()})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,8 +164,13 @@ class Track:
         return float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum())
 
 
+def count_at_rate(rate_hz: float, duration_ns: int) -> int:
+    """Return the number of readings of a sensor of ``rate_hz`` that are due up to and including a time [ns]."""
+    return int(duration_ns * rate_hz / 1e9 + 1e-9)
+
+
 def stamps_at_rate(rate_hz: float, duration_ns: int, since_ns: int = 0) -> Stamps:
     """Stamps [ns] of a sensor of ``rate_hz``: k / rate for k = 1, 2, ..., after ``since_ns`` up to ``duration_ns``."""
-    first, last = (int(time_ns * rate_hz / 1e9 + 1e-9) for time_ns in (since_ns, duration_ns))
+    first, last = (count_at_rate(rate_hz, time_ns) for time_ns in (since_ns, duration_ns))
     stamps: Stamps = np.rint(np.arange(first + 1, last + 1) * (1e9 / rate_hz)).astype(np.int64)
     return stamps

@@ -60,7 +60,7 @@ def parse_experiment(text: str, source: str = "", folder: Path | None = None) ->
         data["rig"] = rig = rig | {URDF: str(folder / rig[URDF])}
     if folder is not None and rig is not None:
         data["rig"] = with_signal_files(rig, folder)
-    return _validated(data, source)
+    return validated(data, source)
 
 
 def load_layout(path: Path) -> dict[str, Any]:
@@ -128,7 +128,7 @@ def with_overrides(
     if signal is not None:
         signals = _signals(signal, rig.sensors)
         dumped["sensors"] = [item | signals.get(item["name"], {}) for item in dumped["sensors"]]
-    return _validated(values | {"rig": dumped}, "")
+    return validated(values | {"rig": dumped}, "")
 
 
 def read_signal(given: str) -> str | dict[str, Any]:
@@ -172,7 +172,8 @@ def _looks_like_path(name: str | Path) -> bool:
     return isinstance(name, Path) or "/" in name or name.endswith((".yaml", ".yml"))
 
 
-def _validated(data: dict[str, Any], source: str) -> Experiment:
+def validated(data: dict[str, Any], source: str) -> Experiment:
+    """Return an experiment of values as in a file; ConfigurationError begins with ``source``."""
     try:
         return Experiment.model_validate(data)
     except ValidationError as report:

@@ -140,6 +140,16 @@ class SensorConfig(Frozen):
         return self.sweep_s
 
     @property
+    def early_s(self) -> float:
+        """Time [s] before its stamp from which on a reading needs the motion: of an exposure, or of metering."""
+        return 0.0
+
+    @property
+    def needs_next(self) -> bool:
+        """Whether a reading needs the pose at the next one, as optical flow does."""
+        return False
+
+    @property
     def is_ideal(self) -> bool:
         """Whether its messages have the true readings at the true time, and none is lost."""
         return self.signal is None and self.clock is None

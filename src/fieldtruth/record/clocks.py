@@ -17,7 +17,6 @@ from fieldtruth.core.random import rng_of
 from fieldtruth.drive.track import Stamps
 from fieldtruth.experiment.clock_config import ClockConfig
 from fieldtruth.experiment.sensor_config import SensorConfig
-from fieldtruth.record.stream import Stream
 
 _CLOCK: Final = "clock"
 
@@ -28,13 +27,6 @@ class ClockReadings:
 
     shown_ns: Stamps
     kept: NDArray[np.int64]
-
-    def without_lost(self, stream: Stream) -> Stream:
-        """Return a stream of all readings without the lost ones."""
-        if len(self.kept) == len(stream.stamps_ns):
-            return stream
-        kept, messages = self.kept, stream.messages
-        return Stream(stream.topics, stream.stamps_ns[kept], lambda k, sensors: messages(int(kept[k]), sensors))
 
 
 def read_clock(stamps_ns: Stamps, config: ClockConfig, rng: np.random.Generator) -> ClockReadings:

@@ -2,7 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sensors of a rig in a place, one set per worker thread, and the streams of their messages."""
 
+import math
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,34 +31,54 @@ def sensor_factory(place: Place, rig: Rig | None = None) -> Callable[[], Sensors
     return make
 
 
-def sensor_streams(
-    config: SensorConfig, rig: Rig, stamps_of: Callable[[Output], Stamps], movement: Movement, seed: int
-) -> list[Stream]:
-    """Return the streams of a sensor, one for each of its outputs.
+@dataclass(frozen=True)
+class Series:
+    """Readings of an output of a sensor, in the order of their stamps; those that its clock loses are left out."""
+
+    config: SensorConfig
+    output: Output
+    stamps_ns: Stamps
+    """True stamps (n,) [ns] of all readings, with the lost ones."""
+    clock: ClockReadings
+
+    def at(self, k: int, movement: Movement, end_ns: float = math.inf) -> At:
+        """Return when and where the k-th reading is taken that is not lost; none follows it after ``end_ns``."""
+        number, after = int(self.clock.kept[k]), self.clock.kept[k + 1 : k + 2]
+        following = [int(self.stamps_ns[i]) for i in after if self.stamps_ns[i] <= end_ns]
+        stamp, header = int(self.stamps_ns[number]), int(self.clock.shown_ns[number])
+        return At(number, stamp, header, movement, following[0] if following else None)
+
+
+def series_of(config: SensorConfig, rig: Rig, stamps_of: Callable[[Output], Stamps], seed: int) -> list[Series]:
+    """Return the series of a sensor, one for each of its outputs.
 
     Args:
         config: the sensor.
         rig: the robot that carries it.
         stamps_of: true stamps [ns] of the readings of an output.
-        movement: motion of the robot.
         seed: of the sensor's clock.
     """
-    streams = []
+    series = []
     for output in config.outputs_on(rig.robot):
         stamps = stamps_of(output)
         exact = ClockReadings(stamps, np.arange(len(stamps)))
         clock = exact if output.ideal else clock_of(config, stamps, seed, output.clock)
-        streams.append(clock.without_lost(_stream(config.name, output, stamps, clock, movement)))
-    return streams
+        series.append(Series(config, output, stamps, clock))
+    return series
 
 
-def _stream(name: str, output: Output, stamps: Stamps, clock: ClockReadings, movement: Movement) -> Stream:
-    following = np.append(clock.kept, -1)[np.searchsorted(clock.kept, np.arange(len(stamps)), side="right")]
+def sensor_streams(
+    config: SensorConfig, rig: Rig, stamps_of: Callable[[Output], Stamps], movement: Movement, seed: int
+) -> list[Stream]:
+    """Return the streams of a sensor that moves so, one for each of its series; see ``series_of``."""
+    return [_stream(series, movement) for series in series_of(config, rig, stamps_of, seed)]
+
+
+def _stream(series: Series, movement: Movement) -> Stream:
+    output = series.output
 
     def messages(k: int, sensors: Sensors) -> Iterable[bytes]:
-        after = int(following[k])
-        next_ns = None if after < 0 else int(stamps[after])
-        at, sensor = At(k, int(stamps[k]), int(clock.shown_ns[k]), movement, next_ns), sensors[name]
-        return sensor.messages(output, k, sensor.read(output, at))
+        at, sensor = series.at(k, movement), sensors[series.config.name]
+        return sensor.messages(output, at.number, sensor.read(output, at))
 
-    return Stream(tuple(topic.name for topic in output.topics), stamps, messages)
+    return Stream(tuple(topic.name for topic in output.topics), series.stamps_ns[series.clock.kept], messages)

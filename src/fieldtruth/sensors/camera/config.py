@@ -126,6 +126,16 @@ class CameraConfig(MountedConfig):
         """Until the last row is exposed, if it has a signal."""
         return 0.0 if self.signal is None else self.signal.late_s
 
+    @property
+    def early_s(self) -> float:
+        """From the oldest metering image, if it has a signal."""
+        return 0.0 if self.signal is None else self.signal.early_s
+
+    @property
+    def needs_next(self) -> bool:
+        """Whether it has optical flow."""
+        return self.flow
+
     def frames(self) -> dict[str, Mount]:
         """Frames of the views, right before left as in the paper's Table 2."""
         return {imager.frame: imager.mount for imager in reversed(self.imagers())}

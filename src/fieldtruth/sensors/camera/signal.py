@@ -148,6 +148,11 @@ class CameraSignal(SignalConfig):
         return self == CameraSignal()
 
     @property
+    def early_s(self) -> float:
+        """Greatest time [s] before the stamp from which a photograph depends on the motion."""
+        return self.late_s + self.metering_delay_s + 10.0 * self.metering_time_s
+
+    @property
     def late_s(self) -> float:
         """Greatest time [s] after the stamp at which a photograph still sees light."""
         time_ms = self.max_exposure_time_ms if self.exposure_time_ms else 0.0

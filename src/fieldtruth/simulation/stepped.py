@@ -1,0 +1,258 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A simulation that is stepped: the robot drives, and its sensors read what is due."""
+
+import math
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from fieldtruth.core.errors import ConfigurationError, DriveError
+from fieldtruth.drive.physics import STEP_NS, STEP_S
+from fieldtruth.drive.plan import plan_route
+from fieldtruth.drive.robot import Command
+from fieldtruth.drive.simulate import SimulatedRobot
+from fieldtruth.experiment.config import Experiment, RouteConfig
+from fieldtruth.experiment.rig import Rig
+from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.kind import MotionSensor, Place, Sensor, movement_of
+from fieldtruth.sensors.known import sensor_class
+from fieldtruth.simulation.due import Due, DueReadings, wanted_outputs
+from fieldtruth.simulation.frame import Frame, frame_of
+from fieldtruth.simulation.motion import GrowingMotion, LiveMotion, MotionState, motion_of, with_given_track
+from fieldtruth.simulation.setup import experiment_for
+from fieldtruth.world.build import world_of
+from fieldtruth.world.model import World
+
+
+class SimulationState(NamedTuple):
+    """A simulation at a moment, for ``Simulation.restore``; it can be pickled."""
+
+    experiment: Experiment
+    motion: MotionState
+    sensors: Mapping[str, Any]
+    failed: str
+
+
+class Simulation:
+    """A robot with sensors in a world, step by step. Equal seeds and commands give equal frames.
+
+    The readings are those that ``generate`` writes into a bag for the same experiment, whatever the steps are, if the
+    follower drives.
+
+    Args:
+        experiment: its name, or the path of its file. None: one for what is given below.
+        environment: a name from ``list_environments``, in place of an experiment.
+        robot: a name from ``fieldtruth list robots`` that replaces the rig: the robot with its own sensors.
+        rig: replaces the experiment's.
+        world: replaces the experiment's, and stays the same for every seed.
+        scene: ``world`` in the ray tracer, if it was built already.
+        sensors: names of the sensors or outputs that read, such as ``lidar`` or ``stereo/left``; None for all.
+
+    Raises:
+        UnknownNameError: an unknown name.
+        ConfigurationError: arguments that exclude each other.
+    """
+
+    def __init__(
+        self,
+        experiment: Experiment | str | Path | None = None,
+        *,
+        environment: str | None = None,
+        robot: str | None = None,
+        rig: Rig | None = None,
+        world: World | None = None,
+        scene: Scene | None = None,
+        sensors: Iterable[str] | None = None,
+    ) -> None:
+        world = scene.world if scene is not None and world is None else world
+        chosen = experiment_for(experiment, environment=environment, robot=robot, rig=rig, world=world)
+        self._given = with_given_track(chosen)
+        self._experiment = self._given.experiment
+        self._own_world, self._own_scene = world, scene
+        self._wanted = wanted_outputs(self._experiment.rig, sensors)
+        self._route: RouteConfig | None = None
+        self._place: Place | None = None
+        self._motion: GrowingMotion | None = None
+        self._due: list[DueReadings] = []
+        self._sensors: dict[str, Sensor] = {}
+        self._failed = ""
+
+    @property
+    def experiment(self) -> Experiment:
+        """The experiment, with the seed of the last ``reset``."""
+        return self._experiment
+
+    @property
+    def world(self) -> World:
+        """The world: terrain, objects, materials; ``world.terrain.field.height_at(x, y)`` is the ground [m]."""
+        return self._ready()[0].world
+
+    @property
+    def scene(self) -> Scene:
+        """The world in the ray tracer; built when it is first used, and shared by all sensors."""
+        return self._ready()[0].scene
+
+    @property
+    def robot(self) -> SimulatedRobot:
+        """The robot in the physics: its pose, velocity, wheels and command.
+
+        Raises:
+            ConfigurationError: the experiment has poses that are given, and no robot that drives.
+        """
+        motion = self._ready()[1]
+        if not isinstance(motion, LiveMotion):
+            raise ConfigurationError(f"{self._experiment.name} has poses that are given, and no robot in the physics")
+        return motion.robot
+
+    @property
+    def seconds(self) -> float:
+        """Simulated time [s] that is reached."""
+        return self._ready()[1].reached_ns / 1e9
+
+    @property
+    def done(self) -> bool:
+        """Whether the drive has ended.
+
+        It ends half a second after the fix that reaches the last waypoint, after ``experiment.seconds``, or with a
+        ``DriveError``.
+        """
+        return bool(self._failed) or (self._motion is not None and self._motion.ended)
+
+    def reset(self, seed: int | None = None) -> Frame:
+        """Put the robot at its start, at time 0, and return a frame with its pose and without readings.
+
+        Args:
+            seed: of the experiment: its world, unless one was given, and the errors of all sensors with a signal or a
+                clock. None: that of the last reset, at first the experiment's. Worlds are cached on the disk.
+
+        Raises:
+            RouteError: the route cannot be driven in this world.
+            DriveError: the robot does not come to rest at the start.
+        """
+        if seed is not None and seed != self._experiment.seed:
+            self._experiment, self._place = self._experiment.model_copy(update={"seed": seed}), None
+        made = self._experiment
+        if self._place is None:
+            self._route = None
+            world = world_of(made) if self._own_world is None else self._own_world
+            self._place = Place(world, made.rig, made.light, made.weather, scene=self._own_scene, seed=made.seed)
+        if self._route is None and made.route is not None and made.frames is None:
+            self._route = plan_route(self._place.world, made)
+        self._motion = motion_of(self._place.world, made, self._given.track, self._route)
+        stands = self._motion.stands
+        self._due = [
+            DueReadings(config, made.rig, made.seed, stands)
+            for config in made.rig.in_order()
+            if (config.sees or stands is None)
+            and self._wanted & {output.name for output in config.outputs_on(made.rig.robot)}
+        ]
+        self._sensors, self._failed = {}, ""
+        return frame_of(0, self._motion.world_from_base, ())
+
+    def step(
+        self,
+        seconds: float,
+        command: tuple[float, float] | None = None,
+        *,
+        sensors: Iterable[str] | None = None,
+    ) -> Frame:
+        """Drive on, and return the readings that became complete, with the true pose at the time that is reached.
+
+        A reading is complete when the sweep of its LiDAR or the shutter of its camera is over, with optical flow at the
+        camera's next image; it has its own stamp. Others that were due are not sensed.
+
+        Args:
+            seconds: simulated time [s], rounded to steps of the physics of 1 ms; the last step ends with the drive.
+            command: forward speed [m/s] and turn rate [rad/s], to the left, that the robot accelerates to. None: the
+                follower of the route drives.
+            sensors: names of those that read in this step; None for all that the simulation has.
+
+        Raises:
+            ConfigurationError: a time or a command that is not allowed.
+            UnknownNameError: an unknown sensor.
+            DriveError: the robot tipped over, touched an obstacle, drove into water, left the world or is stuck: the
+                drive has ended. Or it had ended before.
+        """
+        place, motion = self._ready()
+        steps, target = self._checked(seconds, command)
+        wanted = self._wanted if sensors is None else self._wanted & wanted_outputs(self._experiment.rig, sensors)
+        if self.done:
+            raise DriveError(
+                self._failed or f"the drive has ended at {motion.reached_ns / 1e9:g} s; reset() begins another"
+            )
+        keep_ns = min((due.needed_ns(motion.reached_ns) for due in self._due), default=motion.reached_ns)
+        try:
+            motion.advance(steps, target, keep_ns)
+        except DriveError as error:
+            self._failed = f"{error}; reset() begins another drive"
+            raise
+        return frame_of(motion.reached_ns, motion.world_from_base, self._sense(place, motion, wanted))
+
+    def _sense(self, place: Place, motion: GrowingMotion, wanted: set[str]) -> list[tuple[str, Any]]:
+        """Return the readings that became complete, by name and in time order."""
+        track = motion.known()
+        movement, found, seen = movement_of(track), list[tuple[int, str, Any]](), list[tuple[Due, Sensor]]()
+        for due in self._due:
+            sensor = self._sensor(place, due.config.name)
+            if not isinstance(sensor, MotionSensor):
+                seen += [(each, sensor) for each in due.seen(movement, motion.reached_ns, motion.end_ns)]
+            elif motion.ended or motion.reached_ns > STEP_NS:  # the reading at the first step of all needs the second
+                made = due.measured(sensor, track, motion.reached_ns)
+                found += [(each.at.stamp_ns, each.output.name, reading) for each, reading in made]
+        found = [each for each in found if each[1] in wanted]
+        for (output, at), sensor in sorted(seen, key=lambda each: each[0].at.stamp_ns):
+            if output.name in wanted:
+                found.append((at.stamp_ns, output.name, sensor.read(output, at)))
+        return [(name, reading) for _, name, reading in sorted(found, key=lambda each: each[0])]
+
+    def save(self) -> SimulationState:
+        """Return what ``restore`` needs to go on from here, with the same bits."""
+        _, motion = self._ready()
+        sensors = {due.config.name: due.save() for due in self._due}
+        return SimulationState(self._experiment, motion.save(), sensors, self._failed)
+
+    def restore(self, state: SimulationState) -> None:
+        """Go on from where ``save`` was called, in this simulation or another of the same experiment.
+
+        Raises:
+            ConfigurationError: the state is that of another experiment, or of other sensors.
+        """
+        same = state.experiment.model_copy(update={"seed": self._experiment.seed}) == self._experiment
+        if self._motion is None or state.experiment.seed != self._experiment.seed:
+            self.reset(state.experiment.seed)
+        if not same or state.sensors.keys() != {due.config.name for due in self._due}:
+            raise ConfigurationError("state must come from a simulation of the same experiment with the same sensors")
+        _, motion = self._ready()
+        motion.restore(state.motion)
+        for due in self._due:
+            due.restore(state.sensors[due.config.name])
+        self._failed, self._sensors = state.failed, {}
+
+    def _ready(self) -> tuple[Place, GrowingMotion]:
+        if self._place is None or self._motion is None:
+            self.reset()
+        assert self._place is not None
+        assert self._motion is not None
+        return self._place, self._motion
+
+    def _sensor(self, place: Place, name: str) -> Sensor:
+        if name not in self._sensors:
+            config = next(config for config in self._experiment.rig.in_order() if config.name == name)
+            self._sensors[name] = sensor_class(config)(config, place)
+        return self._sensors[name]
+
+    def _checked(self, seconds: float, command: tuple[float, float] | None) -> tuple[int, Command | None]:
+        """Return the steps of the physics in a time, and a command that the robot can take."""
+        if not STEP_S / 2 < seconds <= 86_400.0:
+            raise ConfigurationError(f"seconds must be between {STEP_S:g} and 86400, got {seconds!r}")
+        if command is None:
+            return round(seconds / STEP_S), None
+        robot, target = self._experiment.rig.robot, Command(*map(float, command))
+        for what, value, limit, unit in (
+            ("speed", target.speed, robot.max_speed, "m/s"),
+            ("turn rate", target.turn_rate, robot.max_turn_rate, "rad/s"),
+        ):
+            if not (math.isfinite(value) and abs(value) <= limit):
+                raise ConfigurationError(f"command: {what} must be from -{limit:g} to {limit:g} {unit}, got {value!r}")
+        return round(seconds / STEP_S), target

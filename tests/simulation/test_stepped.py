@@ -1,0 +1,200 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""Frames of a simulation that is stepped, of ``frames`` and of the bag are equal, for every kind of sensor."""
+
+import pickle
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from drive_worlds import make_experiment
+from sense_worlds import make_world
+from stepped_rigs import SCENE, experiment, messages_in, messages_of
+
+import fieldtruth as ft
+from fieldtruth.drive.simulate import drive
+
+REAL = [{}, {"signal": True}, {"signal": True, "clock": True}]
+
+
+def steps(made: ft.Experiment, seconds: float) -> Iterator[ft.Frame]:
+    sim = ft.Simulation(made, scene=SCENE)
+    sim.reset()
+    while not sim.done:
+        yield sim.step(seconds)
+
+
+@pytest.mark.parametrize("real", REAL, ids=["ideal", "signal", "clock"])
+def test_frames_of_steps_of_threads_and_of_the_bag_are_equal(real: dict[str, bool], tmp_path: Path) -> None:
+    made = experiment(**real)
+    bag = messages_in(ft.generate(made, tmp_path, scene=SCENE, workers=1), made)
+    assert len(bag) > 20
+    for frames in (steps(made, 0.1), steps(made, 0.037), ft.frames(made, scene=SCENE, workers=2)):
+        found = messages_of(frames, made)
+        assert found.keys() == bag.keys()
+        for topic, messages in bag.items():
+            assert found[topic] == messages, topic
+
+
+def motion_only(made: ft.Experiment) -> list[str]:
+    return [config.name for config in made.rig.in_order() if not config.sees]
+
+
+def equal(found: list[ft.Frame], expected: list[ft.Frame], made: ft.Experiment) -> None:
+    assert messages_of(found, made) == messages_of(expected, made)
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(one.pose, other.pose)
+
+
+def test_a_restored_simulation_goes_on_with_the_same_bits() -> None:
+    """Every kind with all errors, first by commands and then by the follower, in the same object and in another."""
+    made = experiment(signal=True, clock=True, seconds=0.3)
+    sim = ft.Simulation(made, scene=SCENE)
+    sim.reset(seed=4)
+    sim.step(0.13, (0.5, 0.3))
+    state = pickle.loads(pickle.dumps(sim.save()))
+
+    def go_on(simulation: ft.Simulation) -> list[ft.Frame]:
+        return [simulation.step(0.06, (0.5, -0.4)), simulation.step(0.05), simulation.step(1.0)]
+
+    expected = go_on(sim)
+    assert sim.done
+    assert "zed/left" in expected[2]
+    sim.restore(state)
+    assert not sim.done
+    sim.step(0.06, (-0.5, 0.0), sensors=["front"])  # another way, with photographs at the same stamps
+    sim.restore(state)
+    equal(go_on(sim), expected, made)
+    other = ft.Simulation(made, scene=SCENE)
+    other.restore(state)
+    equal(go_on(other), expected, made)
+
+
+def test_seeds_and_commands_decide_everything() -> None:
+    made = experiment(signal=True, seconds=0.3)
+    names = motion_only(made)
+
+    def driven(seed: int, *sizes: float, turn_rate: float = 0.2) -> tuple[ft.Frame, dict[str, Any]]:
+        sim = ft.Simulation(made, scene=SCENE, sensors=names)
+        sim.reset(seed)
+        frames = [sim.step(size, (0.4, turn_rate)) for size in sizes]
+        return frames[-1], messages_of(frames, made)
+
+    end, messages = driven(3, 0.25)
+    for sizes in ((0.25,), (0.05,) * 5, (0.001, 0.002, 0.2, 0.047)):
+        again, same = driven(3, *sizes)
+        np.testing.assert_array_equal(again.pose, end.pose)
+        assert same == messages
+    seeded, noise = driven(4, 0.25)
+    np.testing.assert_array_equal(seeded.pose, end.pose)  # the world is given: only the errors differ
+    assert noise["/imu"] != messages["/imu"]
+    assert noise["/imu/truth"] == messages["/imu/truth"]
+    turned, _ = driven(3, 0.25, turn_rate=-0.2)
+    assert abs(turned.pose - end.pose).max() > 1e-3
+
+
+def test_commands_move_the_robot_as_far_as_they_say() -> None:
+    """On level ground: a ramp with the robot's acceleration a to the speed v takes v^2 / 2a less than v t."""
+    flat = ft.Scene(make_world(side=40.0))
+    sim = ft.Simulation(make_experiment([(15.0, 0.0)], seconds=5.0), scene=flat, sensors=[])
+    start = sim.reset().pose
+    assert start is not None
+    for _ in range(20):
+        end = sim.step(0.1, (0.5, 0.0)).pose
+    speed, acceleration = 0.5, ft.Rig().robot.max_acceleration
+    assert end[0, 3] - start[0, 3] == pytest.approx(speed * 2.0 - speed**2 / (2 * acceleration), abs=0.01)
+    assert end[1, 3] == pytest.approx(start[1, 3], abs=0.01)
+    assert sim.robot.velocity[0][0] == pytest.approx(speed, abs=0.01)
+    while not sim.done:
+        sim.step(0.5, (0.0, 0.0))  # nobody is stuck who stands by command
+    assert sim.seconds == 5.0
+
+
+def test_a_drive_ends_at_its_last_waypoint() -> None:
+    made = make_experiment([(0.7, 0.0)])
+    sim, track = ft.Simulation(made, scene=SCENE, sensors=["imu"]), drive(SCENE.world, made)
+    while not sim.done:
+        frame = sim.step(0.3)
+    assert frame.stamp_ns == int(track.motion.stamps_ns[-1])
+    with pytest.raises(ft.DriveError, match=r"^the drive has ended at .* s; reset\(\) begins another$"):
+        sim.step(0.1)
+    assert sim.reset().stamp_ns == 0
+    assert not sim.done
+
+
+def test_what_is_due_and_asked_for_is_sensed() -> None:
+    made = experiment(seconds=0.4)
+    sim = ft.Simulation(made, scene=SCENE, sensors=["turning", "flash", "imu"])
+    first = sim.step(0.15)
+    assert set(first) == {"flash", "imu"}  # the turn that begins at 0.1 s is complete at 0.2 s
+    assert [reading.stamp_ns for reading in first.all["imu"]] == [round(k * 1000 / 300) * 10**6 for k in range(1, 46)]
+    with pytest.raises(ft.UnknownNameError, match=r"^unknown reading at 0.15 s 'turning'; .*Available: "):
+        first["turning"]
+    second = sim.step(0.05, sensors=["turning"])
+    assert set(second) == {"turning"}
+    assert second["turning"].stamp_ns == 100_000_000
+    last = sim.step(9.0)
+    assert [cloud.stamp_ns for cloud in last.all["turning"]] == [200_000_000, 300_000_000, 400_000_000]
+    assert [cloud.stamp_ns for cloud in last.all["flash"]] == [285_714_286]
+    assert sim.done
+
+
+@pytest.mark.parametrize(
+    ("step", "message"),
+    [
+        ({"seconds": -0.1}, "seconds must be between 0.001 and 86400, got -0.1"),
+        ({"seconds": float("nan")}, "seconds must be between 0.001 and 86400, got nan"),
+        ({"seconds": 0.1, "command": (9.0, 0.0)}, "command: speed must be from -1 to 1 m/s, got 9.0"),
+        ({"seconds": 0.1, "command": (0.0, float("inf"))}, "command: turn rate must be from -2 to 2 rad/s, got inf"),
+        ({"seconds": 0.1, "sensors": ["lidr"]}, "unknown sensor 'lidr'; .*Available: "),
+    ],
+)
+def test_mistakes_are_one_line(step: dict[str, Any], message: str) -> None:
+    sim = ft.Simulation(experiment(), scene=SCENE, sensors=["imu"])
+    with pytest.raises(ft.FieldtruthError, match=f"^{message}"):
+        sim.step(**step)
+    assert sim.step(0.01).stamp_ns == 10**7  # and nothing has happened
+
+
+def test_a_drive_that_fails_ends_the_simulation_with_the_reason() -> None:
+    sim = ft.Simulation(make_experiment([(6.0, 0.0)], start=(-17.0, 0.0)), scene=SCENE, sensors=[])
+    with pytest.raises(ft.DriveError, match="outside the world"):
+        for _ in range(100):
+            sim.step(0.5, (-1.0, 0.0))
+    assert sim.done
+    with pytest.raises(ft.DriveError, match=r"outside the world .*; reset\(\) begins another drive$"):
+        sim.step(0.5)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({}, "one of experiment, environment and world is required"),
+        ({"experiment": "park_9"}, "unknown experiment 'park_9'; "),
+        ({"experiment": "park_1", "environment": "lake"}, "environment must be None where an experiment is given"),
+        ({"experiment": "park_1", "robot": "jackal", "rig": ft.Rig()}, "robot must be None where a rig is given"),
+        ({"experiment": "park_1", "sensors": ["os2"]}, "unknown sensor 'os2'; "),
+        ({"environment": "moor"}, "unknown environment 'moor'; "),
+    ],
+)
+def test_what_is_simulated_must_be_clear(given: dict[str, Any], message: str) -> None:
+    with pytest.raises(ft.FieldtruthError, match=f"^{message}"):
+        ft.Simulation(**given)
+
+
+def test_what_is_simulated() -> None:
+    assert ft.Simulation(environment="lake").experiment.name == "lake_1"
+    jackal = ft.Simulation("park_1", robot="jackal")
+    assert jackal.experiment.rig.robot.model == "jackal"
+    world = ft.Simulation(world=make_world(side=30.0), sensors=["imu"])
+    assert world.world.size == (30.0, 30.0)
+    assert world.step(0.1)["imu"].angular_velocity.shape == (3,)
+    assert world.robot.command.speed > 0.0
+
+
+def test_names_of_transforms_that_were_in_frames_still_work() -> None:
+    with pytest.warns(DeprecationWarning, match="ft.transforms.pose"):
+        old = ft.frames.pose((1.0, 2.0, 3.0))  # type: ignore[attr-defined]
+    np.testing.assert_array_equal(old, ft.transforms.pose((1.0, 2.0, 3.0)))
