@@ -154,9 +154,9 @@ class SensorConfig(Frozen):
         """Whether its messages have the true readings at the true time, and none is lost."""
         return self.signal is None and self.clock is None
 
-    def output(self, *topics: Topic, part: str = "", clock: str = "") -> Output:
+    def output(self, *topics: Topic, part: str = "", clock: str = "", frame: str = "") -> Output:
         """Return a series of readings of the sensor, or of a part of it."""
-        return Output(f"{self.name}/{part}" if part else self.name, topics, part, clock=clock)
+        return Output(f"{self.name}/{part}" if part else self.name, topics, part, clock=clock, frame=frame)
 
     def with_truth(self, *outputs: Output) -> tuple[Output, ...]:
         """Return series of its readings and, if it is not ideal, those of the ideal readings after them."""
@@ -212,6 +212,10 @@ class MountedConfig(SensorConfig):
     def of_name(cls, name: str) -> dict[str, Any]:
         """Topic and frame that a sensor has by its name."""
         return {"topic": f"/{name}", "frame": f"{name}_link"}
+
+    def output(self, *topics: Topic, part: str = "", clock: str = "", frame: str = "") -> Output:
+        """Return a series of readings in its frame, or in another one."""
+        return super().output(*topics, part=part, clock=clock, frame=frame or self.frame)
 
     def frames(self) -> dict[str, Mount]:
         """Its frame."""

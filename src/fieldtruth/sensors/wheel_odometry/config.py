@@ -7,7 +7,7 @@ from typing import ClassVar, Final, Literal
 from fieldtruth.experiment.fields import Rate
 from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.experiment.sensor_config import SensorConfig, SensorName, TopicName
-from fieldtruth.experiment.topic import WHEELS, Output
+from fieldtruth.experiment.topic import BASE, ODOM, WHEELS, Output
 from fieldtruth.sensors.wheel_odometry.signal import WheelSignal
 
 WHEEL_SPEEDS: Final = tuple(f"/gazebo_client/{wheel}_speed" for wheel in WHEELS)
@@ -38,8 +38,8 @@ class WheelOdometryConfig(SensorConfig):
         speeds = (self.new_topic(name, "std_msgs/msg/Float32", self.tachometer_rate_hz) for name in WHEEL_SPEEDS)
         return self.with_truth(
             self.output(*speeds, part="speeds", clock="tachometers"),
-            self.output(self.new_topic(JOINT_STATES, "sensor_msgs/msg/JointState"), part="joints"),
-            self.output(self.new_topic(self.topic, "nav_msgs/msg/Odometry"), part="odometry"),
+            self.output(self.new_topic(JOINT_STATES, "sensor_msgs/msg/JointState"), part="joints", frame=BASE),
+            self.output(self.new_topic(self.topic, "nav_msgs/msg/Odometry"), part="odometry", frame=ODOM),
         )
 
     def outputs_on(self, robot: RobotConfig) -> tuple[Output, ...]:
