@@ -10,7 +10,7 @@ from functools import partial
 from importlib.metadata import entry_points
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Final, TypeVar
+from typing import Annotated, Any, ClassVar, Final, NamedTuple, TypeVar
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -37,6 +37,16 @@ FrameName = Annotated[
     str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,63}$", description="the name of a frame: letters, digits and _")
 ]
 
+
+class Section(NamedTuple):
+    """A key of the short form of a rig, such as ``lidar`` or ``odometry``."""
+
+    config: type[Frozen] | None = None
+    """What its value may have; None for the whole configuration."""
+    keys: Mapping[str, str] = {}
+    """Names of its keys in the configuration, where they differ."""
+
+
 TRUTH: Final = "/truth"
 """Ends the name of a topic that has what an ideal sensor reads, beside that of a sensor that is not ideal."""
 KINDS: Final[dict[str, type["SensorConfig"]]] = {}
@@ -59,6 +69,8 @@ class SensorConfig(Frozen):
     """Rank of its topics among those of other kinds in a bag."""
     frame_order: ClassVar[float] = math.inf
     """Rank of its frames among those of other kinds in /tf_static."""
+    sections: ClassVar[Mapping[str, "Section"]] = {}
+    """Keys of the short form of a rig that change the first sensor of this kind; the paper has one of a kind with any."""
     datasheet: ClassVar[str] = ""
     """Model whose data sheet ``signal: datasheet`` means of a sensor without ``model``."""
     needs_mount: ClassVar[bool] = False
