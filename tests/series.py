@@ -7,10 +7,9 @@ from typing import Any
 from fieldtruth.drive.track import GnssReadings, ImuReadings, TachometerReadings, Track, WheelOdometry
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
-from fieldtruth.record.sensors import movement_of
 from fieldtruth.sensors.gnss.sensing import read_gnss
 from fieldtruth.sensors.imu.sensing import read_imu
-from fieldtruth.sensors.kind import At, Place
+from fieldtruth.sensors.kind import At, Place, movement_of
 from fieldtruth.sensors.known import sensor_class
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 from fieldtruth.sensors.wheel_odometry.sensing import TrueWheels, WheelTruth

@@ -117,6 +117,7 @@ class CameraConfig(MountedConfig):
             self.output(
                 *(self.new_topic(topic, STREAMS[stream][1]) for stream, topic in imager.topics.items()),
                 part=imager.side,
+                frame=imager.optical_frame,
             )
             for imager in self.imagers()
         )

@@ -10,8 +10,7 @@ import numpy as np
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.drive.track import Motion, Track
 from fieldtruth.experiment.topic import Output
-from fieldtruth.record.sensors import movement_of
-from fieldtruth.sensors.kind import At, Place, Sensor, stamps_of
+from fieldtruth.sensors.kind import At, Place, Sensor, movement_of, stamps_of
 from fieldtruth.sensors.known import OWN, sensor_class
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, RebuiltWorld, at
