@@ -88,12 +88,12 @@ def costs(config: CameraConfig, baked: BakedScene, pose: Array, tries: int) -> N
     imager = config.imagers()[0]
 
     def time_of(values: dict[str, Any]) -> float:
-        camera = Camera(config.model_copy(update={"signal": CameraSignal(**values)}), baked, 0, reuse=True)
+        camera = Camera(config.model_copy(update={"signal": CameraSignal(**values)}), baked, seed=0, reuse=True)
         return least(lambda: camera.capture(imager, 0, STAMP_NS, turning(pose)), tries)
 
     ideal = time_of({})
     print(f"{'ideal photograph':34s} {ideal:7.1f} ms   1.00")
-    camera = Camera(config.model_copy(update={"signal": CameraSignal()}), baked, 0, reuse=True)
+    camera = Camera(config.model_copy(update={"signal": CameraSignal()}), baked, seed=0, reuse=True)
     labels = least(lambda: camera.label(pose @ imager.base_from_optical), tries)
     print(f"{'labels alone':34s} {labels:7.1f} ms   {labels / ideal:.2f}")
     for name, values in EFFECTS.items():

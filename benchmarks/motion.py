@@ -34,6 +34,8 @@ from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.imu.sensing import point_velocity, read_imu
+from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
+from fieldtruth.sensors.wheel_odometry.sensing import WheelTruth
 from fieldtruth.world.build import world_of
 from fieldtruth.world.model import World
 
@@ -167,9 +169,10 @@ def odometry_errors(drives: list[Drive]) -> Iterator[Row]:
     for d in drives:
         assert d.track.base is not None
         motion = d.track.motion
+        odometry = WheelTruth(WheelOdometryConfig(), Rig().wheels).extend(motion.stamps_ns, d.track.base.wheels).odometry
         world_from_base = rotation_from_quaternion_wxyz(motion.quaternion_wxyz[::100])
         true = world_from_base[0].T @ (motion.position[-1] - motion.position[0])
-        x, y, yaw = d.track.base.odometry.pose[-1]
+        x, y, yaw = odometry.pose[-1]
         turned = np.unwrap(yaw_from_rotation(world_from_base))
         away, angle = np.hypot(*(true[:2] - (x, y))), np.degrees(yaw - (turned[-1] - turned[0]))
         text = (

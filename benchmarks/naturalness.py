@@ -28,7 +28,6 @@ from fieldtruth.render.bake import bake
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.signal_camera import Camera
-from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.world.build import world_of
 
 ROUTES: Final = ("park_1", "lake_1", "forest_1", "hillside_1")
@@ -77,7 +76,7 @@ def ours(experiment: Experiment, count: int) -> list[NDArray[np.uint8]]:
     if config.signal is None or config.signal.is_ideal:
         camera = Camera(config, baked)
         return [camera.render(pose @ imager.base_from_optical).photo for pose in poses]
-    real = Camera(config, baked, experiment.seed)
+    real = Camera(config, baked, seed=experiment.seed)
     return [real.capture(imager, k, STAMP_NS, moving(pose)).photo for k, pose in enumerate(poses)]
 
 

@@ -17,7 +17,6 @@ from fieldtruth.experiment.sensor_models import datasheet_of
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.measuring import Lidar
-from fieldtruth.sensors.lidar.measuring import Lidar
 from fieldtruth.sensors.lidar.signal import LidarSignal
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import World

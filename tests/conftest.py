@@ -132,7 +132,7 @@ def in_park(park: RebuiltWorld) -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("fieldtruth.pipeline.world_of", lambda e: park.world if is_park(e) else world_of(e))
-        sensors = "fieldtruth.record.sensors"
+        sensors = "fieldtruth.sensors.kind"
         patch.setattr(f"{sensors}.Scene", lambda world: park.scene if world is park.world else Scene(world))
         patch.setattr(f"{sensors}.bake", baked)
         yield

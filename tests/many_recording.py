@@ -11,7 +11,7 @@ import pytest
 from drive_worlds import make_experiment, make_world
 from many_sensors import many_rig
 from numpy.typing import NDArray
-from record_fakes import FakeCamera, FakeImages, FakeLidar, FakeScan, FakeScene
+from record_fakes import FakeCamera, FakeImages, FakeLidar, FakeScan, use_fake_sensing
 
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 
@@ -37,14 +37,10 @@ class _Camera(FakeCamera):
 def record_many(folder: Path) -> Path:
     """Record a run in ``folder``, and return its folder; images and clouds depend on the poses of their sensors."""
     from fieldtruth import pipeline
-    from fieldtruth.record import sensors
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pipeline, "world_of", lambda experiment: replace(make_world(), object_names=("husky", "ground")))
-        patch.setattr(sensors, "Scene", FakeScene)
-        patch.setattr(sensors, "bake", lambda scene, light, weather: scene)
-        patch.setattr(sensors, "new_lidar", _Lidar)
-        patch.setattr(sensors, "new_camera", _Camera)
+        use_fake_sensing(patch, _Lidar, _Camera)
         experiment = make_experiment([(5.0, 2.0)], name="many", environment="park", seconds=SECONDS, rig=many_rig())
         return pipeline.generate(experiment, folder).parent
 

@@ -5,21 +5,19 @@
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fieldtruth.core import frames, geodesy
+from fieldtruth import frames, geodesy
 from fieldtruth.bag.topics import topics_of
 from fieldtruth.core.classes import Label
 from fieldtruth.drive.track import (
     Base,
     Commands,
-    GnssReadings,
-    ImuReadings,
     Motion,
-    TachometerReadings,
     Track,
     WheelMotion,
     stamps_at_rate,
@@ -31,9 +29,9 @@ from fieldtruth.record.stream import Sensors
 from fieldtruth.record.streams import streams_of
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
+from fieldtruth.sensors.kind import Place
+from fieldtruth.sensors.known import new_sensors
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
-from fieldtruth.sensors.wheel_odometry.sensing import WheelTruth
 from fieldtruth.world.model import Heightfield, Instance, Raster, Terrain, World
 
 SMALL = paper_rig(stereo=StereoConfig(width=64, height=48))
@@ -94,37 +92,9 @@ def make_track(world: World, experiment: Experiment) -> Track:
         angular_velocity=turn,
     )
     imu_stamps = stamps_at_rate(rig.imu.rate_hz, duration_ns)
-    rows = np.searchsorted(stamps, imu_stamps)
-    world_from_imu = rotation[rows] @ rig.imu.mount.base_from_sensor[:3, :3]
-    gnss_stamps = stamps_at_rate(rig.gnss.rate_hz, duration_ns)
     wheels = WheelMotion(angle=np.outer(t, (1.0, 2.0, 1.1, 2.2)), speed=np.tile((1.0, 2.0, 1.1, 2.2), (len(t), 1)))
-    wheel_stamps = stamps_at_rate(10.0, duration_ns)
-    return Track(
-        motion=motion,
-        swept=motion,
-        imus={
-            "imu": ImuReadings(
-                stamps_ns=imu_stamps,
-                quaternion_wxyz=frames.quaternion_wxyz_from_rotation(world_from_imu),
-                angular_velocity=turn[rows],
-                linear_acceleration=speed[rows] + [0.0, 0.0, 9.81],
-            )
-        },
-        fixes={
-            "gnss": GnssReadings(
-                stamps_ns=gnss_stamps,
-                geodetic=geodesy.geodetic_from_world(position[np.searchsorted(stamps, gnss_stamps)]),
-            )
-        },
-        base=Base(
-            wheels=wheels,
-            tachometers=TachometerReadings(
-                stamps_ns=wheel_stamps, wheel_speed=np.arange(4 * len(wheel_stamps)).reshape(-1, 4) / 8.0
-            ),
-            odometry=WheelTruth(WheelOdometryConfig(), rig.wheels).extend(stamps, wheels).odometry,
-            commands=Commands(stamps_ns=imu_stamps, command=np.column_stack([imu_stamps / 1e10, -imu_stamps / 1e9])),
-        ),
-    )
+    commands = Commands(stamps_ns=imu_stamps, command=np.column_stack([imu_stamps / 1e10, -imu_stamps / 1e9]))
+    return Track(motion=motion, swept=motion, base=Base(wheels=wheels, commands=commands))
 
 
 @dataclass(frozen=True)
@@ -153,7 +123,7 @@ class FakeScene:
 class FakeLidar:
     """Returns a number of points that changes from scan to scan, on a line that depends on the LiDAR's pose."""
 
-    def __init__(self, config: LidarConfig, scene: FakeScene, weather: object = None, robot: object = ()) -> None:
+    def __init__(self, config: LidarConfig, scene: FakeScene, robot: object = (), weather: object = None) -> None:
         self.config = config
 
     def scan(self, world_from_lidar: NDArray[np.float64], stamp_ns: int = 0, number: int = 0) -> FakeScan:
@@ -194,22 +164,29 @@ class FakeCamera:
 def make_slices(folder: Path, experiment: Experiment) -> Slices:
     """Slices of the fake recording."""
     world = make_world(seed=experiment.seed)
-    track, rig, scene = make_track(world, experiment), experiment.rig, FakeScene(world)
+    track, rig = make_track(world, experiment), experiment.rig
+    return Slices(folder, streams_of(world, track, rig), topics_of(rig), lambda: fake_sensors(world, rig))
 
-    def sensors() -> Sensors:
-        return Sensors({"lidar": FakeLidar(rig.lidar, scene)}, {"stereo": FakeCamera(rig.stereo, scene)})
 
-    return Slices(folder, streams_of(world, track, rig), topics_of(rig), sensors)
+def fake_sensors(world: World, rig: Rig, lidar: Any = FakeLidar, camera: Any = FakeCamera) -> Sensors:
+    """Sensors of a rig with fake LiDARs and cameras."""
+    with pytest.MonkeyPatch.context() as patch:
+        use_fake_sensing(patch, lidar, camera)
+        return new_sensors(Place(world, rig, reuse=True))
+
+
+def use_fake_sensing(patch: pytest.MonkeyPatch, lidar: Any = FakeLidar, camera: Any = FakeCamera) -> None:
+    """Replace scene, light, LiDARs and cameras."""
+    patch.setattr("fieldtruth.sensors.kind.Scene", FakeScene)
+    patch.setattr("fieldtruth.sensors.kind.bake", lambda scene, light, weather: scene)
+    patch.setattr("fieldtruth.sensors.lidar.sensor.Lidar", lidar)
+    patch.setattr("fieldtruth.sensors.camera.sensor.Camera", camera)
 
 
 def use_fakes(monkeypatch: pytest.MonkeyPatch) -> None:
     """Replace world building, driving and sensing in the pipeline."""
     from fieldtruth import pipeline
-    from fieldtruth.record import sensors
 
     monkeypatch.setattr(pipeline, "world_of", lambda experiment: make_world(experiment.environment, experiment.seed))
     monkeypatch.setattr(pipeline, "plan_and_drive", lambda world, experiment, _: make_track(world, experiment))
-    monkeypatch.setattr(sensors, "Scene", FakeScene)
-    monkeypatch.setattr(sensors, "bake", lambda scene, light, weather: scene)
-    monkeypatch.setattr(sensors, "new_lidar", FakeLidar)
-    monkeypatch.setattr(sensors, "new_camera", FakeCamera)
+    use_fake_sensing(monkeypatch)

@@ -29,8 +29,7 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.measuring import Lidar
-from fieldtruth.sensors.lidar.sensing import ray_directions
+from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
 from fieldtruth.world.environments import ENVIRONMENTS, Environment
 from fieldtruth.world.environments.park.build import build as build_park
 from fieldtruth.world.environments.park.config import Config as ParkConfig
@@ -106,7 +105,7 @@ def test_bare_rays_equal_those_of_camera_and_lidar(world: World) -> None:
         scene.rays.handle, ray_directions(RIG.lidar).astype(np.float32), RIG.lidar.max_range, Mode(16, 4, False)
     )
     bare.trace(world_from_lidar)
-    scan = Lidar(RIG.lidar, scene).scan(world_from_lidar)
+    scan = IdealLidar(RIG.lidar, scene).scan(world_from_lidar)
     assert len(scan.range_m) == (bare.distances < RIG.lidar.max_range).sum() > 300
     assert (np.abs(bare.distances[scan.column, scan.ring] - scan.range_m) < 2e-3).mean() > 0.998
 

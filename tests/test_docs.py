@@ -9,10 +9,10 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import yaml
 from pydantic import BaseModel
@@ -241,9 +241,14 @@ def test_the_page_on_extending_can_be_followed(monkeypatch: pytest.MonkeyPatch, 
     world = names["world"]
     assert isinstance(world, World)
     assert sum(name.startswith("hazel") for name in world.object_names) == 5
-    finder: Any = names["range_finder"]
-    true = finder.RangeFinder.read
-    monkeypatch.setattr(finder.RangeFinder, "read", lambda self, pose: true(self, pose) + np.float32(0.01))
+    sonar: Any = names["sonar"]
+    true = sonar.Sonar.truth
+
+    def changed(self: Any, output: Any, at: Any) -> Any:
+        found = true(self, output, at)
+        return replace(found, range_m=found.range_m + 0.01)
+
+    monkeypatch.setattr(sonar.Sonar, "truth", changed)
     [check] = [check for check in validate(Path("data/park_1")) if check.name == "other sensors"]
     assert check.passed is False
     assert "/altimeter at " in check.text

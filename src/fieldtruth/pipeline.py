@@ -24,13 +24,13 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.folder import RunFolder, run_folder
-from fieldtruth.record.sensors import movement_of, sensor_factory
+from fieldtruth.record.sensors import sensor_factory
 from fieldtruth.record.slices import SliceFolder, Slices, slices_key
 from fieldtruth.record.stream import Sensors, Stream
 from fieldtruth.record.streams import streams_of
 from fieldtruth.report.card import data_card
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.kind import Movement, Place
+from fieldtruth.sensors.kind import Movement, Place, movement_of
 from fieldtruth.sensors.known import sensor_class
 from fieldtruth.simulation.motion import track_in, with_given_track
 from fieldtruth.world.build import check_experiment, world_of

@@ -7,16 +7,19 @@ from typing import Any
 import numpy as np
 import pytest
 from record_fakes import make_experiment, make_track, make_world
+from series import odometry_along, reading_of
 
 from fieldtruth.bag import base_messages, robot_messages
 from fieldtruth.bag import types as ros
 from fieldtruth.bag.decode import matrix, stamp_ns
 from fieldtruth.drive.state import state_at
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 from fieldtruth.sensors.wheel_odometry.message import joint_states, wheel_odometry, wheel_speed
 
 TRACK = make_track(make_world(), make_experiment(2.5))
 RIG = Rig()
+WHEELS = WheelOdometryConfig()
 
 
 def back(data: bytes, msgtype: str) -> Any:
@@ -29,7 +32,7 @@ def test_wheel_speed() -> None:
 
 def test_joint_states_name_the_joints_of_the_urdf() -> None:
     assert TRACK.base is not None
-    message = back(joint_states(9, TRACK.base.odometry), "sensor_msgs/msg/JointState")
+    message = back(joint_states(9, reading_of(WHEELS, TRACK, 9, "joints")), "sensor_msgs/msg/JointState")
     assert (message.header.seq, stamp_ns(message.header), message.header.frame_id) == (9, 200_000_000, "base_link")
     assert message.name[:2] == ["front_left_wheel_joint", "front_right_wheel_joint"]
     np.testing.assert_allclose(message.position, (0.2, 0.4, 0.22, 0.44), atol=1e-15)
@@ -39,8 +42,8 @@ def test_joint_states_name_the_joints_of_the_urdf() -> None:
 
 def test_wheel_odometry_is_a_planar_pose_in_odom() -> None:
     assert TRACK.base is not None
-    odometry = TRACK.base.odometry
-    message = back(wheel_odometry(99, odometry), "nav_msgs/msg/Odometry")
+    odometry = odometry_along(TRACK)
+    message = back(wheel_odometry(99, reading_of(WHEELS, TRACK, 99, "odometry")), "nav_msgs/msg/Odometry")
     assert (message.header.frame_id, message.child_frame_id) == ("odom", "base_link")
     x, y, yaw = odometry.pose[99]
     pose, twist = message.pose.pose, message.twist.twist

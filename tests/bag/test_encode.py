@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from record_fakes import FakeScan, make_experiment, make_track, make_world
+from series import fixes_along, imu_along, reading_of
 
 from fieldtruth.bag import decode as read
 from fieldtruth.bag import robot_messages
@@ -41,7 +42,7 @@ MD5 = {  # as rosmsg prints them
 
 STAMP = 12_345_678_901
 WORLD = make_world()
-TRACK = make_track(WORLD, make_experiment(1.0))
+TRACK, RIG = make_track(WORLD, make_experiment(1.0)), Rig()
 
 
 def back(data: bytes, msgtype: str) -> Any:
@@ -68,19 +69,19 @@ def test_clock() -> None:
 
 
 def test_imu_is_in_imu_link_with_quaternions_in_ros_order() -> None:
-    message = back(imu(7, TRACK.imus["imu"], "imu_link"), "sensor_msgs/msg/Imu")
+    message = back(imu(7, reading_of(RIG.imu, TRACK, 7)), "sensor_msgs/msg/Imu")
     assert (message.header.seq, read.stamp_ns(message.header)) == (7, 160_000_000)
     assert message.header.frame_id == "imu_link"
-    assert wxyz(message.orientation) == TRACK.imus["imu"].quaternion_wxyz[7].tolist()
-    assert xyz(message.angular_velocity) == TRACK.imus["imu"].angular_velocity[7].tolist()
-    assert xyz(message.linear_acceleration) == TRACK.imus["imu"].linear_acceleration[7].tolist()
+    assert wxyz(message.orientation) == imu_along(TRACK).quaternion_wxyz[7].tolist()
+    assert xyz(message.angular_velocity) == imu_along(TRACK).angular_velocity[7].tolist()
+    assert xyz(message.linear_acceleration) == imu_along(TRACK).linear_acceleration[7].tolist()
     assert not message.orientation_covariance.any()
 
 
 def test_navsat() -> None:
-    message = back(navsat(1, TRACK.fixes["gnss"], "GNSS_link"), "sensor_msgs/msg/NavSatFix")
+    message = back(navsat(1, reading_of(RIG.gnss, TRACK, 1)), "sensor_msgs/msg/NavSatFix")
     assert (message.header.frame_id, read.stamp_ns(message.header)) == ("GNSS_link", 10**9)
-    assert [message.latitude, message.longitude, message.altitude] == TRACK.fixes["gnss"].geodetic[1].tolist()
+    assert [message.latitude, message.longitude, message.altitude] == fixes_along(TRACK).geodetic[1].tolist()
     assert message.status.status == message.status.STATUS_FIX
 
 

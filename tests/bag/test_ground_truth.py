@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fieldtruth.core import frames, geodesy
 from fieldtruth.bag.decode import image, points, pose_matrix, read_bag, stamp_ns, static_transforms
+from fieldtruth.core import frames, geodesy
 from fieldtruth.core.classes import CLASSES, PALETTE, Label
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.rig import Rig

@@ -5,6 +5,7 @@
 import numpy as np
 import pytest
 from drive_worlds import hills, make_experiment, make_world
+from series import fixes_along, imu_along, odometry_along, tachometers_along
 
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.steps import due_step, steps_at_rate
@@ -20,11 +21,11 @@ def arrays(track: Track) -> dict[str, bytes]:
     base = track.base
     parts = (
         track.motion,
-        track.imus["imu"],
-        track.fixes["gnss"],
+        imu_along(track),
+        fixes_along(track),
         base.wheels,
-        base.tachometers,
-        base.odometry,
+        tachometers_along(track),
+        odometry_along(track),
         base.commands,
     )
     found = {f"{type(p).__name__}.{name}": a for p in parts for name, a in vars(p).items()}
@@ -71,19 +72,14 @@ def test_each_sensor_reads_at_its_rate_up_to_and_including_the_end(flat_world: W
     track = drive(flat_world, make_experiment([(9.0, 0.0)], seconds=3.0))
     assert track.duration_s == 3.0
     assert len(track.motion.stamps_ns) == 3000
-    assert len(track.imus["imu"].stamps_ns) == 150
-    assert len(track.fixes["gnss"].stamps_ns) == 6
-    assert track.base is not None
-    assert len(track.base.tachometers.stamps_ns) == 30
-    assert len(track.base.odometry.stamps_ns) == len(track.base.commands.stamps_ns) == 150
-    parts = (
-        track.motion,
-        track.imus["imu"],
-        track.fixes["gnss"],
-        track.base.tachometers,
-        track.base.odometry,
-        track.base.commands,
+    imu, gnss, tachometers, odometry = (
+        read(track) for read in (imu_along, fixes_along, tachometers_along, odometry_along)
     )
+    assert track.base is not None
+    commands = track.base.commands
+    assert (len(imu.stamps_ns), len(gnss.stamps_ns), len(tachometers.stamps_ns)) == (150, 6, 30)
+    assert len(odometry.stamps_ns) == len(commands.stamps_ns) == 150
+    parts = (track.motion, imu, gnss, tachometers, odometry, commands)
     ends = {int(s.stamps_ns[-1]) for s in parts}
     assert ends == {3_000_000_000}
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from drive_worlds import make_experiment, make_world, tilted
 from scipy.spatial.transform import Rotation
+from series import fixes_along, imu_along, tachometers_along
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz, wxyz_from_xyzw
@@ -95,14 +96,14 @@ def test_drive_shorter_than_a_period_has_no_readings() -> None:
 
 
 def test_gnss_position_is_the_antenna_within_a_millimetre(winding_track: Track) -> None:
-    motion, gnss = winding_track.motion, winding_track.fixes["gnss"]
+    motion, gnss = winding_track.motion, fixes_along(winding_track)
     rows = gnss.stamps_ns // STEP_NS - 1
     lever = rotation_from_quaternion_wxyz(motion.quaternion_wxyz[rows]) @ np.array((0.10, 0.0, 0.890))
     np.testing.assert_allclose(world_from_geodetic(gnss.geodetic), motion.position[rows] + lever, atol=1e-3)
 
 
 def test_imu_attitude_and_mount_give_the_attitude_of_base_link(winding_track: Track) -> None:
-    motion, imu = winding_track.motion, winding_track.imus["imu"]
+    motion, imu = winding_track.motion, imu_along(winding_track)
     rows = imu.stamps_ns // STEP_NS - 1
     base_from_imu = Mount(xyz=(0, 0, 0), rpy_deg=(0, -90, 180)).base_from_sensor[:3, :3]
     world_from_base = rotation_from_quaternion_wxyz(imu.quaternion_wxyz) @ base_from_imu.T
@@ -110,7 +111,7 @@ def test_imu_attitude_and_mount_give_the_attitude_of_base_link(winding_track: Tr
 
 
 def test_gyro_integrates_to_the_attitude(winding_track: Track) -> None:
-    imu = winding_track.imus["imu"]
+    imu = imu_along(winding_track)
     seconds = np.diff(imu.stamps_ns) / 1e9
     turns = Rotation.from_rotvec((imu.angular_velocity[:-1] + imu.angular_velocity[1:]) / 2 * seconds[:, None])
     attitude = Rotation.from_quat(np.roll(imu.quaternion_wxyz, -1, axis=1))
@@ -123,7 +124,7 @@ def test_gyro_integrates_to_the_attitude(winding_track: Track) -> None:
 def test_accelerometer_integrates_to_the_velocity() -> None:
     rig = paper_rig(imu=ImuConfig(rate_hz=1000.0))
     track = drive(make_world(tilted(3.0, 2.0)), make_experiment([(3.0, 4.0)], seconds=3.0, rig=rig))
-    imu, motion = track.imus["imu"], track.motion
+    imu, motion = imu_along(track, rig), track.motion
     world_from_imu = rotation_from_quaternion_wxyz(imu.quaternion_wxyz)
     acceleration = np.einsum("nij,nj->ni", world_from_imu, imu.linear_acceleration) - (0.0, 0.0, 9.81)
     velocity = point_velocity(motion, np.arange(3000), np.array((0.19, 0.0, 0.149)))
@@ -134,8 +135,8 @@ def test_accelerometer_integrates_to_the_velocity() -> None:
 
 def test_wheel_speeds_integrate_to_the_driven_length() -> None:
     track = drive(make_world(tilted(4.0, 0.0)), make_experiment([(9.0, 0.0)]))
-    assert track.base is not None
-    seconds = np.diff(track.base.tachometers.stamps_ns, prepend=0) / 1e9
-    by_wheels = (track.base.tachometers.wheel_speed * seconds[:, None]).sum(axis=0) * 0.1651
+    tachometers = tachometers_along(track)
+    seconds = np.diff(tachometers.stamps_ns, prepend=0) / 1e9
+    by_wheels = (tachometers.wheel_speed * seconds[:, None]).sum(axis=0) * 0.1651
     np.testing.assert_allclose(by_wheels, track.length_m, rtol=0.01)
     assert track.length_m > 6.5

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
+from series import imu_along
 
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import TrackError
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz, wxyz_from_xyzw, xyzw_from_wxyz
 from fieldtruth.drive.given_motion import motion_along, track_along
-from fieldtruth.drive.track import Motion, Track
+from fieldtruth.drive.track import ImuReadings, Motion, Track
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.sensors.imu.config import ImuConfig
@@ -30,12 +31,16 @@ def moved(times: Array, position: Array, rotation: Rotation, rig: Rig = IN_MIDDL
     return track_along(motion, rig)
 
 
+def felt(times: Array, position: Array, rotation: Rotation, rig: Rig = IN_MIDDLE) -> ImuReadings:
+    return imu_along(moved(times, position, rotation, rig), rig)
+
+
 def test_on_a_circle_the_imu_feels_the_centripetal_acceleration() -> None:
     radius, turn = 4.0, 0.8
     times = np.arange(0.0, 10.01, 0.05)
     angle, zero = turn * times, np.zeros_like(times)
     circle = radius * np.column_stack([np.sin(angle), 1.0 - np.cos(angle), zero])  # to the left, heading along it
-    imu = moved(times, circle, Rotation.from_rotvec(np.column_stack([zero, zero, angle]))).imus["imu"]
+    imu = felt(times, circle, Rotation.from_rotvec(np.column_stack([zero, zero, angle])))
     inner = slice(500, -500)  # at its ends a spline knows one side only
     # The step's velocity is that of its middle, half a millisecond before the stamp.
     expected = (radius * turn**2 * turn * 1e-3, radius * turn**2, GRAVITY)
@@ -46,7 +51,7 @@ def test_on_a_circle_the_imu_feels_the_centripetal_acceleration() -> None:
 def test_in_free_fall_the_accelerometer_reads_nothing() -> None:
     times = np.linspace(0.0, 2.0, 21)
     fall = np.column_stack([3.0 * times, np.zeros_like(times), 40.0 - GRAVITY / 2 * times**2])
-    imu = moved(times, fall, Rotation.from_euler("xyz", np.tile((20.0, 5.0, 80.0), (21, 1)), degrees=True)).imus["imu"]
+    imu = felt(times, fall, Rotation.from_euler("xyz", np.tile((20.0, 5.0, 80.0), (21, 1)), degrees=True))
     np.testing.assert_allclose(imu.linear_acceleration, 0.0, atol=1e-7)
     np.testing.assert_allclose(imu.angular_velocity, 0.0, atol=1e-12)
 
@@ -54,7 +59,7 @@ def test_in_free_fall_the_accelerometer_reads_nothing() -> None:
 def test_at_rest_with_any_attitude_it_reads_gravity_upwards() -> None:
     attitude = Rotation.from_euler("xyz", (30.0, -50.0, 200.0), degrees=True)
     times = np.array([0.0, 0.4, 1.0])
-    imu = moved(times, np.tile((1.0, 2.0, 3.0), (3, 1)), Rotation.concatenate([attitude] * 3), ON_MAST).imus["imu"]
+    imu = felt(times, np.tile((1.0, 2.0, 3.0), (3, 1)), Rotation.concatenate([attitude] * 3), ON_MAST)
     base_from_imu = Rotation.from_matrix(ON_MAST.imu.mount.base_from_sensor[:3, :3])
     expected = (attitude * base_from_imu).inv().apply((0.0, 0.0, GRAVITY))
     np.testing.assert_allclose(imu.linear_acceleration, np.tile(expected, (1000, 1)), atol=1e-9)
@@ -65,7 +70,7 @@ def test_a_lever_arm_is_pulled_outwards_by_the_turn() -> None:
     axis = np.array([0.0, 0.0, 1.0])
     spin = Rotation.from_rotvec(turn * times[:, None] * axis)
     rig = paper_rig(imu=ImuConfig(rate_hz=1000.0, mount=Mount(xyz=(0.5, 0.0, 0.0))))
-    imu = moved(times, np.zeros((len(times), 3)), spin, rig).imus["imu"]
+    imu = felt(times, np.zeros((len(times), 3)), spin, rig)
     np.testing.assert_allclose(imu.linear_acceleration[1:, 0], -0.5 * turn**2, atol=1e-4)
     np.testing.assert_allclose(imu.linear_acceleration[1:, 2], GRAVITY, atol=1e-9)
 
@@ -84,7 +89,7 @@ def flight() -> tuple[Counts, Array, Array]:
 def test_the_imu_integrates_to_path_and_attitude(flight: tuple[Counts, Array, Array]) -> None:
     stamps, position, quaternion = flight
     motion = motion_along(stamps, position, quaternion, int(stamps[0]))
-    imu, mount = track_along(motion, ON_MAST).imus["imu"], ON_MAST.imu.mount.base_from_sensor
+    imu, mount = imu_along(track_along(motion, ON_MAST), ON_MAST), ON_MAST.imu.mount.base_from_sensor
     world_from_imu = rotation_from_quaternion_wxyz(motion.quaternion_wxyz) @ mount[:3, :3]
     path = motion.position + rotation_from_quaternion_wxyz(motion.quaternion_wxyz) @ mount[:3, 3]
     attitude, place = Rotation.from_matrix(world_from_imu[1]), path[1]
@@ -102,7 +107,7 @@ def test_the_imu_integrates_to_path_and_attitude(flight: tuple[Counts, Array, Ar
 def test_the_middle_integrates_exactly(flight: tuple[Counts, Array, Array]) -> None:
     stamps, position, quaternion = flight
     motion = motion_along(stamps, position, quaternion, int(stamps[0]))
-    imu = track_along(motion, IN_MIDDLE).imus["imu"]
+    imu = imu_along(track_along(motion, IN_MIDDLE), IN_MIDDLE)
     world = np.einsum("nij,nj->ni", rotation_from_quaternion_wxyz(motion.quaternion_wxyz), imu.linear_acceleration)
     velocity = motion.linear_velocity[1] + np.cumsum((world - (0.0, 0.0, GRAVITY))[2:], axis=0) * 1e-3
     np.testing.assert_allclose(motion.position[1] + np.cumsum(velocity, axis=0) * 1e-3, motion.position[2:], atol=1e-8)
@@ -148,12 +153,10 @@ def test_a_track_of_the_physics_gives_its_own_motion_and_imu(winding_track: Trac
     drive = winding_track.motion
     motion = motion_along(drive.stamps_ns, drive.position, drive.quaternion_wxyz, 0)
     assert_equal_motion(motion, drive)
-    imu = track_along(motion, Rig()).imus["imu"]
+    imu = imu_along(track_along(motion, Rig()))
     # The first reading begins with the first state, whose velocity no pose states.
-    np.testing.assert_allclose(
-        imu.linear_acceleration[1:], winding_track.imus["imu"].linear_acceleration[1:], atol=1e-7
-    )
-    np.testing.assert_allclose(imu.angular_velocity, winding_track.imus["imu"].angular_velocity, atol=1e-9)
+    np.testing.assert_allclose(imu.linear_acceleration[1:], imu_along(winding_track).linear_acceleration[1:], atol=1e-7)
+    np.testing.assert_allclose(imu.angular_velocity, imu_along(winding_track).angular_velocity, atol=1e-9)
 
 
 def test_behind_the_last_pose_the_sweep_goes_on_and_poses_of_the_file_come_first(

@@ -5,6 +5,7 @@
 import numpy as np
 import pytest
 from drive_worlds import make_experiment, make_world, tilted
+from series import odometry_along
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz, yaw_from_rotation
@@ -47,12 +48,11 @@ def test_turning_in_place_does_not_move() -> None:
 
 def ends(track: Track) -> tuple[Array, Array]:
     """Estimated and true x, y [m] and yaw [rad] at the end, in the frame of time 0."""
-    assert track.base is not None
     motion = track.motion
     rotation = rotation_from_quaternion_wxyz(motion.quaternion_wxyz[[0, -1]])
     moved = rotation[0].T @ (motion.position[-1] - motion.position[0])
     yaw = np.unwrap(yaw_from_rotation(rotation_from_quaternion_wxyz(motion.quaternion_wxyz[::100])))
-    return track.base.odometry.pose[-1], np.array([*moved[:2], yaw[-1] - yaw[0]])
+    return odometry_along(track).pose[-1], np.array([*moved[:2], yaw[-1] - yaw[0]])
 
 
 def test_on_level_ground_the_end_of_a_winding_drive_is_found(flat_world: World) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from drive_worlds import make_experiment, make_robot, make_world, obstacle, tilted
 from numpy.testing import assert_allclose
+from series import odometry_along
 
 import fieldtruth as ft
 from fieldtruth.bag.base_messages import wheel_transforms
@@ -146,7 +147,7 @@ def test_a_differential_robot_drives_a_route_and_publishes_two_wheels(tmp_path: 
     assert track.base is not None
     assert track.base.wheels.angle.shape[1] == 2
     assert np.linalg.norm(track.motion.position[-1, :2] - (9.0, -1.0)) < 2.5
-    start, end = track.base.odometry.pose[0], track.base.odometry.pose[-1]
+    start, end = odometry_along(track, rig).pose[[0, -1]]
     driven = np.linalg.norm(track.motion.position[-1, :2] - track.motion.position[0, :2])
     assert np.linalg.norm(end[:2] - start[:2]) == pytest.approx(driven, rel=0.01)
     assert [topic.name for topic in topics_of(rig) if topic.kind == "wheel_odometry"] == [

@@ -26,8 +26,7 @@ def standing(world: World, **frames: Any) -> Motion:
     values = {"name": "test", "environment": "test", "frames": {"count": 400, **frames}}
     track = standing_robot(world, Experiment.model_validate(values))
     assert track.is_frames
-    assert not track.imus
-    assert not track.fixes
+    assert track.base is None
     return track.motion
 
 

@@ -22,8 +22,7 @@ from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
 from fieldtruth.sensors.camera.pinhole import Pinhole, pinhole
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.measuring import Lidar
-from fieldtruth.sensors.lidar.sensing import ray_directions
+from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
 from fieldtruth.validation.retrace.tracer import ReferenceTracer
 
 RANGE: Final = 0.005
@@ -83,7 +82,7 @@ def compare_scan(scene: Scene, config: LidarConfig, world_from_lidar: Array, gaz
     within ``TRAIL_EDGE`` of a trail's edge, or if Gazebo's has passed between two triangles that meet within ``SEAM``
     of it and hit what is behind.
     """
-    scan = Lidar(config, scene).scan(world_from_lidar)
+    scan = IdealLidar(config, scene).scan(world_from_lidar)
     ours = Beams(np.full(gazebo.range_m.shape, np.inf), np.zeros(gazebo.label.shape))
     ours.range_m[scan.column, scan.ring], ours.label[scan.column, scan.ring] = scan.range_m, scan.label
     differ = ours.differ(gazebo)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from rosbags.rosbag1 import Reader
 from scipy.signal import welch
+from series import tachometers_along
 
 from fieldtruth.bag.decode import stamp_ns
 from fieldtruth.bag.topics import ODOMETRY
@@ -89,13 +90,12 @@ class Drive:
 def drive_of_track(track: Track) -> Drive:
     """Our own drive."""
     motion = track.motion
-    assert track.base is not None
     return Drive(
         position=motion.position,
         quaternion_wxyz=motion.quaternion_wxyz,
         velocity=motion.linear_velocity,
         angular_velocity=motion.angular_velocity,
-        wheel_speed=track.base.tachometers.wheel_speed,
+        wheel_speed=tachometers_along(track).wheel_speed,
     )
 
 

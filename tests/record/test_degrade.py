@@ -53,7 +53,7 @@ def test_the_bytes_are_those_of_a_run_with_noise(signal: dict[str, Any], ideal: 
 def test_cameras_that_stay_ideal_are_not_rendered_again(
     ideal: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("fieldtruth.record.sensors.bake", lambda *_: pytest.fail("the light was baked"))
+    monkeypatch.setattr("fieldtruth.sensors.kind.bake", lambda *_: pytest.fail("the light was baked"))
     degrade(ideal, tmp_path, signal={"lidar": {"range_noise": [[12.0, 0.02]]}})
 
 

@@ -291,7 +291,7 @@ SHAPES_SLICES = (
     "world/model",
     "sensors/lidar/message",
     "sensors/camera/message",
-    "sensors/imu/stream",
+    "sensors/imu/sensor",
     "record/streams",
 )
 LEAVES_SLICES = ("report/card", "exporters/pcd", "validation/check", "datasets/run", "cli/__main__")

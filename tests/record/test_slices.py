@@ -4,6 +4,7 @@ import errno
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from record_fakes import FakeCamera, make_experiment, make_slices
@@ -173,8 +174,10 @@ def test_every_worker_has_its_own_sensors(tmp_path: Path) -> None:
     cameras = []
 
     def sensors():  # type: ignore[no-untyped-def]
+        found: Any = make()
         cameras.append(Watch(EXPERIMENT.rig.stereo, None))  # type: ignore[arg-type]
-        return make()._replace(cameras={"stereo": cameras[-1]})
+        found["stereo"]._camera = cameras[-1]
+        return found
 
     slices._make_sensors = sensors
     slices.make(2)

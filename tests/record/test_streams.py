@@ -15,12 +15,14 @@ from record_fakes import (
     FakeLidar,
     FakeScan,
     FakeScene,
+    fake_sensors,
     make_experiment,
     make_slices,
     make_track,
     make_world,
 )
 from rosbags.rosbag1 import Reader
+from series import fixes_along, tachometers_along
 
 from fieldtruth.bag import topics
 from fieldtruth.bag.decode import (
@@ -43,7 +45,6 @@ from fieldtruth.core.progress import Silent
 from fieldtruth.drive.state import poses_at, state_at
 from fieldtruth.drive.track import stamps_at_rate
 from fieldtruth.experiment.rig import Rig, paper_rig
-from fieldtruth.record.stream import Sensors
 from fieldtruth.record.streams import streams_of
 from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
@@ -217,9 +218,9 @@ def test_readings_of_the_drive_are_in_the_bag(readings: dict[str, list[Reading]]
     assert TRACK.base is not None
     for name, column in (("front_left", 0), ("front_right", 1), ("rear_left", 2), ("rear_right", 3)):
         speeds = [r.message.data for r in readings[f"/gazebo_client/{name}_speed"]]
-        assert speeds == TRACK.base.tachometers.wheel_speed[:, column].tolist()
+        assert speeds == tachometers_along(TRACK).wheel_speed[:, column].astype(np.float32).tolist()
     heights = [r.message.altitude for r in readings["/navsat/fix"]]
-    assert heights == TRACK.fixes["gnss"].geodetic[:, 2].tolist()
+    assert heights == fixes_along(TRACK).geodetic[:, 2].tolist()
 
 
 @pytest.mark.parametrize(
@@ -270,7 +271,7 @@ def test_a_spinning_lidar_gets_the_pose_of_each_column() -> None:
             return super().scan(world_from_lidar[0])
 
     stream = next(s for s in streams_of(WORLD, track, rig) if s.topics == (paper_topics.POINTS,))
-    list(stream.messages(3, Sensors(lidars={"lidar": Watch(rig.lidar, FakeScene(WORLD))})))
+    list(stream.messages(3, fake_sensors(WORLD, rig, Watch)))
     motion = track.motion
     truth = frames.pose_from_quaternion_wxyz(motion.position, motion.quaternion_wxyz) @ rig.lidar.mount.base_from_sensor
     np.testing.assert_allclose(seen[0], truth[399:500:5], atol=1e-15)  # 0.4 s and every 5 ms to the end of its 0.1 s

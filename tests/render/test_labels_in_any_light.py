@@ -30,9 +30,8 @@ from fieldtruth.sensors.camera.config import OPTICAL, CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
 from fieldtruth.sensors.camera.sensing import CameraImages
 from fieldtruth.sensors.camera.signal_camera import Camera
-from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.measuring import Lidar
+from fieldtruth.sensors.lidar.sensing import IdealLidar
 
 SIDE: Final = 60.0  # [m], of the world
 POSE: Final = frames.pose((0, 0.3, 1.1), (0, 4, 20))
@@ -148,11 +147,11 @@ def test_scan_is_the_same_bytes_before_and_after_all_photographs(scene: Scene, b
     """A LiDAR takes no light; a bake or a photograph that changed the scene would change it."""
     fresh = Scene(scene.world)
     config = LidarConfig(columns=256, rings=16)
-    before = Lidar(config, fresh).scan(POSE)
+    before = IdealLidar(config, fresh).scan(POSE)
     bake(fresh)
     for preset in PRESETS:
         photographed(in_light(baked, preset), camera_config())
     for each in (fresh, scene):
-        after = Lidar(config, each).scan(POSE)
+        after = IdealLidar(config, each).scan(POSE)
         for name in ("range_m", "label", "instance", "column"):
             np.testing.assert_array_equal(getattr(before, name), getattr(after, name))

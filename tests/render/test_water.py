@@ -20,7 +20,7 @@ from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.measuring import Lidar
+from fieldtruth.sensors.lidar.sensing import IdealLidar
 
 COUNT = 48
 F8 = NDArray[np.float64]
@@ -99,7 +99,7 @@ def test_camera_labels_water_and_the_lidar_gets_no_return() -> None:
     images = LabelCamera(StereoConfig(width=64, height=40), scene).label(pose @ OPTICAL)
     assert set(np.unique(images.label[28:])) == {Label.WATER}  # from below the horizon down to the lower edge
     assert images.label[19, 32] == Label.BENCH
-    scan = Lidar(LidarConfig(columns=64, rings=16), scene).scan(pose)
+    scan = IdealLidar(LidarConfig(columns=64, rings=16), scene).scan(pose)
     assert set(np.unique(scan.label)) == {Label.BENCH}
 
 

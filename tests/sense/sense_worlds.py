@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from fieldtruth.core.classes import Label
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.measuring import Lidar
+from fieldtruth.sensors.lidar.sensing import IdealLidar
 from fieldtruth.world import assembly
 from fieldtruth.world.build import load_world
 from fieldtruth.world.model import Heightfield, Instance, Material, Mesh, Raster, Terrain, World
@@ -150,7 +150,7 @@ def trace_rays(scene: Scene, origins: F8, directions: F8, *, max_range: float = 
         poses[len(ahead) :, 2, 3] = 1e6  # surplus columns hit nothing
         poses[: len(ahead), :3, :3] = frame @ np.swapaxes(turn, 1, 2)
         poses[: len(ahead), :3, 3] = origins[rows]
-        scan = Lidar(config, scene).scan(poses)
+        scan = IdealLidar(config, scene).scan(poses)
         found = first + scan.column.astype(np.int64)
         out.range_m[found], out.label[found], out.instance[found] = scan.range_m, scan.label, scan.instance
     return out

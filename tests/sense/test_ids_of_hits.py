@@ -17,7 +17,7 @@ from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.measuring import Lidar
+from fieldtruth.sensors.lidar.sensing import IdealLidar
 from fieldtruth.world.model import World
 
 IDS = (2, 65_535, 65_536 + 2, 3 * 65_536 + 2)
@@ -36,7 +36,7 @@ def test_cloud_and_images_have_the_ids_of_the_world(world: World) -> None:
     assert world.has_wide_ids
     assert not replace(world, instances=world.instances[:2]).has_wide_ids
     scene, pose = Scene(world), frames.pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
-    scan = Lidar(LidarConfig(columns=512, rings=9), scene).scan(pose)
+    scan = IdealLidar(LidarConfig(columns=512, rings=9), scene).scan(pose)
     near = (scan.xyz[:, 0] > 5.0) & (np.abs(scan.xyz[:, 0] - 5.5) < 0.01)
     expected = np.array(IDS)[np.clip((1.9 - scan.xyz[near, 1]).astype(int), 0, 3)]
     np.testing.assert_array_equal(scan.instance[near], expected)

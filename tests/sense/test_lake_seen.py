@@ -19,7 +19,7 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
-from fieldtruth.sensors.lidar.measuring import Lidar
+from fieldtruth.sensors.lidar.sensing import IdealLidar
 from fieldtruth.world.furniture import hang, make_cable, make_power_pole
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.trails import Line
@@ -75,7 +75,7 @@ def robot_pose(scene: Scene, line: Line, at: float) -> NDArray[np.float64]:
 def test_every_class_is_seen_from_the_route(lake: Scene) -> None:
     """By the camera all of them, by the LiDAR all but water and sky."""
     rig, hit, seen = paper_rig(stereo=StereoConfig(width=432, height=240)), set[int](), set[int]()
-    lidar, camera = Lidar(rig.lidar, lake), LabelCamera(rig.stereo, lake)
+    lidar, camera = IdealLidar(rig.lidar, lake), LabelCamera(rig.stereo, lake)
     for line in lines():
         for at in np.linspace(0.02, 0.98, 10):
             base = robot_pose(lake, line, at)

@@ -13,8 +13,7 @@ from fieldtruth.core import frames
 from fieldtruth.core.classes import Label
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.measuring import Lidar
-from fieldtruth.sensors.lidar.sensing import Scan, ray_directions
+from fieldtruth.sensors.lidar.sensing import IdealLidar, Scan, ray_directions
 
 TOLERANCE = 1e-4  # [m]
 
@@ -53,7 +52,7 @@ def plane() -> Scene:
 
 def test_ranges_above_a_plane_match_closed_form(plane: Scene) -> None:
     config, height = LidarConfig(max_range=30.0), 1.2
-    scan = Lidar(config, plane).scan(at(3, -2, height))
+    scan = IdealLidar(config, plane).scan(at(3, -2, height))
     elevation = np.radians(22.5 - 45.0 * np.arange(64) / 63)
     with np.errstate(divide="ignore"):
         expected = np.where(elevation < 0, height / np.sin(-elevation), np.inf)
@@ -74,7 +73,7 @@ def test_tilted_ring_hits_ground_on_its_low_side(
 ) -> None:
     """Pitch > 0 lowers the front, roll > 0 the right side; yaw changes neither."""
     config = LidarConfig(columns=64, rings=1)
-    scan = Lidar(config, plane).scan(frames.pose((0, 0, 1), (roll, pitch, yaw)))
+    scan = IdealLidar(config, plane).scan(frames.pose((0, 0, 1), (roll, pitch, yaw)))
     ranges = grid(scan, config)[:, 0]
     assert ranges[column] == pytest.approx(1.0 / np.sin(np.radians(10)), abs=TOLERANCE)
     assert ranges[(column + 32) % 64] == 0.0
@@ -83,7 +82,7 @@ def test_tilted_ring_hits_ground_on_its_low_side(
 
 def test_ranges_of_a_tilted_scanner_match_closed_form(plane: Scene) -> None:
     config = LidarConfig(columns=128, rings=32, max_range=25.0)
-    scan = Lidar(config, plane).scan(frames.pose((1, 2, 1.5), (7, -13, 40)))
+    scan = IdealLidar(config, plane).scan(frames.pose((1, 2, 1.5), (7, -13, 40)))
     down = -(ray_directions(config) @ rotation(7, -13, 40).T)[..., 2]
     expected = np.where(down > 1e-9, 1.5 / np.maximum(down, 1e-9), np.inf)
     certain = np.abs(expected - 25.0) > 1e-3
@@ -96,7 +95,7 @@ def test_ranges_on_sloping_ground_match_closed_form() -> None:
     """Ground z = 0.1 x + 0.2 y, where both triangles of each cell are coplanar."""
     scene = Scene(make_world(height=lambda x, y: 0.1 * x + 0.2 * y, side=80.0))
     config, origin = LidarConfig(columns=128, rings=32, max_range=20.0), np.array([1.0, 2.0, 2.0])
-    scan = Lidar(config, scene).scan(at(*origin))
+    scan = IdealLidar(config, scene).scan(at(*origin))
     closing = ray_directions(config) @ [0.1, 0.2, -1.0]
     expected = np.where(closing > 1e-9, (2.0 - 0.1 - 0.4) / np.maximum(closing, 1e-9), np.inf)
     certain = np.abs(expected - 20.0) > 1e-3
@@ -113,7 +112,7 @@ def test_cells_are_split_along_the_diagonal_from_the_low_corner() -> None:
     scene = Scene(replace(world, terrain=terrain))
     config = LidarConfig(columns=8, rings=1)
     for x, y, height in ((-10.0, 10.0, 3.0 * 0.5), (10.0, -10.0, 0.0), (5.0, 5.001, 0.0), (-19.0, 19.0, 3.0 * 0.95)):
-        scan = Lidar(config, scene).scan(frames.pose((x, y, 10), (0, 90, 0)))
+        scan = IdealLidar(config, scene).scan(frames.pose((x, y, 10), (0, 90, 0)))
         assert scan.column[0] == 0
         assert scan.range_m[0] == pytest.approx(10.0 - height, abs=1e-3 if y == 5.001 else TOLERANCE)
 
@@ -121,7 +120,7 @@ def test_cells_are_split_along_the_diagonal_from_the_low_corner() -> None:
 def test_ranges_inside_a_box_match_closed_form() -> None:
     config, origin = LidarConfig(), np.array([1.0, -2.0, 0.5])
     for rpy in ((0.0, 0.0, 0.0), (12.0, 34.0, 56.0)):
-        scan = Lidar(config, room(5, 4, 3)).scan(frames.pose(origin.tolist(), rpy))
+        scan = IdealLidar(config, room(5, 4, 3)).scan(frames.pose(origin.tolist(), rpy))
         directions = ray_directions(config) @ rotation(*rpy).T
         assert grid(scan, config) == pytest.approx(to_box(origin, directions, np.array([5.0, 4.0, 3.0])), abs=TOLERANCE)
 
@@ -133,7 +132,7 @@ def test_ranges_of_a_rotated_and_scaled_instance_match_closed_form() -> None:
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = scale * turned, position
     config, origin = LidarConfig(columns=128, rings=32), np.array([21.0, -8.0, 3.5])
-    scan = Lidar(config, floating((box("room", half.tolist()), pose))).scan(at(*origin))
+    scan = IdealLidar(config, floating((box("room", half.tolist()), pose))).scan(at(*origin))
     expected = to_box((origin - position) @ turned, ray_directions(config) @ turned, scale * half)
     assert grid(scan, config) == pytest.approx(expected, abs=TOLERANCE)
     assert set(scan.instance) == {2}
@@ -147,7 +146,7 @@ def test_ranges_of_a_sphere_are_between_those_of_its_inner_and_outer_radius() ->
     centre = np.array([4.0, 3.0, 0.2])
     scene = floating((make_mesh("ball", ball.vertices, ball.faces), at(*centre)))
     config = LidarConfig(columns=512, rings=64)
-    ranges = grid(Lidar(config, scene).scan(at(0, 0, 0)), config)
+    ranges = grid(IdealLidar(config, scene).scan(at(0, 0, 0)), config)
     along = ray_directions(config) @ centre
     passing = np.sqrt(centre @ centre - along**2)  # distance of each ray's line from the centre
     hit, miss = (along > 0) & (passing < inner - 1e-6), (along < 0) | (passing > 2.0 + 1e-6)
@@ -162,7 +161,7 @@ def test_ranges_of_a_sphere_are_between_those_of_its_inner_and_outer_radius() ->
 
 def test_directions_of_rings_and_columns() -> None:
     config = LidarConfig()
-    scan = Lidar(config, room(9, 9, 9)).scan(np.eye(4))
+    scan = IdealLidar(config, room(9, 9, 9)).scan(np.eye(4))
     assert len(scan.xyz) == 512 * 64
     x, y, z = scan.xyz.astype(np.float64).T
     elevation, azimuth = np.degrees(np.arctan2(z, np.hypot(x, y))), np.degrees(np.arctan2(y, x))
@@ -180,7 +179,7 @@ def test_directions_of_rings_and_columns() -> None:
 def test_sizes_that_no_packet_divides_have_no_gaps() -> None:
     """The last packets are only partly filled; a single ring is horizontal."""
     config = LidarConfig(columns=13, rings=7, vertical_fov_deg=30.0)
-    scan = Lidar(config, room(3, 3, 3)).scan(np.eye(4))
+    scan = IdealLidar(config, room(3, 3, 3)).scan(np.eye(4))
     assert grid(scan, config) == pytest.approx(
         to_box(np.zeros(3), ray_directions(config), np.full(3, 3.0)), abs=TOLERANCE
     )
@@ -189,7 +188,7 @@ def test_sizes_that_no_packet_divides_have_no_gaps() -> None:
 
 def test_points_are_directions_times_ranges() -> None:
     config = LidarConfig()
-    scan = Lidar(config, room(7, 5, 3)).scan(frames.pose((1, 1, 1), (5, 6, 7)))
+    scan = IdealLidar(config, room(7, 5, 3)).scan(frames.pose((1, 1, 1), (5, 6, 7)))
     expected = ray_directions(config)[scan.column, scan.ring] * scan.range_m[:, None]
     assert scan.xyz == pytest.approx(expected, abs=1e-6)
     kinds = {"xyz": "f4", "range_m": "f4", "label": "u1", "instance": "u4", "ring": "u2", "column": "u2", "t_ns": "u4"}
@@ -201,7 +200,7 @@ def test_spinning_scan_reports_points_in_the_frame_of_their_column() -> None:
     """The sensor moves 0.4 m and 20 deg in one revolution; with their column's pose, points are on the walls."""
     config, half = LidarConfig(spinning=True), np.array([5.0, 4.0, 3.0])
     poses = np.stack([frames.pose((0.4 * k / 512, -0.1, 0.2), (0, 3, 20 * k / 512)) for k in range(513)])
-    scan = Lidar(config, room(*half)).scan(poses)
+    scan = IdealLidar(config, room(*half)).scan(poses)
     expected = np.stack(
         [to_box(p[:3, 3], d @ p[:3, :3].T, half) for p, d in zip(poses[:-1], ray_directions(config), strict=True)]
     )
@@ -221,7 +220,7 @@ def wall(x: float, material: str = "stone") -> Placed:
 
 def ahead(scene: Scene, **limits: float) -> Scan:
     config = LidarConfig.model_validate({"columns": 8, "rings": 1, **limits})
-    return Lidar(config, scene).scan(np.eye(4))
+    return IdealLidar(config, scene).scan(np.eye(4))
 
 
 @pytest.mark.parametrize(

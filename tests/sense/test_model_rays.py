@@ -15,8 +15,7 @@ from fieldtruth.experiment.sensor_models import list_models
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.beams import column_times_ns, ray_times_ns, sweep_times_ns
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.measuring import Lidar
-from fieldtruth.sensors.lidar.sensing import ray_directions
+from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
 
 TOLERANCE = 1e-4  # [m]
 
@@ -53,7 +52,7 @@ def test_a_spinning_vlp_16_measures_walls_from_its_angles_and_times() -> None:
     """Ranges to the walls of a room, d / (cos elevation |cos azimuth|), with angles that are written out here."""
     config, half = LidarConfig(model="vlp_16"), np.array([6.0, 5.0, 4.0])
     assert config.spinning
-    scan = Lidar(config, room(*half)).scan(np.broadcast_to(np.eye(4), (1809, 4, 4)))
+    scan = IdealLidar(config, room(*half)).scan(np.broadcast_to(np.eye(4), (1809, 4, 4)))
     assert len(scan.range_m) == 1808 * 16
     elevation = np.radians(-15.0 + 2.0 * scan.ring.astype(float))
     laser = vlp_16_laser(scan.ring.astype(int))
@@ -76,7 +75,7 @@ def test_each_ray_of_a_moving_lidar_leaves_from_the_pose_of_its_own_time() -> No
     def pose(seconds: float) -> Array:
         return frames.pose((2.0 * seconds - 0.1, 0.3, 0.1), (1.0, 2.0, 60.0 * seconds))
 
-    scan = Lidar(config, room(*half)).scan(np.stack([pose(t / 1e9) for t in times.tolist()]))
+    scan = IdealLidar(config, room(*half)).scan(np.stack([pose(t / 1e9) for t in times.tolist()]))
     world_from_ray = np.stack([pose(t / 1e9) for t in scan.t_ns.tolist()])
     world = np.einsum("nij,nj->ni", world_from_ray[:, :3, :3], scan.xyz.astype(np.float64)) + world_from_ray[:, :3, 3]
     off = np.abs((half - np.abs(world)).min(axis=1))
@@ -86,7 +85,7 @@ def test_each_ray_of_a_moving_lidar_leaves_from_the_pose_of_its_own_time() -> No
     begun = np.einsum("nij,nj->ni", column[:, :3, :3], scan.xyz.astype(np.float64)) + column[:, :3, 3]
     assert np.abs((half - np.abs(begun)).min(axis=1))[late].max() > 1e-4
     with pytest.raises(ValueError, match=r"^poses must be 1809, one more than columns, got 1808$"):
-        Lidar(config, room(*half)).scan(np.broadcast_to(np.eye(4), (1808, 4, 4)))
+        IdealLidar(config, room(*half)).scan(np.broadcast_to(np.eye(4), (1808, 4, 4)))
 
 
 def test_offsets_of_azimuth_and_of_firing_turn_clockwise() -> None:
@@ -130,7 +129,7 @@ def test_an_ouster_has_the_angles_of_its_makers_formula() -> None:
 def test_every_model_sees_the_walls_of_a_room_and_ends_within_its_period(name: str) -> None:
     config, half = LidarConfig(model=name), np.array([9.0, 8.0, 7.0])
     pose = frames.pose((0.5, -0.3, 0.2), (4, 5, 6))
-    scan = Lidar(config, room(*half)).scan(np.broadcast_to(pose, (config.columns + 1, 4, 4)))
+    scan = IdealLidar(config, room(*half)).scan(np.broadcast_to(pose, (config.columns + 1, 4, 4)))
     assert len(scan.range_m) == config.columns * config.rings
     world = scan.xyz.astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]
     assert (half - np.abs(world)).min(axis=1) == pytest.approx(0.0, abs=TOLERANCE)

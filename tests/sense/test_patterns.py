@@ -8,8 +8,7 @@ from sense_worlds import F8, at, box, floating
 
 from fieldtruth.sensors.lidar.beams import column_times_ns
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.measuring import Lidar
-from fieldtruth.sensors.lidar.sensing import ray_directions
+from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
 
 PERIOD_NS = 100_000_000
 
@@ -77,7 +76,7 @@ def test_rays_depend_on_the_time_alone(model: str) -> None:
 @pytest.mark.parametrize("model", ["avia", "mid_360"])
 def test_a_scan_measures_the_walls_along_its_rays(model: str) -> None:
     config, half = LidarConfig(model=model), np.array([6.0, 5.0, 4.0])
-    lidar = Lidar(config, floating((box("room", tuple(half)), at(0, 0, 0))))
+    lidar = IdealLidar(config, floating((box("room", tuple(half)), at(0, 0, 0))))
     for stamp in (0, PERIOD_NS, 31 * PERIOD_NS):
         scan = lidar.scan(np.broadcast_to(np.eye(4), (config.columns + 1, 4, 4)), stamp)
         assert len(scan.range_m) == config.columns * config.rings

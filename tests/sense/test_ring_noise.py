@@ -13,7 +13,7 @@ from fieldtruth.drive.physics import resting_pose
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.measuring import Lidar
+from fieldtruth.sensors.lidar.sensing import IdealLidar
 from fieldtruth.world.build import load_world, reserved_corridors
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import GROUND_ID, World
@@ -36,7 +36,7 @@ def ground_types(world: World, xy: F8) -> NDArray[np.str_]:
 
 def ring_noise(world: World, poses: int) -> dict[str, float]:
     """Robust deviation [m] of the second difference along rings by ground type, over sqrt 6, between 4 and 15 m."""
-    lidar = Lidar(CONFIG, Scene(replace(world, instances=(), swarms=(), meshes={})))
+    lidar = IdealLidar(CONFIG, Scene(replace(world, instances=(), swarms=(), meshes={})))
     parts: dict[str, list[F8]] = {}
     for line in reserved_corridors(world.name):
         for k in np.linspace(0, len(line.points) - 1, poses + 2).astype(int)[1:-1]:

@@ -20,8 +20,7 @@ from fieldtruth.sense.robot_view import RobotView, robot_view, robot_views
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.lidar.measuring import Lidar
-from fieldtruth.sensors.lidar.measuring import Lidar
-from fieldtruth.sensors.lidar.sensing import Scan, ray_directions
+from fieldtruth.sensors.lidar.sensing import IdealLidar, Scan, ray_directions
 from fieldtruth.sensors.lidar.signal import LidarSignal
 
 F8 = NDArray[np.float64]
@@ -48,7 +47,7 @@ def camera_at(xyz: tuple[float, ...], rpy: tuple[float, ...], **values: Any) -> 
 def scan_of(rig: Rig, scene: Scene, pose: F8 = WORLD_FROM_BASE, *, visible: bool = True) -> Scan:
     config = rig.lidar
     parts = visible_parts(rig) if visible else ()
-    return Lidar(config, scene, parts).scan(pose @ config.mount.base_from_sensor)
+    return IdealLidar(config, scene, parts).scan(pose @ config.mount.base_from_sensor)
 
 
 def in_base(rig: Rig, scan: Scan) -> F8:
@@ -166,7 +165,7 @@ def test_the_blind_ground_is_that_of_the_rig_command(flat: Scene) -> None:
 def test_a_wheel_on_the_left_is_seen_on_the_left(flat: Scene) -> None:
     left = Cylinder("front_left_wheel", np.array([0.3, 0.6, 0.0]), 0.2, 0.1)
     rig = lidar_at((0.0, 0.0, 0.4), spinning=False)
-    scan = Lidar(rig.lidar, flat, [left]).scan(WORLD_FROM_BASE @ rig.lidar.mount.base_from_sensor)
+    scan = IdealLidar(rig.lidar, flat, [left]).scan(WORLD_FROM_BASE @ rig.lidar.mount.base_from_sensor)
     own = scan.label == ROBOT
     assert own.sum() > 20
     assert (scan.xyz[own, 0] > 0.05).all()
@@ -222,7 +221,7 @@ def test_a_spinning_lidar_on_a_moving_robot_sees_it_as_one_that_stands(flat: Sce
         frames.pose((0.002 * k, 0.0, FOOT), (0.0, 0.0, 0.1 * k)) @ config.mount.base_from_sensor
         for k in range(config.columns + 1)
     ])  # fmt: skip
-    moving = Lidar(config, flat, visible_parts(rig)).scan(poses)
+    moving = IdealLidar(config, flat, visible_parts(rig)).scan(poses)
     first, second = (scan.label == ROBOT for scan in (still, moving))
     np.testing.assert_array_equal(still.xyz[first], moving.xyz[second])
     np.testing.assert_array_equal(still.ring[first], moving.ring[second])
@@ -231,7 +230,7 @@ def test_a_spinning_lidar_on_a_moving_robot_sees_it_as_one_that_stands(flat: Sce
 def test_a_pattern_is_aimed_again_in_each_scan(flat: Scene) -> None:
     mount = {"xyz": [0.0, 0.0, 0.8], "rpy_deg": [0.0, 50.0, 0.0]}
     rig = rig_of({"kind": "lidar", "model": "mid_360", "mount": mount})
-    lidar = Lidar(rig.lidar, flat, visible_parts(rig))
+    lidar = IdealLidar(rig.lidar, flat, visible_parts(rig))
     pose = WORLD_FROM_BASE @ rig.lidar.mount.base_from_sensor
     seen = [lidar.scan(pose, stamp) for stamp in (0, 700_000_000)]
     for scan in seen:
@@ -340,7 +339,7 @@ def test_a_lidar_with_a_signal_sees_the_same_robot(flat: Scene) -> None:
     plain = scan_of(rig, flat)
     config = rig.lidar.model_copy(update={"signal": LidarSignal()})
     pose = WORLD_FROM_BASE @ config.mount.base_from_sensor
-    found = Lidar(config, flat, robot=visible_parts(rig)).scan(pose)
+    found = Lidar(config, flat, robot=visible_parts(rig)).measured(pose)
     for name in ("xyz", "label", "instance", "ring", "column"):
         np.testing.assert_array_equal(getattr(found, name), getattr(plain, name))
     np.testing.assert_array_equal(found.true_range, plain.range_m)

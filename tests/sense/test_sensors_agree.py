@@ -19,8 +19,7 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages, tag_image
 from fieldtruth.sensors.camera.pinhole import pinhole
-from fieldtruth.sensors.lidar.measuring import Lidar
-from fieldtruth.sensors.lidar.sensing import Scan
+from fieldtruth.sensors.lidar.sensing import IdealLidar, Scan
 from fieldtruth.world.model import GROUND_ID
 
 RIG = Rig()
@@ -54,7 +53,7 @@ def scene() -> Scene:
 @pytest.fixture(scope="module")
 def views(scene: Scene) -> list[View]:
     """Six poses along the route of park_1, with different roll and pitch."""
-    lidar, camera = Lidar(RIG.lidar, scene), LabelCamera(RIG.stereo, scene)
+    lidar, camera = IdealLidar(RIG.lidar, scene), LabelCamera(RIG.stereo, scene)
     corners = metres_from_route(load_experiment("park_1").route)
     found = []
     for (roll, pitch), start, end in zip(ATTITUDES, corners[:-1], corners[1:], strict=False):

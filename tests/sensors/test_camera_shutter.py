@@ -22,7 +22,6 @@ from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.render.shutter import render_strips, strips_of
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.sensing import CameraImages
-from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.signal import CameraSignal
 from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
@@ -87,8 +86,10 @@ def capture(scene: BakedScene, poses: Poses, k: int = 0, side: int = 0, **signal
 
 def light_of(scene: BakedScene, poses: Poses, **signal: Any) -> NDArray[np.float64]:
     """Luminance (h, w) of the light in an exposure."""
-    camera = Camera(camera_config(**signal), scene, 3)
-    camera.expose(camera.config.imagers()[0], STAMP, poses, camera.signal.exposure_time_ms / 1e3)
+    camera = Camera(camera_config(**signal), scene, seed=3)
+    assert camera.config.signal is not None
+    exposure_ms = camera.config.signal.exposure_time_ms
+    camera.expose(camera.config.imagers()[0], STAMP, poses, exposure_ms / 1e3)
     return np.asarray(camera.linear.mean(axis=-1), np.float64)
 
 
@@ -140,7 +141,7 @@ def test_longer_exposure_of_a_camera_that_stands_is_the_same_photograph(clutter:
 
 
 def test_strips_with_one_pose_are_the_ideal_photograph(clutter: BakedScene) -> None:
-    camera = Camera(camera_config(readout_ms=10.0), clutter, 3)
+    camera = Camera(camera_config(readout_ms=10.0), clutter, seed=3)
     pose = turning(0.0)(STAMP) @ camera.config.imagers()[0].base_from_optical
     camera.render(pose)
     ideal = camera.linear.copy()
@@ -176,7 +177,7 @@ def test_photographs_depend_on_their_number_alone(clutter: BakedScene) -> None:
     left, right = config.imagers()
 
     def photos(order: list[int], seed: int = 3) -> dict[int, NDArray[np.uint8]]:
-        camera, poses = Camera(config, clutter, seed, reuse=True), turning(0.5)
+        camera, poses = Camera(config, clutter, seed=seed, reuse=True), turning(0.5)
         return {k: camera.capture(left, k, STAMP + k * 40_000_000, poses).photo.copy() for k in order}
 
     with ThreadPoolExecutor(2) as pool:

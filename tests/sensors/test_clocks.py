@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from record_fakes import FakeLidar, FakeScene, make_experiment, make_slices, make_world
+from record_fakes import FakeLidar, fake_sensors, make_experiment, make_slices, make_world
 from rosbags.typesys import Stores, get_typestore
 
 from fieldtruth.bag.decode import Reading, points, read_bag, stamp_ns
@@ -15,11 +15,10 @@ from fieldtruth.bag.reader import RawMessage, decoder_of, open_bag
 from fieldtruth.core.progress import Silent
 from fieldtruth.drive.track import stamps_at_rate
 from fieldtruth.experiment.clock_config import ClockConfig
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.record.clocks import ClockReadings, read_clock
-from fieldtruth.record.stream import Sensors
+from fieldtruth.sensors.kind import At, Movement
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.stream import lidar_stream
 
 STAMPS = stamps_at_rate(100.0, 600 * 10**9)
 TYPES = get_typestore(Stores.ROS1_NOETIC)
@@ -130,20 +129,19 @@ def test_headers_have_the_clocks_time_and_the_bag_the_true_one(bags: tuple[dict[
 
 
 def test_times_of_points_follow_the_clock_and_poses_do_not() -> None:
-    config = LidarConfig(spinning=True, time_field="timestamp", columns=64)
-    lidar, seen = FakeLidar(config, FakeScene(make_world())), list[Any]()
+    config, seen = LidarConfig(spinning=True, time_field="timestamp", columns=64), list[Any]()
 
-    class Spinning:
+    class Spinning(FakeLidar):
         def scan(self, world_from_lidar: Any, stamp_ns: int = 0, number: int = 0) -> Any:
-            return lidar.scan(world_from_lidar[0])
+            return super().scan(world_from_lidar[0])
 
     def world_from_base(stamp_ns: Any) -> Any:
         seen.append(stamp_ns)
         return np.tile(np.eye(4), (len(stamp_ns), 1, 1))
 
-    stamps = np.array([10**8, 2 * 10**8])
-    stream = lidar_stream(config, stamps, world_from_base, stamps + 7_000_000)
-    (data,) = stream.messages(1, Sensors({"lidar": Spinning()}))
+    sensor, (output,) = fake_sensors(make_world(), paper_rig(lidar=config), Spinning)["lidar"], config.outputs()
+    reading = sensor.read(output, At(1, 2 * 10**8, 2 * 10**8 + 7_000_000, Movement(world_from_base)))
+    (data,) = sensor.messages(output, 1, reading)
     cloud = decoder_of(TYPES, Path())(RawMessage(0, "", "sensor_msgs/msg/PointCloud2", data))
     rows = points(cloud)
     np.testing.assert_allclose(rows["timestamp"] - rows["t"] / 1e9, 0.207, atol=1e-9)

@@ -11,17 +11,18 @@ from rosbags.typesys import Stores, get_typestore
 from sense_worlds import at, box, floating, quad
 
 from fieldtruth.bag import decode
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_models import datasheet_of
 from fieldtruth.exporters.sequences import xyz_and_reflectance
-from fieldtruth.record.stream import Sensors
 from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.kind import At, Movement, Place
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.echoes import TURNS, sub_rays_of
 from fieldtruth.sensors.lidar.measuring import Lidar
 from fieldtruth.sensors.lidar.noise import Reading
-from fieldtruth.sensors.lidar.measuring import Lidar
+from fieldtruth.sensors.lidar.sensing import IdealLidar
+from fieldtruth.sensors.lidar.sensor import LidarSensor
 from fieldtruth.sensors.lidar.signal import LidarSignal
-from fieldtruth.sensors.lidar.stream import lidar_stream
 
 signal_of = LidarSignal.model_validate
 
@@ -34,7 +35,7 @@ def scan(scene: Scene, **signal: Any) -> Reading:
     """Scan of beams 0.04 deg apart along each ring."""
     figures = {"divergence_deg": WIDTH, "pulse_length": 1.0, "sub_rays": 7, **signal}
     config = LidarConfig(columns=8192, rings=16, vertical_fov_deg=1.0, signal=signal_of(figures), min_range=0.1)
-    return Lidar(config, scene).scan(at(0, 0, 0))
+    return Lidar(config, scene).measured(at(0, 0, 0))
 
 
 def upright(name: str, x: float, left: float, right: float, material: str) -> Any:
@@ -138,7 +139,9 @@ def test_a_last_echo_too_weak_for_the_receiver_is_not_reported() -> None:
 def test_true_range_is_that_of_the_middle() -> None:
     scene = edge(10.0, 14.0)
     found = scan(scene, range_noise=[[1.0, 0.05]])
-    ideal = Lidar(LidarConfig(columns=8192, rings=16, vertical_fov_deg=1.0, min_range=0.1), scene).scan(at(0, 0, 0))
+    ideal = IdealLidar(LidarConfig(columns=8192, rings=16, vertical_fov_deg=1.0, min_range=0.1), scene).scan(
+        at(0, 0, 0)
+    )
     exact = np.zeros((8192, 16), np.float32)
     exact[ideal.column, ideal.ring] = ideal.range_m
     assert exact[found.column, found.ring].tobytes() == found.true_range.tobytes()
@@ -147,9 +150,10 @@ def test_true_range_is_that_of_the_middle() -> None:
 
 def cloud(scene: Scene, config: LidarConfig, number: int = 3) -> tuple[Any, NDArray[np.void]]:
     """Message of a stream and its points."""
-    stamps = np.arange(5) * 100_000_000
-    stream = lidar_stream(config, stamps, lambda _: np.eye(4))
-    (raw,) = stream.messages(number, Sensors(lidars={config.name: Lidar(config, scene)}))
+    place, (output,) = Place(scene.world, Rig()), config.outputs()
+    sensor = LidarSensor(config, place)
+    at = At(number, number * 100_000_000, number * 100_000_000, Movement(lambda _: np.eye(4)))
+    (raw,) = sensor.messages(output, number, sensor.read(output, at))
     message: Any = get_typestore(Stores.ROS1_NOETIC).deserialize_ros1(raw, "sensor_msgs/msg/PointCloud2")
     return message, decode.points(message)
 
@@ -163,7 +167,7 @@ def test_fields_of_a_cloud_with_a_signal() -> None:
     config = LidarConfig(columns=128, signal=signal_of(SHEET))
     message, points = cloud(scene, config)
     plain, ideal = cloud(scene, LidarConfig(columns=128))
-    scan = Lidar(config, scene).scan(config.mount.base_from_sensor, number=3)
+    scan = Lidar(config, scene).measured(config.mount.base_from_sensor, number=3)
     assert plain.point_step == 24
     assert [field.name for field in message.fields[: len(plain.fields)]] == [field.name for field in plain.fields]
     for name in ("true_range", "signal", "reflectivity", "echo", "mixed", "label", "instance", "ring", "column"):
@@ -183,7 +187,7 @@ def test_intensity_and_an_ousters_fields() -> None:
         LidarConfig(columns=128, signal=signal_of(SHEET), intensity="reflectivity", point_fields="ouster"),
     )
     config = LidarConfig(columns=128, signal=signal_of(SHEET))
-    scan = Lidar(config, scene).scan(config.mount.base_from_sensor, number=3)
+    scan = Lidar(config, scene).measured(config.mount.base_from_sensor, number=3)
     assert np.array_equal(points["intensity"], scan.reflectivity)
     assert points["reflectivity"].dtype == np.uint16
     assert np.array_equal(points["reflectivity"], np.rint(100.0 * scan.reflectivity))

@@ -20,7 +20,6 @@ from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.measuring import Lidar
 from fieldtruth.sensors.lidar.noise import Reading, limit_of
 from fieldtruth.sensors.lidar.reflectance import Reflectance, reflectance_of
-from fieldtruth.sensors.lidar.measuring import Lidar
 from fieldtruth.sensors.lidar.signal import LidarSignal
 from fieldtruth.sensors.lidar.surfaces import EchoBuffers, brightness
 from fieldtruth.world.materials import MATERIALS
@@ -60,7 +59,7 @@ def ahead(reading: Reading, columns: int = 64) -> NDArray[np.bool_]:
 
 def median_signal(scene: Scene, signal: dict[str, Any]) -> float:
     """Median signal of the points straight ahead."""
-    reading = Lidar(narrow(signal), scene).scan(at(0, 0, 0))
+    reading = Lidar(narrow(signal), scene).measured(at(0, 0, 0))
     return float(np.median(reading.signal[ahead(reading, 8)]))
 
 
@@ -108,8 +107,8 @@ def test_air_takes_its_share_twice() -> None:
         echoes.apparent[:] *= np.exp(-2.0 * alpha * echoes.depth)
 
     scene = wall(40.0)
-    clear = Lidar(narrow(BRIGHT), scene).scan(at(0, 0, 0))
-    foggy = Lidar(narrow(BRIGHT), scene, in_air).scan(at(0, 0, 0))
+    clear = Lidar(narrow(BRIGHT), scene).measured(at(0, 0, 0))
+    foggy = Lidar(narrow(BRIGHT), scene, in_air=in_air).measured(at(0, 0, 0))
     ratio = np.median(foggy.signal[ahead(foggy, 8)]) / np.median(clear.signal[ahead(clear, 8)])
     assert ratio == pytest.approx(np.exp(-2.0 * alpha * 40.0), rel=0.01)
 
@@ -123,7 +122,7 @@ def test_reach_of_the_data_sheet() -> None:
     for r, share in ((at_end, 0.5), (0.9 * at_end, None), (1.1 * at_end, None)):
         expected = 12.0 * (at_end / r) ** 2
         share = float(norm.cdf((expected - 12.0) / np.sqrt(expected)))
-        found = Lidar(narrow(SHEET, max_range=200.0), wall(r)).scan(at(0, 0, 0))
+        found = Lidar(narrow(SHEET, max_range=200.0), wall(r)).measured(at(0, 0, 0))
         rays = (2 * 64 + 1) * 64
         assert np.count_nonzero(ahead(found)) / rays == pytest.approx(share, abs=3 * np.sqrt(0.25 / rays) + 0.01)
 
@@ -134,7 +133,7 @@ def test_range_noise_by_signal() -> None:
     for r in (30.0, 150.0, 400.0):
         expected_signal = 100.0 * STONE * (1000.0 / r) ** 2
         expected = np.exp(np.interp(np.log(expected_signal), np.log([100, 1e4, 1e6]), np.log([0.2, 0.02, 0.01])))
-        found = Lidar(narrow(signal, max_range=2000.0), wall(r, side=100.0)).scan(at(0, 0, 0))
+        found = Lidar(narrow(signal, max_range=2000.0), wall(r, side=100.0)).measured(at(0, 0, 0))
         error = (found.range_m - found.true_range)[ahead(found, 80)]
         count = len(error)
         assert count > 10_000
@@ -145,7 +144,7 @@ def test_range_noise_by_signal() -> None:
 
 
 def test_signal_varies_as_photons_do_and_gives_the_reflectivity() -> None:
-    found = Lidar(narrow({"reach": [[1.0, 100.0]], "signal_at_reach": 1.0}), wall(10.0)).scan(at(0, 0, 0))
+    found = Lidar(narrow({"reach": [[1.0, 100.0]], "signal_at_reach": 1.0}), wall(10.0)).measured(at(0, 0, 0))
     signal, bright = found.signal[ahead(found, 40)], found.reflectivity[ahead(found, 40)]
     assert np.mean(signal) == pytest.approx(STONE * 100.0, rel=0.01)
     assert np.std(signal) == pytest.approx(np.sqrt(STONE * 100.0), rel=0.03)
@@ -155,11 +154,11 @@ def test_signal_varies_as_photons_do_and_gives_the_reflectivity() -> None:
 def test_resolution_and_angles() -> None:
     signal = {"range_noise": [[1.0, 0.05]], "resolution": 0.012, "angle_noise_deg": 0.05}
     config = narrow(signal)
-    found = Lidar(config, wall(20.0)).scan(at(0, 0, 0))
+    found = Lidar(config, wall(20.0)).measured(at(0, 0, 0))
     steps = found.range_m.astype(np.float64) / 0.012
     assert np.abs(steps - np.rint(steps)).max() < 1e-3
     assert len(np.unique(np.rint(steps[ahead(found)]))) > 20
-    ideal = Lidar(config.model_copy(update={"signal": None}), wall(20.0)).scan(at(0, 0, 0))
+    ideal = Lidar(config.model_copy(update={"signal": None}), wall(20.0)).measured(at(0, 0, 0))
     rays = found.xyz / np.linalg.norm(found.xyz, axis=1, keepdims=True)
     off = np.degrees(rays - ideal.xyz / np.linalg.norm(ideal.xyz, axis=1, keepdims=True))[ahead(found)]
     assert np.std(off[:, 1]) == pytest.approx(0.05, rel=0.03)
@@ -181,14 +180,14 @@ def test_truth_is_that_of_the_ideal_lidar(moving: bool) -> None:
     if moving:
         poses = np.stack([frames.pose((0.01 * k, 0, 0.5), (0, 0, 0.1 * k)) for k in range(257)])
     signal = {**SHEET, "reach": [[0.3, 45.0]]}
-    ideal = Lidar(LidarConfig(**values), room()).scan(poses)
-    found = Lidar(LidarConfig(**values, signal=signal_of(signal)), room()).scan(poses)
+    ideal = Lidar(LidarConfig(**values), room()).measured(poses)
+    found = Lidar(LidarConfig(**values, signal=signal_of(signal)), room()).measured(poses)
     assert 0.3 < len(found.label) / len(ideal.label) < 0.99
     rows = np.searchsorted(ideal.column.astype(int) * 64 + ideal.ring, found.column.astype(int) * 64 + found.ring)
     for name, own in (("label", "label"), ("instance", "instance"), ("range_m", "true_range"), ("t_ns", "t_ns")):
         assert getattr(ideal, name)[rows].tobytes() == getattr(found, own).tobytes(), name
     assert (found.range_m != found.true_range).mean() > 0.99
-    quiet = Lidar(LidarConfig(**values, signal=LidarSignal()), room()).scan(poses)
+    quiet = Lidar(LidarConfig(**values, signal=LidarSignal()), room()).measured(poses)
     assert all(getattr(quiet, name).tobytes() == getattr(ideal, name).tobytes() for name in ideal._fields)
 
 
@@ -197,9 +196,9 @@ def test_a_scan_depends_on_seed_name_and_number_alone() -> None:
     config = LidarConfig(columns=256, signal=signal_of({**SHEET, "reach": [[1.0, 1000.0]]}))
     lidar = Lidar(config, scene)
     scans = [lidar.scan(at(0, 0, 0), number=k) for k in (0, 1, 2)]
-    again = Lidar(config, scene).scan(at(0, 0, 0), number=1)
+    again = Lidar(config, scene).measured(at(0, 0, 0), number=1)
     assert all(getattr(again, name).tobytes() == getattr(scans[1], name).tobytes() for name in again._fields)
-    other = Lidar(config.model_copy(update={"name": "top"}), scene).scan(at(0, 0, 0), number=1)
+    other = Lidar(config.model_copy(update={"name": "top"}), scene).measured(at(0, 0, 0), number=1)
     noises = [scan.range_m - scan.true_range for scan in (*scans, other)]
     assert all(len(noise) == len(noises[0]) for noise in noises)
     assert np.abs(np.corrcoef(noises) - np.eye(4)).max() < 0.04
@@ -218,7 +217,7 @@ def test_reflectance_of_every_material() -> None:
 
 def test_ground_has_the_mixture_of_its_cover() -> None:
     scene = Scene(make_world(side=80.0))
-    found = Lidar(LidarConfig(signal=LidarSignal(), max_range=30.0), scene).scan(at(0, 0, 1.2))
+    found = Lidar(LidarConfig(signal=LidarSignal(), max_range=30.0), scene).measured(at(0, 0, 1.2))
     elevation = np.radians(22.5 - 45.0 * found.ring / 63)
     assert found.reflectivity == pytest.approx(0.35 * np.sin(-elevation), rel=1e-3)
 

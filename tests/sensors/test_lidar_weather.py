@@ -16,7 +16,6 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.measuring import Lidar
 from fieldtruth.sensors.lidar.noise import Reading
-from fieldtruth.sensors.lidar.measuring import Lidar
 from fieldtruth.sensors.lidar.signal import LidarSignal
 
 signal_of = LidarSignal.model_validate
@@ -39,7 +38,7 @@ def config(**signal: Any) -> LidarConfig:
 
 
 def scan(scene: Scene, number: int = 0, weather: dict[str, Any] | None = None, **signal: Any) -> Reading:
-    found = new_lidar(config(**signal), scene, WeatherConfig(**weather or {})).scan(POSE, 0, number)
+    found = Lidar(config(**signal), scene, weather=WeatherConfig(**weather or {})).scan(POSE, 0, number)
     assert isinstance(found, Reading)
     return found
 
@@ -56,7 +55,7 @@ def test_clear_weather_gives_the_same_bytes(scene: Scene) -> None:
 
 def test_an_ideal_lidar_sees_no_weather(scene: Scene) -> None:
     ideal = LidarConfig(columns=256)
-    found = new_lidar(ideal, scene, WeatherConfig(fog_visibility_m=20)).scan(POSE)
+    found = Lidar(ideal, scene, weather=WeatherConfig(fog_visibility_m=20)).scan(POSE)
     for a, b in zip(found, Lidar(ideal, scene).scan(POSE), strict=True):
         np.testing.assert_array_equal(a, b)
 
@@ -116,7 +115,7 @@ def test_worse_weather_more_particles_and_fewer_surfaces(scene: Scene, key: str,
 
 def test_a_scan_depends_on_its_number_alone(scene: Scene) -> None:
     weather = {"snow_mm_h": 2.0}
-    lidar = new_lidar(config(), scene, WeatherConfig(**weather))
+    lidar = Lidar(config(), scene, weather=WeatherConfig(**weather))
     later, first = (lidar.scan(POSE, 0, k) for k in (5, 0))
     for k, reading in ((0, first), (5, later)):
         for a, b in zip(reading, scan(scene, k, weather), strict=True):

@@ -12,8 +12,7 @@ from sense_worlds import at, box, floating
 from fieldtruth.experiment.sensor_models import datasheet_of
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.measuring import Lidar
-from fieldtruth.sensors.lidar.measuring import Lidar
-from fieldtruth.sensors.lidar.sensing import ray_directions
+from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
 from fieldtruth.sensors.lidar.signal import LidarSignal
 from fieldtruth.validation.check import Check
 from fieldtruth.validation.retrace.noisy_clouds import NoiseTally, ideal_points
@@ -27,7 +26,7 @@ WIDE = {"sub_rays": 3, "divergence_deg": 0.3, "returns": "two"}
 
 def points(config: LidarConfig, number: int = 0) -> NDArray[np.void]:
     """Points of a scan as a cloud has them."""
-    scan = Lidar(config, SCENE).scan(at(0, 0, 0), number=number)
+    scan = Lidar(config, SCENE).measured(at(0, 0, 0), number=number)
     own = {name: values for name, values in scan._asdict().items() if values.ndim == 1} | dict(
         zip("xyz", scan.xyz.T, strict=True)
     )
@@ -85,7 +84,7 @@ def test_points_at_their_true_ranges(more: dict[str, Any]) -> None:
     config = LidarConfig(columns=512, signal=signal_of({**SHEET, **more}))
     directions = ray_directions(config).reshape(-1, 3)
     found = ideal_points(points(config), config, directions)
-    ideal = Lidar(LidarConfig(columns=512), SCENE).scan(at(0, 0, 0))
+    ideal = IdealLidar(LidarConfig(columns=512), SCENE).scan(at(0, 0, 0))
     ray = found["column"].astype(int) * 64 + found["ring"]
     assert (np.diff(ray) > 0).all()
     rows = np.searchsorted(ideal.column.astype(int) * 64 + ideal.ring, ray)

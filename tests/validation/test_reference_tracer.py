@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from fieldtruth.core import frames
 from fieldtruth.core.classes import Label
 from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.lidar.measuring import Lidar
-from fieldtruth.sensors.lidar.sensing import Scan, ray_directions
+from fieldtruth.sensors.lidar.sensing import IdealLidar, Scan, ray_directions
 from fieldtruth.validation.context import RebuiltWorld
 from fieldtruth.validation.retrace.reference import NOTHING, RayReading, mismatches
 from fieldtruth.validation.retrace.tracer import ReferenceTracer
@@ -171,7 +170,7 @@ def test_trail_begins_where_its_distance_changes_sign(park: RebuiltWorld) -> Non
 
 @pytest.fixture(scope="module")
 def scan(park: RebuiltWorld) -> Scan:
-    return Lidar(CONFIG, park.scene).scan(lidar_pose(park))
+    return IdealLidar(CONFIG, park.scene).scan(lidar_pose(park))
 
 
 def lidar_pose(park: RebuiltWorld) -> F8:

@@ -23,8 +23,7 @@ from fieldtruth.experiment.robot_body import Box, Cylinder, visible_parts
 from fieldtruth.pipeline import generate
 from fieldtruth.sense.robot_rays import meet, part_table
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.lidar.measuring import Lidar
-from fieldtruth.sensors.lidar.sensing import ray_directions
+from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
 from fieldtruth.validation import Check
 from fieldtruth.validation.retrace.reference import NOTHING, RayReading, mismatches
 from fieldtruth.validation.retrace.robot import robot_hits, robot_parts
@@ -73,7 +72,7 @@ def readings(parts: Sequence[Box | Cylinder], world: Any, min_range: float = 0.3
     config = RIG.lidar.model_copy(update={"min_range": min_range})
     mount = config.mount.base_from_sensor
     pose, rays = WORLD_FROM_BASE @ mount, ray_directions(config)
-    scan = Lidar(config, Scene(world), parts).scan(pose)
+    scan = IdealLidar(config, Scene(world), parts).scan(pose)
     table, along = part_table(visible_parts(RIG)), rays.reshape(-1, 3) @ mount[:3, :3].T
     at_robot = np.isfinite(meet(table, mount[:3, 3], along).range_m).reshape(rays.shape[:2])
     found = {}

@@ -15,7 +15,7 @@ import pytest
 from changed_bags import FILLERS, LEFT, POINTS, bag_in, failures, points_in, rewritten, wide, with_wide_ids
 from numpy.typing import NDArray
 from PIL import Image
-from record_fakes import FakeCamera, FakeLidar, FakeScan, make_experiment, make_world, use_fakes
+from record_fakes import FakeCamera, FakeLidar, FakeScan, make_experiment, make_world, use_fake_sensing, use_fakes
 
 from fieldtruth import pipeline
 from fieldtruth.bag import decode as read
@@ -27,7 +27,6 @@ from fieldtruth.datasets import RunDataset
 from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.exporters import export
 from fieldtruth.exporters.coco_segments import Numbering, categories_of
-from fieldtruth.record import sensors
 from fieldtruth.report.viewer import view
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.validation.runner import validate
@@ -217,8 +216,7 @@ def test_a_world_with_wide_ids_is_recorded_with_them(tmp_path: Path, monkeypatch
 
     use_fakes(monkeypatch)
     monkeypatch.setattr(pipeline, "world_of", lambda e: wide_world(e.environment, e.seed))
-    monkeypatch.setattr(sensors, "new_lidar", WideLidar)
-    monkeypatch.setattr(sensors, "new_camera", WideCamera)
+    use_fake_sensing(monkeypatch, WideLidar, WideCamera)
     rig = paper_rig(stereo=StereoConfig(width=64, height=48, instances=True))
     experiment = make_experiment(0.1, rig=rig).model_copy(update={"static_objects": "latched"})
     bag = pipeline.generate(experiment, tmp_path, workers=1)

@@ -53,6 +53,18 @@ class ModelStates:
     twist: list[Twist]
 
 
+def register(definition: str, msgtype: str) -> type:
+    """Make a type of messages known that rosbags lacks, and return its class.
+
+    Args:
+        definition: text of its .msg file.
+        msgtype: like ``my_package/msg/Sonar``.
+    """
+    if msgtype not in STORE.fielddefs:
+        STORE.register(get_types_from_msg(definition, msgtype))
+    return STORE.types[msgtype]
+
+
 def serialize(message: object, msgtype: str) -> bytes:
     """Serialise a message; ``msgtype`` is like ``sensor_msgs/msg/Imu``."""
     return bytes(STORE.serialize_ros1(message, msgtype))
@@ -105,6 +117,7 @@ __all__ = [
     "header",
     "point",
     "quaternion",
+    "register",
     "serialize",
     "time",
     "transform_stamped",

@@ -118,20 +118,24 @@ def _engine(options: argparse.Namespace) -> "Iterator[ClusterEngine | None]":
 def _list(options: argparse.Namespace) -> None:
     from fieldtruth.experiment.catalogue import list_experiments
     from fieldtruth.experiment.robot_models import list_robots
+    from fieldtruth.experiment.sensor_config import load_added_kinds
     from fieldtruth.experiment.sensor_models import TITLES, list_models
     from fieldtruth.world.environments import list_environments
 
     lists: dict[str, dict[str, Callable[[], Mapping[str, str]]]] = {
         "experiments": {"experiments": list_experiments},
         "environments": {"environments": list_environments},
-        "sensors": {title: partial(list_models, kind) for kind, title in TITLES.items()},
+        "sensors": {title: partial(list_models, kind) for kind, title in TITLES.items()}
+        | {"kinds of other packages and of FIELDTRUTH_PATH": load_added_kinds},
         "robots": {"robots (rig.robot)": list_robots},
     }
     if options.what not in (None, *lists):
         raise UnknownNameError("list", options.what, lists)
     chosen = lists["experiments"] | lists["environments"] if options.what is None else lists[options.what]
     for title, entries in ((title, list_entries()) for title, list_entries in chosen.items()):
-        width = max(map(len, entries), default=0)
+        if not entries:
+            continue
+        width = max(map(len, entries))
         print(f"{title}:")
         for name, description in entries.items():
             print(f"  {name:<{width}}  {description}".rstrip())

@@ -3,7 +3,6 @@
 """Configuration of the robot and its sensors; by default the paper's (Tables 1, 2 and 5)."""
 
 import itertools
-import math
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Self, TypeVar
 
@@ -19,7 +18,7 @@ from fieldtruth.experiment.sections import (
     with_robot,
     with_sections,
 )
-from fieldtruth.experiment.sensor_config import MountedConfig, SensorConfig, sensor_of
+from fieldtruth.experiment.sensor_config import SensorConfig, sensor_of
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.urdf import with_urdf_mounts
 from fieldtruth.sensors.camera.config import CameraConfig, Imager
@@ -31,7 +30,6 @@ from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS, WheelOdometry
 
 _Config = TypeVar("_Config", bound=SensorConfig)
 Sensor = Annotated[SerializeAsAny[SensorConfig], BeforeValidator(sensor_of)]
-
 
 
 class Rig(Frozen):
@@ -89,11 +87,6 @@ class Rig(Frozen):
     def imagers(self) -> tuple[Imager, ...]:
         """The views of the cameras that are enabled."""
         return tuple(imager for camera in self.cameras for imager in camera.imagers())
-
-    @property
-    def scene_sensors(self) -> tuple[MountedConfig, ...]:
-        """The sensors that are enabled, of kinds that another package has added (``sense.scene_sensor``)."""
-        return tuple(each for each in self.enabled(MountedConfig) if each.bag_order == math.inf)
 
     @property
     def imus(self) -> tuple[ImuConfig, ...]:

@@ -35,7 +35,8 @@ def check_sensors(sensors: Sequence[SensorConfig], own_frames: Mapping[str, Moun
         second = of_wheels[1]
         raise LocatedError(f"must differ: a rig has at most one {sensors[second].kind}", ("sensors", second, "kind"))
     _differ(sensors, "name", [(sensor.name,) for sensor in sensors], {})
-    _differ(sensors, "name", [[each.name for each in sensor.imagers()] for sensor in sensors], {}, "the name of a camera")
+    views = [[imager.name for imager in sensor.imagers()] for sensor in sensors]
+    _differ(sensors, "name", views, {}, "the name of a camera")
     topics = [[topic.name for topic in sensor.topics()] for sensor in sensors]
     _differ(sensors, "topic", topics, dict.fromkeys(OWN_TOPICS, "the robot"))
     frames = [[*sensor.frames(), *sensor.optical_frames()] for sensor in sensors]

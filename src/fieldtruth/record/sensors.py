@@ -7,10 +7,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fieldtruth.drive.state import poses_at, state_at
-from fieldtruth.drive.track import Stamps, Track
+from fieldtruth.drive.track import Stamps
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.experiment.topic import Output
@@ -31,17 +29,6 @@ def sensor_factory(place: Place, rig: Rig | None = None) -> Callable[[], Sensors
             return new_sensors(place, rig)
 
     return make
-
-
-def movement_of(track: Track) -> Movement:
-    """Return the motion of a drive, to the end of the last sweep."""
-
-    def pose(stamp_ns: int | Stamps) -> NDArray[np.float64]:
-        if isinstance(stamp_ns, np.ndarray):
-            return poses_at(track.swept, stamp_ns)
-        return state_at(track.swept, stamp_ns).world_from_base
-
-    return Movement(pose, track)
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,9 @@ from fieldtruth.drive.track import Commands, Stamps, Track, stamps_at_rate
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.experiment.topic import Output
-from fieldtruth.record.sensors import movement_of, sensor_streams
+from fieldtruth.record.sensors import sensor_streams
 from fieldtruth.record.stream import Sensors, Stream
-from fieldtruth.sensors.kind import Movement, stamps_of
+from fieldtruth.sensors.kind import Movement, movement_of, stamps_of
 from fieldtruth.world.model import GROUND_ID, World
 
 

@@ -5,8 +5,6 @@
 from collections.abc import Sequence
 from typing import Final
 
-import numpy as np
-
 from fieldtruth.core.lenses import FLAT, fields_of_view
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import TRUTH, SensorConfig

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.physics import STEP_NS
+from fieldtruth.drive.state import poses_at, state_at
 from fieldtruth.drive.steps import steps_at_rate
 from fieldtruth.drive.track import Stamps, Track, stamps_at_rate
 from fieldtruth.experiment.light_config import LightConfig
@@ -133,6 +134,17 @@ class Movement(_Shared):
     def stands(self) -> bool:
         """Whether each pose is one by itself, at which the robot stands."""
         return self._track is not None and self._track.is_frames
+
+
+def movement_of(track: Track) -> Movement:
+    """Return the motion of a drive, to the end of the last sweep."""
+
+    def pose(stamp_ns: int | Stamps) -> Array:
+        if isinstance(stamp_ns, np.ndarray):
+            return poses_at(track.swept, stamp_ns)
+        return state_at(track.swept, stamp_ns).world_from_base
+
+    return Movement(pose, track)
 
 
 class At(NamedTuple):

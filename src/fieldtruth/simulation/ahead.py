@@ -18,10 +18,10 @@ from fieldtruth.drive.state import state_at
 from fieldtruth.drive.track import Stamps, Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.topic import Output
-from fieldtruth.record.sensors import Series, movement_of, sensor_factory, series_of
+from fieldtruth.record.sensors import Series, sensor_factory, series_of
 from fieldtruth.record.stream import Sensors
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.kind import Movement, Place, stamps_of
+from fieldtruth.sensors.kind import Movement, Place, movement_of, stamps_of
 from fieldtruth.simulation.due import wanted_outputs
 from fieldtruth.simulation.frame import Frame, frame_of
 from fieldtruth.simulation.motion import track_in, with_given_track

@@ -14,9 +14,8 @@ from fieldtruth.drive.robot import Command
 from fieldtruth.drive.simulate import SimulatedRobot
 from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.record.sensors import movement_of
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.kind import MotionSensor, Place, Sensor
+from fieldtruth.sensors.kind import MotionSensor, Place, Sensor, movement_of
 from fieldtruth.sensors.known import sensor_class
 from fieldtruth.simulation.due import Due, DueReadings, wanted_outputs
 from fieldtruth.simulation.frame import Frame, frame_of

@@ -24,7 +24,7 @@ from fieldtruth.validation.check import Check, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, at
 from fieldtruth.validation.files import BagFile
 from fieldtruth.validation.motion import calibration, clocks, commands, drive, measured, poses
-from fieldtruth.validation.retrace import agreement, noisy_clouds, reference, scene_sensors, world
+from fieldtruth.validation.retrace import agreement, noisy_clouds, readings, reference, world
 from fieldtruth.validation.sampler import Sampler
 
 SAMPLES: Final = 20
@@ -97,7 +97,7 @@ def validate(
         *_NOT_IDEAL * real,
         *more,
         *noise,
-        *[scene_sensors.OTHER_SENSORS] * bool(context.rig.scene_sensors),
+        *[readings.OTHER_SENSORS] * readings.are_checked(context),
     )
     return [found.get(spec.name, Check(spec.name, None, context.no_world)) for spec in specs]
 
@@ -124,7 +124,7 @@ def _checkers(context: Context, full: bool, samples: int) -> list[Checker]:
         checkers += [
             lidar.RetracedClouds(context, context.rebuilt, rays, scan_sampler),
             camera.RetracedImages(context, context.rebuilt, rays, image_sampler, full=full),
-            scene_sensors.SceneSensors(context, context.rebuilt),
+            readings.Readings(context, context.rebuilt),
             rays,
         ]
     return checkers

@@ -105,9 +105,7 @@ class Camera(IdealCamera):
         light = self.light(imager, stamp_ns, world_from_base, robot)
         return self.develop(light, imager, number, stamp_ns, world_from_base)
 
-    def light(
-        self, imager: Imager, stamp_ns: int, world_from_base: PoseAt, robot: RobotView | None = None
-    ) -> Light:
+    def light(self, imager: Imager, stamp_ns: int, world_from_base: PoseAt, robot: RobotView | None = None) -> Light:
         """Collect the light of a photograph, and the images of the pose at its stamp."""
         pose = world_from_base(stamp_ns) @ imager.base_from_optical
         if self.config.signal is None or self._signal.is_ideal:

@@ -40,9 +40,7 @@ class Gnss(MotionSensor):
         stamps = {**at.stamps, "frame": self.config.frame}
         if fixes is None:
             return Fix(**stamps, geodetic=series.geodetic[k], covariance=np.zeros((3, 3)), status=message.FIX)
-        return Fix(
-            **stamps, geodetic=fixes.geodetic[k], covariance=fixes.covariance[k], status=int(fixes.status[k])
-        )
+        return Fix(**stamps, geodetic=fixes.geodetic[k], covariance=fixes.covariance[k], status=int(fixes.status[k]))
 
     def facts(self, movement: Movement) -> list[str]:
         """State what the receiver has measured, unless it is ideal."""

@@ -87,6 +87,10 @@ class Lidar(IdealLidar):
         """
         if self.config.signal is None:
             return super().scan(world_from_lidar, stamp_ns, number)
+        return self.measured(world_from_lidar, stamp_ns, number)
+
+    def measured(self, world_from_lidar: Array, stamp_ns: int = 0, number: int = 0) -> Reading:
+        """Scan as ``scan`` does, with a LiDAR that has a signal."""
         return self.measure(self.trace(world_from_lidar, stamp_ns), number)
 
     def measure(self, traced: Traced, number: int) -> Reading:

@@ -52,5 +52,5 @@ def wheel_odometry(k: int, reading: WheelReading) -> bytes:
     added = reading.covariances
     of_pose, of_twist = (driver, driver) if added is None else (driver + each for each in added)
     head = ros.header(k, int(reading.header_ns), reading.frame)
-    message = OdometryMessage(head, reading.child, PoseWithCovariance(pose, of_pose), TwistWithCovariance(twist, of_twist))
-    return ros.serialize(message, "nav_msgs/msg/Odometry")
+    parts = PoseWithCovariance(pose, of_pose), TwistWithCovariance(twist, of_twist)
+    return ros.serialize(OdometryMessage(head, reading.child, *parts), "nav_msgs/msg/Odometry")

@@ -8,7 +8,7 @@ import numpy as np
 
 from fieldtruth.bag.base_messages import BASE, JOINTS, ODOM
 from fieldtruth.core.random import rng_of
-from fieldtruth.core.readings import Joints, WheelSpeeds
+from fieldtruth.core.readings import Joints, Reading, WheelSpeeds
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.topic import Output
 from fieldtruth.sensors.kind import At, MotionSensor
@@ -41,7 +41,7 @@ class Wheels(MotionSensor):
         true = truth.extend(track.motion.stamps_ns, track.base.wheels)
         return true, true if errors is None else errors.extend(true)
 
-    def reading(self, output: Output, at: At, series: TrueWheels | MeasuredWheels) -> WheelSpeeds | Joints | WheelReading:
+    def reading(self, output: Output, at: At, series: TrueWheels | MeasuredWheels) -> Reading:
         """Return one reading of the output's part."""
         k, names = at.number, self.place.rig.wheels.names
         if output.part == "speeds":
@@ -51,6 +51,9 @@ class Wheels(MotionSensor):
             joints = JOINTS[: len(names)]
             angle, speed = odometry.wheels.angle[k], odometry.wheels.speed[k]
             return Joints(**at.stamps, frame=BASE, names=joints, angle=angle, speed=speed)
+        covariances = None
+        if isinstance(series, MeasuredWheels):
+            covariances = series.pose_covariance[k], series.twist_covariance[k]
         (x, y, yaw), (forward, turn) = odometry.pose[k], odometry.twist[k]
         return WheelReading(
             **at.stamps,
@@ -60,13 +63,14 @@ class Wheels(MotionSensor):
             linear_velocity=np.array([forward, 0.0, 0.0]),
             angular_velocity=np.array([0.0, 0.0, turn]),
             child=BASE,
-            covariances=None if isinstance(series, TrueWheels) else (series.pose_covariance[k], series.twist_covariance[k]),
+            covariances=covariances,
         )
 
-    def messages(self, output: Output, number: int, reading: WheelSpeeds | Joints | WheelReading) -> Iterable[bytes]:
+    def messages(self, output: Output, number: int, reading: Reading) -> Iterable[bytes]:
         """Serialise std_msgs/Float32 for each wheel, sensor_msgs/JointState or nav_msgs/Odometry."""
         if isinstance(reading, WheelSpeeds):
             return map(message.wheel_speed, reading.speed)
         if isinstance(reading, Joints):
             return [message.joint_states(number, reading)]
+        assert isinstance(reading, WheelReading)
         return [message.wheel_odometry(number, reading)]

@@ -1,0 +1,117 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A kind of sensor of another package, the sonar of docs/extending.md, on the command line in processes of its own."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fieldtruth.bag.reader import open_bag
+from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.experiment.sensor_config import load_added_kinds
+
+ROOT = Path(__file__).parents[2]
+SONAR = """\
+name: heard
+environment: park
+seconds: 0.2
+route: {start: [49.9, 8.9], waypoints: [[49.9, 8.9001]]}
+rig:
+  sensors:
+    - {kind: sonar, name: below, mount: {xyz: [0.6, 0.0, 0.5], rpy_deg: [0.0, 90.0, 0.0]}}
+    - {kind: sonar, name: noisy, mount: {xyz: [0.6, 0.1, 0.5], rpy_deg: [0.0, 90.0, 0.0]}, signal: {noise_m: 0.1}}
+    - {kind: imu}
+    - {kind: gnss}
+"""
+INTERRUPTED = """\
+import sys
+from fieldtruth.cli import main
+from fieldtruth.record.folder import RunFolder
+
+def interrupt(*args):
+    raise KeyboardInterrupt
+
+RunFolder.finish = interrupt
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def module() -> str:
+    """Source of the sonar."""
+    page = (ROOT / "docs/extending.md").read_text("utf-8")
+    return re.findall(r'```python title="sonar.py"\n(.*?)```', page, flags=re.S)[0]
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """A folder with an installed package of one module and an entry point, and an experiment."""
+    info = tmp_path / "site" / "sonar-1.0.dist-info"
+    info.mkdir(parents=True)
+    (tmp_path / "site" / "sonar.py").write_text(module())
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: sonar\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[fieldtruth.sensors]\nsonar = sonar\n")
+    (tmp_path / "heard.yaml").write_text(SONAR)
+    return tmp_path
+
+
+def run(folder: Path, *arguments: str, code: int = 0, script: str = "", **variables: str) -> str:
+    """Run the command line in a new process and return what it prints."""
+    path = os.pathsep.join([str(folder / "site"), str(ROOT / "src")])
+    start = ["-c", script] if script else ["-m", "fieldtruth.cli"]
+    environment = {**os.environ, "PYTHONPATH": path, **variables}
+    done = subprocess.run(
+        [sys.executable, *start, *arguments], cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == code, done.stderr
+    return done.stdout + done.stderr
+
+
+def test_the_command_line_lists_it_from_an_entry_point_and_from_a_folder(package: Path, tmp_path: Path) -> None:
+    assert re.search(r"sonar +A sonar, which listens along the x axis of its frame\.", run(package, "list", "sensors"))
+    (tmp_path / "own" / "sensors").mkdir(parents=True)
+    (tmp_path / "own" / "sensors" / "listener.py").write_text(module().replace('"sonar"', '"listener"'))
+    listed = run(tmp_path / "own", "list", "sensors", FIELDTRUTH_PATH=str(tmp_path / "own"))
+    assert re.search(r"listener +A sonar", listed)
+    assert "sonar  " not in listed
+
+
+def test_a_module_that_cannot_be_imported_is_an_error_of_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "sensors").mkdir()
+    (tmp_path / "sensors" / "broken.py").write_text("import nothing_of_this_name\n")
+    monkeypatch.setenv("FIELDTRUTH_PATH", str(tmp_path))
+    with pytest.raises(ConfigurationError, match=r"broken\.py cannot be imported: ModuleNotFoundError: No module"):
+        load_added_kinds()
+
+
+def test_all_commands_find_it_in_processes_of_their_own(package: Path) -> None:
+    run(package, "generate", "heard.yaml", code=130, script=INTERRUPTED)
+    bag = package / "data" / "heard" / "heard.bag"
+    assert not bag.exists()
+    run(package, "generate", "heard.yaml")  # resumes
+    with open_bag(bag) as stored:
+        ranges = [stored.types().deserialize_ros1(raw.data, raw.msgtype).range for raw in stored.messages(["/below"])]
+        noisy = [stored.types().deserialize_ros1(raw.data, raw.msgtype).range for raw in stored.messages(["/noisy"])]
+    assert len(ranges) == len(noisy) == 4
+    np.testing.assert_allclose(ranges, 0.5 + 0.132, atol=0.15)
+    assert np.abs(np.array(noisy) - ranges).max() > 0.02
+    assert re.search(r"pass +other sensors +8 readings", run(package, "validate", "data/heard"))
+    rig = SONAR.replace("below", "above").replace("noisy", "beside")
+    (package / "more.yaml").write_text(rig)
+    run(
+        package, "annotate", "data/heard/heard.bag", "--world", "park", "--experiment", "more.yaml", "--out", "more.bag"
+    )
+    with open_bag(package / "more.bag") as stored:
+        assert stored.counts["/above"] == 4
+        assert stored.counts["/below"] == 4
+    run(package, "report", "data/heard")
+    for form in ("files", "mcap"):
+        run(package, "export", "--to", form, "data/heard")
+    run(package, "generate", "heard.yaml", "--out", "clustered", "--local-cluster", "1")
+    assert (package / "clustered" / "heard" / "heard.bag").read_bytes() == bag.read_bytes()
