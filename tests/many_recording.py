@@ -7,13 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import pytest
 from drive_worlds import make_experiment, make_world
 from many_sensors import many_rig
 from numpy.typing import NDArray
-from record_fakes import FakeCamera, FakeImages, FakeLidar, FakeScan, use_fake_sensing
+from record_fakes import FakeCamera, FakeEngine, FakeImages, FakeLidar, FakeScan
 
+from fieldtruth.drive.plan import plan_and_drive
 from fieldtruth.experiment.files import dump_experiment, load_experiment
+from fieldtruth.pipeline import generate_by
 
 SECONDS = 0.6
 
@@ -36,13 +37,10 @@ class _Camera(FakeCamera):
 
 def record_many(folder: Path) -> Path:
     """Record a run in ``folder``, and return its folder; images and clouds depend on the poses of their sensors."""
-    from fieldtruth import pipeline
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pipeline, "world_of", lambda experiment: replace(make_world(), object_names=("husky", "ground")))
-        use_fake_sensing(patch, _Lidar, _Camera)
-        experiment = make_experiment([(5.0, 2.0)], name="many", environment="park", seconds=SECONDS, rig=many_rig())
-        return pipeline.generate(experiment, folder).parent
+    world = replace(make_world(), object_names=("husky", "ground"))
+    engine = FakeEngine(lambda _: world, plan_and_drive, _Lidar, _Camera)
+    experiment = make_experiment([(5.0, 2.0)], name="many", environment="park", seconds=SECONDS, rig=many_rig())
+    return generate_by(engine, experiment, folder).parent
 
 
 def with_sensors(run: Path, folder: Path, *names: str) -> Path:

@@ -3,7 +3,9 @@
 """Fake world, drive and sensors, fast and with known values."""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +13,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fieldtruth import frames, geodesy
 from fieldtruth.bag.topics import topics_of
+from fieldtruth.core import frames, geodesy
 from fieldtruth.core.classes import Label
+from fieldtruth.core.progress import Progress
+from fieldtruth.drive.plan import expected_seconds
 from fieldtruth.drive.track import (
     Base,
     Commands,
@@ -24,14 +28,18 @@ from fieldtruth.drive.track import (
 )
 from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.rig import Rig, paper_rig
+from fieldtruth.pipeline import PreparedHere
 from fieldtruth.record.slices import Slices
 from fieldtruth.record.stream import Sensors
 from fieldtruth.record.streams import streams_of
 from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.sensor import CameraSensor
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
-from fieldtruth.sensors.kind import Place
-from fieldtruth.sensors.known import new_sensors
+from fieldtruth.sensors.kind import Place, Sensor
+from fieldtruth.sensors.known import sensor_class
+from fieldtruth.sensors.lidar.beams import sweep_times_ns
 from fieldtruth.sensors.lidar.config import LidarConfig
+from fieldtruth.sensors.lidar.sensor import LidarSensor
 from fieldtruth.world.model import Heightfield, Instance, Raster, Terrain, World
 
 SMALL = paper_rig(stereo=StereoConfig(width=64, height=48))
@@ -170,23 +178,58 @@ def make_slices(folder: Path, experiment: Experiment) -> Slices:
 
 def fake_sensors(world: World, rig: Rig, lidar: Any = FakeLidar, camera: Any = FakeCamera) -> Sensors:
     """Sensors of a rig with fake LiDARs and cameras."""
-    with pytest.MonkeyPatch.context() as patch:
-        use_fake_sensing(patch, lidar, camera)
-        return new_sensors(Place(world, rig, reuse=True))
+    place, sensors = Place(world, rig, reuse=True), dict[str, Sensor]()
+    for config in rig.in_order():
+        if isinstance(config, LidarConfig):
+            sensors[config.name] = FakeLidarSensor(config, place, lidar)
+        elif isinstance(config, CameraConfig):
+            sensors[config.name] = FakeCameraSensor(config, place, camera)
+        else:
+            sensors[config.name] = sensor_class(config)(config, place)
+    return sensors
 
 
-def use_fake_sensing(patch: pytest.MonkeyPatch, lidar: Any = FakeLidar, camera: Any = FakeCamera) -> None:
-    """Replace scene, light, LiDARs and cameras."""
+class FakeLidarSensor(LidarSensor):
+    """The sensor of a fake LiDAR."""
+
+    def __init__(self, config: LidarConfig, place: Place, lidar: Any) -> None:
+        Sensor.__init__(self, config, place)
+        self._lidar, self._sweep_ns = lidar(config, None), sweep_times_ns(config)
+
+
+class FakeCameraSensor(CameraSensor):
+    """The sensor of a fake camera."""
+
+    def __init__(self, config: CameraConfig, place: Place, camera: Any) -> None:
+        Sensor.__init__(self, config, place)
+        self._camera, self._views = camera(config, None), {imager.side: imager for imager in config.imagers()}
+
+
+@dataclass(frozen=True)
+class FakeEngine:
+    """An engine of ``generate_by`` with a fake world, drive and sensors."""
+
+    world: Callable[[Experiment], World] = lambda experiment: make_world(experiment.environment, experiment.seed)
+    track: Callable[[World, Experiment], Track] = make_track
+    lidar: Any = FakeLidar
+    camera: Any = FakeCamera
+
+    def __call__(self, experiment: Experiment, given: object, progress: Progress) -> PreparedHere:
+        with progress.stage("build the world"):
+            world = self.world(experiment)
+        with progress.stage("drive", expected_seconds(experiment)):
+            track = self.track(world, experiment)
+        sensors = partial(fake_sensors, world, experiment.rig, self.lidar, self.camera)
+        return PreparedHere(experiment, world, track, new_sensors=sensors)
+
+
+def use_fakes(patch: pytest.MonkeyPatch) -> None:
+    """Replace world building, driving and sensing for the command line and workers, which make runs by themselves."""
+    patch.setattr("fieldtruth.pipeline.world_of", FakeEngine.world)
+    patch.setattr(
+        "fieldtruth.simulation.motion.plan_and_drive", lambda world, experiment, _: make_track(world, experiment)
+    )
     patch.setattr("fieldtruth.sensors.kind.Scene", FakeScene)
     patch.setattr("fieldtruth.sensors.kind.bake", lambda scene, light, weather: scene)
-    patch.setattr("fieldtruth.sensors.lidar.sensor.Lidar", lidar)
-    patch.setattr("fieldtruth.sensors.camera.sensor.Camera", camera)
-
-
-def use_fakes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Replace world building, driving and sensing in the pipeline."""
-    from fieldtruth import pipeline
-
-    monkeypatch.setattr(pipeline, "world_of", lambda experiment: make_world(experiment.environment, experiment.seed))
-    monkeypatch.setattr(pipeline, "plan_and_drive", lambda world, experiment, _: make_track(world, experiment))
-    use_fake_sensing(monkeypatch)
+    patch.setattr("fieldtruth.sensors.lidar.sensor.Lidar", FakeLidar)
+    patch.setattr("fieldtruth.sensors.camera.sensor.Camera", FakeCamera)

@@ -47,9 +47,9 @@ def bare_bag(small_run: Path, tmp_path: Path) -> Path:
     return bag
 
 
-def test_eleven_examples_have_at_most_60_lines_and_a_test_each() -> None:
+def test_twelve_examples_have_at_most_60_lines_and_a_test_each() -> None:
     tests = Path(__file__).read_text(encoding="utf-8")
-    assert len(SCRIPTS) == 11
+    assert len(SCRIPTS) == 12
     for script in SCRIPTS:
         assert len(script.read_text(encoding="utf-8").splitlines()) <= 60
         assert f'"{script.name}"' in tests
@@ -73,6 +73,12 @@ def test_whole_run_makes_a_run_that_passes_its_checks(tmp_path: Path, run_exampl
     assert lines[0].startswith("park_1: 0.2 s")
     assert "      2 /os1_cloud_node/points" in lines
     assert lines[-1] == "all checks pass"
+
+
+def test_stepping_goes_on_from_the_middle_in_another_way(run_example: RunExample) -> None:
+    own, follower = run_example("stepping.py", 1.0)
+    assert re.fullmatch(r"1.0 s, 0.[2-5]\d m from the start by the own controller", own)
+    assert re.fullmatch(r"0.[0-4]\d m from there, if the follower drives from the middle on", follower)
 
 
 def test_own_route_is_driven(tmp_path: Path, run_example: RunExample) -> None:

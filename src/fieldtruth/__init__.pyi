@@ -29,6 +29,7 @@ from .core.errors import TrackError as TrackError
 from .core.errors import UnknownNameError as UnknownNameError
 from .core.progress import Progress as Progress
 from .core.progress import show_progress as show_progress
+from .core.readings import Cloud as Cloud
 from .datasets import RunDataset as RunDataset
 from .datasets import Runs as Runs
 from .datasets import collate as collate

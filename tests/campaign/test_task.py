@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from record_fakes import SMALL, make_experiment, make_track, use_fakes
 
-from fieldtruth import cli, pipeline
+from fieldtruth import cli
 from fieldtruth.bag.decode import count_messages
 from fieldtruth.campaign import estimate
 from fieldtruth.campaign.config import Campaign
@@ -67,7 +67,7 @@ def count_calls(monkeypatch: pytest.MonkeyPatch, fail: Callable[[Experiment], Ba
             raise error
         return make_track(world, experiment)
 
-    monkeypatch.setattr(pipeline, "plan_and_drive", drive)
+    monkeypatch.setattr("fieldtruth.simulation.motion.plan_and_drive", drive)
     return calls
 
 

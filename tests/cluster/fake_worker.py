@@ -16,7 +16,6 @@ import record_fakes
 from distributed import Worker
 
 import fieldtruth
-from fieldtruth import pipeline
 from fieldtruth.cluster import worker as tasks
 from fieldtruth.core.errors import RouteError
 from fieldtruth.drive.track import Track
@@ -35,7 +34,7 @@ def dask_setup(worker: Worker) -> None:
     if "FAKE_GATE" in os.environ:
         patch.setattr(record_fakes.FakeScene, "__init__", wait_for_gate)
     if "FAKE_ERROR" in os.environ:
-        patch.setattr(pipeline, "plan_and_drive", refuse)
+        patch.setattr("fieldtruth.simulation.motion.plan_and_drive", refuse)
 
 
 def wait_for_gate(scene: record_fakes.FakeScene, world: World) -> None:

@@ -166,11 +166,10 @@ def test_a_run_with_a_random_route_keeps_the_original_experiment(
     def no_scene(*_: object) -> None:
         raise DriveError("enough")
 
-    monkeypatch.setattr(pipeline, "world_of", lambda _: make_world())
     monkeypatch.setattr(pipeline, "sensor_factory", no_scene)
     experiment = random_experiment(20.0, 3).model_copy(update={"environment": "park"})
     with pytest.raises(DriveError, match="enough"):
-        pipeline.generate(experiment, tmp_path)
+        pipeline.generate(experiment, tmp_path, world=make_world())
     assert load_experiment(tmp_path / "test" / "experiment.yaml") == experiment
 
 

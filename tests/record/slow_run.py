@@ -6,13 +6,11 @@ import signal
 import sys
 from pathlib import Path
 
-import pytest
-from record_fakes import FakeCamera, make_experiment, use_fakes
+from record_fakes import FakeCamera, FakeEngine, make_experiment
 
-from fieldtruth import pipeline
+from fieldtruth.pipeline import generate_by
 
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs inherit that it is ignored
     out, seconds, FakeCamera.pause = Path(sys.argv[1]), float(sys.argv[2]), float(sys.argv[3])
-    use_fakes(pytest.MonkeyPatch())
-    pipeline.generate(make_experiment(seconds), out, workers=2)
+    generate_by(FakeEngine(), make_experiment(seconds), out, workers=2)

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import NamedTuple, NoReturn
 
 import pytest
-from record_fakes import FakeCamera, make_experiment, use_fakes
+from record_fakes import FakeCamera, FakeEngine, make_experiment, use_fakes
 
 from fieldtruth.campaign.config import Campaign
 from fieldtruth.campaign.draw import draw
@@ -28,7 +28,7 @@ from fieldtruth.campaign.state import Kind, state_of
 from fieldtruth.campaign.task import Options, generate_campaign
 from fieldtruth.cli import main
 from fieldtruth.experiment.files import dump_experiment
-from fieldtruth.pipeline import generate
+from fieldtruth.pipeline import generate_by
 
 pytestmark = pytest.mark.slow
 
@@ -60,9 +60,7 @@ def digests(folder: Path) -> Content:
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Content:
     """The run without a fault."""
     out = tmp_path_factory.mktemp("whole")
-    with pytest.MonkeyPatch.context() as patch:
-        use_fakes(patch)
-        generate(make_experiment(SECONDS), out, workers=1)
+    generate_by(FakeEngine(), make_experiment(SECONDS), out, workers=1)
     assert sorted(content(out)) == FILES
     return content(out)
 

@@ -10,27 +10,25 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import pytest
-from record_fakes import make_experiment, make_world, use_fakes
+from record_fakes import FakeEngine, make_experiment, make_world
 
 from fieldtruth import pipeline
 from fieldtruth.bag.growing import GrowingBag
 from fieldtruth.core import cache
 from fieldtruth.core.errors import DriveError, FieldtruthWarning, OutputError
 from fieldtruth.core.files import locked
+from fieldtruth.drive.track import Track
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.weather_config import WeatherConfig
-from fieldtruth.pipeline import generate
+from fieldtruth.pipeline import generate_by
 from fieldtruth.record.slices import Slices, slices_key
 
+generate = partial(generate_by, FakeEngine())
 FILES = ["DATASET.md", "SHA256SUMS", "experiment.yaml", "tiny.bag"]
-
-
-@pytest.fixture(autouse=True)
-def _fakes(monkeypatch: pytest.MonkeyPatch) -> None:
-    use_fakes(monkeypatch)
 
 
 def listing(folder: Path) -> list[str]:
@@ -108,11 +106,11 @@ def test_slices_of_another_world_are_not_used(tmp_path: Path, monkeypatch: pytes
         raise KeyboardInterrupt
 
     for objects in (9, 10):
+        engine = FakeEngine(lambda _, n=objects: make_world(objects=n))  # type: ignore[misc]
         with monkeypatch.context() as patch:
-            patch.setattr(pipeline, "world_of", lambda e, n=objects: make_world(e.environment, e.seed, objects=n))
             patch.setattr(pipeline, "count_messages", stop)
             with pytest.raises(KeyboardInterrupt):
-                generate(make_experiment(1.5), tmp_path, workers=1)
+                generate_by(engine, make_experiment(1.5), tmp_path, workers=1)
         assert len(list(tmp_path.glob("tiny/.slices/*"))) == 1  # the earlier ones are removed
     assert generate(make_experiment(1.5), tmp_path, workers=1).read_bytes() == whole
 
@@ -205,21 +203,18 @@ def test_two_runs_do_not_share_a_folder(tmp_path: Path) -> None:
     generate(make_experiment(0.5), tmp_path, workers=1)
 
 
-def test_a_failed_drive_leaves_the_folder_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def stuck(*_: object) -> None:
+def test_a_failed_drive_leaves_the_folder_as_it_was(tmp_path: Path) -> None:
+    def stuck(*_: object) -> Track:
         raise DriveError("stuck at 3 s before waypoint 1")
 
-    with monkeypatch.context() as patch:
-        patch.setattr(pipeline, "plan_and_drive", stuck)
-        with pytest.raises(DriveError):
-            generate(make_experiment(0.5), tmp_path / "new" / "folder", workers=1)
-        assert list(tmp_path.iterdir()) == []  # nothing is written
+    fails = partial(generate_by, FakeEngine(track=stuck))
+    with pytest.raises(DriveError):
+        fails(make_experiment(0.5), tmp_path / "new" / "folder", workers=1)
+    assert list(tmp_path.iterdir()) == []  # nothing is written
     bag = generate(make_experiment(0.5), tmp_path, workers=1)
     content = bag.read_bytes()
-    with monkeypatch.context() as patch:
-        patch.setattr(pipeline, "plan_and_drive", stuck)
-        with pytest.raises(DriveError):
-            generate(make_experiment(1.5), tmp_path, workers=1, overwrite=True)
+    with pytest.raises(DriveError):
+        fails(make_experiment(1.5), tmp_path, workers=1, overwrite=True)
     assert bag.read_bytes() == content  # nothing is lost
     with pytest.raises(OutputError, match="already finished"):
         generate(make_experiment(0.5), tmp_path, workers=1)

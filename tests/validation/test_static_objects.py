@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from changed_bags import failures, in_latched_form
-from record_fakes import make_experiment, make_world, use_fakes
+from record_fakes import FakeEngine, make_experiment, make_world
 from rosbags.rosbag1 import Reader
 
-from fieldtruth import pipeline
 from fieldtruth.annotation.check import check_objects
 from fieldtruth.bag.decode import count_messages
 from fieldtruth.bag.model_states import ModelStatesReader, read_objects
@@ -23,7 +22,7 @@ from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.campaign.measure import _bytes_once
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.exporters import export
-from fieldtruth.pipeline import generate
+from fieldtruth.pipeline import generate_by
 from fieldtruth.report.page.world_view import _same_objects
 from fieldtruth.validation.context import Context, RebuiltWorld
 from fieldtruth.validation.retrace.world import WorldObjects
@@ -34,14 +33,13 @@ ALL = ("husky", "ground", *(f"tree_{k}" for k in range(2, 7)))
 
 
 def run_of(out: Path, option: str) -> Path:
-    return generate(make_experiment(1.5).model_copy(update={"static_objects": option}), out / option, workers=2)
+    experiment = make_experiment(1.5).model_copy(update={"static_objects": option})
+    return generate_by(FakeEngine(), experiment, out / option, workers=2)
 
 
 @pytest.fixture(scope="module")
 def bags(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    with pytest.MonkeyPatch.context() as patch:
-        use_fakes(patch)
-        return {option: run_of(tmp_path_factory.mktemp("static"), option) for option in ("repeated", "latched")}
+    return {option: run_of(tmp_path_factory.mktemp("static"), option) for option in ("repeated", "latched")}
 
 
 def messages(bag: Path, *topics: str) -> list[RawMessage]:
@@ -78,13 +76,10 @@ def test_the_card_names_the_topic_with_the_rows(bags: dict[str, Path]) -> None:
 
 
 @pytest.mark.parametrize(("objects", "option", "once"), [(500, "auto", 0), (501, "auto", 1), (501, "repeated", 0)])
-def test_auto_latches_beyond_500_objects(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, objects: int, option: str, once: int
-) -> None:
-    use_fakes(monkeypatch)
-    monkeypatch.setattr(pipeline, "world_of", lambda e: make_world(e.environment, e.seed, objects=objects))
+def test_auto_latches_beyond_500_objects(tmp_path: Path, objects: int, option: str, once: int) -> None:
+    engine = FakeEngine(lambda _: make_world(objects=objects))
     experiment = make_experiment(0.01).model_copy(update={"static_objects": option})
-    bag = generate(experiment, tmp_path, workers=1)
+    bag = generate_by(engine, experiment, tmp_path, workers=1)
     assert count_messages(bag).get(STATIC_MODEL_STATES, 0) == once
     assert len(read_objects(open_run(bag))[0]) == 2 + objects
 

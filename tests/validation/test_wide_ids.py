@@ -15,9 +15,8 @@ import pytest
 from changed_bags import FILLERS, LEFT, POINTS, bag_in, failures, points_in, rewritten, wide, with_wide_ids
 from numpy.typing import NDArray
 from PIL import Image
-from record_fakes import FakeCamera, FakeLidar, FakeScan, make_experiment, make_world, use_fake_sensing, use_fakes
+from record_fakes import FakeCamera, FakeEngine, FakeLidar, FakeScan, make_experiment, make_track, make_world
 
-from fieldtruth import pipeline
 from fieldtruth.bag import decode as read
 from fieldtruth.bag.model_states import read_objects
 from fieldtruth.bag.reader import BagError, RawMessage
@@ -27,6 +26,7 @@ from fieldtruth.datasets import RunDataset
 from fieldtruth.experiment.rig import paper_rig
 from fieldtruth.exporters import export
 from fieldtruth.exporters.coco_segments import Numbering, categories_of
+from fieldtruth.pipeline import generate_by
 from fieldtruth.report.viewer import view
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.validation.runner import validate
@@ -202,7 +202,7 @@ def wide_world(environment: str, seed: int) -> World:
     return world.__class__(**{**world.__dict__, "instances": instances, "object_names": names})
 
 
-def test_a_world_with_wide_ids_is_recorded_with_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_world_with_wide_ids_is_recorded_with_them(tmp_path: Path) -> None:
     class WideLidar(FakeLidar):
         def scan(self, world_from_lidar: NDArray[np.float64], stamp_ns: int = 0, number: int = 0) -> FakeScan:
             scan = super().scan(world_from_lidar)
@@ -214,12 +214,10 @@ def test_a_world_with_wide_ids_is_recorded_with_them(tmp_path: Path, monkeypatch
             pictures = super().render(world_from_optical)
             return pictures.__class__(**{**pictures.__dict__, "instance": pictures.instance + np.uint32(65_500)})
 
-    use_fakes(monkeypatch)
-    monkeypatch.setattr(pipeline, "world_of", lambda e: wide_world(e.environment, e.seed))
-    use_fake_sensing(monkeypatch, WideLidar, WideCamera)
+    engine = FakeEngine(lambda e: wide_world(e.environment, e.seed), make_track, WideLidar, WideCamera)
     rig = paper_rig(stereo=StereoConfig(width=64, height=48, instances=True))
     experiment = make_experiment(0.1, rig=rig).model_copy(update={"static_objects": "latched"})
-    bag = pipeline.generate(experiment, tmp_path, workers=1)
+    bag = generate_by(engine, experiment, tmp_path, workers=1)
     [cloud] = [read.points(each.message)["instance"] for each in read.read_bag(bag, [POINTS])]
     assert cloud.tolist() == list(range(70_000, 70_000 - len(cloud), -1))
     first = read.instances(next(iter(read.read_bag(bag, [IDS]))).message)

@@ -192,18 +192,20 @@ class Simulation:
     def _sense(self, place: Place, motion: GrowingMotion, wanted: set[str]) -> list[tuple[str, Any]]:
         """Return the readings that became complete, by name and in time order."""
         track = motion.known()
-        movement, found, seen = movement_of(track), list[tuple[int, str, Any]](), list[tuple[Due, Sensor]]()
+        movement, found, seen = movement_of(track), list[tuple[int, str, Any]](), list[tuple[Due, str]]()
         for due in self._due:
-            sensor = self._sensor(place, due.config.name)
-            if not isinstance(sensor, MotionSensor):
-                seen += [(each, sensor) for each in due.seen(movement, motion.reached_ns, motion.end_ns)]
+            name = due.config.name
+            if due.config.sees:
+                seen += [(each, name) for each in due.seen(movement, motion.reached_ns, motion.end_ns)]
             elif motion.ended or motion.reached_ns > STEP_NS:  # the reading at the first step of all needs the second
+                sensor = self._sensor(place, name)
+                assert isinstance(sensor, MotionSensor)
                 made = due.measured(sensor, track, motion.reached_ns)
                 found += [(each.at.stamp_ns, each.output.name, reading) for each, reading in made]
         found = [each for each in found if each[1] in wanted]
-        for (output, at), sensor in sorted(seen, key=lambda each: each[0].at.stamp_ns):
+        for (output, at), name in sorted(seen, key=lambda each: each[0].at.stamp_ns):
             if output.name in wanted:
-                found.append((at.stamp_ns, output.name, sensor.read(output, at)))
+                found.append((at.stamp_ns, output.name, self._sensor(place, name).read(output, at)))
         return [(name, reading) for _, name, reading in sorted(found, key=lambda each: each[0])]
 
     def save(self) -> SimulationState:
@@ -218,11 +220,13 @@ class Simulation:
         Raises:
             ConfigurationError: the state is that of another experiment, or of other sensors.
         """
-        same = state.experiment.model_copy(update={"seed": self._experiment.seed}) == self._experiment
+        other = "state must come from a simulation of the same experiment with the same sensors"
+        if state.experiment.model_copy(update={"seed": self._experiment.seed}) != self._experiment:
+            raise ConfigurationError(other)
         if self._motion is None or state.experiment.seed != self._experiment.seed:
             self.reset(state.experiment.seed)
-        if not same or state.sensors.keys() != {due.config.name for due in self._due}:
-            raise ConfigurationError("state must come from a simulation of the same experiment with the same sensors")
+        if state.sensors.keys() != {due.config.name for due in self._due}:
+            raise ConfigurationError(other)
         _, motion = self._ready()
         motion.restore(state.motion)
         for due in self._due:
