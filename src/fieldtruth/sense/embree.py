@@ -38,7 +38,7 @@ _INDEX, _VERTEX, _GRID = 0, 1, 8
 _FLOAT3, _UINT3, _GRID_FORMAT, _FLOAT3X4_COLUMN_MAJOR = 0x9003, 0x5003, 0xA001, 0x9234
 _RTC_GRID: Final = np.dtype([("start", "u4"), ("stride", "u4"), ("width", "u2"), ("height", "u2")])
 _GRID_NODES: Final = 17  # on a side of a grid; 9 and 33 were measured to be no faster
-_NATIVE_RAY16 = 34
+_NATIVE_PACKETS = ((34, 16), (33, 8), (32, 4))  # number of the property, rays
 _ROBUST = 1 << 2
 _HIGH_QUALITY = 2
 _COHERENT = 1 << 16
@@ -92,12 +92,14 @@ def _device() -> int:
     return int(_library().rtcNewDevice(b"threads=1"))
 
 
-def _native_lanes() -> int:
-    """Packet width: 16 if Embree traces packets of 16 natively on this processor, else 8."""
-    return 16 if _library().rtcGetDeviceProperty(_device(), _NATIVE_RAY16) else 8
+def _native_packet() -> int:
+    """Rays of the widest packet that Embree traces natively on this processor; 1 for none."""
+    api, device = _library(), _device()
+    return next((rays for number, rays in _NATIVE_PACKETS if api.rtcGetDeviceProperty(device, number)), 1)
 
 
-LANES: Final = _native_lanes()
+NATIVE_PACKET: Final = _native_packet()
+LANES: Final = 16 if NATIVE_PACKET == 16 else 8
 TILE_WIDTH: Final = 4
 """A packet of neighbouring rays is a tile of ``TILE_WIDTH`` x ``TILE_HEIGHT``, lane = row * TILE_WIDTH + column."""
 TILE_HEIGHT: Final = LANES // TILE_WIDTH
