@@ -25,7 +25,7 @@ from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.pipeline import generate
 from fieldtruth.record.slices import Slices, slices_key
 
-FILES = ["DATASET.md", "SHA256SUMS", "experiment.yaml", "tiny.bag"]
+FILES = ["DATASET.md", "SHA256SUMS", "experiment.yaml", "made_by.json", "tiny.bag"]
 
 
 @pytest.fixture(autouse=True)

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Baked light on disk, under a key that covers the scene, the sun, and the code that bakes."""
+"""Baked light on disk, under a key that covers the scene, the sun, the processor, and the code that bakes."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +17,7 @@ from fieldtruth.render.sky.dome import Dome
 from fieldtruth.render.sun_map import SunMap
 from fieldtruth.render.tables import LightTable
 from fieldtruth.sense.hits import Grid
+from fieldtruth.sense.processor import processor
 from fieldtruth.sense.scene import Scene
 
 _GRIDS: Final = ("ground_sun", "ground_near", "cloud_sun")
@@ -43,6 +44,7 @@ def light_key(scene: Scene, light: LightConfig, weather: WeatherConfig | None = 
     poses, tints = (np.array([getattr(top, n) for top in scene.tops]) for n in ("world_from_object", "tint"))
     colours = (world.materials, world.textures, tints, world.terrain)
     inputs = (
+        processor(),  # where it differs, the last digit of a photograph does
         light.values,
         (weather or WeatherConfig()).model_dump(),
         world.seed,
