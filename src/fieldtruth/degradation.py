@@ -124,7 +124,7 @@ class _Stored:
 
 
 def _other_version(bag: BagReader, topic: str) -> BagError:
-    reason = made_by.difference(made_by.makers_of(bag.path.parent)) or "another version made it"
+    reason = made_by.difference(made_by.makers_of(bag.path.parent)) or "its experiment or version was another"
     what = f"{bag.path} differs in {topic} from what fieldtruth records here ({reason})"
     return BagError(f"{what}; generate it again, with --signal")
 
