@@ -44,8 +44,8 @@ EQUAL_IMAGES: Final = Rule("images made as here are equal to the last digit", mi
 _NO_TAGS: Final = "no tag images, or no true motion"
 RETRACED_IMAGES: Final[Spec] = Spec("retraced images", (SAME_PIXELS, EQUAL_IMAGES), "pixels", _NO_TAGS)
 
-# Mean difference in a block of 8 x 8 pixels, as JPEG packs them, and in all. On another processor rounding moves pixels at
-# edges: in 50 photographs of the park the worst blocks differed by 3.3 (median) to 5.9, and the means by up to 0.006.
+# Mean difference in a block of 8 x 8 pixels, as JPEG packs them, and in all. On another processor rounding moves pixels
+# at edges: in 50 photographs of the park the worst block differed by 3.3 (median) to 5.9, and the mean by up to 0.006.
 SAME_PHOTOGRAPH: Final = Rule("photographs look the same when rendered again (with --full)", 20.0, "of 255 in a block")
 SAME_MEAN: Final = Rule("photographs hardly differ from those that are rendered again", 0.1, "of 255 in the mean")
 EQUAL_PHOTOGRAPHS: Final = Rule("photographs made as here are equal to the last digit", 0.0, "of 255")
