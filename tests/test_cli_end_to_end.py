@@ -24,7 +24,7 @@ def test_bag_is_made_kept_replaced_and_reproduced_from_its_experiment(
     assert (counts["/os1_cloud_node/points"], counts["/imu/data"], counts["/gazebo/model_states"]) == (5, 25, 500)
     assert not any("camera" in topic for topic in counts)
     names = sorted(path.name for path in bag.parent.iterdir())
-    assert names == ["DATASET.md", "SHA256SUMS", "experiment.yaml", "park_1.bag"]
+    assert names == ["DATASET.md", "SHA256SUMS", "experiment.yaml", "made_by.json", "park_1.bag"]
     first = bag.read_bytes()
 
     assert cli.main(command) == 2  # finished

@@ -15,6 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from fieldtruth.bag import made_by
 from fieldtruth.bag.checksums import sha256_of
 from fieldtruth.bag.errors import BagError
 from fieldtruth.bag.reader import BagReader, open_bag
@@ -27,7 +28,7 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import with_overrides
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.pipeline import PreparedHere, generate_by, prepare
-from fieldtruth.record.slices import slices_key
+from fieldtruth.record.slices import Slices, slices_key
 from fieldtruth.record.stream import Stream
 
 _CHUNKS: Final = 16
@@ -123,9 +124,9 @@ class _Stored:
 
 
 def _other_version(bag: BagReader, topic: str) -> BagError:
-    return BagError(
-        f"{bag.path} differs in {topic} from what this version of fieldtruth records; generate it again, with --signal"
-    )
+    reason = made_by.difference(made_by.makers_of(bag.path.parent)) or "its experiment or version was another"
+    what = f"{bag.path} differs in {topic} from what fieldtruth records here ({reason})"
+    return BagError(f"{what}; generate it again, with --signal")
 
 
 @dataclass(frozen=True)
@@ -139,6 +140,11 @@ class _Degraded(PreparedHere):
     def key(self) -> str:
         """Key of its slices."""
         return slices_key(super().key, sha256_of(self.run.bag))
+
+    def slices(self, folder: Path) -> Slices:
+        """Build the scene for the slices in a folder, and keep what made the readings that are taken from the bag."""
+        made_by.note(folder, made_by.makers_of(self.run.folder) if self.stored.sensors else ())
+        return super().slices(folder)
 
     def streams(self) -> list[Stream]:
         """Return its streams; raises BagError if the robot drove otherwise in the bag."""

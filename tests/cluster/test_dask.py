@@ -68,7 +68,7 @@ def test_bytes_are_those_of_a_local_run(dask: Processes, whole: bytes, tmp_path:
         dask.worker()
     assert run(dask, tmp_path / "cluster") == whole
     files = sorted(path.name for path in (tmp_path / "cluster" / "tiny").iterdir())
-    assert files == ["DATASET.md", "SHA256SUMS", "experiment.yaml", "tiny.bag"]
+    assert files == ["DATASET.md", "SHA256SUMS", "experiment.yaml", "made_by.json", "tiny.bag"]
 
 
 def test_the_command_makes_a_run_in_processes_of_this_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,7 +22,7 @@ from fieldtruth.core.errors import OutputError
 from fieldtruth.core.progress import Silent
 from fieldtruth.exporters import Options, export, zipped
 
-BESIDE = ("experiment.yaml", "DATASET.md", "SHA256SUMS")
+BESIDE = ("experiment.yaml", "DATASET.md", "made_by.json", "SHA256SUMS")
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Noise for a finished run: the bytes of a run that was generated with it, and what cannot be degraded."""
 
+import json
 import shutil
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import pytest
 
 from fieldtruth.bag.checksums import sha256_of
 from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.made_by import makers_of, this_process
 from fieldtruth.cli import main
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.degradation import degrade
@@ -57,13 +59,27 @@ def test_cameras_that_stay_ideal_are_not_rendered_again(
     degrade(ideal, tmp_path, signal={"lidar": {"range_noise": [[12.0, 0.02]]}})
 
 
+def test_what_made_the_readings_that_stay_is_named(ideal: Path, tmp_path: Path) -> None:
+    """Images of another processor stay in the degraded bag; if the robot drives otherwise here, that is the reason."""
+    shutil.copytree(ideal, tmp_path / "park_1")
+    other = this_process() | {"packet width": "1"}
+    (tmp_path / "park_1" / "made_by.json").write_text(json.dumps([other]))
+    made = degrade(tmp_path / "park_1", tmp_path / "mixed", signal={"imu": "datasheet"}).parent
+    assert sorted(makers_of(made), key=str) == sorted([other, this_process()], key=str)
+    assert makers_of(degrade(ideal, tmp_path / "same", signal={"imu": "datasheet"}).parent) == [this_process()]
+
+
 def test_a_run_that_would_be_recorded_otherwise_is_refused(ideal: Path, tmp_path: Path) -> None:
     copy = tmp_path / "park_1"
     shutil.copytree(ideal, copy)
     text = (copy / "experiment.yaml").read_text()
     assert "speed: 0.3\n" in text
     (copy / "experiment.yaml").write_text(text.replace("speed: 0.3\n", "speed: 0.4\n"))
-    with pytest.raises(BagError, match=r"differs in /ground_truth/odom from what this version of fieldtruth records"):
+    line = r"differs in /ground_truth/odom from what fieldtruth records here \(its experiment or version was another\)"
+    with pytest.raises(BagError, match=line):
+        degrade(copy, tmp_path / "out", signal=NOISE)
+    (copy / "made_by.json").unlink()
+    with pytest.raises(BagError, match=r"records here \(no made_by\.json says what made it\); generate it again"):
         degrade(copy, tmp_path / "out", signal=NOISE)
 
 

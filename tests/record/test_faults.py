@@ -33,7 +33,7 @@ from fieldtruth.pipeline import generate_by
 pytestmark = pytest.mark.slow
 
 SECONDS = 3.2
-FILES = ["DATASET.md", "SHA256SUMS", "experiment.yaml", "tiny.bag"]
+FILES = ["DATASET.md", "SHA256SUMS", "experiment.yaml", "made_by.json", "tiny.bag"]
 ROOT = os.geteuid() == 0
 Content = dict[str, str]
 """Digest of each file by its name."""

@@ -116,7 +116,7 @@ def test_the_run_makes_itself_again_without_the_file(tmp_path: Path) -> None:
     (tmp_path / "mine/line.tum").unlink()
     (tmp_path / "data").rename(tmp_path / "moved")
     second = generate(load_experiment(tmp_path / "moved/low/experiment.yaml"), tmp_path / "again")
-    for name in ("low.bag", "experiment.yaml", "track.csv", "SHA256SUMS", "DATASET.md"):
+    for name in ("low.bag", "experiment.yaml", "track.csv", "SHA256SUMS", "DATASET.md", "made_by.json"):
         one, other = ((bag.parent / name) for bag in (tmp_path / "moved/low/low.bag", second))
         assert hashlib.sha256(one.read_bytes()).digest() == hashlib.sha256(other.read_bytes()).digest(), name
     assert first.name == second.name

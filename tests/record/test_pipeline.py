@@ -28,7 +28,7 @@ from fieldtruth.pipeline import generate_by
 from fieldtruth.record.slices import Slices, slices_key
 
 generate = partial(generate_by, FakeEngine())
-FILES = ["DATASET.md", "SHA256SUMS", "experiment.yaml", "tiny.bag"]
+FILES = ["DATASET.md", "SHA256SUMS", "experiment.yaml", "made_by.json", "tiny.bag"]
 
 
 def listing(folder: Path) -> list[str]:

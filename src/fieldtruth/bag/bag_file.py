@@ -16,6 +16,8 @@ EXPERIMENT: str = "experiment.yaml"
 """The experiment beside a bag."""
 CARD: str = "DATASET.md"
 """The data card beside a bag."""
+MADE_BY: str = "made_by.json"
+"""What made the readings beside a bag; see ``made_by``."""
 TRACK: str = "track.csv"
 """The poses of the track file beside a bag, if its experiment has one."""
 

@@ -17,6 +17,7 @@ import numpy as np
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.bag_file import CARD as CARD
 from fieldtruth.bag.bag_file import EXPERIMENT as EXPERIMENT
+from fieldtruth.bag.bag_file import MADE_BY as MADE_BY
 from fieldtruth.bag.bag_file import TRACK as TRACK
 from fieldtruth.bag.bag_file import BagFile, experiment_of
 from fieldtruth.bag.bag_file import find_bag as find_bag

@@ -8,7 +8,8 @@ from importlib.metadata import version
 from typing import Final
 
 import fieldtruth
-from fieldtruth.record.slices import LIBRARIES, slices_key
+from fieldtruth.bag.made_by import LIBRARIES
+from fieldtruth.record.slices import slices_key
 
 Facts = Mapping[str, str]
 

@@ -13,6 +13,7 @@ from typing import Final
 
 from distributed import Client, Future, as_completed
 
+from fieldtruth.bag.made_by import note
 from fieldtruth.cluster.errors import OtherWorkerError, cluster_errors
 from fieldtruth.cluster.worker import Order, make_slice
 from fieldtruth.core.errors import ClusterError, FieldtruthWarning
@@ -74,12 +75,14 @@ class ClusterSlices(SliceFolder):
         if future.status == "finished" and self._is_here(k):
             return True  # without asking for the result, which takes longer than all the rest
         try:
-            content = future.result()
+            made = future.result()
         except OtherWorkerError as error:
             self._dismiss(error)
             return False
-        if content is not None:
+        if made is not None:
+            content, maker = made
             with output_errors(self.path(k), resumes=True):
+                note(self.folder, [maker])
                 write_atomically(self.path(k), content)
         end = time.monotonic() + _VISIBLE_S
         while not self._is_here(k):

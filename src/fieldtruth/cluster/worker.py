@@ -14,6 +14,7 @@ from typing import Final, NamedTuple
 
 from distributed import get_worker
 
+from fieldtruth.bag.made_by import Maker, this_process
 from fieldtruth.bag.track_file import TrackFile
 from fieldtruth.cluster.errors import OtherWorkerError
 from fieldtruth.cluster.recent import Recent
@@ -74,8 +75,8 @@ def card(text: str, track: Track, counts: Mapping[str, int]) -> str:
     return _prepared(text, track).card(counts)
 
 
-def make_slice(order: Order, track: Track, k: int) -> bytes | None:
-    """Make slice ``k`` of a run; returns None if it is in the client's folder, else its content.
+def make_slice(order: Order, track: Track, k: int) -> tuple[bytes, Maker] | None:
+    """Make slice ``k`` of a run; returns None if it is in the client's folder, else its content and what made it.
 
     Raises:
         OtherWorkerError: code, libraries, world or track of this worker are not those of the client.
@@ -90,7 +91,7 @@ def make_slice(order: Order, track: Track, k: int) -> bytes | None:
             return None
         content = slices.path(k).read_bytes()
         slices.path(k).unlink()
-        return content
+        return content, this_process()
 
 
 def _world(experiment: Experiment) -> World:

@@ -25,11 +25,11 @@ from isal import isal_zlib
 
 from fieldtruth.bag.checksums import CHECKSUMS, read_checksums
 from fieldtruth.bag.errors import BagError, read_errors
-from fieldtruth.bag.run import CARD, EXPERIMENT, Run
+from fieldtruth.bag.run import CARD, EXPERIMENT, MADE_BY, Run
 from fieldtruth.exporters import Options
 
 _BLOCK: Final = 2**20  # [byte]
-_BESIDE: Final = (EXPERIMENT, CARD, CHECKSUMS, "README.md", "README.txt", "README")
+_BESIDE: Final = (EXPERIMENT, CARD, MADE_BY, CHECKSUMS, "README.md", "README.txt", "README")
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:

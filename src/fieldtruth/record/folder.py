@@ -4,8 +4,8 @@
 
 OUT/NAME/experiment.yaml is written as soon as the robot has reached its goal, and track.csv beside it if the robot
 followed a track file; OUT/NAME/.slices holds the finished time slices; OUT/NAME/NAME.bag appears last, after the data
-card and the checksums. No other file is touched, except temporary ones, which are hidden and end in .part. A run that
-fails before it senses anything (its route leads through a tree) leaves the folder as it was.
+card, made_by.json and the checksums. No other file is touched, except temporary ones, which are hidden and end in
+.part. A run that fails before it senses anything (its route leads through a tree) leaves the folder as it was.
 """
 
 import shutil
@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from fieldtruth.bag.checksums import CHECKSUMS, checksum_lines, sha256_of
-from fieldtruth.bag.run import CARD, EXPERIMENT, TRACK
+from fieldtruth.bag.run import CARD, EXPERIMENT, MADE_BY, TRACK
 from fieldtruth.core.errors import FieldtruthError, OutputError
 from fieldtruth.core.files import locked, output_errors, remove, replace_synced, write_atomically
 from fieldtruth.experiment.config import Experiment
@@ -40,7 +40,7 @@ class RunFolder(NamedTuple):
         with output_errors(self.path, resumes=True):
             if overwrite:
                 self.clean()
-            for path in (self.bag, self.path / CARD, self.path / CHECKSUMS, *self.path.glob(_PARTS)):
+            for path in (self.bag, *map(self.path.joinpath, (CARD, MADE_BY, CHECKSUMS)), *self.path.glob(_PARTS)):
                 remove(path)
             if track is not None:
                 write_atomically(self.path / TRACK, track)
@@ -56,13 +56,14 @@ class RunFolder(NamedTuple):
                     shutil.rmtree(other)
         return folder
 
-    def finish(self, bag: Path, card: str) -> None:
-        """Write data card and checksums, move the finished bag to its name, and remove the slices."""
+    def finish(self, bag: Path, card: str, made_by: str) -> None:
+        """Write data card, made_by.json and checksums, move the bag to its name, and remove the slices."""
         with output_errors(self.path, resumes=True):
             write_atomically(self.path / CARD, card)
+            write_atomically(self.path / MADE_BY, made_by)
             stored = [TRACK] * (self.path / TRACK).exists()
-            sums = f"{sha256_of(bag)}  {self.bag.name}\n" + checksum_lines(self.path, [EXPERIMENT, *stored, CARD])
-            write_atomically(self.path / CHECKSUMS, sums)
+            sums = checksum_lines(self.path, [EXPERIMENT, *stored, CARD, MADE_BY])
+            write_atomically(self.path / CHECKSUMS, f"{sha256_of(bag)}  {self.bag.name}\n{sums}")
             replace_synced(bag, self.bag)
         self.clean()
 

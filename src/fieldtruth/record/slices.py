@@ -19,6 +19,7 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.bag.growing import GrowingBag
+from fieldtruth.bag.made_by import LIBRARIES
 from fieldtruth.bag.writer import BagWriter
 from fieldtruth.core.cache import cache_key, is_sealed
 from fieldtruth.core.errors import FieldtruthError, OutputError, SliceError
@@ -36,8 +37,6 @@ _PROGRESS_NS: Final = 10**8
 
 _MODULES: Final = ("fieldtruth.record.slices", "fieldtruth.record.sensors", "fieldtruth.record.streams")
 """Those of the package's kinds of sensors are imported by these."""
-LIBRARIES: Final = ("numpy", "scipy", "numba", "embreex", "simplejpeg", "lz4", "rosbags")
-"""Distributions whose version shapes the bytes of a slice."""
 
 
 def slices_key(*inputs: object) -> str:

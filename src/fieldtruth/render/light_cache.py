@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Baked light on disk, under a key that covers the scene, the sun, and the code that bakes."""
+"""Baked light on disk, under a key that covers the scene, the sun, the processor, and the code that bakes."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -15,6 +15,7 @@ from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.kernels.light import Dome, LightTable, SunMap
 from fieldtruth.kernels.packets import Grid
 from fieldtruth.render.sky import dome
+from fieldtruth.sense.processor import processor
 from fieldtruth.sense.scene import Scene
 
 _GRIDS: Final = ("ground_sun", "ground_near", "cloud_sun")
@@ -41,6 +42,7 @@ def light_key(scene: Scene, light: LightConfig, weather: WeatherConfig | None = 
     poses, tints = (np.array([getattr(top, n) for top in scene.tops]) for n in ("world_from_object", "tint"))
     colours = (world.materials, world.textures, tints, world.terrain)
     inputs = (
+        processor(),  # where it differs, the last digit of a photograph does
         light.values,
         (weather or WeatherConfig()).model_dump(),
         world.seed,

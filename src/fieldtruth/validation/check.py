@@ -54,14 +54,13 @@ def as_json(checks: Sequence[Check]) -> str:
 class Rule:
     """A condition on every item. ``tolerance`` is the largest allowed residual in ``unit``; None for a yes-or-no rule.
 
-    A check does not pass by ``minor`` rules alone. A ``learned`` rule needs a majority even in a run of this package.
+    A check does not pass by ``minor`` rules alone.
     """
 
     text: str
     tolerance: float | None = None
     unit: str = ""
     minor: bool = False
-    learned: bool = False
 
 
 @dataclass(frozen=True)
@@ -82,7 +81,7 @@ class Count:
 
     def __init__(self, rule: Rule, strict: bool = True) -> None:
         self.rule = rule
-        self.strict = strict and not rule.learned
+        self.strict = strict
         self.seen = self.wrong = 0
         self.worst = 0.0
         """Largest residual of the items that meet the rule."""

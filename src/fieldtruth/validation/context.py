@@ -41,6 +41,8 @@ class Context:
     rebuilt: RebuiltWorld | None = None
     no_world: str = ""
     """Why the world was not rebuilt."""
+    made_elsewhere: str = ""
+    """Why readings need not be equal to the last digit to those that this process makes; empty if they must be."""
     motion: MotionWindow = field(default_factory=MotionWindow)
     parents: dict[str, tuple[str, Array]] = field(default_factory=dict)
     """Fixed frames of /tf_static: parent and parent_from_child (4, 4) by child."""

@@ -9,6 +9,7 @@ from typing import Any, Final
 from rosbags.typesys.store import Typestore
 
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.made_by import difference, makers_of
 from fieldtruth.bag.reader import BagError, BagReader, RawMessage, open_bag
 from fieldtruth.bag.run import find_bag
 from fieldtruth.core.parallel import cpu_count, in_order
@@ -80,6 +81,7 @@ def validate(
             raise
         return [checksums, Check(files.STRUCTURE.name, False, str(error))]
     context = Context(run, *world.rebuild(run, quick=quick, full=full, progress=progress))
+    context.made_elsewhere = difference(makers_of(run.folder))
     with progress.stage("read and check", run.duration_s) as advance, open_bag(bag) as stored:
         checks = _read(context, stored, workers or cpu_count(), advance, _checkers(context, full, samples))
     found = {check.name: check for check in [checksums, experiment, *checks]}

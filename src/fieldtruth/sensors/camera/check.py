@@ -42,14 +42,17 @@ _NO_DEPTH: Final = "no depth images: generate --extras depth makes them"
 DEPTH: Final[Spec] = Spec("depth", (DEPTH_RANGE,), "pixels", _NO_DEPTH)
 
 SAME_PIXELS: Final = Rule("cameras see the same classes, depths and instance ids in the rebuilt world (sample)")
-EQUAL_IMAGES: Final = Rule("retraced images are equal to the last digit", minor=True, learned=True)
+EQUAL_IMAGES: Final = Rule("images made as here are equal to the last digit", minor=True)
 _NO_TAGS: Final = "no tag images, or no true motion"
 RETRACED_IMAGES: Final[Spec] = Spec("retraced images", (SAME_PIXELS, EQUAL_IMAGES), "pixels", _NO_TAGS)
 
-# Mean difference in a block of 8 x 8 pixels, as JPEG packs them. On another processor rounding moves pixels at edges.
-SAME_PHOTOGRAPH: Final = Rule("photographs look the same when rendered again (with --full)", 8.0, "of 255 in a block")
-EQUAL_PHOTOGRAPHS: Final = Rule("photographs rendered again are equal to the last digit", 0.0, "of 255", learned=True)
-PHOTOGRAPHS: Final[Spec] = Spec("photographs", (SAME_PHOTOGRAPH, EQUAL_PHOTOGRAPHS), "photographs", _NO_TAGS)
+# Mean difference in a block of 8 x 8 pixels, as JPEG packs them, and in all. On another processor rounding moves pixels
+# at edges: in 50 photographs of the park the worst block differed by 3.3 (median) to 5.9, and the mean by up to 0.006.
+SAME_PHOTOGRAPH: Final = Rule("photographs look the same when rendered again (with --full)", 20.0, "of 255 in a block")
+SAME_MEAN: Final = Rule("photographs hardly differ from those that are rendered again", 0.1, "of 255 in the mean")
+EQUAL_PHOTOGRAPHS: Final = Rule("photographs made as here are equal to the last digit", 0.0, "of 255")
+_PHOTOGRAPH_RULES: Final = (SAME_PHOTOGRAPH, SAME_MEAN, EQUAL_PHOTOGRAPHS)
+PHOTOGRAPHS: Final[Spec] = Spec("photographs", _PHOTOGRAPH_RULES, "photographs", _NO_TAGS)
 _BLOCK: Final = 8
 _NO_RAY: Final = 1e-6  # [m]
 
@@ -161,7 +164,8 @@ class RetracedImages(CameraFrameChecker):
         super().__init__(context, ("tag", "depth", "instances", *["photograph"] * full))
         self._rebuilt, self._reference, self._sampler, self._full = rebuilt, reference, sampler, full
         self.tallies = [context.tally(RETRACED_IMAGES), context.tally(PHOTOGRAPHS)]
-        self.tallies[0].note = "all images" if full else "a sample of the images"
+        notes = "all images" if full else "a sample of the images", context.made_elsewhere
+        self.tallies[0].note = "; ".join(filter(None, notes))
         if not full:
             self.tallies[1].skipped = "photographs are rendered again with --full"
         elif noisy := [camera.name for camera in context.run.rig.cameras if camera.signal is not None]:
@@ -204,17 +208,19 @@ class RetracedImages(CameraFrameChecker):
 
         same, equal = _same(bag, own)
         retraced, photographs = (tally.part() for tally in self.tallies)
-        retraced[EQUAL_IMAGES].see(equal, frame.at("tag"))
+        if not self.context.made_elsewhere:
+            retraced[EQUAL_IMAGES].see(equal, frame.at("tag"))
         if difference is not None:
-            for rule in PHOTOGRAPHS.rules:
-                photographs[rule].measure(difference, frame.at("photograph"))
+            rules = _PHOTOGRAPH_RULES[: 2 if self.context.made_elsewhere else 3]
+            for rule, residual in zip(rules, (*difference, difference[0]), strict=False):
+                photographs[rule].measure(residual, frame.at("photograph"))
         differing = np.flatnonzero(~same)
         sample = self._reference.compare(retraced[SAME_PIXELS], differing, same.size, reading, seed)
         return [retraced, photographs, sample]
 
     def _render(
         self, imager: Imager, pose: Array, photograph: NDArray[np.uint8] | None
-    ) -> tuple[LabelImages, float | None]:
+    ) -> tuple[LabelImages, tuple[float, float] | None]:
         """Render with this thread's camera; returns the images, and the difference of the photographs."""
         config, robot = imager.config, self._robot.get(imager.name)
         baked, own = self._rebuilt.baked, vars(self._own)
@@ -258,13 +264,16 @@ def _same(bag: _Pixels, own: LabelImages) -> tuple[Mask, bool]:
     return np.asarray(same), equal
 
 
-def _difference(bag: NDArray[np.uint8], own: NDArray[np.uint8], quality: int) -> float:
-    """Largest mean difference of a block of two photographs (h, w, 3), the second one compressed as the first was."""
+def _difference(bag: NDArray[np.uint8], own: NDArray[np.uint8], quality: int) -> tuple[float, float]:
+    """Return the largest mean difference of a block of two photographs (h, w, 3), and that of all pixels.
+
+    The second one is compressed as the first was.
+    """
     packed = photograph_jpeg(own, quality)
     difference = np.abs(bag.astype(np.int16) - simplejpeg.decode_jpeg(packed, "RGB")).mean(axis=2)
     rows, columns = (length // _BLOCK for length in difference.shape)
     blocks = difference[: rows * _BLOCK, : columns * _BLOCK].reshape(rows, _BLOCK, columns, _BLOCK)
-    return float(blocks.mean(axis=(1, 3)).max(initial=0.0))
+    return float(blocks.mean(axis=(1, 3)).max(initial=0.0)), float(difference.mean())
 
 
 def _checkers(shared: Pass) -> list[Checker]:
