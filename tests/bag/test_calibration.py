@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.bag.calibration import StaticFrames, read_calibration
+from fieldtruth.bag.calibration import StaticFrames
 from fieldtruth.bag.reader import BagError
 from fieldtruth.bag.run import open_run
 
@@ -49,11 +49,13 @@ def test_static_frames_are_chained_to_base_link() -> None:
 
 def test_calibration_of_a_run_matches_the_paper(small_run: Path) -> None:
     run = open_run(small_run)
-    calibration = read_calibration(run, run.rig.imagers, run.rig.lidar)
-    assert (calibration.width, calibration.height) == (320, 184)
-    assert np.allclose(calibration.base_from_lidar[:3], np.c_[np.eye(3), [0.09, 0.0, 0.826]])
+    calibration = run.calibration
+    assert calibration.lens("stereo/left")[1:3] == (320, 184)
+    assert np.allclose(calibration.base_from("lidar")[:3], np.c_[np.eye(3), [0.09, 0.0, 0.826]])
     axes = [[0, 0, 1], [-1, 0, 0], [0, -1, 0]]  # right, down, forward
     for side, y in (("left", 0.06), ("right", -0.06)):
-        assert np.allclose(calibration.base_from_optical[side][:3], np.c_[axes, [0.15, y, 0.72]], atol=1e-12)
-    assert calibration.projection["right"][0, 3] / calibration.projection["right"][0, 0] == pytest.approx(-0.12)
-    assert np.allclose(calibration.base_from("GNSS_link")[:3, 3], [0.10, 0.0, 0.89])
+        assert np.allclose(calibration.base_from(f"stereo/{side}")[:3], np.c_[axes, [0.15, y, 0.72]], atol=1e-12)
+    assert calibration.projection("stereo/right")[0, 3] / calibration.projection("stereo/right")[0, 0] == pytest.approx(
+        -0.12
+    )
+    assert np.allclose(calibration.static.base_from("GNSS_link")[:3, 3], [0.10, 0.0, 0.89])

@@ -3,6 +3,7 @@
 """Card, page, viewer, shares and preview of a rig with several sensors of each kind, and of rigs without some."""
 
 import base64
+import struct
 from collections import defaultdict
 from collections.abc import Callable
 from io import BytesIO
@@ -110,7 +111,8 @@ def test_images_of_a_camera_with_other_stamps_are_the_nearest(many_run: Path, tm
     def change(topic: str, stamp: int, data: bytes) -> tuple[str, int, bytes] | None:
         if not topic.endswith("tag/img_raw"):
             return None
-        return topic, stamp + 60_000_000 * (topic in (TAGS["front"], TAGS["rear"])), data
+        later = stamp + 60_000_000 * (topic in (TAGS["front"], TAGS["rear"]))
+        return topic, later, data[:4] + struct.pack("<2L", *divmod(later, 10**9)) + data[12:]
 
     page = Page(write_report(with_experiment(many_run, tmp_path, change)))
     first = page.root.find(".//div[@class='stage']/figure")

@@ -11,6 +11,7 @@ from rosbags.typesys import Stores, get_typestore
 from sense_worlds import at, box, floating, quad
 
 from fieldtruth.bag import decode
+from fieldtruth.bag.readings import cloud_of, reflectivity
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_models import datasheet_of
 from fieldtruth.exporters.sequences import xyz_and_reflectance
@@ -217,13 +218,16 @@ def test_organised_clouds(signal: LidarSignal | None) -> None:
 def test_reflectivity_of_clouds() -> None:
     """Of a signal as in the cloud, of an Ouster from percent; an ideal Ouster's is the class and is not passed on."""
     scene = floating(*ROOM)
-    _, own = cloud(scene, LidarConfig(columns=128, signal=signal_of(SHEET)))
-    _, ouster = cloud(scene, LidarConfig(columns=128, signal=signal_of(SHEET), point_fields="ouster"))
-    _, ideal = cloud(scene, LidarConfig(columns=128, point_fields="ouster"))
-    assert np.array_equal(decode.reflectivity(own), own["reflectivity"])
-    assert decode.reflectivity(ouster) == pytest.approx(own["reflectivity"], abs=0.0051)
-    assert ideal["reflectivity"].any()
-    assert not decode.reflectivity(ideal).any()
-    assert np.array_equal(xyz_and_reflectance(own)[:, 3], own["reflectivity"])
-    assert np.array_equal(xyz_and_reflectance(own)[:, 0], own["x"])
+    configs = (
+        LidarConfig(columns=128, signal=signal_of(SHEET)),
+        LidarConfig(columns=128, signal=signal_of(SHEET), point_fields="ouster"),
+        LidarConfig(columns=128, point_fields="ouster"),
+    )
+    own, ouster, ideal = (cloud_of(cloud(scene, config)[0]) for config in configs)
+    assert np.array_equal(reflectivity(own), own.others["reflectivity"])
+    assert reflectivity(ouster) == pytest.approx(own.others["reflectivity"], abs=0.0051)
+    assert ideal.others["reflectivity"].any()
+    assert not reflectivity(ideal).any()
+    assert np.array_equal(xyz_and_reflectance(own)[:, 3], own.others["reflectivity"])
+    assert np.array_equal(xyz_and_reflectance(own)[:, :3], own.xyz)
     assert not xyz_and_reflectance(ideal)[:, 3].any()

@@ -95,18 +95,6 @@ MEASURED: Final = ("true_range", "signal", "reflectivity", "echo", "mixed")
 """Fields of a cloud whose LiDAR has a signal. Clouds without ``true_range`` may have another ``reflectivity``."""
 
 
-def reflectivity(rows: NDArray[np.void]) -> NDArray[np.float32]:
-    """Return the reflectivity (n,) of points, 1 for a matt white surface that faces the LiDAR; 0 without a signal.
-
-    A cloud with an Ouster's fields has it in percent.
-    """
-    names = rows.dtype.names or ()
-    if "true_range" not in names or "reflectivity" not in names:
-        return np.zeros(len(rows), np.float32)
-    values = rows["reflectivity"].astype(np.float32)
-    return values / np.float32(100.0) if rows.dtype["reflectivity"].kind == "u" else values
-
-
 def image(message: Any) -> NDArray[np.uint8]:
     """Return the pixels (h, w, 3) RGB of a sensor_msgs/Image (rgb8, bgr8, 8UC3) or sensor_msgs/CompressedImage (JPEG).
 
@@ -192,11 +180,6 @@ def _colour_codes(tag_image: NDArray[np.uint8]) -> NDArray[np.uint32]:
 def stamp_ns(header: Any) -> int:
     """Return the stamp [ns] of a std_msgs/Header."""
     return int(header.stamp.sec) * 10**9 + int(header.stamp.nanosec)
-
-
-def reading_stamp(bag_ns: int, header: Any) -> int:
-    """Return the stamp [ns] of a std_msgs/Header, or that in the bag if it is 0, which is ROS's value for "not set"."""
-    return stamp_ns(header) or bag_ns
 
 
 def _pixels(message: Any, dtype: np.dtype[Any], channels: int = 1) -> NDArray[Any]:

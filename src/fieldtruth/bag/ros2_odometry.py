@@ -13,6 +13,7 @@ from rosbags.interfaces import Connection
 from rosbags.typesys import Stores, get_typestore
 
 from fieldtruth.bag.errors import BagError, read_errors
+from fieldtruth.bag.streams import rising_rows
 from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core.errors import FieldtruthError
 
@@ -36,10 +37,10 @@ def odometry_topics(path: Path) -> list[str]:
 
 
 def read_ros2_odometry(path: Path, topic: str) -> tuple[Trajectory, str]:
-    """Read the poses of an odometry topic, as they are, by the stamps of their headers; and the name of their frame.
+    """Read the poses of an odometry topic, by the stamps of their headers; and the name of their frame.
 
     Raises:
-        BagError: the bag cannot be read.
+        BagError: the bag cannot be read, or the stamps do not rise.
     """
     stamps, rows, frame = list[int](), list[tuple[float, ...]](), ""
     with _opened(path) as bag:
@@ -49,9 +50,9 @@ def read_ros2_odometry(path: Path, topic: str) -> tuple[Trajectory, str]:
             stamps.append(stamp.sec * 10**9 + stamp.nanosec)
             rows.append((p.x, p.y, p.z, q.w, q.x, q.y, q.z))
             frame = frame or message.child_frame_id.strip("/")
-    order, poses = np.argsort(stamps, kind="stable"), np.array(rows, np.float64).reshape(-1, 7)
-    stamps_ns = np.array(stamps, np.int64)[order]
-    return Trajectory(stamps_ns, poses[order, :3], poses[order, 3:]), frame
+    stamps_ns, poses = np.array(stamps, np.int64), np.array(rows, np.float64).reshape(-1, 7)
+    order = rising_rows(stamps_ns, topic, path, coarse=True)
+    return Trajectory(stamps_ns[order], poses[order, :3], poses[order, 3:]), frame
 
 
 @contextmanager

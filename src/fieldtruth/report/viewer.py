@@ -106,7 +106,7 @@ class _Log:
 
     def _sensors(self) -> Iterator[tuple[Readings, Callable[[Any], None]]]:
         """Readings of the sensors, and what logs one; the parts of images one by one."""
-        run, imus, antennas = self.run, self.run.of(Inertial), self.run.of(Fix)
+        run = self.run
         images = {"photo": self._photo, "label": self._label, "depth": self._depth, "normal": self._normal}
         for view in run.of(Image, recorded=False):
             for part, send in (images | {"flow": self._flow}).items():
@@ -114,10 +114,11 @@ class _Log:
                     yield run.readings(view.name, [part]), send
         for lidar in run.of(Cloud):
             yield run[lidar.name], self._points
-        for imu, name in zip(imus, _entity_names("imu", run.of(Inertial, recorded=False)), strict=False):
-            yield run[imu.name], partial(self._imu, name)
-        for antenna, name in zip(antennas, _entity_names("gnss", run.of(Fix, recorded=False)), strict=False):
-            yield run[antenna.name], partial(self._navsat, name)
+        for kind, entity, send in ((Inertial, "imu", self._imu), (Fix, "gnss", self._navsat)):
+            sensors = run.of(kind, recorded=False)
+            for sensor, name in zip(sensors, _entity_names(entity, sensors), strict=True):
+                if sensor.has(run.counts):
+                    yield run[sensor.name], partial(send, name)
         for wheels in run.of(WheelSpeeds):
             yield run[wheels.name], self._wheels
 

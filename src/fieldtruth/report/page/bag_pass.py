@@ -5,33 +5,32 @@
 Memory does not grow with the bag, except for a pose every 20 ms (64 bytes).
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.decode import stamp_ns
-from fieldtruth.bag.reader import BagError, RawMessage, decoder, open_bag
+from fieldtruth.bag.reader import BagError, open_bag
+from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core import readings
 from fieldtruth.core.arrays import Counts
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.parallel import in_order
-from fieldtruth.core.progress import Progress, timed
+from fieldtruth.core.progress import Progress, counted
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.experiment.topic import Topic
 from fieldtruth.report.page.class_counts import count_pixels, count_points
 from fieldtruth.report.page.decimate import BUCKETS, CHANNELS
-from fieldtruth.report.page.series import Collector, Fixes, Inertial, Lines, Motion, Wheel
+from fieldtruth.report.page.series import Collector, Fixes, Inertial, Lines, Motion, Row, Wheel
 
 UNEXPECTED: Final = (BagError, AttributeError, KeyError, TypeError, ValueError, IndexError)
 """Exceptions from a message that differs from what its topic promises."""
 _OTHER_CHANNELS: Final = 9
 """Curves of motion and wheels."""
-_OTHER_CLOCK: Final = 10_000_000_000  # [ns]
 
 
 @dataclass
@@ -63,13 +62,6 @@ def usable_topics(run: Run) -> tuple[set[str], dict[str, str]]:
     return set(known) - set(other), other
 
 
-def stamp_of(message: Any, raw: RawMessage) -> int:
-    """Stamp [ns] from the header; the bag's stamp if there is no header or it is from a different clock."""
-    header = getattr(message, "header", None)
-    stamp = raw.stamp_ns if header is None else stamp_ns(header)
-    return stamp if abs(stamp - raw.stamp_ns) < _OTHER_CLOCK else raw.stamp_ns
-
-
 def reason(error: Exception) -> str:
     """Explain why a message cannot be read."""
     return str(error) if isinstance(error, BagError) else f"its messages have an unexpected form ({error})"
@@ -90,38 +82,33 @@ def summarize_bag(run: Run, workers: int, progress: Progress) -> BagSummary:
         clouds, count_points
     )
     wanted = [topic for topic in (*collectors, *counters) if topic in topics]
+    opened: dict[str, Readings] = {}
     for topic in set(wanted) - {table.MODEL_STATES}:
         try:
-            run.streams([topic])
+            opened[topic] = run.messages(topic)
         except BagError as error:
             summary.unreadable[topic] = reason(error)
-    wanted = [topic for topic in wanted if topic not in summary.unreadable]
-    if not wanted:  # an empty list would mean all topics
-        return summary
     counts: dict[str, Counts] = {}
-    with progress.stage("read the bag", run.duration_s) as advance, open_bag(run.bag, true_stamps=run.clocked) as bag:
-        decode = decoder(bag)
+    jobs = sorted((stamp, t, row) for t, each in opened.items() for row, stamp in enumerate(each.stamps_ns.tolist()))
 
-        def large_messages() -> Iterator[RawMessage]:
-            """Collect small messages at once and yield the others, for the threads."""
-            for raw in timed(bag.messages(wanted), advance, run.start_ns):
-                if raw.topic in counters:
-                    yield raw
-                elif raw.topic not in summary.unreadable:
-                    _collect(collectors[raw.topic], raw, decode, summary.unreadable)
+    def work(job: tuple[int, str, int]) -> tuple[str, int, Row | Counts | str]:
+        stamp, topic, row = job
+        use = counters[topic] if topic in counters else collectors[topic].row
+        try:
+            return topic, stamp, use(opened[topic].message(row))
+        except UNEXPECTED as error:
+            return topic, stamp, reason(error)
 
-        def count(raw: RawMessage) -> tuple[str, Counts | str]:
-            try:
-                return raw.topic, counters[raw.topic](decode(raw))
-            except UNEXPECTED as error:
-                return raw.topic, reason(error)
-
-        for topic, found in in_order(large_messages(), count, workers):
+    with progress.stage("read the bag", run.duration_s) as advance:
+        for topic, stamp, found in counted(in_order(jobs, work, workers), advance, run.duration_s, len(jobs)):
             if isinstance(found, str):
                 summary.unreadable.setdefault(topic, found)
+            elif isinstance(found, tuple):
+                collectors[topic].add(stamp, found)
             else:
-                counts.setdefault(topic, np.zeros(len(CLASSES), np.int64))
-                counts[topic] += found
+                counts[topic] = counts.get(topic, np.zeros(len(CLASSES), np.int64)) + found
+        if table.MODEL_STATES in wanted:
+            _collect_states(run, collectors[table.MODEL_STATES], summary.unreadable)
     _finish(summary, collectors)
     good = {topic: found for topic, found in counts.items() if topic not in summary.unreadable}
     summary.points = {topic: found for topic, found in good.items() if topic in clouds}
@@ -132,7 +119,7 @@ def summarize_bag(run: Run, workers: int, progress: Progress) -> BagSummary:
 def _collectors(run: Run, topics: set[str]) -> dict[str, Collector]:
     """Collectors of the small messages by topic; Odometry replaces ModelStates, whose rate is 20 times as high."""
     poses = table.ODOMETRY if table.ODOMETRY in topics else table.MODEL_STATES
-    imus, antennas = run.of(readings.Inertial), run.of(readings.Fix)
+    imus, antennas = run.of(readings.Inertial, recorded=False), run.of(readings.Fix, recorded=False)
     wheels = run.of(readings.WheelSpeeds, recorded=False)
     channels = _OTHER_CHANNELS + 6 * len(imus) + 3 * len(antennas)
     time = run.start_ns, run.end_ns, min(BUCKETS, BUCKETS * CHANNELS // channels)
@@ -145,17 +132,14 @@ def _collectors(run: Run, topics: set[str]) -> dict[str, Collector]:
     return {topic: collector for topic, collector in made.items() if topic in topics}
 
 
-def _collect(
-    collector: Collector, raw: RawMessage, decode: Callable[[RawMessage], Any], unreadable: dict[str, str]
-) -> None:
-    try:
-        if isinstance(collector, Motion) and collector.from_model_states:
-            collector.add(raw.stamp_ns, collector.row(raw.data))
-            return
-        message = decode(raw)
-        collector.add(stamp_of(message, raw), collector.row(message))
-    except UNEXPECTED as error:
-        unreadable[raw.topic] = reason(error)
+def _collect_states(run: Run, collector: Collector, unreadable: dict[str, str]) -> None:
+    """Collect the robot's states, which come at 1000 Hz with all objects, and so are not decoded."""
+    with open_bag(run.bag) as bag:
+        try:
+            for raw in bag.messages([table.MODEL_STATES]):
+                collector.add(raw.stamp_ns, collector.row(raw.data))
+        except UNEXPECTED as error:
+            unreadable[table.MODEL_STATES] = reason(error)
 
 
 def _finish(summary: BagSummary, collectors: Mapping[str, Collector]) -> None:
