@@ -16,7 +16,7 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.world.model import Raster, Swarm
 
 HALF = np.array([6.0, 5.0, 4.0])
-ROOM = floating((box("room", HALF), at(0, 0, 0)))
+ROOM = floating((box("room", HALF.tolist()), at(0, 0, 0)))
 
 
 def make_lake() -> Scene:
@@ -39,6 +39,7 @@ def test_random_rays_meet_the_walls_of_a_room(dtype: type) -> None:
     count = 2 * BLOCK + 5  # threads, and a packet that is not full
     ahead: Array
     length: Array
+    start: Array
     start = np.random.default_rng(1).uniform(-0.9 * HALF, 0.9 * HALF, (count, 3)).astype(dtype)
     ahead = unit(count).astype(dtype)
     per_axis = (np.sign(ahead) * HALF - start) / ahead
