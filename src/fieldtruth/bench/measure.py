@@ -11,7 +11,7 @@ import numpy as np
 
 from fieldtruth.bench.recording import SECONDS, images_per_second
 from fieldtruth.bench.sensors import measure_cameras, measure_lidars, poses_on_route
-from fieldtruth.core.errors import ConfigurationError, UnknownNameError
+from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive.expected_path import experiments_in
@@ -60,8 +60,7 @@ def settings_of(environment: str) -> Settings:
         UnknownNameError: the environment does not exist.
         ConfigurationError: it has no built-in experiment.
     """
-    if environment not in ENVIRONMENTS:
-        raise UnknownNameError("environment", environment, ENVIRONMENTS)
+    ENVIRONMENTS.find(environment)
     experiments = experiments_in(environment)
     if not experiments:
         raise ConfigurationError(f"cannot measure {environment}: it has no built-in experiment")

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 import fieldtruth
 from fieldtruth.campaign.config import Campaign
 from fieldtruth.core.errors import ConfigurationError, FieldtruthError, UnknownNameError
+from fieldtruth.core.yaml_io import parse_mapping, read_text, write_mapping
 from fieldtruth.experiment.catalogue import experiment_names
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import Mount
@@ -19,7 +20,6 @@ from fieldtruth.experiment.problems import LocatedError, configuration_error, do
 from fieldtruth.experiment.signal_config import with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.urdf import with_urdf_mounts
-from fieldtruth.experiment.yaml_io import parse_mapping, read_text, write_mapping
 
 ALL: Final = "all"
 """Name of the campaign of the built-in experiments."""

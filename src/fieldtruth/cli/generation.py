@@ -120,7 +120,13 @@ def _list(options: argparse.Namespace) -> None:
     from fieldtruth.experiment.robot_models import list_robots
     from fieldtruth.experiment.sensor_config import load_added_kinds
     from fieldtruth.experiment.sensor_models import TITLES, list_models
+    from fieldtruth.ontology.label_map import LABEL_MAPS
     from fieldtruth.world.environments import list_environments
+
+    def formats() -> dict[str, str]:
+        from fieldtruth.exporters import FORMATS  # its readers of bags take half a second to load
+
+        return {name: row.description for name, row in FORMATS.items()}
 
     lists: dict[str, dict[str, Callable[[], Mapping[str, str]]]] = {
         "experiments": {"experiments": list_experiments},
@@ -128,6 +134,8 @@ def _list(options: argparse.Namespace) -> None:
         "sensors": {title: partial(list_models, kind) for kind, title in TITLES.items()}
         | {"kinds of other packages and of FIELDTRUTH_PATH": load_added_kinds},
         "robots": {"robots (rig.robot)": list_robots},
+        "label-maps": {"label maps": lambda: {name: f"{len(m.classes)} classes" for name, m in LABEL_MAPS.items()}},
+        "formats": {"export formats": formats},
     }
     if options.what not in (None, *lists):
         raise UnknownNameError("list", options.what, lists)
@@ -145,8 +153,7 @@ def _preview(options: argparse.Namespace) -> None:
     from fieldtruth.report.image_file import IMAGE_ENDINGS, check_output_path, is_jpeg, write_image
     from fieldtruth.world.environments import ENVIRONMENTS
 
-    if options.environment not in ENVIRONMENTS:
-        raise UnknownNameError("environment", options.environment, ENVIRONMENTS)
+    ENVIRONMENTS.find(options.environment)
     path = options.out if options.out is not None else Path(f"{options.environment}_{options.seed}_preview.png")
     check_output_path(path, IMAGE_ENDINGS, overwrite=options.overwrite)
     # After the checks: physics, compiled kernels and the drawing library take seconds to load.
@@ -236,9 +243,16 @@ def add_commands(command: AddCommand) -> None:
 
     _add_preview(command("preview", _preview, "Draw an overview sheet of an environment."))
     _add_shares(command("shares", _shares, "Count the pixels and points of each class."))
-    lists = command("list", _list, "List the experiments and environments, or the sensors or robots that have a name.")
+    lists = command(
+        "list",
+        _list,
+        "List the experiments and environments, or the sensors, robots, label maps or formats that have a name.",
+    )
     lists.add_argument(
-        "what", metavar="LIST", nargs="?", help="experiments, environments, sensors or robots (the first two)"
+        "what",
+        metavar="LIST",
+        nargs="?",
+        help="experiments, environments, sensors, robots, label-maps or formats (the first two)",
     )
     bench = command("bench", _bench, "Measure the speed of this machine.")
     bench.add_argument("--env", metavar="NAME", default="park", help="environment (park)")

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from fieldtruth.cli.arguments import AddCommand, Parser, UsageError, checked_layout, seed
-from fieldtruth.core.errors import UnknownNameError
 
 if TYPE_CHECKING:
     from fieldtruth.experiment.config import Experiment
@@ -65,8 +64,7 @@ def _scene(options: argparse.Namespace) -> None:
 def _gazebo(options: argparse.Namespace) -> None:
     from fieldtruth.world.environments import ENVIRONMENTS
 
-    if options.environment not in ENVIRONMENTS:
-        raise UnknownNameError("environment", options.environment, ENVIRONMENTS)
+    ENVIRONMENTS.find(options.environment)
     from fieldtruth.core.progress import show_progress
     from fieldtruth.gazebo import DEFAULT_LAYOUT, check_gazebo_output, write_gazebo
 

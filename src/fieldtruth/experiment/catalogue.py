@@ -1,28 +1,37 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The built-in experiments by name, without heavy imports."""
+"""The experiments by name, without heavy imports: the built-in ones, and those of folders ``experiments`` of
+FIELDTRUTH_PATH or of entry points of the group ``fieldtruth.experiments``.
+"""
 
-from functools import cache
-from importlib.resources import files
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
 
 from fieldtruth.core.errors import UnknownNameError
-from fieldtruth.experiment.yaml_io import parse_mapping
+from fieldtruth.core.registry import Registry
+from fieldtruth.core.yaml_io import parse_mapping, read_text
+
+_EXPERIMENTS: Final[Registry[str]] = Registry(
+    "experiment",
+    "experiments",
+    ".yaml",
+    lambda _, given: read_text(Path(given)),
+    Path(__file__).parent / "builtin",
+)
 
 
-@cache
-def _texts() -> dict[str, str]:
-    folder = files("fieldtruth.experiment") / "builtin"
-    entries = sorted((e for e in folder.iterdir() if e.name.endswith(".yaml")), key=lambda e: e.name)
-    return {e.name.removesuffix(".yaml"): e.read_text(encoding="utf-8") for e in entries}
+def _texts() -> Mapping[str, str]:
+    return _EXPERIMENTS
 
 
 def experiment_names() -> tuple[str, ...]:
-    """Names of the built-in experiments, sorted."""
+    """Names of the experiments: the built-in ones, sorted, then added ones."""
     return tuple(_texts())
 
 
 def experiment_text(name: str) -> str:
-    """YAML text of a built-in experiment.
+    """YAML text of an experiment.
 
     Raises:
         UnknownNameError: unknown name.
@@ -34,5 +43,5 @@ def experiment_text(name: str) -> str:
 
 
 def list_experiments() -> dict[str, str]:
-    """Name and one-line description of each built-in experiment."""
+    """Name and one-line description of each experiment."""
     return {name: str(parse_mapping(text, name).get("description", "")) for name, text in _texts().items()}

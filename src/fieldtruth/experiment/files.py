@@ -11,13 +11,13 @@ from pydantic import ValidationError
 
 import fieldtruth
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
+from fieldtruth.core.yaml_io import parse_mapping, read_text, write_mapping
 from fieldtruth.experiment.catalogue import experiment_names, experiment_text
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.problems import configuration_error, shortened
 from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.experiment.signal_config import KEY, WORDS, with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF
-from fieldtruth.experiment.yaml_io import parse_mapping, read_text, write_mapping
 from fieldtruth.sensors.camera.config import EXTRAS, CameraConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 

@@ -1,34 +1,38 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Robots by name, without heavy imports: a data file each, which states the source of every figure."""
+"""Robots by name, without heavy imports: a data file each, which states the source of every figure.
+
+Those of the package are in ``models/robot``, others in folders ``robots`` of FIELDTRUTH_PATH, or named by entry points
+of the group ``fieldtruth.robots``.
+"""
 
 from collections.abc import Mapping
-from functools import cache
-from importlib.resources import files
-from typing import Any
+from pathlib import Path
+from typing import Any, Final
 
 from fieldtruth.core.errors import suggestion
-from fieldtruth.experiment.yaml_io import parse_mapping
+from fieldtruth.core.registry import Registry
+from fieldtruth.core.yaml_io import read_data
+
+ROBOTS: Final[Registry[dict[str, Any]]] = Registry(
+    "robot", "robots", ".yaml", read_data, Path(__file__).parent / "models" / "robot"
+)
 
 
-@cache
 def robot_names() -> tuple[str, ...]:
-    """Names of the robots, sorted."""
-    folder = files(__package__) / "models" / "robot"
-    return tuple(sorted(file.name.removesuffix(".yaml") for file in folder.iterdir() if file.name.endswith(".yaml")))
+    """Names of the robots: those of the package, sorted, then added ones."""
+    return tuple(ROBOTS)
 
 
-@cache
 def robot_data(name: str) -> dict[str, Any]:
     """Data of a robot: ``description``, and ``figures`` with value and source by key of ``rig.robot``.
 
     Raises:
         ValueError: unknown name; the text suggests the closest one.
     """
-    if name not in robot_names():
-        raise ValueError(f"unknown robot {name!r}; {suggestion(name, robot_names())}")
-    path = files(__package__) / "models" / "robot" / f"{name}.yaml"
-    return parse_mapping(path.read_text(encoding="utf-8"), f"robot {path.name}")
+    if name not in ROBOTS:
+        raise ValueError(f"unknown robot {name!r}; {suggestion(name, ROBOTS)}")
+    return ROBOTS[name]
 
 
 def list_robots() -> dict[str, str]:

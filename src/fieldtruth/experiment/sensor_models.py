@@ -1,13 +1,16 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sensors by name, without heavy imports: ``models/KIND/NAME.yaml`` states each figure with its source."""
+"""Sensors by name, without heavy imports: ``models/KIND/NAME.yaml`` states each figure with its source.
+
+Others are in folders ``sensors/KIND`` of FIELDTRUTH_PATH, or named by entry points of ``fieldtruth.sensors.KIND``.
+"""
 
 from functools import cache
-from importlib.resources import files
+from pathlib import Path
 from typing import Any, Final
 
-from fieldtruth.core.errors import UnknownNameError
-from fieldtruth.experiment.yaml_io import parse_mapping
+from fieldtruth.core.registry import Registry
+from fieldtruth.core.yaml_io import parse_mapping, read_data
 
 TITLES: Final = {
     "lidar": "LiDARs (kind lidar)",
@@ -21,21 +24,22 @@ TITLES: Final = {
 _FOLDERS: Final = {"stereo": "camera"}
 """Folder of the kinds that do not have one of their own."""
 
+_DATA: Final = Path(__file__).parent / "models"
+
 
 @cache
-def models(kind: str) -> dict[str, dict[str, Any]]:
-    """Return the models of a kind of sensor by name; none of a kind that is not the package's.
+def models(kind: str) -> Registry[dict[str, Any]]:
+    """Return the models of a kind of sensor by name, which another package's kind may have, too.
 
     Each has a ``description``, its ``figures``, ``noise`` and, not simulated, ``stored``: mappings of keys to ``value``
     and ``source``. Figures are keys of the sensor's configuration, with a few exceptions: a single camera has
     no ``baseline``, and a LiDAR with ``firing_cycle_ns`` has its ``columns`` from that and its rate.
     """
     folder = _FOLDERS.get(kind, kind)
-    if folder not in TITLES:
-        return {}
-    entries = (files("fieldtruth.experiment") / "models" / folder).iterdir()
-    found = sorted((entry for entry in entries if entry.name.endswith(".yaml")), key=lambda entry: entry.name)
-    return {e.name.removesuffix(".yaml"): parse_mapping(e.read_text(encoding="utf-8"), e.name) for e in found}
+    if folder != kind:
+        return models(folder)
+    builtin: Path | dict[str, dict[str, Any]] = _DATA / folder if folder in TITLES else {}
+    return Registry(f"model of kind {kind}", f"sensors/{folder}", ".yaml", read_data, builtin)
 
 
 def list_models(kind: str) -> dict[str, str]:
@@ -49,9 +53,7 @@ def figures_of(kind: str, name: str) -> dict[str, Any]:
     Raises:
         UnknownNameError: no model of that kind has the name.
     """
-    if name not in models(kind):
-        raise UnknownNameError(f"model of kind {kind}", name, models(kind))
-    return {key: figure["value"] for key, figure in models(kind)[name]["figures"].items()}
+    return {key: figure["value"] for key, figure in models(kind).find(name)["figures"].items()}
 
 
 def datasheet_of(kind: str, name: str) -> dict[str, Any]:
@@ -62,7 +64,7 @@ def datasheet_of(kind: str, name: str) -> dict[str, Any]:
 @cache
 def preset_of(kind: str, name: str) -> dict[str, Any]:
     """Values of a signal that is of no model, ``models/presets/KIND_NAME.yaml``, by key; empty without one."""
-    path = files("fieldtruth.experiment") / "models" / "presets" / f"{_FOLDERS.get(kind, kind)}_{name}.yaml"
+    path = _DATA / "presets" / f"{_FOLDERS.get(kind, kind)}_{name}.yaml"
     if not path.is_file():
         return {}
     return {key: figure["value"] for key, figure in parse_mapping(path.read_text("utf-8"), path.name)["noise"].items()}

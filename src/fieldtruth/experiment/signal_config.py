@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.core.yaml_io import parse_mapping, read_text
 from fieldtruth.experiment.fields import Frozen
 from fieldtruth.experiment.problems import LocatedError, shortened
 from fieldtruth.experiment.sensor_models import datasheet_of, preset_of
-from fieldtruth.experiment.yaml_io import parse_mapping, read_text
 
 KEY: Final = "signal"
 IDEAL: Final = "ideal"

@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Export runs to other formats: the table of formats, and what all of them share.
 
-Each format is a module with one function ``write``. The output is written under a temporary name and renamed when it is
-complete; existing files are never overwritten.
+Each format is a module with one function ``write``. Those of a user have a constant ``FORMAT``, too, and are files in a
+folder ``formats`` of FIELDTRUTH_PATH, or modules that entry points of the group ``fieldtruth.formats`` name. The output
+is written under a temporary name and renamed when it is complete; existing files are never overwritten.
 """
 
 import os
@@ -11,13 +12,14 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from importlib import import_module
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from fieldtruth.bag.run import Run, open_run
-from fieldtruth.core.errors import OutputError, UnknownNameError
+from fieldtruth.core.errors import ConfigurationError, OutputError
 from fieldtruth.core.files import locked, output_errors, remove, replace_synced
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
+from fieldtruth.core.registry import Registry, load_module
 from fieldtruth.exporters.splits import Member, find_members
 from fieldtruth.ontology.label_map import LabelMap, label_map_of
 from fieldtruth.record.folder import new_folder
@@ -30,7 +32,8 @@ class Format(NamedTuple):
     """A row of the table."""
 
     module: str
-    """Module of this package with the function ``write(runs, target, options)``."""
+    """Module with the function ``write(runs, target, options)``; without a dot, one of this package. That of a user's
+    ``FORMAT`` is its own, whatever is said here."""
     suffix: str
     """Added to the run's name for the default output path."""
     description: str
@@ -46,56 +49,76 @@ class Format(NamedTuple):
     """The library that the extra of the format's name installs, if it needs one."""
 
 
-FORMATS: Final[dict[str, Format]] = {
-    "files": Format(
-        "files", "_files", "PNG, CSV, text files and class shares, as the paper publishes them", relabels=True
-    ),
-    "zip": Format("zipped", ".zip", "the bag, compressed, with its SHA-256"),
-    "semantickitti": Format(
-        "semantickitti", "_semantickitti", "clouds with labels, poses, calibration", relabels=True, joins=True
-    ),
-    "kitti": Format("kitti", "_kitti", "KITTI odometry: images, clouds, poses, calibration", moves=True, joins=True),
-    "kitti-object": Format("kitti_object", "_kitti_object", "KITTI's object detection: boxes of all visible objects"),
-    "tum": Format("tum", ".tum", "the true trajectory as a text file", moves=True),
-    "mcap": Format("mcap", ".mcap", "ROS 2 messages (CDR), for ROS 2 and Foxglove", library="mcap"),
-    "coco": Format("coco", "_coco", "COCO panoptic and detection JSON with images", relabels=True),
-    "occupancy": Format("occupancy", "_occupancy.npz", "the world's surfaces as voxels with classes"),
-    "pcd": Format("pcd", "_pcd", "a PCD file per cloud with labels and colours", relabels=True),
-    "webdataset": Format(
-        "webdataset",
-        "_webdataset",
-        "tar files of frames for training, with splits",
-        relabels=True,
-        joins=True,
-        publishes=True,
-    ),
-    "huggingface": Format(
-        "huggingface",
-        "_huggingface",
-        "Parquet with a card and Croissant metadata, for Hugging Face's datasets",
-        relabels=True,
-        joins=True,
-        publishes=True,
-        library="pyarrow",
-    ),
-    "mmseg": Format(
-        "mmseg",
-        "_mmseg",
-        "MMSegmentation's layout with a configuration file",
-        relabels=True,
-        joins=True,
-        publishes=True,
-    ),
-    "slam-configs": Format(
-        "slam_configs",
-        "_slam",
-        "configuration files of KISS-ICP, RKO-LIO, LIO-SAM, FAST-LIO2, OpenVINS and ORB-SLAM3",
-        moves=True,
-    ),
-    "stereo-depth": Format(
-        "stereo_depth", "_stereo_depth", "depth from matching the photographs of a pair, with its errors", library="cv2"
-    ),
-}
+def _read(name: str, given: Any) -> Format:
+    module = load_module(f"fieldtruth_formats.{name}", given) if isinstance(given, Path) else given
+    if not isinstance(row := getattr(module, "FORMAT", None), Format):
+        raise ConfigurationError(f"{module.__name__}: a format needs FORMAT = Format(...) and write(...)")
+    return row._replace(module=module.__name__)
+
+
+FORMATS: Final[Registry[Format]] = Registry(
+    "format",
+    "formats",
+    ".py",
+    _read,
+    {
+        "files": Format(
+            "files", "_files", "PNG, CSV, text files and class shares, as the paper publishes them", relabels=True
+        ),
+        "zip": Format("zipped", ".zip", "the bag, compressed, with its SHA-256"),
+        "semantickitti": Format(
+            "semantickitti", "_semantickitti", "clouds with labels, poses, calibration", relabels=True, joins=True
+        ),
+        "kitti": Format(
+            "kitti", "_kitti", "KITTI odometry: images, clouds, poses, calibration", moves=True, joins=True
+        ),
+        "kitti-object": Format(
+            "kitti_object", "_kitti_object", "KITTI's object detection: boxes of all visible objects"
+        ),
+        "tum": Format("tum", ".tum", "the true trajectory as a text file", moves=True),
+        "mcap": Format("mcap", ".mcap", "ROS 2 messages (CDR), for ROS 2 and Foxglove", library="mcap"),
+        "coco": Format("coco", "_coco", "COCO panoptic and detection JSON with images", relabels=True),
+        "occupancy": Format("occupancy", "_occupancy.npz", "the world's surfaces as voxels with classes"),
+        "pcd": Format("pcd", "_pcd", "a PCD file per cloud with labels and colours", relabels=True),
+        "webdataset": Format(
+            "webdataset",
+            "_webdataset",
+            "tar files of frames for training, with splits",
+            relabels=True,
+            joins=True,
+            publishes=True,
+        ),
+        "huggingface": Format(
+            "huggingface",
+            "_huggingface",
+            "Parquet with a card and Croissant metadata, for Hugging Face's datasets",
+            relabels=True,
+            joins=True,
+            publishes=True,
+            library="pyarrow",
+        ),
+        "mmseg": Format(
+            "mmseg",
+            "_mmseg",
+            "MMSegmentation's layout with a configuration file",
+            relabels=True,
+            joins=True,
+            publishes=True,
+        ),
+        "slam-configs": Format(
+            "slam_configs",
+            "_slam",
+            "configuration files of KISS-ICP, RKO-LIO, LIO-SAM, FAST-LIO2, OpenVINS and ORB-SLAM3",
+            moves=True,
+        ),
+        "stereo-depth": Format(
+            "stereo_depth",
+            "_stereo_depth",
+            "depth from matching the photographs of a pair, with its errors",
+            library="cv2",
+        ),
+    },
+)
 
 
 class Options(NamedTuple):
@@ -150,9 +173,7 @@ def export(
         BagError: a bag cannot be read, or lacks what the format needs.
         OutputError: the output already exists or cannot be written, or the format does not support what is asked.
     """
-    if to not in FORMATS:
-        raise UnknownNameError("format", to, FORMATS)
-    if not FORMATS[to].publishes and (split is not None or shard_mb is not None):
+    if not FORMATS.find(to).publishes and (split is not None or shard_mb is not None):
         able = ", ".join(name for name, row in FORMATS.items() if row.publishes)
         raise OutputError(f"format {to!r} has neither splits nor shards; formats that have: {able}")
     for key, given, only in (("boxes", boxes, "coco"), ("voxel_m", voxel_m is not None, "occupancy")):
@@ -220,7 +241,8 @@ def _default_output(to: str, path: Path, run: Run) -> Path:
 def _writer(to: str) -> Callable[[Sequence[Run], Path, Options], None]:
     try:
         write: Callable[[Sequence[Run], Path, Options], None]
-        write = import_module(f"fieldtruth.exporters.{FORMATS[to].module}").write
+        module = FORMATS[to].module
+        write = import_module(module if "." in module else f"fieldtruth.exporters.{module}").write
     except ModuleNotFoundError as error:
         library = FORMATS[to].library
         if not library or (error.name or "").partition(".")[0] != library:

@@ -12,8 +12,8 @@ import numpy as np
 
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.yaml_io import write_mapping
 from fieldtruth.experiment.robot_config import GRAVITY
-from fieldtruth.experiment.yaml_io import write_mapping
 from fieldtruth.exporters.slam_facts import Facts
 
 Files = dict[str, str]

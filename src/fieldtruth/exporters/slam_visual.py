@@ -14,8 +14,8 @@ import numpy as np
 
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.yaml_io import write_mapping
 from fieldtruth.experiment.robot_config import GRAVITY
-from fieldtruth.experiment.yaml_io import write_mapping
 from fieldtruth.exporters.slam_facts import Facts, ImuFacts, ViewFacts
 from fieldtruth.exporters.slam_programs import Files, numbers
 

@@ -1,15 +1,22 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Label maps as arrays: look up the id in another ontology for arrays of our class ids."""
+"""Label maps as arrays: look up the id in another ontology for arrays of our class ids.
+
+A map of a user is a file in a folder ``label_maps`` of FIELDTRUTH_PATH, or one that an entry point of the group
+``fieldtruth.label_maps`` names: ``classes`` with name and rgb by id, and ``ids`` by the name of our class.
+"""
 
 from collections.abc import Mapping
-from typing import Final, NamedTuple
+from pathlib import Path
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.classes import CLASSES, Label
-from fieldtruth.core.errors import UnknownNameError
+from fieldtruth.core.errors import ConfigurationError, suggestion
+from fieldtruth.core.registry import Registry
+from fieldtruth.core.yaml_io import read_data
 from fieldtruth.ontology.data_sets import ONTOLOGIES, Ontology, OntologyClass
 
 
@@ -43,7 +50,36 @@ OWN: Final = LabelMap(
 )
 """Our own classes, mapped to themselves."""
 
-LABEL_MAPS: Final[dict[str, LabelMap]] = {name: _label_map(name, ontology) for name, ontology in ONTOLOGIES.items()}
+
+def _read(name: str, given: Any) -> LabelMap:
+    """Read the map of a file, or of a mapping.
+
+    Raises:
+        ConfigurationError: a class of ours without id, an unknown class, or an id without a class.
+    """
+    if isinstance(given, LabelMap):
+        return given
+    data, source = read_data(name, given), str(given) if isinstance(given, str | Path) else name
+    ours = {row.name: row.label for row in CLASSES}
+    classes = {number: OntologyClass(row["name"], tuple(row["rgb"])) for number, row in data["classes"].items()}
+    for own in data["ids"]:
+        if own not in ours:
+            raise ConfigurationError(f"{source}: ids: unknown class {own!r}; {suggestion(str(own), ours)}")
+    for own in ours:
+        number = data["ids"].get(own)
+        if number not in classes or not 0 <= number < 256:
+            allowed = ", ".join(map(str, classes))
+            raise ConfigurationError(f"{source}: ids: {own} must be one of the classes {allowed}; got {number}")
+    return _label_map(name, Ontology(classes, {label: data["ids"][own] for own, label in ours.items()}))
+
+
+LABEL_MAPS: Final[Registry[LabelMap]] = Registry(
+    "label map",
+    "label_maps",
+    ".yaml",
+    _read,
+    {name: _label_map(name, ontology) for name, ontology in ONTOLOGIES.items()},
+)
 
 
 def label_map_of(name: str) -> LabelMap:
@@ -52,9 +88,7 @@ def label_map_of(name: str) -> LabelMap:
     Raises:
         UnknownNameError: unknown name.
     """
-    if name not in LABEL_MAPS:
-        raise UnknownNameError("label map", name, LABEL_MAPS)
-    return LABEL_MAPS[name]
+    return LABEL_MAPS.find(name)
 
 
 __all__ = ["LABEL_MAPS", "OWN", "LabelMap", "OntologyClass", "label_map_of"]

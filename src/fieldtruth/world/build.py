@@ -13,7 +13,6 @@ from pydantic import ValidationError
 from fieldtruth.core.cache import cache_folder as default_cache_folder
 from fieldtruth.core.cache import cache_key
 from fieldtruth.core.cache_folder import load_or_make
-from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.memory import check_memory
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import Frozen
@@ -76,8 +75,7 @@ def check_experiment(experiment: Experiment, source: str = "") -> None:
 
 def check_layout(environment: str, layout: Mapping[str, Any] | None, source: str = "") -> None:
     """Check an environment's name and a layout for it; raises as ``check_experiment``."""
-    if environment not in ENVIRONMENTS:
-        raise UnknownNameError("environment", environment, ENVIRONMENTS, source)
+    ENVIRONMENTS.find(environment, source)
     try:
         layout_model(environment).model_validate(dict(layout or {}))
     except ValidationError as report:
@@ -121,8 +119,13 @@ def world_key(environment: str) -> str:
     modules = [__name__, *(f"{package}.{name}" for name in ("build", "config", "corridors"))]
     files = data_files()  # the package's and added ones
     if not package.startswith("fieldtruth."):  # `cache_key` finds the package's own modules only
-        files += sorted(path for folder in import_module(package).__path__ for path in Path(folder).rglob("*.py"))
+        folders = map(Path, import_module(package).__path__)
+        files += sorted(path for folder in folders for path in folder.rglob("*") if _is_source(path))
     return cache_key(modules, [path.read_bytes() for path in files], libraries=_LIBRARIES)
+
+
+def _is_source(path: Path) -> bool:
+    return path.is_file() and "__pycache__" not in path.parts
 
 
 def world_of(experiment: Experiment) -> World:

@@ -18,8 +18,8 @@ from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.lenses import COEFFICIENTS, Lens, fields_of_view
 from fieldtruth.core.progress import Progress
 from fieldtruth.core.readings import Cloud, Image
+from fieldtruth.core.yaml_io import parse_mapping
 from fieldtruth.experiment.files import VERSION_KEY
-from fieldtruth.experiment.yaml_io import parse_mapping
 from fieldtruth.report.drawing.geometry import heading_of
 from fieldtruth.report.drawing.style import class_colour
 from fieldtruth.report.drawing.text import TIMES, file_size, fixed, percent, shortened, trimmed

@@ -14,8 +14,8 @@ import numpy as np
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
+from fieldtruth.core.yaml_io import write_mapping
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.yaml_io import write_mapping
 from fieldtruth.sensors.camera.config import CameraConfig
 
 _HEADER: Final = """\

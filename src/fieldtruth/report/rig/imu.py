@@ -13,8 +13,8 @@ import warnings
 from typing import Any, Final
 
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
+from fieldtruth.core.yaml_io import write_mapping
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.yaml_io import write_mapping
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.imu.noise import Triad
 from fieldtruth.sensors.imu.signal import ImuSignal

@@ -6,7 +6,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Final, NamedTuple
 
-from fieldtruth.experiment.yaml_io import parse_mapping
+from fieldtruth.core.yaml_io import parse_mapping
 from fieldtruth.world.model import Material
 
 FILE: Final = "reflectance.yaml"

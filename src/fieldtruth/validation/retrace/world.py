@@ -19,8 +19,8 @@ from fieldtruth.core.arrays import Mask
 from fieldtruth.core.classes import CLASSES, GROUND_ID, NOT_OF_WORLDS, Label
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.progress import Progress
+from fieldtruth.core.yaml_io import parse_mapping
 from fieldtruth.experiment.files import VERSION_KEY
-from fieldtruth.experiment.yaml_io import parse_mapping
 from fieldtruth.render.bake import bake
 from fieldtruth.sense.scene import Scene
 from fieldtruth.validation.check import Rule, Spec, Tally

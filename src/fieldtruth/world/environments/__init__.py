@@ -4,9 +4,19 @@
 
 An environment is a package of modules with fixed names: ``config`` (its layout, a pydantic model ``Config``),
 ``corridors`` (``CORRIDORS``, the lines that stay free of obstacles) and ``build`` (the function ``build``).
+Entry points of the group ``fieldtruth.environments`` name such packages, folders ``environments`` of FIELDTRUTH_PATH
+contain them.
 """
 
-from typing import Final, NamedTuple
+import ast
+import sys
+from importlib.util import find_spec
+from inspect import cleandoc
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.core.registry import Registry
 
 
 class Environment(NamedTuple):
@@ -20,13 +30,41 @@ def _builtin(name: str, description: str) -> tuple[str, Environment]:
     return name, Environment(description, f"{__name__}.{name}")
 
 
-ENVIRONMENTS: Final[dict[str, Environment]] = dict(
-    [
-        _builtin("forest", "dense forest: 350 trees and more, two trails, fallen trunks, stones, bushes, high grass"),
-        _builtin("hillside", "rugged hillside: granite flank with heath, rocks, dry high grass, bushes, few trees"),
-        _builtin("lake", "lake's shore: water, beaches and scarps, reeds, high grass, bushes, trees, a power line"),
-        _builtin("park", "urban park: lawn, two trails, trees, bushes, lamp posts, benches, tables, trash bins"),
-    ]
+def _read(name: str, given: Any) -> Environment:
+    """Describe a package, or a folder that is one, by the first line of its docstring."""
+    if isinstance(given, Environment):
+        return given
+    if not isinstance(given, Path):
+        return Environment(_first_line(given.__doc__), given.__name__)
+    if str(given.parent) not in sys.path:
+        sys.path.append(str(given.parent))
+    spec = find_spec(name)
+    if spec is None or [Path(place).resolve() for place in spec.submodule_search_locations or ()] != [given.resolve()]:
+        raise ConfigurationError(f"{given}: another module has the name {name!r}; rename the folder")
+    front = given / "__init__.py"
+    text = front.read_text(encoding="utf-8") if front.is_file() else ""
+    return Environment(_first_line(ast.get_docstring(ast.parse(text))), name)
+
+
+def _first_line(text: str | None) -> str:
+    return cleandoc(text or "").partition("\n")[0].rstrip(".")
+
+
+ENVIRONMENTS: Final[Registry[Environment]] = Registry(
+    "environment",
+    "environments",
+    "",
+    _read,
+    dict(
+        [
+            _builtin(
+                "forest", "dense forest: 350 trees and more, two trails, fallen trunks, stones, bushes, high grass"
+            ),
+            _builtin("hillside", "rugged hillside: granite flank with heath, rocks, dry high grass, bushes, few trees"),
+            _builtin("lake", "lake's shore: water, beaches and scarps, reeds, high grass, bushes, trees, a power line"),
+            _builtin("park", "urban park: lawn, two trails, trees, bushes, lamp posts, benches, tables, trash bins"),
+        ]
+    ),
 )
 
 

@@ -64,6 +64,19 @@ def parse_mapping(text: str, source: str) -> dict[str, Any]:
     return data
 
 
+def read_data(name: str, given: Any) -> dict[str, Any]:
+    """Return what a registry has by a name: the mapping in a file, or one that an entry point names.
+
+    Raises:
+        ConfigurationError: it cannot be read, or is neither.
+    """
+    if isinstance(given, str | Path):
+        return parse_mapping(read_text(Path(given)), str(given))
+    if not isinstance(given, Mapping):
+        raise ConfigurationError(f"{name}: must be the path of a YAML file or a mapping, got {given!r:.60}")
+    return dict(given)
+
+
 def write_mapping(data: Mapping[str, object]) -> str:
     """Write a mapping of plain values in its own order; :func:`parse_mapping` reads back an equal one."""
     return yaml.dump(dict(data), Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120)
