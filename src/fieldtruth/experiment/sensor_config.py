@@ -70,7 +70,11 @@ class SensorConfig(Frozen):
     frame_order: ClassVar[float] = math.inf
     """Rank of its frames among those of other kinds in /tf_static."""
     sections: ClassVar[Mapping[str, "Section"]] = {}
-    """Keys of the short form of a rig that change the first sensor of this kind; the paper has one of such a kind."""
+    """Keys of the short form of a rig that change the first sensor of this kind; the paper has one of such kinds."""
+    switch: ClassVar[str] = ""
+    """Word with which all sensors of the kind are turned on and off, as ``cameras`` of ``--no-cameras``."""
+    extras: ClassVar[tuple[str, ...]] = ()
+    """Keys of what it publishes only if they are true."""
     datasheet: ClassVar[str] = ""
     """Model whose data sheet ``signal: datasheet`` means of a sensor without ``model``."""
     needs_mount: ClassVar[bool] = False

@@ -44,6 +44,8 @@ class CameraConfig(MountedConfig):
     bag_order: ClassVar[float] = 5
     frame_order: ClassVar[float] = 3
     needs_mount: ClassVar[bool] = True
+    switch: ClassVar[str] = "cameras"
+    extras: ClassVar[tuple[str, ...]] = EXTRAS
 
     datasheet: ClassVar[str] = "zed_2"
 

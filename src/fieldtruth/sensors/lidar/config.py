@@ -29,6 +29,7 @@ class LidarConfig(MountedConfig):
     bag_order: ClassVar[float] = 4
     frame_order: ClassVar[float] = 2
     sections: ClassVar[Mapping[str, Section]] = {"lidar": Section()}
+    switch: ClassVar[str] = "lidar"
     datasheet: ClassVar[str] = "os1_64_gen1"
 
     kind: Literal["lidar"] = "lidar"
