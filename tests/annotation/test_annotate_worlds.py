@@ -123,7 +123,7 @@ def test_one_object_that_differs_is_named(
 
 def test_other_models_are_allowed_and_named(park: World, tmp_path: Path) -> None:
     models = {**models_of(park), "drone": true_pose(1.0), "jackal": true_pose(2.0), "park_backdrop": np.eye(4)}
-    with pytest.raises(FieldtruthWarning, match="has models that park with seed 0 lacks, .* sees them: drone$"):
+    with pytest.raises(FieldtruthWarning, match=r"has models that park with seed 0 lacks, .* sees them: drone$"):
         check(tmp_path, models, park, robot="jackal")
 
 

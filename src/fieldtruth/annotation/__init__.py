@@ -106,8 +106,8 @@ def annotate(
         frames = check_frames(run, rig)
         with progress.stage("read the poses", run.duration_s) as advance:
             poses = read_poses(run, rig, robot, advance)
-        world = _world(run, config, robot, progress)
-        slices = _slices(world, config, rig, poses, added, folder, progress)
+        built = _world(run, config, robot, progress)
+        slices = _slices(built, config, rig, poses, added, folder, progress)
         seconds = (slices.end_ns - slices.start_ns) / 1e9
         with progress.stage("sense and label", seconds, slices.seconds_done) as advance:
             slices.make(cpu_count() if workers is None else workers, advance)

@@ -288,6 +288,8 @@ def _types(definitions: tuple[tuple[str, str], ...]) -> Typestore:
     return store
 
 
+ORIGIN: Final = "_origin"
+"""Attribute of a decoded message that says in errors which one it is."""
 Decoder = Callable[[RawMessage], Any]
 
 
@@ -301,8 +303,10 @@ def decoder_of(store: Typestore, path: Path) -> Decoder:
 
     def decode(raw: RawMessage) -> Any:
         try:
-            return store.deserialize_ros1(raw.data, raw.msgtype)
+            message: Any = store.deserialize_ros1(raw.data, raw.msgtype)
         except Exception as error:  # generated code raises any exception on invalid bytes
             raise BagError(f"cannot read {path}: the message of {raw.topic} at {raw.stamp_ns} ns is damaged") from error
+        setattr(message, ORIGIN, f"of {raw.topic} at {raw.stamp_ns} ns")
+        return message
 
     return decode

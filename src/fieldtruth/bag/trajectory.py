@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.decode import UNIT
 from fieldtruth.bag.model_states import ROBOT, ModelStatesReader
 from fieldtruth.bag.reader import BagError, decoder, open_bag
 from fieldtruth.bag.run import Run
@@ -72,16 +73,34 @@ def read_trajectory(run: Run, topic: str = table.ODOMETRY) -> Trajectory:
     Raises:
         BagError: the bag has neither, or is damaged.
     """
-    if topic in run.counts and topic != table.MODEL_STATES:
-        stamps, rows = _from_odometry(run, topic)
-    elif table.MODEL_STATES in run.counts:
-        stamps, rows = _from_model_states(run)
-    else:
-        run.require(topic)
+    source, stamps, rows = recorded_poses(run, topic)
     poses = np.array(rows, np.float64).reshape(-1, 7)
+    with np.errstate(invalid="ignore", over="ignore"):
+        valid = np.isfinite(poses).all(axis=1) & (np.abs(np.linalg.norm(poses[:, 3:], axis=1) - 1.0) <= UNIT)
+    if not valid.all():
+        row = int(np.argmin(valid))
+        values = ", ".join(f"{value:g}" for value in poses[row])
+        raise BagError(
+            f"{source} of {run.bag} at {stamps[row]} ns: a pose must be finite, with a quaternion of length 1, "
+            f"got x, y, z, qx, qy, qz, qw {values}"
+        )
     order = np.argsort(stamps, kind="stable")
     poses, stamps_ns = poses[order], np.array(stamps, np.int64)[order]
     return Trajectory(stamps_ns, poses[:, :3], poses[:, [6, 3, 4, 5]])
+
+
+def recorded_poses(run: Run, topic: str = table.ODOMETRY) -> tuple[str, "array[int]", "array[float]"]:
+    """Read the topic that has the true poses, their stamps and values, as they are and in the order of the bag.
+
+    Raises:
+        BagError: the bag has none, or is damaged.
+    """
+    if topic in run.counts and topic != table.MODEL_STATES:
+        return topic, *_from_odometry(run, topic)
+    if table.MODEL_STATES in run.counts:
+        return table.MODEL_STATES, *_from_model_states(run)
+    run.require(topic)
+    raise AssertionError
 
 
 def _from_odometry(run: Run, topic: str) -> Rows:
