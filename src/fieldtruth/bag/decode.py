@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import ORIGIN, BagError, decoder, open_bag
@@ -132,8 +132,7 @@ def _rows(data: Any, height: int, length: int, step: int) -> NDArray[np.uint8] |
         return held.reshape(height, length) if len(held) else np.zeros((0, 0), np.uint8)
     if not (0 < length <= step and step * (height - 1) + length <= len(held) <= step * height):
         return None
-    whole = held if len(held) == step * height else np.append(held, np.zeros(step * height - len(held), np.uint8))
-    return np.ascontiguousarray(whole.reshape(height, step)[:, :length])
+    return np.ascontiguousarray(np.ndarray((height, length), np.uint8, held, strides=(step, 1)))
 
 
 _SCALARS: Final = frozenset(
@@ -312,7 +311,8 @@ def _unpacked(message: Any) -> NDArray[Any]:
             values = np.asarray(picture if wide else picture.convert("RGB"))
     except Exception as error:  # decoders raise any exception on invalid bytes
         found = f"{_where(message, 'compressed image')} ({message.format!r}) cannot be read as JPEG, PNG or TIFF"
-        raise BagError(f"{found}: {' '.join(str(error).split())[:80]}") from error
+        reason = "" if isinstance(error, UnidentifiedImageError) else f": {' '.join(str(error).split())[:80]}"
+        raise BagError(found + reason) from error
     return values.astype(np.uint16)[..., None] if wide else values
 
 

@@ -5,8 +5,9 @@
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
+from fieldtruth.bag.errors import first_bytes
 from fieldtruth.bag.reader import BagError, open_bag
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
@@ -19,6 +20,10 @@ CARD: str = "DATASET.md"
 """The data card beside a bag."""
 TRACK: str = "track.csv"
 """The poses of the track file beside a bag, if its experiment has one."""
+
+
+BAG_ENDINGS: Final = (".bag", ".mcap")
+"""Endings of the names of bags, the preferred one first."""
 
 
 class Run(NamedTuple):
@@ -118,19 +123,25 @@ def open_run(path: Path | str) -> Run:
 def find_bag(path: Path | str) -> Path:
     """Return the path of the bag: the file itself, or the one in the folder of a run.
 
+    In a folder, a bag of ROS 1 goes before MCAP files, and one with the folder's name before others.
+
     Raises:
-        BagError: no such path, no bag in the folder, or several.
+        BagError: no such path, something else than a file or a folder, no bag in the folder, or several.
     """
     path = Path(path)
     if not path.is_dir():
         if not path.exists():
             raise BagError(f"{path} does not exist; a run must be the folder of a run, or a bag")
+        first_bytes(path)
         return path
-    own = path / f"{path.resolve().name}.bag"
-    bags = [own] if own.exists() else sorted(path.glob("*.bag"))
+    bags: list[Path] = []
+    for ending in BAG_ENDINGS:
+        own = path / f"{path.resolve().name}{ending}"
+        bags = bags or ([own] if own.exists() else sorted(path.glob(f"*{ending}")))
     if len(bags) != 1:
         what = f"{len(bags)} bags ({', '.join(bag.name for bag in bags)})" if bags else "no bag"
         raise BagError(f"{path} has {what}; a run must be a folder with one bag, or a bag")
+    first_bytes(bags[0])
     return bags[0]
 
 
