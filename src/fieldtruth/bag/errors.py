@@ -64,6 +64,11 @@ def first_bytes(path: Path, size: int = len(_BAG)) -> bytes:
             return file.read(size)
 
 
+def is_ros1(path: Path) -> bool:
+    """Whether a file begins as a bag of ROS 1; raises as ``first_bytes``."""
+    return first_bytes(path) == _BAG
+
+
 def _other_kind(path: Path) -> str:
     """Describe a file that is not a bag at all; empty for bags."""
     try:

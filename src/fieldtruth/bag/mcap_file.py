@@ -6,6 +6,7 @@ A file without a summary, as an aborted recording leaves it, is read to its end 
 read in groups, each of which is a chunk for all who read it.
 """
 
+import re
 import struct
 import warnings
 import zlib
@@ -35,6 +36,8 @@ _RECORD: Final = struct.Struct("<BQ")
 """Kind and size of a record."""
 _HEAD: Final = struct.Struct("<HIQQ")
 """Channel, sequence number, log time and publish time [ns] of a message."""
+_LATCHED: Final = re.compile(r"durability: *(1|transient_local)\b")
+"""Of a channel's quality of service: late subscribers get its last message."""
 _GROUP: Final = 2**22
 """Bytes after which a group of messages outside of chunks ends."""
 _DAMAGE: Final = (McapError, zstandard.ZstdError, struct.error, RuntimeError, ValueError, IndexError, OverflowError)
@@ -269,11 +272,9 @@ def _connections(path: Path, found: _Found) -> tuple[list[Connection], McapLayou
         except (TypesysError, KeyError, UnicodeDecodeError) as error:
             others.append(f"{channel.topic} ({error})")
             continue
-        latching = int(
-            "durability: transient_local" in channel.metadata.get("offered_qos_profiles", "")
-            or channel.metadata.get("latching") == "1"
-        )
-        extra = ConnectionExtRosbag1(channel.metadata.get("callerid"), latching)
+        latching = _LATCHED.search(channel.metadata.get("offered_qos_profiles", "")) is not None
+        latching = latching or channel.metadata.get("latching") == "1"
+        extra = ConnectionExtRosbag1(channel.metadata.get("callerid"), int(latching))
         msgdef = MessageDefinition(MessageDefinitionFormat.MSG, definition)
         connections.append(Connection(number, channel.topic, name, msgdef, digest, count, extra, None))
         encodings[number] = Encoding(channel.topic, ros2)

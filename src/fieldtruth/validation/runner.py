@@ -9,6 +9,7 @@ from typing import Any, Final
 from rosbags.typesys.store import Typestore
 
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.errors import is_ros1
 from fieldtruth.bag.reader import BagError, BagReader, RawMessage, open_bag
 from fieldtruth.bag.run import find_bag
 from fieldtruth.core.parallel import cpu_count, in_order
@@ -22,7 +23,7 @@ from fieldtruth.sensors.wheel_odometry import check as wheels
 from fieldtruth.validation import files, streams
 from fieldtruth.validation.check import Check, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, at
-from fieldtruth.validation.files import BagFile
+from fieldtruth.validation.files import BagFile, OtherFile
 from fieldtruth.validation.motion import calibration, clocks, commands, drive, measured, poses
 from fieldtruth.validation.retrace import agreement, noisy_clouds, reference, scene_sensors, world
 from fieldtruth.validation.sampler import Sampler
@@ -132,7 +133,8 @@ def _checkers(context: Context, full: bool, samples: int) -> list[Checker]:
 
 def _read(context: Context, stored: BagReader, workers: int, advance: Advance, checkers: list[Checker]) -> list[Check]:
     """Read the bag once, and return all checks of its content."""
-    store, file, messages = stored.types(), BagFile(stored.path, stored.connections), context.tally(MESSAGES)
+    file = BagFile(stored.path, stored.connections) if is_ros1(stored.path) else OtherFile(stored)
+    store, messages = stored.types(), context.tally(MESSAGES)
     by_topic: dict[str, list[Checker]] = {}
     for checker in checkers:
         for topic in checker.topics:

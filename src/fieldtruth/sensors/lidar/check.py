@@ -88,7 +88,13 @@ class Clouds(Checker):
         def work() -> list[Tally]:
             try:
                 _check_cloud(raw, message, config, labels, rays, classes)
-            except (BagError, ValueError, KeyError, TypeError, IndexError) as error:  # bytes that do not hold these fields
+            except (
+                BagError,
+                ValueError,
+                KeyError,
+                TypeError,
+                IndexError,
+            ) as error:  # bytes that do not hold these fields
                 labels[LAYOUT].see(False, f"{where}: {error}")
             return [labels, rays, classes.tally]
 
