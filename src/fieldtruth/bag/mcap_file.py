@@ -6,6 +6,7 @@ A file without a summary, as an aborted recording leaves it, is read to its end 
 read in groups, each of which is a chunk for all who read it.
 """
 
+import os
 import re
 import struct
 import warnings
@@ -111,8 +112,8 @@ class McapFile(StoredFile):
         for number, position in self._index[chunk.pos].items():
             self._source.seek(position)
             kind, size = _RECORD.unpack(self._source.read(_RECORD.size))
-            data = self._source.read(size)
-            if kind != _INDEX or len(data) != size or struct.unpack_from("<HI", data) != (number, size - 6):
+            data = _read(self._source, size)
+            if kind != _INDEX or struct.unpack_from("<HI", data) != (number, size - 6):
                 raise ValueError("the index of a chunk is damaged")
             yield from ((number, stamp, offset) for stamp, offset in struct.iter_unpack("<QQ", data[6:]))
 
@@ -136,7 +137,7 @@ def _summary(source: BinaryIO) -> _Found | None:
     """Read the summary at the end of the file; None without one, or if it does not tell everything."""
     try:
         summary = make_reader(source).get_summary()
-    except _DAMAGE:
+    except (*_DAMAGE, OSError):  # an unfinished file has none
         return None
     if summary is None or summary.statistics is None:
         return None
@@ -214,38 +215,47 @@ def unpacked(source: BinaryIO, position: int) -> bytes:
     kind, size = _RECORD.unpack(source.read(_RECORD.size))
     if kind == _MESSAGE:
         return _group(source, position)
-    record = source.read(size)
-    if kind != _CHUNK or len(record) != size:
-        raise ValueError("it is truncated within a chunk")
+    record = _read(source, size)
+    if kind != _CHUNK:
+        raise ValueError("its index points to a position without a chunk")
     _, _, length, crc, name = struct.unpack_from("<QQQII", record)
-    compression = record[32 : 32 + name]
-    packed = record[40 + name :]
-    if compression == b"zstd":
-        data = zstandard.ZstdDecompressor().decompress(packed, length)
-    elif compression == b"lz4":
-        data = bytes(lz4.frame.decompress(packed))
-    elif compression == b"":
-        data = packed
-    else:
-        raise ValueError(f"the compression {compression.decode(errors='replace')!r} of a chunk is not known")
+    compression, packed = record[32 : 32 + name], record[40 + name :]
+    try:
+        if compression == b"zstd":
+            data = zstandard.ZstdDecompressor().decompress(packed, length)
+        elif compression == b"lz4":
+            data = bytes(lz4.frame.decompress(packed))
+        elif compression == b"":
+            data = packed
+        else:
+            raise ValueError(f"the compression of a chunk is {compression.decode()!r}, which is not known")
+    except (zstandard.ZstdError, RuntimeError, MemoryError, OverflowError) as error:
+        raise ValueError("a chunk is damaged") from error
     if len(data) != length or (crc and zlib.crc32(data) != crc):
         raise ValueError("a chunk does not fit its checksum")
     return data
 
 
+def _read(source: BinaryIO, size: int) -> bytes:
+    """Read ``size`` bytes, all of which must be there."""
+    if size > os.fstat(source.fileno()).st_size - source.tell():
+        raise ValueError("it is truncated within a chunk")
+    return source.read(size)
+
+
 def _group(source: BinaryIO, position: int) -> bytes:
     """Read messages that follow each other outside of chunks."""
     parts, size = list[bytes](), 0
+    end = source.seek(0, 2)
     while size < _GROUP:
         source.seek(position + size)
         head = source.read(_RECORD.size)
         if len(head) < _RECORD.size or head[0] != _MESSAGE:
             break
         (length,) = struct.unpack_from("<Q", head, 1)
-        body = source.read(length)
-        if len(body) < length:
+        if position + size + len(head) + length > end:
             break
-        parts += [head, body]
+        parts += [head, source.read(length)]
         size += len(head) + length
     source.seek(position + size)
     return b"".join(parts)
