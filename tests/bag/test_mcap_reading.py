@@ -245,9 +245,12 @@ def test_model_states_whose_models_change(tmp_path: Path) -> None:
     store = get_typestore(Stores.ROS2_HUMBLE)
     store.register(get_types_from_msg(text, "gazebo_msgs/msg/ModelStates"))
     kind: dict[str, Any] = dict(store.types)
-    at = lambda x: kind["geometry_msgs/msg/Pose"](  # noqa: E731
-        kind["geometry_msgs/msg/Point"](x, 0.0, 0.0), kind["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
-    )
+
+    def at(x: float) -> Any:
+        return kind["geometry_msgs/msg/Pose"](
+            kind["geometry_msgs/msg/Point"](x, 0.0, 0.0), kind["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
+        )
+
     zero = kind["geometry_msgs/msg/Vector3"](0.0, 0.0, 7.0)
     still = kind["geometry_msgs/msg/Twist"](zero, zero)
     names = [["a"], ["a"], ["a", "bcd"], [], ["longer"], ["longer"], ["x"]]

@@ -182,7 +182,7 @@ def test_a_damaged_message_is_named_with_its_topic(tmp_path: Path) -> None:
         (b"", "it is empty"),
         (b"name,x,y\n", "it is not a ROS 1 bag, which begins with #ROSBAG V2.0"),
         (b"#ROSBAG V1.2\n" + bytes(99), "its bag version is not 2.0"),
-        (b"\x89MCAP0\r\n" + bytes(99), "it is an MCAP file of ROS 2, not a ROS 1 bag"),
+        (b"\x89MCAP9\r\n" + bytes(99), "it is an MCAP file of another version"),
     ],
 )
 def test_files_of_other_formats_are_named(tmp_path: Path, content: bytes, line: str) -> None:

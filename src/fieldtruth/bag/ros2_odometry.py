@@ -1,28 +1,27 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Odometry in bags of ROS 2: a folder with metadata.yaml, an MCAP file or a database (.db3)."""
+"""Odometry in bags of ROS 2 that are no single MCAP file: a folder with metadata.yaml, or a database (.db3)."""
 
+from array import array
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 from rosbags.typesys import Stores, get_typestore
 
 from fieldtruth.bag.errors import BagError, read_errors
-from fieldtruth.bag.trajectory import Trajectory
+from fieldtruth.bag.trajectory import Rows
 from fieldtruth.core.errors import FieldtruthError
 
 ODOMETRY: Final = "nav_msgs/msg/Odometry"
-_ENDINGS: Final = (".mcap", ".db3")
 
 
 def is_ros2_bag(path: Path) -> bool:
     """Whether a path looks like a bag of ROS 2."""
-    return path.suffix.lower() in _ENDINGS or (path / "metadata.yaml").is_file()
+    return path.suffix.lower() == ".db3" or (path / "metadata.yaml").is_file()
 
 
 def odometry_topics(path: Path) -> list[str]:
@@ -35,23 +34,21 @@ def odometry_topics(path: Path) -> list[str]:
         return sorted({connection.topic for connection in _odometry(bag)})
 
 
-def read_ros2_odometry(path: Path, topic: str) -> tuple[Trajectory, str]:
-    """Read the poses of an odometry topic, as they are, by the stamps of their headers; and the name of their frame.
+def read_ros2_odometry(path: Path, topic: str) -> tuple[Rows, str]:
+    """Read the poses of an odometry topic, as they are, with the stamps of their headers; and the name of their frame.
 
     Raises:
         BagError: the bag cannot be read.
     """
-    stamps, rows, frame = list[int](), list[tuple[float, ...]](), ""
+    stamps, rows, frame = array("q"), array("d"), ""
     with _opened(path) as bag:
         for connection, _, data in bag.messages([c for c in _odometry(bag) if c.topic == topic]):
             message: Any = bag.deserialize(data, connection.msgtype)
             p, q, stamp = message.pose.pose.position, message.pose.pose.orientation, message.header.stamp
             stamps.append(stamp.sec * 10**9 + stamp.nanosec)
-            rows.append((p.x, p.y, p.z, q.w, q.x, q.y, q.z))
+            rows.extend((p.x, p.y, p.z, q.x, q.y, q.z, q.w))
             frame = frame or message.child_frame_id.strip("/")
-    order, poses = np.argsort(stamps, kind="stable"), np.array(rows, np.float64).reshape(-1, 7)
-    stamps_ns = np.array(stamps, np.int64)[order]
-    return Trajectory(stamps_ns, poses[order, :3], poses[order, 3:]), frame
+    return (stamps, rows), frame
 
 
 @contextmanager

@@ -18,10 +18,11 @@ from scipy.spatial.transform import Rotation
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.base_messages import BASE
 from fieldtruth.bag.calibration import StaticFrames, first_message
+from fieldtruth.bag.errors import MCAP, BagError, first_bytes
 from fieldtruth.bag.robot_messages import rig_transforms
 from fieldtruth.bag.ros2_odometry import ODOMETRY, is_ros2_bag, odometry_topics, read_ros2_odometry
 from fieldtruth.bag.run import open_run
-from fieldtruth.bag.trajectory import Trajectory, read_trajectory, seconds
+from fieldtruth.bag.trajectory import Rows, Trajectory, recorded_poses, seconds
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import TrackError, UnknownNameError
@@ -39,7 +40,8 @@ _STAMPS: Final = {"t": 9, "stamp": 9, "stamp_ns": 0}
 """Names of a CSV file's column of stamps, and the power of ten to nanoseconds."""
 _ANGLES: Final = {("roll", "pitch", "yaw"): False, ("roll_deg", "pitch_deg", "yaw_deg"): True}
 """Columns about fixed axes in place of a quaternion, as in URDF; whether in degrees."""
-_BAG: Final = b"#ROSBAG"
+LARGEST_DELAY_NS: Final = 200_000_000
+"""A pose whose stamp [ns] lies farther behind an earlier one was not delayed: time went back."""
 
 
 class TrackFile(NamedTuple):
@@ -107,7 +109,7 @@ def read_track_file(config: DriveConfig) -> TrackFile:
     path = Path(config.track)
     if is_ros2_bag(path):
         return _from_ros2_bag(path, config)
-    if path.is_dir() or _begins(path) == _BAG:
+    if _is_bag(path):
         return _from_bag(path, config)
     if config.topic is not None:
         raise TrackError(f"{path}: drive.topic is allowed for a bag only, and this is not one")
@@ -127,28 +129,32 @@ def read_track_file(config: DriveConfig) -> TrackFile:
     return _checked(path.name, config.pose_of or BASE, np.array(stamps, np.int64), table_, lambda k: f"line {lines[k]}")
 
 
-def _begins(path: Path) -> bytes:
+def _is_bag(path: Path) -> bool:
+    """Whether a path is a folder, or begins as a bag; a pipe would be empty when it is read again.
+
+    Raises:
+        TrackError: neither a folder nor a readable file.
+    """
     try:
-        with path.open("rb") as source:
-            return source.read(len(_BAG))
-    except OSError as error:
-        raise TrackError(f"cannot read the track file {path}: {error.strerror}") from error
+        return path.is_dir() or first_bytes(path).startswith((b"#ROSBAG", MCAP))
+    except BagError as error:
+        raise TrackError(str(error).replace("cannot read ", "cannot read the track file ", 1)) from error
 
 
 def _from_ros2_bag(path: Path, config: DriveConfig) -> TrackFile:
     topic = _topic(path, odometry_topics(path), config.topic)
-    trajectory, frame = read_ros2_odometry(path, topic)
-    return _from_topic(path.name, trajectory, config.pose_of or frame or BASE, topic)
+    poses, frame = read_ros2_odometry(path, topic)
+    return _from_topic(path.name, poses, config.pose_of or frame or BASE, topic)
 
 
 def _from_bag(path: Path, config: DriveConfig) -> TrackFile:
     run = open_run(path)
     odometry = sorted(name for name, msgtype in run.msgtypes.items() if msgtype == ODOMETRY)
     if config.topic is None and table.ODOMETRY not in odometry and table.MODEL_STATES in run.counts:
-        return _from_topic(run.bag.name, read_trajectory(run), config.pose_of or BASE, table.MODEL_STATES)
+        return _from_topic(run.bag.name, recorded_poses(run), config.pose_of or BASE, table.MODEL_STATES)
     topic = _topic(run.bag, odometry, config.topic)
     frame = config.pose_of or first_message(run, topic).child_frame_id.strip("/") or BASE
-    return _from_topic(run.bag.name, read_trajectory(run, topic), frame, topic)
+    return _from_topic(run.bag.name, recorded_poses(run, topic), frame, topic)
 
 
 def _topic(bag: Path, odometry: Sequence[str], asked: str | None) -> str:
@@ -161,15 +167,30 @@ def _topic(bag: Path, odometry: Sequence[str], asked: str | None) -> str:
     return asked or table.ODOMETRY
 
 
-def _from_topic(name: str, poses: Trajectory, frame: str, topic: str) -> TrackFile:
-    """Check the poses of a topic, without those that have no stamp (0) or that of the pose before.
+def _from_topic(name: str, poses: Rows, frame: str, topic: str) -> TrackFile:
+    """Check the poses of a topic, without those that have no stamp (0) at the start or that of the pose before.
 
-    A clock that has not started gives the former, one with coarse ticks the latter.
+    A clock that has not started gives the former, one with coarse ticks the latter. Messages that arrived in another
+    order than they were sent are sorted.
     """
-    kept = (np.diff(poses.stamps_ns, prepend=-1) > 0) & (poses.stamps_ns != 0)
-    values = np.concatenate([poses.position, frames.xyzw_from_wxyz(poses.quaternion_wxyz)], axis=1)[kept]
-    rows = np.flatnonzero(kept)
-    return _checked(name, frame, poses.stamps_ns[kept], values, lambda k: f"pose {rows[k] + 1} of {topic}")
+    stamps = np.array(poses[0], np.int64)
+    values = np.array(poses[1], np.float64).reshape(-1, 7)
+    if not stamps.any():
+        raise TrackError(f"{name}: all stamps of {topic} are 0: record with a clock that runs (/use_sim_time)")
+    started = np.flatnonzero(np.maximum.accumulate(stamps) != 0)
+    latest = np.maximum.accumulate(stamps[started])
+    back = latest - stamps[started] > LARGEST_DELAY_NS
+    if back.any():
+        row = int(np.argmax(back))
+        before, after = seconds(int(latest[row])), seconds(int(stamps[started[row]]))
+        raise TrackError(
+            f"{name}: pose {started[row] + 1} of {topic}: stamps go back from {before} to {after} s, as after a reset "
+            "of the simulation or in a repeated playback; give a bag that ends before it or begins after it (`rosbag "
+            "filter` by the time t cuts one)"
+        )
+    rows = started[np.argsort(stamps[started], kind="stable")]
+    rows = rows[np.diff(stamps[rows], prepend=stamps[rows[0]] - 1) > 0]
+    return _checked(name, frame, stamps[rows], values[rows], lambda k: f"pose {rows[k] + 1} of {topic}")
 
 
 def _tum_rows(path: Path, source: Iterable[str]) -> Iterator[tuple[int, int, list[float]]]:

@@ -73,12 +73,12 @@ def read_trajectory(run: Run, topic: str = table.ODOMETRY) -> Trajectory:
     Raises:
         BagError: the bag has neither, or is damaged.
     """
-    source, stamps, rows = recorded_poses(run, topic)
+    stamps, rows = recorded_poses(run, topic)
     poses = np.array(rows, np.float64).reshape(-1, 7)
     with np.errstate(invalid="ignore", over="ignore"):
         valid = np.isfinite(poses).all(axis=1) & (np.abs(np.linalg.norm(poses[:, 3:], axis=1) - 1.0) <= UNIT)
     if not valid.all():
-        row = int(np.argmin(valid))
+        row, source = int(np.argmin(valid)), topic if topic in run.counts else table.MODEL_STATES
         values = ", ".join(f"{value:g}" for value in poses[row])
         raise BagError(
             f"{source} of {run.bag} at {stamps[row]} ns: a pose must be finite, with a quaternion of length 1, "
@@ -89,18 +89,13 @@ def read_trajectory(run: Run, topic: str = table.ODOMETRY) -> Trajectory:
     return Trajectory(stamps_ns, poses[:, :3], poses[:, [6, 3, 4, 5]])
 
 
-def recorded_poses(run: Run, topic: str = table.ODOMETRY) -> tuple[str, "array[int]", "array[float]"]:
-    """Read the topic that has the true poses, their stamps and values, as they are and in the order of the bag.
-
-    Raises:
-        BagError: the bag has none, or is damaged.
-    """
+def recorded_poses(run: Run, topic: str = table.ODOMETRY) -> Rows:
+    """Read stamps and poses as ``read_trajectory``, but as they are and in the order of the bag."""
     if topic in run.counts and topic != table.MODEL_STATES:
-        return topic, *_from_odometry(run, topic)
-    if table.MODEL_STATES in run.counts:
-        return table.MODEL_STATES, *_from_model_states(run)
-    run.require(topic)
-    raise AssertionError
+        return _from_odometry(run, topic)
+    if table.MODEL_STATES not in run.counts:
+        run.require(topic)
+    return _from_model_states(run)
 
 
 def _from_odometry(run: Run, topic: str) -> Rows:
