@@ -173,5 +173,5 @@ def test_a_zero_quaternion_is_an_error(small_run: Path) -> None:
     pose = message.pose.pose
     assert read.pose_matrix(pose).shape == (4, 4)
     nowhere = type(pose)(pose.position, type(pose.orientation)(0.0, 0.0, 0.0, 0.0))
-    with pytest.raises(BagError, match="must be finite, with a quaternion of length 1, got .* 0, 0, 0, 0"):
+    with pytest.raises(BagError, match=r"must be finite, with a quaternion of length 1, got .* 0, 0, 0, 0"):
         read.pose_matrix(nowhere)
