@@ -60,7 +60,7 @@ def test_messages_are_in_time_order_although_chunks_overlap(tmp_path: Path, comp
     with open_bag(path) as bag:
         found = [(raw.topic, raw.stamp_ns) for raw in bag.messages()]
         only_b = [(raw.topic, raw.stamp_ns) for raw in bag.messages(["b"])]
-        assert len(bag._reader.chunk_infos) > 20
+        assert len(bag._file.chunks) > 20
         assert (bag.start_ns, bag.end_ns) == (min(s for _, s in rows), max(s for _, s in rows))
         assert bag.counts == {"a": 150, "b": 150}
     assert found == sorted(rows, key=lambda row: row[1])  # stable: ties as they were written
@@ -102,7 +102,7 @@ def test_only_a_few_chunks_are_in_memory(small_run: Path, monkeypatch: pytest.Mo
         for _ in range(3):
             next(messages)
         assert len(opened) <= 3
-        assert len(bag._reader.chunk_infos) > 10
+        assert len(bag._file.chunks) > 10
 
 
 def damaged(small_run: Path, tmp_path: Path, change: str) -> Path:
@@ -180,9 +180,9 @@ def test_a_damaged_message_is_named_with_its_topic(tmp_path: Path) -> None:
     ("content", "line"),
     [
         (b"", "it is empty"),
-        (b"name,x,y\n", "it is not a ROS 1 bag, which begins with #ROSBAG V2.0"),
+        (b"name,x,y\n", "it is neither an MCAP file nor a ROS 1 bag, which begins with #ROSBAG V2.0"),
         (b"#ROSBAG V1.2\n" + bytes(99), "its bag version is not 2.0"),
-        (b"\x89MCAP0\r\n" + bytes(99), "it is an MCAP file of ROS 2, not a ROS 1 bag"),
+        (b"\x89MCAP9\r\n" + bytes(99), "it is an MCAP file of another version"),
     ],
 )
 def test_files_of_other_formats_are_named(tmp_path: Path, content: bytes, line: str) -> None:

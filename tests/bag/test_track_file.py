@@ -2,14 +2,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """Track files: every form gives the same poses, and a wrong line is named."""
 
+import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import Writer
 from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__PoseWithCovariance as PoseWithCovariance
+from rosbags.typesys.stores.ros1_noetic import geometry_msgs__msg__TwistWithCovariance as TwistWithCovariance
+from rosbags.typesys.stores.ros1_noetic import nav_msgs__msg__Odometry as Odometry
 from scipy.spatial.transform import Rotation
 
+from fieldtruth.bag import types as ros
+from fieldtruth.bag.decode import read_bag
+from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.run import open_run
 from fieldtruth.bag.track_file import TrackFile, read_track_file
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
@@ -19,6 +29,7 @@ from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.exporters import export
 from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
+from fieldtruth.validation.runner import validate
 
 RPY = np.array([[10.0, -20.0, 30.0], [11.0, -21.0, 40.0], [12.0, -22.0, 50.0]])
 XYZW = Rotation.from_euler("xyz", RPY, degrees=True).as_quat()
@@ -130,7 +141,7 @@ ERRORS: dict[str, tuple[str, str | bytes, str]] = {
                "or roll_deg, pitch_deg, yaw_deg), got 't, x, y'"),
     "columns": ("a.csv", f"{HEADER}1,2", "a.csv: line 2 has 2 columns, the header 8"),
     "bytes": ("a.csv", b"t,\xff\xfe", "a.csv is neither text nor a bag; a track file is TUM, CSV, or a bag"),
-    "damaged MCAP": ("a.mcap", b"\x89MCAP0\r\n", "cannot read a.mcap: "),
+    "empty MCAP": ("a.mcap", b"\x89MCAP0\r\n", "a.mcap has no messages"),
     "damaged database": ("a.db3", b"SQLite", "cannot read a.db3: "),
     "damaged bag": ("a.bag", b"#ROSBAG V2.0\n", "cannot read a.bag: "),
 }  # fmt: skip
@@ -150,6 +161,66 @@ def test_a_wrong_file_is_one_clear_line(case: str, tmp_path: Path, monkeypatch: 
 def test_a_missing_file_is_named() -> None:
     with pytest.raises(TrackError, match=r"cannot read the track file no/such.tum: No such file or directory"):
         read_track_file(DriveConfig(track="no/such.tum"))
+
+
+@pytest.mark.parametrize("name", ["pipe", "/dev/null"])
+def test_what_is_no_file_is_refused_before_it_is_read(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo("pipe")
+    what = f"{name}: it is a {'named pipe' if name == 'pipe' else 'device'}, not a file"
+    with pytest.raises(TrackError, match=f"^cannot read the track file {what}$"):
+        read_track_file(DriveConfig(track=name))
+    readers: list[Callable[[], object]] = [
+        lambda: validate(name),
+        lambda: open_run(name),
+        lambda: list(read_bag(name)),
+        lambda: export(name, "tum", out="x.tum"),
+    ]
+    for work in readers:
+        with pytest.raises(BagError, match=f"^cannot read {what}$"):
+            work()
+
+
+def drive_bag(folder: Path, stamps_ms: list[int]) -> Path:
+    """Write a bag of ROS 1 with odometry along x, 1 mm a message, whose headers have these stamps [ms]."""
+    still = TwistWithCovariance(ros.Twist(ros.Vector3(0.0, 0.0, 0.0), ros.Vector3(0.0, 0.0, 0.0)), np.zeros(36))
+    with Ros1Writer(folder / "x.bag") as writer:
+        text, digest = ros.STORE.generate_msgdef("nav_msgs/msg/Odometry")
+        connection = writer.add_connection("/ground_truth/odom", "nav_msgs/msg/Odometry", msgdef=text, md5sum=digest)
+        for k, stamp in enumerate(stamps_ms):
+            pose = ros.Pose(ros.Point(stamp / 1000, 0.0, 0.0), ros.Quaternion(0.0, 0.0, 0.0, 1.0))
+            head = ros.header(k, stamp * 10**6, "world")
+            message = Odometry(head, "base_link", PoseWithCovariance(pose, np.zeros(36)), still)
+            writer.write(connection, (k + 1) * 10**7, ros.serialize(message, "nav_msgs/msg/Odometry"))
+    return folder / "x.bag"
+
+
+@pytest.mark.parametrize(
+    ("stamps", "line"),
+    [
+        (
+            [*range(20, 520, 20), *range(0, 500, 20)],
+            "pose 26 of .*: stamps go back from 0.500000000 to 0.000000000 s",
+        ),
+        (
+            [*range(20, 520, 20)] * 2,
+            "pose 26 of .*: stamps go back from 0.500000000 to 0.020000000 s",
+        ),
+        ([0, 0, *range(20, 520, 20), 20], "pose 28 of .*: stamps go back from 0.500000000 to 0.020000000 s, as"),
+        ([0] * 9, "all stamps of /ground_truth/odom are 0: record with a clock that runs"),
+    ],
+)
+def test_a_bag_whose_time_goes_back_is_refused(stamps: list[int], line: str, tmp_path: Path) -> None:
+    with pytest.raises(TrackError, match=f"^x.bag: {line}"):
+        read_track_file(DriveConfig(track=str(drive_bag(tmp_path, stamps))))
+
+
+def test_delayed_messages_are_sorted_and_those_before_the_clock_started_left_out(tmp_path: Path) -> None:
+    file = read_track_file(DriveConfig(track=str(drive_bag(tmp_path, [0, 0, 20, 60, 40, 40, 180, 100, 200]))))
+    assert [stamp // 10**6 for stamp in file.stamps] == [20, 40, 60, 100, 180, 200]
+    assert file.poses.position[:, 0].tolist() == [0.02, 0.04, 0.06, 0.1, 0.18, 0.2]
 
 
 def test_a_topic_is_for_bags(tmp_path: Path) -> None:

@@ -43,6 +43,7 @@ from fieldtruth.record.stream import Stream
 from fieldtruth.sensors.kind import Movement, Place
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.build import check_layout, load_world
+from fieldtruth.world.model import World
 
 CAMERAS_ONLY = Rig().with_sensors(LidarConfig, enabled=False)
 """The paper's stereo camera."""
@@ -105,7 +106,8 @@ def annotate(
         frames = check_frames(run, rig)
         with progress.stage("read the poses", run.duration_s) as advance:
             poses = read_poses(run, rig, robot, advance)
-        slices = _slices(run, config, rig, poses, added, folder, progress)
+        built = _world(run, config, robot, progress)
+        slices = _slices(built, config, rig, poses, added, folder, progress)
         seconds = (slices.end_ns - slices.start_ns) / 1e9
         with progress.stage("sense and label", seconds, slices.seconds_done) as advance:
             slices.make(cpu_count() if workers is None else workers, advance)
@@ -114,8 +116,16 @@ def annotate(
     return target
 
 
+def _world(run: Run, config: WorldConfig, robot: str, progress: Progress) -> World:
+    """Build the world, and check that the bag was recorded there."""
+    with progress.stage("build the world"):
+        world = load_world(config.environment, config.seed, config.layout)
+    check_objects(run, world, robot)
+    return world
+
+
 def _slices(
-    run: Run,
+    world: World,
     config: WorldConfig,
     rig: Rig,
     poses: Poses,
@@ -123,11 +133,8 @@ def _slices(
     folder: RunFolder,
     progress: Progress,
 ) -> Slices:
-    """Build the world, check that bag and rig fit into it, and prepare the slices of what the sensors see there."""
+    """Check that the poses fit into the world, and prepare the slices of what the sensors see there."""
     streams = _streams(poses, rig)
-    with progress.stage("build the world"):
-        world = load_world(config.environment, config.seed, config.layout)
-    check_objects(run, world)
     check_poses(poses.trajectory, streams, rig, world)
     with progress.stage("prepare the scene"):
         sensors = sensor_factory(Place(world, rig, config.light, config.weather, reuse=True))

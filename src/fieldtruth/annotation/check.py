@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Check that a bag fits the rig and the world; otherwise the labels would be wrong without an error."""
 
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Final
@@ -9,13 +10,15 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.calibration import StaticFrames, first_message, read_static_frames
+from fieldtruth.bag.calibration import StaticFrames, read_static_frames
 from fieldtruth.bag.errors import BagError, read_errors
-from fieldtruth.bag.robot_messages import rig_transforms
+from fieldtruth.bag.model_states import ROBOT, ModelStatesReader, read_objects
+from fieldtruth.bag.robot_messages import ModelStatesWriter, rig_transforms
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.stream import Stream
 from fieldtruth.world.model import World
@@ -24,6 +27,8 @@ _SAME: Final = 1e-3
 """Tolerance [m] of equal frames, also for entries of rotations; values in a robot's description are rounded."""
 _MOVED: Final = 0.05
 """Tolerance [m] of an object's position."""
+_TURNED: Final = 1e-3
+"""Tolerance of the product of two quaternions, 5 degrees."""
 
 
 def check_type(run: Run, topic: str) -> None:
@@ -84,26 +89,53 @@ def check_frames(run: Run, rig: Rig) -> dict[tuple[str, str], Array]:
     return {key: matrix for key, matrix in own.items() if key[1] not in theirs.parents}
 
 
-def check_objects(run: Run, world: World) -> None:
-    """Check that objects with the same name in bag and world have the same position.
+def check_objects(run: Run, world: World, robot: str = ROBOT) -> None:
+    """Check that the static objects of a bag are those of the world: the same names at the same poses.
+
+    Models beside them, such as a second robot, are allowed with a warning, unless their names are those of objects that
+    another layout has. A bag without models is taken as it is, with a warning.
 
     Raises:
-        BagError: one differs, so the bag was recorded in another world.
+        BagError: an object of the world is missing or has another pose, or the bag has more of its kind.
     """
-    topic = table.objects_topic(run.counts)
+    topic, where = table.objects_topic(run.counts), f"{world.name} with seed {world.seed}"
     if topic not in run.counts:
+        text = f"{run.bag} has no {topic}, so that nothing shows whether it was recorded in {where}; this is assumed"
+        warnings.warn(text, FieldtruthWarning, stacklevel=4)
         return
-    with _defined_as_usual(run, topic):
-        states = first_message(run, topic)
-        positions = [np.array([pose.position.x, pose.position.y, pose.position.z]) for pose in states.pose]
-        theirs = dict(zip(states.name, positions, strict=True))
-    for instance in (each for each in world.instances if each.name in theirs):
-        xyz, here = theirs[instance.name], instance.world_from_object[:3, 3]
-        if not np.linalg.norm(xyz - here) <= _MOVED:
-            raise BagError(
-                f"{run.bag} was recorded in another world: {instance.name!r} is at {_xyz(xyz)}, "
-                f"in {world.name} with seed {world.seed} at {_xyz(here)}"
-            )
+    check_type(run, topic)
+    expected = ModelStatesReader()
+    poses = expected.poses(ModelStatesWriter(world).template)[1:]
+    ours = dict(zip(expected.names[1:], poses, strict=True))
+    theirs = dict(zip(*read_objects(run), strict=True))
+    missing = [name for name in ours if name not in theirs]
+    moved = [name for name in ours if name in theirs and not _is_near(theirs[name], ours[name])]
+    # Gazebo has the land beyond the edge as models of their own, and may have any number of robots.
+    usual = {robot, ROBOT, f"{world.name}_backdrop", *ours, *(f"{name}_beyond" for name in ours)}
+    others, kinds = [name for name in theirs if name not in usual], {*map(_kind, ours)}
+    extra = [name for name in others if _kind(name) in kinds]
+    if missing or moved or extra:
+        differ = [f"{name!r} is at {_xyz(theirs[name])}, in this world at {_xyz(ours[name])}" for name in moved[:1]]
+        differ += [f"{len(missing)} are missing, first {missing[0]!r}"] if missing else []
+        differ += [f"{len(extra)} are not in this world, first {extra[0]!r}"] if extra else []
+        raise BagError(
+            f"{run.bag} was recorded in another world: {len(ours) - len(missing) - len(moved)} of the {len(ours)} "
+            f"objects of {where} match; {'; '.join(differ)}; give its --world, --seed, or layout (--experiment)"
+        )
+    if others:
+        text = f"{run.bag} has models that {where} lacks, so that no added sensor sees them: {', '.join(others)}"
+        warnings.warn(text, FieldtruthWarning, stacklevel=4)
+
+
+def _is_near(found: Array, expected: Array) -> bool:
+    """Whether two poses (7,) are those of one object; heights differ a little between grids of the ground."""
+    turned = 1.0 - abs(float(found[3:] @ expected[3:]))
+    return bool(np.linalg.norm(found[:3] - expected[:3]) <= _MOVED) and abs(turned) <= _TURNED
+
+
+def _kind(name: str) -> str:
+    """Return the name of an object without its number."""
+    return name.rstrip("0123456789")
 
 
 def check_poses(trajectory: Trajectory, streams: Sequence[Stream], rig: Rig, world: World) -> None:
@@ -131,4 +163,4 @@ def check_poses(trajectory: Trajectory, streams: Sequence[Stream], rig: Rig, wor
 
 
 def _xyz(xyz: Array) -> str:
-    return "x {:.3f}, y {:.3f}, z {:.3f} m".format(*xyz)
+    return "x {:.3f}, y {:.3f}, z {:.3f} m".format(*xyz[:3])

@@ -6,8 +6,9 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
-from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.errors import BagError, first_bytes
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.sensor_config import TRUTH
@@ -20,6 +21,9 @@ MADE_BY: str = "made_by.json"
 """What made the readings beside a bag; see ``made_by``."""
 TRACK: str = "track.csv"
 """The poses of the track file beside a bag, if its experiment has one."""
+
+BAG_ENDINGS: Final = (".bag", ".mcap")
+"""Endings of the names of bags, the preferred one first."""
 
 
 @dataclass(frozen=True)
@@ -100,19 +104,25 @@ class BagFile:
 def find_bag(path: Path | str) -> Path:
     """Return the path of the bag: the file itself, or the one in the folder of a run.
 
+    In a folder, a bag of ROS 1 goes before MCAP files, and one with the folder's name before others.
+
     Raises:
-        BagError: no such path, no bag in the folder, or several.
+        BagError: no such path, something else than a file or a folder, no bag in the folder, or several.
     """
     path = Path(path)
     if not path.is_dir():
         if not path.exists():
             raise BagError(f"{path} does not exist; a run must be the folder of a run, or a bag")
+        first_bytes(path)
         return path
-    own = path / f"{path.resolve().name}.bag"
-    bags = [own] if own.exists() else sorted(path.glob("*.bag"))
+    bags: list[Path] = []
+    for ending in BAG_ENDINGS:
+        own = path / f"{path.resolve().name}{ending}"
+        bags = bags or ([own] if own.exists() else sorted(path.glob(f"*{ending}")))
     if len(bags) != 1:
         what = f"{len(bags)} bags ({', '.join(bag.name for bag in bags)})" if bags else "no bag"
         raise BagError(f"{path} has {what}; a run must be a folder with one bag, or a bag")
+    first_bytes(bags[0])
     return bags[0]
 
 

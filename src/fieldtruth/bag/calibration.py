@@ -34,6 +34,7 @@ class StaticFrames:
         Raises:
             BagError: unknown frame, or one that is not connected to base_link.
         """
+        frame = frame.strip("/")
         known = {BASE, *self.parents, *(parent for parent, _ in self.parents.values())}
         if frame not in known:
             raise BagError(f"/tf_static of {self.source} has no frame {frame!r}; available: {', '.join(sorted(known))}")
@@ -147,7 +148,18 @@ def read_static_frames(run: BagFile) -> StaticFrames:
     with open_bag(run.bag) as bag:
         decode = decoder(bag)
         stamped = [each for raw in bag.messages([table.TF_STATIC]) for each in decode(raw).transforms]
-    parents = {each.child_frame_id: (each.header.frame_id, matrix(each.transform)) for each in stamped}
+    parents: dict[str, tuple[str, Array]] = {}
+    for each in stamped:  # of one that is published again, the last counts
+        parent, child = each.header.frame_id.strip("/"), each.child_frame_id.strip("/")
+        try:
+            parent_from_child = matrix(each.transform)
+        except BagError as error:
+            raise BagError(f"/tf_static of {run.bag}: {parent!r} to {child!r}: {error}") from error
+        if (before := parents.setdefault(child, (parent, parent_from_child))[0]) != parent:
+            raise BagError(
+                f"/tf_static of {run.bag} has {child!r} below both {before!r} and {parent!r}; one is allowed"
+            )
+        parents[child] = parent, parent_from_child
     return StaticFrames(parents, str(run.bag))
 
 

@@ -2,16 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Decoded messages of a bag, and the arrays in them; for any bag with these message types."""
 
-from collections.abc import Iterator, Sequence
+import struct
+from collections.abc import Iterator, Mapping, Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.reader import BagError, decoder, open_bag
+from fieldtruth.bag.reader import ORIGIN, BagError, decoder, open_bag
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import PALETTE
@@ -25,7 +28,9 @@ class Reading(NamedTuple):
     message: Any
 
 
-_NUMPY: Final = dict(enumerate(["i1", "u1", "<i2", "<u2", "<i4", "<u4", "<f4", "<f8"], start=1))
+UNIT: Final = 0.01
+"""Largest deviation of a quaternion's length from 1; below it the numbers are rounded, above it something else."""
+_NUMPY: Final = dict(enumerate(["i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8"], start=1))
 """NumPy type by the datatype of sensor_msgs/PointField."""
 
 
@@ -59,7 +64,7 @@ def count_messages(path: Path | str) -> dict[str, int]:
 def static_transforms(path: Path | str) -> dict[tuple[str, str], Array]:
     """Read every fixed ``parent_from_child`` (4, 4) in /tf_static by (parent, child)."""
     return {
-        (stamped.header.frame_id, stamped.child_frame_id): matrix(stamped.transform)
+        (stamped.header.frame_id.strip("/"), stamped.child_frame_id.strip("/")): matrix(stamped.transform)
         for reading in read_bag(path, [table.TF_STATIC])
         for stamped in reading.message.transforms
     }
@@ -76,68 +81,137 @@ def pose_matrix(pose: Any) -> Array:
 
 
 def points(cloud: Any) -> NDArray[np.void]:
-    """Return the points of a sensor_msgs/PointCloud2, (height * width), as a structured array with its own fields."""
-    fields = cloud.fields
-    kinds = [_NUMPY[f.datatype] if f.count == 1 else (_NUMPY[f.datatype], (f.count,)) for f in fields]
-    dtype = np.dtype(
-        {
-            "names": [f.name for f in fields],
-            "formats": kinds,
-            "offsets": [f.offset for f in fields],
-            "itemsize": cloud.point_step,
-        }
-    )
-    rows = np.asarray(cloud.data).reshape(cloud.height, cloud.row_step)[:, : cloud.width * cloud.point_step]
-    return np.ascontiguousarray(rows).reshape(-1).view(dtype)
+    """Return the points of a sensor_msgs/PointCloud2, (height * width), as a structured array with its own fields.
+
+    Big-endian numbers are converted. A count of 0 means 1, as old versions of PCL write it; fields without a name, or
+    named ``_`` as PCL's padding, are left out. Where ``row_step`` does not fit, the points follow each other if the
+    length of the data says so.
+
+    Raises:
+        BagError: fields or lengths that contradict each other, or coordinates that are not floating-point numbers.
+    """
+    where, order = _where(cloud, "cloud"), ">" if cloud.is_bigendian else "<"
+    width, height, size = int(cloud.width), int(cloud.height), int(cloud.point_step)
+    rows = _rows(cloud.data, height, width * size, int(cloud.row_step))
+    if rows is None:
+        held = f"{len(cloud.data)} bytes with a row_step of {cloud.row_step}"
+        raise BagError(f"{where}: {width} x {height} points of {size} bytes do not fit {held}")
+    fields, end = dict[str, tuple[int, int, int]](), size if rows.size else _LARGEST_POINT
+    for field in (each for each in cloud.fields if each.name.strip("_ ")):
+        found = field.offset, field.datatype, max(1, field.count)
+        if fields.setdefault(field.name, found) != found:
+            raise BagError(f"{where} has two different fields {field.name!r}")
+        if field.datatype not in _NUMPY:
+            raise BagError(
+                f"{where}: datatype of field {field.name!r} must be 1 to {len(_NUMPY)}, got {field.datatype}"
+            )
+        if found[2] > 1 and field.name in _SCALARS:
+            raise BagError(f"{where}: field {field.name!r} must have one value per point, got a count of {field.count}")
+        if field.name in ("x", "y", "z") and _NUMPY[field.datatype][0] != "f":
+            raise BagError(f"{where}: field {field.name!r} must be float32 or float64, got {_NUMPY[field.datatype]}")
+        if field.offset + np.dtype(_NUMPY[field.datatype]).itemsize * found[2] > end:
+            raise BagError(f"{where}: field {field.name!r} ends behind the point_step of {cloud.point_step} bytes")
+    kinds = [(order + _NUMPY[kind], (count,) if count > 1 else ()) for _, kind, count in fields.values()]
+    if not rows.size:
+        return np.zeros(
+            0, np.dtype([(name, *kind) for name, kind in zip(fields, kinds, strict=True)]).newbyteorder("=")
+        )
+    offsets = [offset for offset, _, _ in fields.values()]
+    dtype = np.dtype({"names": list(fields), "formats": kinds, "offsets": offsets, "itemsize": size})
+    stored = rows.reshape(-1).view(dtype)
+    return stored.astype(dtype.newbyteorder("=")) if cloud.is_bigendian else stored
 
 
+def _rows(data: Any, height: int, length: int, step: int) -> NDArray[np.uint8] | None:
+    """Return the used bytes (height, length) of rows that start ``step`` bytes apart; the last one may end early.
+
+    If that does not fit the number of bytes, the rows may follow each other without a gap; else the result is None.
+    """
+    held = np.asarray(data)
+    if len(held) == height * length:
+        return held.reshape(height, length) if len(held) else np.zeros((0, 0), np.uint8)
+    if not (0 < length <= step and step * (height - 1) + length <= len(held) <= step * height):
+        return None
+    return np.ascontiguousarray(np.ndarray((height, length), np.uint8, held, strides=(step, 1)))
+
+
+_SCALARS: Final = frozenset(
+    ("x", "y", "z", "intensity", "label", "instance", "ring", "column", "t", "time", "timestamp")
+)
+"""Fields of a cloud that are read as one number per point."""
+_LARGEST_POINT: Final = 2**16
+"""Bytes of a point that a cloud without points may describe."""
 MEASURED: Final = ("true_range", "signal", "reflectivity", "echo", "mixed")
 """Fields of a cloud whose LiDAR has a signal. Clouds without ``true_range`` may have another ``reflectivity``."""
 
 
 def image(message: Any) -> NDArray[np.uint8]:
-    """Return the pixels (h, w, 3) RGB of a sensor_msgs/Image (rgb8, bgr8, 8UC3) or sensor_msgs/CompressedImage (JPEG).
+    """Return the pixels (h, w, 3) RGB of a sensor_msgs/Image in colour or grey, or of a sensor_msgs/CompressedImage.
 
-    8UC3 leaves the order of channels open; it is read as BGR, as Gazebo and the paper's published data set use it.
+    The latter holds JPEG, PNG or TIFF. 8UC3 and 8UC4 leave the order of channels open; they are read as BGR, as Gazebo
+    and the paper's published data set use it. Alpha is left out; of 16 bits the upper ones count.
 
     Raises:
-        BagError: another encoding, or bytes that are not an image.
+        BagError: another encoding, or bytes that are not an image of that size.
     """
     if hasattr(message, "format"):
-        try:
-            photo: NDArray[np.uint8] = simplejpeg.decode_jpeg(message.data, "RGB")
-        except ValueError as error:
-            raise BagError(f"a compressed image ({message.format!r}) is not a JPEG: {error}") from error
-        return photo
-    if message.encoding not in _COLOUR_ORDER:
-        raise BagError(f"encoding of an image must be one of {', '.join(_COLOUR_ORDER)}, got {message.encoding!r}")
-    colours: NDArray[np.uint8] = _pixels(message, np.dtype("u1"), 3)[..., _COLOUR_ORDER[message.encoding]]
+        values = _unpacked(message)
+    else:
+        encoding = message.encoding.strip()
+        if encoding not in _COLOURS:
+            where = _where(message, "image")
+            raise BagError(f"{where}: its encoding must be one of {', '.join(_COLOURS)}, got {message.encoding!r}")
+        kind, channels, order = _COLOURS[encoding]
+        values = _pixels(message, kind, channels)[..., order]
+    if values.dtype.itemsize > 1:
+        values = (values >> 8).astype(np.uint8)
+    colours: NDArray[np.uint8] = values if values.shape[-1] == 3 else np.repeat(values, 3, axis=2)
     return colours
 
 
 def depth(message: Any) -> NDArray[np.float32]:
-    """Return depth (h, w) [m] of a sensor_msgs/Image, 32FC1, along the optical axis; infinite for the sky (REP-118)."""
-    if message.encoding != "32FC1":
-        raise BagError(f"encoding of a depth image must be 32FC1, got {message.encoding!r}")
-    metres: NDArray[np.float32] = _pixels(message, np.dtype("<f4"))
-    return metres
+    """Return depth (h, w) [m] along the optical axis; infinite for the sky, NaN for unknown (REP-118).
+
+    Of a sensor_msgs/Image in 32FC1 or 64FC1 [m], or 16UC1 or mono16 [mm], or a sensor_msgs/CompressedImage with 16 bits
+    [mm] or the quantised inverse depth of ``compressedDepth``.
+
+    Raises:
+        BagError: another encoding, or bytes that are not an image of that size.
+    """
+    scale: tuple[float, float] | None = None
+    if hasattr(message, "format"):
+        values = _unpacked(message)[..., 0]
+        if values.dtype.itemsize == 1:
+            raise BagError(f"{_where(message, 'compressed depth image')} ({message.format!r}) must have 16 bits")
+        if message.format.startswith("32FC1"):
+            scale = struct.unpack_from("<ff", bytes(message.data[4:12]))
+    else:
+        values = _pixels(message, _encoded(message, "depth image", _DEPTHS))[..., 0]
+    if values.dtype.kind == "f":
+        return values.astype(np.float32, copy=False)
+    with np.errstate(divide="ignore"):
+        metres = values / np.float32(1000.0) if scale is None else scale[0] / (values - np.float32(scale[1]))
+    return np.where(values == 0, np.float32(np.nan), metres).astype(np.float32)
 
 
 def instances(message: Any) -> NDArray[np.uint16] | NDArray[np.uint32]:
-    """Return the instance ids (h, w) of a sensor_msgs/Image, 16UC1 or 32SC1; 0 for no object."""
-    if message.encoding == "32SC1":
-        return _pixels(message, np.dtype("<i4")).astype(np.uint32)
-    if message.encoding not in ("16UC1", "mono16"):
-        raise BagError(f"encoding of an instance image must be 16UC1 or 32SC1, got {message.encoding!r}")
-    ids: NDArray[np.uint16] = _pixels(message, np.dtype("<u2"))
-    return ids
+    """Return the instance ids (h, w) of a sensor_msgs/Image, 8UC1, 16UC1 or 32SC1; 0 for no object.
+
+    Raises:
+        BagError: another encoding, a negative id, or bytes that are not an image of that size.
+    """
+    ids = _pixels(message, _encoded(message, "instance image", _IDS))[..., 0]
+    if ids.dtype.kind == "i" and ids.size and ids.min() < 0:
+        raise BagError(f"{_where(message, 'instance image')}: an id must not be negative, got {ids.min()}")
+    numbers: NDArray[np.uint16] | NDArray[np.uint32]
+    numbers = ids.astype(np.uint32) if ids.dtype.kind == "i" else ids.astype(np.uint16, copy=False)
+    return numbers
 
 
 def normals(message: Any) -> NDArray[np.float32]:
     """Return unit normals (h, w, 3) of a sensor_msgs/Image, 32FC3, in the optical frame, towards it; 0 for sky."""
-    if message.encoding != "32FC3":
-        raise BagError(f"encoding of an image of normals must be 32FC3, got {message.encoding!r}")
-    return _pixels(message, np.dtype("<f4"), 3)
+    xyz: NDArray[np.float32] = _pixels(message, _encoded(message, "image of normals", {"32FC3": "f4"}), 3)
+    return xyz
 
 
 def flow(message: Any) -> NDArray[np.float32]:
@@ -145,9 +219,8 @@ def flow(message: Any) -> NDArray[np.float32]:
 
     It leads to the camera's next image, and is NaN where that does not show the same point.
     """
-    if message.encoding != "32FC2":
-        raise BagError(f"encoding of an image of optical flow must be 32FC2, got {message.encoding!r}")
-    return _pixels(message, np.dtype("<f4"), 2)
+    uv: NDArray[np.float32] = _pixels(message, _encoded(message, "image of optical flow", {"32FC2": "f4"}), 2)
+    return uv
 
 
 def labels(tag_image: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -182,18 +255,48 @@ def stamp_ns(header: Any) -> int:
     return int(header.stamp.sec) * 10**9 + int(header.stamp.nanosec)
 
 
-def _pixels(message: Any, dtype: np.dtype[Any], channels: int = 1) -> NDArray[Any]:
-    """Return (h, w) or (h, w, channels) of an image, whose rows may be padded."""
-    if message.is_bigendian and dtype.itemsize > 1:
-        dtype = dtype.newbyteorder(">")
-    length = message.width * channels * dtype.itemsize
-    if message.step < length or len(message.data) != message.height * message.step:
-        raise BagError(
-            f"image of {message.width} x {message.height} {message.encoding} holds {len(message.data)} bytes"
-        )
-    rows = np.asarray(message.data).reshape(message.height, message.step)[:, :length]
-    values = np.ascontiguousarray(rows).view(dtype).reshape(message.height, message.width, channels)
-    return values[..., 0] if channels == 1 else values
+def _where(message: Any, what: str) -> str:
+    """Return which message it is: that of a topic at a stamp as far as it is known from a bag, else by its header."""
+    return f"the {what} {getattr(message, ORIGIN, f'with the stamp {stamp_ns(message.header)} ns')}"
+
+
+def _encoded(message: Any, what: str, known: Mapping[str, str]) -> str:
+    """Return the type of an image's values by its encoding."""
+    encoding = getattr(message, "encoding", f"CompressedImage {getattr(message, 'format', '')}").strip()
+    if encoding not in known:
+        raise BagError(f"{_where(message, what)}: its encoding must be {' or '.join(known)}, got {encoding!r}")
+    return known[encoding]
+
+
+def _pixels(message: Any, kind: str, channels: int = 1) -> NDArray[Any]:
+    """Return (h, w, channels) of an image, whose rows may be padded, in this machine's byte order."""
+    dtype = np.dtype((">" if message.is_bigendian else "<") + kind)
+    width, height = int(message.width), int(message.height)
+    rows = _rows(message.data, height, width * channels * dtype.itemsize, int(message.step)) if width * height else None
+    if rows is None:
+        size = f"{width} x {height} {message.encoding} with a step of {message.step}"
+        raise BagError(f"{_where(message, 'image')} of {size} holds {len(message.data)} bytes")
+    return rows.view(dtype).astype(dtype.newbyteorder("="), copy=False).reshape(height, width, channels)
+
+
+def _unpacked(message: Any) -> NDArray[Any]:
+    """Return the values (h, w, channels), 8 or 16 bits, of a CompressedImage, whose bytes tell their format."""
+    data = bytes(message.data)
+    if "compressedDepth" in message.format:
+        data = data[_DEPTH_HEADER:]
+    try:
+        if data.startswith(b"\xff\xd8"):
+            return np.asarray(simplejpeg.decode_jpeg(data, "RGB"))
+        with Image.open(BytesIO(data), formats=("PNG", "TIFF")) as picture:
+            wide = picture.mode.startswith("I;16") or (picture.mode == "I" and picture.format == "PNG")
+            if not wide and picture.mode not in ("1", "L", "LA", "P", "RGB", "RGBA"):
+                raise ValueError(f"its mode is {picture.mode}")
+            values = np.asarray(picture if wide else picture.convert("RGB"))
+    except Exception as error:  # decoders raise any exception on invalid bytes
+        found = f"{_where(message, 'compressed image')} ({message.format!r}) cannot be read as JPEG, PNG or TIFF"
+        reason = "" if isinstance(error, UnidentifiedImageError) else f": {' '.join(str(error).split())[:80]}"
+        raise BagError(found + reason) from error
+    return values.astype(np.uint16)[..., None] if wide else values
 
 
 def _perfect_hash() -> tuple[np.uint32, NDArray[np.uint8]]:
@@ -208,7 +311,18 @@ def _perfect_hash() -> tuple[np.uint32, NDArray[np.uint8]]:
     raise AssertionError("no multiplier without collision")
 
 
-_COLOUR_ORDER: Final = {"rgb8": slice(None), "bgr8": slice(None, None, -1), "8UC3": slice(None, None, -1)}
+_RGB, _BGR = slice(0, 3), slice(2, None, -1)
+_COLOURS: Final = {
+    "rgb8": ("u1", 3, _RGB), "bgr8": ("u1", 3, _BGR), "8UC3": ("u1", 3, _BGR), "rgb16": ("u2", 3, _RGB),
+    "rgba8": ("u1", 4, _RGB), "bgra8": ("u1", 4, _BGR), "8UC4": ("u1", 4, _BGR), "bgr16": ("u2", 3, _BGR),
+    "rgba16": ("u2", 4, _RGB), "bgra16": ("u2", 4, _BGR), "16UC3": ("u2", 3, _BGR), "16UC4": ("u2", 4, _BGR),
+    "mono8": ("u1", 1, slice(1)), "8UC1": ("u1", 1, slice(1)), "mono16": ("u2", 1, slice(1)),
+}  # fmt: skip
+"""Type of the values, channels, and those of red, green and blue, by the encoding of an image."""
+_DEPTHS: Final = {"32FC1": "f4", "64FC1": "f8", "16UC1": "u2", "mono16": "u2"}
+_IDS: Final = {"16UC1": "u2", "mono16": "u2", "8UC1": "u1", "mono8": "u1", "32SC1": "i4"}
+_DEPTH_HEADER: Final = 12
+"""Bytes before the PNG in an image of ``compressedDepth``: its format, and two numbers of its quantisation."""
 _RADIX: Final = np.array([1, 256, 65536], np.uint32)
 _CODES: Final[NDArray[np.uint32]] = (PALETTE.astype(np.uint32) @ _RADIX).astype(np.uint32)
 _CODES[0] = 0xFF000000  # void has no colour
@@ -217,7 +331,8 @@ _HASH, _SLOTS = _perfect_hash()
 
 
 def _matrix(xyz: Any, q: Any) -> Array:
-    wxyz = [q.w, q.x, q.y, q.z]
-    if not any(wxyz):
-        raise BagError("the quaternion of a pose must not be zero")
-    return frames.pose_from_quaternion_wxyz([xyz.x, xyz.y, xyz.z], wxyz)
+    wxyz, position = np.array([q.w, q.x, q.y, q.z]), [xyz.x, xyz.y, xyz.z]
+    if not (np.isfinite(position).all() and abs(np.linalg.norm(wxyz) - 1.0) <= UNIT):
+        values = ", ".join(f"{value:g}" for value in (*position, *frames.xyzw_from_wxyz(wxyz)))
+        raise BagError(f"a pose must be finite, with a quaternion of length 1, got x, y, z, qx, qy, qz, qw {values}")
+    return frames.pose_from_quaternion_wxyz(position, wxyz)

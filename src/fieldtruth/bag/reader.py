@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Read a bag as a stream: in memory are the list of its chunks and one chunk at a time, however long the bag is.
 
-ROS's readers, and that of rosbags, first read the index of all messages. At 1000 Hz that index is larger than all
-images in memory at once, and takes longer to read than a trajectory.
+A bag is a file of ROS 1 or an MCAP file; messages of ROS 2 are handed out as ROS 1 serialises them.
 """
 
 import struct
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
@@ -15,13 +14,14 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 from rosbags.interfaces import Connection
-from rosbags.rosbag1 import Reader, ReaderError
-from rosbags.rosbag1.reader import Chunk, ChunkInfo, Header, IndexData, RecordType
+from rosbags.rosbag1 import ReaderError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from fieldtruth.bag.errors import MCAP, first_bytes, read_errors
 from fieldtruth.bag.errors import BagError as BagError
-from fieldtruth.bag.errors import read_errors
+from fieldtruth.bag.file import Layout, StoredFile
+from fieldtruth.bag.ros1_file import Ros1File
 from fieldtruth.bag.topics import ODOMETRY, standard_name
 from fieldtruth.core.arrays import Counts
 from fieldtruth.core.errors import UnknownNameError
@@ -46,31 +46,27 @@ class MessageIndex(NamedTuple):
     offset: Counts
 
 
-_OPERATION: Final = b"op="
-_CONNECTION: Final = b"conn="
-_TIME: Final = b"time="
-
-
 class BagReader:
     """An open bag, from ``open_bag``; one thread at a time may read it."""
 
-    def __init__(
-        self, path: Path, reader: "_LeanReader", *, own_names: bool, true_stamps: Collection[str] = ()
-    ) -> None:
-        self.path = path
-        self._reader = reader
-        own_names = own_names or ODOMETRY in reader.topics  # the paper's data set has none, ours always
-        name = {topic: topic if own_names else _name(topic, reader.topics) for topic in reader.topics}
-        self._by_id = {c.id: c._replace(topic=name[c.topic]) for c in reader.connections}
-        self.counts: Mapping[str, int] = {name[topic]: info.msgcount for topic, info in reader.topics.items()}
+    def __init__(self, path: Path, file: StoredFile, *, own_names: bool, true_stamps: Collection[str] = ()) -> None:
+        self.path, self._file, self.layout = path, file, file.layout
+        topics = {connection.topic for connection in file.connections}
+        own_names = own_names or ODOMETRY in topics  # the paper's data set has none, ours always
+        name = {topic: topic if own_names else _name(topic, topics) for topic in topics}
+        self._by_id = {c.id: c._replace(topic=name[c.topic]) for c in file.connections}
+        counts: dict[str, int] = {}
+        for connection in self._by_id.values():
+            counts[connection.topic] = counts.get(connection.topic, 0) + connection.msgcount
+        self.counts: Mapping[str, int] = counts
         """Messages by topic."""
         self.msgtypes: Mapping[str, str] = {c.topic: c.msgtype for c in self._by_id.values()}
         """Message type by topic."""
         headed = {c.topic for c in self._by_id.values() if _has_header(c.msgdef.data)}
         self.true_stamps = headed.intersection(true_stamps)
         """Topics whose headers are given the stamps in the bag."""
-        self.start_ns: int = reader.start_time
-        self.end_ns: int = reader.end_time - 1
+        self.start_ns: int = file.start_ns
+        self.end_ns: int = file.end_ns
         """Stamp [ns] of the last message."""
 
     @property
@@ -91,20 +87,20 @@ class BagReader:
             BagError: the bag is damaged.
         """
         wanted = self._chosen(topics)
-        infos = [info for info in self._reader.chunk_infos if not wanted.isdisjoint(info.connection_counts)]
-        infos.sort(key=lambda info: (info.start_time, info.pos))
+        infos = [info for info in self._file.chunks if not wanted.isdisjoint(info.counts)]
+        infos.sort(key=lambda info: (info.start_ns, info.pos))
         waiting: list[tuple[int, int, int, int, bytes]] = []  # of chunks that overlap in time
         for order, info in enumerate(infos):
             if waiting:
                 waiting.sort()
-                ready = next((i for i, row in enumerate(waiting) if row[0] >= info.start_time), len(waiting))
+                ready = next((i for i, row in enumerate(waiting) if row[0] >= info.start_ns), len(waiting))
                 yield from map(self._raw, waiting[:ready])
                 del waiting[:ready]
             data = self.chunk(info.pos)
             with read_errors(self.path):
                 waiting += [
                     (stamp, order, at, number, data[at : at + size])
-                    for stamp, number, at, size in _records(data)
+                    for stamp, number, at, size in self.layout.rows(data)
                     if number in wanted
                 ]
         waiting.sort()
@@ -114,22 +110,26 @@ class BagReader:
         """Return the index of each topic, for reading messages in any order; one pass for all topics."""
         topic_of = {number: self._by_id[number].topic for number in self._chosen(topics)} if topics else {}
         rows: dict[str, list[tuple[int, int, int]]] = {topic: [] for topic in topics}
-        for info in self._reader.chunk_infos:
-            for number, row in self._index_rows(info, topic_of.keys()):
-                rows[topic_of[number]].append(row)
+        for info in self._file.chunks:
+            if topic_of.keys().isdisjoint(info.counts):
+                continue
+            with read_errors(self.path):
+                for number, stamp, offset in self._file.index(info):
+                    if number in topic_of:
+                        rows[topic_of[number]].append((stamp, info.pos, offset))
         tables = {topic: np.array(sorted(found), np.int64).reshape(-1, 3) for topic, found in rows.items()}
         return {topic: MessageIndex(*np.ascontiguousarray(table.T)) for topic, table in tables.items()}
 
     def message(self, chunk: bytes, offset: int) -> RawMessage:
         """Return the message at an offset in a decompressed chunk."""
         with read_errors(self.path):
-            stamp, number, data = message_at(chunk, offset)
-            return self._raw((stamp, 0, 0, number, data))
+            stamp, number, data = message_at(self.layout, chunk, offset)
+        return self._raw((stamp, 0, 0, number, data))
 
     def chunk(self, position: int) -> bytes:
         """Read and decompress the chunk at a position in the file."""
         with read_errors(self.path):
-            return self._reader.unpack(self._reader.chunks[position])
+            return self.layout.unpack(self.path, position)
 
     def _chosen(self, topics: Sequence[str]) -> set[int]:
         for topic in topics:
@@ -140,24 +140,11 @@ class BagReader:
     def _raw(self, row: tuple[int, int, int, int, bytes]) -> RawMessage:
         stamp, _, _, number, data = row
         connection = self._by_id[number]
+        with read_errors(self.path):
+            data = self.layout.ros1(number, data)
         if connection.topic in self.true_stamps:
             data = with_stamp(data, stamp)
         return RawMessage(stamp, connection.topic, connection.msgtype, data, number)
-
-    def _index_rows(self, info: ChunkInfo, wanted: Set[int]) -> Iterator[tuple[int, tuple[int, int, int]]]:
-        """Yield connection and (stamp, chunk, offset) of each wanted message, from the index records of a chunk."""
-        if wanted.isdisjoint(info.connection_counts):
-            return
-        with read_errors(self.path):
-            chunk, source = self._reader.chunks[info.pos], self._reader.bio
-            assert source is not None
-            source.seek(chunk.datapos + chunk.datasize)
-            for _ in info.connection_counts:
-                header = Header.read(source, RecordType.IDXDATA)
-                data = source.read(int.from_bytes(source.read(4), "little"))
-                if (number := header.get_uint32("conn")) in wanted:
-                    for seconds, nanoseconds, offset in struct.iter_unpack("<LLL", data):
-                        yield number, (seconds * 10**9 + nanoseconds, info.pos, offset)
 
 
 def _name(topic: str, topics: Collection[str]) -> str:
@@ -188,88 +175,37 @@ def open_bag(path: Path | str, *, own_names: bool = False, true_stamps: Collecti
         true_stamps: topics whose headers are read with the stamps in the bag, as ``Run.clocked`` has them.
 
     Raises:
-        BagError: no such file, not a bag, a truncated one, or one with a damaged index.
+        BagError: no such file, not a bag or MCAP file, a truncated one, or one with a damaged index.
     """
     path = Path(path)
+    is_mcap = first_bytes(path).startswith(MCAP)
     with read_errors(path):
-        reader = _LeanReader(path)
-        reader.open()
+        file = _mcap_file(path) if is_mcap else Ros1File(path)
     try:
         with read_errors(path):
-            bag = BagReader(path, reader, own_names=own_names, true_stamps=true_stamps)
+            bag = BagReader(path, file, own_names=own_names, true_stamps=true_stamps)
         yield bag
     finally:
-        reader.close()
+        file.close()
 
 
-class _LeanReader(Reader):
-    """Reads the list of chunks, but not the index of messages."""
-
-    def read_index_data(self, pos: int, indexes: dict[int, list[IndexData]]) -> None:
-        """Skip the index of messages."""
-
-    def read_chunk(self) -> Chunk:
-        """Read the position of a chunk's data, which must lie within the file."""
-        chunk = super().read_chunk()
-        if chunk.datapos + chunk.datasize > self.path.stat().st_size:
-            raise ReaderError("it is truncated within a chunk")
-        return chunk
-
-    def unpack(self, chunk: Chunk) -> bytes:
-        """Read and decompress a chunk."""
-        assert self.bio is not None
-        self.bio.seek(chunk.datapos)
-        packed = self.bio.read(chunk.datasize)
-        if len(packed) < chunk.datasize:
-            raise ReaderError("it is truncated within a chunk")
-        return chunk.decompressor(packed)
+def _mcap_file(path: Path) -> StoredFile:
+    """Open an MCAP file, with a library that is an extra."""
+    try:
+        from fieldtruth.bag.mcap_file import McapFile
+    except ImportError as error:
+        needed = "the mcap library is not installed; run: pip install 'fieldtruth[mcap]'"
+        raise BagError(f"cannot read {path}: {needed}") from error
+    return McapFile(path)
 
 
-def read_chunk(path: Path, position: int) -> bytes:
-    """Read and decompress the chunk at a known position in a bag file; raises as ``open_bag``."""
-    with read_errors(path), path.open("rb") as source:
-        reader = _LeanReader(path)
-        reader.bio = source
-        source.seek(position)
-        return reader.unpack(reader.read_chunk())
-
-
-def message_at(chunk: bytes, offset: int) -> tuple[int, int, bytes]:
-    """Return stamp [ns], connection and bytes of the message at an offset in a chunk; call it in ``read_errors``."""
-    found = next(_records(chunk, offset), None)
+def message_at(layout: Layout, chunk: bytes, offset: int) -> tuple[int, int, bytes]:
+    """Return stamp [ns], connection and stored bytes of the message at an offset; call it in ``read_errors``."""
+    found = next(layout.rows(chunk, offset), None)
     if found is None:
         raise ReaderError("its index points to a position without a message")
     stamp, number, at, size = found
     return stamp, number, chunk[at : at + size]
-
-
-def _records(data: bytes, at: int = 0) -> Iterator[tuple[int, int, int, int]]:
-    """Yield stamp [ns], connection, start and size of each message in a decompressed chunk, from an offset on."""
-    while at < len(data):
-        (size,) = struct.unpack_from("<L", data, at)
-        fields, at = _fields(data, at + 4, size), at + 4 + size
-        (size,) = struct.unpack_from("<L", data, at)
-        at += 4
-        if at + size > len(data):
-            raise ReaderError("a message is truncated at the end of its chunk")
-        if fields[_OPERATION] == bytes([RecordType.MSGDATA]):
-            seconds, nanoseconds = struct.unpack("<LL", fields[_TIME])
-            yield seconds * 10**9 + nanoseconds, int.from_bytes(fields[_CONNECTION], "little"), at, size
-        at += size
-
-
-def _fields(data: bytes, at: int, size: int) -> dict[bytes, bytes]:
-    """Return the fields of a record's header by ``name=``."""
-    fields: dict[bytes, bytes] = {}
-    end = at + size
-    if end > len(data):
-        raise ReaderError("a record's header is truncated")
-    while at < end:
-        (size,) = struct.unpack_from("<L", data, at)
-        name, sign, value = data[at + 4 : at + 4 + size].partition(b"=")
-        fields[name + sign] = value
-        at += 4 + size
-    return fields
 
 
 def types_of(definitions: Mapping[str, str]) -> Typestore:
@@ -288,6 +224,8 @@ def _types(definitions: tuple[tuple[str, str], ...]) -> Typestore:
     return store
 
 
+ORIGIN: Final = "_origin"
+"""Attribute of a decoded message that says in errors which one it is."""
 Decoder = Callable[[RawMessage], Any]
 
 
@@ -301,8 +239,10 @@ def decoder_of(store: Typestore, path: Path) -> Decoder:
 
     def decode(raw: RawMessage) -> Any:
         try:
-            return store.deserialize_ros1(raw.data, raw.msgtype)
+            message: Any = store.deserialize_ros1(raw.data, raw.msgtype)
         except Exception as error:  # generated code raises any exception on invalid bytes
             raise BagError(f"cannot read {path}: the message of {raw.topic} at {raw.stamp_ns} ns is damaged") from error
+        setattr(message, ORIGIN, f"of {raw.topic} at {raw.stamp_ns} ns")
+        return message
 
     return decode

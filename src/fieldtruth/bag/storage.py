@@ -15,7 +15,6 @@ from fieldtruth.bag.reader import (
     RawMessage,
     decoder_of,
     message_at,
-    read_chunk,
     types_of,
 )
 
@@ -32,6 +31,7 @@ class Storage:
         self.clocked = frozenset(clocked)
         """Topics whose headers have a sensor's own time."""
         self._version = _version(self.path)
+        self._layout = bag.layout
         self._definitions = {c.msgtype: c.msgdef.data for c in bag.connections}
         self._kinds = {c.id: (c.topic, c.msgtype) for c in bag.connections}
 
@@ -43,7 +43,8 @@ class Storage:
         """
         unpacked = _RECENT.get((self.path, self._version, chunk), lambda: self._unpack(chunk))
         with read_errors(self.path):
-            stamp, number, data = message_at(unpacked, offset)
+            stamp, number, data = message_at(self._layout, unpacked, offset)
+            data = self._layout.ros1(number, data)
         found, msgtype = self._kinds.get(number, ("no topic", ""))
         if found != topic:
             raise BagError(f"cannot read {self.path}: its index has {topic} at the position of a message of {found}")
@@ -52,7 +53,8 @@ class Storage:
     def _unpack(self, chunk: int) -> bytes:
         if _version(self.path) != self._version:
             raise BagError(f"{self.path} has changed since the data set was opened; open it again")
-        return read_chunk(self.path, chunk)
+        with read_errors(self.path):
+            return self._layout.unpack(self.path, chunk)
 
 
 class ChunkCache:

@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.base_messages import BASE
 from fieldtruth.bag.calibration import StaticFrames, first_message
+from fieldtruth.bag.errors import MCAP, BagError, first_bytes
 from fieldtruth.bag.robot_messages import rig_transforms
 from fieldtruth.bag.ros2_odometry import ODOMETRY, is_ros2_bag, odometry_topics, read_ros2_odometry
 from fieldtruth.bag.run import open_run
@@ -39,7 +40,6 @@ _STAMPS: Final = {"t": 9, "stamp": 9, "stamp_ns": 0}
 """Names of a CSV file's column of stamps, and the power of ten to nanoseconds."""
 _ANGLES: Final = {("roll", "pitch", "yaw"): False, ("roll_deg", "pitch_deg", "yaw_deg"): True}
 """Columns about fixed axes in place of a quaternion, as in URDF; whether in degrees."""
-_BAG: Final = b"#ROSBAG"
 
 
 class TrackFile(NamedTuple):
@@ -107,7 +107,7 @@ def read_track_file(config: DriveConfig) -> TrackFile:
     path = Path(config.track)
     if is_ros2_bag(path):
         return _from_ros2_bag(path, config)
-    if path.is_dir() or _begins(path) == _BAG:
+    if _is_bag(path):
         return _from_bag(path, config)
     if config.topic is not None:
         raise TrackError(f"{path}: drive.topic is allowed for a bag only, and this is not one")
@@ -127,12 +127,16 @@ def read_track_file(config: DriveConfig) -> TrackFile:
     return _checked(path.name, config.pose_of or BASE, np.array(stamps, np.int64), table_, lambda k: f"line {lines[k]}")
 
 
-def _begins(path: Path) -> bytes:
+def _is_bag(path: Path) -> bool:
+    """Whether a path is a folder, or begins as a bag; a pipe would be empty when it is read again.
+
+    Raises:
+        TrackError: neither a folder nor a readable file.
+    """
     try:
-        with path.open("rb") as source:
-            return source.read(len(_BAG))
-    except OSError as error:
-        raise TrackError(f"cannot read the track file {path}: {error.strerror}") from error
+        return path.is_dir() or first_bytes(path).startswith((b"#ROSBAG", MCAP))
+    except BagError as error:
+        raise TrackError(str(error).replace("cannot read ", "cannot read the track file ", 1)) from error
 
 
 def _from_ros2_bag(path: Path, config: DriveConfig) -> TrackFile:

@@ -9,6 +9,7 @@ import numpy as np
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.bag_file import BagFile
+from fieldtruth.bag.decode import UNIT
 from fieldtruth.bag.model_states import ROBOT, ModelStatesReader
 from fieldtruth.bag.reader import BagError, decoder, open_bag
 from fieldtruth.bag.streams import refuse_second_pass, rising_rows
@@ -82,8 +83,21 @@ def read_trajectory(run: BagFile, topic: str = table.ODOMETRY, *, coarse: bool =
     else:
         run.require(topic)
     stamps_ns, poses = np.array(stamps, np.int64), np.array(rows, np.float64).reshape(-1, 7)
+    _check_poses(stamps_ns, poses, f"{topic} of {run.bag}")
     order = rising_rows(stamps_ns, topic, run.bag, coarse=coarse)
     return Trajectory(stamps_ns[order], poses[order, :3], poses[order][:, [6, 3, 4, 5]])
+
+
+def _check_poses(stamps_ns: Counts, poses: Array, where: str) -> None:
+    with np.errstate(invalid="ignore", over="ignore"):
+        valid = np.isfinite(poses).all(axis=1) & (np.abs(np.linalg.norm(poses[:, 3:], axis=1) - 1.0) <= UNIT)
+    if not valid.all():
+        row = int(np.argmin(valid))
+        values = ", ".join(f"{value:g}" for value in poses[row])
+        raise BagError(
+            f"{where} at {stamps_ns[row]} ns: a pose must be finite, with a quaternion of length 1, "
+            f"got x, y, z, qx, qy, qz, qw {values}"
+        )
 
 
 def _from_odometry(run: BagFile, topic: str) -> Rows:

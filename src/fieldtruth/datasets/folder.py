@@ -10,6 +10,7 @@ from typing import Any, SupportsIndex, TypedDict, Unpack
 
 import numpy as np
 
+from fieldtruth.bag.bag_file import BAG_ENDINGS
 from fieldtruth.bag.reader import BagError
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.datasets.items import Sensor
@@ -124,8 +125,10 @@ def _bags(root: Path) -> Iterator[tuple[str, Path]]:
             continue
         seen.add(real)
         folders[:] = [name for name in folders if not name.startswith(".")]
-        bags = [name for name in files if name.endswith(".bag") and not name.startswith(".")]
-        here, own = Path(path), f"{Path(real).name}.bag"
+        here, bags = Path(path), list[str]()
+        for ending in BAG_ENDINGS:
+            bags = bags or [name for name in files if name.endswith(ending) and not name.startswith(".")]
+        own = Path(real).name + (Path(bags[0]).suffix if bags else "")
         for name in [own] if own in bags else bags:
             called = here if name == own and here != root else (here / name).with_suffix("")
             yield called.relative_to(root).as_posix(), here / name

@@ -33,7 +33,7 @@ _BESIDE: Final = (EXPERIMENT, CARD, MADE_BY, CHECKSUMS, "README.md", "README.txt
 
 
 def write(runs: Sequence[Run], target: Path, options: Options) -> None:
-    """Write ``NAME.bag``, ``NAME.sha256`` and the files of the bag's folder that describe it.
+    """Write the bag, ``NAME.sha256`` and the files of the bag's folder that describe it.
 
     Raises:
         BagError: the bag cannot be read, or differs from its checksum in SHA256SUMS.
@@ -43,17 +43,17 @@ def write(runs: Sequence[Run], target: Path, options: Options) -> None:
     digest = hashlib.sha256()
     with ZipFile(target, "w") as archive:
         with options.progress.stage("pack the bag", run.duration_s) as advance:
-            add_member(archive, f"{run.name}.bag", _blocks(run, digest.update, advance))
+            add_member(archive, run.bag.name, _blocks(run, digest.update, advance))
         if expected not in (None, digest.hexdigest()):
             raise BagError(f"{run.bag} has changed since {CHECKSUMS} beside it was written: its SHA-256 differs")
-        add_member(archive, f"{run.name}.sha256", [f"{digest.hexdigest()}  {run.name}.bag\n".encode()])
+        add_member(archive, f"{run.name}.sha256", [f"{digest.hexdigest()}  {run.bag.name}\n".encode()])
         for path in _beside(run):
             add_member(archive, path.name, [path.read_bytes()])
 
 
 def _beside(run: Run) -> list[Path]:
     """Files that describe this bag; none if the folder has another bag."""
-    if list(run.folder.glob("*.bag")) != [run.bag]:
+    if list(run.folder.glob(f"*{run.bag.suffix}")) != [run.bag]:
         return []
     paths = [run.folder / name for name in _BESIDE if name != EXPERIMENT or run.experiment is not None]
     return [path for path in paths if path.is_file()]

@@ -19,8 +19,8 @@ from rosbags.rosbag1 import ReaderError
 from rosbags.rosbag1.reader import ChunkInfo, Header, RecordType, decompressors, read_bytes, read_uint32
 
 from fieldtruth.bag.checksums import CHECKSUMS, read_checksums, sha256_of
-from fieldtruth.bag.errors import read_errors
-from fieldtruth.bag.reader import BagError, RawMessage, open_bag
+from fieldtruth.bag.errors import MCAP, read_errors
+from fieldtruth.bag.reader import BagError, BagReader, RawMessage, open_bag
 from fieldtruth.bag.run import EXPERIMENT, Run, open_run
 from fieldtruth.core.errors import ConfigurationError, FieldtruthError
 from fieldtruth.core.progress import Progress
@@ -85,8 +85,9 @@ def was_bag(path: Path) -> bool:
     """Whether an unreadable file is a damaged bag: it has the magic number, or files beside it belong to a bag."""
     try:
         with path.open("rb") as source:
-            begins = source.read(len(MAGIC)) == MAGIC
-        return begins or path.name in read_checksums(path.parent) or (path.parent / EXPERIMENT).is_file()
+            begins = source.read(len(MAGIC))
+        named = path.name in read_checksums(path.parent) or (path.parent / EXPERIMENT).is_file()
+        return begins.startswith((MAGIC, MCAP)) or named
     except (FieldtruthError, OSError):
         return False
 
@@ -225,6 +226,31 @@ class BagFile:
         stamps = [stamp for _, stamp, _ in found]
         right = not stamps or (info.start_time, info.end_time) == (min(stamps), max(stamps))
         self.tally[COUNTS].see(right, f"{where}: other first or last stamp")
+
+
+class OtherFile:
+    """A bag of another format, such as MCAP: read once in time order; what must hold is that it can be read."""
+
+    def __init__(self, stored: BagReader) -> None:
+        self.tally, self._stored = Tally(STRUCTURE), stored
+
+    @property
+    def readable(self) -> bool:
+        """Whether everything could be read so far."""
+        return self.tally[READABLE].wrong == 0
+
+    def messages(self) -> Iterator[RawMessage]:
+        """Messages in time order. Damage ends the stream and fails the check."""
+        try:
+            yield from self._stored.messages()
+            self.tally[READABLE].see(True, "")
+        except BagError as error:
+            self.tally[READABLE].see(False, str(error))
+
+    def result(self) -> Check:
+        """Return the check of the structure."""
+        self.tally.note = f"{self._stored.path.stat().st_size / 1e6:.1f} MB"
+        return self.tally.result()
 
 
 def unpack(compression: str, packed: bytes) -> bytes:

@@ -9,6 +9,7 @@ from typing import Any, Final
 from rosbags.typesys.store import Typestore
 
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.errors import is_ros1
 from fieldtruth.bag.made_by import difference, makers_of
 from fieldtruth.bag.reader import BagError, BagReader, RawMessage, open_bag
 from fieldtruth.bag.run import find_bag
@@ -18,7 +19,7 @@ from fieldtruth.sensors.checks import CHECKS
 from fieldtruth.validation import files, streams
 from fieldtruth.validation.check import Check, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, at
-from fieldtruth.validation.files import BagFile
+from fieldtruth.validation.files import BagFile, OtherFile
 from fieldtruth.validation.kind_checks import Pass
 from fieldtruth.validation.motion import calibration, clocks, commands, drive, poses
 from fieldtruth.validation.retrace import agreement, readings, reference, world
@@ -113,7 +114,8 @@ def _checkers(context: Context, full: bool, samples: int) -> list[Checker]:
 
 def _read(context: Context, stored: BagReader, workers: int, advance: Advance, checkers: list[Checker]) -> list[Check]:
     """Read the bag once, and return all checks of its content."""
-    store, file, messages = stored.types(), BagFile(stored.path, stored.connections), context.tally(MESSAGES)
+    file = BagFile(stored.path, stored.connections) if is_ros1(stored.path) else OtherFile(stored)
+    store, messages = stored.types(), context.tally(MESSAGES)
     by_topic: dict[str, list[Checker]] = {}
     for checker in checkers:
         for topic in checker.topics:

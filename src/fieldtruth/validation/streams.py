@@ -14,6 +14,7 @@ from typing import Any, Final, NamedTuple
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.base_messages import BASE, ODOM, WHEEL_FRAMES
 from fieldtruth.bag.decode import stamp_ns
+from fieldtruth.bag.errors import is_ros1
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.robot_messages import WORLD
 from fieldtruth.experiment.sensor_config import KINDS, TRUTH, SensorConfig
@@ -236,6 +237,7 @@ class Headers(Checker):
         self._frame_of, self._lossy = _frame_of(context), loses(context)
         self._headers, self._frames = context.tally(HEADERS), context.tally(FRAMES)
         self.tallies = [self._headers, self._frames]
+        self._numbered = is_ros1(context.run.bag)  # ROS 2 has no sequence numbers
         self._numbers: dict[str, int] = {}
         self._named: dict[str, str] = {}
         self._known: set[str] = set()
@@ -250,7 +252,8 @@ class Headers(Checker):
             header = part.header
             self._numbers[raw.topic] = header.seq + 1
             right = header.seq >= number if raw.topic in self._lossy else header.seq == number
-            self._headers[SEQUENCE].see(right, f"{at(raw)}: {header.seq} instead of {number}")
+            if self._numbered:
+                self._headers[SEQUENCE].see(right, f"{at(raw)}: {header.seq} instead of {number}")
             self._named.setdefault(header.frame_id, at(raw))
             if raw.topic == table.TF and part.child_frame_id in WHEEL_FRAMES:
                 self._see_frame(raw, header.frame_id, BASE)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
-from fieldtruth.bag.reader import RawMessage
+from fieldtruth.bag.reader import BagError, RawMessage
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
 from fieldtruth.drive.state import poses_at
@@ -89,7 +89,13 @@ class Clouds(Checker):
         def work() -> list[Tally]:
             try:
                 _check_cloud(raw, message, config, labels, rays, classes)
-            except (ValueError, KeyError, TypeError, IndexError) as error:  # bytes that do not hold these fields
+            except (
+                BagError,
+                ValueError,
+                KeyError,
+                TypeError,
+                IndexError,
+            ) as error:  # bytes that do not hold these fields
                 labels[LAYOUT].see(False, f"{where}: {error}")
             return [labels, rays, classes.tally]
 
@@ -244,7 +250,7 @@ class RetracedClouds(Checker):
             cloud = ideal_points(measured, config, directions)
             xyz = np.stack([cloud[axis] for axis in "xyz"], axis=-1)
             bag = DenseCloud.of(config, cloud["column"], cloud["ring"], xyz, cloud["label"], cloud["instance"])
-        except (ValueError, KeyError):
+        except (BagError, ValueError, KeyError):
             return []  # the check of labels reports the layout
         lidars = vars(self._own)
         if config.name not in lidars:

@@ -1,0 +1,133 @@
+# SPDX-FileCopyrightText: 2026 The fieldtruth authors
+# SPDX-License-Identifier: Apache-2.0
+"""A bag is annotated in the world where it was recorded, and refused in any other."""
+
+import re
+import warnings
+from collections.abc import Callable
+from itertools import permutations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from annotate_bags import odometry, states, true_pose, write
+
+from fieldtruth.annotation.check import check_objects
+from fieldtruth.bag.run import open_run
+from fieldtruth.core import frames
+from fieldtruth.core.arrays import Array
+from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning
+from fieldtruth.gazebo import DEFAULT_LAYOUT
+from fieldtruth.world.build import load_world
+from fieldtruth.world.model import World
+
+ENVIRONMENTS = ("park", "lake", "forest", "hillside")
+EXCERPT = Path(__file__).parent / "data" / "gazebo_park.bag"
+Models = dict[str, Array]
+
+
+def models_of(world: World) -> Models:
+    """Poses (4, 4) by name, as Gazebo lists them, but in another order."""
+    models = {name: np.eye(4) for name in reversed(world.object_names[1:])}
+    for instance in world.instances:
+        pose = instance.world_from_object.copy()
+        pose[:3, :3] /= np.cbrt(np.linalg.det(pose[:3, :3]))
+        models[instance.name] = pose
+    return {**models, "husky": true_pose(0.0)}
+
+
+def check(folder: Path, models: Models, world: World, **options: Any) -> None:
+    run = open_run(write(folder / "x.bag", [states(1, models)]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_objects(run, world, **options)
+
+
+@pytest.fixture(scope="module")
+def park() -> World:
+    return load_world("park")
+
+
+def test_a_bag_of_the_world_is_taken(park: World, tmp_path: Path) -> None:
+    check(tmp_path, models_of(park), park)
+    check_objects(open_run(EXCERPT), park)  # recorded by Gazebo, on ground of a coarser grid
+
+
+@pytest.mark.parametrize("name", ["lake", "forest", "hillside"])
+def test_other_environments_and_their_coarse_ground_for_gazebo_are_taken(name: str, tmp_path: Path) -> None:
+    check(tmp_path, models_of(load_world(name, 0, DEFAULT_LAYOUT)), load_world(name))
+
+
+@pytest.mark.parametrize(("recorded", "given"), list(permutations(ENVIRONMENTS, 2)))
+def test_another_environment_is_refused(recorded: str, given: str, tmp_path: Path) -> None:
+    world = load_world(given)
+    with pytest.raises(FieldtruthError) as error:
+        check(tmp_path, models_of(load_world(recorded)), world)
+    found = re.search(rf"another world: (\d+) of the (\d+) objects of {given} with seed 0 match; ", str(error.value))
+    assert found
+    assert int(found[1]) < 10 < int(found[2]) == len(world.object_names) - 1
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["lake", "hillside"])
+def test_another_seed_is_refused(name: str, tmp_path: Path) -> None:
+    with pytest.raises(FieldtruthError, match=f"objects of {name} with seed 1 match; .* is at x "):
+        check(tmp_path, models_of(load_world(name, 0)), load_world(name, 1))
+
+
+@pytest.mark.parametrize(("recorded", "given"), [({}, {"benches": 2}), ({"benches": 2}, {})])
+def test_another_layout_is_refused(recorded: dict[str, int], given: dict[str, int], tmp_path: Path) -> None:
+    bag, world = load_world("park", 0, recorded), load_world("park", 0, given)
+    with pytest.raises(FieldtruthError, match="was recorded in another world: "):
+        check(tmp_path, models_of(bag), world)
+
+
+def without(name: str) -> Callable[[Models], Models]:
+    return lambda models: {key: pose for key, pose in models.items() if key != name}
+
+
+def turned(models: Models) -> Models:
+    return {**models, "bench_1": models["bench_1"] @ frames.pose((0.0, 0.0, 0.0), (0.0, 0.0, 15.0))}
+
+
+def lost(models: Models) -> Models:
+    pose = models["bench_1"].copy()
+    pose[0, 3] = np.nan
+    return {**models, "bench_1": pose}
+
+
+@pytest.mark.parametrize(
+    ("change", "line"),
+    [
+        (without("bench_1"), "141 of the 142 objects of park with seed 0 match; 1 are missing, first 'bench_1'; give"),
+        (without("park_ground"), "141 of the 142 objects .*; 1 are missing, first 'park_ground'; "),
+        (turned, "141 of the 142 objects .*; 'bench_1' is at x .*, in this world at x "),
+        (lost, "141 of the 142 objects .*; 'bench_1' is at x nan, "),
+        (
+            lambda models: {**models, "bench_77": np.eye(4)},
+            "142 of the 142 objects .*; 1 are not in this world, first 'bench_77'; ",
+        ),
+        (
+            lambda models: {"husky": models["husky"]},
+            "0 of the 142 objects .*; 142 are missing, first 'park_ground'; ",
+        ),
+    ],
+)
+def test_one_object_that_differs_is_named(
+    change: Callable[[Models], Models], line: str, park: World, tmp_path: Path
+) -> None:
+    with pytest.raises(FieldtruthError, match=line):
+        check(tmp_path, change(models_of(park)), park)
+
+
+def test_other_models_are_allowed_and_named(park: World, tmp_path: Path) -> None:
+    models = {**models_of(park), "drone": true_pose(1.0), "jackal": true_pose(2.0), "park_backdrop": np.eye(4)}
+    with pytest.raises(FieldtruthWarning, match=r"has models that park with seed 0 lacks, .* sees them: drone$"):
+        check(tmp_path, models, park, robot="jackal")
+
+
+def test_without_models_the_world_is_an_assumption(park: World, tmp_path: Path) -> None:
+    run = open_run(write(tmp_path / "x.bag", [odometry(1, true_pose(0.0))]))
+    with pytest.warns(FieldtruthWarning, match="nothing shows whether it was recorded in park with seed 0"):
+        check_objects(run, park)
