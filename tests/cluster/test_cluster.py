@@ -9,10 +9,14 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import MagicMock
 
 import pytest
 
 from fieldtruth import cli
+from fieldtruth.bag.made_by import noted
 from fieldtruth.cluster import connection
 from fieldtruth.cluster.agreement import difference, facts
 from fieldtruth.cluster.recent import Recent
@@ -63,6 +67,19 @@ def test_a_process_agrees_with_itself_and_not_with_others() -> None:
     assert difference(other, here) == f"numpy 1.0 instead of {here['numpy']}"
     edited = dict(here) | {"key of the code": "x"}
     assert difference(edited, here).startswith("key of the code x instead of ")
+
+
+def test_a_slice_that_comes_through_the_scheduler_names_what_made_it(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    from fieldtruth.cluster.slices import ClusterSlices
+    from fieldtruth.cluster.worker import Order
+
+    order = Order("", "key", str(tmp_path), "token", 0)
+    slices = ClusterSlices(MagicMock(), order, MagicMock(), (), 10**9)
+    made: Any = SimpleNamespace(status="finished", result=lambda: (b"slice", {"packet width": "8"}))
+    assert slices._keep(0, made)
+    assert slices.path(0).read_bytes() == b"slice"
+    assert json.loads(noted(tmp_path)) == [{"packet width": "8"}]
 
 
 @pytest.mark.parametrize("error", [UnknownNameError("world", "prak", ["park"]), ClusterError("no scheduler")])

@@ -129,7 +129,7 @@ def changed(run: Path, target: Path, edits: Edits, makers: list[dict[str, str]] 
 def test_last_digits_of_another_processor_pass(
     makers: list[dict[str, str]] | None, lean_run: Path, tmp_path: Path, validate_in_park: Validate
 ) -> None:
-    """Four of five clouds are equal, so that no share of equal ones can tell the processor."""
+    """Four of five clouds are equal, so that no share of equal ones shows the processor."""
     checks = validate_in_park(changed(lean_run, tmp_path, {(POINTS, 2): last_digit}, makers), samples=1)
     assert failures(checks) == {}
     texts = {check.name: check.text for check in checks}
