@@ -252,7 +252,7 @@ def add_commands(command: AddCommand) -> None:
         "what",
         metavar="LIST",
         nargs="?",
-        help="experiments, environments, sensors, robots, label-maps or formats (the first two)",
+        help="experiments, environments (these two), sensors, robots, label-maps or formats",
     )
     bench = command("bench", _bench, "Measure the speed of this machine.")
     bench.add_argument("--env", metavar="NAME", default="park", help="environment (park)")
