@@ -16,6 +16,7 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.kind import Place
 from fieldtruth.sensors.known import new_sensors
 from fieldtruth.simulation.frame import Frame
+from fieldtruth.world.model import World
 
 WORLD = make_world(
     [(box("near", (0.3, 0.3, 0.6)), at(2.5, 1.0, 0.6)), (box("wall", (0.2, 8.0, 1.5), "bark"), at(9.0, 0.0, 1.5))],
@@ -54,9 +55,9 @@ def experiment(*, seconds: float = 0.4, signal: bool = False, clock: bool = Fals
     return make_experiment([(3.0, 0.5)], seconds=seconds, rig=rig, seed=seed)
 
 
-def messages_of(frames: Iterable[Frame], made: Experiment) -> dict[str, list[tuple[int, bytes]]]:
+def messages_of(frames: Iterable[Frame], made: Experiment, world: World = WORLD) -> dict[str, list[tuple[int, bytes]]]:
     """Messages of the readings of frames by topic, each with its stamp [ns]."""
-    place = Place(WORLD, made.rig, scene=SCENE)
+    place = Place(world, made.rig, scene=SCENE if world is WORLD else None)
     outputs = {
         output.name: (sensor, output)
         for sensor in new_sensors(place, made.rig).values()

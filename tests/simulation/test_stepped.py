@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from drive_worlds import make_experiment
 from sense_worlds import make_world
-from stepped_rigs import SCENE, experiment, messages_in, messages_of
+from stepped_rigs import SCENE, experiment, messages_in, messages_of, sensors
 
 import fieldtruth as ft
 from fieldtruth.drive.simulate import drive
@@ -197,3 +197,41 @@ def test_names_of_transforms_that_were_in_frames_still_work() -> None:
     with pytest.warns(DeprecationWarning, match="ft.transforms.pose"):
         old = ft.frames.pose((1.0, 2.0, 3.0))  # type: ignore[attr-defined]
     np.testing.assert_array_equal(old, ft.transforms.pose((1.0, 2.0, 3.0)))
+
+
+def test_poses_that_are_given_can_be_stepped_too(tmp_path: Path) -> None:
+    """Along a track file, and at separate frames of a robot that stands."""
+    rows = [f"{0.1 * k} {0.05 * k - 3.0} {0.02 * k} 0.5 0 0 0 1" for k in range(8)]
+    (tmp_path / "path.tum").write_text("\n".join(rows) + "\n")
+    made = experiment()
+    ideal = made.rig.with_sensors(ft.CameraConfig, enabled=False)
+    along = {"route": None, "seconds": None, "drive": {"track": str(tmp_path / "path.tum")}, "rig": ideal.model_dump()}
+    standing = {"route": None, "seconds": None, "frames": {"count": 3}}
+    flash = {"sensors": [item for item in sensors() if item.get("name") == "flash"]}
+    for changes in (along, standing | {"rig": flash}):
+        given = ft.Experiment.model_validate(made.model_dump() | changes)
+        sim = ft.Simulation(given, scene=SCENE)
+        frames = [sim.reset()]
+        while not sim.done:
+            frames.append(sim.step(0.06))
+        found = messages_of(frames, sim.experiment)
+        assert found == messages_of(ft.frames(given, scene=SCENE, workers=1), sim.experiment)
+        assert len(found["/flash/points"]) == (4 if "drive" in changes else 3)
+        sim.reset()
+        with pytest.raises(ft.ConfigurationError, match=r"^command must be None: this experiment has poses"):
+            sim.step(0.1, (0.1, 0.0))
+        with pytest.raises(ft.ConfigurationError, match=r"no robot in the physics$"):
+            _ = sim.robot
+
+
+@pytest.mark.slow
+def test_a_drive_in_the_park_equals_its_bag(tmp_path: Path) -> None:
+    park = ft.load_experiment("park_1")
+    rig = park.rig.with_sensors(ft.StereoConfig, width=320, height=184, depth=True, instances=True)
+    made = park.model_copy(update={"seconds": 0.3, "rig": rig})
+    bag = messages_in(ft.generate(made, tmp_path), made)
+    sim, found = ft.Simulation(made), list[ft.Frame]()
+    while not sim.done:
+        found.append(sim.step(0.1))
+    assert messages_of(found, made, sim.world) == bag
+    assert messages_of(ft.frames(made), made, sim.world) == bag
