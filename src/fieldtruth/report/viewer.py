@@ -28,7 +28,7 @@ from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.files import atomic_output, output_errors
 from fieldtruth.core.progress import Progress, Silent, counted
-from fieldtruth.core.readings import Cloud, Fix, Image, Inertial, Message, WheelSpeeds
+from fieldtruth.core.readings import Cloud, Fix, Image, Inertial, Message, Reading, WheelSpeeds
 from fieldtruth.report.drawing.vectors import flow_colours, normal_colours
 
 RATE: Final = 5.0  # [Hz]
@@ -114,7 +114,9 @@ class _Log:
                     yield run.readings(view.name, [part]), send
         for lidar in run.of(Cloud):
             yield run[lidar.name], self._points
-        for kind, entity, send in ((Inertial, "imu", self._imu), (Fix, "gnss", self._navsat)):
+        measured: list[tuple[type[Reading], str, Callable[[str, Any], None]]]
+        measured = [(Inertial, "imu", self._imu), (Fix, "gnss", self._navsat)]
+        for kind, entity, send in measured:
             sensors = run.of(kind, recorded=False)
             for sensor, name in zip(sensors, _entity_names(entity, sensors), strict=True):
                 if sensor.has(run.counts):
