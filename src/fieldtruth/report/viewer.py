@@ -116,11 +116,11 @@ class _Log:
             yield run[lidar.name], self._points
         measured: list[tuple[type[Reading], str, Callable[[str, Any], None]]]
         measured = [(Inertial, "imu", self._imu), (Fix, "gnss", self._navsat)]
-        for kind, entity, send in measured:
+        for kind, entity, log in measured:
             sensors = run.of(kind, recorded=False)
             for sensor, name in zip(sensors, _entity_names(entity, sensors), strict=True):
                 if sensor.has(run.counts):
-                    yield run[sensor.name], partial(send, name)
+                    yield run[sensor.name], partial(log, name)
         for wheels in run.of(WheelSpeeds):
             yield run[wheels.name], self._wheels
 
