@@ -18,16 +18,16 @@ import fieldtruth as ft
 from fieldtruth.bench.bare import MODES, BareTracer
 from fieldtruth.bench.sensors import pixel_directions, poses_on_route
 from fieldtruth.core.arrays import Array, Float32Array
+from fieldtruth.kernels import packets
 from fieldtruth.kernels.packets import Packet, new_packet, set_ray
-from fieldtruth.sense import embree
 from fieldtruth.sensors.lidar.sensing import ray_directions
 
 VIEWS, TRIES = 6, 3
 RANDOM = 1 << 20
-LANES = embree.LANES
-_OX, _OY, _OZ, _DX, _DY, _DZ = embree.ORG_X, embree.ORG_Y, embree.ORG_Z, embree.DIR_X, embree.DIR_Y, embree.DIR_Z
-_FAR, _GEOM, _INST, _MISS = embree.TFAR, embree.GEOM_ID, embree.INST_ID, embree.MISS
-_intersect: Any = embree.intersect
+LANES = packets.LANES
+_OX, _OY, _OZ, _DX, _DY, _DZ = packets.ORG_X, packets.ORG_Y, packets.ORG_Z, packets.DIR_X, packets.DIR_Y, packets.DIR_Z
+_FAR, _GEOM, _INST, _MISS = packets.TFAR, packets.GEOM_ID, packets.INST_ID, packets.MISS
+_intersect: Any = packets.intersect
 
 
 @njit(nogil=True, error_model="numpy")
