@@ -45,7 +45,7 @@ sys.exit(main(sys.argv[1:]))
 def module() -> str:
     """Source of the sonar."""
     page = (ROOT / "docs/extending.md").read_text("utf-8")
-    return re.findall(r'```python title="sonar.py"\n(.*?)```', page, flags=re.S)[0]
+    return str(re.findall(r'```python title="sonar.py"\n(.*?)```', page, flags=re.S)[0])
 
 
 @pytest.fixture
