@@ -14,11 +14,12 @@ from fieldtruth.drive.track import ImuReadings, stamps_at_rate
 from fieldtruth.experiment.clock_config import ClockConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.record.clocks import read_clock
+from fieldtruth.sensors.imu.check_noise import ImuNoise
 from fieldtruth.sensors.imu.noise import ImuErrors, Triad
 from fieldtruth.sensors.imu.signal import ImuSignal
+from fieldtruth.sensors.wheel_odometry.check_noise import WheelNoise
 from fieldtruth.validation.check import Check, Spec, Tally
 from fieldtruth.validation.motion.clocks import Clocks
-from fieldtruth.validation.motion.measured import ImuNoise, WheelNoise
 
 RATE = 200.0
 STAMPS = stamps_at_rate(RATE, 60 * 10**9)

@@ -11,11 +11,10 @@ from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.track import Commands
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.topic import BASE as BASE
+from fieldtruth.experiment.topic import ODOM as ODOM
 from fieldtruth.experiment.topic import WHEELS
 
-BASE: Final = "base_link"
-ODOM: Final = "odom"
-"""Frame in which wheel odometry starts (REP-105). It is not in /tf, where the parent of base_link is the world."""
 WHEEL_FRAMES: Final = tuple(f"{wheel}_wheel" for wheel in WHEELS)
 JOINTS: Final = tuple(f"{wheel}_wheel_joint" for wheel in WHEELS)
 """Names of the wheels' joints, as in the URDF of ``fieldtruth gazebo``; a differential robot has the first two."""

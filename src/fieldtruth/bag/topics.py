@@ -58,8 +58,10 @@ def topics_of_run(experiment: Experiment, *, latched: bool) -> tuple[Topic, ...]
     return tuple(row if row.latched else row._replace(rate_hz=FRAME_RATE) for row in still)
 
 
-PAPER_TOPICS: Final = topics_of(paper_rig(stereo=StereoConfig(depth=True, instances=True)), latched=True)
-"""Topics of the paper's rig, with depth and instances."""
+PAPER_RIG: Final = paper_rig(stereo=StereoConfig(depth=True, instances=True))
+"""The paper's rig, with depth and instances."""
+PAPER_TOPICS: Final = topics_of(PAPER_RIG, latched=True)
+"""Topics of this rig."""
 
 _PUBLISHED: Final = {
     "/os0_cloud_node/points": "/os1_cloud_node/points",

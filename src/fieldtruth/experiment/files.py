@@ -14,12 +14,10 @@ from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.experiment.catalogue import experiment_names, experiment_text
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.problems import configuration_error, shortened
-from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.experiment.sensor_config import KINDS, SensorConfig
 from fieldtruth.experiment.signal_config import KEY, WORDS, with_signal_files
 from fieldtruth.experiment.urdf import KEY as URDF
 from fieldtruth.experiment.yaml_io import parse_mapping, read_text, write_mapping
-from fieldtruth.sensors.camera.config import EXTRAS, CameraConfig
-from fieldtruth.sensors.lidar.config import LidarConfig
 
 VERSION_KEY: Final = "fieldtruth"
 """Key of the version that wrote a file; optional in files written by hand."""
@@ -102,7 +100,7 @@ def with_overrides(
         seed: root of all randomness.
         cameras: whether the cameras are simulated.
         lidar: whether the LiDARs are simulated.
-        extras: image streams of ``EXTRAS`` that cameras publish besides photograph and tag; the others are off.
+        extras: ``extras`` that cameras publish besides photograph and tag; the others are off.
         signal: of every sensor whose kind has one: ``ideal``, ``datasheet``, ``robot``, or a mapping of names or
             kinds of sensors to their ``signal``; see ``read_signal``.
         light: preset that replaces all of ``light``.
@@ -116,14 +114,14 @@ def with_overrides(
         key: value for key, value in (("seconds", seconds), ("seed", seed), ("light", light)) if value is not None
     }
     rig = experiment.rig
-    for config, enabled in ((CameraConfig, cameras), (LidarConfig, lidar)):
-        if enabled is not None:
-            rig = rig.with_sensors(config, enabled=enabled)
+    wanted = {switch: on for switch, on in (("cameras", cameras), ("lidar", lidar)) if on is not None}
+    rig = rig.with_each(lambda sensor: {"enabled": wanted[sensor.switch]} if sensor.switch in wanted else {})
     if extras is not None:
+        known = [*dict.fromkeys(name for config in KINDS.values() for name in config.extras)]
         for name in extras:
-            if name not in EXTRAS:
-                raise UnknownNameError("extra", name, EXTRAS)
-        rig = rig.with_sensors(CameraConfig, **{name: name in extras for name in EXTRAS})
+            if name not in known:
+                raise UnknownNameError("extra", name, known)
+        rig = rig.with_each(lambda sensor: {name: name in extras for name in sensor.extras})
     dumped = rig.model_dump()
     if signal is not None:
         signals = _signals(signal, rig.sensors)

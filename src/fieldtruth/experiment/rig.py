@@ -3,7 +3,7 @@
 """Configuration of the robot and its sensors; by default the paper's (Tables 1, 2 and 5)."""
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
@@ -138,7 +138,11 @@ class Rig(Frozen):
 
     def with_sensors(self, config: type[SensorConfig], **values: Any) -> Self:
         """Return a rig in which all sensors of a class, or of one derived from it, have other values."""
-        changed = tuple(s.model_copy(update=values) if isinstance(s, config) else s for s in self.sensors)
+        return self.with_each(lambda sensor: values if isinstance(sensor, config) else {})
+
+    def with_each(self, change: Callable[[SensorConfig], Mapping[str, Any]]) -> Self:
+        """Return a rig in which each sensor has the values that ``change`` returns for it."""
+        changed = tuple(sensor.model_copy(update=change(sensor)) for sensor in self.sensors)
         return self.model_copy(update={"sensors": changed})
 
     def mounts(self) -> dict[str, Mount]:

@@ -9,40 +9,16 @@ change the robot.
 from collections.abc import Mapping
 from typing import Any, Final
 
-from fieldtruth.experiment.fields import Boolean, Frozen, Mount, Rate
+from fieldtruth.experiment.fields import Frozen, Mount
 from fieldtruth.experiment.robot_config import RobotConfig, WheelConfig
 from fieldtruth.experiment.sensor_config import KINDS, SensorConfig, part
-from fieldtruth.sensors.camera.stereo_config import StereoConfig
-from fieldtruth.sensors.gnss.config import GnssConfig
-from fieldtruth.sensors.imu.config import ImuConfig
-from fieldtruth.sensors.lidar.config import LidarConfig
-from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
+from fieldtruth.sensors.configs import CONFIGS
 
-
-class TachometerConfig(Frozen):
-    """Tachometers of the four wheels."""
-
-    enabled: Boolean = True
-    rate_hz: Rate = 10.0
-
-
-class OdometryConfig(Frozen):
-    """Wheel odometry and joint states."""
-
-    rate_hz: Rate = 50.0
-
-
-PAPER_KINDS: Final = (ImuConfig, GnssConfig, WheelOdometryConfig, LidarConfig, StereoConfig)
+_OF_PAPER: Final = tuple(config for config in CONFIGS if "sections" in vars(config))
 """The sensors of the paper, in the order of the topics in a bag."""
-
-SECTIONS: Final[dict[str, type[Frozen]]] = {
-    "imu": ImuConfig,
-    "gnss": GnssConfig,
-    "tachometers": TachometerConfig,
-    "odometry": OdometryConfig,
-    "lidar": LidarConfig,
-    "cameras": StereoConfig,
-}
+_SECTIONS: Final = {key: (config, each) for config in _OF_PAPER for key, each in config.sections.items()}
+SECTIONS: Final[dict[str, type[Frozen]]] = {key: each.config or config for key, (config, each) in _SECTIONS.items()}
+"""What each section may have."""
 
 ROBOT_SECTIONS: Final[dict[str, type[Frozen]]] = {"wheels": WheelConfig, "base_footprint": Mount}
 """Keys of a rig that change the part of ``robot`` with the same name."""
@@ -82,7 +58,7 @@ def with_sections(given: Mapping[str, Any]) -> dict[str, Any]:
     """
     rest = {key: value for key, value in given.items() if key not in SECTIONS}
     sections = {key: given[key] for key in SECTIONS if key in given}
-    items = rest.get("sensors", [{"kind": config.model_fields["kind"].default} for config in PAPER_KINDS])
+    items = rest.get("sensors", [{"kind": config.model_fields["kind"].default} for config in _OF_PAPER])
     if not isinstance(items, list | tuple):
         return rest  # the field reports it
     for key, section in sections.items():
@@ -105,20 +81,16 @@ def _changed(items: list[Any], key: str, section: Any) -> list[Any]:
 
 def _item(key: str, section: Any) -> tuple[str, dict[str, Any]]:
     """Kind of sensor that a section changes, and its values by the names that they have in an item."""
-    if key == "tachometers":
-        tachometers = part(TachometerConfig, section, key)
-        set_keys = {"enabled": "enabled", "rate_hz": "tachometer_rate_hz"}
-        return "wheel_odometry", {set_keys[name]: getattr(tachometers, name) for name in tachometers.model_fields_set}
-    if key == "odometry":
-        return "wheel_odometry", part(OdometryConfig, section, key).model_dump(exclude_unset=True)
-    config = SECTIONS[key]
-    if not isinstance(section, Mapping):
-        section = part(config, section, key).model_dump(exclude_unset=True)
-    return str(config.model_fields["kind"].default), dict(section)
+    config, own = _SECTIONS[key]
+    if own.config is not None or not isinstance(section, Mapping):
+        section = part(own.config or config, section, key).model_dump(exclude_unset=True)
+    return str(config.model_fields["kind"].default), {
+        own.keys.get(name, name): value for name, value in section.items()
+    }
 
 
 def _kind(item: Any) -> Any:
     return item.get("kind") if isinstance(item, Mapping) else getattr(item, "kind", None)
 
 
-PAPER_SENSORS: Final[tuple[SensorConfig, ...]] = tuple(config.model_validate({}) for config in PAPER_KINDS)
+PAPER_SENSORS: Final[tuple[SensorConfig, ...]] = tuple(config.model_validate({}) for config in _OF_PAPER)

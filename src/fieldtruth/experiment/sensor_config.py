@@ -10,7 +10,7 @@ from functools import partial
 from importlib.metadata import entry_points
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Final, TypeVar
+from typing import Annotated, Any, ClassVar, Final, NamedTuple, TypeVar
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -37,6 +37,16 @@ FrameName = Annotated[
     str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,63}$", description="the name of a frame: letters, digits and _")
 ]
 
+
+class Section(NamedTuple):
+    """A key of the short form of a rig, such as ``lidar`` or ``odometry``."""
+
+    config: type[Frozen] | None = None
+    """What its value may have; None for the whole configuration."""
+    keys: Mapping[str, str] = {}
+    """Names of its keys in the configuration, where they differ."""
+
+
 TRUTH: Final = "/truth"
 """Ends the name of a topic that has what an ideal sensor reads, beside that of a sensor that is not ideal."""
 KINDS: Final[dict[str, type["SensorConfig"]]] = {}
@@ -59,6 +69,12 @@ class SensorConfig(Frozen):
     """Rank of its topics among those of other kinds in a bag."""
     frame_order: ClassVar[float] = math.inf
     """Rank of its frames among those of other kinds in /tf_static."""
+    sections: ClassVar[Mapping[str, "Section"]] = {}
+    """Keys of the short form of a rig that change the first sensor of this kind; the paper has one of such kinds."""
+    switch: ClassVar[str] = ""
+    """Word with which all sensors of the kind are turned on and off, as ``cameras`` of ``--no-cameras``."""
+    extras: ClassVar[tuple[str, ...]] = ()
+    """Keys of what it publishes only if they are true."""
     datasheet: ClassVar[str] = ""
     """Model whose data sheet ``signal: datasheet`` means of a sensor without ``model``."""
     needs_mount: ClassVar[bool] = False
@@ -154,9 +170,9 @@ class SensorConfig(Frozen):
         """Whether its messages have the true readings at the true time, and none is lost."""
         return self.signal is None and self.clock is None
 
-    def output(self, *topics: Topic, part: str = "", clock: str = "") -> Output:
+    def output(self, *topics: Topic, part: str = "", clock: str = "", frame: str = "") -> Output:
         """Return a series of readings of the sensor, or of a part of it."""
-        return Output(f"{self.name}/{part}" if part else self.name, topics, part, clock=clock)
+        return Output(f"{self.name}/{part}" if part else self.name, topics, part, clock=clock, frame=frame)
 
     def with_truth(self, *outputs: Output) -> tuple[Output, ...]:
         """Return series of its readings and, if it is not ideal, those of the ideal readings after them."""
@@ -212,6 +228,10 @@ class MountedConfig(SensorConfig):
     def of_name(cls, name: str) -> dict[str, Any]:
         """Topic and frame that a sensor has by its name."""
         return {"topic": f"/{name}", "frame": f"{name}_link"}
+
+    def output(self, *topics: Topic, part: str = "", clock: str = "", frame: str = "") -> Output:
+        """Return a series of readings in its frame, or in another one."""
+        return super().output(*topics, part=part, clock=clock, frame=frame or self.frame)
 
     def frames(self) -> dict[str, Mount]:
         """Its frame."""

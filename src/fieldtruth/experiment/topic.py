@@ -4,6 +4,9 @@
 
 from typing import Final, NamedTuple
 
+BASE: Final = "base_link"
+ODOM: Final = "odom"
+"""Frame in which wheel odometry starts (REP-105). It is not in /tf, where the parent of base_link is the world."""
 WHEELS: Final = ("front_left", "front_right", "rear_left", "rear_right")
 
 
@@ -36,6 +39,8 @@ class Output(NamedTuple):
     """Whether it has what an ideal sensor reads, beside the series of one that is not ideal."""
     clock: str = ""
     """Part of the sensor that loses readings by a draw of its own; see ``record.clocks.clock_of``."""
+    frame: str = ""
+    """Frame in the headers of its messages; empty if they have none."""
 
     @property
     def rate_hz(self) -> float:

@@ -27,9 +27,7 @@ def with_stored_track(experiment: Experiment, file: TrackFile) -> Experiment:
 
 def without_wheels(experiment: Experiment) -> Experiment:
     """Return the experiment without wheel odometry."""
-    rig = experiment.rig
-    kept = (each.model_copy(update={"enabled": each.enabled and not each.needs_wheels}) for each in rig.sensors)
-    rig = rig.model_copy(update={"sensors": tuple(kept)})
+    rig = experiment.rig.with_each(lambda sensor: {"enabled": False} if sensor.needs_wheels else {})
     return experiment.model_copy(update={"rig": rig})
 
 

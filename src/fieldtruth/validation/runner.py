@@ -13,19 +13,14 @@ from fieldtruth.bag.reader import BagError, BagReader, RawMessage, open_bag
 from fieldtruth.bag.run import find_bag
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.core.progress import Advance, Progress, Silent, timed
-from fieldtruth.sensors.camera import check as camera
-from fieldtruth.sensors.camera import check_geometry as camera_geometry
-from fieldtruth.sensors.gnss import check as gnss
-from fieldtruth.sensors.imu import check as imu
-from fieldtruth.sensors.lidar import check as lidar
-from fieldtruth.sensors.wheel_odometry import check as wheels
+from fieldtruth.sensors.checks import CHECKS
 from fieldtruth.validation import files, streams
 from fieldtruth.validation.check import Check, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, at
 from fieldtruth.validation.files import BagFile
-from fieldtruth.validation.motion import calibration, clocks, commands, drive, measured, poses
-from fieldtruth.validation.retrace import agreement, noisy_clouds, readings, reference, world
-from fieldtruth.validation.sampler import Sampler
+from fieldtruth.validation.kind_checks import Pass
+from fieldtruth.validation.motion import calibration, clocks, commands, drive, poses
+from fieldtruth.validation.retrace import agreement, readings, reference, world
 
 SAMPLES: Final = 20
 """Number of stamps of a run at which costly checks are made."""
@@ -37,17 +32,16 @@ SPECS: Final[tuple[Spec, ...]] = (
     files.CHECKSUMS_SPEC, files.EXPERIMENT_SPEC, files.STRUCTURE, MESSAGES,
     streams.TOPICS, streams.COUNTS, streams.STAMPS, streams.SYNCHRONISATION, streams.CLOCK, streams.HEADERS,
     streams.FRAMES, calibration.CALIBRATION, poses.STATIC_OBJECTS, poses.MOTION, poses.POSES, drive.DRIVE,
-    imu.IMU, gnss.GNSS, wheels.WHEELS, wheels.ODOMETRY, commands.COMMANDS,
-    lidar.LABELS, lidar.RAYS, camera.IMAGES, camera.TAG_COLOURS, camera.DEPTH, world.OBJECT_CLASSES,
-    agreement.LIDAR_AND_CAMERAS, world.WORLD, lidar.RETRACED_CLOUDS, camera.RETRACED_IMAGES, camera.PHOTOGRAPHS,
-    reference.INDEPENDENT_RAYS,
+    *(spec for kind in CHECKS for spec in kind.motion), commands.COMMANDS,
+    *(spec for kind in CHECKS for spec in kind.form), world.OBJECT_CLASSES, agreement.LIDAR_AND_CAMERAS, world.WORLD,
+    *(spec for kind in CHECKS for spec in kind.retraced), reference.INDEPENDENT_RAYS,
 )  # fmt: skip
 """All checks, in the order of the output."""
 
-_NOT_IDEAL: Final = (clocks.CLOCKS, measured.IMU_NOISE, gnss.FIXES, measured.WHEEL_NOISE)
+_NOT_IDEAL: Final = (clocks.CLOCKS, *(spec for kind in CHECKS for spec in kind.signal))
 """Checks of a run with sensors that are not ideal."""
-ALL_SPECS: Final = (*SPECS, *_NOT_IDEAL, camera_geometry.NORMALS, camera_geometry.FLOW, noisy_clouds.NOISE)
-"""All checks, those of runs with sensors that are not ideal, and of normals and flow, included."""
+ALL_SPECS: Final = (*SPECS, *_NOT_IDEAL, *(spec for kind in CHECKS for spec in kind.extras))
+"""All checks, those of runs with sensors that are not ideal, and of what some runs only have, included."""
 _DECODED_BY_HAND: Final = (table.CLOCK, table.MODEL_STATES, table.STATIC_MODEL_STATES)
 
 
@@ -90,13 +84,10 @@ def validate(
         checks = _read(context, stored, workers or cpu_count(), advance, _checkers(context, full, samples))
     found = {check.name: check for check in [checksums, experiment, *checks]}
     real = not all(sensor.is_ideal for sensor in context.rig.sensors)
-    more = [*[camera_geometry.NORMALS, camera_geometry.FLOW] * camera_geometry.is_recorded(context)]
-    noise = [noisy_clouds.NOISE] * noisy_clouds.noisy(context.rig.lidars)
     specs = (
         *SPECS,
         *_NOT_IDEAL * real,
-        *more,
-        *noise,
+        *(spec for kind in CHECKS for spec in kind.extras_of(context)),
         *[readings.OTHER_SENSORS] * readings.are_checked(context),
     )
     return [found.get(spec.name, Check(spec.name, None, context.no_world)) for spec in specs]
@@ -104,29 +95,17 @@ def validate(
 
 def _checkers(context: Context, full: bool, samples: int) -> list[Checker]:
     """All checks of messages."""
-    run, objects = context.run, world.ObjectClasses(context)
-    pair_sampler, scan_sampler, image_sampler = (Sampler(run.start_ns, run.end_ns, samples) for _ in range(3))
-    # The true motion comes first: other checkers compare with it.
+    rays = None if context.rebuilt is None else reference.RayReference(context, context.rebuilt.world)
+    shared = Pass(context, world.ObjectClasses(context), rays, full, samples)
+    # The true motion comes first: other checkers compare with it. The second ray tracer gets what they choose.
     checkers: list[Checker] = [
         streams.Stamps(context), streams.Headers(context), calibration.Calibration(context),
         poses.ModelStates(context), poses.Poses(context), drive.Drive(context), world.WorldObjects(context),
-        imu.Imu(context), gnss.Gnss(context), wheels.Wheels(context),
-        wheels.WheelOdometry(context), commands.Commands(context),
-        clocks.Clocks(context), measured.ImuNoise(context), gnss.Fixes(context), measured.WheelNoise(context),
-        lidar.Clouds(context, objects), camera.Images(context, objects), objects,
-        agreement.Agreement(context, pair_sampler),
+        *(checker for kind in CHECKS for checker in kind.make(shared)), commands.Commands(context),
+        clocks.Clocks(context), shared.objects, agreement.Agreement(context, shared.sampler()),
     ]  # fmt: skip
-    if camera_geometry.is_recorded(context):
-        geometry_sampler = Sampler(run.start_ns, run.end_ns, samples)
-        checkers.append(camera_geometry.Geometry(context, context.rebuilt, geometry_sampler))
-    if context.rebuilt is not None:
-        rays = reference.RayReference(context, context.rebuilt.world)
-        checkers += [
-            lidar.RetracedClouds(context, context.rebuilt, rays, scan_sampler),
-            camera.RetracedImages(context, context.rebuilt, rays, image_sampler, full=full),
-            readings.Readings(context, context.rebuilt),
-            rays,
-        ]
+    if context.rebuilt is not None and rays is not None:
+        checkers += [readings.Readings(context, context.rebuilt), rays]
     return checkers
 
 

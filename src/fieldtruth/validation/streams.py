@@ -16,10 +16,8 @@ from fieldtruth.bag.base_messages import BASE, ODOM, WHEEL_FRAMES
 from fieldtruth.bag.decode import stamp_ns
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.robot_messages import WORLD
-from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.sensor_config import TRUTH
-from fieldtruth.sensors.camera.config import STREAMS
-from fieldtruth.sensors.wheel_odometry.config import JOINT_STATES, WHEEL_SPEEDS
+from fieldtruth.experiment.sensor_config import KINDS, TRUTH, SensorConfig
+from fieldtruth.experiment.topic import Output, Topic
 from fieldtruth.validation.check import Check, Count, Rule, Spec
 from fieldtruth.validation.context import STEP_NS, Checker, Context, at
 
@@ -50,33 +48,30 @@ HEADERS: Final[Spec] = Spec("headers", (SEQUENCE, FRAME), "headers", "no message
 KNOWN_FRAME: Final = Rule("frames of headers exist in /tf_static or /tf")
 FRAMES: Final[Spec] = Spec("frames", (KNOWN_FRAME,), "frames", "neither /tf_static nor /tf")
 
-_ON_STEPS: Final = ("imu", "gnss", "wheel_odometry")
-"""Kinds of sensors that read at steps of the physics."""
 _OPEN: Final = 500
 """Stamps for which further messages are awaited; an intact bag has a few."""
 
 
-def _frame_of(rig: Rig) -> dict[str, str]:
+def _outputs(context: Context) -> list[tuple[SensorConfig, Output]]:
+    """Sensors of the run with their outputs; of a bag from elsewhere those of the paper."""
+    rig = table.PAPER_RIG if context.experiment is None else context.rig
+    return [(sensor, output) for sensor in rig.in_order() for output in sensor.outputs()]
+
+
+def _frame_of(context: Context) -> dict[str, str]:
     """Frame in the headers of each topic."""
-    wheels = rig.wheel_odometry
-    odometry = {} if wheels is None else {JOINT_STATES: BASE, wheels.topic: ODOM}
-    mounted = {each.topic: each.frame for each in (*rig.imus, *rig.antennas, *rig.lidars)}
-    of_truth = {name + TRUTH: frame for name, frame in (odometry | mounted).items()}
-    optical = {topic: imager.optical_frame for imager in rig.imagers for topic in map(imager.topic_of, STREAMS)}
-    return {table.ODOMETRY: WORLD, table.TF: WORLD} | odometry | mounted | of_truth | optical
+    own = {topic.name: output.frame for _, output in _outputs(context) for topic in output.topics if output.frame}
+    return {table.ODOMETRY: WORLD, table.TF: WORLD} | own
 
 
 def _groups(context: Context) -> list[tuple[str, ...]]:
-    """Topics of the bag that have the same stamps: those of each camera, for example."""
-    odometry, topics = context.rig.wheel_odometry, context.topics
-    wheels = [] if odometry is None else [WHEEL_SPEEDS, (JOINT_STATES, odometry.topic)]
-    groups = [
-        *(tuple(topic.name for topic in topics if topic.sensor == camera.name) for camera in context.rig.cameras),
-        *[tuple(name + end for name in group) for group in wheels for end in ("", TRUTH)],
-        (table.ODOMETRY, table.TF),
-        (table.CLOCK, table.MODEL_STATES),
-    ]
-    return [tuple(name for name in group if name in context.run.counts) for group in groups]
+    """Topics of the bag that have the same stamps: those of both views of a camera, for example."""
+    groups: dict[tuple[object, ...], tuple[str, ...]] = {}
+    for sensor, output in _outputs(context):
+        key = sensor.name, output.rate_hz, output.clock, output.ideal
+        groups[key] = groups.get(key, ()) + tuple(topic.name for topic in output.topics)
+    shared = [*groups.values(), (table.ODOMETRY, table.TF), (table.CLOCK, table.MODEL_STATES)]
+    return [tuple(name for name in group if name in context.run.counts) for group in shared]
 
 
 def loses(context: Context) -> set[str]:
@@ -132,6 +127,11 @@ class _Clock(NamedTuple):
         return int(end * self.rate_hz / 1e9 + 1e-9)
 
 
+def _is_on_steps(topic: Topic) -> bool:
+    """Whether a sensor of motion publishes a topic, which reads at steps of the physics."""
+    return topic.kind in KINDS and not KINDS[topic.kind].sees
+
+
 class Stamps(Checker):
     """Message counts, stamps, synchronisation and /clock."""
 
@@ -140,7 +140,7 @@ class Stamps(Checker):
         present = [topic for topic in context.topics if topic.name in run.counts]
         self.topics = [topic.name for topic in present]
         self._clocks = {
-            topic.name: _Clock(topic.rate_hz, topic.kind in _ON_STEPS) for topic in present if topic.rate_hz is not None
+            topic.name: _Clock(topic.rate_hz, _is_on_steps(topic)) for topic in present if topic.rate_hz is not None
         }
         self._clocked, self._lossy = run.clocked, loses(context)
         self._on_rate = {
@@ -233,7 +233,7 @@ class Headers(Checker):
 
     def __init__(self, context: Context) -> None:
         self.topics = [topic.name for topic in context.topics if topic.name in context.run.counts]
-        self._frame_of, self._lossy = _frame_of(context.rig), loses(context)
+        self._frame_of, self._lossy = _frame_of(context), loses(context)
         self._headers, self._frames = context.tally(HEADERS), context.tally(FRAMES)
         self.tallies = [self._headers, self._frames]
         self._numbers: dict[str, int] = {}

@@ -17,13 +17,15 @@ from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.sense.robot_view import robot_views
 from fieldtruth.sensors.camera.check_frames import PARTS, CameraFrame, CameraFrameChecker
+from fieldtruth.sensors.camera.check_geometry import FLOW, NORMALS, Geometry, is_recorded
 from fieldtruth.sensors.camera.check_lens import pixel_ray
 from fieldtruth.sensors.camera.config import Imager
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
 from fieldtruth.sensors.camera.message import photograph_jpeg
 from fieldtruth.sensors.camera.sensing import IdealCamera
 from fieldtruth.validation.check import Rule, Spec, Tally
-from fieldtruth.validation.context import Context, RebuiltWorld
+from fieldtruth.validation.context import Checker, Context, RebuiltWorld
+from fieldtruth.validation.kind_checks import KindChecks, Pass
 from fieldtruth.validation.retrace.reference import NOTHING, UNKNOWN, RayReading, RayReference, close
 from fieldtruth.validation.retrace.world import ClassComparison, ObjectClasses
 from fieldtruth.validation.sampler import Sampler
@@ -263,3 +265,22 @@ def _difference(bag: NDArray[np.uint8], own: NDArray[np.uint8], quality: int) ->
     rows, columns = (length // _BLOCK for length in difference.shape)
     blocks = difference[: rows * _BLOCK, : columns * _BLOCK].reshape(rows, _BLOCK, columns, _BLOCK)
     return float(blocks.mean(axis=(1, 3)).max(initial=0.0))
+
+
+def _checkers(shared: Pass) -> list[Checker]:
+    context, rays = shared.context, shared.rays
+    checkers: list[Checker] = [Images(context, shared.objects)]
+    if is_recorded(context):
+        checkers.append(Geometry(context, context.rebuilt, shared.sampler()))
+    if context.rebuilt is not None and rays is not None:
+        checkers.append(RetracedImages(context, context.rebuilt, rays, shared.sampler(), full=shared.full))
+    return checkers
+
+
+CHECKS: Final = KindChecks(
+    make=_checkers,
+    form=(IMAGES, TAG_COLOURS, DEPTH),
+    retraced=(RETRACED_IMAGES, PHOTOGRAPHS),
+    extras=(NORMALS, FLOW),
+    extras_of=lambda context: (NORMALS, FLOW) * is_recorded(context),
+)

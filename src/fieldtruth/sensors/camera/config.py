@@ -44,6 +44,8 @@ class CameraConfig(MountedConfig):
     bag_order: ClassVar[float] = 5
     frame_order: ClassVar[float] = 3
     needs_mount: ClassVar[bool] = True
+    switch: ClassVar[str] = "cameras"
+    extras: ClassVar[tuple[str, ...]] = EXTRAS
 
     datasheet: ClassVar[str] = "zed_2"
 
@@ -117,6 +119,7 @@ class CameraConfig(MountedConfig):
             self.output(
                 *(self.new_topic(topic, STREAMS[stream][1]) for stream, topic in imager.topics.items()),
                 part=imager.side,
+                frame=imager.optical_frame,
             )
             for imager in self.imagers()
         )

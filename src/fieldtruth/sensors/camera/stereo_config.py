@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from fieldtruth.core import frames
 from fieldtruth.experiment.fields import Mount, Positive
-from fieldtruth.experiment.sensor_config import SensorName, TopicName, part
+from fieldtruth.experiment.sensor_config import Section, SensorName, TopicName, part
 from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL, OPTICAL, CameraConfig, Imager
 
 SIDES: Final[tuple[Literal["left", "right"], ...]] = ("left", "right")
@@ -25,6 +25,7 @@ class StereoConfig(CameraConfig):
 
     also: ClassVar = ("left", "right")
     needs_mount: ClassVar[bool] = False
+    sections: ClassVar[Mapping[str, Section]] = {"cameras": Section()}
 
     kind: Literal["stereo"] = "stereo"  # type: ignore[assignment]
     name: SensorName = "stereo"

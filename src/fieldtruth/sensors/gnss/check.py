@@ -15,6 +15,7 @@ from fieldtruth.core import frames, geodesy
 from fieldtruth.core.arrays import Array
 from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import Checker, Context, at
+from fieldtruth.validation.kind_checks import KindChecks
 
 ANTENNA: Final = Rule("the fix is the true position of the antenna", 1e-6, "m")
 FIX: Final = Rule("each reading is a fix without covariance", minor=True)
@@ -98,3 +99,8 @@ class Fixes(Checker):
         self._tally[LARGEST].measure(square, at(raw))
         if not self._exact[raw.topic]:
             self._squares.setdefault(raw.topic, []).append(square)
+
+
+CHECKS: Final = KindChecks(
+    make=lambda shared: [Gnss(shared.context), Fixes(shared.context)], motion=(GNSS,), signal=(FIXES,)
+)

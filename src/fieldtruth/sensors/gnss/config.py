@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Configuration of a GNSS receiver."""
 
+from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 
 from fieldtruth.experiment.fields import Mount, Rate
-from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, SensorName, TopicName
+from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, Section, SensorName, TopicName
 from fieldtruth.experiment.topic import Output
 from fieldtruth.sensors.gnss.signal import GnssSignal
 
@@ -18,6 +19,7 @@ class GnssConfig(MountedConfig):
     bag_order: ClassVar[float] = 2
     frame_order: ClassVar[float] = 1
 
+    sections: ClassVar[Mapping[str, Section]] = {"gnss": Section()}
     datasheet: ClassVar[str] = "duro"
 
     kind: Literal["gnss"] = "gnss"

@@ -15,10 +15,12 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.physics import GRAVITY
+from fieldtruth.sensors.imu.check_noise import IMU_NOISE, ImuNoise
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.imu.sensing import point_velocity, rotation_vector
 from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import STEP_NS, Checker, Context, at
+from fieldtruth.validation.kind_checks import KindChecks
 
 ATTITUDE: Final = Rule("the IMU's attitude is the true one, turned by its mount", 1e-9, "rad")
 TURN_RATE: Final = Rule("the gyroscope measures the turn of its interval", 1e-9, "rad/s")
@@ -84,3 +86,8 @@ def _begin(config: ImuConfig, end_ns: int) -> int:
 
 def _distance(vector: Any, true: Array) -> float:
     return float(np.linalg.norm(np.array([vector.x, vector.y, vector.z]) - true))
+
+
+CHECKS: Final = KindChecks(
+    make=lambda shared: [Imu(shared.context), ImuNoise(shared.context)], motion=(IMU,), signal=(IMU_NOISE,)
+)

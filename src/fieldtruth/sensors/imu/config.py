@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Configuration of an inertial measurement unit."""
 
+from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
 from fieldtruth.experiment.fields import Mount, Rate
-from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, SensorName, TopicName
+from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, Section, SensorName, TopicName
 from fieldtruth.experiment.topic import Output
 from fieldtruth.sensors.imu.signal import ImuSignal
 
@@ -19,6 +20,7 @@ class ImuConfig(MountedConfig):
     bag_order: ClassVar[float] = 1
     frame_order: ClassVar[float] = 4
 
+    sections: ClassVar[Mapping[str, Section]] = {"imu": Section()}
     datasheet: ClassVar[str] = "3dm_gx5_25"
 
     kind: Literal["imu"] = "imu"

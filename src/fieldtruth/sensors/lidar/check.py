@@ -22,8 +22,9 @@ from fieldtruth.sensors.lidar.measuring import Lidar
 from fieldtruth.sensors.lidar.sensing import IdealLidar
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, RebuiltWorld, at
+from fieldtruth.validation.kind_checks import KindChecks, Pass
 from fieldtruth.validation.retrace.dense_cloud import DenseCloud
-from fieldtruth.validation.retrace.noisy_clouds import NoiseTally, ideal_points, layout_of, rays_at
+from fieldtruth.validation.retrace.noisy_clouds import NOISE, NoiseTally, ideal_points, layout_of, noisy, rays_at
 from fieldtruth.validation.retrace.reference import RayReading, RayReference, close
 from fieldtruth.validation.retrace.world import N_CLASSES, ClassComparison, ObjectClasses
 from fieldtruth.validation.sampler import Sampler
@@ -285,3 +286,20 @@ class RetracedClouds(Checker):
         if name not in lidars:
             lidars[name] = Lidar(config, self._rebuilt.scene, robot=visible_parts(self._context.rig))
         self.noise.add(config, cloud, lidars[name].echoes(*aimed), columns)
+
+
+def _checkers(shared: Pass) -> list[Checker]:
+    context, rays = shared.context, shared.rays
+    checkers: list[Checker] = [Clouds(context, shared.objects)]
+    if context.rebuilt is not None and rays is not None:
+        checkers.append(RetracedClouds(context, context.rebuilt, rays, shared.sampler()))
+    return checkers
+
+
+CHECKS: Final = KindChecks(
+    make=_checkers,
+    form=(LABELS, RAYS),
+    retraced=(RETRACED_CLOUDS,),
+    extras=(NOISE,),
+    extras_of=lambda context: (NOISE,) * noisy(context.rig.lidars),
+)

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal, Self
 from pydantic import Field, model_validator
 
 from fieldtruth.experiment.fields import Boolean, Integer, Mount, Number, Range, Rate
-from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, SensorName, TopicName
+from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, Section, SensorName, TopicName
 from fieldtruth.experiment.topic import Output
 from fieldtruth.sensors.lidar.signal import LidarSignal
 
@@ -28,6 +28,8 @@ class LidarConfig(MountedConfig):
 
     bag_order: ClassVar[float] = 4
     frame_order: ClassVar[float] = 2
+    sections: ClassVar[Mapping[str, Section]] = {"lidar": Section()}
+    switch: ClassVar[str] = "lidar"
     datasheet: ClassVar[str] = "os1_64_gen1"
 
     kind: Literal["lidar"] = "lidar"

@@ -17,10 +17,12 @@ from fieldtruth.bag.decode import matrix
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
+from fieldtruth.sensors.wheel_odometry.check_noise import WHEEL_NOISE, WheelNoise
 from fieldtruth.sensors.wheel_odometry.config import JOINT_STATES, WHEEL_SPEEDS
 from fieldtruth.sensors.wheel_odometry.sensing import advance
 from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import Checker, Context, at
+from fieldtruth.validation.kind_checks import KindChecks
 
 POSE: Final = Rule("wheel odometry adds up what the wheels turn", 1e-9, "m or rad")
 TWIST: Final = Rule("the twist of wheel odometry is its change", 1e-9, "m/s or rad/s")
@@ -143,3 +145,10 @@ class Wheels(Checker):
         self._rolled += seconds * (left + right) / 2
         self._driven += seconds * ahead
         self._last = raw.stamp_ns
+
+
+CHECKS: Final = KindChecks(
+    make=lambda shared: [Wheels(shared.context), WheelOdometry(shared.context), WheelNoise(shared.context)],
+    motion=(WHEELS, ODOMETRY),
+    signal=(WHEEL_NOISE,),
+)

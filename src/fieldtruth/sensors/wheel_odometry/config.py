@@ -2,16 +2,30 @@
 # SPDX-License-Identifier: Apache-2.0
 """Configuration of wheel odometry: encoders of the wheels, and what the robot's driver computes from their angles."""
 
+from collections.abc import Mapping
 from typing import ClassVar, Final, Literal
 
-from fieldtruth.experiment.fields import Rate
+from fieldtruth.experiment.fields import Boolean, Frozen, Rate
 from fieldtruth.experiment.robot_config import RobotConfig
-from fieldtruth.experiment.sensor_config import SensorConfig, SensorName, TopicName
-from fieldtruth.experiment.topic import WHEELS, Output
+from fieldtruth.experiment.sensor_config import Section, SensorConfig, SensorName, TopicName
+from fieldtruth.experiment.topic import BASE, ODOM, WHEELS, Output
 from fieldtruth.sensors.wheel_odometry.signal import WheelSignal
 
 WHEEL_SPEEDS: Final = tuple(f"/gazebo_client/{wheel}_speed" for wheel in WHEELS)
 JOINT_STATES: Final = "/joint_states"
+
+
+class TachometerSection(Frozen):
+    """Tachometers of the four wheels, in the short form of a rig."""
+
+    enabled: Boolean = True
+    rate_hz: Rate = 10.0
+
+
+class OdometrySection(Frozen):
+    """Wheel odometry and joint states, in the short form of a rig."""
+
+    rate_hz: Rate = 50.0
 
 
 class WheelOdometryConfig(SensorConfig):
@@ -21,6 +35,10 @@ class WheelOdometryConfig(SensorConfig):
     needs_wheels: ClassVar[bool] = True
     bag_order: ClassVar[float] = 3
 
+    sections: ClassVar[Mapping[str, Section]] = {
+        "tachometers": Section(TachometerSection, {"rate_hz": "tachometer_rate_hz"}),
+        "odometry": Section(OdometrySection),
+    }
     datasheet: ClassVar[str] = "husky_a200"
 
     kind: Literal["wheel_odometry"] = "wheel_odometry"
@@ -38,8 +56,8 @@ class WheelOdometryConfig(SensorConfig):
         speeds = (self.new_topic(name, "std_msgs/msg/Float32", self.tachometer_rate_hz) for name in WHEEL_SPEEDS)
         return self.with_truth(
             self.output(*speeds, part="speeds", clock="tachometers"),
-            self.output(self.new_topic(JOINT_STATES, "sensor_msgs/msg/JointState"), part="joints"),
-            self.output(self.new_topic(self.topic, "nav_msgs/msg/Odometry"), part="odometry"),
+            self.output(self.new_topic(JOINT_STATES, "sensor_msgs/msg/JointState"), part="joints", frame=BASE),
+            self.output(self.new_topic(self.topic, "nav_msgs/msg/Odometry"), part="odometry", frame=ODOM),
         )
 
     def outputs_on(self, robot: RobotConfig) -> tuple[Output, ...]:
