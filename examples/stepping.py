@@ -22,7 +22,6 @@ def main() -> None:
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 3.0
     sim = ft.Simulation("park_1", sensors=["lidar", "imu"])
     start = sim.reset(seed=0).pose
-    assert start is not None
 
     command, middle = (0.0, 0.0), None
     while sim.seconds < seconds and not sim.done:

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -44,7 +45,7 @@ sys.exit(main(sys.argv[1:]))
 def module() -> str:
     """Source of the sonar."""
     page = (ROOT / "docs/extending.md").read_text("utf-8")
-    return re.findall(r'```python title="sonar.py"\n(.*?)```', page, flags=re.S)[0]
+    return str(re.findall(r'```python title="sonar.py"\n(.*?)```', page, flags=re.S)[0])
 
 
 @pytest.fixture
@@ -71,6 +72,13 @@ def run(folder: Path, *arguments: str, code: int = 0, script: str = "", **variab
     return done.stdout + done.stderr
 
 
+def heard(bag: Path, topic: str) -> list[float]:
+    """Ranges of a sonar."""
+    with open_bag(bag) as stored:
+        decode: Any = stored.types().deserialize_ros1
+        return [decode(raw.data, raw.msgtype).range for raw in stored.messages([topic])]
+
+
 def test_the_command_line_lists_it_from_an_entry_point_and_from_a_folder(package: Path, tmp_path: Path) -> None:
     assert re.search(r"sonar +A sonar, which listens along the x axis of its frame\.", run(package, "list", "sensors"))
     (tmp_path / "own" / "sensors").mkdir(parents=True)
@@ -95,9 +103,7 @@ def test_all_commands_find_it_in_processes_of_their_own(package: Path) -> None:
     bag = package / "data" / "heard" / "heard.bag"
     assert not bag.exists()
     run(package, "generate", "heard.yaml")  # resumes
-    with open_bag(bag) as stored:
-        ranges = [stored.types().deserialize_ros1(raw.data, raw.msgtype).range for raw in stored.messages(["/below"])]
-        noisy = [stored.types().deserialize_ros1(raw.data, raw.msgtype).range for raw in stored.messages(["/noisy"])]
+    ranges, noisy = heard(bag, "/below"), heard(bag, "/noisy")
     assert len(ranges) == len(noisy) == 4
     np.testing.assert_allclose(ranges, 0.5 + 0.132, atol=0.15)
     assert np.abs(np.array(noisy) - ranges).max() > 0.02

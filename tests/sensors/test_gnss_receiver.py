@@ -15,11 +15,14 @@ from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.geodesy import geodetic_from_world, world_from_geodetic
 from fieldtruth.drive.track import GnssReadings
 from fieldtruth.experiment.files import dump_experiment, parse_experiment
+from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.gnss import message
 from fieldtruth.sensors.gnss.check import FIXES, Fixes
 from fieldtruth.sensors.gnss.config import GnssConfig
-from fieldtruth.sensors.gnss.measuring import GnssErrors, measure
+from fieldtruth.sensors.gnss.measuring import GnssErrors
+from fieldtruth.sensors.gnss.sensor import Gnss
+from fieldtruth.sensors.kind import At, Movement, Place
 from fieldtruth.validation.check import Tally
 from fieldtruth.world.build import load_world
 
@@ -36,13 +39,21 @@ def _config(**signal: Any) -> GnssConfig:
     return GnssConfig(signal=signal)  # type: ignore[arg-type]
 
 
+def measure(scene: Scene | None, true: GnssReadings, config: GnssConfig, seed: int) -> GnssReadings:
+    """What a receiver measures along a whole drive."""
+    assert config.signal is not None
+    return GnssErrors(config, config.signal, seed).extend(true, scene)
+
+
 def test_ideal_and_without_figures_the_message_is_the_same() -> None:
     true = _readings()
-    assert measure(OPEN, true, GnssConfig(), 1) is true
     same = measure(OPEN, true, _config(), 1)
     assert same.fixes is not None
+    sensor, (output,) = Gnss(GnssConfig(), Place(OPEN.world, Rig())), GnssConfig().outputs()
     for k in range(60):
-        assert message.navsat(k, true, "g", same.fixes) == message.navsat(k, true, "g")
+        at_k = At(k, k, k, Movement(lambda _: np.eye(4)))
+        first, second = (message.navsat(k, sensor.reading(output, at_k, series)) for series in (same, true))
+        assert first == second
 
 
 @pytest.mark.parametrize("cuts", [(1, 2, 3), (20,), range(1, 60)])

@@ -196,7 +196,7 @@ def test_a_scan_depends_on_seed_name_and_number_alone() -> None:
     scene = room()
     config = LidarConfig(columns=256, signal=signal_of({**SHEET, "reach": [[1.0, 1000.0]]}))
     lidar = Lidar(config, scene)
-    scans = [lidar.scan(at(0, 0, 0), number=k) for k in (0, 1, 2)]
+    scans = [lidar.measured(at(0, 0, 0), number=k) for k in (0, 1, 2)]
     again = Lidar(config, scene).measured(at(0, 0, 0), number=1)
     assert all(getattr(again, name).tobytes() == getattr(scans[1], name).tobytes() for name in again._fields)
     other = Lidar(config.model_copy(update={"name": "top"}), scene).measured(at(0, 0, 0), number=1)

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from fieldtruth.drive.track import Base, Commands, TachometerReadings, WheelMotion, stamps_at_rate
+from fieldtruth.drive.track import TachometerReadings, WheelMotion, stamps_at_rate
 from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 from fieldtruth.sensors.wheel_odometry.noise import MeasuredWheels, WheelErrors, counted
-from fieldtruth.sensors.wheel_odometry.sensing import DeadReckoning, WheelTruth, effective_track
+from fieldtruth.sensors.wheel_odometry.sensing import DeadReckoning, TrueWheels, WheelTruth, effective_track
 from fieldtruth.sensors.wheel_odometry.signal import WheelSignal
 
 Floats = NDArray[np.float64]
@@ -22,23 +22,16 @@ WHEELS = RobotConfig().wheels
 STEPS = stamps_at_rate(1000.0, 20 * 10**9)
 
 
-def driven(left: float, right: float) -> Base:
+def driven(left: float, right: float) -> TrueWheels:
     """Wheels that turn evenly [rad/s] for 20 s."""
     speed = np.tile((left, right, left, right), (len(STEPS), 1))
     wheels = WheelMotion(angle=speed * (STEPS[:, None] / 1e9), speed=speed)
-    slow = stamps_at_rate(10.0, int(STEPS[-1]))
-    return Base(
-        wheels=wheels,
-        tachometers=TachometerReadings(stamps_ns=slow, wheel_speed=speed[: len(slow)]),
-        odometry=WheelTruth(WheelOdometryConfig(), WHEELS).extend(STEPS, wheels).odometry,
-        commands=Commands(stamps_ns=slow, command=np.zeros((len(slow), 2))),
-    )
+    return WheelTruth(WheelOdometryConfig(), WHEELS).extend(STEPS, wheels)
 
 
-def measure(base: Base, seed: int = 0, *, counts: int | None = None, radii: float = 0.0) -> MeasuredWheels:
+def measure(base: TrueWheels, seed: int = 0, *, counts: int | None = None, radii: float = 0.0) -> MeasuredWheels:
     signal = WheelSignal(counts_per_revolution=counts, radius_error=radii)
-    slow_angle = base.wheels.angle[np.searchsorted(STEPS, base.tachometers.stamps_ns)]
-    return WheelErrors(WHEELS, signal, np.random.default_rng(seed)).extend(base.tachometers, base.odometry, slow_angle)
+    return WheelErrors(WHEELS, signal, np.random.default_rng(seed)).extend(base)
 
 
 def test_without_figures_nothing_differs_but_speeds_are_differences() -> None:
@@ -65,7 +58,7 @@ def test_readings_do_not_depend_on_how_a_drive_is_cut(cuts: Iterable[int]) -> No
         part = ideal.extend(true.stamps_ns[rows], wheels)
         np.testing.assert_array_equal(part.pose, true.pose[rows])
         np.testing.assert_array_equal(part.twist, true.twist[rows])
-        parts.append(noise.extend(none, part, np.zeros((0, 4))))
+        parts.append(noise.extend(TrueWheels(none, part, np.zeros((0, 4)))))
     for name in ("pose_covariance", "twist_covariance"):
         np.testing.assert_array_equal(np.concatenate([getattr(part, name) for part in parts]), getattr(whole, name))
     for name in ("pose", "twist"):

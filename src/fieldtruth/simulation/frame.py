@@ -24,6 +24,8 @@ class Frame(readings.Frame):
     in a step, ``frame[name]`` is the last of them and ``frame.all[name]`` has every one, in time order.
     """
 
+    pose: Array
+    """(4, 4) true ``world_from_base`` at ``stamp_ns``."""
     all: Mapping[str, tuple[Any, ...]] = field(default_factory=dict)
     """Readings by name, in time order; each has its own ``stamp_ns``."""
 
