@@ -149,7 +149,7 @@ def test_an_experiment_that_does_not_fit_is_reported_in_one_line(small_run: Path
 
 def test_stamps_must_rise(tmp_path: Path) -> None:
     def rows(stamps: list[int], **options: Any) -> list[int]:
-        return rising_rows(np.array(stamps) * 10**7, "/t", tmp_path, **options).tolist()
+        return list(map(int, rising_rows(np.array(stamps) * 10**7, "/t", tmp_path, **options)))
 
     assert rows([1, 2, 3]) == [0, 1, 2]
     assert rows([3, 1, 30, 2]) == [1, 3, 0, 2]  # messages that arrived late

@@ -28,7 +28,7 @@ from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.files import atomic_output, output_errors
 from fieldtruth.core.progress import Progress, Silent, counted
-from fieldtruth.core.readings import Cloud, Fix, Image, Inertial, Message, WheelSpeeds
+from fieldtruth.core.readings import Cloud, Fix, Image, Inertial, Message, Reading, WheelSpeeds
 from fieldtruth.report.drawing.vectors import flow_colours, normal_colours
 
 RATE: Final = 5.0  # [Hz]
@@ -114,11 +114,13 @@ class _Log:
                     yield run.readings(view.name, [part]), send
         for lidar in run.of(Cloud):
             yield run[lidar.name], self._points
-        for kind, entity, send in ((Inertial, "imu", self._imu), (Fix, "gnss", self._navsat)):
+        named: tuple[tuple[type[Reading], str, Callable[[str, Any], None]], ...]
+        named = (Inertial, "imu", self._imu), (Fix, "gnss", self._navsat)
+        for kind, entity, log in named:
             sensors = run.of(kind, recorded=False)
             for sensor, name in zip(sensors, _entity_names(entity, sensors), strict=True):
                 if sensor.has(run.counts):
-                    yield run[sensor.name], partial(send, name)
+                    yield run[sensor.name], partial(log, name)
         for wheels in run.of(WheelSpeeds):
             yield run[wheels.name], self._wheels
 
