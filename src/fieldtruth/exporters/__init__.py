@@ -7,6 +7,7 @@ complete; existing files are never overwritten.
 """
 
 import os
+import warnings
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from importlib import import_module
@@ -14,10 +15,11 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from fieldtruth.bag.run import Run, open_run
-from fieldtruth.core.errors import OutputError, UnknownNameError
+from fieldtruth.core.errors import FieldtruthWarning, OutputError, UnknownNameError
 from fieldtruth.core.files import locked, output_errors, remove, replace_synced
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
+from fieldtruth.core.readings import Message
 from fieldtruth.exporters.splits import Member, find_members
 from fieldtruth.ontology.label_map import LabelMap, label_map_of
 from fieldtruth.record.folder import new_folder
@@ -173,6 +175,10 @@ def export(
     )
     target = _default_output(to, paths[0], runs[0]) if out is None else Path(out)
     _write(to, runs, target, options)
+    others = sorted({f"{each.name} ({each.topic})" for run in runs for each in run.of(Message)})
+    if others and to not in ("zip", "mcap"):
+        text = f"left out of {target.name}, as {to} has no place for their readings: {', '.join(others)}"
+        warnings.warn(text, FieldtruthWarning, stacklevel=2)
     return target
 
 
