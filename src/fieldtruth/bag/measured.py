@@ -8,13 +8,14 @@ from typing import Any, Final
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.bag_file import BagFile
-from fieldtruth.bag.decode import points
+from fieldtruth.bag.decode import points, stamp_ns
 from fieldtruth.bag.errors import BagError
 from fieldtruth.bag.reader import decoder, open_bag
 from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 
 _TOLERANCE: Final = 0.2
@@ -28,7 +29,7 @@ def measured_rig(run: BagFile) -> Rig:
 
     What cannot be measured, because a message is missing or odd, stays as in the paper.
     """
-    rig = Rig()
+    rig = paper_rig(stereo=StereoConfig(depth=True, instances=True))  # that of PAPER_TOPICS
     first = _first_messages(run, [topic.name for sensor in rig.sensors for topic in sensor.topics()])
     sensors = tuple(_measured(sensor, run, first) for sensor in rig.sensors)
     return rig.model_copy(update={"sensors": sensors})
@@ -59,12 +60,25 @@ def _rate(run: BagFile, topic: str) -> float | None:
     return (count - 1) / run.duration_s if count > 2 and run.duration_s > 0.0 else None
 
 
+def _measured_rate(run: BagFile, topic: str) -> float | None:
+    """Rate [Hz] between the first and the last stamp of a topic, those of headers if it has; three digits."""
+    if run.counts.get(topic, 0) < 3:
+        return None
+    with open_bag(run.bag) as bag, suppress(BagError, AttributeError):
+        index, decode = bag.index([topic])[topic], decoder(bag)
+        ends = [bag.message(bag.chunk(int(index.chunk[k])), int(index.offset[k])) for k in (0, -1)]
+        first, last = (stamp_ns(m.header) if hasattr(m := decode(raw), "header") else raw.stamp_ns for raw in ends)
+        return float(f"{(len(index.stamps_ns) - 1) / ((last - first) / 1e9):.3g}") if last > first else None
+    return None
+
+
 def _measured(sensor: SensorConfig, run: BagFile, first: Mapping[str, Any]) -> SensorConfig:
     message = next((first[t.name] for t in sensor.topics() if t.name in first), None)
-    main = next((t.name for t in sensor.topics() if t.name == sensor.topic or t.name in first), sensor.topic)
+    names = [topic.name for topic in sensor.topics()]
+    main = sensor.topic if sensor.topic in names else next((name for name in names if name in first), sensor.topic)
     values: dict[str, Any] = {}
-    if rate := _rate(run, main):
-        values["rate_hz"] = float(f"{rate:.3g}")
+    if rate := _measured_rate(run, main):
+        values["rate_hz"] = rate
     with suppress(FieldtruthError, AttributeError, ValueError, TypeError, KeyError, IndexError):
         values |= _sizes(sensor, message)
     return sensor.model_copy(update=values)

@@ -8,6 +8,7 @@ is written under a temporary name and renamed when it is complete; existing file
 """
 
 import os
+import warnings
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from importlib import import_module
@@ -15,10 +16,11 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from fieldtruth.bag.run import Run, open_run
-from fieldtruth.core.errors import ConfigurationError, OutputError
+from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning, OutputError
 from fieldtruth.core.files import locked, output_errors, remove, replace_synced
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
+from fieldtruth.core.readings import Message
 from fieldtruth.core.registry import Registry, load_module
 from fieldtruth.exporters.splits import Member, find_members
 from fieldtruth.ontology.label_map import LabelMap, label_map_of
@@ -194,6 +196,10 @@ def export(
     )
     target = _default_output(to, paths[0], runs[0]) if out is None else Path(out)
     _write(to, runs, target, options)
+    others = sorted({f"{each.name} ({each.topic})" for run in runs for each in run.of(Message)})
+    if others and to not in ("zip", "mcap"):
+        text = f"left out of {target.name}, as {to} has no place for their readings: {', '.join(others)}"
+        warnings.warn(text, FieldtruthWarning, stacklevel=2)
     return target
 
 

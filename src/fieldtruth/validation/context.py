@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 from fieldtruth.bag.calibration import StaticFrames
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.topics import PAPER_TOPICS, STATIC_MODEL_STATES, topics_of_run
+from fieldtruth.bag.topics import STATIC_MODEL_STATES, topics_of, topics_of_run
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
@@ -70,7 +70,7 @@ class Context:
     def topics(self) -> tuple[Topic, ...]:
         """Topics that the rig publishes, with the rates of this run; of a bag from elsewhere all that are known."""
         if self.experiment is None:
-            return PAPER_TOPICS
+            return topics_of(self.rig, latched=True)
         latched = self.experiment.static_objects == "latched" or STATIC_MODEL_STATES in self.run.counts
         return topics_of_run(self.experiment, latched=latched)
 
