@@ -16,6 +16,7 @@ from fieldtruth.bag.decode import count_messages
 from fieldtruth.bag.topics import latches_objects, topics_of_run
 from fieldtruth.bag.track_file import TrackFile, read_track_file
 from fieldtruth.core.errors import FieldtruthWarning
+from fieldtruth.core.outputs import output_folder
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Advance, Progress, Silent
 from fieldtruth.drive.plan import expected_seconds, plan_and_drive
@@ -145,6 +146,7 @@ def generate(
         TrackError, BagError: a track file that cannot be read, or leads out of the world or into something solid.
         EngineError: the installed Embree is not the version for which the kernels were written.
     """
+    folder = output_folder(out, experiment.name)
     check_experiment(experiment)
     _warn_of_weather(experiment)
     given = None if experiment.drive is None else read_track_file(experiment.drive)
@@ -155,7 +157,7 @@ def generate(
     text = None if given is None else given.csv()
     workers = cpu_count() if workers is None else workers
     progress = Silent() if progress is None else progress
-    with run_folder(experiment, Path(out), overwrite=overwrite, track=text) as run:
+    with run_folder(experiment, folder, overwrite=overwrite, track=text) as run:
         prepared = (engine or prepare)(experiment, given, progress)
         run.begin(experiment, overwrite=overwrite, track=text)
         _record(prepared, run, workers, progress)

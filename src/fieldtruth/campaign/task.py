@@ -19,6 +19,7 @@ from fieldtruth.campaign.manifest import Failure, Manifest
 from fieldtruth.campaign.run import STOPPING, Generate, run_one
 from fieldtruth.campaign.shard import Shard
 from fieldtruth.campaign.state import Kind, State, counts, state_of, time_left_s
+from fieldtruth.core.outputs import output_folder
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.record.folder import new_folder
@@ -56,6 +57,7 @@ def generate_campaign(
         OutputError: the folder holds another campaign, cannot be written, or disk or memory cannot hold the runs.
         KeyboardInterrupt: finished runs and slices are kept.
     """
+    output_folder(out)
     everything = draw(campaign, source)
     if not options.overwrite:
         check_folder(campaign, everything, out)

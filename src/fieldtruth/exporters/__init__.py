@@ -6,7 +6,6 @@ Each format is a module with one function ``write``. The output is written under
 complete; existing files are never overwritten.
 """
 
-import os
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from importlib import import_module
@@ -16,6 +15,7 @@ from typing import Final, NamedTuple
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.core.files import locked, output_errors, remove, replace_synced
+from fieldtruth.core.outputs import output_path
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.exporters.splits import Member, find_members
@@ -160,6 +160,7 @@ def export(
             raise OutputError(f"format {to!r} has no {key}; the format that has: {only}")
     paths = [Path(path)] if isinstance(path, Path | str) else [Path(each) for each in path]
     chosen = None if label_map is None else _label_map_for(to, label_map)
+    target = Path() if out is None else _checked_output(to, out)
     members = find_members(paths, split or "train") if FORMATS[to].publishes else []
     runs = [member.run for member in members] or _runs_for(to, paths)
     options = Options(
@@ -171,7 +172,8 @@ def export(
         boxes,
         DEFAULT_VOXEL_M if voxel_m is None else voxel_m,
     )
-    target = _default_output(to, paths[0], runs[0]) if out is None else Path(out)
+    if out is None:
+        target = _checked_output(to, _default_output(to, paths[0], runs[0]))
     _write(to, runs, target, options)
     return target
 
@@ -181,9 +183,6 @@ def _write(to: str, runs: Sequence[Run], target: Path, options: Options) -> None
     folder = target.with_name(f".{target.name}.part")
     part = folder / target.name
     write = _writer(to)
-    with output_errors(target):
-        if os.path.lexists(target):
-            raise OutputError(f"{target} already exists; remove it, or choose another --out")
     with new_folder(folder, target), ExitStack() as stack:
         stack.callback(_remove_empty, folder)
         stack.enter_context(locked(folder))
@@ -197,6 +196,10 @@ def _write(to: str, runs: Sequence[Run], target: Path, options: Options) -> None
 def _remove_empty(folder: Path) -> None:
     with suppress(OSError):  # another process has just begun to use it
         folder.rmdir()
+
+
+def _checked_output(to: str, out: Path | str) -> Path:
+    return output_path(out, single="." in FORMATS[to].suffix)
 
 
 def _default_output(to: str, path: Path, run: Run) -> Path:
