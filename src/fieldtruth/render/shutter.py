@@ -108,8 +108,11 @@ def _add(
     brightest: np.float32,
     linear: Float32Array,
 ) -> None:
+    height, width, _ = linear.shape
     for k in range(count):
         u, v = int(image[0, k] - dx + 0.5), int(image[1, k] - dy + 0.5)
+        if u >= width or v >= height:
+            continue
         for channel in range(3):
             linear[v, u, channel] += share * min(colour[k, channel], brightest)
 
