@@ -8,7 +8,6 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.robot_config import RobotConfig
 from fieldtruth.experiment.robot_models import robot_data
-from fieldtruth.experiment.weather_config import WeatherConfig
 
 
 def robot_title(robot: RobotConfig) -> str:
@@ -44,7 +43,7 @@ def conditions_of(experiments: Sequence[Experiment]) -> str:
     """Return a sentence about the environments, seasons, light and weather that experiments have."""
     places = _list(e.environment for e in experiments)
     seasons = _list(str(e.layout.get("season", "summer")) for e in experiments)
-    light, weather = _list(_light(e.light) for e in experiments), _list(_weather(e.weather) for e in experiments)
+    light, weather = _list(_light(e.light) for e in experiments), _list(e.weather.text for e in experiments)
     return (
         f"Vegetation, relief and ground follow models of Central European landscapes: {places}, in {seasons}, with "
         f"light of {light} and {weather}; all others are missing."
@@ -55,15 +54,6 @@ def _light(light: LightConfig) -> str:
     words = f"preset {light.preset}"
     own = light.model_dump(exclude={"preset"}, exclude_defaults=True)
     return words + f" with own {', '.join(own)}" * bool(own)
-
-
-def _weather(weather: WeatherConfig) -> str:
-    if weather.is_clear:
-        return "clear air"
-    found = weather.model_dump(exclude_defaults=True)
-    return ", ".join(
-        f"{key} {value:g}" if isinstance(value, float | int) else f"{key} {value}" for key, value in found.items()
-    )
 
 
 def _list(words: Iterable[str]) -> str:
