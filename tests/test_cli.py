@@ -178,6 +178,10 @@ def test_bench_prints_a_table_or_one_json_object(
     assert capsys.readouterr().out == '{"park": 2.5}\n'
     assert cli.main(["bench", "--environment", "forest"]) == 0
     assert capsys.readouterr().out == "{'forest': 2.5}\n"
+    assert cli.main(["bench", "--environment", "all", "--json"]) == 0
+    assert list(json.loads(capsys.readouterr().out)) == ["forest", "hillside", "lake", "park"]
+    assert cli.main(["bench", "--env", "lake"]) == 0
+    assert capsys.readouterr() == ("{'lake': 2.5}\n", "warning: --env is now called --environment\n")
 
 
 def test_preview_writes_the_sheet(

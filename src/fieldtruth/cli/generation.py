@@ -182,11 +182,19 @@ def _bench(options: argparse.Namespace) -> None:
 
     from fieldtruth.bench import measure, settings_of, table
     from fieldtruth.core.progress import show_progress
+    from fieldtruth.world.environments import ENVIRONMENTS
 
-    settings = settings_of(options.environment)
+    names = list(ENVIRONMENTS) if options.environment == "all" else [options.environment]
+    chosen = {name: settings_of(name) for name in names}
     with show_progress() as progress:
-        figures = measure(settings, progress)
-    print(json.dumps(figures) if options.json else table(figures))
+        found = {name: measure(settings, progress) for name, settings in chosen.items()}
+    if options.environment != "all":
+        (figures,) = found.values()
+        print(json.dumps(figures) if options.json else table(figures))
+    elif options.json:
+        print(json.dumps(found))
+    else:
+        print("\n\n".join(f"{name}\n{table(figures)}" for name, figures in found.items()))
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -237,7 +245,9 @@ def add_commands(command: AddCommand) -> None:
         "what", metavar="LIST", nargs="?", help="experiments, environments, sensors or robots (the first two)"
     )
     bench = command("bench", _bench, "Measure the speed of this machine.")
-    bench.add_argument("--environment", metavar="ENVIRONMENT", default="park", help="environment (park)")
+    bench.add_argument(
+        "--environment", metavar="ENVIRONMENT", default="park", help="name from `fieldtruth list`, or all (park)"
+    )
     bench.add_argument("--json", action="store_true", help="JSON instead of a table")
 
 
