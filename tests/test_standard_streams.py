@@ -94,13 +94,13 @@ def test_letters_that_the_encoding_lacks_are_replaced() -> None:
 
 def test_progress_that_nobody_reads_stops_no_work() -> None:
     code = (
-        "import sys; from fieldtruth.cli.streams import standard_streams, tell\n"
+        "import sys; from fieldtruth.cli.streams import standard_streams, print_line\n"
         "from fieldtruth.core.progress import show_progress\n"
         "with standard_streams():\n"
         "    for _ in range(3):\n"
         "        with show_progress() as progress, progress.stage('work') as advance:\n"
         "            advance(1.0)\n"
-        "    tell('done'); tell('数' * 100000)\n"
+        "    print_line('done'); print_line('数' * 100000)\n"
     )
     for shell in ('"$0" -c "$1" 2>&1 | (exec <&-)', '"$0" -c "$1" >/dev/full 2>&1', '"$0" -c "$1" >&- 2>&-'):
         script = f"set -o pipefail; {shell}"

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from fieldtruth.cli.arguments import AddCommand, Parser, UsageError, changes, count
-from fieldtruth.cli.streams import tell
+from fieldtruth.cli.streams import print_line
 from fieldtruth.core.errors import FieldtruthWarning, UnknownNameError
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def generate(options: argparse.Namespace, cluster: "AbstractContextManager[Clust
             measure=not options.no_estimate and engine is None,
             generate=None if engine is None else partial(pipeline.generate, engine=engine),
         )
-        states = generate_campaign(campaign, out, task, source=options.experiment, shows=show_progress, say=tell)
+        states = generate_campaign(campaign, out, task, source=options.experiment, shows=show_progress, say=print_line)
     return FAILED if any(state.kind is Kind.FAILED for state in states) else 0
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from fieldtruth.cli import campaigns
 from fieldtruth.cli.arguments import AddCommand, Parser, UsageError, add_workers, changes, count, number, seed, words
-from fieldtruth.cli.streams import tell, tell_output
+from fieldtruth.cli.streams import print_line, print_output
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.parallel import cpu_count
 
@@ -77,7 +77,7 @@ def _print_bag(bag: Path, start: float) -> None:
 
     took = time.monotonic() - start
     counts = count_messages(bag)
-    tell(
+    print_line(
         f"{bag}: {sum(counts.values())} messages of {len(counts)} topics, {bag.stat().st_size / 1e6:.1f} MB; "
         f"this run took {took:.0f} s"
     )
@@ -155,7 +155,7 @@ def _preview(options: argparse.Namespace) -> None:
     with show_progress() as progress:
         sheet = preview(options.environment, options.seed, width=width, workers=options.workers, progress=progress)
     write_image(path, sheet, overwrite=options.overwrite)
-    tell_output(path, f"{sheet.shape[1]} x {sheet.shape[0]} pixels")
+    print_output(path, f"{sheet.shape[1]} x {sheet.shape[0]} pixels")
 
 
 def _shares(options: argparse.Namespace) -> None:

@@ -31,7 +31,7 @@ def interrupts(line: str, *, restore: bool) -> Iterator[None]:
 
     def end(number: int, frame: object) -> NoReturn:
         cursor = _SHOW_CURSOR if sys.stderr.isatty() else ""
-        with suppress(OSError):  # nobody reads it
+        with suppress(OSError):  # it has no reader
             os.write(2, f"{cursor}{line}\n".encode())
         os._exit(INTERRUPTED)
 

@@ -9,7 +9,7 @@ from typing import Final
 
 from fieldtruth.cli.arguments import AddCommand, UsageError, add_workers, checked_layout, count, number, seed
 from fieldtruth.cli.campaigns import warn_of_missing
-from fieldtruth.cli.streams import tell_output
+from fieldtruth.cli.streams import print_output
 
 FAILED: Final = 1
 """Exit code of a run that fails validation."""
@@ -37,7 +37,7 @@ def _export(options: argparse.Namespace) -> None:
             workers=options.workers,
             progress=progress,
         )
-    tell_output(made)
+    print_output(made)
 
 
 def _annotate(options: argparse.Namespace) -> None:
@@ -73,7 +73,7 @@ def _annotate(options: argparse.Namespace) -> None:
             workers=options.workers,
             progress=progress,
         )
-    tell_output(made)
+    print_output(made)
 
 
 def _validate(options: argparse.Namespace) -> int:
@@ -100,7 +100,7 @@ def _report(options: argparse.Namespace) -> None:
 
     with show_progress() as progress:
         made = write_report(options.run_path, out=options.out, overwrite=options.overwrite, progress=progress)
-    tell_output(made)
+    print_output(made)
 
 
 def _view(options: argparse.Namespace) -> None:
@@ -110,7 +110,7 @@ def _view(options: argparse.Namespace) -> None:
     with show_progress() as progress:
         view(options.run_path, save=options.save, progress=progress)
     if options.save is not None:
-        tell_output(Path(options.save))
+        print_output(Path(options.save))
 
 
 # ---------------------------------------------------------------------------------------------------------------------

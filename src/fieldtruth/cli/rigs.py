@@ -6,7 +6,7 @@ import argparse
 from typing import Final
 
 from fieldtruth.cli.arguments import AddCommand, UsageError
-from fieldtruth.cli.streams import tell, tell_output
+from fieldtruth.cli.streams import print_line, print_output
 from fieldtruth.core.errors import UnknownNameError
 
 _YAML: Final = (".yaml", ".yml")
@@ -46,7 +46,7 @@ def _rig(options: argparse.Namespace) -> None:
         return
     with output_errors(out):
         write_atomically(out, text)
-    tell(f"{out}: {len(text.splitlines())} lines")
+    print_line(f"{out}: {len(text.splitlines())} lines")
 
 
 def _preview(options: argparse.Namespace) -> None:
@@ -62,7 +62,7 @@ def _preview(options: argparse.Namespace) -> None:
 
     picture = draw_rig(experiment.rig, experiment.name)
     write_image(path, picture, overwrite=options.overwrite)
-    tell_output(path, f"{picture.shape[1]} x {picture.shape[0]} pixels")
+    print_output(path, f"{picture.shape[1]} x {picture.shape[0]} pixels")
 
 
 # ---------------------------------------------------------------------------------------------------------------------

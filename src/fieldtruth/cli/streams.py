@@ -73,7 +73,7 @@ def standard_streams() -> Iterator[None]:
             sys.stdout, sys.stderr = usual
 
 
-def tell(text: str) -> None:
+def print_line(text: str) -> None:
     """Print a line about work that is done, which stays done where the line cannot be printed."""
     try:
         print(text, flush=True)
@@ -81,8 +81,10 @@ def tell(text: str) -> None:
         warnings.warn(str(error), FieldtruthWarning, stacklevel=2)
 
 
-def tell_output(path: Path, what: str = "") -> None:
+def print_output(path: Path, what: str = "") -> None:
     """Print the path of an output, what it is, for a folder the number of its files, and its size."""
     files = [file for file in path.rglob("*") if file.is_file()] if path.is_dir() else [path]
-    parts = [what] * bool(what) + [f"{len(files)} file{'s' * (len(files) != 1)}"] * path.is_dir()
-    tell(f"{path}: {''.join(f'{part}, ' for part in parts)}{sum(file.stat().st_size for file in files) / 1e6:.1f} MB")
+    count = f"{len(files)} file{'s' * (len(files) != 1)}"
+    size = f"{sum(file.stat().st_size for file in files) / 1e6:.1f} MB"
+    parts = [what, count if path.is_dir() else "", size]
+    print_line(f"{path}: {', '.join(filter(None, parts))}")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from fieldtruth.cli.arguments import AddCommand, Parser, UsageError, checked_layout, seed
-from fieldtruth.cli.streams import tell_output
+from fieldtruth.cli.streams import print_output
 from fieldtruth.core.errors import UnknownNameError
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def _scene(options: argparse.Namespace) -> None:
             world = selected_world(options)
         with progress.stage("write the scene"):
             write_scene(world, out, to=options.to, beyond=not options.no_beyond, overwrite=options.overwrite)
-    tell_output(out)
+    print_output(out)
 
 
 def _gazebo(options: argparse.Namespace) -> None:
@@ -87,7 +87,7 @@ def _gazebo(options: argparse.Namespace) -> None:
                 beyond=not options.no_beyond,
                 overwrite=options.overwrite,
             )
-    tell_output(out)
+    print_output(out)
 
 
 def _experiment_in(environment: str, name_or_path: str) -> "Experiment":

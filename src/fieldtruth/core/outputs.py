@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Names of outputs, checked before the work: may a file or folder of this name be made, and is its place writable."""
+"""Names of outputs, checked before the work: may a file or folder of this name be made, and can its folder be written."""
 
 import errno
 import os
@@ -33,7 +33,7 @@ def output_path(
 
     Raises:
         OutputError: the path is empty or names no new file or folder, has another ending or a control character, is
-            too long or taken, or its place is not writable.
+            too long or taken, or its folder cannot be written.
     """
     path = Path(out)
     with output_errors(path):
@@ -112,7 +112,7 @@ def _check_taken(path: Path, overwrite: bool | None, option: str) -> None:
 
 
 def _check_writable(base: Path, path: Path) -> None:
-    """Make and remove the longest temporary name; OSError if that fails. Permissions alone do not tell for root."""
+    """Make and remove the longest temporary name; OSError if that fails. Permissions say nothing to root."""
     if not base.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(base))
     new = path.relative_to(base).parts if path.is_relative_to(base) else path.parts[-1:]

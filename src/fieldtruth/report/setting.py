@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Words of cards about what was simulated: the robot, and the places, seasons, light and weather of experiments."""
+"""Words of cards about what was simulated: the robot, and the environments, seasons, light and weather of experiments."""
 
 from collections.abc import Iterable, Sequence
 
@@ -30,22 +30,22 @@ def body_words(robot: RobotConfig) -> dict[str, str]:
 
 def collection_of(experiments: Sequence[Experiment]) -> str:
     """Return a sentence about how the sensors moved in experiments: which robots drove, stood or followed poses."""
-    ways = {
+    groups = {
         "drives": [e for e in experiments if e.frames is None and e.drive is None],
         "stands at random poses": [e for e in experiments if e.frames is not None and e.drive is None],
         "follows given poses, without physics,": [e for e in experiments if e.drive is not None],
     }
-    parts = [f"a {_list(robot_title(e.rig.robot) for e in made)} {way}" for way, made in ways.items() if made]
+    parts = [f"a {_list(robot_title(e.rig.robot) for e in made)} {verb}" for verb, made in groups.items() if made]
     return f"{'; '.join(parts)} in generated natural environments"
 
 
 def conditions_of(experiments: Sequence[Experiment]) -> str:
     """Return a sentence about the environments, seasons, light and weather that experiments have."""
-    places = _list(e.environment for e in experiments)
+    environments = _list(e.environment for e in experiments)
     seasons = _list(str(e.layout.get("season", "summer")) for e in experiments)
     light, weather = _list(_light(e.light) for e in experiments), _list(e.weather.text for e in experiments)
     return (
-        f"Vegetation, relief and ground follow models of Central European landscapes: {places}, in {seasons}, with "
+        f"Vegetation, relief and ground follow models of Central European landscapes: {environments}, in {seasons}, with "
         f"light of {light} and {weather}; all others are missing."
     )
 
