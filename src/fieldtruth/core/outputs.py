@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Names of outputs, checked before the work: may a file or folder of this name be made, and can its folder be written."""
+"""Names of outputs, checked before the work: may a file or folder be made, and can its folder be written."""
 
 import errno
 import os

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Words of cards about what was simulated: the robot, and the environments, seasons, light and weather of experiments."""
+"""Words of cards about what was simulated: robot, environments, seasons, light and weather of experiments."""
 
 from collections.abc import Iterable, Sequence
 
@@ -45,8 +45,8 @@ def conditions_of(experiments: Sequence[Experiment]) -> str:
     seasons = _list(str(e.layout.get("season", "summer")) for e in experiments)
     light, weather = _list(_light(e.light) for e in experiments), _list(e.weather.text for e in experiments)
     return (
-        f"Vegetation, relief and ground follow models of Central European landscapes: {environments}, in {seasons}, with "
-        f"light of {light} and {weather}; all others are missing."
+        f"Vegetation, relief and ground follow models of Central European landscapes: {environments}, in {seasons}, "
+        f"with light of {light} and {weather}; all others are missing."
     )
 
 
