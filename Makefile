@@ -10,7 +10,7 @@ check:  ## lint, format, import layers and types
 	lint-imports
 	mypy src tests examples benchmarks
 
-test:  ## the default tests, five minutes
+test:  ## the default tests: some minutes on many cores, longer on two
 	pytest
 
 slow:  ## the slow proofs

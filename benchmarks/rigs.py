@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What rigs cost, and what one more sensor costs, in one world whose scene all sensors share.
 
-Run: python benchmarks/rigs.py [--env NAME] [--seconds S] [--tries N] [--workers N]
+Run: python benchmarks/rigs.py [--environment NAME] [--seconds S] [--tries N] [--workers N]
 
 - rigs: images and scans per second, each over the time of the whole recording; rigs take turns, the best try counts.
 - sensors: time of recording a LiDAR and one more sensor, minus that of the LiDAR alone, over the time of that sensor
@@ -111,12 +111,12 @@ def show(rows: Iterable[Row]) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--env", default="park")
+    parser.add_argument("--environment", default="park")
     parser.add_argument("--seconds", type=float, default=2.0, help="simulated time of each recording")
     parser.add_argument("--tries", type=int, default=3)
     parser.add_argument("--workers", type=int, default=1)
     options = parser.parse_args()
-    experiment = with_overrides(settings_of(options.env).experiment, seconds=options.seconds)
+    experiment = with_overrides(settings_of(options.environment).experiment, seconds=options.seconds)
     world = world_of(experiment)
     show(memory(world, experiment.light))
     baked, track = ft.bake(ft.Scene(world), experiment.light), drive(world, experiment)

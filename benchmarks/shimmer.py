@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shimmer of the ground: how much a pixel of it changes when the camera moves or turns a little.
 
-    python benchmarks/shimmer.py [--env park] [--poses 3] [--cost]
+    python benchmarks/shimmer.py [--environment park] [--poses 3] [--cost]
 
 Each picture is taken twice, and the second is warped onto the first by depth and poses. Printed is the mean absolute
 difference [1/255] of the brightness of ground that both show, by distance, and beside it the standard deviation of the
@@ -84,11 +84,11 @@ def cost(scene: BakedScene, poses: list[Array]) -> None:
 def main() -> None:
     """Measure one environment."""
     parser = argparse.ArgumentParser(description="Shimmer of the ground in photographs.")
-    parser.add_argument("--env", default="park", choices=["park", "lake", "forest", "hillside"])
+    parser.add_argument("--environment", default="park", choices=["park", "lake", "forest", "hillside"])
     parser.add_argument("--poses", type=int, default=3)
     parser.add_argument("--cost", action="store_true")
     options = parser.parse_args()
-    experiment = load_experiment(f"{options.env}_1")
+    experiment = load_experiment(f"{options.environment}_1")
     world = world_of(experiment)
     scene = bake(Scene(world), experiment.light)
     config = ft.Rig().cameras[0]
@@ -97,7 +97,7 @@ def main() -> None:
     poses = [np.asarray(p) for p in poses_on_route(experiment.route, world, experiment.rig, options.poses)]
     if options.cost:
         cost(scene, [p @ on_robot for p in poses])
-    print(f"{options.env}: mean |difference| (local contrast) [1/255] by distance [m]")
+    print(f"{options.environment}: mean |difference| (local contrast) [1/255] by distance [m]")
     print(f"{'':16}" + "".join(f"{f'{a:.0f} to {b:.0f}':>16}" for a, b in pairwise(BANDS)))
     for name, (along, turn) in MOVES.items():
         parts = [

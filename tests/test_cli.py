@@ -35,13 +35,13 @@ class Recorder:
 
     def __init__(self, error: BaseException | None = None) -> None:
         self.error = error
-        self.calls: list[tuple[fieldtruth.Experiment, Path, dict[str, Any]]] = []
+        self.calls: list[tuple[fieldtruth.Experiment, str, dict[str, Any]]] = []
 
-    def generate(self, experiment: fieldtruth.Experiment, out: Path, **options: Any) -> Path:
+    def generate(self, experiment: fieldtruth.Experiment, out: str, **options: Any) -> Path:
         self.calls.append((experiment, out, options))
         if self.error is not None:
             raise self.error
-        bag = out / experiment.name / f"{experiment.name}.bag"
+        bag = Path(out) / experiment.name / f"{experiment.name}.bag"
         bag.parent.mkdir(parents=True)
         with Writer(bag) as writer:
             clock, tick = (writer.add_connection(topic, CLOCK, msgdef="time clock", md5sum="0" * 32) for topic in "ab")
@@ -68,19 +68,19 @@ ERRORS = [
     (["generat"], "unknown command 'generat'; did you mean 'generate'? Available: generate, degrade, "),
     (["--versoin"], "unknown option '--versoin'; did you mean '--version'? Available: --help, --version"),
     (["list", "--jsn"], "unknown option '--jsn'; Available: --help"),
-    (["bench", "--jsn"], "unknown option '--jsn'; did you mean '--json'? Available: --help, --env, --json"),
-    (["preview"], "the following arguments are required: ENV"),
+    (["bench", "--jsn"], "unknown option '--jsn'; did you mean '--json'? Available: --help, --environment, --json"),
+    (["preview"], "the following arguments are required: ENVIRONMENT"),
     (["preview", "prak"], "unknown environment 'prak'; did you mean 'park'? Available: forest, hillside, lake, park"),
     (["preview", "park", "--seed", "-1"], f"--seed must be an integer between 0 and {2**63 - 1}, got '-1'"),
     (["preview", "park", "--seed", "one"], f"--seed must be an integer between 0 and {2**63 - 1}, got 'one'"),
     (["preview", "park", "--out", "park.bmp"], "cannot write park.bmp: its name must end in .png, .jpg or .jpeg"),
     (["preview", "park", "--out", "no/park.png"], "cannot write no/park.png: "),
     (["preview", "park", "forest"], "unexpected argument 'forest'"),
-    (["shares"], "give either --all or experiments. Available: forest_1, "),
-    (["shares", "park_1", "--all"], "give either --all or experiments. Available: forest_1, "),
+    (["shares"], "give experiments, or all. Available: forest_1, "),
+    (["shares", "park_1", "all"], "unknown experiment 'all'; "),
     (["shares", "park1"], "unknown experiment 'park1'; did you mean 'park_1'? Available: forest_1, "),
-    (["shares", "--all", "--seed", "x"], "--seed must be an integer between 0 and "),
-    (["bench", "--env", "prak"], "unknown environment 'prak'; did you mean 'park'? Available: "),
+    (["shares", "all", "--seed", "x"], "--seed must be an integer between 0 and "),
+    (["bench", "--environment", "prak"], "unknown environment 'prak'; did you mean 'park'? Available: "),
     (["list", "park_1"], "unknown list 'park_1'; Available: experiments, environments, sensors"),
     (["list", "sensor"], "unknown list 'sensor'; did you mean 'sensors'? Available: experiments, environments, "),
     (["list", "sensors", "lidar"], "unexpected argument 'lidar'"),
@@ -133,7 +133,7 @@ def test_generate_passes_all_options_to_one_call(
     assert (experiment.name, experiment.seconds, experiment.seed) == ("park_1", 5.0, 7)
     assert not experiment.rig.stereo.enabled
     assert not experiment.rig.lidar.enabled
-    assert out == Path("sets")
+    assert out == "sets"
     assert (options["workers"], options["overwrite"]) == (3, True)
     text = capsys.readouterr().out
     size = (tmp_path / "sets/park_1/park_1.bag").stat().st_size / 1e6
@@ -146,7 +146,7 @@ def test_generate_defaults_to_the_unchanged_experiment_and_all_cores(monkeypatch
     assert cli.main(["generate", "park_2"]) == 0
     [(experiment, out, options)] = pipeline.calls
     assert experiment == fieldtruth.load_experiment("park_2")
-    assert out == Path("data")
+    assert out == "data"
     assert (options["workers"], options["overwrite"]) == (cpu_count(), False)
 
 
@@ -176,8 +176,12 @@ def test_bench_prints_a_table_or_one_json_object(
     with_pipeline(monkeypatch, Recorder())
     assert cli.main(["bench", "--json"]) == 0
     assert capsys.readouterr().out == '{"park": 2.5}\n'
-    assert cli.main(["bench", "--env", "forest"]) == 0
+    assert cli.main(["bench", "--environment", "forest"]) == 0
     assert capsys.readouterr().out == "{'forest': 2.5}\n"
+    assert cli.main(["bench", "--environment", "all", "--json"]) == 0
+    assert list(json.loads(capsys.readouterr().out)) == ["forest", "hillside", "lake", "park"]
+    assert cli.main(["bench", "--env", "lake"]) == 0
+    assert capsys.readouterr() == ("{'lake': 2.5}\n", "warning: --env is now called --environment\n")
 
 
 def test_preview_writes_the_sheet(
@@ -221,7 +225,7 @@ def test_shares_counts_the_given_experiments(
     assert cli.main(["shares", "park_2", "--seed", "5", "--workers", "2", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found == {"park_2": {"poses": 1, "pixels": {"ground": 3, "sky": 1}, "points": {"ground": 3, "sky": 1}}}
-    assert cli.main(["shares", "--all"]) == 0
+    assert cli.main(["shares", "all"]) == 0
     header, ground, *_ = capsys.readouterr().out.splitlines()
     assert header.split()[2:] == list(fieldtruth.list_experiments())
     assert ground.split() == ["ground", *["75.00"] * len(fieldtruth.list_experiments())]

@@ -5,6 +5,7 @@
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -27,6 +28,17 @@ USER_VERBS = [
 @pytest.mark.parametrize("name", [*fieldtruth.__all__, "__version__"])
 def test_every_public_name_resolves(name: str) -> None:
     assert getattr(fieldtruth, name) is not None
+
+
+def test_the_page_of_the_api_has_every_public_name() -> None:
+    page = Path(__file__).parent.parent / "docs" / "api.md"
+    documented = {line.removeprefix("::: ") for line in page.read_text().splitlines() if line.startswith("::: ")}
+    public = {name: getattr(fieldtruth, name) for name in fieldtruth.__all__ if name != "__version__"}
+    names = {
+        value.__name__ if isinstance(value, ModuleType) else f"fieldtruth.{name}" for name, value in public.items()
+    }
+    assert names - documented == set()
+    assert {name for name in documented - names if not name.startswith("fieldtruth.core.")} == set()
 
 
 @pytest.mark.parametrize("name", USER_VERBS)

@@ -11,6 +11,9 @@ from .bag.decode import read_bag as read_bag
 from .bag.errors import BagError as BagError
 from .bag.run import Run as Run
 from .bag.run import open_run as open_run
+from .campaign.config import Campaign as Campaign
+from .campaign.files import load_campaign as load_campaign
+from .campaign.task import run_campaign as run_campaign
 from .core import geodesy as geodesy
 from .core import readings as readings
 from .core import transforms as transforms
@@ -37,7 +40,6 @@ from .datasets import open_runs as open_runs
 from .datasets import split as split
 from .degradation import degrade as degrade
 from .drive.plan import plan_route as plan_route
-from .drive.track import Track as Track
 from .experiment.catalogue import list_experiments as list_experiments
 from .experiment.config import ControlConfig as ControlConfig
 from .experiment.config import DriveConfig as DriveConfig

@@ -17,6 +17,7 @@ from fieldtruth.bag.decode import count_messages
 from fieldtruth.bag.topics import latches_objects, topics_of_run
 from fieldtruth.bag.track_file import TrackFile
 from fieldtruth.core.errors import FieldtruthWarning
+from fieldtruth.core.outputs import output_folder
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive.plan import expected_seconds
@@ -168,10 +169,11 @@ def generate(
         TrackError, BagError: a track file that cannot be read, or leads out of the world or into something solid.
         EngineError: the installed Embree is not the version for which the kernels were written.
     """
+    folder = output_folder(out, experiment.name)
     if world is None and scene is None:
         check_experiment(experiment)
     engine = partial(prepare, world=world, scene=scene)
-    return _generate(engine, experiment, Path(out), workers, overwrite=overwrite, progress=progress)
+    return _generate(engine, experiment, folder, workers, overwrite=overwrite, progress=progress)
 
 
 def generate_by(
@@ -184,8 +186,9 @@ def generate_by(
     progress: Progress | None = None,
 ) -> Path:
     """Generate a data set as ``generate`` does, where world, drive and slices are made by an engine; None: here."""
+    folder = output_folder(out, experiment.name)
     check_experiment(experiment)
-    return _generate(engine or prepare, experiment, Path(out), workers, overwrite=overwrite, progress=progress)
+    return _generate(engine or prepare, experiment, folder, workers, overwrite=overwrite, progress=progress)
 
 
 def _generate(

@@ -266,7 +266,7 @@ def test_the_command_line_uses_rig_and_seed_of_an_experiment(
     stripped: Path, annotated: Path, small_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, experiment = tmp_path / "y.bag", small_run / "experiment.yaml"
-    words = ["annotate", stripped, "--world", "park", "--experiment", experiment, "--lidar", "--out", out]
+    words = ["annotate", stripped, "--environment", "park", "--experiment", experiment, "--lidar", "--out", out]
     assert cli.main([str(word) for word in words]) == 0
     assert capsys.readouterr().out == f"{out}: {out.stat().st_size / 1e6:.1f} MB\n"
     assert out.read_bytes() == annotated.read_bytes()
@@ -274,5 +274,7 @@ def test_the_command_line_uses_rig_and_seed_of_an_experiment(
     assert capsys.readouterr().err == f"error: {out} already exists; remove it, or choose another --out\n"
     words[3] = "lake"
     assert cli.main([str(word) for word in words]) == 2
-    assert capsys.readouterr().err == f"error: --world must be 'park', the environment of {experiment}, got 'lake'\n"
+    assert (
+        capsys.readouterr().err == f"error: --environment must be 'park', the environment of {experiment}, got 'lake'\n"
+    )
     assert json.dumps(load_experiment(experiment).seed) == "0"

@@ -254,7 +254,7 @@ def test_a_bag_that_cannot_be_annotated_is_a_one_line_error(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(annotation, "load_world", lambda name, seed, layout: park)
     write(Path("x.bag"), make(park))
-    assert cli.main(["annotate", "x.bag", "--world", "park"]) == 2
+    assert cli.main(["annotate", "x.bag", "--environment", "park"]) == 2
     out, err = capsys.readouterr()
     lines = [text for text in err.splitlines() if text.startswith("error: ")]
     assert len(lines) == 1
@@ -267,15 +267,15 @@ def test_a_bag_that_cannot_be_annotated_is_a_one_line_error(
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (["--world", "prak"], "unknown environment 'prak'; did you mean 'park'? Available: "),
-        (["--world", "park", "--out", "x.bag"], "x.bag already exists; remove it, or choose another --out"),
-        (["--world", "park", "--out", "x.bag/y.bag"], "cannot write x.bag/y.bag: "),
-        (["--world", "park", "--robot", "jackal"], "cannot read x.bag: "),
+        (["--environment", "prak"], "unknown environment 'prak'; did you mean 'park'? Available: "),
+        (["--environment", "park", "--out", "x.bag"], "x.bag already exists; remove it, or choose another --out"),
+        (["--environment", "park", "--out", "x.bag/y.bag"], "cannot write x.bag/y.bag: "),
+        (["--environment", "park", "--robot", "jackal"], "cannot read x.bag: "),
         (
-            ["--world", "park", "--experiment", "prak_1"],
+            ["--environment", "park", "--experiment", "prak_1"],
             "unknown experiment 'prak_1'; did you mean 'park_1'? Available: ",
         ),
-        ([], "the following arguments are required: --world"),
+        ([], "the following arguments are required: --environment"),
     ],
 )
 def test_a_wrong_argument_is_a_one_line_error(
@@ -300,8 +300,8 @@ def test_an_interruption_shows_the_command_that_resumes(
 
     monkeypatch.setattr(annotation, "load_world", stop)
     bag = write(tmp_path / "x.bag", drive())
-    assert cli.main(["annotate", str(bag), "--world", "park"]) == 130
-    assert capsys.readouterr().err.endswith(f" resume with: fieldtruth annotate {bag} --world park\n")
+    assert cli.main(["annotate", str(bag), "--environment", "park"]) == 130
+    assert capsys.readouterr().err.endswith(f" resume with: fieldtruth annotate {bag} --environment park\n")
     assert [path.name for path in tmp_path.iterdir()] == ["x.bag"]
 
 

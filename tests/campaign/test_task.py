@@ -20,7 +20,7 @@ from fieldtruth.campaign.manifest import MANIFEST, Manifest, digest_of
 from fieldtruth.campaign.measure import Figures
 from fieldtruth.campaign.shard import Shard
 from fieldtruth.campaign.state import State
-from fieldtruth.campaign.task import Options, generate_campaign
+from fieldtruth.campaign.task import Options, generate_campaign, run_campaign
 from fieldtruth.core.errors import OutputError, RouteError
 from fieldtruth.core.files import locked
 from fieldtruth.drive.track import Track
@@ -263,3 +263,14 @@ def test_exit_code_is_1_if_a_run_failed(
     assert "lake_2 failed: blocked" in capsys.readouterr().out
     assert cli.main(["status", str(tmp_path)]) == 0
     assert "7 of 8 done, 1 failed" in capsys.readouterr().out
+
+
+def test_a_campaign_from_python_is_that_of_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    states = run_campaign(campaign(), tmp_path / "python")
+    assert [state.kind for state in states] == ["done"] * 3
+    assert capsys.readouterr().out == ""
+    run(campaign(), tmp_path / "options")
+    assert bags(tmp_path / "python") == bags(tmp_path / "options")
+    assert len(run_campaign(campaign(), tmp_path / "shard", shard=(1, 3))) == 1
+    with pytest.raises(OutputError, match="it must be a folder"):
+        run_campaign(campaign(), "")

@@ -185,8 +185,8 @@ BAD_VALUES = [
     ("columns", "columns: 7", r"rig\.sensors\[3\]\.columns must be an integer between 8 and 8192, got 7"),
     (
         "height",
-        "height: 1281",
-        r"rig\.sensors\[4\]\.height must be an integer between 8 and 8192, a multiple of 8, got 1281",
+        "height: 8193",
+        r"rig\.sensors\[4\]\.height must be an integer between 2 and 8192, got 8193",
     ),
     ("spinning", "spinning: 1", r"rig\.sensors\[3\]\.spinning must be true or false, got 1"),
     ("min_range", "min_range: -1", r"rig\.sensors\[3\]\.min_range must be a number of at least 0, got -1"),

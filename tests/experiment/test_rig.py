@@ -183,8 +183,8 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"tachometers": {"rate_hz": -1}}, "rig.tachometers.rate_hz must be a number between 0.01 and 1000, got -1"),
     ({"odometry": {"rate": 1}}, "unknown key 'rig.odometry.rate'; did you mean 'rig.odometry.rate_hz'? "),
     (
-        {"sensors": [camera(width=9), camera(name="d", width=9)]},
-        "rig.sensors[0].width must be an integer between 8 and 8192, a multiple of 8, got 9 (and 1 more)",
+        {"sensors": [camera(width=1), camera(name="d", width=1)]},
+        "rig.sensors[0].width must be an integer between 2 and 8192, got 1 (and 1 more)",
     ),
 ]  # fmt: skip
 

@@ -67,7 +67,7 @@ def test_mistakes_are_one_line_before_any_work(
     built: list[tuple[Any, ...]], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert gazebo("lake", "--experiment", "park_1") == 2
-    expected = "ENV must be 'park', the environment of park_1, got 'lake'"
+    expected = "ENVIRONMENT must be 'park', the environment of park_1, got 'lake'"
     assert capsys.readouterr().err == f"error: {expected}\n"
     fisheye = {"kind": "stereo", "lens": {"model": "equidistant", "coefficients": [0.0] * 4}}
     write(Rig.model_validate({"sensors": [fisheye]}))

@@ -19,7 +19,7 @@ def test_the_layout_is_written_and_named_in_the_readme(tmp_path: Path) -> None:
     world = replace(load_world("park"), layout={"grid": 0.2, "benches": 3})
     write_ros_package(tmp_path, world, Rig(), "classic")
     assert yaml.safe_load((tmp_path / "config/layout.yaml").read_text()) == {"grid": 0.2, "benches": 3}
-    assert "--world park --seed 0 --layout config/layout.yaml --lidar" in (tmp_path / "README.md").read_text()
+    assert "--environment park --seed 0 --layout config/layout.yaml --lidar" in (tmp_path / "README.md").read_text()
     write_ros_package(tmp_path / "default", load_world("park"), Rig(), "classic")
     assert not (tmp_path / "default/config/layout.yaml").exists()
 

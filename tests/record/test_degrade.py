@@ -92,11 +92,11 @@ def test_mistakes_are_one_line(ideal: Path, tmp_path: Path, capsys: pytest.Captu
         ([str(alone)], "has no experiment.yaml beside it"),
         ([str(tmp_path / "gone")], "gone does not exist"),
         (
-            [str(ideal), "--model", "loud"],
+            [str(ideal), "--signal", "loud"],
             "signal must be ideal, datasheet, clean, robot or the path of a YAML file, got 'loud'",
         ),
-        ([str(ideal), "--model", "ideal"], "signal must change a sensor of the run"),
-        ([str(ideal), "--model", str(file)], "signal: 'lidr' must be a sensor of the rig or its kind: imu, gnss, "),
+        ([str(ideal), "--signal", "ideal"], "signal must change a sensor of the run"),
+        ([str(ideal), "--signal", str(file)], "signal: 'lidr' must be a sensor of the rig or its kind: imu, gnss, "),
     ):
         assert main(["degrade", *arguments, "--out", out]) == 2
         error = capsys.readouterr().err

@@ -45,6 +45,23 @@ def test_intrinsics() -> None:
     assert (lens.cx, lens.cy) == (639.5, 359.5)
 
 
+@pytest.mark.parametrize(("width", "height"), [(2, 2), (3, 5), (9, 7), (16, 31), (131, 33), (321, 181)])
+def test_every_pixel_of_an_image_of_any_size_is_labelled(width: int, height: int) -> None:
+    """A patch that fills a part of the view, with a border inside the last tile of rays, and sky around."""
+    config = CONFIG.model_copy(update={"width": width, "height": height})
+    x, y, z = (-0.45 * TAN_X, 0.93 * TAN_X), (-0.93 * TAN_Y, 0.7 * TAN_Y), 8.0
+    corners = [[x[i] * z, y[j] * z, z] for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    scene = floating((quad("patch", corners, "stone"), at(0, 0, 0)))
+    seen = LabelCamera(config, scene).label(np.eye(4))
+    a, b = tangents(config)
+    inside = ((b > y[0]) & (b < y[1]))[:, None] & ((a > x[0]) & (a < x[1]))
+    assert 0 < inside.sum() < inside.size
+    assert np.array_equal(seen.label == Label.ROCK, inside)
+    assert np.array_equal(seen.label == Label.SKY, ~inside)
+    assert np.array_equal(seen.instance, np.where(inside, 2, 0))
+    np.testing.assert_allclose(seen.depth, np.where(inside, z, 0.0), atol=1e-5)
+
+
 @pytest.mark.parametrize("column", [0, 1, 401, 639, 640, 1279])
 def test_thin_post_fills_the_column_whose_centre_it_covers(column: int) -> None:
     seen = label(patch("post", (column - 0.4, column + 0.4), (-9, 729), 8.0))

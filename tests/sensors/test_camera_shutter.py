@@ -215,3 +215,15 @@ def test_drive_lasts_until_the_last_row_is_exposed() -> None:
     assert sweep_steps(Experiment.model_validate(values).rig) == 0
     values["rig"]["cameras"] = {"signal": {"readout_ms": 18.4, "exposure_time_ms": 1.0, "max_exposure_time_ms": 5.0}}
     assert sweep_steps(Experiment.model_validate(values).rig) == 12  # half of 23.4 ms
+
+
+@pytest.mark.parametrize(("width", "height"), [(2, 2), (3, 5), (33, 17)])
+def test_images_of_any_size_have_light_in_every_pixel(clutter: BakedScene, width: int, height: int) -> None:
+    signal = CameraSignal(mosaic="rggb", bits=12, exposure_time_ms=8.0, readout_ms=5.0)
+    config = camera_config().model_copy(update={"width": width, "height": height, "signal": signal})
+    seen = Camera(config, clutter, 3).capture(config.imagers()[0], 0, STAMP, turning(0.5))
+    assert seen.photo.shape == (height, width, 3)
+    light = Camera(config, clutter, 3)
+    light.expose(config.imagers()[0], STAMP, turning(0.5), 0.008)
+    assert np.isfinite(light.linear).all()
+    assert (light.linear.max(axis=-1) > 0.0).all()

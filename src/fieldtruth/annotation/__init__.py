@@ -6,7 +6,6 @@ The bag's true poses give the robot's position; the world's name and seed give w
 only read: its messages are copied unchanged, merged with the new ones, into a new bag.
 """
 
-import os
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -26,8 +25,9 @@ from fieldtruth.bag.model_states import ROBOT
 from fieldtruth.bag.robot_messages import tf_static
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning, OutputError
-from fieldtruth.core.files import locked, output_errors
+from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
+from fieldtruth.core.files import locked
+from fieldtruth.core.outputs import output_path
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive.track import Stamps
@@ -96,11 +96,13 @@ def annotate(
             another world.
         OutputError: the output already exists, is in use, or cannot be written.
     """
+    target = None if out is None else output_path(out, single=True)
     config = WorldConfig(world) if isinstance(world, str) else world
     check_layout(config.environment, config.layout)
     progress = Silent() if progress is None else progress
     run, rig = open_run(bag), rig.with_sensors(SensorConfig, clock=None)
-    target = run.folder / f"{run.name}_annotated.bag" if out is None else Path(out)
+    if target is None:
+        target = output_path(run.folder / f"{run.name}_annotated.bag")
     added = _added_topics(run, rig)
     with _work_folder(target) as folder:
         frames = check_frames(run, rig)
@@ -147,12 +149,9 @@ def _work_folder(target: Path) -> Iterator[RunFolder]:
     """Open and lock a hidden folder for slices beside the new bag; it is kept when the work is interrupted.
 
     Raises:
-        OutputError: the bag already exists, is in use, or cannot be written.
+        OutputError: the bag is in use, or cannot be written.
     """
     path = target.with_name(f".{target.name}.parts")
-    with output_errors(target):
-        if os.path.lexists(target):
-            raise OutputError(f"{target} already exists; remove it, or choose another --out")
     folder = RunFolder(path, target)
     with new_folder(path, target):
         with locked(path):

@@ -10,15 +10,18 @@ from typing import NamedTuple
 
 from fieldtruth.campaign.amounts import clock, size
 from fieldtruth.campaign.bar import Shows, run_bar, silent
+from fieldtruth.campaign.check import check_campaign
 from fieldtruth.campaign.config import Campaign
 from fieldtruth.campaign.draw import PlannedRun, draw
 from fieldtruth.campaign.estimate import check_resources, estimate, free_bytes
+from fieldtruth.campaign.files import load_campaign
 from fieldtruth.campaign.folder import check_folder, write_campaign
 from fieldtruth.campaign.jobs import Outcome, make_runs
 from fieldtruth.campaign.manifest import Failure, Manifest
 from fieldtruth.campaign.run import STOPPING, Generate, run_one
 from fieldtruth.campaign.shard import Shard
 from fieldtruth.campaign.state import Kind, State, counts, state_of, time_left_s
+from fieldtruth.core.outputs import output_folder
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.record.folder import new_folder
@@ -42,6 +45,39 @@ class Options(NamedTuple):
     """Makes a run elsewhere, in place of ``fieldtruth.generate``; jobs are then threads of this process."""
 
 
+def run_campaign(
+    campaign: Campaign | Path | str,
+    out: Path | str,
+    *,
+    jobs: int = 1,
+    workers: int | None = None,
+    shard: tuple[int, int] = (1, 1),
+    overwrite: bool = False,
+) -> list[State]:
+    """Make the runs of a campaign that are left in a folder, and return the state of each.
+
+    Runs that fail do not stop the others, and a campaign that was interrupted goes on when it is called again.
+
+    Args:
+        campaign: a campaign, its file, or ``all`` for every built-in experiment.
+        out: folder of the campaign; each run is a folder in it.
+        jobs: runs side by side, each in a process; with more than one the calling script needs
+            ``if __name__ == "__main__":``.
+        workers: threads of each job; None shares the cores. The bytes do not depend on it.
+        shard: which part, from 1, of how many parts.
+        overwrite: replace another campaign and finished runs.
+
+    Raises:
+        ConfigurationError: a value that is not allowed.
+        OutputError: the folder holds another campaign, or cannot be written.
+    """
+    chosen = campaign if isinstance(campaign, Campaign) else load_campaign(campaign)
+    source = "" if isinstance(campaign, Campaign) else str(campaign)
+    check_campaign(chosen, source)
+    options = Options(jobs, workers, Shard(*shard), overwrite, measure=False)
+    return generate_campaign(chosen, output_folder(out), options, source=source, say=lambda line: None)
+
+
 def generate_campaign(
     campaign: Campaign, out: Path, options: Options, *, source: str = "", shows: Shows = silent, say: Say = print
 ) -> list[State]:
@@ -56,6 +92,7 @@ def generate_campaign(
         OutputError: the folder holds another campaign, cannot be written, or disk or memory cannot hold the runs.
         KeyboardInterrupt: finished runs and slices are kept.
     """
+    output_folder(out)
     everything = draw(campaign, source)
     if not options.overwrite:
         check_folder(campaign, everything, out)

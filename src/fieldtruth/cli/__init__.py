@@ -19,25 +19,48 @@ import fieldtruth
 from fieldtruth.cli import caching, campaigns, generation, processing, rigs, worlds
 from fieldtruth.cli.arguments import Command, Parser, UsageError
 from fieldtruth.cli.interrupts import INTERRUPTED, interrupts
+from fieldtruth.cli.streams import standard_streams
 from fieldtruth.core.errors import FieldtruthError, FieldtruthWarning, UnknownNameError
 
 USER_ERROR: Final = 2
+RENAMED: Final = {
+    ("bench", "--env"): "--environment",
+    ("annotate", "--world"): "--environment",
+    ("degrade", "--model"): "--signal",
+    ("shares", "--all"): "all",
+}
+"""Present name of an option by command and earlier name."""
 RESUMABLE: Final = ("generate", "annotate", "degrade")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line, by default that of the process, and return its exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
+    with standard_streams():
+        return _run(arguments, restore=argv is not None)
+
+
+def _run(arguments: Sequence[str], *, restore: bool) -> int:
     interrupted = f"interrupted{_resume_hint(arguments)}"
     try:
-        with interrupts(f"error: {interrupted}", restore=argv is not None):
+        with interrupts(f"error: {interrupted}", restore=restore), _flushed_output(), _warnings_in_one_line():
             command, options = _parse(arguments)
-            with _warnings_in_one_line():
-                return command(options) or 0
+            return command(options) or 0
     except FieldtruthError as error:
         return _fail(str(error), USER_ERROR)
     except KeyboardInterrupt:
         return _fail(interrupted, INTERRUPTED)
+
+
+@contextmanager
+def _flushed_output() -> Iterator[None]:
+    """Write out what was printed, also where a text of help or version ends the process; raises OutputError."""
+    try:
+        yield
+    except SystemExit:
+        sys.stdout.flush()
+        raise
+    sys.stdout.flush()
 
 
 @contextmanager
@@ -83,11 +106,22 @@ def _parse(arguments: Sequence[str]) -> tuple[Command, argparse.Namespace]:
         raise UsageError(f"no command given; see fieldtruth --help. Available: {', '.join(commands)}")
     if not arguments[0].startswith("-") and arguments[0] not in commands:
         raise UnknownNameError("command", arguments[0], commands)
-    options, unknown = parser.parse_known_args(arguments)
+    options, unknown = parser.parse_known_args(_renamed(arguments))
     if unknown:
         _reject(unknown[0], commands.get(arguments[0], parser))
     run: Command = options.run
     return run, options
+
+
+def _renamed(arguments: Sequence[str]) -> list[str]:
+    """Return the arguments with the present names of options, and warn of earlier ones."""
+    renamed = [*arguments]
+    for k, argument in enumerate(arguments):
+        old, equals, value = argument.partition("=")
+        if new := RENAMED.get((arguments[0], old)):
+            warnings.warn(f"{old} is now called {new}", FieldtruthWarning, stacklevel=2)
+            renamed[k] = new + equals + value
+    return renamed
 
 
 def _reject(argument: str, parser: argparse.ArgumentParser) -> NoReturn:

@@ -7,6 +7,7 @@ import time
 from typing import TYPE_CHECKING
 
 from fieldtruth.cli.arguments import AddCommand
+from fieldtruth.cli.streams import print_line
 
 if TYPE_CHECKING:
     from fieldtruth.core.cache_folder import Entry
@@ -19,7 +20,7 @@ def _cache(options: argparse.Namespace) -> None:
     folder, limit = cache_folder(), size_limit()
     found = entries(folder)
     if options.clear:
-        print(f"{folder}: {remove_entries(found) / 1e6:.0f} MB removed")
+        print_line(f"{folder}: {remove_entries(found) / 1e6:.0f} MB removed")
         return
     for entry in found:
         used = time.strftime("%Y-%m-%d %H:%M", time.localtime(entry.used))

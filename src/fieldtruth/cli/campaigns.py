@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from fieldtruth.cli.arguments import AddCommand, Parser, UsageError, changes, count
+from fieldtruth.cli.streams import print_line
 from fieldtruth.core.errors import FieldtruthWarning, UnknownNameError
 
 if TYPE_CHECKING:
@@ -56,9 +57,10 @@ def generate(options: argparse.Namespace, cluster: "AbstractContextManager[Clust
     from fieldtruth import pipeline
     from fieldtruth.campaign.state import Kind
     from fieldtruth.campaign.task import Options, generate_campaign
+    from fieldtruth.core.outputs import output_folder
     from fieldtruth.core.progress import show_progress
 
-    out = Path("data") / campaign.name if options.out is None else options.out
+    out = Path("data") / campaign.name if options.out is None else output_folder(options.out)
     with cluster as engine:
         task = Options(
             jobs=options.jobs or (1 if engine is None else engine.runs_at_once()),
@@ -68,12 +70,8 @@ def generate(options: argparse.Namespace, cluster: "AbstractContextManager[Clust
             measure=not options.no_estimate and engine is None,
             generate=None if engine is None else partial(pipeline.generate_by, engine),
         )
-        states = generate_campaign(campaign, out, task, source=options.experiment, shows=show_progress, say=_say)
+        states = generate_campaign(campaign, out, task, source=options.experiment, shows=show_progress, say=print_line)
     return FAILED if any(state.kind is Kind.FAILED for state in states) else 0
-
-
-def _say(line: str) -> None:
-    print(line, flush=True)
 
 
 def _status(options: argparse.Namespace) -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from fieldtruth.cli import campaigns
 from fieldtruth.cli.arguments import AddCommand, Parser, UsageError, add_workers, changes, count, number, seed, words
+from fieldtruth.cli.streams import print_line, print_output
 from fieldtruth.core.errors import UnknownNameError
 from fieldtruth.core.parallel import cpu_count
 
@@ -63,7 +64,7 @@ def _generate_one(options: argparse.Namespace) -> None:
         bag = generate_by(
             engine,
             experiment,
-            Path("data") if options.out is None else options.out,
+            "data" if options.out is None else options.out,
             workers=options.workers or cpu_count(),
             overwrite=options.overwrite,
             progress=progress,
@@ -76,7 +77,7 @@ def _print_bag(bag: Path, start: float) -> None:
 
     took = time.monotonic() - start
     counts = count_messages(bag)
-    print(
+    print_line(
         f"{bag}: {sum(counts.values())} messages of {len(counts)} topics, {bag.stat().st_size / 1e6:.1f} MB; "
         f"this run took {took:.0f} s"
     )
@@ -87,7 +88,7 @@ def _degrade(options: argparse.Namespace) -> None:
     from fieldtruth.degradation import degrade
     from fieldtruth.experiment.files import read_signal
 
-    start, signal = time.monotonic(), read_signal(options.model)
+    start, signal = time.monotonic(), read_signal(options.signal)
     with show_progress() as progress:
         bag = degrade(
             options.run_path,
@@ -150,12 +151,13 @@ def _list(options: argparse.Namespace) -> None:
 
 
 def _preview(options: argparse.Namespace) -> None:
-    from fieldtruth.report.image_file import IMAGE_ENDINGS, check_output_path, is_jpeg, write_image
+    from fieldtruth.core.outputs import output_path
+    from fieldtruth.report.image_file import IMAGE_ENDINGS, is_jpeg, write_image
     from fieldtruth.world.environments import ENVIRONMENTS
 
     ENVIRONMENTS.find(options.environment)
-    path = options.out if options.out is not None else Path(f"{options.environment}_{options.seed}_preview.png")
-    check_output_path(path, IMAGE_ENDINGS, overwrite=options.overwrite)
+    path = f"{options.environment}_{options.seed}_preview.png" if options.out is None else options.out
+    path = output_path(path, endings=IMAGE_ENDINGS, parents=False, overwrite=options.overwrite)
     # After the checks: physics, compiled kernels and the drawing library take seconds to load.
     from fieldtruth.core.progress import show_progress
     from fieldtruth.report.preview import WIDTH, WIDTH_IN_DOCUMENTS, preview
@@ -164,7 +166,7 @@ def _preview(options: argparse.Namespace) -> None:
     with show_progress() as progress:
         sheet = preview(options.environment, options.seed, width=width, workers=options.workers, progress=progress)
     write_image(path, sheet, overwrite=options.overwrite)
-    print(f"{path}: {sheet.shape[1]} x {sheet.shape[0]} pixels, {path.stat().st_size / 1e6:.1f} MB")
+    print_output(path, f"{sheet.shape[1]} x {sheet.shape[0]} pixels")
 
 
 def _shares(options: argparse.Namespace) -> None:
@@ -173,9 +175,9 @@ def _shares(options: argparse.Namespace) -> None:
     from fieldtruth.experiment.catalogue import experiment_names
     from fieldtruth.experiment.files import with_overrides
 
-    if options.all == bool(options.experiments):
-        raise UsageError(f"give either --all or experiments. Available: {', '.join(experiment_names())}")
-    names = experiment_names() if options.all else options.experiments
+    if not options.experiments:
+        raise UsageError(f"give experiments, or all. Available: {', '.join(experiment_names())}")
+    names = experiment_names() if options.experiments == ["all"] else options.experiments
     experiments = [with_overrides(_checked_experiment(name), seed=options.seed) for name in names]
     from fieldtruth.core.progress import show_progress
     from fieldtruth.report.shares import shares_of, shares_table
@@ -191,11 +193,19 @@ def _bench(options: argparse.Namespace) -> None:
 
     from fieldtruth.bench import measure, settings_of, table
     from fieldtruth.core.progress import show_progress
+    from fieldtruth.world.environments import ENVIRONMENTS
 
-    settings = settings_of(options.env)
+    names = list(ENVIRONMENTS) if options.environment == "all" else [options.environment]
+    chosen = {name: settings_of(name) for name in names}
     with show_progress() as progress:
-        figures = measure(settings, progress)
-    print(json.dumps(figures) if options.json else table(figures))
+        found = {name: measure(settings, progress) for name, settings in chosen.items()}
+    if options.environment != "all":
+        (figures,) = found.values()
+        print(json.dumps(figures) if options.json else table(figures))
+    elif options.json:
+        print(json.dumps(found))
+    else:
+        print("\n\n".join(f"{name}\n{table(figures)}" for name, figures in found.items()))
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -208,9 +218,7 @@ def add_commands(command: AddCommand) -> None:
     generate.add_argument(
         "experiment", metavar="EXPERIMENT", help="name from `fieldtruth list`, all, or a YAML file, also of a campaign"
     )
-    generate.add_argument(
-        "--out", metavar="DIR", type=Path, help="folder for data sets (data), or of the campaign (data/NAME)"
-    )
+    generate.add_argument("--out", metavar="DIR", help="folder for data sets (data), or of the campaign (data/NAME)")
     generate.add_argument("--seconds", metavar="S", type=number, help="end after this simulated time")
     generate.add_argument("--seed", metavar="N", type=seed, help="root of all randomness")
     add_workers(generate, "the bag")
@@ -236,8 +244,8 @@ def add_commands(command: AddCommand) -> None:
 
     degrade = command("degrade", _degrade, "Add to a finished run what real sensors add: the bag of generate --signal.")
     degrade.add_argument("run_path", metavar="RUN", type=Path, help="folder of a run, or its bag")
-    degrade.add_argument("--model", metavar="SIGNAL", default="datasheet", help="datasheet (default) or a YAML FILE")
-    degrade.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder of data sets")
+    degrade.add_argument("--signal", metavar="SIGNAL", default="datasheet", help="datasheet (default) or a YAML FILE")
+    degrade.add_argument("--out", metavar="DIR", required=True, help="folder of data sets")
     degrade.add_argument("--overwrite", action="store_true", help="discard an existing run in the output folder")
     add_workers(degrade, "the bag")
 
@@ -255,25 +263,24 @@ def add_commands(command: AddCommand) -> None:
         help="experiments, environments (these two), sensors, robots, label-maps or formats",
     )
     bench = command("bench", _bench, "Measure the speed of this machine.")
-    bench.add_argument("--env", metavar="NAME", default="park", help="environment (park)")
+    bench.add_argument(
+        "--environment", metavar="ENVIRONMENT", default="park", help="name from `fieldtruth list`, or all (park)"
+    )
     bench.add_argument("--json", action="store_true", help="JSON instead of a table")
 
 
 def _add_preview(preview: Parser) -> None:
-    preview.add_argument("environment", metavar="ENV", help="name from `fieldtruth list`")
+    preview.add_argument("environment", metavar="ENVIRONMENT", help="name from `fieldtruth list`")
     preview.add_argument("--seed", metavar="N", type=seed, default=0, help="root of all randomness (0)")
-    preview.add_argument(
-        "--out", metavar="FILE", type=Path, help=".png file, or .jpg below 400 kB (ENV_SEED_preview.png)"
-    )
+    preview.add_argument("--out", metavar="FILE", help=".png file, or .jpg below 400 kB (ENVIRONMENT_SEED_preview.png)")
     preview.add_argument("--overwrite", action="store_true", help="replace an existing file")
     add_workers(preview, "the sheet")
 
 
 def _add_shares(shares: Parser) -> None:
     shares.add_argument(
-        "experiments", metavar="EXPERIMENT", nargs="*", help="names from `fieldtruth list`, or YAML files"
+        "experiments", metavar="EXPERIMENT", nargs="*", help="names from `fieldtruth list`, all, or YAML files"
     )
-    shares.add_argument("--all", action="store_true", help="all built-in experiments")
     shares.add_argument("--seed", metavar="N", type=seed, help="root of all randomness")
     shares.add_argument("--json", action="store_true", help="counts as JSON instead of tables in percent")
     add_workers(shares, "the result")

@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Final, NoReturn
 
 INTERRUPTED: Final = 130
@@ -31,7 +31,8 @@ def interrupts(line: str, *, restore: bool) -> Iterator[None]:
 
     def end(number: int, frame: object) -> NoReturn:
         cursor = _SHOW_CURSOR if sys.stderr.isatty() else ""
-        os.write(2, f"{cursor}{line}\n".encode())
+        with suppress(OSError):  # it has no reader
+            os.write(2, f"{cursor}{line}\n".encode())
         os._exit(INTERRUPTED)
 
     try:

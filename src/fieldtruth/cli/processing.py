@@ -9,6 +9,7 @@ from typing import Final
 
 from fieldtruth.cli.arguments import AddCommand, UsageError, add_workers, checked_layout, count, number, seed
 from fieldtruth.cli.campaigns import warn_of_missing
+from fieldtruth.cli.streams import print_output
 
 FAILED: Final = 1
 """Exit code of a run that fails validation."""
@@ -36,8 +37,7 @@ def _export(options: argparse.Namespace) -> None:
             workers=options.workers,
             progress=progress,
         )
-    files = [path for path in made.rglob("*") if path.is_file()] if made.is_dir() else [made]
-    print(f"{made}: {len(files)} file{'s' * (len(files) != 1)}, {sum(p.stat().st_size for p in files) / 1e6:.1f} MB")
+    print_output(made)
 
 
 def _annotate(options: argparse.Namespace) -> None:
@@ -48,22 +48,21 @@ def _annotate(options: argparse.Namespace) -> None:
     from fieldtruth.sensors.lidar.config import LidarConfig
 
     like = None if options.experiment is None else load_experiment(options.experiment)
-    if like is not None and like.environment != options.world:
-        raise UsageError(
-            f"--world must be {like.environment!r}, the environment of {options.experiment}, got {options.world!r}"
-        )
+    if like is not None and like.environment != options.environment:
+        expected = f"{like.environment!r}, the environment of {options.experiment}"
+        raise UsageError(f"--environment must be {expected}, got {options.environment!r}")
     rig = Rig() if like is None else like.rig
     if not options.lidar:
         rig = rig.with_sensors(LidarConfig, enabled=False)
     world = (
-        WorldConfig(options.world)
+        WorldConfig(options.environment)
         if like is None
         else WorldConfig(like.environment, like.seed, like.layout, like.light, like.weather)
     )
     if options.seed is not None:
         world = replace(world, seed=options.seed)
     if options.layout is not None:
-        world = replace(world, layout=checked_layout(options.world, options.layout))
+        world = replace(world, layout=checked_layout(options.environment, options.layout))
     with show_progress() as progress:
         made = annotate(
             options.bag,
@@ -74,7 +73,7 @@ def _annotate(options: argparse.Namespace) -> None:
             workers=options.workers,
             progress=progress,
         )
-    print(f"{made}: {made.stat().st_size / 1e6:.1f} MB")
+    print_output(made)
 
 
 def _validate(options: argparse.Namespace) -> int:
@@ -101,7 +100,7 @@ def _report(options: argparse.Namespace) -> None:
 
     with show_progress() as progress:
         made = write_report(options.run_path, out=options.out, overwrite=options.overwrite, progress=progress)
-    print(f"{made}: {made.stat().st_size / 1e6:.1f} MB")
+    print_output(made)
 
 
 def _view(options: argparse.Namespace) -> None:
@@ -111,7 +110,7 @@ def _view(options: argparse.Namespace) -> None:
     with show_progress() as progress:
         view(options.run_path, save=options.save, progress=progress)
     if options.save is not None:
-        print(f"{options.save}: {options.save.stat().st_size / 1e6:.1f} MB")
+        print_output(Path(options.save))
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -131,7 +130,7 @@ def add_commands(command: AddCommand) -> None:
         help="files, zip, semantickitti, kitti, kitti-object, tum, mcap, coco, occupancy, pcd, webdataset, "
         "huggingface, mmseg, slam-configs or stereo-depth",
     )
-    export.add_argument("--out", metavar="PATH", type=Path, help="output (beside the bag, named after it)")
+    export.add_argument("--out", metavar="PATH", help="output (beside the bag, named after it)")
     export.add_argument("--label-map", metavar="NAME", help="ontology: rellis, rugd, goose, goose9 or ganav6")
     export.add_argument("--split", metavar="NAME", help="of runs outside folders train, val and test (train)")
     export.add_argument("--shard-mb", metavar="N", type=count, help="largest file of many frames [MB] (500)")
@@ -141,13 +140,13 @@ def add_commands(command: AddCommand) -> None:
 
     annotate = command("annotate", _annotate, "Add labelled images to a bag from another simulator.")
     annotate.add_argument("bag", metavar="BAG", type=Path, help="bag with /gazebo/model_states or /ground_truth/odom")
-    annotate.add_argument("--world", metavar="ENV", required=True, help="environment from `fieldtruth list`")
+    annotate.add_argument("--environment", metavar="ENVIRONMENT", required=True, help="name from `fieldtruth list`")
     annotate.add_argument("--seed", metavar="N", type=seed, help="seed of the world (that of the experiment, or 0)")
     annotate.add_argument("--layout", metavar="FILE", type=Path, help="YAML file with changes to the world's layout")
     annotate.add_argument("--lidar", action="store_true", help="also add labelled point clouds")
-    annotate.add_argument("--experiment", metavar="EXP", help="source of rig, light, layout and seed")
+    annotate.add_argument("--experiment", metavar="EXPERIMENT", help="source of rig, light, layout and seed")
     annotate.add_argument("--robot", metavar="NAME", default="husky", help="name in /gazebo/model_states (husky)")
-    annotate.add_argument("--out", metavar="BAG", type=Path, help="output file (BAG_annotated.bag)")
+    annotate.add_argument("--out", metavar="BAG", help="output file (BAG_annotated.bag)")
     add_workers(annotate, "the bag")
 
     validate = command("validate", _validate, "Check a run; exit code 1 if a check fails.")
@@ -161,9 +160,9 @@ def add_commands(command: AddCommand) -> None:
 
     report = command("report", _report, "Write an HTML report of a run.")
     report.add_argument("run_path", metavar="RUN", type=Path, help=RUN)
-    report.add_argument("--out", metavar="FILE", type=Path, help=".html file (beside the bag, named after it)")
+    report.add_argument("--out", metavar="FILE", help=".html file (beside the bag, named after it)")
     report.add_argument("--overwrite", action="store_true", help="replace an existing file")
 
     view = command("view", _view, "Show a run in the rerun viewer (pip install 'fieldtruth[view]').")
     view.add_argument("run_path", metavar="RUN", type=Path, help=RUN)
-    view.add_argument("--save", metavar="FILE", type=Path, help="write an .rrd file instead of opening the viewer")
+    view.add_argument("--save", metavar="FILE", help="write an .rrd file instead of opening the viewer")

@@ -3,10 +3,10 @@
 """Sub-command for the robot and its sensors: rig."""
 
 import argparse
-from pathlib import Path
 from typing import Final
 
 from fieldtruth.cli.arguments import AddCommand, UsageError
+from fieldtruth.cli.streams import print_line, print_output
 from fieldtruth.core.errors import UnknownNameError
 
 _YAML: Final = (".yaml", ".yml")
@@ -29,37 +29,40 @@ def _rig(options: argparse.Namespace) -> None:
     if options.preview:
         _preview(options)
         return
+    from fieldtruth.core.outputs import output_path
     from fieldtruth.experiment.files import load_experiment
-    from fieldtruth.report.image_file import check_output_path
 
-    if options.out is not None:
-        check_output_path(options.out, _ENDINGS[options.to or "tree"], overwrite=options.overwrite)
+    out = options.out
+    if out is not None:
+        endings = _ENDINGS[options.to or "tree"]
+        out = output_path(out, endings=endings, parents=False, overwrite=options.overwrite)
     rig = load_experiment(options.experiment).rig
     from fieldtruth.core.files import output_errors, write_atomically
     from fieldtruth.report.rig import FORMATS, sensor_table
 
     text = FORMATS[options.to](rig) if options.to is not None else f"{FORMATS['tree'](rig)}\n{sensor_table(rig)}"
-    if options.out is None:
+    if out is None:
         print(text, end="")
         return
-    with output_errors(options.out):
-        write_atomically(options.out, text)
-    print(f"{options.out}: {len(text.splitlines())} lines")
+    with output_errors(out):
+        write_atomically(out, text)
+    print_line(f"{out}: {len(text.splitlines())} lines")
 
 
 def _preview(options: argparse.Namespace) -> None:
+    from fieldtruth.core.outputs import output_path
     from fieldtruth.experiment.files import load_experiment
-    from fieldtruth.report.image_file import IMAGE_ENDINGS, check_output_path, write_image
+    from fieldtruth.report.image_file import IMAGE_ENDINGS, write_image
 
     experiment = load_experiment(options.experiment)
-    path = options.out if options.out is not None else Path(f"{experiment.name}_rig.png")
-    check_output_path(path, IMAGE_ENDINGS, overwrite=options.overwrite)
+    path = f"{experiment.name}_rig.png" if options.out is None else options.out
+    path = output_path(path, endings=IMAGE_ENDINGS, parents=False, overwrite=options.overwrite)
     # After the checks: the drawing library takes a second to load.
     from fieldtruth.report.rig.picture import draw_rig
 
     picture = draw_rig(experiment.rig, experiment.name)
     write_image(path, picture, overwrite=options.overwrite)
-    print(f"{path}: {picture.shape[1]} x {picture.shape[0]} pixels, {path.stat().st_size / 1e6:.1f} MB")
+    print_output(path, f"{picture.shape[1]} x {picture.shape[0]} pixels")
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -72,5 +75,5 @@ def add_commands(command: AddCommand) -> None:
     rig.add_argument("experiment", metavar="EXPERIMENT", help="name from `fieldtruth list`, or a YAML file")
     rig.add_argument("--to", metavar="FORMAT", help="tree, urdf, camchain or imu (the tree and a table of the sensors)")
     rig.add_argument("--preview", action="store_true", help="draw the robot, its fields of view and its blind spots")
-    rig.add_argument("--out", metavar="FILE", type=Path, help="file (NAME_rig.png with --preview, else the terminal)")
+    rig.add_argument("--out", metavar="FILE", help="file (NAME_rig.png with --preview, else the terminal)")
     rig.add_argument("--overwrite", action="store_true", help="replace an existing file")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from fieldtruth.cli.arguments import AddCommand, Parser, UsageError, checked_layout, seed
+from fieldtruth.cli.streams import print_output
 
 if TYPE_CHECKING:
     from fieldtruth.experiment.config import Experiment
@@ -29,7 +30,7 @@ examples:
 
 def add_world_arguments(parser: Parser) -> None:
     """Add the environment, ``--seed`` and ``--layout``, which select a world."""
-    parser.add_argument("environment", metavar="ENV", help="name from `fieldtruth list`")
+    parser.add_argument("environment", metavar="ENVIRONMENT", help="name from `fieldtruth list`")
     parser.add_argument("--seed", metavar="N", type=seed, default=0, help="root of all randomness (0)")
     parser.add_argument(
         "--layout", metavar="FILE", type=Path, help="YAML file with changes to the environment's layout"
@@ -57,8 +58,7 @@ def _scene(options: argparse.Namespace) -> None:
             world = selected_world(options)
         with progress.stage("write the scene"):
             write_scene(world, out, to=options.to, beyond=not options.no_beyond, overwrite=options.overwrite)
-    files = [path for path in out.rglob("*") if path.is_file()] if out.is_dir() else [out]
-    print(f"{out}: {len(files)} file{'s' * (len(files) != 1)}, {sum(p.stat().st_size for p in files) / 1e6:.1f} MB")
+    print_output(out)
 
 
 def _gazebo(options: argparse.Namespace) -> None:
@@ -85,8 +85,7 @@ def _gazebo(options: argparse.Namespace) -> None:
                 beyond=not options.no_beyond,
                 overwrite=options.overwrite,
             )
-    files = [path for path in out.rglob("*") if path.is_file()]
-    print(f"{out}: {len(files)} files, {sum(path.stat().st_size for path in files) / 1e6:.1f} MB")
+    print_output(out)
 
 
 def _experiment_in(environment: str, name_or_path: str) -> "Experiment":
@@ -97,7 +96,8 @@ def _experiment_in(environment: str, name_or_path: str) -> "Experiment":
 
     like = load_experiment(name_or_path)
     if like.environment != environment:
-        raise UsageError(f"ENV must be {like.environment!r}, the environment of {name_or_path}, got {environment!r}")
+        expected = f"{like.environment!r}, the environment of {name_or_path}"
+        raise UsageError(f"ENVIRONMENT must be {expected}, got {environment!r}")
     check_layout(environment, like.layout, name_or_path)
     check_rig(like.rig)
     return like
@@ -112,15 +112,15 @@ def add_commands(command: AddCommand) -> None:
     scene = command("scene", _scene, "Write an environment for other tools.", _SCENE_EXAMPLES)
     add_world_arguments(scene)
     scene.add_argument("--to", metavar="FORMAT", required=True, help="gltf, gltf-plain, obj, usd or inventory")
-    scene.add_argument("--out", metavar="PATH", type=Path, help="file or folder (ENV_SEED and the format's ending)")
+    scene.add_argument("--out", metavar="PATH", help="file or folder (ENVIRONMENT_SEED and the format's ending)")
     scene.add_argument("--no-beyond", action="store_true", help="without the land beyond the world's edge")
     scene.add_argument("--overwrite", action="store_true", help="replace an existing output")
 
     gazebo = command("gazebo", _gazebo, "Write an environment and the robot for Gazebo and ROS.", _GAZEBO_EXAMPLES)
     add_world_arguments(gazebo)
     gazebo.set_defaults(seed=None)
-    gazebo.add_argument("--experiment", metavar="EXP", help="source of rig, layout and seed")
-    gazebo.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder of the package")
+    gazebo.add_argument("--experiment", metavar="EXPERIMENT", help="source of rig, layout and seed")
+    gazebo.add_argument("--out", metavar="DIR", required=True, help="folder of the package")
     gazebo.add_argument(
         "--flavour",
         metavar="NAME",

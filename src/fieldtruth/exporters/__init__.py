@@ -7,7 +7,6 @@ folder ``formats`` of FIELDTRUTH_PATH, or modules that entry points of the group
 is written under a temporary name and renamed when it is complete; existing files are never overwritten.
 """
 
-import os
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
@@ -18,6 +17,7 @@ from typing import Any, Final, NamedTuple
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning, OutputError
 from fieldtruth.core.files import locked, output_errors, remove, replace_synced
+from fieldtruth.core.outputs import output_path
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.core.readings import Message
@@ -183,6 +183,7 @@ def export(
             raise OutputError(f"format {to!r} has no {key}; the format that has: {only}")
     paths = [Path(path)] if isinstance(path, Path | str) else [Path(each) for each in path]
     chosen = None if label_map is None else _label_map_for(to, label_map)
+    target = Path() if out is None else _checked_output(to, out)
     members = find_members(paths, split or "train") if FORMATS[to].publishes else []
     runs = [member.run for member in members] or _runs_for(to, paths)
     options = Options(
@@ -194,7 +195,8 @@ def export(
         boxes,
         DEFAULT_VOXEL_M if voxel_m is None else voxel_m,
     )
-    target = _default_output(to, paths[0], runs[0]) if out is None else Path(out)
+    if out is None:
+        target = _checked_output(to, _default_output(to, paths[0], runs[0]))
     _write(to, runs, target, options)
     others = sorted({f"{each.name} ({each.topic})" for run in runs for each in run.of(Message)})
     if others and to not in ("zip", "mcap"):
@@ -208,9 +210,6 @@ def _write(to: str, runs: Sequence[Run], target: Path, options: Options) -> None
     folder = target.with_name(f".{target.name}.part")
     part = folder / target.name
     write = _writer(to)
-    with output_errors(target):
-        if os.path.lexists(target):
-            raise OutputError(f"{target} already exists; remove it, or choose another --out")
     with new_folder(folder, target), ExitStack() as stack:
         stack.callback(_remove_empty, folder)
         stack.enter_context(locked(folder))
@@ -234,6 +233,10 @@ def _state_assumptions(runs: Sequence[Run], target: Path) -> None:
 def _remove_empty(folder: Path) -> None:
     with suppress(OSError):  # another process has just begun to use it
         folder.rmdir()
+
+
+def _checked_output(to: str, out: Path | str) -> Path:
+    return output_path(out, single="." in FORMATS[to].suffix)
 
 
 def _default_output(to: str, path: Path, run: Run) -> Path:

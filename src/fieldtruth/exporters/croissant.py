@@ -17,6 +17,7 @@ from fieldtruth.exporters.parquet import Column
 from fieldtruth.exporters.splits import SPLITS, Member
 from fieldtruth.ontology.label_map import LabelMap
 from fieldtruth.report.card import card_part
+from fieldtruth.report.setting import collection_of, conditions_of
 
 if TYPE_CHECKING:
     from fieldtruth.exporters.parquet import Table
@@ -57,11 +58,7 @@ _CONTEXT: Final[dict[str, Any]] = {
     "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
     "examples": {"@id": "cr:examples", "@type": "@json"},
 }
-_RAI: Final = {
-    "dataCollection": (
-        "Simulated by fieldtruth: a physical model of a Clearpath Husky drives through generated natural environments; "
-        "cameras and LiDAR are ray tracers."
-    ),
+_RAI: Final[dict[str, Any]] = {
     "dataCollectionType": ["Software Collection", "Experiments"],
     "dataCollectionRawData": "ROS 1 bags, which the same software makes again, byte for byte, from the experiments.",
     "dataCollectionMissingData": "Frames without all images of their stamp are left out; nothing else is missing.",
@@ -79,8 +76,6 @@ _RAI: Final = {
     "annotationsPerItem": "One class and one instance id per pixel and per point.",
     "annotatorDemographics": ["There are no human annotators."],
     "dataBiases": [
-        "Vegetation, relief and ground follow models of Central European park, lake shore, forest and heath in summer, "
-        "in dry weather and daylight; other landscapes, seasons, weather and hours are missing.",
         "Frames of one run are neighbours in time and show the same objects; so splits do not share worlds.",
     ],
     "dataUseCases": [
@@ -107,8 +102,7 @@ def croissant_text(folder: Path, tables: Sequence["Table"], members: Sequence[Me
         distribution += [_file_object(path, folder) for path in paths]
         distribution.append(_file_set(table))
     limits = [" ".join(item.split()) for item in card_part("limits").removeprefix("- ").split("\n- ")]
-    responsible = {f"rai:{key}": value for key, value in (_RAI | {"dataLimitations": limits}).items()}
-    own = {"license": _CC_BY, "citeAs": _CITE} | responsible if is_own(members) else {}
+    own = {"license": _CC_BY, "citeAs": _CITE} | _responsible(members, limits) if is_own(members) else {}
     document = {
         "@context": _CONTEXT,
         "@type": "sc:Dataset",
@@ -127,6 +121,15 @@ def croissant_text(folder: Path, tables: Sequence["Table"], members: Sequence[Me
         "recordSet": [_classes(labels), *map(_record_set, tables)],
     }
     return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
+
+
+def _responsible(members: Sequence[Member], limits: Sequence[str]) -> dict[str, Any]:
+    """Return the responsible-AI properties of runs that fieldtruth generated."""
+    made = [member.run.experiment for member in members if member.run.experiment is not None]
+    collection = f"Simulated by fieldtruth: {collection_of(made)}; cameras and LiDAR are ray tracers."
+    biases = [conditions_of(made), *_RAI["dataBiases"]]
+    values = _RAI | {"dataCollection": collection, "dataBiases": biases, "dataLimitations": limits}
+    return {f"rai:{key}": value for key, value in values.items()}
 
 
 def _file_object(path: Path, folder: Path) -> dict[str, Any]:

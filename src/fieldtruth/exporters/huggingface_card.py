@@ -14,6 +14,7 @@ from fieldtruth.core.readings import Image
 from fieldtruth.exporters.splits import Member
 from fieldtruth.ontology.label_map import LabelMap
 from fieldtruth.report.card import card_part
+from fieldtruth.report.setting import collection_of, conditions_of
 
 if TYPE_CHECKING:
     from fieldtruth.exporters.parquet import Table
@@ -22,9 +23,6 @@ CARD: Final = "README.md"
 LICENCE: Final = "cc-by-4.0"
 """Of what fieldtruth generated; the licence of other bags is not known."""
 
-_OWN: Final = """\
-All is simulated: the robot is a Clearpath Husky, and labels and measurements are from the same ray, so no label is an
-estimate."""
 _SIZES: Final = {1_000: "n<1K", 10_000: "1K<n<10K", 100_000: "10K<n<100K", 1_000_000: "100K<n<1M"}
 _LARGEST: Final = "1M<n<10M"
 
@@ -73,11 +71,19 @@ def card_text(tables: Sequence["Table"], members: Sequence[Member], labels: Labe
             ("id", "class", "RGB"), [(k, c.name, " ".join(map(str, c.rgb))) for k, c in sorted(labels.classes.items())]
         ),
         members=_table(("run", "split", "environment", "seed", "time [s]"), map(_member_row, members)),
-        origin=_OWN if is_own(members) else "Runs that fieldtruth did not generate are among them.",
+        origin=_origin(members) if is_own(members) else "Runs that fieldtruth did not generate are among them.",
         limits=f"## Known limits\n\n{card_part('limits')}\n\n" if is_own(members) else "",
         licence=card_part("licence") if is_own(members) else "The licence is that of the recorded bags.",
     )
     return f"---\n{header}---\n\n{body}"
+
+
+def _origin(members: Sequence[Member]) -> str:
+    made = [member.run.experiment for member in members if member.run.experiment is not None]
+    return (
+        f"All is simulated: {collection_of(made)}. {conditions_of(made)}\n"
+        "Labels and measurements are from the same ray, so no label is an estimate."
+    )
 
 
 def _header(tables: Sequence["Table"], members: Sequence[Member], names: Sequence[str]) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.core.files import atomic_output, output_errors, remove
+from fieldtruth.core.outputs import output_path
 
 if TYPE_CHECKING:
     from fieldtruth.experiment.rig import Rig
@@ -75,10 +76,8 @@ def check_gazebo_output(out: Path | str, *, flavour: str, overwrite: bool = Fals
     """Return the folder of the package, before any work; raises as ``write_gazebo``."""
     if flavour not in FLAVOURS:
         raise UnknownNameError("flavour", flavour, FLAVOURS)
-    target = Path(out)
+    target = output_path(out, overwrite=overwrite)
     with output_errors(target):
-        if os.path.lexists(target) and not overwrite:
-            raise OutputError(f"{target} already exists; choose another --out, or use --overwrite to replace it")
         if os.path.lexists(target) and not any((target / mark).is_dir() for mark in _MARKS):
             raise OutputError(f"{target} does not hold a package for Gazebo; choose another --out")
     return target

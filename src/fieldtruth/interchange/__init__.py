@@ -6,7 +6,6 @@ Each format is a module with one function ``write(world, target, *, beyond)``. I
 temporary name ``target``; the output gets its own name when it is complete.
 """
 
-import os
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Final, NamedTuple
 from fieldtruth.core.errors import OutputError, UnknownNameError
 from fieldtruth.core.files import atomic_output, output_errors, remove
 from fieldtruth.core.memory import check_memory
+from fieldtruth.core.outputs import output_path
 from fieldtruth.world.model import World
 
 _BASE: Final = 300_000_000
@@ -80,10 +80,9 @@ def check_scene_output(stem: str, out: Path | str | None = None, *, to: str, ove
     """Return the path of the output, before any work; raises as ``write_scene``."""
     if to not in FORMATS:
         raise UnknownNameError("format", to, FORMATS)
-    target = Path(stem + FORMATS[to].suffix) if out is None else Path(out)
+    suffix = FORMATS[to].suffix
+    target = output_path(stem + suffix if out is None else out, single="." in suffix, overwrite=overwrite)
     with output_errors(target):
-        if os.path.lexists(target) and not overwrite:
-            raise OutputError(f"{target} already exists; choose another --out, or use --overwrite to replace it")
         if target.is_dir() and not (FORMATS[to].holds and (target / FORMATS[to].holds).is_file()):
             raise OutputError(f"{target} is a folder that does not hold format {to!r}; choose another --out")
     return target

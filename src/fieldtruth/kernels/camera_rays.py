@@ -94,7 +94,7 @@ def new_batch(count: int, *, normals: bool = False) -> RayBatch:
 def set_pixel_block(top: int, left: int, height: int, width: int, image: Float32Array) -> int:
     """Set the image points to the pixel centres of a block, or of its part in the image, tile by tile.
 
-    Returns their number.
+    Returns their number. A tile at the right or lower border may have points outside the image.
     """
     k = 0
     for upper in range(top, min(top + BLOCK_HEIGHT, height), _HEIGHT):
@@ -239,8 +239,11 @@ def label_pixels(hits: HitTable, batch: RayBatch, count: int, out: LabelBuffers)
     image, tops, primitive, point = batch.image, batch.top, batch.primitive, batch.point
     distance, cosine = batch.distance, batch.cosine
     label, instance, depth = out.label, out.instance, out.depth
+    height, width = label.shape
     for k in range(count):
         u, v, top = int(image[0, k]), int(image[1, k]), tops[k]
+        if u >= width or v >= height:
+            continue
         label[v, u], instance[v, u] = classify(hits, top, primitive[k], point[0, k], point[1, k])
         depth[v, u] = distance[k] * cosine[k] if top >= 0 else 0.0
 
@@ -252,8 +255,11 @@ def normal_pixels(pose: Array, batch: RayBatch, count: int, out: NormalBuffers) 
     They are those of the triangles, without interpolation between vertices.
     """
     image, tops, direction, normal = batch.image, batch.top, batch.direction, batch.normal
+    height, width, _ = out.image.shape
     for k in range(count):
         u, v, top = int(image[0, k]), int(image[1, k]), tops[k]
+        if u >= width or v >= height:
+            continue
         out.image[v, u, 0], out.image[v, u, 1], out.image[v, u, 2] = 0.0, 0.0, 0.0
         if top < 0:
             continue

@@ -429,8 +429,11 @@ def render_linear(shading: Shading, framebuffer: Framebuffer, view: View, labels
 @kernel
 def store(image: Float32Array, colour: Float32Array, count: int, linear: Float32Array) -> None:
     """Write the colours of a batch of pixel centres into ``linear`` (h, w, 3)."""
+    height, width, _ = linear.shape
     for k in range(count):
         u, v = int(image[0, k]), int(image[1, k])
+        if u >= width or v >= height:
+            continue
         linear[v, u, 0], linear[v, u, 1], linear[v, u, 2] = colour[k, 0], colour[k, 1], colour[k, 2]
 
 
@@ -545,8 +548,11 @@ def _add(
     brightest: np.float32,
     linear: Float32Array,
 ) -> None:
+    height, width, _ = linear.shape
     for k in range(count):
         u, v = int(image[0, k] - dx + 0.5), int(image[1, k] - dy + 0.5)
+        if u >= width or v >= height:
+            continue
         for channel in range(3):
             linear[v, u, channel] += share * min(colour[k, channel], brightest)
 

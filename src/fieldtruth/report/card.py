@@ -26,6 +26,7 @@ from fieldtruth.report.card_sensors import (
     ray_depths,
     sensor_lines,
 )
+from fieldtruth.report.setting import body_words, robot_title
 from fieldtruth.world.model import World
 
 _FOLLOWED: Final = (
@@ -86,7 +87,7 @@ def _motion(experiment: Experiment, track: Track) -> str:
     if track.is_frames:
         return f"{_STANDING.format(content=frame_content(experiment.rig))} {len(track.motion.stamps_ns)} frames of"
     length = np.linalg.norm(np.diff(track.motion.position, axis=0), axis=1).sum()
-    subject = "A simulated Clearpath Husky drives" if experiment.drive is None else _FOLLOWED
+    subject = f"A simulated {robot_title(experiment.rig.robot)} drives" if experiment.drive is None else _FOLLOWED
     return f"{subject} {length:.2f} m in {track.duration_s:.3f} s through"
 
 
@@ -105,7 +106,8 @@ def _physics(experiment: Experiment) -> str:
         noise = ", and the IMU reads their noise" if imus else ""
         return f"- The poses are those of the track file: no physics limits them{noise}.\n{imus}".rstrip()
     odometry = "\n".join(odometry_lines(experiment.rig))
-    return "\n".join(filter(None, (_template("card_physics.md").substitute().rstrip(), odometry, imus)))
+    physics = _template("card_physics.md").substitute(body_words(experiment.rig.robot)).rstrip()
+    return "\n".join(filter(None, (physics, odometry, imus)))
 
 
 def _topics(experiment: Experiment, counts: Mapping[str, int], latched: bool) -> list[str]:

@@ -27,6 +27,7 @@ from fieldtruth.bag.sources import Source
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.errors import OutputError
 from fieldtruth.core.files import atomic_output, output_errors
+from fieldtruth.core.outputs import output_path
 from fieldtruth.core.progress import Progress, Silent, counted
 from fieldtruth.core.readings import Cloud, Fix, Image, Inertial, Message, Reading, WheelSpeeds
 from fieldtruth.report.drawing.vectors import flow_colours, normal_colours
@@ -51,12 +52,8 @@ def view(path: Path | str, *, save: Path | str | None = None, progress: Progress
         BagError: the bag cannot be read.
         OutputError: rerun is not installed, there is no display, or the file already exists or cannot be written.
     """
+    save = None if save is None else output_path(save, endings=(".rrd",), option="--save")
     run = open_run(path)
-    save = None if save is None else Path(save)
-    if save is not None and save.suffix != ".rrd":
-        raise OutputError(f"cannot write {save}: its name must end in .rrd")
-    if save is not None and os.path.lexists(save):
-        raise OutputError(f"{save} already exists; remove it, or choose another --save")
     if save is None and sys.platform == "linux" and not os.environ.keys() & {"DISPLAY", "WAYLAND_DISPLAY"}:
         raise OutputError("there is no display for the viewer; use --save FILE.rrd to write a recording")
     rr = _rerun()

@@ -2,14 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """An HTML page about a run: one file that needs no network, no server and no other file."""
 
+from functools import partial
 from pathlib import Path
 from typing import Final
 
 from fieldtruth.bag.run import open_run
 from fieldtruth.core.files import output_errors, write_atomically
+from fieldtruth.core.outputs import output_path
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
-from fieldtruth.report.image_file import check_output_path
 from fieldtruth.report.page.content import collect_content
 from fieldtruth.report.page.render import render_page
 
@@ -40,9 +41,11 @@ def write_report(
         ConfigurationError: its experiment.yaml cannot be read.
         OutputError: the page already exists, or cannot be written.
     """
+    check = partial(output_path, endings=(".html", ".htm"), parents=False, overwrite=overwrite)
+    target = None if out is None else check(out)
     run = open_run(path)
-    target = run.folder / f"{run.name}_report.html" if out is None else Path(out)
-    check_output_path(target, (".html", ".htm"), overwrite=overwrite)
+    if target is None:
+        target = check(run.folder / f"{run.name}_report.html")
     progress = Silent() if progress is None else progress
     content = collect_content(run, cpu_count(), progress)
     with progress.stage("write the page"), output_errors(target):

@@ -55,8 +55,8 @@ class CameraConfig(MountedConfig):
     frame: FrameName = "camera_link"
     mount: Mount = Mount(xyz=(0.0, 0.0, 0.0))
     rate_hz: Rate = 25.0
-    width: Annotated[Integer, Field(ge=8, le=8192, multiple_of=8)] = 1280  # [pixel]
-    height: Annotated[Integer, Field(ge=8, le=8192, multiple_of=8)] = 720  # [pixel]
+    width: Annotated[Integer, Field(ge=2, le=8192)] = 1280  # [pixel]
+    height: Annotated[Integer, Field(ge=2, le=8192)] = 720  # [pixel]
     horizontal_fov_deg: Annotated[Number, Field(gt=1, le=360)] = 69.0
     vertical_fov_deg: Annotated[Number, Field(gt=1, le=360)] = 42.0
     lens: LensConfig = LensConfig()
