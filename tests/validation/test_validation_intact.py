@@ -18,7 +18,7 @@ from fieldtruth.validation import Check, as_json, as_text
 from fieldtruth.validation.__main__ import with_table
 from fieldtruth.validation.runner import validate
 
-NOT_IDEAL = ["clocks", "imu noise", "gnss noise", "wheel noise", "normals", "optical flow", "noise of LiDARs"]
+NOT_IDEAL = ["clocks", "imu noise", "gnss noise", "wheel noise", "noise of LiDARs", "normals", "optical flow"]
 NAMES = [
     "checksums", "experiment", "structure", "messages", "topics", "counts", "stamps", "synchronisation", "clock",
     "headers", "frames", "calibration", "static objects", "motion", "poses", "drive", "imu", "gnss", "wheels",
