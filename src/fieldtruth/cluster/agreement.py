@@ -4,11 +4,10 @@
 
 import platform
 from collections.abc import Mapping
-from importlib.metadata import version
 from typing import Final
 
 import fieldtruth
-from fieldtruth.bag.made_by import LIBRARIES
+from fieldtruth.bag.made_by import LIBRARIES, this_process
 from fieldtruth.record.slices import slices_key
 
 Facts = Mapping[str, str]
@@ -18,10 +17,9 @@ _KEY: Final = "key of the code"
 
 def facts() -> Facts:
     """Versions of this process, and the key of its code; see ``slices_key``."""
-    libraries = {name: version(name) for name in LIBRARIES}
-    python = ".".join(platform.python_version_tuple()[:2])
-    own = {"fieldtruth": fieldtruth.__version__, "Python": python, "processor": platform.machine()}
-    return own | libraries | {_KEY: slices_key()}
+    shared = {name: this_process()[name] for name in ("Python", *LIBRARIES)}
+    own = {"fieldtruth": fieldtruth.__version__, "processor": platform.machine()}
+    return own | shared | {_KEY: slices_key()}
 
 
 def difference(there: Facts, here: Facts) -> str:
