@@ -14,7 +14,8 @@ from time import process_time
 
 import numpy as np
 
-from fieldtruth.datasets import GEOMETRY, ITEMS, RunDataset, storage
+from fieldtruth.bag import storage
+from fieldtruth.datasets import GEOMETRY, ITEMS, RunDataset
 
 SETS = (
     ("image",),

@@ -13,6 +13,7 @@ import os
 import shutil
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +72,7 @@ def main() -> None:
 def parts() -> dict[str, Callable[[], dict[str, str]]]:
     """Each part's name and what makes it."""
     made: dict[str, Callable[[], dict[str, str]]] = {
-        name: (lambda name=name: run(name, ft.load_experiment(name))) for name in ft.list_experiments()
+        name: partial(run, name, ft.load_experiment(name)) for name in ft.list_experiments()
     }
     park = ft.load_experiment("park_1")
     made["datasheet"] = lambda: run("datasheet", ft.with_overrides(park, signal="datasheet"))

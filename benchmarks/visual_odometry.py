@@ -48,7 +48,7 @@ class Pair(NamedTuple):
 
 def pairs(run: Run) -> Iterator[Pair]:
     """Grey photographs of the first stereo pair."""
-    topics = [view.topic_of("photograph") for view in first_views(run)]
+    topics = [view.topics["photo"] for view in first_views(run)]
     waiting: dict[int, dict[str, Any]] = {}
     for reading in ft.read_bag(run.bag, topics):
         found = waiting.setdefault(reading.stamp_ns, {})
@@ -94,9 +94,9 @@ def main() -> None:
     options = parser.parse_args()
     run = open_run(options.run)
     left, right = first_views(run)
-    info = first_message(run, left.topic_of("camera_info"))
+    info = first_message(run, left.info)
     matrix = np.asarray(info.K, np.float64).reshape(3, 3)
-    scale = -float(first_message(run, right.topic_of("camera_info")).P[3])
+    scale = -float(first_message(run, right.info).P[3])
     cv2.setRNGSeed(0)
     poses, stamps, last = [np.eye(4)], list[int](), None
     for pair in pairs(run):

@@ -17,13 +17,13 @@ import fieldtruth as ft
 CELL = 0.04  # [m] of ground that one pixel of the cloud's plan shows
 
 
-def plan(scan: "ft.Scan", height: int, width: int) -> NDArray[np.uint8]:
-    """Points of a scan from above in their classes' flat colours, north-east up, (height, width, 3)."""
+def plan(points: NDArray[np.float32], label: NDArray[np.uint8], height: int, width: int) -> NDArray[np.uint8]:
+    """Points (n, 3) with classes (n,) from above in their classes' flat colours, north-east up, (height, width, 3)."""
     image = np.full((height, width, 3), 60, np.uint8)
-    order = np.argsort(scan.xyz[:, 2])  # what is higher hides what is lower
-    rows = np.rint(height / 2 - scan.xyz[order, 0] / CELL).astype(int)
-    columns = np.rint(width / 2 - scan.xyz[order, 1] / CELL).astype(int)
-    colours = ft.PALETTE[scan.label[order]]
+    order = np.argsort(points[:, 2])  # what is higher hides what is lower
+    rows = np.rint(height / 2 - points[order, 0] / CELL).astype(int)
+    columns = np.rint(width / 2 - points[order, 1] / CELL).astype(int)
+    colours = ft.PALETTE[label[order]]
     for down in (0, 1):
         for right in (0, 1):
             inside = (rows + down >= 0) & (rows + down < height) & (columns + right >= 0) & (columns + right < width)
@@ -45,7 +45,7 @@ def main(path: Path) -> None:
     scan = ft.Lidar(lidar, scene).scan(world_from_base @ lidar.mount.base_from_sensor)
     tags = ft.tag_image(images.label)
     left = np.concatenate([images.photo, tags])[::2, ::2]
-    both = np.concatenate([left, plan(scan, left.shape[0], 560)], axis=1)
+    both = np.concatenate([left, plan(scan.xyz, scan.label, left.shape[0], 560)], axis=1)
     path.write_bytes(simplejpeg.encode_jpeg(np.ascontiguousarray(both), quality=78, colorspace="RGB"))
 
 

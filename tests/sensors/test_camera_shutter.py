@@ -221,9 +221,9 @@ def test_drive_lasts_until_the_last_row_is_exposed() -> None:
 def test_images_of_any_size_have_light_in_every_pixel(clutter: BakedScene, width: int, height: int) -> None:
     signal = CameraSignal(mosaic="rggb", bits=12, exposure_time_ms=8.0, readout_ms=5.0)
     config = camera_config().model_copy(update={"width": width, "height": height, "signal": signal})
-    seen = Camera(config, clutter, 3).capture(config.imagers()[0], 0, STAMP, turning(0.5))
+    seen = Camera(config, clutter, seed=3).capture(config.imagers()[0], 0, STAMP, turning(0.5))
     assert seen.photo.shape == (height, width, 3)
-    light = Camera(config, clutter, 3)
+    light = Camera(config, clutter, seed=3)
     light.expose(config.imagers()[0], STAMP, turning(0.5), 0.008)
     assert np.isfinite(light.linear).all()
     assert (light.linear.max(axis=-1) > 0.0).all()

@@ -3,6 +3,7 @@
 """Static objects that are published once: the same rows, poses and readings as where they are repeated."""
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -136,7 +137,7 @@ def test_a_missing_topic_is_reported(bags: dict[str, Path]) -> None:
     run = open_run(bags["latched"])
     assert check_topics(Context(run), {}).passed
     counts = {topic: count for topic, count in run.counts.items() if topic != STATIC_MODEL_STATES}
-    missing = check_topics(Context(run._replace(counts=counts)), {})
+    missing = check_topics(Context(replace(run, counts=counts)), {})
     assert not missing.passed
     assert missing.text.endswith(f"{STATIC_MODEL_STATES} is missing")
 
