@@ -93,7 +93,7 @@ def test_a_run_along_a_track_is_valid(again: Path, validate_in_park: Callable[..
     assert {name for name, check in checks.items() if check.passed is None} == {
         "wheels", "wheel odometry", "commands", "photographs",
     }  # fmt: skip
-    assert checks["checksums"].text.startswith("4 files")
+    assert checks["checksums"].text.startswith("5 files")
     assert checks["drive"].text.endswith("1.2 s as in the experiment")
 
 

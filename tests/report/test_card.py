@@ -79,7 +79,8 @@ def test_sha256sum_accepts_the_folder_and_detects_one_flipped_bit(small_run: Pat
     folder = Path(shutil.copytree(small_run, tmp_path / "copy"))
     command = ["sha256sum", "-c", "--strict", CHECKSUMS]
     checked = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
-    assert checked.stdout.splitlines() == ["park_1.bag: OK", "experiment.yaml: OK", "DATASET.md: OK"]
+    names = ("park_1.bag", "experiment.yaml", "DATASET.md", "made_by.json")
+    assert checked.stdout.splitlines() == [f"{name}: OK" for name in names]
     with (folder / "park_1.bag").open("r+b") as bag:
         bag.seek(-1, 2)
         last = bag.read(1)[0]
