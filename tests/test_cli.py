@@ -37,7 +37,8 @@ class Recorder:
         self.error = error
         self.calls: list[tuple[fieldtruth.Experiment, str, dict[str, Any]]] = []
 
-    def generate(self, experiment: fieldtruth.Experiment, out: str, **options: Any) -> Path:
+    def generate_by(self, engine: object, experiment: fieldtruth.Experiment, out: str, **options: Any) -> Path:
+        assert engine is None
         self.calls.append((experiment, out, options))
         if self.error is not None:
             raise self.error

@@ -160,7 +160,7 @@ def test_file_in_the_output_path_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"cannot write .*tiny: a (part of the path is a file|file exists)"):
         generate(make_experiment(0.5), tmp_path / "data", workers=1)
     (tmp_path / "tiny").write_text("")
-    with pytest.raises(OutputError, match=r"cannot write .*tiny: a file exists where a folder is needed"):
+    with pytest.raises(OutputError, match=r"cannot write .*tiny: a part of the path is a file, not a folder"):
         generate(make_experiment(0.5), tmp_path, workers=1)
 
 

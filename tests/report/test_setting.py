@@ -54,8 +54,8 @@ def texts_of(experiment: Experiment) -> str:
     """The data card, and card and Croissant text of a published data set."""
     world = make_world()
     card = data_card(experiment, world, make_track(world, experiment), {})
-    run = SimpleNamespace(experiment=experiment, rig=experiment.rig, name=experiment.name, duration_s=1.0)
-    members = [Member(cast("Run", run), "train", experiment.name)]
+    run = Run(Path(experiment.name), experiment, {}, {}, 0, 10**9)
+    members = [Member(run, "train", experiment.name)]
     split = SimpleNamespace(rows=1, file_bytes=1, memory_bytes=1, files=())
     table = SimpleNamespace(name="images", splits={"train": split}, columns=())
     labels = label_map_of("rellis")

@@ -159,7 +159,7 @@ def test_resolution_and_angles() -> None:
     steps = found.range_m.astype(np.float64) / 0.012
     assert np.abs(steps - np.rint(steps)).max() < 1e-3
     assert len(np.unique(np.rint(steps[ahead(found)]))) > 20
-    ideal = Lidar(config.model_copy(update={"signal": None}), wall(20.0)).measured(at(0, 0, 0))
+    ideal = Lidar(config.model_copy(update={"signal": None}), wall(20.0)).scan(at(0, 0, 0))
     rays = found.xyz / np.linalg.norm(found.xyz, axis=1, keepdims=True)
     off = np.degrees(rays - ideal.xyz / np.linalg.norm(ideal.xyz, axis=1, keepdims=True))[ahead(found)]
     assert np.std(off[:, 1]) == pytest.approx(0.05, rel=0.03)
@@ -181,7 +181,7 @@ def test_truth_is_that_of_the_ideal_lidar(moving: bool) -> None:
     if moving:
         poses = np.stack([frames.pose((0.01 * k, 0, 0.5), (0, 0, 0.1 * k)) for k in range(257)])
     signal = {**SHEET, "reach": [[0.3, 45.0]]}
-    ideal = Lidar(LidarConfig(**values), room()).measured(poses)
+    ideal = Lidar(LidarConfig(**values), room()).scan(poses)
     found = Lidar(LidarConfig(**values, signal=signal_of(signal)), room()).measured(poses)
     assert 0.3 < len(found.label) / len(ideal.label) < 0.99
     rows = np.searchsorted(ideal.column.astype(int) * 64 + ideal.ring, found.column.astype(int) * 64 + found.ring)

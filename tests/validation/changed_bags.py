@@ -119,7 +119,7 @@ def with_wide_ids(run: Path, target: Path, until_ns: int) -> Path:
             points = read.points(message)
             scan = SimpleNamespace(**{name: points[name] for name in ("label", "ring", "column")})
             scan.xyz = np.stack([points[axis] for axis in "xyz"], axis=-1)
-            scan.instance = wide(points["instance"])
+            scan.instance, scan.t_ns = wide(points["instance"]), None
             stamp = read.stamp_ns(message.header)
             data = point_cloud(message.header.seq, stamp, scan, LidarConfig(), wide_ids=True)
             return raw._replace(data=data)

@@ -6,6 +6,7 @@ import argparse
 import time
 from contextlib import contextmanager
 from functools import partial
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -117,12 +118,19 @@ def _engine(options: argparse.Namespace) -> "Iterator[ClusterEngine | None]":
 
 
 def _list(options: argparse.Namespace) -> None:
+    from fieldtruth.core.registry import user_folders
     from fieldtruth.experiment.catalogue import list_experiments
     from fieldtruth.experiment.robot_models import list_robots
-    from fieldtruth.experiment.sensor_config import load_added_kinds
     from fieldtruth.experiment.sensor_models import TITLES, list_models
     from fieldtruth.ontology.label_map import LABEL_MAPS
     from fieldtruth.world.environments import list_environments
+
+    def kinds() -> dict[str, str]:
+        if not entry_points(group="fieldtruth.sensors") and not user_folders():
+            return {}
+        from fieldtruth.experiment.sensor_config import load_added_kinds  # the classes take a second to load
+
+        return load_added_kinds()
 
     def formats() -> dict[str, str]:
         from fieldtruth.exporters import FORMATS  # its readers of bags take half a second to load
@@ -133,7 +141,7 @@ def _list(options: argparse.Namespace) -> None:
         "experiments": {"experiments": list_experiments},
         "environments": {"environments": list_environments},
         "sensors": {title: partial(list_models, kind) for kind, title in TITLES.items()}
-        | {"kinds of other packages and of FIELDTRUTH_PATH": load_added_kinds},
+        | {"kinds of other packages and of FIELDTRUTH_PATH": kinds},
         "robots": {"robots (rig.robot)": list_robots},
         "label-maps": {"label maps": lambda: {name: f"{len(m.classes)} classes" for name, m in LABEL_MAPS.items()}},
         "formats": {"export formats": formats},

@@ -8,6 +8,7 @@ from typing import Final
 
 import fieldtruth
 from fieldtruth.bag.made_by import LIBRARIES, this_process
+from fieldtruth.experiment.sensor_config import load_added_kinds
 from fieldtruth.record.slices import slices_key
 
 Facts = Mapping[str, str]
@@ -17,6 +18,7 @@ _KEY: Final = "key of the code"
 
 def facts() -> Facts:
     """Versions of this process, and the key of its code; see ``slices_key``."""
+    load_added_kinds()  # a part of the code, wherever the experiment was read
     shared = {name: this_process()[name] for name in ("Python", *LIBRARIES)}
     own = {"fieldtruth": fieldtruth.__version__, "processor": platform.machine()}
     return own | shared | {_KEY: slices_key()}

@@ -3,18 +3,15 @@
 """What the configurations of all sensors have in common; a subclass with a ``kind`` is a kind of sensor."""
 
 import math
-import os
-import sys
 from collections.abc import Callable, Mapping
 from functools import partial
 from importlib.metadata import entry_points
-from importlib.util import module_from_spec, spec_from_file_location
-from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, NamedTuple, TypeVar
 
 from pydantic import Field, ValidationError, model_validator
 
 from fieldtruth.core.errors import ConfigurationError, nearest_first, suggestion
+from fieldtruth.core.registry import load_module, user_folders
 from fieldtruth.experiment.clock_config import ClockConfig
 from fieldtruth.experiment.fields import Boolean, Frozen, Mount, Rate
 from fieldtruth.experiment.problems import LocatedError, PartError, condition_at, shortened
@@ -240,8 +237,6 @@ class MountedConfig(SensorConfig):
 
 GROUP: Final = "fieldtruth.sensors"
 """Entry points of packages with kinds of sensors: each names a module."""
-FOLDERS: Final = "FIELDTRUTH_PATH"
-"""Variable with the folders of a user; modules in their folder ``sensors`` are kinds, too."""
 
 
 def load_added_kinds() -> dict[str, str]:
@@ -252,26 +247,12 @@ def load_added_kinds() -> dict[str, str]:
     """
     for point in entry_points(group=GROUP):
         _load(f"the sensors of the entry point {point.name} = {point.value}", point.load)
-    for folder in filter(None, os.environ.get(FOLDERS, "").split(os.pathsep)):
-        for path in sorted((Path(folder) / "sensors").glob("*.py")):
-            _load(str(path), partial(_import_file, path))
+    for folder in user_folders():
+        for path in sorted((folder / "sensors").glob("*.py")):
+            _load(str(path), partial(load_module, f"fieldtruth_sensors_{path.stem}", path))
     own = __name__.partition(".")[0]
     added = {kind: config for kind, config in KINDS.items() if config.__module__.partition(".")[0] != own}
     return {kind: (config.__doc__ or "").strip().partition("\n")[0] for kind, config in sorted(added.items())}
-
-
-def _import_file(path: Path) -> None:
-    """Import a file as a module of its own, once."""
-    name = f"fieldtruth_sensors_{path.stem}"
-    spec = spec_from_file_location(name, path)
-    if name in sys.modules or spec is None or spec.loader is None:
-        return
-    sys.modules[name] = module = module_from_spec(spec)
-    try:
-        spec.loader.exec_module(module)
-    except BaseException:
-        del sys.modules[name]
-        raise
 
 
 def _load(what: str, load: Callable[[], Any]) -> None:
