@@ -100,10 +100,8 @@ def _triangles(item: Any, where: str) -> Iterator[tuple[str, Triangles]]:
         label = _label(part.label, node or name, metadata.get("label", ""), here)
         pose = outer @ _pose(inner, here)
         corners = _corners(mesh, here) @ pose[:3, :3].T + pose[:3, 3]
-        if not np.abs(corners).max() <= FARTHEST:
-            raise ConfigurationError(
-                f"{here}: vertices must be within {FARTHEST:g} m of the origin, got {np.abs(corners).max():g} m: move it"
-            )
+        if (far := float(np.abs(corners).max())) > FARTHEST:
+            raise ConfigurationError(f"{here}: vertices must be within {FARTHEST:g} m of the origin, got {far:g} m")
         if np.linalg.det(pose[:3, :3]) < 0:  # a mirror turns triangles inside out
             corners = corners[:, ::-1]
         yield name, Triangles(corners, label, (float(colour[0]), float(colour[1]), float(colour[2])))
@@ -132,7 +130,7 @@ def _label(given: Any, node: str, own: Any, where: str) -> Label:
         raise ConfigurationError(f"{where}: label is missing; one of {', '.join(_CLASSES)}")
     found = _CLASSES.get(str(value).strip().lower().replace(" ", "_").replace("-", "_"))
     if found is None:
-        raise UnknownNameError("class", value, nearest_first(str(value), _CLASSES), where)
+        raise UnknownNameError("class", str(value), nearest_first(str(value), _CLASSES), where)
     return found
 
 

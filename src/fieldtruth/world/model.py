@@ -8,6 +8,7 @@ A triangle's class is its material's; the terrain's class follows from the signe
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from numbers import Real
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -273,17 +274,17 @@ class World:
         colours, and nothing that a robot in the physics would touch. What no ray hits is sky.
 
         Args:
-            meshes: each a ``MeshPart``, a mesh or scene of trimesh whose metadata has a ``label``, or the two mixed. It
-                is in the world's frame, z up, within 10 km of the origin; near it, light takes the least time.
-            ground: height [m] of flat ground, class ground and instance id 1, that reaches 10 m beyond the meshes; None:
-                there is none.
+            meshes: each a ``MeshPart``, or a mesh or scene of trimesh whose metadata has a ``label``; in the world's
+                frame, z up, within 10 km of the origin. Light takes the least time near it.
+            ground: height [m] of flat ground, class ground and instance id 1, that reaches 10 m beyond the meshes.
+                None: there is none.
 
         Raises:
             UnknownNameError: a class that does not exist, or that no object of a world has.
             ConfigurationError: no meshes, a number that is not finite, faces that name no vertex, or a label that is
                 missing.
         """
-        if ground is not None and (isinstance(ground, bool) or not np.isfinite(ground)):
+        if ground is not None and (isinstance(ground, bool) or not isinstance(ground, Real) or not np.isfinite(ground)):
             raise ConfigurationError(f"ground must be a height [m] or None, got {ground}")
         objects = objects_of(meshes)
         materials: dict[str, Material] = {}
