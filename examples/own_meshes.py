@@ -4,6 +4,7 @@
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -45,7 +46,9 @@ def main() -> None:
         import trimesh
     except ImportError:
         return
-    scene = trimesh.Scene({part.name: trimesh.Trimesh(*part.mesh) for part in furniture})
+    scene: Any = trimesh.Scene()
+    for part in furniture:
+        scene.add_geometry(trimesh.Trimesh(*part.mesh), node_name=part.name)
     scene.apply_transform(np.linalg.inv(Z_UP))
     scene.export(folder / "furniture.glb")
     loaded = trimesh.load(folder / "furniture.glb")

@@ -200,7 +200,9 @@ def test_a_robot_drives_on_the_ground_among_meshes() -> None:
     frame = sim.step(0.2)
     cloud = frame["lidar"]
     assert set(cloud.instance.tolist()) == {1, 2}
-    world_from_lidar = frame.pose @ sim.experiment.rig.in_order()[0].mount.base_from_sensor
+    lidar = next(each for each in sim.experiment.rig.sensors if each.name == "lidar")
+    assert isinstance(lidar, ft.LidarConfig)
+    world_from_lidar = frame.pose @ lidar.mount.base_from_sensor
     points = cloud.xyz[cloud.instance == 2] @ world_from_lidar[:3, :3].T + world_from_lidar[:3, 3]
     np.testing.assert_allclose(points[:, 0], 11.9, atol=0.05)  # the robot moves meanwhile
     assert len(points) > 100

@@ -62,12 +62,7 @@ class Triangles(NamedTuple):
 def objects_of(meshes: Iterable[Any]) -> dict[str, list[Triangles]]:
     """Return the triangles of each object by its name, in the order in which names first occur.
 
-    Args:
-        meshes: each a ``MeshPart``, or what its ``mesh`` may be.
-
-    Raises:
-        UnknownNameError: a class that does not exist, or that no object of a world has.
-        ConfigurationError: anything else that is not allowed.
+    Raises as ``World.from_meshes``.
     """
     if not isinstance(meshes, Iterable):
         raise ConfigurationError(f"meshes must be a list, got a {type(meshes).__name__}")
@@ -85,7 +80,7 @@ def objects_of(meshes: Iterable[Any]) -> dict[str, list[Triangles]]:
 
 
 def _triangles(item: Any, where: str) -> Iterator[tuple[str, Triangles]]:
-    """Yield the names, empty where there is none, and triangles of a part's meshes."""
+    """Yield names, empty where a mesh has no name, and triangles of the meshes of a part."""
     part = item if isinstance(item, MeshPart) else MeshPart(item)
     colour = _numbers(part.colour, (3,), f"{where}: colour")
     if not ((colour >= 0) & (colour <= 1)).all():
@@ -104,7 +99,8 @@ def _triangles(item: Any, where: str) -> Iterator[tuple[str, Triangles]]:
             raise ConfigurationError(f"{here}: vertices must be within {FARTHEST:g} m of the origin, got {far:g} m")
         if np.linalg.det(pose[:3, :3]) < 0:  # a mirror turns triangles inside out
             corners = corners[:, ::-1]
-        yield name, Triangles(corners, label, (float(colour[0]), float(colour[1]), float(colour[2])))
+        red, green, blue = colour.tolist()
+        yield name, Triangles(corners, label, (red, green, blue))
 
 
 def _nodes(mesh: Any, where: str) -> Iterator[tuple[str, Any, Any]]:

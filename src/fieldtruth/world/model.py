@@ -277,12 +277,11 @@ class World:
             meshes: each a ``MeshPart``, or a mesh or scene of trimesh whose metadata has a ``label``; in the world's
                 frame, z up, within 10 km of the origin. Light takes the least time near it.
             ground: height [m] of flat ground, class ground and instance id 1, that reaches 10 m beyond the meshes.
-                None: there is none.
+                None: no ray hits ground.
 
         Raises:
             UnknownNameError: a class that does not exist, or that no object of a world has.
-            ConfigurationError: no meshes, a number that is not finite, faces that name no vertex, or a label that is
-                missing.
+            ConfigurationError: no meshes, or one with numbers, faces, a name or a pose that are not allowed.
         """
         if ground is not None and (isinstance(ground, bool) or not isinstance(ground, Real) or not np.isfinite(ground)):
             raise ConfigurationError(f"ground must be a height [m] or None, got {ground}")
