@@ -289,24 +289,14 @@ class World:
         materials: dict[str, Material] = {}
         soil = _plain(materials, Label.GROUND, GREY)
         placed = [_object(name, k, parts, materials) for k, (name, parts) in enumerate(objects.items(), GROUND_ID + 1)]
-        corners = [each.corners for parts in objects.values() for each in parts]
-        reach = max(float(np.abs(each[..., :2]).max()) for each in corners)
-        side = max(2 * (reach + (0.0 if ground is None else _AROUND)), 1.0)
-        height = min(float(each[..., 2].min()) for each in corners) if ground is None else float(ground)
-        grid: dict[str, float] = {"spacing": side, "x0": -side / 2, "y0": -side / 2}
+        corners = np.concatenate([each.corners for parts in objects.values() for each in parts])
+        side = max(2 * (float(np.abs(corners[..., :2]).max()) + (0.0 if ground is None else _AROUND)), 1.0)
+        height = float(corners[..., 2].min() if ground is None else ground)
         return cls(
             name="meshes",
             seed=0,
             size=(side, side),
-            terrain=Terrain(
-                field=Heightfield(heights=np.full((2, 2), height, np.float32), **grid),
-                trail_distance=Raster(values=np.ones((2, 2), np.float32), **grid),
-                cover=Raster(values=np.ones((2, 2, 1), np.float32), **grid),
-                ground_materials=(soil,),
-                trail_material=soil,
-                border_material=soil,
-                visible=ground is not None,
-            ),
+            terrain=_plane(side, height, soil, visible=ground is not None),
             meshes={mesh.name: mesh for mesh, _ in placed},
             instances=tuple(instance for _, instance in placed),
             materials=materials,
@@ -319,6 +309,20 @@ class World:
         """Whether an instance id needs more than 16 bits."""
         ids = (*(each.object_id for each in self.instances), *(each.object_id for each in self.swarms))
         return max(ids, default=0) >= WIDE_IDS
+
+
+def _plane(side: float, height: float, material: str, *, visible: bool) -> Terrain:
+    """Flat square of terrain about the origin."""
+    grid: dict[str, float] = {"spacing": side, "x0": -side / 2, "y0": -side / 2}
+    return Terrain(
+        field=Heightfield(heights=np.full((2, 2), height, np.float32), **grid),
+        trail_distance=Raster(values=np.ones((2, 2), np.float32), **grid),
+        cover=Raster(values=np.ones((2, 2, 1), np.float32), **grid),
+        ground_materials=(material,),
+        trail_material=material,
+        border_material=material,
+        visible=visible,
+    )
 
 
 def _plain(materials: dict[str, Material], label: Label, colour: tuple[float, float, float]) -> str:
