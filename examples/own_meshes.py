@@ -30,7 +30,7 @@ def look(world: ft.World) -> None:
     for k, name in enumerate(world.object_names):
         points, pixels = np.sum(scan.instance == k), np.sum((images.instance == k) & (images.label != ft.Label.SKY))
         if points or pixels:
-            print(f"{name:<12}{points:>8} points{pixels:>8} pixels")
+            print(f"{name:<14}{points:>8} points{pixels:>8} pixels")
 
 
 def main() -> None:

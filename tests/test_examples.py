@@ -84,7 +84,7 @@ def test_stepping_goes_on_from_the_middle_in_another_way(run_example: RunExample
 def test_own_meshes_are_seen_by_their_names(tmp_path: Path, run_example: RunExample) -> None:
     pytest.importorskip("trimesh")
     lines = run_example("own_meshes.py", tmp_path)
-    seen = [(line[:12].strip(), *map(int, re.findall(r"\d+", line))) for line in lines]
+    seen = [(line[:14].strip(), *map(int, re.findall(r"\d+", line[14:]))) for line in lines]
     room, ground = seen[:7], seen[7:]
     walls = [f"{side} wall" for side in ("north", "south", "west", "east")]
     assert [name for name, *_ in room] == ["floor", *walls, "desk", "bin"]
