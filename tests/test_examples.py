@@ -47,9 +47,9 @@ def bare_bag(small_run: Path, tmp_path: Path) -> Path:
     return bag
 
 
-def test_twelve_examples_have_at_most_60_lines_and_a_test_each() -> None:
+def test_thirteen_examples_have_at_most_60_lines_and_a_test_each() -> None:
     tests = Path(__file__).read_text(encoding="utf-8")
-    assert len(SCRIPTS) == 12
+    assert len(SCRIPTS) == 13
     for script in SCRIPTS:
         assert len(script.read_text(encoding="utf-8").splitlines()) <= 60
         assert f'"{script.name}"' in tests
@@ -79,6 +79,18 @@ def test_stepping_goes_on_from_the_middle_in_another_way(run_example: RunExample
     own, follower = run_example("stepping.py", 1.0)
     assert re.fullmatch(r"1.0 s, 0.[2-5]\d m from the start by the own controller", own)
     assert re.fullmatch(r"0.[0-4]\d m from there, if the follower drives from the middle on", follower)
+
+
+def test_own_meshes_are_seen_by_their_names(tmp_path: Path, run_example: RunExample) -> None:
+    pytest.importorskip("trimesh")
+    lines = run_example("own_meshes.py", tmp_path)
+    seen = [(line[:14].strip(), *map(int, re.findall(r"\d+", line[14:]))) for line in lines]
+    room, ground = seen[:7], seen[7:]
+    walls = [f"{side} wall" for side in ("north", "south", "west", "east")]
+    assert [name for name, *_ in room] == ["floor", *walls, "desk", "bin"]
+    assert [name for name, *_ in ground] == ["meshes_ground", "bin", "desk"]
+    assert sorted(room[5:]) == sorted(ground[1:])  # the file has the same furniture
+    assert (tmp_path / "furniture.glb").stat().st_size > 1000
 
 
 def test_own_route_is_driven(tmp_path: Path, run_example: RunExample) -> None:

@@ -64,7 +64,8 @@ def voxels_of(world: World, lattice: Lattice) -> Iterator[tuple[float, Voxels]]:
             end = start[:2] + lattice.voxel_m * np.array(size)
             near = (meshes.low[:, :2] < end).all(axis=1) & (meshes.high[:, :2] >= start[:2]).all(axis=1)
             grid = np.zeros((*size, nz), np.uint32)
-            mark_ground(nodes, trail, start, lattice.voxel_m, grid)
+            if world.terrain.visible:
+                mark_ground(nodes, trail, start, lattice.voxel_m, grid)
             mark_meshes(meshes, np.flatnonzero(near), start, lattice.voxel_m, grid)
             cells = np.flatnonzero(grid)
             for label in Label:

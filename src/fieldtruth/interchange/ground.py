@@ -57,6 +57,8 @@ def ground_tiles(world: World, size_m: float = 25.0) -> Iterator[GroundTile]:
     Each vertex lies on the heightfield's triangles. Measured: the class of a triangle is wrong on less than a millionth
     of the park's area and on 0.004 % of the forest's, at most 2 cm from the contour of ``Terrain.trail_distance``.
     """
+    if not world.terrain.visible:
+        return
     field = world.terrain.surface
     side = max(1, round(size_m / field.spacing))
     slopes = _slopes(field)

@@ -64,8 +64,9 @@ class Scene:
         geometry_top = []
         for row, (mesh, pose, *_) in enumerate(self.tops):
             if mesh is None:
-                self.rays.add_grid(terrain_nodes(world.terrain.surface))
-                geometry_top.append(row)
+                if world.terrain.visible:
+                    self.rays.add_grid(terrain_nodes(world.terrain.surface))
+                    geometry_top.append(row)
                 continue
             for part in parts[mesh.name]:
                 self.rays.add_instance(part, pose, mask=masks[mesh.name])

@@ -5,16 +5,19 @@
 A triangle's class is its material's; the terrain's class follows from the signed distance to the nearest trail's edge.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from numbers import Real
 from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.classes import Label
+from fieldtruth.core.classes import GROUND_ID, Label
+from fieldtruth.core.errors import ConfigurationError
+from fieldtruth.world.from_meshes import GREY, TAKEN, Triangles, objects_of
 
 ROBOT_ID: Final = 0
 """Instance id of the robot. Pixels without an object, of the sky, have it too: they differ in the class."""
@@ -24,6 +27,10 @@ LITTER: Final = "litter"
 
 WIDE_IDS: Final = 1 << 16
 """Instance ids from here on do not fit into 16 bits."""
+
+_AROUND: Final = 10.0
+"""[m] of ground around a user's meshes."""
+_WATER_MIRROR: Final = 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -224,6 +231,8 @@ class Terrain:
     border_width: float = 0.0  # [m], measured inwards from the trail's edge
     layer: NDArray[np.float32] | None = None
     snow: NDArray[np.float32] | None = None
+    visible: bool = True
+    """Whether rays meet it, and exports contain it. Otherwise it is only where light and physics assume the ground."""
 
     @cached_property
     def surface(self) -> Heightfield:
@@ -257,8 +266,96 @@ class World:
     object_names: tuple[str, ...] = field(default=())
     """Name of each instance id; 0 is the robot, 1 the ground."""
 
+    @classmethod
+    def from_meshes(cls, meshes: Iterable[Any], *, ground: float | None = None) -> "World":
+        """Make a world of your own meshes, for ``Scene``, ``Lidar``, ``Camera`` and ``LabelCamera``.
+
+        Instance ids count from 2 in the order of the meshes; ``object_names`` has their names. Surfaces have plain
+        colours, and nothing that a robot in the physics would touch. What no ray hits is sky.
+
+        Args:
+            meshes: each a ``MeshPart``, or a mesh or scene of trimesh whose metadata has a ``label``; in the world's
+                frame, z up, within 10 km of the origin. Light takes the least time near it.
+            ground: height [m] of flat ground, class ground and instance id 1, that reaches 10 m beyond the meshes.
+                None: no ray hits ground.
+
+        Raises:
+            UnknownNameError: a class that does not exist, or that no object of a world has.
+            ConfigurationError: no meshes, or one with numbers, faces, a name or a pose that are not allowed.
+        """
+        if ground is not None and (isinstance(ground, bool) or not isinstance(ground, Real) or not np.isfinite(ground)):
+            raise ConfigurationError(f"ground must be a height [m] or None, got {ground}")
+        objects = objects_of(meshes)
+        materials: dict[str, Material] = {}
+        soil = _plain(materials, Label.GROUND, GREY)
+        placed = [_object(name, k, parts, materials) for k, (name, parts) in enumerate(objects.items(), GROUND_ID + 1)]
+        corners = np.concatenate([each.corners for parts in objects.values() for each in parts])
+        side = max(2 * (float(np.abs(corners[..., :2]).max()) + (0.0 if ground is None else _AROUND)), 1.0)
+        height = float(corners[..., 2].min() if ground is None else ground)
+        return cls(
+            name="meshes",
+            seed=0,
+            size=(side, side),
+            terrain=_plane(side, height, soil, visible=ground is not None),
+            meshes={mesh.name: mesh for mesh, _ in placed},
+            instances=tuple(instance for _, instance in placed),
+            materials=materials,
+            textures={"plain": np.full((1, 1, 3), 255, np.uint8)},
+            object_names=(*TAKEN, *objects),
+        )
+
     @property
     def has_wide_ids(self) -> bool:
         """Whether an instance id needs more than 16 bits."""
         ids = (*(each.object_id for each in self.instances), *(each.object_id for each in self.swarms))
         return max(ids, default=0) >= WIDE_IDS
+
+
+def _plane(side: float, height: float, material: str, *, visible: bool) -> Terrain:
+    """Flat square of terrain about the origin."""
+    grid: dict[str, float] = {"spacing": side, "x0": -side / 2, "y0": -side / 2}
+    return Terrain(
+        field=Heightfield(heights=np.full((2, 2), height, np.float32), **grid),
+        trail_distance=Raster(values=np.ones((2, 2), np.float32), **grid),
+        cover=Raster(values=np.ones((2, 2, 1), np.float32), **grid),
+        ground_materials=(material,),
+        trail_material=material,
+        border_material=material,
+        visible=visible,
+    )
+
+
+def _plain(materials: dict[str, Material], label: Label, colour: tuple[float, float, float]) -> str:
+    """Add a material of one colour, and return its name."""
+    name = " ".join([label.name.lower(), *(f"{share:g}" for share in colour)])
+    mirror = _WATER_MIRROR if label == Label.WATER else 0.0
+    materials.setdefault(name, Material(name=name, label=label, texture="plain", tint=colour, mirror=mirror))
+    return name
+
+
+def _object(
+    name: str, object_id: int, parts: Sequence[Triangles], materials: dict[str, Material]
+) -> tuple[Mesh, Instance]:
+    """Object of flat triangles, with its origin below the middle of its box; adds its materials."""
+    corners = np.concatenate([part.corners for part in parts])
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    pose = np.eye(4)
+    pose[:3, 3] = (low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]
+    corners = corners - pose[:3, 3]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(across, axis=1, keepdims=True)
+    normals = np.where(length > 0, across / np.where(length > 0, length, 1.0), (0.0, 0.0, 1.0))
+    own = [_plain(materials, part.label, part.colour) for part in parts]
+    names, count = tuple(dict.fromkeys(own)), 3 * len(corners)
+    mesh = Mesh(
+        name=name,
+        vertices=corners.reshape(-1, 3).astype(np.float32),
+        normals=np.repeat(normals, 3, axis=0).astype(np.float32),
+        uv=np.zeros((count, 2), np.float32),
+        faces=np.arange(count, dtype=np.int32).reshape(-1, 3),
+        material=np.repeat([names.index(n) for n in own], [len(part.corners) for part in parts]).astype(np.int32),
+        materials=names,
+        footprint=float(np.hypot(*(high - low)[:2])) / 2,
+    )
+    kind = parts[0].label.name.lower()
+    return mesh, Instance(name=name, kind=kind, mesh=name, object_id=object_id, world_from_object=pose)

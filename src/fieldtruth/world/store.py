@@ -139,6 +139,7 @@ def _terrain_text(terrain: Terrain) -> dict[str, Any]:
         "trail_material": terrain.trail_material,
         "border_material": terrain.border_material,
         "border_width": terrain.border_width,
+        "visible": terrain.visible,
     }
 
 
@@ -152,6 +153,7 @@ def _terrain(text: dict[str, Any], arrays: Any) -> Terrain:
         trail_material=text["trail_material"],
         border_material=text["border_material"],
         border_width=text["border_width"],
+        visible=text["visible"],
         layer=arrays["layer"].astype(np.float32) if "layer" in arrays else None,
         snow=arrays["snow"].astype(np.float32) if "snow" in arrays else None,
     )

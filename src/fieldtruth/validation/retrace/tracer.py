@@ -72,7 +72,7 @@ class ReferenceTracer:
     def __init__(self, world: World) -> None:
         self.world, self.side = world, max(world.size)
         labels = {name: int(material.label) for name, material in world.materials.items()}
-        self._ground = Ground(world.terrain.surface)
+        self._ground = Ground(world.terrain.surface) if world.terrain.visible else None
         meshes: dict[str, tuple[Array, NDArray[np.uint8]]] = {}
         poses: dict[str, list[tuple[Array, int]]] = {}
 
@@ -98,7 +98,7 @@ class ReferenceTracer:
     def triangles(self) -> int:
         """Number of triangles in the world, those of each object counted."""
         objects = (len(solid.corners) * len(self._placed[name].instance) for name, solid in self._solids.items())
-        return self._ground.triangles + sum(objects)
+        return sum(objects, self._ground.triangles if self._ground is not None else 0)
 
     def hits(self, origins: Array, directions: Array, limit: Array) -> Hits:
         """Trace rays (n, 3), directions of unit length, each up to its limit (n,) [m]."""
@@ -107,7 +107,8 @@ class ReferenceTracer:
         found = [Hits(index, nothing, nothing.astype(np.uint8), index, nothing, nothing, flags)]
         for first in range(0, len(origins), _RAYS):
             rays = np.arange(first, min(first + _RAYS, len(origins)))
-            for row, corners in self._ground.near(origins[rays], directions[rays], limit[rays]):
+            ground = self._ground.near(origins[rays], directions[rays], limit[rays]) if self._ground is not None else ()
+            for row, corners in ground:
                 ray = rays[row]
                 label, instance = np.full(len(ray), TERRAIN, np.uint8), np.full(len(ray), GROUND_ID)
                 triangles = _Triangles(corners, label, instance)
