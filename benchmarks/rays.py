@@ -57,24 +57,24 @@ def compare_cast(name: str, scene: ft.Scene, low: tuple[float, ...], high: tuple
     packet, out = new_packet(coherent=False), np.zeros((len(packed), LANES), np.float32)
     origins, ahead = np.ascontiguousarray(rays[:, :3]), np.ascontiguousarray(rays[:, 3:])
     wide = origins.astype(np.float64), ahead.astype(np.float64)
-    ways: dict[str, Callable[[], object]] = {
+    calls: dict[str, Callable[[], object]] = {
         "bare": lambda: bare_random(scene.rays.handle, packet, packed, out),
         "cast, float32": lambda: scene.cast(origins, ahead, workers=1),
         "cast, float64": lambda: scene.cast(*wide, workers=1),
         "occluded": lambda: scene.occluded(origins, ahead, workers=1),
         "cast, all cores": lambda: scene.cast(origins, ahead),
     }
-    times: dict[str, list[float]] = {way: [] for way in ways}
+    times: dict[str, list[float]] = {call: [] for call in calls}
     for _ in range(TRIES + 1):  # in turns, so that other load slows all of them; the first compiles
-        for way, trace in ways.items():
+        for call, trace in calls.items():
             start = perf_counter()
             trace()
-            times[way].append(perf_counter() - start)
-    least = {way: min(tries[1:]) for way, tries in times.items()}
+            times[call].append(perf_counter() - start)
+    least = {call: min(tries[1:]) for call, tries in times.items()}
     np.testing.assert_allclose(scene.cast(origins, ahead, workers=1).range_m, out.ravel(), rtol=1e-3)
-    for way, seconds in least.items():
+    for call, seconds in least.items():
         print(
-            f"{name:<10}{way:<18}{RANDOM / seconds / 1e6:>7.2f} Mrays/s{seconds / least['bare']:>7.2f} of bare's time"
+            f"{name:<10}{call:<18}{RANDOM / seconds / 1e6:>7.2f} Mrays/s{seconds / least['bare']:>7.2f} of bare's time"
         )
     return least["cast, float32"] / least["bare"]
 

@@ -35,7 +35,7 @@ from fieldtruth.record.streams import streams_of
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.sensor import CameraSensor
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
-from fieldtruth.sensors.kind import Place, Sensor
+from fieldtruth.sensors.kind import Sensor, SensorWorld
 from fieldtruth.sensors.known import sensor_class
 from fieldtruth.sensors.lidar.beams import sweep_times_ns
 from fieldtruth.sensors.lidar.config import LidarConfig
@@ -178,30 +178,30 @@ def make_slices(folder: Path, experiment: Experiment) -> Slices:
 
 def fake_sensors(world: World, rig: Rig, lidar: Any = FakeLidar, camera: Any = FakeCamera) -> Sensors:
     """Sensors of a rig with fake LiDARs and cameras."""
-    place, sensors = Place(world, rig, reuse=True), dict[str, Sensor]()
+    sensor_world, sensors = SensorWorld(world, rig, reuse=True), dict[str, Sensor]()
     for config in rig.in_order():
         if isinstance(config, LidarConfig):
-            sensors[config.name] = FakeLidarSensor(config, place, lidar)
+            sensors[config.name] = FakeLidarSensor(config, sensor_world, lidar)
         elif isinstance(config, CameraConfig):
-            sensors[config.name] = FakeCameraSensor(config, place, camera)
+            sensors[config.name] = FakeCameraSensor(config, sensor_world, camera)
         else:
-            sensors[config.name] = sensor_class(config)(config, place)
+            sensors[config.name] = sensor_class(config)(config, sensor_world)
     return sensors
 
 
 class FakeLidarSensor(LidarSensor):
     """The sensor of a fake LiDAR."""
 
-    def __init__(self, config: LidarConfig, place: Place, lidar: Any) -> None:
-        Sensor.__init__(self, config, place)
+    def __init__(self, config: LidarConfig, sensor_world: SensorWorld, lidar: Any) -> None:
+        Sensor.__init__(self, config, sensor_world)
         self._lidar, self._sweep_ns = lidar(config, None), sweep_times_ns(config)
 
 
 class FakeCameraSensor(CameraSensor):
     """The sensor of a fake camera."""
 
-    def __init__(self, config: CameraConfig, place: Place, camera: Any) -> None:
-        Sensor.__init__(self, config, place)
+    def __init__(self, config: CameraConfig, sensor_world: SensorWorld, camera: Any) -> None:
+        Sensor.__init__(self, config, sensor_world)
         self._camera, self._views = camera(config, None), {imager.side: imager for imager in config.imagers()}
 
 

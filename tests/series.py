@@ -9,7 +9,7 @@ from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.sensors.gnss.sensing import read_gnss
 from fieldtruth.sensors.imu.sensing import read_imu
-from fieldtruth.sensors.kind import At, Place, movement_of
+from fieldtruth.sensors.kind import At, SensorWorld, movement_of
 from fieldtruth.sensors.known import sensor_class
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
 from fieldtruth.sensors.wheel_odometry.sensing import TrueWheels, WheelTruth
@@ -38,7 +38,7 @@ def odometry_along(track: Track, rig: Rig | None = None) -> WheelOdometry:
 
 def reading_of(config: SensorConfig, track: Track, k: int, part: str = "", rig: Rig | None = None) -> Any:
     """Reading ``k`` of an ideal sensor of motion."""
-    sensor = sensor_class(config)(config, Place(None, rig or Rig()))  # type: ignore[arg-type]
+    sensor = sensor_class(config)(config, SensorWorld(None, rig or Rig()))  # type: ignore[arg-type]
     (output,) = (each for each in config.outputs() if each.part == part)
     stamp = round((k + 1) * 1e9 / output.rate_hz)
     return sensor.read(output, At(k, stamp, stamp, movement_of(track)))

@@ -90,8 +90,8 @@ from .sensors.imu.config import ImuConfig as ImuConfig
 from .sensors.kind import At as At
 from .sensors.kind import MotionSensor as MotionSensor
 from .sensors.kind import Movement as Movement
-from .sensors.kind import Place as Place
 from .sensors.kind import Sensor as Sensor
+from .sensors.kind import SensorWorld as SensorWorld
 from .sensors.lidar.config import LidarConfig as LidarConfig
 from .sensors.lidar.measuring import Lidar as Lidar
 from .sensors.wheel_odometry.config import WheelOdometryConfig as WheelOdometryConfig

@@ -32,7 +32,7 @@ from fieldtruth.record.stream import Sensors, Stream
 from fieldtruth.record.streams import streams_of
 from fieldtruth.report.card import data_card
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.kind import Movement, Place, movement_of
+from fieldtruth.sensors.kind import Movement, SensorWorld, movement_of
 from fieldtruth.sensors.known import sensor_class
 from fieldtruth.simulation.motion import track_in, with_given_track
 from fieldtruth.world.build import check_experiment, world_of
@@ -86,14 +86,14 @@ class PreparedHere:
         """Build the scene and bake its light for the slices in a folder."""
         made_by.note(folder, [made_by.this_process()])
         streams = self.streams()
-        sensors = self.new_sensors or sensor_factory(self.place, self.sensed())
+        sensors = self.new_sensors or sensor_factory(self.sensor_world, self.sensed())
         return Slices(folder, streams, topics_of_run(self.experiment, latched=self.latched), sensors)
 
     @cached_property
-    def place(self) -> Place:
+    def sensor_world(self) -> SensorWorld:
         """Where the sensors are."""
         made = self.experiment
-        return Place(self.world, made.rig, made.light, made.weather, scene=self.scene, seed=made.seed, reuse=True)
+        return SensorWorld(self.world, made.rig, made.light, made.weather, scene=self.scene, seed=made.seed, reuse=True)
 
     def streams(self) -> list[Stream]:
         """Return every stream of the recording."""
@@ -111,7 +111,7 @@ class PreparedHere:
     def card(self, counts: Mapping[str, int]) -> str:
         """Return the data card."""
         own = () if self.track.is_frames else self.experiment.rig.in_order()
-        sensors = (sensor_class(config)(config, self.place) for config in own if not config.sees)
+        sensors = (sensor_class(config)(config, self.sensor_world) for config in own if not config.sees)
         measured = [line for sensor in sensors for line in sensor.facts(self.movement)]
         return data_card(self.experiment, self.world, self.track, counts, measured)
 

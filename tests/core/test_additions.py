@@ -52,7 +52,7 @@ def write_parts(folder: Path, package: str) -> None:
     models = ROOT / "src/fieldtruth/experiment/models"
     robot = (models / "robot/jackal.yaml").read_text(encoding="utf-8").replace("Clearpath Jackal", "Rabbit")
     lidar = (models / "lidar/vlp_16.yaml").read_text(encoding="utf-8").replace("Velodyne VLP-16", "Tiny")
-    classes = {0: {"name": "void", "rgb": [0, 0, 0]}, 1: {"name": "thing", "rgb": [9, 9, 9]}}
+    classes = {0: {"name": "void", "rgb": [0, 0, 0]}, 1: {"name": "solid", "rgb": [9, 9, 9]}}
     labels = yaml.safe_dump({"classes": classes, "ids": {row.name: int(row.name != "void") for row in CLASSES}})
     parts = {"robots/rabbit.yaml": robot, "sensors/lidar/tiny.yaml": lidar, "label_maps/two.yaml": labels}
     for name, text in {**parts, "formats/count.py": FORMAT}.items():
@@ -87,8 +87,8 @@ def as_folder(folder: Path) -> dict[str, str]:
     return os.environ | {VARIABLE: str(folder)}
 
 
-Way = Callable[[Path], dict[str, str]]
-WAYS = pytest.mark.parametrize("way", [as_package, as_folder])
+Adding = Callable[[Path], dict[str, str]]
+ADDINGS = pytest.mark.parametrize("adding", [as_package, as_folder])
 
 
 def fieldtruth(env: dict[str, str], cwd: Path, *arguments: str) -> str:
@@ -99,9 +99,9 @@ def fieldtruth(env: dict[str, str], cwd: Path, *arguments: str) -> str:
     return ended.stdout
 
 
-@WAYS
-def test_additions_are_listed(way: Way, tmp_path: Path) -> None:
-    env = way(tmp_path)
+@ADDINGS
+def test_additions_are_listed(adding: Adding, tmp_path: Path) -> None:
+    env = adding(tmp_path)
     listed = {what: fieldtruth(env, tmp_path, "list", what) for what in ("environments", "robots", "sensors")}
     assert re.search(r"^  meadow +Meadow: gentle hills$", listed["environments"], re.MULTILINE)
     assert re.search(r"^  rabbit +Rabbit: 18 kg", listed["robots"], re.MULTILINE)
@@ -111,9 +111,9 @@ def test_additions_are_listed(way: Way, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@WAYS
-def test_additions_are_used(way: Way, tmp_path: Path) -> None:
-    env = way(tmp_path)
+@ADDINGS
+def test_additions_are_used(adding: Adding, tmp_path: Path) -> None:
+    env = adding(tmp_path)
     (tmp_path / "acme_1.yaml").write_text(yaml.safe_dump(EXPERIMENT))
     fieldtruth(env, tmp_path, "generate", "acme_1.yaml", "--seconds", "0.1", "--out", "data")
     assert "FAIL" not in fieldtruth(env, tmp_path, "validate", "data/acme_1")
@@ -149,7 +149,7 @@ def test_a_name_that_is_taken_and_a_folder_that_is_missing_are_refused(
     with pytest.raises(ConfigurationError, match=r"one\.txt: another word has the name 'one' already$"):
         list(names())
     monkeypatch.setenv(VARIABLE, str(tmp_path / "none"))
-    with pytest.raises(ConfigurationError, match=r"^FIELDTRUTH_PATH has '.*none', which is no folder$"):
+    with pytest.raises(ConfigurationError, match=r"^FIELDTRUTH_PATH has '.*none', which is not a folder$"):
         list(names())
 
 

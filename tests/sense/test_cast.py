@@ -96,7 +96,7 @@ def test_a_turned_and_scaled_swarm_has_its_planes() -> None:
     )  # fmt: skip
     world = replace(make_world(height=-900.0), meshes={"roof": roof}, swarms=(swarm,))
     scene = Scene(world)
-    found = scene.cast([5.0 + 1.5, 1.0, 9.0], (0.0, 0.0, -1.0))  # object's y = -0.5: half way up
+    found = scene.cast([5.0 + 1.5, 1.0, 9.0], (0.0, 0.0, -1.0))  # object's y = -0.5: halfway up
     assert found.range_m == pytest.approx([9.0 - 1.5], abs=1e-5)
     np.testing.assert_allclose(found.normal, [[0.5**0.5, 0.0, 0.5**0.5]], atol=1e-6)
     assert (found.label.tolist(), found.instance.tolist()) == ([Label.TREETOP], [7])

@@ -51,9 +51,9 @@ def module() -> str:
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
     """A folder with an installed package of one module and an entry point, and an experiment."""
-    info = tmp_path / "site" / "sonar-1.0.dist-info"
+    info = tmp_path / "installed" / "sonar-1.0.dist-info"
     info.mkdir(parents=True)
-    (tmp_path / "site" / "sonar.py").write_text(module())
+    (tmp_path / "installed" / "sonar.py").write_text(module())
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: sonar\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text("[fieldtruth.sensors]\nsonar = sonar\n")
     (tmp_path / "heard.yaml").write_text(SONAR)
@@ -62,7 +62,7 @@ def package(tmp_path: Path) -> Path:
 
 def run(folder: Path, *arguments: str, code: int = 0, script: str = "", **variables: str) -> str:
     """Run the command line in a new process and return what it prints."""
-    path = os.pathsep.join([str(folder / "site"), str(ROOT / "src")])
+    path = os.pathsep.join([str(folder / "installed"), str(ROOT / "src")])
     start = ["-c", script] if script else ["-m", "fieldtruth.cli"]
     environment = {**os.environ, "PYTHONPATH": path, **variables}
     done = subprocess.run(

@@ -22,7 +22,7 @@ from fieldtruth.sensors.gnss.check import FIXES, Fixes
 from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.gnss.measuring import GnssErrors
 from fieldtruth.sensors.gnss.sensor import Gnss
-from fieldtruth.sensors.kind import At, Movement, Place
+from fieldtruth.sensors.kind import At, Movement, SensorWorld
 from fieldtruth.validation.check import Tally
 from fieldtruth.world.build import load_world
 
@@ -49,7 +49,7 @@ def test_ideal_and_without_figures_the_message_is_the_same() -> None:
     true = _readings()
     same = measure(OPEN, true, _config(), 1)
     assert same.fixes is not None
-    sensor, (output,) = Gnss(GnssConfig(), Place(OPEN.world, Rig())), GnssConfig().outputs()
+    sensor, (output,) = Gnss(GnssConfig(), SensorWorld(OPEN.world, Rig())), GnssConfig().outputs()
     for k in range(60):
         at_k = At(k, k, k, Movement(lambda _: np.eye(4)))
         first, second = (message.navsat(k, sensor.reading(output, at_k, series)) for series in (same, true))

@@ -18,7 +18,7 @@ from fieldtruth.exporters.sequences import xyz_and_reflectance
 from fieldtruth.kernels.lidar import TURNS
 from fieldtruth.kernels.lidar_noise import Reading
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.kind import At, Movement, Place
+from fieldtruth.sensors.kind import At, Movement, SensorWorld
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.echoes import sub_rays_of
 from fieldtruth.sensors.lidar.measuring import Lidar
@@ -152,8 +152,8 @@ def test_true_range_is_that_of_the_middle() -> None:
 
 def cloud(scene: Scene, config: LidarConfig, number: int = 3) -> tuple[Any, NDArray[np.void]]:
     """Message of a stream and its points."""
-    place, (output,) = Place(scene.world, Rig()), config.outputs()
-    sensor = LidarSensor(config, place)
+    sensor_world, (output,) = SensorWorld(scene.world, Rig()), config.outputs()
+    sensor = LidarSensor(config, sensor_world)
     at = At(number, number * 100_000_000, number * 100_000_000, Movement(lambda _: np.eye(4)))
     (raw,) = sensor.messages(output, number, sensor.read(output, at))
     message: Any = get_typestore(Stores.ROS1_NOETIC).deserialize_ros1(raw, "sensor_msgs/msg/PointCloud2")

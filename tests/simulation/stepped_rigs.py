@@ -13,7 +13,7 @@ from sense_worlds import at, box, make_world
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.kind import Place
+from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.sensors.known import new_sensors
 from fieldtruth.simulation.frame import Frame
 from fieldtruth.world.model import World
@@ -57,10 +57,10 @@ def experiment(*, seconds: float = 0.4, signal: bool = False, clock: bool = Fals
 
 def messages_of(frames: Iterable[Frame], made: Experiment, world: World = WORLD) -> dict[str, list[tuple[int, bytes]]]:
     """Messages of the readings of frames by topic, each with its stamp [ns]."""
-    place = Place(world, made.rig, scene=SCENE if world is WORLD else None)
+    sensor_world = SensorWorld(world, made.rig, scene=SCENE if world is WORLD else None)
     outputs = {
         output.name: (sensor, output)
-        for sensor in new_sensors(place, made.rig).values()
+        for sensor in new_sensors(sensor_world, made.rig).values()
         for output in sensor.config.outputs_on(made.rig.robot)
     }
     found: dict[str, list[tuple[int, bytes]]] = {}

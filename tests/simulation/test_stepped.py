@@ -64,7 +64,7 @@ def test_a_restored_simulation_goes_on_with_the_same_bits() -> None:
     assert "zed/left" in expected[2]
     sim.restore(state)
     assert not sim.done
-    sim.step(0.06, (-0.5, 0.0), sensors=["front"])  # another way, with photographs at the same stamps
+    sim.step(0.06, (-0.5, 0.0), sensors=["front"])  # another path, with photographs at the same stamps
     sim.restore(state)
     equal(go_on(sim), expected, made)
     other = ft.Simulation(made, scene=SCENE)
@@ -107,7 +107,7 @@ def test_commands_move_the_robot_as_far_as_they_say() -> None:
     assert end[1, 3] == pytest.approx(start[1, 3], abs=0.01)
     assert sim.robot.velocity[0][0] == pytest.approx(speed, abs=0.01)
     while not sim.done:
-        sim.step(0.5, (0.0, 0.0))  # nobody is stuck who stands by command
+        sim.step(0.5, (0.0, 0.0))  # a robot that stands by command is not stuck
     assert sim.seconds == 5.0
 
 

@@ -40,7 +40,7 @@ from fieldtruth.record.folder import RunFolder, new_folder
 from fieldtruth.record.sensors import sensor_factory, sensor_streams
 from fieldtruth.record.slices import Slices, slices_key
 from fieldtruth.record.stream import Stream
-from fieldtruth.sensors.kind import Movement, Place
+from fieldtruth.sensors.kind import Movement, SensorWorld
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.build import check_layout, load_world
 from fieldtruth.world.model import World
@@ -139,7 +139,7 @@ def _slices(
     streams = _streams(poses, rig)
     check_poses(poses.trajectory, streams, rig, world)
     with progress.stage("prepare the scene"):
-        sensors = sensor_factory(Place(world, rig, config.light, config.weather, reuse=True))
+        sensors = sensor_factory(SensorWorld(world, rig, config.light, config.weather, reuse=True))
     path = folder.slices(slices_key(world, rig, config.light, config.weather, poses.trajectory))
     return Slices(path, streams, added, sensors, start_ns=min(int(stream.stamps_ns[0]) for stream in streams) - 1)
 

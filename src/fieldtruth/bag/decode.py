@@ -125,7 +125,7 @@ def points(cloud: Any) -> NDArray[np.void]:
 def _rows(data: Any, height: int, length: int, step: int) -> NDArray[np.uint8] | None:
     """Return the used bytes (height, length) of rows that start ``step`` bytes apart; the last one may end early.
 
-    If that does not fit the number of bytes, the rows may follow each other without a gap; else the result is None.
+    If that does not fit the number of bytes, the rows may follow each other without a gap; else it returns None.
     """
     held = np.asarray(data)
     if len(held) == height * length:
@@ -280,7 +280,7 @@ def _pixels(message: Any, kind: str, channels: int = 1) -> NDArray[Any]:
 
 
 def _unpacked(message: Any) -> NDArray[Any]:
-    """Return the values (h, w, channels), 8 or 16 bits, of a CompressedImage, whose bytes tell their format."""
+    """Return the values (h, w, channels), 8 or 16 bits, of a CompressedImage, whose bytes name their format."""
     data = bytes(message.data)
     if "compressedDepth" in message.format:
         data = data[_DEPTH_HEADER:]

@@ -53,7 +53,7 @@ def first_bytes(path: Path, size: int = len(_BAG)) -> bytes:
     """Return the first bytes of a file.
 
     Raises:
-        BagError: it cannot be read, or is no file: reading a named pipe would wait for somebody who writes to it.
+        BagError: it cannot be read, or is not a file: reading a named pipe would wait for a process that writes to it.
     """
     with read_errors(path):
         mode = path.stat().st_mode

@@ -17,7 +17,7 @@ class ChunkInfo(NamedTuple):
     start_ns: int
     end_ns: int
     counts: Mapping[int, int]
-    """Messages by connection, 1 where the file does not tell how many they are."""
+    """Messages by connection, 1 where the file does not state their number."""
 
 
 Row = tuple[int, int, int, int]

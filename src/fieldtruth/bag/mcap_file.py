@@ -134,7 +134,7 @@ class _Found(NamedTuple):
 
 
 def _summary(source: BinaryIO) -> _Found | None:
-    """Read the summary at the end of the file; None without one, or if it does not tell everything."""
+    """Read the summary at the end of the file; None without one, or if it is incomplete."""
     try:
         summary = make_reader(source).get_summary()
     except (*_DAMAGE, OSError):  # an unfinished file has none

@@ -55,7 +55,7 @@ def misfits(run: BagFile) -> list[str]:
 
 
 def _rate(run: BagFile, topic: str) -> float | None:
-    """Mean rate [Hz] of a topic; None of too few messages to tell."""
+    """Mean rate [Hz] of a topic; None of fewer than three messages."""
     count = run.counts.get(topic, 0)
     return (count - 1) / run.duration_s if count > 2 and run.duration_s > 0.0 else None
 

@@ -32,7 +32,7 @@ from fieldtruth.core.readings import (
 )
 
 _NAMED: Final = {"instance": "instance", "ring": "ring", "column": "column", "t": "t_ns"}
-"""Field of a cloud's message that has a place in ``Cloud``."""
+"""Attribute of ``Cloud`` by the field of a cloud's message that it holds."""
 _DECODED: Final[Mapping[str, Callable[[Any], Any]]] = {
     "depth": read.depth,
     "instance": read.instances,
@@ -95,7 +95,7 @@ class Readings:
         """Return the reading at a stamp [ns], or the nearest within a tolerance [ns].
 
         Raises:
-            BagError: there is none.
+            BagError: no reading has it.
         """
         row = int(np.abs(self.stamps_ns - stamp_ns).argmin()) if len(self) else 0
         if not len(self) or abs(int(self.stamps_ns[row]) - stamp_ns) > tolerance_ns:

@@ -18,7 +18,7 @@ from fieldtruth.record.stream import Sensors
 from fieldtruth.record.streams import streams_of
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.sensors.camera.config import CameraConfig
-from fieldtruth.sensors.kind import At, Movement, Place
+from fieldtruth.sensors.kind import At, Movement, SensorWorld
 from fieldtruth.sensors.known import new_sensors
 from fieldtruth.sensors.lidar.config import LidarConfig
 
@@ -69,7 +69,7 @@ def sensors_of(baked: BakedScene, rig: Rig, *, used: bool = False) -> Sensors:
 
     ``used``: after the first use of their memory, which a long run pays once.
     """
-    sensors = new_sensors(Place(baked.scene.world, rig, baked=baked, reuse=True))
+    sensors = new_sensors(SensorWorld(baked.scene.world, rig, baked=baked, reuse=True))
     still = Movement(lambda stamps: np.tile(np.eye(4), (*np.shape(stamps), 1, 1)))
     for sensor in sensors.values() if used else ():
         for output in sensor.config.outputs():

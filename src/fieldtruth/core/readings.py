@@ -3,7 +3,7 @@
 """Readings of sensors as arrays, wherever they come from: a bag, or a simulation that is stepped.
 
 Points are in the sensor's frame, which is x forward, y left, z up; of images in the optical frame: x right, y down, z
-forward. Stamps are integers in nanoseconds. What a sensor does not measure, or a bag does not have, is None.
+forward. Stamps are integers in nanoseconds. None stands for what a sensor does not measure, or a bag does not have.
 """
 
 from collections.abc import Iterator, Mapping

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Things by name: those of the package, of other packages (entry points) and of a user's folders (FIELDTRUTH_PATH).
+"""Entries by name: those of the package, of other packages (entry points) and of a user's folders (FIELDTRUTH_PATH).
 
 What is added is found where it is first looked for, by Python, YAML and the command line alike, so that processes that
 start later, workers on other machines included, find it without an import. Listing imports no package that adds data.
@@ -27,14 +27,14 @@ Source = Path | EntryPoint
 
 
 class Registry(MutableMapping[str, T], Generic[T]):
-    """Things of one kind by name, read when they are first used. Python code adds one with ``registry[name] = thing``.
+    """Entries of one kind by name, read when they are first used. Python code adds one with ``registry[name] = entry``.
 
     Args:
         kind: what one is called in messages.
         folder: subfolder of the package's data and of a user's folders; with dots for slashes and ``fieldtruth.`` in
             front, the group of entry points.
         ending: of files, whose names without it are the names; empty for folders.
-        read: makes a thing of its name and the file, or of what the entry point names.
+        read: makes an entry of its name and the file, or of what the entry point names.
         builtin: those of the package, or the folder in which their files are.
     """
 
@@ -48,42 +48,42 @@ class Registry(MutableMapping[str, T], Generic[T]):
     ) -> None:
         self.kind = kind
         self._folder, self._ending, self._read = folder, ending, read
-        self._things = {} if isinstance(builtin, Path) else dict(builtin)
+        self._own = {} if isinstance(builtin, Path) else dict(builtin)
         self._files = _entries(builtin, ending) if isinstance(builtin, Path) else {}
         self._made: dict[Source, T] = {}
 
     def __getitem__(self, name: str) -> T:
-        """Return a thing.
+        """Return an entry.
 
         Raises:
             KeyError: none has the name.
             ConfigurationError: it cannot be read.
         """
-        if name in self._things:
-            return self._things[name]
+        if name in self._own:
+            return self._own[name]
         source = self._files[name] if name in self._files else self._added()[name]
         if source not in self._made:
             self._made[source] = self._make(name, source)
         return self._made[source]
 
-    def __setitem__(self, name: str, thing: T) -> None:
-        """Add a thing, or replace one, for this process."""
-        self._things[name] = thing
+    def __setitem__(self, name: str, entry: T) -> None:
+        """Add an entry, or replace one, for this process."""
+        self._own[name] = entry
 
     def __delitem__(self, name: str) -> None:
-        """Remove a thing that Python code has added."""
-        del self._things[name]
+        """Remove an entry that Python code has added."""
+        del self._own[name]
 
     def __iter__(self) -> Iterator[str]:
         """Yield the names: those of the package, then added ones."""
-        return iter({**self._things, **self._files, **self._added()})
+        return iter({**self._own, **self._files, **self._added()})
 
     def __len__(self) -> int:
         """Return the number of names."""
         return len(list(iter(self)))
 
     def find(self, name: str, source: str = "") -> T:
-        """Return a thing.
+        """Return an entry.
 
         Raises:
             UnknownNameError: none has the name; the text starts with ``source``, a file's name for example.
@@ -102,7 +102,7 @@ class Registry(MutableMapping[str, T], Generic[T]):
         """
         found: dict[str, Source] = {}
         for name, source in _added(self._folder, self._ending, os.environ.get(VARIABLE, ""), tuple(sys.path)):
-            if name in found or name in self._files or name in self._things:
+            if name in found or name in self._files or name in self._own:
                 raise ConfigurationError(f"{_where(source)}: another {self.kind} has the name {name!r} already")
             found[name] = source
         return found
@@ -126,7 +126,7 @@ def user_folders() -> list[Path]:
     folders = [Path(part).expanduser() for part in os.environ.get(VARIABLE, "").split(os.pathsep) if part]
     for folder in folders:
         if not folder.is_dir():
-            raise ConfigurationError(f"{VARIABLE} has {str(folder)!r}, which is no folder")
+            raise ConfigurationError(f"{VARIABLE} has {str(folder)!r}, which is not a folder")
     return folders
 
 

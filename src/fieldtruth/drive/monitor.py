@@ -42,7 +42,7 @@ class DriveMonitor:
     def check(self, time_s: float, position: Array, quaternion_wxyz: Array, *, is_following: bool = True) -> None:
         """Raise if the robot at this pose of base_link has left the world, is in water, tipped over or stuck.
 
-        Nobody is stuck who drives by other commands than those of the follower.
+        A robot that other commands than those of the follower drive is never stuck.
         """
         x, y = float(position[0]), float(position[1])
         if not (abs(x) <= self._half_size[0] and abs(y) <= self._half_size[1]):  # also true for nan

@@ -260,7 +260,7 @@ class SimulatedRobot:
 
     @property
     def command(self) -> Command:
-        """Forward speed [m/s] and turn rate [rad/s] that the wheels are driven with: on the way to ``target``."""
+        """Forward speed [m/s] and turn rate [rad/s] that the wheels are driven with, which approaches ``target``."""
         return self._command
 
     @property

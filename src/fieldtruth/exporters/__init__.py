@@ -200,7 +200,7 @@ def export(
     _write(to, runs, target, options)
     others = sorted({f"{each.name} ({each.topic})" for run in runs for each in run.of(Message)})
     if others and to not in ("zip", "mcap"):
-        text = f"left out of {target.name}, as {to} has no place for their readings: {', '.join(others)}"
+        text = f"left out of {target.name}, as {to} cannot hold their readings: {', '.join(others)}"
         warnings.warn(text, FieldtruthWarning, stacklevel=2)
     return target
 

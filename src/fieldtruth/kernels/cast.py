@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Kernels of ``Scene.cast`` and ``Scene.occluded``: rays as they come, what they hit, and what is in their way."""
+"""Kernels of ``Scene.cast`` and ``Scene.occluded``: rays as they come, what they hit, and whether they are blocked."""
 
 from typing import Any, Final, NamedTuple
 
@@ -43,7 +43,7 @@ class Hits(NamedTuple):
     """(n, 3) [m], of the type of the rays."""
     normal: Float32Array
     """(n, 3) of unit length: the plane of the triangle, without interpolation between vertices, on the side from which
-    the ray came. So it always points against the ray, whichever way the triangle's corners are ordered."""
+    the ray came. So it always points against the ray, in whichever order the triangle has its corners."""
     label: NDArray[np.uint8]
     """(n,) class id."""
     instance: NDArray[np.uint32]
@@ -119,7 +119,7 @@ def _aim(packet: Packet, lane: int, bundle: Bundle, k: int) -> int:
 
 @inlined
 def _fill(packet: Packet, bundle: Bundle, first: int, last: int) -> int:
-    """Put rays into a packet; returns -1, or the row of one that is none."""
+    """Put rays into a packet; returns -1, or the row of one that is invalid."""
     for lane in range(_LANES):
         if first + lane < last:
             if _aim(packet, lane, bundle, first + lane) >= 0:
@@ -139,7 +139,7 @@ def _prepare(packet: Packet, bundle: Bundle) -> None:
 
 @kernel
 def block_rays(scene: np.uint64, packet: Packet, bundle: Bundle, span: tuple[int, int], out: NDArray[np.bool_]) -> int:
-    """Write whether anything is in the way of a span of rays; returns -1, or the row of one that is none."""
+    """Write whether anything blocks each of a span of rays; returns -1, or the row of one that is invalid."""
     ray, valid, arguments = packet.ray, packet.valid, packet.arguments
     _prepare(packet, bundle)
     for first in range(span[0], span[1], _LANES):
@@ -214,7 +214,7 @@ def trace_rays(
     span: tuple[int, int],
     out: Hits,
 ) -> int:
-    """Write what a span of rays hits; returns -1, or the row of one that is none."""
+    """Write what a span of rays hits; returns -1, or the row of one that is invalid."""
     ray, _, valid, arguments = packet
     range_m, position, normal, label, instance, material = out
     _prepare(packet, bundle)

@@ -23,6 +23,7 @@ from typing import Any, TypeVar, overload
 from numba import njit
 from numba.core import serialize
 from numba.core.compiler import CompileResult
+from numba.core.registry import cpu_target
 
 from fieldtruth.core.cache import SEAL_SIZE, add_seal, cache_key, is_sealed, kernel_folder
 
@@ -62,6 +63,13 @@ def _compiled(function: F, **choices: object) -> F:
     dispatcher._cache = _SealedFiles(function)
     compiled: F = dispatcher
     return compiled
+
+
+def compiler_target() -> tuple[str, str, str]:
+    """Return what kernels are compiled for: LLVM's triple, name and features (``+avx2,-sse4a``) of the processor."""
+    codegen: Any = cpu_target.target_context.codegen()
+    triple, name, features = codegen.magic_tuple()
+    return triple, name, features
 
 
 @cache

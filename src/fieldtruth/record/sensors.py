@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""The sensors of a rig in a place, one set per worker thread, and the streams of their messages."""
+"""The sensors of a rig in a world, one set per worker thread, and the streams of their messages."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -14,19 +14,19 @@ from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.experiment.topic import Output
 from fieldtruth.record.clocks import ClockReadings, clock_of
 from fieldtruth.record.stream import Sensors, Stream
-from fieldtruth.sensors.kind import At, Movement, Place
+from fieldtruth.sensors.kind import At, Movement, SensorWorld
 from fieldtruth.sensors.known import new_sensors
 
 
-def sensor_factory(place: Place, rig: Rig | None = None) -> Callable[[], Sensors]:
+def sensor_factory(sensor_world: SensorWorld, rig: Rig | None = None) -> Callable[[], Sensors]:
     """Build what the sensors of a rig need, scene and light, and return the function that makes a set for a thread."""
-    ready = [new_sensors(place, rig)]
+    ready = [new_sensors(sensor_world, rig)]
 
     def make() -> Sensors:
         try:
             return ready.pop()
         except IndexError:
-            return new_sensors(place, rig)
+            return new_sensors(sensor_world, rig)
 
     return make
 

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Any number of rays from anywhere: what they hit, and whether anything is in their way.
+"""Any number of rays from anywhere: what they hit, and whether anything blocks them.
 
 Rays are packed as they come, without a pose each; blocks of them are traced side by side by threads.
 """
@@ -60,7 +60,7 @@ def cast(scene: np.uint64, hits: HitTable, table: CastTable, bundle: Bundle, wor
 
 
 def occluded(scene: np.uint64, bundle: Bundle, workers: int | None) -> NDArray[np.bool_]:
-    """Whether anything is in the way of each ray (n,); see ``Scene.occluded``."""
+    """Whether anything blocks each ray (n,); see ``Scene.occluded``."""
     out = np.empty(_count(bundle), np.bool_)
     _in_blocks(bundle, workers, lambda packet, span: int(block_rays(scene, packet, bundle, span, out)))
     return out
@@ -100,7 +100,7 @@ def _in_blocks(bundle: Bundle, workers: int | None, work: Callable[[Packet, tupl
     """Trace blocks of rays, each from a first to a last row.
 
     Raises:
-        ValueError: ``work`` returned the row of a ray that is none, instead of -1.
+        ValueError: ``work`` returned the row of an invalid ray, instead of -1.
     """
     count = _count(bundle)
     spans = [(first, min(first + BLOCK, count)) for first in range(0, count, BLOCK)]

@@ -7,11 +7,11 @@ depth; its instruction sets, the code that Numba compiles and the loops of NumPy
 """
 
 from functools import cache
-from typing import Any, Final
+from typing import Final
 
-from numba.core.registry import cpu_target
 from numpy.lib.introspect import opt_func_info
 
+from fieldtruth.kernels.compile import compiler_target
 from fieldtruth.kernels.packets import LANES
 from fieldtruth.sense.embree import native_packet
 
@@ -22,8 +22,7 @@ _SETS: Final = {16: "AVX-512", 8: "AVX or AVX2", 4: "SSE or NEON"}
 @cache
 def processor() -> dict[str, str]:
     """Return what Embree, Numba and NumPy use in this process: platform, packets, instruction sets, compiler target."""
-    target: Any = cpu_target.target_context.codegen()
-    triple, name, features = target.magic_tuple()
+    triple, name, features = compiler_target()
     loops = opt_func_info(func_name="^exp$", signature="^float64$").get("exp", {})
     return {
         "platform": triple,

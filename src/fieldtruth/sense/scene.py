@@ -116,7 +116,7 @@ class Scene:
         water: bool = True,
         workers: int | None = None,
     ) -> Mask:
-        """Whether anything is in the way (n,): along ``directions`` up to ``max_range``, or before ``targets``.
+        """Whether anything blocks each ray (n,): along ``directions`` up to ``max_range``, or before ``targets``.
 
         It is faster than ``cast``, because any hit will do. Arguments are those of ``cast``, and:
 

@@ -53,8 +53,8 @@ class _Shared:
         return made
 
 
-class Place(_Shared):
-    """Where sensors are: a world in its light and weather, and the robot that carries them. Threads may share it.
+class SensorWorld(_Shared):
+    """What sensors are in: a world in its light and weather, and the robot that carries them. Threads may share it.
 
     Args:
         world: what they sense.
@@ -167,19 +167,19 @@ class At(NamedTuple):
 
 
 class Sensor(ABC):
-    """A sensor in a place. Use one per thread: each owns its buffers.
+    """A sensor in a world. Use one per thread: each owns its buffers.
 
     A subclass that sets ``config_type`` makes its kind known.
 
     Args:
         config: of type ``config_type``.
-        place: shared by all sensors.
+        sensor_world: shared by all sensors.
     """
 
     config_type: ClassVar[type[SensorConfig]]
 
-    def __init__(self, config: Any, place: Place) -> None:
-        self.config, self.place = config, place
+    def __init__(self, config: Any, sensor_world: SensorWorld) -> None:
+        self.config, self.sensor_world = config, sensor_world
 
     def __init_subclass__(cls) -> None:
         """Make the kind known."""

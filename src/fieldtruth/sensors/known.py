@@ -9,7 +9,7 @@ from fieldtruth.experiment.sensor_config import SensorConfig
 from fieldtruth.sensors.camera.sensor import CameraSensor
 from fieldtruth.sensors.gnss.sensor import Gnss
 from fieldtruth.sensors.imu.sensor import Imu
-from fieldtruth.sensors.kind import SENSORS, Place, Sensor
+from fieldtruth.sensors.kind import SENSORS, Sensor, SensorWorld
 from fieldtruth.sensors.lidar.sensor import LidarSensor
 from fieldtruth.sensors.wheel_odometry.sensor import Wheels
 
@@ -22,6 +22,6 @@ def sensor_class(config: SensorConfig) -> type[Sensor]:
     return next(SENSORS[each] for each in type(config).__mro__ if each in SENSORS)
 
 
-def new_sensors(place: Place, rig: Rig | None = None) -> dict[str, Sensor]:
-    """Return the enabled sensors of a rig, by default the place's, by name in the order of a bag; for one thread."""
-    return {config.name: sensor_class(config)(config, place) for config in (rig or place.rig).in_order()}
+def new_sensors(sensor_world: SensorWorld, rig: Rig | None = None) -> dict[str, Sensor]:
+    """Return the enabled sensors of a rig, by default its own, by name in the order of a bag; for one thread."""
+    return {config.name: sensor_class(config)(config, sensor_world) for config in (rig or sensor_world.rig).in_order()}

@@ -21,7 +21,7 @@ from fieldtruth.experiment.topic import Output
 from fieldtruth.record.sensors import Series, sensor_factory, series_of
 from fieldtruth.record.stream import Sensors
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.kind import Movement, Place, movement_of, stamps_of
+from fieldtruth.sensors.kind import Movement, SensorWorld, movement_of, stamps_of
 from fieldtruth.simulation.due import wanted_outputs
 from fieldtruth.simulation.frame import Frame, frame_of
 from fieldtruth.simulation.motion import track_in, with_given_track
@@ -62,9 +62,11 @@ def frames(
     wanted = wanted_outputs(made.rig, sensors)
 
     def drive() -> Iterator[Frame]:
-        place = Place(world or world_of(made), made.rig, made.light, made.weather, scene=scene, seed=made.seed)
-        track = track_in(place.world, made, given)
-        yield from _ahead(_Sensing(place, track, wanted), cpu_count() if workers is None else workers)
+        sensor_world = SensorWorld(
+            world or world_of(made), made.rig, made.light, made.weather, scene=scene, seed=made.seed
+        )
+        track = track_in(sensor_world.world, made, given)
+        yield from _ahead(_Sensing(sensor_world, track, wanted), cpu_count() if workers is None else workers)
 
     return drive()
 
@@ -72,18 +74,18 @@ def frames(
 class _Sensing:
     """The readings of a drive that are wanted, and what makes a frame of those with the same stamp."""
 
-    def __init__(self, place: Place, track: Track, wanted: set[str]) -> None:
+    def __init__(self, sensor_world: SensorWorld, track: Track, wanted: set[str]) -> None:
         self._track, self._movement = track, movement_of(track)
         self._series = [
             series
-            for config in place.rig.in_order()
+            for config in sensor_world.rig.in_order()
             if config.sees or not track.is_frames
-            for series in series_of(config, place.rig, self._stamps(config), place.seed)
+            for series in series_of(config, sensor_world.rig, self._stamps(config), sensor_world.seed)
             if series.output.name in wanted
         ]
         names = {series.config.name for series in self._series}
-        kept = tuple(config for config in place.rig.sensors if config.name in names)
-        self._new_sensors = sensor_factory(place, place.rig.model_copy(update={"sensors": kept}))
+        kept = tuple(config for config in sensor_world.rig.sensors if config.name in names)
+        self._new_sensors = sensor_factory(sensor_world, sensor_world.rig.model_copy(update={"sensors": kept}))
         self._thread = threading.local()
 
     def _stamps(self, config: Any) -> Callable[[Output], Stamps]:
@@ -91,7 +93,7 @@ class _Sensing:
         return lambda output: stamps if self._track.is_frames else stamps_of(config, output, int(stamps[-1]))
 
     def due(self) -> Iterator[tuple[int, list[tuple[Series, int]]]]:
-        """Yield each stamp with the readings that have it: series and place in it."""
+        """Yield each stamp with the readings that have it: series and row in it."""
         found = [
             (int(series.stamps_ns[number]), order, k)
             for order, series in enumerate(self._series)

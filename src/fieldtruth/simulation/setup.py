@@ -29,7 +29,7 @@ def experiment_for(
 
     Args:
         experiment: or its name, or the path of its file. None: the first built-in one in the environment; in a world,
-            or where there is none, a straight route from the middle northwards.
+            or without one, a straight route from the middle northwards.
         environment: whose experiment is meant; a ``world`` has one.
         robot: a name from ``fieldtruth list robots``; it has its own sensors.
         rig: the robot with its sensors.

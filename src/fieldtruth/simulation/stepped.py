@@ -15,7 +15,7 @@ from fieldtruth.drive.simulate import SimulatedRobot
 from fieldtruth.experiment.config import Experiment, RouteConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.kind import MotionSensor, Place, Sensor, movement_of
+from fieldtruth.sensors.kind import MotionSensor, Sensor, SensorWorld, movement_of
 from fieldtruth.sensors.known import sensor_class
 from fieldtruth.simulation.due import Due, DueReadings, wanted_outputs
 from fieldtruth.simulation.frame import Frame, frame_of
@@ -72,7 +72,7 @@ class Simulation:
         self._own_world, self._own_scene = world, scene
         self._wanted = wanted_outputs(self._experiment.rig, sensors)
         self._route: RouteConfig | None = None
-        self._place: Place | None = None
+        self._sensor_world: SensorWorld | None = None
         self._motion: GrowingMotion | None = None
         self._due: list[DueReadings] = []
         self._sensors: dict[str, Sensor] = {}
@@ -131,15 +131,17 @@ class Simulation:
             DriveError: the robot does not come to rest at the start.
         """
         if seed is not None and seed != self._experiment.seed:
-            self._experiment, self._place = self._experiment.model_copy(update={"seed": seed}), None
+            self._experiment, self._sensor_world = self._experiment.model_copy(update={"seed": seed}), None
         made = self._experiment
-        if self._place is None:
+        if self._sensor_world is None:
             self._route = None
             world = world_of(made) if self._own_world is None else self._own_world
-            self._place = Place(world, made.rig, made.light, made.weather, scene=self._own_scene, seed=made.seed)
+            self._sensor_world = SensorWorld(
+                world, made.rig, made.light, made.weather, scene=self._own_scene, seed=made.seed
+            )
         if self._route is None and made.route is not None and made.frames is None:
-            self._route = plan_route(self._place.world, made)
-        self._motion = motion_of(self._place.world, made, self._given.track, self._route)
+            self._route = plan_route(self._sensor_world.world, made)
+        self._motion = motion_of(self._sensor_world.world, made, self._given.track, self._route)
         stands = self._motion.stands
         self._due = [
             DueReadings(config, made.rig, made.seed, stands)
@@ -174,7 +176,7 @@ class Simulation:
             DriveError: the robot tipped over, touched an obstacle, drove into water, left the world or is stuck: the
                 drive has ended. Or it had ended before.
         """
-        place, motion = self._ready()
+        sensor_world, motion = self._ready()
         steps, target = self._checked(seconds, command)
         wanted = self._wanted if sensors is None else self._wanted & wanted_outputs(self._experiment.rig, sensors)
         if self.done:
@@ -187,9 +189,9 @@ class Simulation:
         except DriveError as error:
             self._failed = f"{error}; reset() begins another drive"
             raise
-        return frame_of(motion.reached_ns, motion.world_from_base, self._sense(place, motion, wanted))
+        return frame_of(motion.reached_ns, motion.world_from_base, self._sense(sensor_world, motion, wanted))
 
-    def _sense(self, place: Place, motion: GrowingMotion, wanted: set[str]) -> list[tuple[str, Any]]:
+    def _sense(self, sensor_world: SensorWorld, motion: GrowingMotion, wanted: set[str]) -> list[tuple[str, Any]]:
         """Return the readings that became complete, by name and in time order."""
         track = motion.known()
         movement, found, seen = movement_of(track), list[tuple[int, str, Any]](), list[tuple[Due, str]]()
@@ -198,14 +200,14 @@ class Simulation:
             if due.config.sees:
                 seen += [(each, name) for each in due.seen(movement, motion.reached_ns, motion.end_ns)]
             elif motion.ended or motion.reached_ns > STEP_NS:  # the reading at the first step of all needs the second
-                sensor = self._sensor(place, name)
+                sensor = self._sensor(sensor_world, name)
                 assert isinstance(sensor, MotionSensor)
                 made = due.measured(sensor, track, motion.reached_ns)
                 found += [(each.at.stamp_ns, each.output.name, reading) for each, reading in made]
         found = [each for each in found if each[1] in wanted]
         for (output, at), name in sorted(seen, key=lambda each: each[0].at.stamp_ns):
             if output.name in wanted:
-                found.append((at.stamp_ns, output.name, self._sensor(place, name).read(output, at)))
+                found.append((at.stamp_ns, output.name, self._sensor(sensor_world, name).read(output, at)))
         return [(name, reading) for _, name, reading in sorted(found, key=lambda each: each[0])]
 
     def save(self) -> SimulationState:
@@ -233,17 +235,17 @@ class Simulation:
             due.restore(state.sensors[due.config.name])
         self._failed, self._sensors = state.failed, {}
 
-    def _ready(self) -> tuple[Place, GrowingMotion]:
-        if self._place is None or self._motion is None:
+    def _ready(self) -> tuple[SensorWorld, GrowingMotion]:
+        if self._sensor_world is None or self._motion is None:
             self.reset()
-        assert self._place is not None
+        assert self._sensor_world is not None
         assert self._motion is not None
-        return self._place, self._motion
+        return self._sensor_world, self._motion
 
-    def _sensor(self, place: Place, name: str) -> Sensor:
+    def _sensor(self, sensor_world: SensorWorld, name: str) -> Sensor:
         if name not in self._sensors:
             config = next(config for config in self._experiment.rig.in_order() if config.name == name)
-            self._sensors[name] = sensor_class(config)(config, place)
+            self._sensors[name] = sensor_class(config)(config, sensor_world)
         return self._sensors[name]
 
     def _checked(self, seconds: float, command: tuple[float, float] | None) -> tuple[int, Command | None]:

@@ -36,7 +36,7 @@ def _nothing(context: Context) -> tuple[Spec, ...]:
 
 @dataclass(frozen=True)
 class KindChecks:
-    """Checks of a kind of sensor, by their place in the output."""
+    """Checks of a kind of sensor, by their position in the output."""
 
     make: Callable[[Pass], list[Checker]]
     """Makes the checkers of a pass."""

@@ -15,7 +15,7 @@ from fieldtruth.sensors.camera import message
 from fieldtruth.sensors.camera.config import CameraConfig, Imager
 from fieldtruth.sensors.camera.sensing import CameraImages
 from fieldtruth.sensors.camera.signal_camera import Camera, Light, standing_at
-from fieldtruth.sensors.kind import At, Place, PoseAt, Sensor
+from fieldtruth.sensors.kind import At, PoseAt, Sensor, SensorWorld
 
 
 class CameraSensor(Sensor):
@@ -24,9 +24,9 @@ class CameraSensor(Sensor):
     config_type = CameraConfig
     config: CameraConfig
 
-    def __init__(self, config: CameraConfig, place: Place) -> None:
-        super().__init__(config, place)
-        self._camera = Camera(config, place.baked, reuse=place.reuse)
+    def __init__(self, config: CameraConfig, sensor_world: SensorWorld) -> None:
+        super().__init__(config, sensor_world)
+        self._camera = Camera(config, sensor_world.baked, reuse=sensor_world.reuse)
         self._views: dict[str, Imager] = {imager.side: imager for imager in config.imagers()}
 
     def truth(self, output: Output, at: At) -> Image | Light:
@@ -53,7 +53,7 @@ class CameraSensor(Sensor):
         if config.depth and reading.depth is not None:
             yield message.depth(number, stamp, frame, reading.depth)
         if config.instances and reading.instance is not None:
-            yield message.instances(number, stamp, frame, reading.instance, wide_ids=self.place.wide_ids)
+            yield message.instances(number, stamp, frame, reading.instance, wide_ids=self.sensor_world.wide_ids)
         if config.normals and reading.normal is not None:
             yield message.normals(number, stamp, frame, reading.normal)
         if config.flow and reading.flow is not None:
@@ -80,10 +80,10 @@ class CameraSensor(Sensor):
 
     def _robot(self, imager: Imager) -> RobotView | None:
         """What the view sees of the robot."""
-        parts = self.place.robot_parts
+        parts = self.sensor_world.robot_parts
         if not parts:
             return None
-        return self.place.once(("robot in", imager.name), lambda: robot_view(part_table(parts), imager))
+        return self.sensor_world.once(("robot in", imager.name), lambda: robot_view(part_table(parts), imager))
 
 
 def _poses(at: At) -> PoseAt:

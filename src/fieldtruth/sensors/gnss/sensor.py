@@ -25,13 +25,15 @@ class Gnss(MotionSensor):
     def begin(self) -> tuple[GnssTruth, GnssErrors | None]:
         """Return what readings have to go on from: true positions, and what a real receiver has measured."""
         config = self.config
-        return GnssTruth(config), None if config.signal is None else GnssErrors(config, config.signal, self.place.seed)
+        return GnssTruth(config), None if config.signal is None else GnssErrors(
+            config, config.signal, self.sensor_world.seed
+        )
 
     def extend(self, memory: tuple[GnssTruth, GnssErrors | None], track: Track) -> tuple[GnssReadings, GnssReadings]:
         """Return the true positions of the antenna, and what the receiver measures of satellites above the scene."""
         truth, errors = memory
         true, signal = truth.extend(track.motion), self.config.signal
-        scene = self.place.scene if signal is not None and signal.obstacles else None
+        scene = self.sensor_world.scene if signal is not None and signal.obstacles else None
         return true, true if errors is None else errors.extend(true, scene)
 
     def reading(self, output: Output, at: At, series: GnssReadings) -> Fix:

@@ -65,7 +65,7 @@ def read_imu(motion: Motion, config: ImuConfig) -> ImuReadings:
 def imu_intervals(rows: Counts, before: int, count: int, config: ImuConfig) -> tuple[Counts, Counts]:
     """First and last row of the motion of the intervals (n,) over which the readings at ``rows`` (n,) are means.
 
-    The motion has ``count`` rows, and ``before`` is that of the reading before. There is none at time 0, so that the
+    The motion has ``count`` rows, and ``before`` is that of the reading before. No reading is at time 0, so that the
     first reading begins at the first row. A reading at the first row itself has the interval of the next one; the robot
     starts at rest.
     """

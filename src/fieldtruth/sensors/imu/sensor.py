@@ -23,7 +23,7 @@ class Imu(MotionSensor):
 
     def begin(self) -> tuple[ImuTruth, ImuErrors | None]:
         """Return what readings have to go on from: those of an ideal IMU, and the errors of a real one."""
-        config, rng = self.config, rng_of(self.place.seed, self.config.name)
+        config, rng = self.config, rng_of(self.sensor_world.seed, self.config.name)
         return ImuTruth(config), None if config.signal is None else ImuErrors(config.signal, config.rate_hz, rng)
 
     def extend(self, memory: tuple[ImuTruth, ImuErrors | None], track: Track) -> tuple[MeasuredImu, MeasuredImu]:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.readings import Cloud
 from fieldtruth.experiment.topic import Output
-from fieldtruth.sensors.kind import At, Place, Sensor
+from fieldtruth.sensors.kind import At, Sensor, SensorWorld
 from fieldtruth.sensors.lidar.beams import sweep_times_ns
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.measuring import Lidar, Traced
@@ -20,9 +20,9 @@ class LidarSensor(Sensor):
     config_type = LidarConfig
     config: LidarConfig
 
-    def __init__(self, config: LidarConfig, place: Place) -> None:
-        super().__init__(config, place)
-        self._lidar = Lidar(config, place.scene, place.robot_parts, place.weather)
+    def __init__(self, config: LidarConfig, sensor_world: SensorWorld) -> None:
+        super().__init__(config, sensor_world)
+        self._lidar = Lidar(config, sensor_world.scene, sensor_world.robot_parts, sensor_world.weather)
         self._sweep_ns = sweep_times_ns(config)
 
     def truth(self, output: Output, at: At) -> Cloud | Traced:
@@ -38,7 +38,7 @@ class LidarSensor(Sensor):
 
     def messages(self, output: Output, number: int, reading: Cloud) -> Iterable[bytes]:
         """Serialise sensor_msgs/PointCloud2."""
-        yield point_cloud(number, reading.header_ns, reading, self.config, wide_ids=self.place.wide_ids)
+        yield point_cloud(number, reading.header_ns, reading, self.config, wide_ids=self.sensor_world.wide_ids)
 
     def _pose(self, at: At) -> Array:
         stamps = at.stamp_ns + self._sweep_ns if self.config.spinning else at.stamp_ns

@@ -27,8 +27,8 @@ class Wheels(MotionSensor):
 
     def begin(self) -> tuple[WheelTruth, WheelErrors | None]:
         """Return what readings have to go on from: those of ideal encoders, and the errors of real ones."""
-        config, wheels = self.config, self.place.rig.wheels
-        rng = rng_of(self.place.seed, config.name)
+        config, wheels = self.config, self.sensor_world.rig.wheels
+        rng = rng_of(self.sensor_world.seed, config.name)
         errors = None if config.signal is None else WheelErrors(wheels, config.signal, rng)
         return WheelTruth(config, wheels), errors
 
@@ -43,7 +43,7 @@ class Wheels(MotionSensor):
 
     def reading(self, output: Output, at: At, series: TrueWheels | MeasuredWheels) -> Reading:
         """Return one reading of the output's part."""
-        k, names = at.number, self.place.rig.wheels.names
+        k, names = at.number, self.sensor_world.rig.wheels.names
         if output.part == "speeds":
             return WheelSpeeds(**at.stamps, speed=series.tachometers.wheel_speed[k], names=names)
         odometry = series.odometry

@@ -10,7 +10,7 @@ import numpy as np
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.drive.track import Motion, Track
 from fieldtruth.experiment.topic import Output
-from fieldtruth.sensors.kind import At, Place, Sensor, movement_of, stamps_of
+from fieldtruth.sensors.kind import At, Sensor, SensorWorld, movement_of, stamps_of
 from fieldtruth.sensors.known import OWN, sensor_class
 from fieldtruth.validation.check import Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, RebuiltWorld, at
@@ -38,7 +38,7 @@ class Readings(Checker):
         self.tallies, rig = [self._tally], context.rig
         made = context.experiment
         light, weather = (None, None) if made is None else (made.light, made.weather)
-        self._place = Place(rebuilt.world, rig, light, weather, scene=rebuilt.scene, baked=rebuilt.baked)
+        self._sensor_world = SensorWorld(rebuilt.world, rig, light, weather, scene=rebuilt.scene, baked=rebuilt.baked)
         self._configs = {config.name: config for config in rig.in_order() if sensor_class(config) not in OWN}
         outputs = [(config, each) for config in self._configs.values() for each in config.outputs_on(rig.robot)]
         self._of_topic = {topic.name: found for found in outputs for topic in found[1].topics}
@@ -71,7 +71,7 @@ class Readings(Checker):
         sensors: dict[str, Sensor] = vars(self._own)
         config = self._of_topic[raw.topic][0]
         if config.name not in sensors:
-            sensors[config.name] = sensor_class(config)(config, self._place)
+            sensors[config.name] = sensor_class(config)(config, self._sensor_world)
         sensor, movement = sensors[config.name], movement_of(Track(motion=motion, swept=motion, base=None))
         number = len(stamps_of(config, output, raw.stamp_ns)) - 1
         reading = sensor.read(output, At(number, raw.stamp_ns, raw.stamp_ns, movement))
