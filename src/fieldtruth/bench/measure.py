@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from fieldtruth.bench.recording import stretches_of
+from fieldtruth.bench.recording import recording, stretches_of
 from fieldtruth.bench.sensors import measure_cameras, measure_lidars
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.parallel import cpu_count
@@ -80,9 +80,13 @@ def measure(settings: Settings, progress: Progress | None = None) -> dict[str, f
     stretches = stretches_of(track.duration_s, settings.views, workers)
     with progress.stage("LiDAR"):
         found = measure_lidars(baked.scene, track, rig, stretches._replace(views=_SCANS), workers)
-    with progress.stage("cameras"):
-        found |= measure_cameras(baked, track, rig, stretches, workers)
-    return found | peak_memory()
+    if not rig.cameras:
+        return found | peak_memory()
+    alone = rig.model_copy(update={"sensors": rig.cameras})
+    with progress.stage("cameras"), recording(baked, track, alone, stretches, workers) as slices:
+        peak = peak_memory()  # of what a run needs; what only the comparison needs comes after
+        found |= measure_cameras(baked, track, rig, stretches, slices, workers)
+    return found | peak
 
 
 def _often(config: Any) -> Any:

@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from fieldtruth.bench.bare import BareTracer, best_mode
-from fieldtruth.bench.recording import Stretches, recording, seconds_of
+from fieldtruth.bench.recording import Stretches, seconds_of
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.lenses import directions
@@ -25,6 +25,7 @@ from fieldtruth.drive.track import Track, stamps_at_rate
 from fieldtruth.experiment.config import Route
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import metres_from_route
+from fieldtruth.record.slices import Slices
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
@@ -98,22 +99,20 @@ def measure_lidars(scene: Scene, track: Track, rig: Rig, stretches: Stretches, w
     }
 
 
-def measure_cameras(baked: BakedScene, track: Track, rig: Rig, stretches: Stretches, workers: int) -> dict[str, float]:
-    """Label images and photographs of all cameras against bare rays, and the recording of the same views.
+def measure_cameras(
+    baked: BakedScene, track: Track, rig: Rig, stretches: Stretches, slices: Slices, workers: int
+) -> dict[str, float]:
+    """Label images and photographs of all cameras against bare rays, and the recording of the same views as ``slices``.
 
-    Empty without a camera. Pairs are counted if the only cameras are a stereo pair.
+    Pairs are counted if the only cameras are a stereo pair.
     """
-    if not rig.cameras:
-        return {}
     views, rays = [], 0
     for config in rig.cameras:
         directions = pixel_directions(config)
         poses = _poses(track, stretches, config.rate_hz, [imager.base_from_optical for imager in config.imagers()])
         views.append(_views(baked.scene, directions, config.far, poses, partial(_images, config, baked)))
         rays += views[-1].count * directions.size // 3
-    alone = rig.model_copy(update={"sensors": rig.cameras})
-    with recording(baked, track, alone, stretches, workers) as slices:
-        seconds = _core_seconds(views, workers, lambda k: slices.make_one(stretches.seconds[k]))
+    seconds = _core_seconds(views, workers, lambda k: slices.make_one(stretches.seconds[k]))
     bare, label, photo, normals, flow, recorded = seconds
     found = {
         "camera_bare_mrays_per_s": rays / 1e6 / bare,
