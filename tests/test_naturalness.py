@@ -5,10 +5,10 @@
 from pathlib import Path
 
 import numpy as np
-import photo_figures
 import pytest
 from photo_figures import (
     _fit,
+    _patch_features,
     block_deviations,
     figures,
     kurtosis,
@@ -88,8 +88,8 @@ def test_the_fit_finds_the_distribution() -> None:
 def test_niqe_grows_with_the_distance_from_the_model(tmp_path: Path) -> None:
     natural = 128.0 + 30.0 * noise(-2.0) / noise(-2.0).std()
     both = (
-        photo_figures._patch_features(natural[:480, :480], 96),
-        photo_figures._patch_features(natural[:240, :240], 48),
+        _patch_features(natural[:480, :480], 96),
+        _patch_features(natural[:240, :240], 48),
     )
     rows = np.hstack(both)
     savemat(tmp_path / "model.mat", {"pop_mu": rows.mean(axis=0), "pop_cov": np.cov(rows.T) + 1e-4 * np.eye(36)})
