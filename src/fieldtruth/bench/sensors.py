@@ -39,8 +39,8 @@ from fieldtruth.world.model import World
 _TRIAL_POSES = 4
 _STEP: Final = frames.pose((0.01, 0.0, 0.04), (0.0, 0.5, 0.0))
 """From an optical frame to that of the next image: 1 m/s and 12 deg/s at 25 Hz."""
-Way = Callable[[Array], object]
-"""Bare Embree or a sensor, called with its pose."""
+Group = list[Callable[[Array], object]]
+"""Bare Embree or a sensor, called with its pose, and those that need its result."""
 
 
 def poses_on_route(route: Route | None, world: World, rig: Rig, count: int) -> list[Array]:
@@ -72,7 +72,7 @@ class Views:
     """Poses of a sensor in each stretch of the drive, and what takes turns there: bare Embree and sensors."""
 
     poses: list[list[Array]]
-    new_ways: Callable[[], list[Way]]
+    new_groups: Callable[[], list[Group]]
     """Makes those of one thread."""
 
     @property
@@ -136,11 +136,11 @@ def _poses(track: Track, stretches: Stretches, rate_hz: float, mounts: Sequence[
     ]
 
 
-def _scans(config: LidarConfig, scene: Scene) -> list[Way]:
-    return [IdealLidar(config, scene).scan]
+def _scans(config: LidarConfig, scene: Scene) -> list[Group]:
+    return [[IdealLidar(config, scene).scan]]
 
 
-def _images(config: CameraConfig, baked: BakedScene) -> list[Way]:
+def _images(config: CameraConfig, baked: BakedScene) -> list[Group]:
     camera = IdealCamera(config, baked, reuse=True)
     geometry = LabelCamera(config.model_copy(update={"normals": True}), baked.scene, reuse=True)
 
@@ -148,7 +148,7 @@ def _images(config: CameraConfig, baked: BakedScene) -> list[Way]:
         assert geometry.last is not None
         return geometry.flow(geometry.last, pose, pose @ _STEP)
 
-    return [camera.label, camera.render, geometry.label, flow]
+    return [[camera.label], [camera.render], [geometry.label, flow]]
 
 
 def _views(
@@ -156,34 +156,40 @@ def _views(
     directions: Float32Array,
     far: float,
     poses: list[list[Array]],
-    new_sensors: Callable[[], list[Way]],
+    new_sensors: Callable[[], list[Group]],
 ) -> Views:
     """Views of a sensor with rays in these directions, with bare Embree in its best mode."""
     handle, first = scene.rays.handle, [stretch[0] for stretch in poses if stretch]
     mode = best_mode(handle, directions, far, first[:: -(-len(first) // _TRIAL_POSES)])
-    return Views(poses, lambda: [BareTracer(handle, directions, far, mode).trace, *new_sensors()])
+    return Views(poses, lambda: [[BareTracer(handle, directions, far, mode).trace], *new_sensors()])
 
 
 def _core_seconds(views: Sequence[Views], workers: int, record: Callable[[int], object] | None = None) -> list[float]:
-    """Return the time [s] of each way, summed over all threads, and that of ``record``, if given.
+    """Return the time [s] of each sensor, summed over all threads, and that of ``record``, if given.
 
     Each thread takes stretch after stretch of the drive, measures its views, one try each, and records them.
     """
-    ready, local = [[each.new_ways() for each in views] for _ in range(workers)], threading.local()
-    for each, ways in ((each, ways) for made in ready for each, ways in zip(views, made, strict=True)):
-        for way in ways:
-            way(each.poses[0][0])  # compiled, and its memory used, before the clock runs
+    ready, local = [[each.new_groups() for each in views] for _ in range(workers)], threading.local()
+    for each, groups in ((each, groups) for made in ready for each, groups in zip(views, made, strict=True)):
+        for group in groups:
+            _seconds(group, each.poses[0][:1])  # compiled, and its memory used, before the clock runs
 
     def stretch(k: int) -> Array:
-        if not hasattr(local, "ways"):
-            local.ways = ready.pop()
+        if not hasattr(local, "groups"):
+            local.groups = ready.pop()
         seconds = sum(
-            np.array([seconds_of(way, pose) for way in ways])
-            for each, ways in zip(views, local.ways, strict=True)
-            for pose in each.poses[k]
+            np.concatenate([_seconds(group, each.poses[k]) for group in groups])
+            for each, groups in zip(views, local.groups, strict=True)
+            if each.poses[k]
         )
         return np.append(seconds, seconds_of(record, k) if record else [])
 
     with ThreadPoolExecutor(workers) as pool:
         found: list[float] = np.sum(list(pool.map(stretch, range(len(views[0].poses)))), axis=0).tolist()
     return found
+
+
+def _seconds(group: Group, poses: Sequence[Array]) -> Array:
+    """Time [s] of each of a group, over consecutive views: of other work between them the cache would hold less."""
+    total: Array = np.sum([[seconds_of(call, pose) for call in group] for pose in poses], axis=0)
+    return total
