@@ -7,13 +7,14 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import perf_counter
+from time import perf_counter, thread_time
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag.topics import topics_of
+from fieldtruth.core.arrays import Array
 from fieldtruth.core.cache_folder import keep_temporary_files_in_memory
 from fieldtruth.drive.track import Stamps, Track
 from fieldtruth.experiment.rig import Rig
@@ -40,8 +41,8 @@ class Stretches(NamedTuple):
 
 
 def stretches_of(duration_s: float, views: int, workers: int) -> Stretches:
-    """Spread about ``views`` over four stretches of a drive, or the next multiple of ``workers``, evenly spaced."""
-    number, whole = workers * -(-4 // workers), max(1, int(duration_s))
+    """Spread about ``views`` over six stretches of a drive, or the next multiple of ``workers``, evenly spaced."""
+    number, whole = workers * -(-6 // workers), max(1, int(duration_s))
     seconds = sorted({int((k + 0.5) * whole / number) for k in range(number)})
     return Stretches(tuple(seconds), -(-views // len(seconds)))
 
@@ -60,7 +61,7 @@ def record(baked: BakedScene, track: Track, rig: Rig, stretches: Stretches, *, w
     The time is that of all threads over their number, as in a long recording, in which none waits at the end.
     """
     with recording(baked, track, rig, stretches, workers) as slices, ThreadPoolExecutor(workers) as pool:
-        took = sum(pool.map(lambda k: seconds_of(slices.make_one, k), stretches.seconds)) / workers
+        took = sum(pool.map(lambda k: float(seconds_of(slices.make_one, k)[1]), stretches.seconds)) / workers
     clouds = {lidar.topic for lidar in rig.lidars}
     scans = sum(len(stream.stamps_ns) for stream in slices.streams if clouds.issuperset(stream.topics))
     return Recorded(took, sum(len(stream.stamps_ns) for stream in slices.streams) - scans, scans)
@@ -85,11 +86,12 @@ def _only(stretches: Stretches, stream: Stream) -> Stream:
     return Stream(stream.topics, stream.stamps_ns[rows], lambda k, sensors: stream.messages(int(rows[k]), sensors))
 
 
-def seconds_of(work: Callable[..., object], *given: object) -> float:
-    """Return the time [s] of a call."""
-    start = perf_counter()
+def seconds_of(work: Callable[..., object], *given: object) -> Array:
+    """Return the processor time [s] of a call in this thread, which other load changes little, and its time [s]."""
+    start = np.array([thread_time(), perf_counter()])
     work(*given)
-    return perf_counter() - start
+    took: Array = np.array([thread_time(), perf_counter()]) - start
+    return took
 
 
 def sensors_of(baked: BakedScene, rig: Rig, *, used: bool = False) -> Sensors:

@@ -91,7 +91,7 @@ def measure_lidars(scene: Scene, track: Track, rig: Rig, stretches: Stretches, w
         poses = _poses(track, stretches, config.rate_hz, [config.mount.base_from_sensor])
         views.append(_views(scene, directions, config.max_range, poses, partial(_scans, config, scene)))
         rays += views[-1].count * directions.size // 3
-    bare, scan = _core_seconds(views, workers)
+    bare, scan = _core_seconds(views, workers)[:, 0].tolist()
     return {
         "lidar_mrays_per_s": rays / 1e6 / scan,
         "lidar_bare_mrays_per_s": rays / 1e6 / bare,
@@ -113,14 +113,14 @@ def measure_cameras(
         views.append(_views(baked.scene, directions, config.far, poses, partial(_images, config, baked)))
         rays += views[-1].count * directions.size // 3
     seconds = _core_seconds(views, workers, lambda k: slices.make_one(stretches.seconds[k]))
-    bare, label, photo, normals, flow, recorded = seconds
+    bare, label, photo, normals, flow, recorded = seconds[:, 0].tolist()
     found = {
         "camera_bare_mrays_per_s": rays / 1e6 / bare,
         "label_image_over_bare": label / bare,
         "photograph_over_bare": photo / bare,
         "normals_over_bare": normals / bare,
         "flow_over_bare": flow / bare,
-        "images_per_s": sum(each.count for each in views) * workers / recorded,
+        "images_per_s": sum(each.count for each in views) * workers / float(seconds[-1, 1]),
     }
     if len(rig.cameras) == 1 and len(rig.imagers) == 2:
         found["stereo_pairs_per_s"] = found["images_per_s"] / 2.0
@@ -164,8 +164,8 @@ def _views(
     return Views(poses, lambda: [[BareTracer(handle, directions, far, mode).trace], *new_sensors()])
 
 
-def _core_seconds(views: Sequence[Views], workers: int, record: Callable[[int], object] | None = None) -> list[float]:
-    """Return the time [s] of each sensor, summed over all threads, and that of ``record``, if given.
+def _core_seconds(views: Sequence[Views], workers: int, record: Callable[[int], object] | None = None) -> Array:
+    """Return the times [s] of each sensor and of ``record``, if given, as ``seconds_of``, summed over all threads.
 
     Each thread takes stretch after stretch of the drive, measures its views, one try each, and records them.
     """
@@ -182,14 +182,17 @@ def _core_seconds(views: Sequence[Views], workers: int, record: Callable[[int], 
             for each, groups in zip(views, local.groups, strict=True)
             if each.poses[k]
         )
-        return np.append(seconds, seconds_of(record, k) if record else [])
+        return np.vstack([seconds, seconds_of(record, k)]) if record else np.asarray(seconds)
 
     with ThreadPoolExecutor(workers) as pool:
-        found: list[float] = np.sum(list(pool.map(stretch, range(len(views[0].poses)))), axis=0).tolist()
-    return found
+        total: Array = np.sum(list(pool.map(stretch, range(len(views[0].poses)))), axis=0)
+    return total
 
 
 def _seconds(group: Group, poses: Sequence[Array]) -> Array:
-    """Time [s] of each of a group, over consecutive views: of other work between them the cache would hold less."""
+    """Times [s] of each of a group, as ``seconds_of``, over consecutive views.
+
+    Other work between them would leave less of the scene in the processor's cache.
+    """
     total: Array = np.sum([[seconds_of(call, pose) for call in group] for pose in poses], axis=0)
     return total
