@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
+from photo_figures import kurtosis, local_contrast, spectrum_slope
 
-from fieldtruth.bench.naturalness import kurtosis, local_contrast, spectrum_slope
 from fieldtruth.bench.sensors import poses_on_route
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array

@@ -17,8 +17,8 @@ from typing import Any, Final
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from photo_figures import LUMINANCE, figures, made_narrower
 
-from fieldtruth.bench.naturalness import LUMINANCE, figures, made_narrower
 from fieldtruth.bench.sensors import poses_on_route
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array

@@ -14,12 +14,13 @@ import argparse
 import os
 import tracemalloc
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from math import ceil
 from pathlib import Path
 from typing import Final
 
 import fieldtruth as ft
 from fieldtruth.bench import settings_of
-from fieldtruth.bench.recording import Recorded, record, sensors_of
+from fieldtruth.bench.recording import Recorded, Stretches, record, sensors_of
 from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.files import with_overrides
 from fieldtruth.experiment.light_config import LightConfig
@@ -122,7 +123,7 @@ def main() -> None:
     baked, track = ft.bake(ft.Scene(world), experiment.light), drive(world, experiment)
 
     def work(rig: Rig) -> Recorded:
-        return record(baked, track, rig, workers=options.workers, seconds=options.seconds)
+        return record(baked, track, rig, Stretches(tuple(range(ceil(options.seconds))), 1000), workers=options.workers)
 
     show(rates(options.tries, work))
     show(added(options.tries, work))

@@ -4,7 +4,10 @@
 
 import json
 import math
+import threading
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,8 +17,7 @@ from scaling import image_time_ratio, is_tree, with_trees_around
 
 from fieldtruth.bench import UNITS, Settings, measure, settings_of, table
 from fieldtruth.bench.bare import MODES, BareTracer, Mode, best_mode
-from fieldtruth.bench.measure import image_efficiency
-from fieldtruth.bench.recording import record
+from fieldtruth.bench.recording import Stretches, record, stretches_of
 from fieldtruth.bench.sensors import pixel_directions, poses_on_route
 from fieldtruth.core import frames
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
@@ -27,6 +29,7 @@ from fieldtruth.render.bake import bake
 from fieldtruth.sense.embree import Engine, RayScene
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.labels import LabelCamera
+from fieldtruth.sensors.camera.sensing import IdealCamera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
@@ -130,9 +133,51 @@ def test_table_shows_value_and_unit() -> None:
     ]
 
 
-def test_image_efficiency_is_bare_time_over_core_seconds() -> None:
-    """0.1 s of bare rays per image; 4 images per second on two cores are 0.5 core-seconds each."""
-    assert image_efficiency(4.0, 2, 1_000_000, 10.0) == pytest.approx(0.1 / 0.5)
+@pytest.mark.parametrize(
+    ("duration_s", "workers", "expected"),
+    [
+        (60.0, 2, ((5, 15, 25, 35, 45, 55), 2)),
+        (59.9, 3, ((4, 14, 24, 34, 44, 54), 2)),
+        (2.5, 2, ((0, 1), 6)),
+        (0.4, 16, ((0,), 12)),
+    ],
+)
+def test_stretches_are_spread_over_the_drive(
+    duration_s: float, workers: int, expected: tuple[tuple[int, ...], int]
+) -> None:
+    assert stretches_of(duration_s, 12, workers) == expected
+
+
+def test_rows_of_stretches_are_consecutive_and_each_in_its_second() -> None:
+    stamps = np.arange(1, 101) * 40_000_000  # 25 Hz: the 25th is that at 1 s, which ends the first second
+    rows = Stretches((0, 2), 3).rows(stamps)
+    assert [each.tolist() for each in rows] == [[0, 1, 2], [50, 51, 52]]
+    assert [len(each) for each in Stretches((1, 3, 4), 99).rows(stamps)] == [25, 25, 0]
+
+
+@pytest.mark.usefixtures("_small_park")
+def test_photographs_that_are_timed_are_those_that_are_recorded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Photographs take a time that depends on the pose, bare rays half of it, and nothing else any: the ratio is 2."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    clock = threading.local()
+
+    def passing(work: Callable[..., Any], share: float) -> Callable[..., Any]:
+        def call(self: object, pose: NDArray[np.float64], *others: Any) -> Any:
+            clock.now = getattr(clock, "now", 0.0) + share * (2.0 + math.sin(99.0 * pose[0, 3] + pose[1, 3]))
+            return work(self, pose, *others)
+
+        return call
+
+    for name in ("perf_counter", "thread_time"):
+        monkeypatch.setattr(f"fieldtruth.bench.recording.{name}", lambda: getattr(clock, "now", 0.0))
+    monkeypatch.setattr(IdealCamera, "render", passing(IdealCamera.render, 1.0))
+    monkeypatch.setattr(BareTracer, "trace", passing(BareTracer.trace, 0.5))
+    experiment = EXPERIMENT.model_copy(update={"seconds": 2.2})
+    found = measure(Settings(experiment=experiment.model_copy(update={"rig": Rig(sensors=RIG.cameras)}), views=3))
+    assert found["photograph_over_bare"] == pytest.approx(2.0, rel=1e-9)
+    assert found["image_efficiency"] == pytest.approx(0.5, rel=1e-9)
 
 
 @pytest.mark.usefixtures("_small_park")
@@ -141,7 +186,7 @@ def test_reduced_run_gives_every_figure(
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
-    figures = measure(Settings(experiment=EXPERIMENT, views=2, repeats=1, images=2))
+    figures = measure(Settings(experiment=EXPERIMENT, views=2))
     assert list(json.loads(json.dumps(figures))) == list(UNITS)
     assert all(type(value) is float and math.isfinite(value) and value > 0 for value in figures.values())
     assert capfd.readouterr() == ("", "")
@@ -155,7 +200,7 @@ def test_figures_are_those_of_the_sensors_that_a_rig_has(
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     sensors = [sensor for sensor in many_rig().sensors if sensor.name in names]
     experiment = EXPERIMENT.model_copy(update={"rig": Rig(sensors=tuple(sensors))})
-    figures = measure(Settings(experiment=experiment, views=1, repeats=1, images=2))
+    figures = measure(Settings(experiment=experiment, views=1))
     lacking = {"stereo_pairs_per_s"}
     if "front" not in names:
         of_cameras = ("image", "camera", "photograph", "normals", "flow")
@@ -178,7 +223,7 @@ def test_a_recording_has_the_readings_of_every_sensor(
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     track, baked = drive(world, EXPERIMENT.model_copy(update={"seconds": 0.4})), bake(Scene(world), EXPERIMENT.light)
-    found = record(baked, track, many_rig(), workers=2, seconds=0.4)
+    found = record(baked, track, many_rig(), Stretches((0,), 99), workers=2)
     assert found.images == 5 * 2 + 4  # five views at 5 Hz, one at 10 Hz
     assert found.scans == 4 + 8
     assert found.took_s > 0
@@ -218,7 +263,7 @@ def test_copies_of_trees_surround_the_world(world: World) -> None:
 @pytest.mark.usefixtures("_small_park")
 def test_ratio_of_image_times_is_finite(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, world: World) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    settings = Settings(experiment=EXPERIMENT, views=2, repeats=1)
+    settings = Settings(experiment=EXPERIMENT, views=2)
     ratio = image_time_ratio((with_trees_around(world), settings), (world, settings))
     assert math.isfinite(ratio)
     assert ratio > 0

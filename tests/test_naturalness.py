@@ -6,10 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.io import savemat
-
-from fieldtruth.bench.naturalness import (
+from photo_figures import (
     _fit,
+    _patch_features,
     block_deviations,
     figures,
     kurtosis,
@@ -18,6 +17,8 @@ from fieldtruth.bench.naturalness import (
     niqe,
     spectrum_slope,
 )
+from scipy.io import savemat
+
 from fieldtruth.core.arrays import Array
 
 
@@ -85,10 +86,11 @@ def test_the_fit_finds_the_distribution() -> None:
 
 
 def test_niqe_grows_with_the_distance_from_the_model(tmp_path: Path) -> None:
-    from fieldtruth.bench import naturalness
-
     natural = 128.0 + 30.0 * noise(-2.0) / noise(-2.0).std()
-    both = (naturalness._patch_features(natural[:480, :480], 96), naturalness._patch_features(natural[:240, :240], 48))
+    both = (
+        _patch_features(natural[:480, :480], 96),
+        _patch_features(natural[:240, :240], 48),
+    )
     rows = np.hstack(both)
     savemat(tmp_path / "model.mat", {"pop_mu": rows.mean(axis=0), "pop_cov": np.cov(rows.T) + 1e-4 * np.eye(36)})
     rng = np.random.default_rng(2)

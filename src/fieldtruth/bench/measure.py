@@ -5,21 +5,18 @@
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
-import numpy as np
-
-from fieldtruth.bench.recording import SECONDS, images_per_second
-from fieldtruth.bench.sensors import measure_cameras, measure_lidars, poses_on_route
+from fieldtruth.bench.recording import recording, stretches_of
+from fieldtruth.bench.sensors import measure_cameras, measure_lidars
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.parallel import cpu_count
 from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive.expected_path import experiments_in
-from fieldtruth.drive.simulate import drive
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import with_overrides
-from fieldtruth.render.bake import bake
-from fieldtruth.sense.scene import Scene
+from fieldtruth.sensors.kind import Place
+from fieldtruth.simulation.motion import track_in, with_given_track
 from fieldtruth.world.build import world_of
 from fieldtruth.world.environments import ENVIRONMENTS
 
@@ -38,6 +35,9 @@ UNITS: Final = {
     "peak_rss_mb": "MB",
 }
 """Figures and their units; docs/benchmarks.md explains them."""
+DRIVE_S: Final = 60.0
+"""Simulated time [s] of the drive, along which the views are."""
+_SCANS: Final = 10  # of each LiDAR in each stretch: they are short, so that a single interruption matters
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,11 +46,7 @@ class Settings:
 
     experiment: Experiment
     views: int = 12
-    """Poses along the route."""
-    repeats: int = 3
-    """Tries of each view, the best of which counts."""
-    images: int = 24
-    """Images of each camera that are recorded."""
+    """Stamps at which each camera is measured, or a few more: as many in each of some stretches of the drive."""
 
 
 def settings_of(environment: str) -> Settings:
@@ -68,40 +64,34 @@ def settings_of(environment: str) -> Settings:
 
 
 def measure(settings: Settings, progress: Progress | None = None) -> dict[str, float]:
-    """Measure the figures of ``UNITS`` that the rig has, in about a minute; without peak memory on Windows.
+    """Measure the figures of ``UNITS`` that the rig has; without peak memory on Windows.
 
-    Figures are sums over the sensors of a kind. Pairs are counted if the only cameras are a stereo pair.
+    With world, light and kernels in the cache it takes about a minute. Figures are sums over the sensors of a kind.
     """
-    progress, experiment = progress or Silent(), settings.experiment
-    rig = experiment.rig
-    found: dict[str, float] = {}
+    progress, workers = progress or Silent(), cpu_count()
+    made, given = with_given_track(settings.experiment)
     with progress.stage("build the world"):
-        world = world_of(experiment)
+        place = Place(world_of(made), made.rig, made.light, made.weather)
     with progress.stage("bake the light"):
-        baked = bake(Scene(world), experiment.light)
-    poses = poses_on_route(experiment.route, world, rig, settings.views)
+        baked = place.baked
+    with progress.stage("drive"):
+        track = track_in(place.world, with_overrides(made, seconds=min(made.seconds or DRIVE_S, DRIVE_S)), given)
+    rig = made.rig.model_copy(update={"sensors": tuple(map(_often, (*made.rig.cameras, *made.rig.lidars)))})
+    stretches = stretches_of(track.duration_s, settings.views, workers)
     with progress.stage("LiDAR"):
-        found |= measure_lidars(baked.scene, rig, poses, settings.repeats)
-    with progress.stage("cameras"):
-        found |= measure_cameras(baked, rig, poses, settings.repeats)
-    if rig.cameras:
-        with progress.stage("images"):
-            track = drive(world, with_overrides(experiment, seconds=SECONDS))
-            rate = images_per_second(baked, track, rig, images=settings.images, workers=cpu_count())
-        found["images_per_s"] = rate
-        if len(rig.cameras) == 1 and len(rig.imagers) == 2:
-            found["stereo_pairs_per_s"] = rate / 2.0
-        pixels = float(np.mean([imager.config.width * imager.config.height for imager in rig.imagers]))
-        found["image_efficiency"] = image_efficiency(rate, cpu_count(), pixels, found["camera_bare_mrays_per_s"])
-    return found | peak_memory()
+        found = measure_lidars(baked.scene, track, rig, stretches._replace(views=_SCANS), workers)
+    if not rig.cameras:
+        return found | peak_memory()
+    alone = rig.model_copy(update={"sensors": rig.cameras})
+    with progress.stage("cameras"), recording(baked, track, alone, stretches, workers) as slices:
+        peak = peak_memory()  # of what a run needs; what only the comparison needs comes after
+        found |= measure_cameras(baked, track, rig, stretches, slices, workers)
+    return found | peak
 
 
-def image_efficiency(images_per_s: float, cores: int, pixels: float, bare_mrays_per_s: float) -> float:
-    """Time that bare Embree needs for one ray per pixel, over the cores' time for an image that is recorded.
-
-    The latter is all that ``cores`` do or wait for: rays at edges, shadows, shading, encoding, tag image, writing.
-    """
-    return pixels / (1e6 * bare_mrays_per_s) * images_per_s / cores
+def _often(config: Any) -> Any:
+    """Return a sensor that reads in each second."""
+    return config.model_copy(update={"rate_hz": max(1.0, config.rate_hz)})
 
 
 def peak_memory() -> dict[str, float]:

@@ -1,34 +1,46 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Sensors against bare Embree: the same rays from the same poses, in turns, so that other load slows both equally."""
+"""Sensors against bare Embree: the same rays from the same poses, in turns, so that other load slows both equally.
 
+All cores work at consecutive views of a drive, one try each, as when a run is recorded: a second try would find its
+part of the scene in the processor's cache, and a thread alone has the memory to itself.
+"""
+
+import threading
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import partial
-from time import perf_counter
 from typing import Final
 
 import numpy as np
 
 from fieldtruth.bench.bare import BareTracer, best_mode
+from fieldtruth.bench.recording import Stretches, seconds_of
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.lenses import directions
 from fieldtruth.drive.physics import resting_pose
+from fieldtruth.drive.track import Track, stamps_at_rate
 from fieldtruth.experiment.config import Route
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.route import metres_from_route
+from fieldtruth.record.slices import Slices
 from fieldtruth.render.bake import BakedScene
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.camera.sensing import IdealCamera
+from fieldtruth.sensors.kind import movement_of
+from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
 from fieldtruth.world.model import World
 
 _TRIAL_POSES = 4
 _STEP: Final = frames.pose((0.01, 0.0, 0.04), (0.0, 0.5, 0.0))
 """From an optical frame to that of the next image: 1 m/s and 12 deg/s at 25 Hz."""
-_LIDAR_TRIES = 4  # per try of a camera: scans are short, so that a single interruption matters
+Group = list[Callable[[Array], object]]
+"""Bare Embree or a sensor, called with its pose, and those that need its result."""
 
 
 def poses_on_route(route: Route | None, world: World, rig: Rig, count: int) -> list[Array]:
@@ -55,75 +67,132 @@ def pixel_directions(config: CameraConfig) -> Float32Array:
     return np.where(np.isnan(found), np.array([0.0, 0.0, 1.0], np.float32), found)
 
 
-def measure_lidars(scene: Scene, rig: Rig, poses: Sequence[Array], repeats: int) -> dict[str, float]:
-    """Rates of labelled scans of all LiDARs and of bare rays from poses world_from_base; empty without LiDAR."""
-    mrays, total = 0.0, np.zeros(2)
-    for config in rig.lidars:
-        lidar, directions = IdealLidar(config, scene), ray_directions(config).astype(np.float32)
-        poses_of = [pose @ config.mount.base_from_sensor for pose in poses]
-        mrays += len(poses_of) * directions.size / 3 / 1e6
-        total += _against_bare(scene, directions, config.max_range, poses_of, [lidar.scan], _LIDAR_TRIES * repeats)
-    bare, scan = total.tolist()
+@dataclass(frozen=True)
+class Views:
+    """Poses of a sensor in each stretch of the drive, and what takes turns there: bare Embree and sensors."""
+
+    poses: list[list[Array]]
+    new_groups: Callable[[], list[Group]]
+    """Makes those of one thread."""
+
+    @property
+    def count(self) -> int:
+        """Number of views."""
+        return sum(map(len, self.poses))
+
+
+def measure_lidars(scene: Scene, track: Track, rig: Rig, stretches: Stretches, workers: int) -> dict[str, float]:
+    """Rates of labelled scans of all LiDARs and of bare rays, each in a thread of its own; empty without LiDAR."""
     if not rig.lidars:
         return {}
+    views, rays = [], 0
+    for config in rig.lidars:
+        directions = ray_directions(config).astype(np.float32)
+        poses = _poses(track, stretches, config.rate_hz, [config.mount.base_from_sensor])
+        views.append(_views(scene, directions, config.max_range, poses, partial(_scans, config, scene)))
+        rays += views[-1].count * directions.size // 3
+    bare, scan = _core_seconds(views, workers)[:, 0].tolist()
     return {
-        "lidar_mrays_per_s": mrays / scan,
-        "lidar_bare_mrays_per_s": mrays / bare,
+        "lidar_mrays_per_s": rays / 1e6 / scan,
+        "lidar_bare_mrays_per_s": rays / 1e6 / bare,
         "lidar_over_bare": scan / bare,
     }
 
 
-def measure_cameras(baked: BakedScene, rig: Rig, poses: Sequence[Array], repeats: int) -> dict[str, float]:
-    """Label images and photographs of all cameras against bare rays from poses world_from_base; empty without one."""
-    mrays, total = 0.0, np.zeros(5)
+def measure_cameras(
+    baked: BakedScene, track: Track, rig: Rig, stretches: Stretches, slices: Slices, workers: int
+) -> dict[str, float]:
+    """Label images and photographs of all cameras against bare rays, and the recording of the same views as ``slices``.
+
+    Pairs are counted if the only cameras are a stereo pair.
+    """
+    views, rays = [], 0
     for config in rig.cameras:
-        camera, directions = IdealCamera(config, baked, reuse=True), pixel_directions(config)
-        geometry = LabelCamera(config.model_copy(update={"normals": True}), baked.scene, reuse=True)
-        poses_of = [pose @ imager.base_from_optical for pose in poses for imager in config.imagers()]
-        mrays += len(poses_of) * directions.size / 3 / 1e6
-        sensors: list[Callable[[Array], object]] = [camera.label, camera.render]
-        sensors += [geometry.label, partial(_flow, geometry)]
-        total += _against_bare(baked.scene, directions, config.far, poses_of, sensors, repeats)
-    bare, label, photo, normals, flow = total.tolist()
-    if not rig.cameras:
-        return {}
-    return {
-        "camera_bare_mrays_per_s": mrays / bare,
+        directions = pixel_directions(config)
+        poses = _poses(track, stretches, config.rate_hz, [imager.base_from_optical for imager in config.imagers()])
+        views.append(_views(baked.scene, directions, config.far, poses, partial(_images, config, baked)))
+        rays += views[-1].count * directions.size // 3
+    seconds = _core_seconds(views, workers, lambda k: slices.make_one(stretches.seconds[k]))
+    bare, label, photo, normals, flow, recorded = seconds[:, 0].tolist()
+    found = {
+        "camera_bare_mrays_per_s": rays / 1e6 / bare,
         "label_image_over_bare": label / bare,
         "photograph_over_bare": photo / bare,
         "normals_over_bare": normals / bare,
         "flow_over_bare": flow / bare,
+        "images_per_s": sum(each.count for each in views) * workers / float(seconds[-1, 1]),
     }
+    if len(rig.cameras) == 1 and len(rig.imagers) == 2:
+        found["stereo_pairs_per_s"] = found["images_per_s"] / 2.0
+    return found | {"image_efficiency": bare / recorded}
 
 
-def _flow(camera: LabelCamera, pose: Array) -> object:
-    """Flow from the labels that the camera has just made from the same pose."""
-    assert camera.last is not None
-    return camera.flow(camera.last, pose, pose @ _STEP)
+def _poses(track: Track, stretches: Stretches, rate_hz: float, mounts: Sequence[Array]) -> list[list[Array]]:
+    """Poses world_from_sensor (4, 4) in each stretch, of several sensors one after another at each stamp."""
+    stamps, movement = stamps_at_rate(rate_hz, int(track.motion.stamps_ns[-1])), movement_of(track)
+    return [
+        [movement.pose(int(stamp)) @ mount for stamp in stamps[rows] for mount in mounts]
+        for rows in stretches.rows(stamps)
+    ]
 
 
-def _against_bare(
+def _scans(config: LidarConfig, scene: Scene) -> list[Group]:
+    return [[IdealLidar(config, scene).scan]]
+
+
+def _images(config: CameraConfig, baked: BakedScene) -> list[Group]:
+    camera = IdealCamera(config, baked, reuse=True)
+    geometry = LabelCamera(config.model_copy(update={"normals": True}), baked.scene, reuse=True)
+
+    def flow(pose: Array) -> object:  # from the labels that the camera has just made from the same pose
+        assert geometry.last is not None
+        return geometry.flow(geometry.last, pose, pose @ _STEP)
+
+    return [[camera.label], [camera.render], [geometry.label, flow]]
+
+
+def _views(
     scene: Scene,
     directions: Float32Array,
     far: float,
-    poses: Sequence[Array],
-    sensors: Sequence[Callable[[Array], object]],
-    repeats: int,
-) -> Array:
-    """Total times [s] of bare Embree in its best mode and of each sensor; the best try of each pose counts."""
-    trial_poses = poses[:: -(-len(poses) // _TRIAL_POSES)]
-    handle = scene.rays.handle
-    tracer = BareTracer(handle, directions, far, best_mode(handle, directions, far, trial_poses))
-    total: Array = np.zeros(1 + len(sensors))
-    for sensor in sensors:
-        sensor(poses[0])  # compiled before the clock runs
-    for pose in poses:
-        tries = [[_seconds(sensor, pose) for sensor in (tracer.trace, *sensors)] for _ in range(repeats)]
-        total += np.min(tries, axis=0)
+    poses: list[list[Array]],
+    new_sensors: Callable[[], list[Group]],
+) -> Views:
+    """Views of a sensor with rays in these directions, with bare Embree in its best mode."""
+    handle, first = scene.rays.handle, [stretch[0] for stretch in poses if stretch]
+    mode = best_mode(handle, directions, far, first[:: -(-len(first) // _TRIAL_POSES)])
+    return Views(poses, lambda: [[BareTracer(handle, directions, far, mode).trace], *new_sensors()])
+
+
+def _core_seconds(views: Sequence[Views], workers: int, record: Callable[[int], object] | None = None) -> Array:
+    """Return the times [s] of each sensor and of ``record``, if given, as ``seconds_of``, summed over all threads.
+
+    Each thread takes stretch after stretch of the drive, measures its views, one try each, and records them.
+    """
+    ready, local = [[each.new_groups() for each in views] for _ in range(workers)], threading.local()
+    for each, groups in ((each, groups) for made in ready for each, groups in zip(views, made, strict=True)):
+        for group in groups:
+            _seconds(group, each.poses[0][:1])  # compiled, and its memory used, before the clock runs
+
+    def stretch(k: int) -> Array:
+        if not hasattr(local, "groups"):
+            local.groups = ready.pop()
+        seconds = sum(
+            np.concatenate([_seconds(group, each.poses[k]) for group in groups])
+            for each, groups in zip(views, local.groups, strict=True)
+            if each.poses[k]
+        )
+        return np.vstack([seconds, seconds_of(record, k)]) if record else np.asarray(seconds)
+
+    with ThreadPoolExecutor(workers) as pool:
+        total: Array = np.sum(list(pool.map(stretch, range(len(views[0].poses)))), axis=0)
     return total
 
 
-def _seconds(sensor: Callable[[Array], object], pose: Array) -> float:
-    start = perf_counter()
-    sensor(pose)
-    return perf_counter() - start
+def _seconds(group: Group, poses: Sequence[Array]) -> Array:
+    """Times [s] of each of a group, as ``seconds_of``, over consecutive views.
+
+    Other work between them would leave less of the scene in the processor's cache.
+    """
+    total: Array = np.sum([[seconds_of(call, pose) for call in group] for pose in poses], axis=0)
+    return total

@@ -270,7 +270,8 @@ def add_commands(command: AddCommand) -> None:
         nargs="?",
         help="experiments, environments (these two), sensors, robots, label-maps or formats",
     )
-    bench = command("bench", _bench, "Measure the speed of this machine.")
+    time = "It takes about a minute; the first run adds up to three, to build world and light and to compile kernels."
+    bench = command("bench", _bench, "Measure the speed of this machine.", time)
     bench.add_argument(
         "--environment", metavar="ENVIRONMENT", default="park", help="name from `fieldtruth list`, or all (park)"
     )
