@@ -15,7 +15,7 @@ from fieldtruth.core.progress import Progress, Silent
 from fieldtruth.drive.expected_path import experiments_in
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import with_overrides
-from fieldtruth.sensors.kind import Place
+from fieldtruth.sensors.kind import SensorWorld
 from fieldtruth.simulation.motion import track_in, with_given_track
 from fieldtruth.world.build import world_of
 from fieldtruth.world.environments import ENVIRONMENTS
@@ -71,7 +71,7 @@ def measure(settings: Settings, progress: Progress | None = None) -> dict[str, f
     progress, workers = progress or Silent(), cpu_count()
     made, given = with_given_track(settings.experiment)
     with progress.stage("build the world"):
-        place = Place(world_of(made), made.rig, made.light, made.weather)
+        place = SensorWorld(world_of(made), made.rig, made.light, made.weather)
     with progress.stage("bake the light"):
         baked = place.baked
     with progress.stage("drive"):
