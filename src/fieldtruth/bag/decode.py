@@ -257,7 +257,9 @@ def stamp_ns(header: Any) -> int:
 
 def _where(message: Any, what: str) -> str:
     """Return which message it is: that of a topic at a stamp as far as it is known from a bag, else by its header."""
-    return f"the {what} {getattr(message, ORIGIN, f'with the stamp {stamp_ns(message.header)} ns')}"
+    if (origin := getattr(message, ORIGIN, "")) or not hasattr(message, "header"):
+        return f"the {what} {origin}".strip()
+    return f"the {what} with the stamp {stamp_ns(message.header)} ns"
 
 
 def _encoded(message: Any, what: str, known: Mapping[str, str]) -> str:
