@@ -222,7 +222,7 @@ def image_of(messages: Mapping[str, Any], common: Mapping[str, Any] | None = Non
             parts["jpeg"] = bytes(message.data) if hasattr(message, "format") else None
             parts["photo"] = read.image(message)
         elif part == "label":
-            parts["label"] = read.labels(read.image(message))
+            parts["label"] = read.labels(read.tag_image(message))
         else:
             parts[part] = _DECODED[part](message)
     return Image(**parts, **(common or _NOWHERE))

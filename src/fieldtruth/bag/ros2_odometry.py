@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Odometry in bags of ROS 2: a folder with metadata.yaml, an MCAP file or a database (.db3)."""
+"""Odometry in bags of ROS 2: a folder with metadata.yaml or a database (.db3); an MCAP file is read as any bag."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,12 +18,11 @@ from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core.errors import FieldtruthError
 
 ODOMETRY: Final = "nav_msgs/msg/Odometry"
-_ENDINGS: Final = (".mcap", ".db3")
 
 
 def is_ros2_bag(path: Path) -> bool:
-    """Whether a path looks like a bag of ROS 2."""
-    return path.suffix.lower() in _ENDINGS or (path / "metadata.yaml").is_file()
+    """Whether a path looks like a bag of ROS 2, other than an MCAP file."""
+    return path.suffix.lower() == ".db3" or (path / "metadata.yaml").is_file()
 
 
 def odometry_topics(path: Path) -> list[str]:
