@@ -87,7 +87,7 @@ def bad_class(data: bytes) -> bytes:
         (
             camera("left", "real/compressed"),
             no_jpeg,
-            r"wrong.bag: the compressed image of \S+left/real/compressed at 40000000 ns \('jpeg'\) cannot be read as JPEG",
+            r"wrong.bag: the compressed image of \S+left/real/compressed at 40000000 ns .* cannot be read as JPEG",
         ),
         (
             POINTS,
