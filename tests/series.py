@@ -38,7 +38,7 @@ def odometry_along(track: Track, rig: Rig | None = None) -> WheelOdometry:
 
 def reading_of(config: SensorConfig, track: Track, k: int, part: str = "", rig: Rig | None = None) -> Any:
     """Reading ``k`` of an ideal sensor of motion."""
-    sensor = sensor_class(config)(config, SensorWorld(None, rig or Rig()))  # type: ignore[arg-type]
+    sensor = sensor_class(config)(config, SensorWorld(None, rig or Rig(), seed=0))  # type: ignore[arg-type]
     (output,) = (each for each in config.outputs() if each.part == part)
     stamp = round((k + 1) * 1e9 / output.rate_hz)
     return sensor.read(output, At(k, stamp, stamp, movement_of(track)))

@@ -4,6 +4,7 @@
 
 import json
 import re
+import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -119,7 +120,7 @@ def only(bag: Path, path: Path, *topics: str) -> Path:
 
 
 def longer(bag: Path, path: Path, times: int) -> Path:
-    """Repeat the messages of a bag; stamps in the bag continue, those in the headers repeat."""
+    """Repeat the messages of a bag, which must have headers, with later stamps."""
     made: dict[str, Any] = {}
     with Reader(bag) as reader, Writer(path) as writer:
         for number in range(times):
@@ -128,5 +129,7 @@ def longer(bag: Path, path: Path, times: int) -> Path:
                     made[old.topic] = writer.add_connection(
                         old.topic, old.msgtype, msgdef=old.msgdef.data, md5sum=old.digest
                     )
-                writer.write(made[old.topic], stamp_ns + number * 2 * 10**9, bytes(data))
+                seconds, rest = struct.unpack_from("<2L", data, 4)
+                moved = bytes(data[:4]) + struct.pack("<2L", seconds + number * 2, rest) + bytes(data[12:])
+                writer.write(made[old.topic], stamp_ns + number * 2 * 10**9, moved)
     return path

@@ -113,7 +113,8 @@ def test_unusable_topics_are_listed_with_reasons(small_run: Path, tmp_path: Path
 
     page = Page(write_report(changed(small_run / "park_1.bag", tmp_path / "odd.bag", change)))
     notes = page.words(".//section[@id='path']/div[@class='lack']")
-    assert f"{TAGS[0]}: encoding of an image must be one of rgb8, bgr8, 8UC3, got 'rgb9'" in notes
+    assert f"{TAGS[0]}: the tag image at 40000000 ns: its encoding must be one of rgb8, bgr8, 8UC3, " in notes
+    assert ", got 'rgb9'" in notes
     assert "/navsat/fix: contains sensor_msgs/msg/Imu, not sensor_msgs/msg/NavSatFix" in notes
     assert f"{30 * 320 * 184:,}" in page.words(".//table[@class='shares']/tfoot")  # the right camera only
 
@@ -130,7 +131,7 @@ def test_invalid_messages_do_not_stop_the_report(small_run: Path, tmp_path: Path
                 q = each.transform.rotation
                 q.x = q.y = q.z = q.w = 0.0
         elif topic == POINTS:
-            message.row_step += 1
+            message.width += 1
         elif topic in TAGS:
             message.height += 1
         elif topic == "/imu/data":

@@ -169,6 +169,14 @@ def image(message: Any) -> NDArray[np.uint8]:
     return colours
 
 
+def tag_image(message: Any) -> NDArray[np.uint8]:
+    """Return the pixels (h, w, 3) RGB of a tag image, which is an image in colour; raises as ``image``."""
+    if (encoding := getattr(message, "encoding", _TAGS[0])).strip() not in _TAGS:
+        where = _where(message, "tag image")
+        raise BagError(f"{where}: its encoding must be one of {', '.join(_TAGS)}, got {encoding!r}")
+    return image(message)
+
+
 def depth(message: Any) -> NDArray[np.float32]:
     """Return depth (h, w) [m] along the optical axis; infinite for the sky, NaN for unknown (REP-118).
 
@@ -257,7 +265,9 @@ def stamp_ns(header: Any) -> int:
 
 def _where(message: Any, what: str) -> str:
     """Return which message it is: that of a topic at a stamp as far as it is known from a bag, else by its header."""
-    return f"the {what} {getattr(message, ORIGIN, f'with the stamp {stamp_ns(message.header)} ns')}"
+    if (origin := getattr(message, ORIGIN, "")) or not hasattr(message, "header"):
+        return f"the {what} {origin}".strip()
+    return f"the {what} with the stamp {stamp_ns(message.header)} ns"
 
 
 def _encoded(message: Any, what: str, known: Mapping[str, str]) -> str:
@@ -319,6 +329,7 @@ _COLOURS: Final = {
     "mono8": ("u1", 1, slice(1)), "8UC1": ("u1", 1, slice(1)), "mono16": ("u2", 1, slice(1)),
 }  # fmt: skip
 """Type of the values, channels, and those of red, green and blue, by the encoding of an image."""
+_TAGS: Final = [encoding for encoding, (_, channels, _) in _COLOURS.items() if channels > 1]
 _DEPTHS: Final = {"32FC1": "f4", "64FC1": "f8", "16UC1": "u2", "mono16": "u2"}
 _IDS: Final = {"16UC1": "u2", "mono16": "u2", "8UC1": "u1", "mono8": "u1", "32SC1": "i4"}
 _DEPTH_HEADER: Final = 12

@@ -129,8 +129,10 @@ class Readings:
                     return cloud_of(first, common, labelled=self.labelled)
                 return _MADE[self.source.type](messages, common)
         except BagError as error:
-            topics = " and ".join(self.source.topics[part] for part in found)
-            raise BagError(f"{self._storage.path}: {topics} at {common['stamp_ns']} ns: {error}") from error
+            topics = [self.source.topics[part] for part in found]
+            said = any(f" of {topic} at " in str(error) for topic in topics)  # by the message itself
+            where = "" if said else f"{' and '.join(topics)} at {common['stamp_ns']} ns: "
+            raise BagError(f"{self._storage.path}: {where}{error}") from error
 
     def _message(self, row: int, part: str) -> tuple[Any, int]:
         stream = self._streams[part]
@@ -220,7 +222,7 @@ def image_of(messages: Mapping[str, Any], common: Mapping[str, Any] | None = Non
             parts["jpeg"] = bytes(message.data) if hasattr(message, "format") else None
             parts["photo"] = read.image(message)
         elif part == "label":
-            parts["label"] = read.labels(read.image(message))
+            parts["label"] = read.labels(read.tag_image(message))
         else:
             parts[part] = _DECODED[part](message)
     return Image(**parts, **(common or _NOWHERE))

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Odometry in bags of ROS 2: a folder with metadata.yaml, an MCAP file or a database (.db3)."""
+"""Odometry in bags of ROS 2: a folder with metadata.yaml or a database (.db3); an MCAP file is read as any bag."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,17 +13,16 @@ from rosbags.interfaces import Connection
 from rosbags.typesys import Stores, get_typestore
 
 from fieldtruth.bag.errors import BagError, read_errors
-from fieldtruth.bag.streams import rising_rows
+from fieldtruth.bag.streams import given_stamps, rising_rows
 from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core.errors import FieldtruthError
 
 ODOMETRY: Final = "nav_msgs/msg/Odometry"
-_ENDINGS: Final = (".mcap", ".db3")
 
 
 def is_ros2_bag(path: Path) -> bool:
-    """Whether a path looks like a bag of ROS 2."""
-    return path.suffix.lower() in _ENDINGS or (path / "metadata.yaml").is_file()
+    """Whether a path looks like a bag of ROS 2, other than an MCAP file."""
+    return path.suffix.lower() == ".db3" or (path / "metadata.yaml").is_file()
 
 
 def odometry_topics(path: Path) -> list[str]:
@@ -39,18 +38,22 @@ def odometry_topics(path: Path) -> list[str]:
 def read_ros2_odometry(path: Path, topic: str) -> tuple[Trajectory, str]:
     """Read the poses of an odometry topic, by the stamps of their headers; and the name of their frame.
 
+    If all headers have the stamp 0, those of the bag are used, with a warning.
+
     Raises:
         BagError: the bag cannot be read, or the stamps do not rise.
     """
-    stamps, rows, frame = list[int](), list[tuple[float, ...]](), ""
+    stamps, recorded, rows, frame = list[int](), list[int](), list[tuple[float, ...]](), ""
     with _opened(path) as bag:
-        for connection, _, data in bag.messages([c for c in _odometry(bag) if c.topic == topic]):
+        for connection, bag_ns, data in bag.messages([c for c in _odometry(bag) if c.topic == topic]):
             message: Any = bag.deserialize(data, connection.msgtype)
             p, q, stamp = message.pose.pose.position, message.pose.pose.orientation, message.header.stamp
             stamps.append(stamp.sec * 10**9 + stamp.nanosec)
+            recorded.append(bag_ns)
             rows.append((p.x, p.y, p.z, q.w, q.x, q.y, q.z))
             frame = frame or message.child_frame_id.strip("/")
-    stamps_ns, poses = np.array(stamps, np.int64), np.array(rows, np.float64).reshape(-1, 7)
+    stamps_ns = given_stamps(np.array(stamps, np.int64), np.array(recorded, np.int64), topic, path)
+    poses = np.array(rows, np.float64).reshape(-1, 7)
     order = rising_rows(stamps_ns, topic, path, coarse=True)
     return Trajectory(stamps_ns[order], poses[order, :3], poses[order, 3:]), frame
 

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stamps of the messages of a topic, and where they are in the bag. One rule for all that reads: stamps must rise."""
 
+import warnings
 from collections.abc import Sequence
 from functools import reduce
 from pathlib import Path
@@ -13,6 +14,7 @@ from fieldtruth.bag.decode import stamp_ns
 from fieldtruth.bag.reader import BagError, BagReader, MessageIndex, decoder
 from fieldtruth.bag.storage import Storage
 from fieldtruth.core.arrays import Counts
+from fieldtruth.core.errors import FieldtruthWarning
 
 LARGEST_DISORDER: Final = 400_000_000
 """Largest time [ns] by which a stamp may be below an earlier one, as messages arrive in any order."""
@@ -43,7 +45,7 @@ def read_streams(bag: BagReader, storage: Storage, topics: Sequence[str]) -> dic
 
     If some headers of a topic have the stamps in the bag, or there are no headers, these stamps are used for all, and
     ``checked_stamp`` holds when a message is read. Otherwise, as in bags recorded with transport delay, every header
-    is read first. Topics of ``storage.clocked`` have the stamps of the bag.
+    is read first. Topics of ``storage.clocked``, and those whose headers have no stamp, have the stamps of the bag.
 
     Raises:
         BagError: the bag is damaged, or the stamps of a topic do not rise.
@@ -53,11 +55,20 @@ def read_streams(bag: BagReader, storage: Storage, topics: Sequence[str]) -> dic
     headers = _header_stamps(bag, delayed)
     streams = {}
     for topic, index in found.items():
-        stamps = headers.get(topic, index.stamps_ns)
+        stamps = given_stamps(headers.get(topic, index.stamps_ns), index.stamps_ns, topic, bag.path)
         rows = rising_rows(stamps, topic, bag.path, bag_ns=index.stamps_ns)
         refuse_second_pass(stamps, index, topic, bag.path)
         streams[topic] = Stream(topic, stamps, index.chunk, index.offset, index.stamps_ns).rows(rows)
     return streams
+
+
+def given_stamps(stamps: Counts, bag_ns: Counts, topic: str, path: Path) -> Counts:
+    """Return the stamps (n,) [ns] of a topic's headers or, with a warning, those in the bag if all headers have 0."""
+    if stamps.any() or not bag_ns.any():
+        return stamps
+    text = f"{path}: the headers of {topic} have no stamp (0), so the stamps in the bag are used"
+    warnings.warn(text, FieldtruthWarning, stacklevel=1)  # one place, so that it is said once, whoever reads
+    return bag_ns
 
 
 def rising_rows(
@@ -75,13 +86,11 @@ def rising_rows(
         coarse: leave out what has the stamp of the reading before it, as a clock with coarse ticks gives it.
 
     Raises:
-        BagError: stamps go back by more than messages that arrive late, repeat, or are all 0.
+        BagError: stamps go back by more than messages that arrive late, or repeat.
     """
-    rows = np.flatnonzero(stamps)
+    rows = np.flatnonzero(stamps) if stamps.any() else np.arange(len(stamps))
     if not len(rows):
-        if len(stamps) < 2:
-            return np.arange(len(stamps))
-        raise BagError(f"{path}: all {len(stamps)} stamps of {topic} are 0: its clock was not set; set them in the bag")
+        return rows
     given = stamps[rows]
     highest = np.maximum.accumulate(given)
     worst = int(np.argmax(highest - given > LARGEST_DISORDER))
@@ -149,14 +158,13 @@ def _trusted(bag: BagReader, storage: Storage, topic: str, index: MessageIndex) 
 
 
 def _header_stamps(bag: BagReader, topics: Sequence[str]) -> dict[str, Counts]:
-    """Stamps [ns] of all headers of some topics, in the order of the bag; of a single message without one the bag's."""
+    """Stamps [ns] of all headers of some topics, in the order of the bag."""
     if not topics:
         return {}
     stamps: dict[str, list[int]] = {topic: [] for topic in topics}
     decode = decoder(bag)
     for raw in bag.messages(topics):
-        own = stamp_ns(decode(raw).header)
-        stamps[raw.topic].append(own or (raw.stamp_ns if bag.counts[raw.topic] == 1 else 0))
+        stamps[raw.topic].append(stamp_ns(decode(raw).header))
     return {topic: np.array(values, np.int64) for topic, values in stamps.items()}
 
 

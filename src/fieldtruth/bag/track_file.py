@@ -166,14 +166,9 @@ def _topic(bag: Path, odometry: Sequence[str], asked: str | None) -> str:
 
 
 def _from_topic(name: str, poses: Trajectory, frame: str, topic: str) -> TrackFile:
-    """Check the poses of a topic, without those that have no stamp (0) or that of the pose before.
-
-    A clock that has not started gives the former, one with coarse ticks the latter.
-    """
-    kept = (np.diff(poses.stamps_ns, prepend=-1) > 0) & (poses.stamps_ns != 0)
-    values = np.concatenate([poses.position, frames.xyzw_from_wxyz(poses.quaternion_wxyz)], axis=1)[kept]
-    rows = np.flatnonzero(kept)
-    return _checked(name, frame, poses.stamps_ns[kept], values, lambda k: f"pose {rows[k] + 1} of {topic}")
+    """Check the poses of a topic."""
+    values = np.concatenate([poses.position, frames.xyzw_from_wxyz(poses.quaternion_wxyz)], axis=1)
+    return _checked(name, frame, poses.stamps_ns, values, lambda k: f"pose {k + 1} of {topic}")
 
 
 def _tum_rows(path: Path, source: Iterable[str]) -> Iterator[tuple[int, int, list[float]]]:

@@ -9,14 +9,14 @@ import numpy as np
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.bag_file import BagFile
-from fieldtruth.bag.decode import UNIT
+from fieldtruth.bag.decode import UNIT, stamp_ns
 from fieldtruth.bag.model_states import ROBOT, ModelStatesReader
 from fieldtruth.bag.reader import BagError, decoder, open_bag
-from fieldtruth.bag.streams import refuse_second_pass, rising_rows
+from fieldtruth.bag.streams import given_stamps, refuse_second_pass, rising_rows
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array, Counts
 
-Rows = tuple["array[int]", "array[float]"]
+Rows = tuple["array[int] | Counts", "array[float]"]
 """Stamps [ns], and seven numbers for each; packed, because there may be 1000 per second."""
 
 
@@ -69,7 +69,8 @@ class Trajectory:
 def read_trajectory(run: BagFile, topic: str = table.ODOMETRY, *, coarse: bool = False) -> Trajectory:
     """Read the true poses from odometry or, if that is missing, from the robot in /gazebo/model_states.
 
-    Stamps are those of the headers; ModelStates has no header, so the bag's stamps are used. Of several states with
+    Stamps are those of the headers; ModelStates has no header, and where all headers have the stamp 0, that is said
+    with a warning, so the bag's stamps are used. Of several states with
     one stamp of the bag, whose clock may be coarse, the first is taken; with ``coarse`` so are poses of odometry.
 
     Raises:
@@ -101,16 +102,18 @@ def _check_poses(stamps_ns: Counts, poses: Array, where: str) -> None:
 
 
 def _from_odometry(run: BagFile, topic: str) -> Rows:
-    stamps, rows = array("q"), array("d")
+    stamps, recorded, rows = array("q"), array("q"), array("d")
     with open_bag(run.bag) as bag:
         decode = decoder(bag)
         for raw in bag.messages([topic]):
             message = decode(raw)
             p, q = message.pose.pose.position, message.pose.pose.orientation
-            stamps.append(message.header.stamp.sec * 10**9 + message.header.stamp.nanosec)
+            stamps.append(stamp_ns(message.header))
+            recorded.append(raw.stamp_ns)
             rows.extend((p.x, p.y, p.z, q.x, q.y, q.z, q.w))
-        refuse_second_pass(np.array(stamps, np.int64), bag.index([topic])[topic], topic, run.bag)
-    return stamps, rows
+        given = given_stamps(np.array(stamps, np.int64), np.array(recorded, np.int64), topic, run.bag)
+        refuse_second_pass(given, bag.index([topic])[topic], topic, run.bag)
+    return given, rows
 
 
 def _from_model_states(run: BagFile) -> Rows:

@@ -67,7 +67,7 @@ def _flushed_output() -> Iterator[None]:
 def _warnings_in_one_line() -> Iterator[None]:
     """Print our warnings as ``warning: ...`` without the position in the source; others as usual."""
     with warnings.catch_warnings():
-        warnings.simplefilter("always", FieldtruthWarning)
+        warnings.simplefilter("default", FieldtruthWarning)  # the same words once
         usual = warnings.showwarning
 
         def show(

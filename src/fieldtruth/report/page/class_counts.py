@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag.decode import image, points
+from fieldtruth.bag.decode import points, tag_image
 from fieldtruth.core.arrays import Counts
 from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.kernels.counting import count_runs
@@ -19,10 +19,10 @@ def count_pixels(tag: Any) -> Counts:
     """Count the pixels of a tag image message by class id (18,); row 0 counts colours that no class has.
 
     Raises:
-        BagError: the image does not have three bytes per pixel.
+        BagError: the image is not one in colour.
     """
     counts = np.zeros(len(CLASSES), np.int64)
-    count_runs(np.ascontiguousarray(image(tag)).reshape(-1, 3), _CODES, counts)
+    count_runs(np.ascontiguousarray(tag_image(tag)).reshape(-1, 3), _CODES, counts)
     return counts
 
 

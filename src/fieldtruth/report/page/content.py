@@ -98,7 +98,8 @@ def collect_content(run: Run, workers: int, progress: Progress) -> PageContent:
         exports=snippets.export_commands(run),
         snippets=snippets.snippets(run),
         notes=[
-            (shortened(topic), shortened(why)) for topic, why in sorted({**unreadable, **summary.unreadable}.items())
+            (shortened(topic), shortened(why.replace(f" of {topic} at ", " at ")))
+            for topic, why in sorted({**unreadable, **summary.unreadable}.items())
         ],
     )
 
