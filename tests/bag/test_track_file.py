@@ -3,7 +3,7 @@
 """Track files: every form gives the same poses, and a wrong line is named."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -267,23 +267,37 @@ def test_an_mcap_file_gives_the_same_track_as_its_bag(small_run: Path, tmp_path:
         read_track_file(DriveConfig(track=str(path), topic="/odom"))
 
 
-def test_a_database_of_ros_2_gives_its_odometry(tmp_path: Path) -> None:
+def drone_bag(folder: Path, stamps: Sequence[int], rows: Sequence[int], recorded: Sequence[int]) -> None:
+    """Write a bag of ROS 2 with rows of the poses, with stamps of the headers and of the bag [ns]."""
     store = get_typestore(Stores.ROS2_HUMBLE)
     types = store.types
     pose, twist = types["geometry_msgs/msg/PoseWithCovariance"], types["geometry_msgs/msg/TwistWithCovariance"]
     zero = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
     still = twist(types["geometry_msgs/msg/Twist"](zero, zero), np.zeros(36))
-    with Writer(tmp_path / "drone", version=8) as writer:
+    with Writer(folder / "drone", version=8) as writer:
         odometry = writer.add_connection("/mavros/odom", "nav_msgs/msg/Odometry", typestore=store)
-        # The clock has not started, and then ticks too coarsely for the second and the third message.
-        stamps, rows = (0, NS[0], NS[0], *NS[1:]), (0, 0, 1, 1, 2)
-        for ns, xyz, xyzw in zip(stamps, XYZ[[*rows]].tolist(), XYZW[[*rows]].tolist(), strict=True):
+        poses = zip(XYZ[[*rows]].tolist(), XYZW[[*rows]].tolist(), strict=True)
+        for ns, bag_ns, (xyz, xyzw) in zip(stamps, recorded, poses, strict=True):
             header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](*divmod(ns, 10**9)), "map")
             place = types["geometry_msgs/msg/Pose"](
                 types["geometry_msgs/msg/Point"](*xyz), types["geometry_msgs/msg/Quaternion"](*xyzw)
             )
             message = types["nav_msgs/msg/Odometry"](header, "os1_lidar", pose(place, np.zeros(36)), still)
-            writer.write(odometry, ns, store.serialize_cdr(message, "nav_msgs/msg/Odometry"))
+            writer.write(odometry, bag_ns, store.serialize_cdr(message, "nav_msgs/msg/Odometry"))
+
+
+def test_a_database_of_ros_2_whose_headers_have_no_stamp_has_those_of_the_bag(tmp_path: Path) -> None:
+    drone_bag(tmp_path, (0, 0, 0), (0, 1, 2), NS)
+    with pytest.warns(FieldtruthWarning, match="headers of /mavros/odom have no stamp .* in the bag are used"):
+        file = read_track_file(DriveConfig(track=str(tmp_path / "drone"), topic="/mavros/odom"))
+    assert file.stamps == list(NS)
+    np.testing.assert_array_equal(file.poses.position, XYZ)
+
+
+def test_a_database_of_ros_2_gives_its_odometry(tmp_path: Path) -> None:
+    # The clock has not started, and then ticks too coarsely for the second and the third message.
+    stamps = (0, NS[0], NS[0], *NS[1:])
+    drone_bag(tmp_path, stamps, (0, 0, 1, 1, 2), stamps)
     for path in (tmp_path / "drone", tmp_path / "drone/drone.db3"):
         file = read_track_file(DriveConfig(track=str(path), topic="/mavros/odom"))
         assert (file.frame, file.stamps) == ("os1_lidar", list(NS))

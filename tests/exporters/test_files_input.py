@@ -105,8 +105,9 @@ def test_damage_is_reported_with_topic_and_stamp(
     def hand_on(name: str, _: int, data: bytes) -> bytes | None:
         return change(data) if name == topic else data if name == "/navsat/fix" else None
 
-    with pytest.raises(BagError, match=words):
+    with pytest.raises(BagError, match=words) as error:
         export(copied(bag, tmp_path / "wrong.bag", hand_on), "files", out=tmp_path / "none")
+    assert str(error.value).count(topic) == 1
     assert [path.name for path in tmp_path.iterdir()] == ["wrong.bag"]
 
 

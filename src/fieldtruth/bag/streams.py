@@ -67,7 +67,7 @@ def given_stamps(stamps: Counts, bag_ns: Counts, topic: str, path: Path) -> Coun
     if stamps.any() or not bag_ns.any():
         return stamps
     text = f"{path}: the headers of {topic} have no stamp (0), so the stamps in the bag are used"
-    warnings.warn(text, FieldtruthWarning, stacklevel=1)  # one place, so that it is said once, whoever reads
+    warnings.warn(text, FieldtruthWarning, stacklevel=1)  # one position, so that it is said once
     return bag_ns
 
 
