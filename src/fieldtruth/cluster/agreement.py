@@ -8,6 +8,7 @@ from typing import Final
 
 import fieldtruth
 from fieldtruth.bag.made_by import LIBRARIES, this_process
+from fieldtruth.experiment.sensor_config import load_added_kinds
 from fieldtruth.record.slices import slices_key
 
 Facts = Mapping[str, str]
@@ -16,7 +17,8 @@ _KEY: Final = "key of the code"
 
 
 def facts() -> Facts:
-    """Versions of this process, and the key of its code; see ``slices_key``."""
+    """Versions of this process, and the key of its code with all kinds of sensors; see ``slices_key``."""
+    load_added_kinds()
     shared = {name: this_process()[name] for name in ("Python", *LIBRARIES)}
     own = {"fieldtruth": fieldtruth.__version__, "processor": platform.machine()}
     return own | shared | {_KEY: slices_key()}
