@@ -17,8 +17,8 @@ _KEY: Final = "key of the code"
 
 
 def facts() -> Facts:
-    """Versions of this process, and the key of its code; see ``slices_key``."""
-    load_added_kinds()  # a part of the code, wherever the experiment was read
+    """Versions of this process, and the key of its code with all kinds of sensors; see ``slices_key``."""
+    load_added_kinds()
     shared = {name: this_process()[name] for name in ("Python", *LIBRARIES)}
     own = {"fieldtruth": fieldtruth.__version__, "processor": platform.machine()}
     return own | shared | {_KEY: slices_key()}

@@ -62,10 +62,9 @@ def frames(
     wanted = wanted_outputs(made.rig, sensors)
 
     def drive() -> Iterator[Frame]:
-        sensor_world = SensorWorld(
-            world or world_of(made), made.rig, made.light, made.weather, scene=scene, seed=made.seed
-        )
-        track = track_in(sensor_world.world, made, given)
+        there = world or world_of(made)
+        sensor_world = SensorWorld(there, made.rig, made.light, made.weather, scene=scene, seed=made.seed)
+        track = track_in(there, made, given)
         yield from _ahead(_Sensing(sensor_world, track, wanted), cpu_count() if workers is None else workers)
 
     return drive()

@@ -24,10 +24,8 @@ class Gnss(MotionSensor):
 
     def begin(self) -> tuple[GnssTruth, GnssErrors | None]:
         """Return what readings have to go on from: true positions, and what a real receiver has measured."""
-        config = self.config
-        return GnssTruth(config), None if config.signal is None else GnssErrors(
-            config, config.signal, self.sensor_world.seed
-        )
+        config, seed = self.config, self.sensor_world.seed
+        return GnssTruth(config), None if config.signal is None else GnssErrors(config, config.signal, seed)
 
     def extend(self, memory: tuple[GnssTruth, GnssErrors | None], track: Track) -> tuple[GnssReadings, GnssReadings]:
         """Return the true positions of the antenna, and what the receiver measures of satellites above the scene."""
