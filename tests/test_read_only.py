@@ -61,7 +61,8 @@ def test_runs_are_made_checked_and_annotated(read_only: dict[str, str], tmp_path
     work, command = tmp_path / "work", ("-m", "fieldtruth.cli")
     run(read_only, work, *command, "generate", "park_1", "--seconds", "0.1", "--no-cameras", "--out", "run")
     assert " 0 failed" in run(read_only, work, *command, "validate", "run/park_1")
-    run(read_only, work, *command, "annotate", "run/park_1/park_1.bag", "--world", "park", "--out", "annotated.bag")
+    words = ("annotate", "run/park_1/park_1.bag", "--environment", "park", "--out", "annotated.bag")
+    run(read_only, work, *command, *words)
     assert {path.name for path in work.iterdir()} == {"run", "annotated.bag"}
 
 

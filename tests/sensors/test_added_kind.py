@@ -111,7 +111,8 @@ def test_all_commands_find_it_in_processes_of_their_own(package: Path) -> None:
     rig = SONAR.replace("below", "above").replace("noisy", "beside")
     (package / "more.yaml").write_text(rig)
     run(
-        package, "annotate", "data/heard/heard.bag", "--world", "park", "--experiment", "more.yaml", "--out", "more.bag"
+        package,
+        *("annotate", "data/heard/heard.bag", "--environment", "park", "--experiment", "more.yaml", "--out", "more.bag"),
     )
     with open_bag(package / "more.bag") as stored:
         assert stored.counts["/above"] == 4

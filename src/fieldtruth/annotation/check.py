@@ -120,7 +120,7 @@ def check_objects(run: Run, world: World, robot: str = ROBOT) -> None:
         differ += [f"{len(extra)} are not in this world, first {extra[0]!r}"] if extra else []
         raise BagError(
             f"{run.bag} was recorded in another world: {len(ours) - len(missing) - len(moved)} of the {len(ours)} "
-            f"objects of {where} match; {'; '.join(differ)}; give its --world, --seed, or layout (--experiment)"
+            f"objects of {where} match; {'; '.join(differ)}; give its --environment, --seed, or layout (--experiment)"
         )
     if others:
         text = f"{run.bag} has models that {where} lacks, so that no added sensor sees them: {', '.join(others)}"
