@@ -110,10 +110,8 @@ def test_all_commands_find_it_in_processes_of_their_own(package: Path) -> None:
     assert re.search(r"pass +other sensors +8 readings", run(package, "validate", "data/heard"))
     rig = SONAR.replace("below", "above").replace("noisy", "beside")
     (package / "more.yaml").write_text(rig)
-    run(
-        package,
-        *("annotate", "data/heard/heard.bag", "--environment", "park", "--experiment", "more.yaml", "--out", "more.bag"),
-    )
+    where = ("--environment", "park", "--experiment", "more.yaml")
+    run(package, "annotate", "data/heard/heard.bag", *where, "--out", "more.bag")
     with open_bag(package / "more.bag") as stored:
         assert stored.counts["/above"] == 4
         assert stored.counts["/below"] == 4
