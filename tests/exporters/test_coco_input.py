@@ -13,6 +13,7 @@ from export_bags import copied, longer, peak_memory, without
 from pycocotools.coco import COCO
 
 from fieldtruth.bag.reader import BagError
+from fieldtruth.core.errors import FieldtruthWarning
 from fieldtruth.exporters import export
 
 SIDES = ("left", "right")
@@ -87,10 +88,19 @@ def test_incomplete_frames_are_skipped(short: Path, tmp_path: Path) -> None:
     assert stamps == [k * 40_000_000 for k in (2, 3, 5)]
 
 
+def test_images_without_a_stamp_have_those_of_the_bag(short: Path, tmp_path: Path) -> None:
+    def change(topic: str, stamp: int, data: bytes) -> bytes | None:
+        return stamped(data, 0) if topic in (PHOTOS, TAGS, INSTANCES) else data
+
+    with pytest.warns(FieldtruthWarning, match="have no stamp"):
+        made = coco(export(copied(short, tmp_path / "a.bag", change), "coco", workers=2) / "instances.json")
+    stamps = [image["stamp_ns"] for image in made.imgs.values() if image["camera"] == "left"]
+    assert stamps == [k * 40_000_000 for k in range(1, 7)]
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda t, s, d: stamped(d, 0) if t in (PHOTOS, TAGS, INSTANCES) else d, "all 6 stamps of"),
         (lambda t, s, d: stamped(d, s + 7) if t.endswith("compressed") else d, "no photograph has a tag image and"),
         (lambda t, s, d: d.replace(b"\xff\xd8\xff", b"\xff\xd8\xfe", 1) if t == PHOTOS else d, "is not a JPEG"),
         (lambda t, s, d: d[:-1] if t == "/gazebo/model_states" else d, "damaged"),
