@@ -3,6 +3,7 @@
 """Output files are whole or absent, a folder has one writer, and a full disk is one clear line."""
 
 import errno
+import os
 import platform
 import subprocess
 import sys
@@ -12,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from fieldtruth.core.errors import OutputError, UnknownNameError
-from fieldtruth.core.files import atomic_output, locked, output_errors, remove, write_atomically
+from fieldtruth.core.files import atomic_output, locked, output_errors, remove, remove_abandoned, write_atomically
 
 
 def test_a_file_is_replaced_only_when_it_is_whole(tmp_path: Path) -> None:
@@ -25,6 +26,18 @@ def test_a_file_is_replaced_only_when_it_is_whole(tmp_path: Path) -> None:
     write_atomically(path, b"new")
     assert path.read_bytes() == b"new"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_a_killed_process_left_is_removed_and_nothing_else(tmp_path: Path) -> None:
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    path, node = tmp_path / "a.txt", platform.node()
+    numbers = {"left": f"{node}.{ended.pid}", "own": f"{node}.{os.getpid()}", "elsewhere": f"other.{ended.pid}"}
+    parts = {what: tmp_path / f".a.txt.{number}.part" for what, number in numbers.items()}
+    for part in parts.values():
+        part.write_text("half")
+    remove_abandoned(path)
+    assert {what for what, part in parts.items() if part.exists()} == {"own", "elsewhere"}
 
 
 def test_a_folder_is_written_as_a_whole(tmp_path: Path) -> None:

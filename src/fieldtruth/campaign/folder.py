@@ -8,7 +8,7 @@ from fieldtruth.campaign.config import Campaign
 from fieldtruth.campaign.draw import PlannedRun, draw
 from fieldtruth.campaign.files import CAMPAIGN, dump_campaign, load_campaign
 from fieldtruth.core.errors import FieldtruthError, OutputError
-from fieldtruth.core.files import output_errors, write_atomically
+from fieldtruth.core.files import output_errors, remove_abandoned, write_atomically
 
 
 def check_folder(campaign: Campaign, runs: tuple[PlannedRun, ...], out: Path) -> None:
@@ -34,6 +34,7 @@ def check_folder(campaign: Campaign, runs: tuple[PlannedRun, ...], out: Path) ->
 def write_campaign(campaign: Campaign, out: Path) -> None:
     """Write campaign.yaml; raises OutputError if that is not possible."""
     path, text = out / CAMPAIGN, dump_campaign(campaign)
+    remove_abandoned(path)
     with output_errors(path):
         if not path.exists() or path.read_bytes() != text.encode():
             write_atomically(path, text)

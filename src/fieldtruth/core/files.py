@@ -76,6 +76,28 @@ def atomic_output(path: Path) -> Iterator[Path]:
         remove(part)
 
 
+def remove_abandoned(path: Path) -> None:
+    """Remove temporary files of ``atomic_output`` that killed processes of this machine left beside ``path``."""
+    stem = f".{path.name}.{platform.node()}."
+    with suppress(OSError):  # the folder does not exist, or cannot be read
+        for part in path.parent.iterdir():
+            process = part.name.removeprefix(stem).removesuffix(".part")
+            if part.name == f"{stem}{process}.part" and process.isdigit() and not _is_running(int(process)):
+                remove(part)
+
+
+def _is_running(process: int) -> bool:
+    """Whether a process exists; always true where this cannot be asked without harm."""
+    try:
+        if os.name == "posix":
+            os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):  # another user's, or none that can exist
+        return True
+    return True
+
+
 def replace_synced(part: Path, path: Path) -> None:
     """Give a file or folder the name ``path`` after its content is on the disk, so that a power cut leaves no half."""
     if part.is_dir():
