@@ -57,6 +57,7 @@ def main() -> None:
     parser.add_argument("--against", type=Path)
     arguments = parser.parse_args()
     arguments.folder.mkdir(parents=True, exist_ok=True)
+    against = arguments.against.read_text() if arguments.against else ""
     os.chdir(arguments.folder)  # relative paths, as some exports name their source
     found: dict[str, str] = {}
     for name, make in parts().items():
@@ -64,7 +65,7 @@ def main() -> None:
             found |= make()
     print(json.dumps(found, indent=1))
     if arguments.against:
-        old = json.loads(arguments.against.read_text())
+        old = json.loads(against)
         changed = [name for name, digest in found.items() if old.get(name) != digest]
         print(f"{len(found) - len(changed)} equal, changed: {', '.join(changed) or 'none'}", file=sys.stderr)
         sys.exit(bool(changed))
