@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from many_sensors import many_rig
 from PIL import Image as Picture
 from rosbags.rosbag1 import Reader, Writer
 
@@ -20,11 +21,13 @@ import fieldtruth as ft
 from fieldtruth.bag.decode import read_bag
 from fieldtruth.bag.reader import BagError
 from fieldtruth.bag.run import open_run
+from fieldtruth.bag.sources import sources_of
 from fieldtruth.bag.streams import rising_rows
 from fieldtruth.bag.track_file import read_track_file
 from fieldtruth.core.errors import FieldtruthWarning, UnknownNameError
 from fieldtruth.core.readings import Cloud, Image, Inertial
 from fieldtruth.experiment.config import DriveConfig
+from fieldtruth.experiment.rig import Rig
 
 POINTS, ODOMETRY, IMU = "/os1_cloud_node/points", "/ground_truth/odom", "/imu/data"
 PHOTOS = "/stereo/camera/left/real/compressed"
@@ -96,9 +99,14 @@ def test_frames_come_in_time_order_with_the_true_pose(small_run: Path) -> None:
     assert np.array_equal(both["lidar"].xyz, run["lidar"].at(both.stamp_ns).xyz)
     assert both.pose == pytest.approx(run.trajectory.world_from_base(both.stamp_ns))
     assert {name for frame in run.frames() for name in frame} == {
-        "imu", "gnss", "wheel_odometry", "wheel_odometry/speeds", "wheel_odometry/joints", "lidar", "stereo/left",
-        "stereo/right",
+        "imu", "gnss", "wheel_odometry/odometry", "wheel_odometry/speeds", "wheel_odometry/joints", "lidar",
+        "stereo/left", "stereo/right",
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("rig", [Rig(), many_rig()])
+def test_names_are_those_of_a_simulation(rig: Rig) -> None:
+    assert list(sources_of(rig)) == [o.name for sensor in rig.sensors for o in sensor.outputs() if not o.ideal]
 
 
 def test_names_and_copies(small_run: Path, tmp_path: Path) -> None:

@@ -38,7 +38,7 @@ class Source:
     """A sensor that gives readings: a LiDAR, one view of a camera, the wheels' speeds, their odometry, ..."""
 
     name: str
-    """Of the sensor; of a view of a pair ``NAME/left`` and ``NAME/right``."""
+    """That of the output: of the sensor, with a part behind a slash where it has several, as ``NAME/left``."""
     label: str
     """In files: the name, or that of a view: left and right of the paper's pair, ``NAME_left`` of others."""
     type: type[readings.Reading]
@@ -81,23 +81,20 @@ def _sources(sensor: SensorConfig) -> Iterator[Source]:
     if isinstance(sensor, CameraConfig):
         yield from map(_view, sensor.imagers())
         return
-    found: dict[type[readings.Reading], dict[str, str]] = {}
-    types = {}
-    for topic in sensor.topics():
-        if topic.name.endswith("/truth"):
+    for output in sensor.outputs():
+        if output.ideal:
             continue
-        types[topic.name] = topic.msgtype
-        if topic.name in WHEEL_SPEEDS:
-            parts, part = found.setdefault(readings.WheelSpeeds, {}), WHEELS[WHEEL_SPEEDS.index(topic.name)]
-        else:
-            parts, part = found.setdefault(_TYPES.get(topic.msgtype, readings.Message), {}), "main"
-        parts[part if part not in parts else topic.name] = topic.name
-    main = next((kind for kind, parts in found.items() if sensor.topic in parts.values()), None)
-    names = {readings.WheelSpeeds: "speeds", readings.Joints: "joints", readings.Message: "messages"}
-    for kind, parts in found.items():
-        name = sensor.name if kind is main else f"{sensor.name}/{names.get(kind, 'others')}"
-        frame = getattr(sensor, "frame", "")
-        yield Source(name, name, kind, parts, {t: types[t] for t in parts.values()}, frame, sensor, sensor.name)
+        found: dict[type[readings.Reading], dict[str, str]] = {}
+        for topic in output.topics:
+            if topic.name in WHEEL_SPEEDS:
+                parts, part = found.setdefault(readings.WheelSpeeds, {}), WHEELS[WHEEL_SPEEDS.index(topic.name)]
+            else:
+                parts, part = found.setdefault(_TYPES.get(topic.msgtype, readings.Message), {}), "main"
+            parts[part if part not in parts else topic.name] = topic.name
+        for kind, parts in found.items():
+            name = output.name if output.topics[0].name in parts.values() else f"{output.name}/others"
+            types = {topic.name: topic.msgtype for topic in output.topics if topic.name in parts.values()}
+            yield Source(name, name, kind, parts, types, output.frame, sensor, sensor.name)
 
 
 def _view(imager: Imager) -> Source:
