@@ -1,6 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Table of what the package and its checks cost. Usage: python .ci/table.py [FILE of "seconds<TAB>step" lines] [JUnit XML files]."""
+"""Table of what the package and its checks cost.
+
+Usage: python .ci/table.py [FILE [JUNIT_XML ...]], FILE with lines of seconds, a tab and the name of a step.
+"""
 
 import ast
 import sys
@@ -68,8 +71,8 @@ def main(arguments: list[str]) -> None:
         for line in Path(arguments[0]).read_text(encoding="utf-8").splitlines():
             seconds, _, step = line.partition("\t")
             print(f"{seconds:>6} s  {step}")
-    for seconds, name in slowest([Path(argument) for argument in arguments[1:] if Path(argument).exists()]):
-        print(f"{seconds:>8.1f} s  {name}")
+    for duration, name in slowest([Path(argument) for argument in arguments[1:] if Path(argument).exists()]):
+        print(f"{duration:>8.1f} s  {name}")
 
 
 if __name__ == "__main__":
