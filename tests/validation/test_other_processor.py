@@ -14,8 +14,7 @@ import other_processor
 import pytest
 from changed_bags import LEFT, POINTS, SMALL, Edit, Edits, bag_in, edited, failures, pixels_in, points_in, rewritten
 
-from fieldtruth.bag.checksums import read_checksums, sha256_of
-from fieldtruth.bag.made_by import difference, makers_of, note, noted, this_process
+from fieldtruth.bag.provenance import difference, makers_of, note, noted, read_checksums, sha256_of, this_process
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import dump_experiment, load_experiment

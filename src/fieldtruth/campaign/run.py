@@ -8,8 +8,8 @@ from time import monotonic
 from typing import Final
 
 import fieldtruth
-from fieldtruth.bag.checksums import CHECKSUMS, read_checksums, sha256_of
 from fieldtruth.bag.decode import count_messages
+from fieldtruth.bag.provenance import CHECKSUMS, read_checksums, sha256_of
 from fieldtruth.bag.run import EXPERIMENT, open_run
 from fieldtruth.campaign.draw import PlannedRun
 from fieldtruth.campaign.manifest import FAILURE, MANIFEST, Failure, Manifest, digest_of, failure_of

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import fieldtruth
-from fieldtruth.bag.checksums import sha256_of
-from fieldtruth.bag.reader import BagError, open_bag
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.provenance import sha256_of
+from fieldtruth.bag.reader import open_bag
 from fieldtruth.campaign.draw import PlannedRun
 from fieldtruth.campaign.duration import simulated_s
 from fieldtruth.campaign.manifest import FAILURE, MANIFEST, Failure, Manifest, digest_of

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Final
 
 import fieldtruth
-from fieldtruth.bag.made_by import LIBRARIES, this_process
+from fieldtruth.bag.provenance import LIBRARIES, this_process
 from fieldtruth.experiment.sensor_config import load_added_kinds
 from fieldtruth.record.slices import slices_key
 

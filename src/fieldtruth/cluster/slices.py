@@ -13,7 +13,7 @@ from typing import Final
 
 from distributed import Client, Future, as_completed
 
-from fieldtruth.bag.made_by import note
+from fieldtruth.bag.provenance import note
 from fieldtruth.cluster.errors import OtherWorkerError, cluster_errors
 from fieldtruth.cluster.worker import Order, make_slice
 from fieldtruth.core.errors import ClusterError, FieldtruthWarning

@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 
 from distributed import get_worker
 
-from fieldtruth.bag.made_by import Maker, this_process
+from fieldtruth.bag.provenance import Maker, this_process
 from fieldtruth.bag.track_file import TrackFile
 from fieldtruth.cluster.errors import OtherWorkerError
 from fieldtruth.cluster.recent import Recent

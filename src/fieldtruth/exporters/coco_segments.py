@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pycocotools import mask as coco_mask
 
-from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.file import BagError
 from fieldtruth.core.classes import CLASSES, NOT_OF_WORLDS, Label
 from fieldtruth.ontology.label_map import LabelMap
 

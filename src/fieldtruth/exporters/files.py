@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.errors import BagError
-from fieldtruth.bag.model_states import read_objects
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.geometry import read_objects
 from fieldtruth.bag.readings import Readings
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.sources import sources_of
+from fieldtruth.bag.topics import sources_of
 from fieldtruth.core.arrays import Counts
 from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.core.parallel import in_order

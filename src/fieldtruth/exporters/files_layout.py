@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 import fieldtruth
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.sources import Source
+from fieldtruth.bag.topics import Source
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.exporters.files_text import TextFile

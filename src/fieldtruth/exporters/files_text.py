@@ -16,15 +16,15 @@ import yaml
 from numpy.typing import NDArray
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.base_messages import JOINTS
-from fieldtruth.bag.calibration import BASE, Lens
-from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.geometry import Lens, read_trajectory
+from fieldtruth.bag.messages import JOINTS
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.sources import Source
-from fieldtruth.bag.trajectory import read_trajectory
+from fieldtruth.bag.topics import Source
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.readings import Fix, Image, Inertial, Joints, Odometry, Reading, WheelSpeeds
+from fieldtruth.experiment.topic import BASE
 
 Numbers = tuple[float | np.float32, ...]
 Row = Callable[[Any], Numbers]

@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.errors import BagError
-from fieldtruth.bag.readings import Readings, checked_jpeg, reflectivity
+from fieldtruth.bag.file import BagError
+from fieldtruth.bag.readings import Readings, checked_jpeg, matched, reflectivity
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.sources import EXTRAS, PARTS, Source
-from fieldtruth.bag.streams import matched
+from fieldtruth.bag.topics import EXTRAS, PARTS, Source
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.ontology.label_map import LabelMap

@@ -12,8 +12,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.sources import Source
-from fieldtruth.bag.topics import TF_STATIC
+from fieldtruth.bag.topics import TF_STATIC, Source
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.readings import Cloud, Image, Inertial
 from fieldtruth.exporters.sequences import first_views

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from fieldtruth.bag.reader import BagError
+from fieldtruth.bag.file import BagError
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.core.errors import OutputError, UnknownNameError
-from fieldtruth.datasets.folder import bags_in
+from fieldtruth.datasets import bags_in
 
 SPLITS: Final = ("train", "val", "test")
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
-from fieldtruth.bag.calibration import StaticFrames
+from fieldtruth.bag.geometry import StaticFrames
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import STATIC_MODEL_STATES, topics_of, topics_of_run

@@ -7,7 +7,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from fieldtruth.bag.trajectory import Trajectory
+from fieldtruth.bag.geometry import Trajectory
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.report.drawing.cloud import draw_cloud, looking

@@ -5,8 +5,8 @@
 from dataclasses import dataclass
 from typing import Any
 
+from fieldtruth.bag.geometry import Trajectory
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.progress import Progress
 from fieldtruth.core.readings import Cloud, Image

@@ -11,8 +11,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from fieldtruth.bag.geometry import Trajectory
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import RouteError
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz, yaw_from_rotation

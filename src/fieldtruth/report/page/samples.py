@@ -9,10 +9,10 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.bag.errors import BagError
+from fieldtruth.bag.file import BagError
 from fieldtruth.bag.readings import Readings, image_of
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.sources import Source
+from fieldtruth.bag.topics import Source
 from fieldtruth.core.classes import PALETTE
 from fieldtruth.core.png import encode_png
 from fieldtruth.core.readings import Image

@@ -10,8 +10,8 @@ import numpy as np
 import pymap3d
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.bag.model_states import ROBOT, ModelStatesReader
-from fieldtruth.bag.trajectory import Trajectory
+from fieldtruth.bag.geometry import ModelStatesReader, Trajectory
+from fieldtruth.bag.topics import ROBOT
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.report.page.decimate import Decimator, Line, Stamps
 

@@ -6,7 +6,7 @@ import shlex
 from typing import Final, NamedTuple
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.checksums import CHECKSUMS
+from fieldtruth.bag.provenance import CHECKSUMS
 from fieldtruth.bag.run import Run
 from fieldtruth.core.readings import Cloud, Image
 

@@ -6,8 +6,9 @@ from typing import Final
 
 import numpy as np
 
-from fieldtruth.bag.model_states import ROBOT, read_objects
+from fieldtruth.bag.geometry import read_objects
 from fieldtruth.bag.run import Run
+from fieldtruth.bag.topics import ROBOT
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.progress import Progress
 from fieldtruth.render.bake import bake

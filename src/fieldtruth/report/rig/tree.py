@@ -7,12 +7,12 @@ from typing import Final
 
 import numpy as np
 
-from fieldtruth.bag.base_messages import BASE
-from fieldtruth.bag.robot_messages import WORLD, rig_transforms
+from fieldtruth.bag.messages import WORLD, rig_transforms
 from fieldtruth.core import frames, lenses
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.experiment.topic import BASE
 from fieldtruth.report.rig import body
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.stereo_config import StereoConfig

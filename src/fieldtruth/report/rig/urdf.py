@@ -12,11 +12,11 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
-from fieldtruth.bag.base_messages import BASE
-from fieldtruth.bag.robot_messages import rig_transforms
+from fieldtruth.bag.messages import rig_transforms
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.topic import BASE
 from fieldtruth.report.rig import body
 
 _COLOURS: Final = {"hull": (0.8, 0.6, 0.05, 1.0), "tyre": (0.12, 0.12, 0.12, 1.0)}

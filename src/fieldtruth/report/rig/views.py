@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon, Rectangle
 from scipy.spatial import ConvexHull
 
-from fieldtruth.bag.base_messages import BASE
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.rig import Rig
+from fieldtruth.experiment.topic import BASE
 from fieldtruth.report.drawing.style import FONT, INK, MUTED
 from fieldtruth.report.rig import body
 from fieldtruth.report.rig.coverage import SensorView

@@ -8,8 +8,8 @@ import numpy as np
 
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.decode import matrix
+from fieldtruth.bag.messages import fixed_transforms
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.bag.robot_messages import fixed_transforms
 from fieldtruth.core import frames
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.sensors.camera.config import Imager

@@ -7,9 +7,9 @@ from typing import Any, Final
 import numpy as np
 
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.geometry import Trajectory
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.track_file import read_track_file
-from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthError, RouteError

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.base_messages import WHEEL_FRAMES
-from fieldtruth.bag.model_states import ROBOT, ModelStatesReader
+from fieldtruth.bag.geometry import ModelStatesReader
+from fieldtruth.bag.messages import WHEEL_FRAMES
 from fieldtruth.bag.reader import RawMessage
+from fieldtruth.bag.topics import ROBOT
 from fieldtruth.core import frames
 from fieldtruth.core.arrays import Array
 from fieldtruth.validation.check import Rule, Spec
