@@ -62,7 +62,7 @@ def test_another_builtin_experiment_changes_no_world(monkeypatch: pytest.MonkeyP
         "world/data/trees/birch.yaml",
         "world/build.py",
         "world/store.py",
-        "core/frames.py",
+        "core/transforms.py",
         "core/classes.py",
     ],
 )

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.frames import pose
+from fieldtruth.core.transforms import pose
 from fieldtruth.world.furniture.outlines import at_length, bar_outline, path_length, rounded
 from fieldtruth.world.furniture.shapes import check_variant, make_box, make_extrusion, make_lathe, make_tube, placed
 from fieldtruth.world.model import Collider, Mesh, merge_meshes

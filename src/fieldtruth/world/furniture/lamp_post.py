@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fieldtruth.core.frames import pose
+from fieldtruth.core.transforms import pose
 from fieldtruth.world.furniture.outlines import rounded
 from fieldtruth.world.furniture.shapes import check_variant, make_box, make_lathe, make_tube, placed
 from fieldtruth.world.model import Collider, Mesh, merge_meshes

@@ -4,7 +4,7 @@
 
 from dataclasses import replace
 
-from fieldtruth.core.frames import pose
+from fieldtruth.core.transforms import pose
 from fieldtruth.world.furniture.outlines import bar_outline, rounded
 from fieldtruth.world.furniture.shapes import check_variant, make_box, make_extrusion, make_lathe, make_tube, placed
 from fieldtruth.world.model import Collider, Mesh, merge_meshes
