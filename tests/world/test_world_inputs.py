@@ -61,7 +61,7 @@ def test_another_builtin_experiment_changes_no_world(monkeypatch: pytest.MonkeyP
         "world/plants/growth.py",
         "world/data/trees/birch.yaml",
         "world/build.py",
-        "core/frames.py",
+        "core/transforms.py",
         "core/classes.py",
     ],
 )

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.frames import pose
+from fieldtruth.core.transforms import pose
 from fieldtruth.world.model import Collider, Mesh, merge_meshes
 from fieldtruth.world.solids import (
     at_length,
