@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.frames import pose
 from fieldtruth.core.transforms import pose
-from fieldtruth.world.furniture.outlines import at_length, bar_outline, path_length, rounded, signed_area, triangulate
-from fieldtruth.world.furniture.shapes import TILE, make_box, make_extrusion, make_lathe, make_tube, placed
 from fieldtruth.world.model import Mesh
 from fieldtruth.world.solids import (
     TILE,

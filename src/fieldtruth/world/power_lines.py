@@ -15,9 +15,6 @@ from scipy.optimize import brentq
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.transforms import pose
-from fieldtruth.core.transforms import pose
-from fieldtruth.world.furniture.outlines import rounded
-from fieldtruth.world.furniture.shapes import check_variant, make_box, make_lathe, make_tube, placed
 from fieldtruth.world.model import Collider, Mesh, merge_meshes
 from fieldtruth.world.solids import check_variant, make_box, make_lathe, make_tube, placed, rounded
 
