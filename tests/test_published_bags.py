@@ -18,8 +18,8 @@ import pytest
 from rosbags.rosbag1 import Reader, Writer
 
 import fieldtruth as ft
-from fieldtruth.bag.decode import image, points
 from fieldtruth.bag import topics as table
+from fieldtruth.bag.decode import image, points
 from fieldtruth.bag.messages import STORE
 from fieldtruth.bag.reader import open_bag
 from fieldtruth.cli import main

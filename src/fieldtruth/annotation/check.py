@@ -26,7 +26,7 @@ from fieldtruth.bag.messages import ModelStatesWriter, rig_transforms
 from fieldtruth.bag.reader import BagReader, RawMessage, decoder, open_bag
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.topics import ROBOT
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import FieldtruthWarning, UnknownNameError, nearest_first
 from fieldtruth.core.progress import Advance, timed
@@ -165,7 +165,7 @@ def check_poses(trajectory: Trajectory, streams: Sequence[Stream], rig: Rig, wor
         if (np.abs(world_from_base[:2, 3]) > half).any():
             x, y = half
             raise BagError(f"{when}, outside of {world.name}, which spans x -{x:g} to {x:g} m, y -{y:g} to {y:g} m")
-        origins = frames.transform(world_from_base, [mount.xyz for mount in mounts])
+        origins = transforms.transform(world_from_base, [mount.xyz for mount in mounts])
         depth = world.terrain.field.height_at(origins[:, 0], origins[:, 1]) - origins[:, 2]
         if (depth > 0.0).any():
             raise BagError(
@@ -345,11 +345,13 @@ class _Log:
     def poses(self, base_from_frame: Array | None) -> Poses:
         """Return the kept poses, converted to base_link if ``base_from_frame`` is given."""
         table_ = np.frombuffer(self.values).reshape(-1, 7)
-        position, quaternion = table_[:, :3], frames.wxyz_from_xyzw(table_[:, 3:])
+        position, quaternion = table_[:, :3], transforms.wxyz_from_xyzw(table_[:, 3:])
         if base_from_frame is not None:
-            world_from_base = frames.pose_from_quaternion_wxyz(position, quaternion) @ frames.inverse(base_from_frame)
+            world_from_base = transforms.pose_from_quaternion_wxyz(position, quaternion) @ transforms.inverse(
+                base_from_frame
+            )
             position = world_from_base[:, :3, 3]
-            quaternion = frames.quaternion_wxyz_from_rotation(world_from_base[:, :3, :3])
+            quaternion = transforms.quaternion_wxyz_from_rotation(world_from_base[:, :3, :3])
         stamps = np.frombuffer(self.stamps, np.int64)
         return Poses(self.source, Trajectory(stamps, position, quaternion), np.frombuffer(self.recorded, np.int64))
 

@@ -22,7 +22,7 @@ from fieldtruth.bag.file import BagError
 from fieldtruth.bag.reader import Storage, decoder, open_bag
 from fieldtruth.bag.readings import Stream, given_stamps, refuse_second_pass, rising_rows
 from fieldtruth.bag.topics import ROBOT, Source, objects_topic
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts, Mask
 from fieldtruth.experiment.topic import BASE
 
@@ -128,7 +128,7 @@ class Trajectory:
         """
         after = int(np.searchsorted(self.stamps_ns, stamp_ns))
         if after < len(self) and self.stamps_ns[after] == stamp_ns:
-            return frames.pose_from_quaternion_wxyz(self.position[after], self.quaternion_wxyz[after])
+            return transforms.pose_from_quaternion_wxyz(self.position[after], self.quaternion_wxyz[after])
         if after in (0, len(self)):
             nearest = min(after, len(self) - 1)
             step = int(np.diff(self.stamps_ns).max(initial=0))
@@ -136,7 +136,7 @@ class Trajectory:
                 raise BagError(
                     f"no true pose at {stamp_ns} ns; poses range from {self.stamps_ns[0]} to {self.stamps_ns[-1]} ns"
                 )
-            return frames.pose_from_quaternion_wxyz(self.position[nearest], self.quaternion_wxyz[nearest])
+            return transforms.pose_from_quaternion_wxyz(self.position[nearest], self.quaternion_wxyz[nearest])
         before = after - 1
         share = float(stamp_ns - self.stamps_ns[before]) / float(self.stamps_ns[after] - self.stamps_ns[before])
         a, b = self.quaternion_wxyz[before], self.quaternion_wxyz[after]
@@ -147,7 +147,7 @@ class Trajectory:
         else:
             mixed = (1.0 - share) * a + share * b
         position = (1.0 - share) * self.position[before] + share * self.position[after]
-        return frames.pose_from_quaternion_wxyz(position, mixed / np.linalg.norm(mixed))
+        return transforms.pose_from_quaternion_wxyz(position, mixed / np.linalg.norm(mixed))
 
 
 def read_trajectory(run: BagFile, topic: str = table.ODOMETRY, *, coarse: bool = False) -> Trajectory:
@@ -285,7 +285,7 @@ class StaticFrames:
         (root, root_from_frame), (base_root, root_from_base) = self._to_root(frame), self._to_root(BASE)
         if root != base_root:
             raise BagError(f"/tf_static of {self.source} does not connect {frame!r} with {BASE!r}")
-        return frames.inverse(root_from_base) @ root_from_frame
+        return transforms.inverse(root_from_base) @ root_from_frame
 
     def _to_root(self, frame: str) -> tuple[str, Array]:
         """Return the root of a frame's tree, and ``root_from_frame``."""

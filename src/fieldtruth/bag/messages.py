@@ -16,7 +16,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.stores import ros1_noetic as noetic
 
 from fieldtruth.bag.topics import ROBOT
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.drive.state import State
 from fieldtruth.drive.track import Commands, Motion
@@ -109,12 +109,12 @@ def point(xyz: Array) -> Point:
 
 def quaternion(wxyz: Array) -> Quaternion:
     """Convert (4,) in the order (w, x, y, z) to a Quaternion."""
-    return Quaternion(*map(float, frames.xyzw_from_wxyz(wxyz)))
+    return Quaternion(*map(float, transforms.xyzw_from_wxyz(wxyz)))
 
 
 def transform_stamped(head: Header, child: str, parent_from_child: Array) -> TransformStamped:
     """Convert (4, 4), from ``child`` to the header's frame, to a TransformStamped."""
-    rotation = frames.quaternion_wxyz_from_rotation(parent_from_child[:3, :3])
+    rotation = transforms.quaternion_wxyz_from_rotation(parent_from_child[:3, :3])
     return TransformStamped(head, child, Transform(vector(parent_from_child[:3, 3]), quaternion(rotation)))
 
 
@@ -134,7 +134,7 @@ def wheel_transforms(rig: Rig, angles: Array) -> dict[str, Array]:
     """Return base_from_wheel (4, 4) by frame for the angles (n,) [rad] of the wheels about their axles."""
     mounts = rig.mounts()
     return {
-        name: mounts[name].base_from_sensor @ frames.pose((0.0, 0.0, 0.0), (0.0, float(np.rad2deg(angle)), 0.0))
+        name: mounts[name].base_from_sensor @ transforms.pose((0.0, 0.0, 0.0), (0.0, float(np.rad2deg(angle)), 0.0))
         for name, angle in zip(WHEEL_FRAMES[: len(angles)], angles, strict=True)
     }
 
@@ -180,7 +180,7 @@ def tf(seq: int, stamp_ns: int, state: State, wheels: Mapping[str, Array]) -> by
 
 def odometry(seq: int, stamp_ns: int, state: State) -> bytes:
     """Serialise nav_msgs/Odometry: the pose in the world, the twist in base_link."""
-    base_from_world = frames.rotation_from_quaternion_wxyz(state.quaternion_wxyz).T
+    base_from_world = transforms.rotation_from_quaternion_wxyz(state.quaternion_wxyz).T
     linear, angular = base_from_world @ state.linear_velocity, base_from_world @ state.angular_velocity
     twist = Twist(vector(linear), vector(angular))
     pose = Pose(point(state.position), quaternion(state.quaternion_wxyz))
@@ -225,5 +225,5 @@ class ModelStatesWriter:
 def _pose(world_from_object: Array) -> Pose:
     """Return the pose of an object, whose matrix may also scale."""
     rotation = world_from_object[:3, :3] / np.cbrt(np.linalg.det(world_from_object[:3, :3]))
-    orientation = quaternion(frames.quaternion_wxyz_from_rotation(rotation))
+    orientation = quaternion(transforms.quaternion_wxyz_from_rotation(rotation))
     return Pose(point(world_from_object[:3, 3]), orientation)
