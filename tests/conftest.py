@@ -18,9 +18,8 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment, with_overrides
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.weather_config import WeatherConfig
-from fieldtruth.validation import Check
+from fieldtruth.validation import Check, world
 from fieldtruth.validation.context import RebuiltWorld
-from fieldtruth.validation.retrace import world
 from fieldtruth.validation.runner import validate
 from fieldtruth.world.model import World
 

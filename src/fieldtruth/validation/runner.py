@@ -16,31 +16,29 @@ from fieldtruth.bag.run import find_bag
 from fieldtruth.core.parallel import cpu_count, in_order
 from fieldtruth.core.progress import Advance, Progress, Silent, timed
 from fieldtruth.sensors.checks import CHECKS
-from fieldtruth.validation import files, streams
+from fieldtruth.validation import files, kind_checks, motion, streams, world
 from fieldtruth.validation.check import Check, Rule, Spec, Tally
 from fieldtruth.validation.context import Checker, Context, at
 from fieldtruth.validation.files import BagFile, OtherFile
 from fieldtruth.validation.kind_checks import Pass
-from fieldtruth.validation.motion import calibration, clocks, commands, drive, poses
-from fieldtruth.validation.retrace import agreement, readings, reference, world
+from fieldtruth.validation.rays import INDEPENDENT_RAYS, RayReference
+from fieldtruth.validation.retrace import agreement
 
 SAMPLES: Final = 20
 """Number of stamps of a run at which costly checks are made."""
-
 DECODABLE: Final = Rule("every message has exactly the bytes of its type")
 MESSAGES: Final[Spec] = Spec("messages", (DECODABLE,), "messages")
 
 SPECS: Final[tuple[Spec, ...]] = (
     files.CHECKSUMS_SPEC, files.EXPERIMENT_SPEC, files.STRUCTURE, MESSAGES,
     streams.TOPICS, streams.COUNTS, streams.STAMPS, streams.SYNCHRONISATION, streams.CLOCK, streams.HEADERS,
-    streams.FRAMES, calibration.CALIBRATION, poses.STATIC_OBJECTS, poses.MOTION, poses.POSES, drive.DRIVE,
-    *(spec for kind in CHECKS for spec in kind.motion), commands.COMMANDS,
+    streams.FRAMES, motion.CALIBRATION, motion.STATIC_OBJECTS, motion.MOTION, motion.POSES, motion.DRIVE,
+    *(spec for kind in CHECKS for spec in kind.motion), motion.COMMANDS,
     *(spec for kind in CHECKS for spec in kind.form), world.OBJECT_CLASSES, agreement.LIDAR_AND_CAMERAS, world.WORLD,
-    *(spec for kind in CHECKS for spec in kind.retraced), reference.INDEPENDENT_RAYS,
+    *(spec for kind in CHECKS for spec in kind.retraced), INDEPENDENT_RAYS,
 )  # fmt: skip
 """All checks, in the order of the output."""
-
-_NOT_IDEAL: Final = (clocks.CLOCKS, *(spec for kind in CHECKS for spec in kind.signal))
+_NOT_IDEAL: Final = (streams.CLOCKS, *(spec for kind in CHECKS for spec in kind.signal))
 """Checks of a run with sensors that are not ideal."""
 ALL_SPECS: Final = (*SPECS, *_NOT_IDEAL, *(spec for kind in CHECKS for spec in kind.extras))
 """All checks, those of runs with sensors that are not ideal, and of what some runs only have, included."""
@@ -91,24 +89,24 @@ def validate(
         *SPECS,
         *_NOT_IDEAL * real,
         *(spec for kind in CHECKS for spec in kind.extras_of(context)),
-        *[readings.OTHER_SENSORS] * readings.are_checked(context),
+        *[kind_checks.OTHER_SENSORS] * kind_checks.are_checked(context),
     )
     return [found.get(spec.name, Check(spec.name, None, context.no_world)) for spec in specs]
 
 
 def _checkers(context: Context, full: bool, samples: int) -> list[Checker]:
     """All checks of messages."""
-    rays = None if context.rebuilt is None else reference.RayReference(context, context.rebuilt.world)
+    rays = None if context.rebuilt is None else RayReference(context, context.rebuilt.world)
     shared = Pass(context, world.ObjectClasses(context), rays, full, samples)
     # The true motion comes first: other checkers compare with it. The second ray tracer gets what they choose.
     checkers: list[Checker] = [
-        streams.Stamps(context), streams.Headers(context), calibration.Calibration(context),
-        poses.ModelStates(context), poses.Poses(context), drive.Drive(context), world.WorldObjects(context),
-        *(checker for kind in CHECKS for checker in kind.make(shared)), commands.Commands(context),
-        clocks.Clocks(context), shared.objects, agreement.Agreement(context, shared.sampler()),
+        streams.Stamps(context), streams.Headers(context), motion.Calibration(context),
+        motion.ModelStates(context), motion.Poses(context), motion.Drive(context), world.WorldObjects(context),
+        *(checker for kind in CHECKS for checker in kind.make(shared)), motion.Commands(context),
+        streams.Clocks(context), shared.objects, agreement.Agreement(context, shared.sampler()),
     ]  # fmt: skip
     if context.rebuilt is not None and rays is not None:
-        checkers += [readings.Readings(context, context.rebuilt), rays]
+        checkers += [kind_checks.Readings(context, context.rebuilt), rays]
     return checkers
 
 
