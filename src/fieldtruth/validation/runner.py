@@ -176,7 +176,7 @@ def _has_other_sensors(context: Context) -> bool:
 
 
 class Readings(Checker):
-    """Every reading of sensors without a check of their own, sensed again from the true motion, compared by the sensor's own ``difference``."""
+    """Every reading of kinds without a check, sensed again from the true motion and compared by ``difference``."""
 
     def __init__(self, context: Context, rebuilt: RebuiltWorld) -> None:
         self._context, self._tally = context, context.tally(OTHER_SENSORS)
