@@ -12,7 +12,7 @@ import numpy as np
 
 from fieldtruth.bag.base_messages import BASE
 from fieldtruth.bag.robot_messages import WORLD, rig_transforms
-from fieldtruth.core import frames, lenses
+from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
 from fieldtruth.core.yaml_io import write_mapping
@@ -96,7 +96,7 @@ def _title(sensor: SensorConfig) -> str:
 
 
 def _pose(parent_from_child: Array) -> list[str]:
-    angles = frames.rpy_deg_from_rotation(parent_from_child[:3, :3])
+    angles = transforms.rpy_deg_from_rotation(parent_from_child[:3, :3])
     return [f"{value:g}" for value in np.round([*parent_from_child[:3, 3], *angles], 6) + 0.0]
 
 
@@ -133,9 +133,9 @@ def camchain_text(rig: Rig) -> str:
         entry = {**lens, "resolution": [imager.config.width, imager.config.height]}
         entry["rostopic"] = imager.topic_of("photograph")
         if chain:
-            entry["T_cn_cnm1"] = _rows(frames.inverse(base_from_cam) @ last)
+            entry["T_cn_cnm1"] = _rows(transforms.inverse(base_from_cam) @ last)
         if rig.imus:
-            entry["T_cam_imu"] = _rows(frames.inverse(base_from_cam) @ rig.imus[0].mount.base_from_sensor)
+            entry["T_cam_imu"] = _rows(transforms.inverse(base_from_cam) @ rig.imus[0].mount.base_from_sensor)
             entry["timeshift_cam_imu"] = 0.0
         lines.append(f"# {name}: {imager.name}, frame {imager.optical_frame}\n")
         chain[name], last = entry, base_from_cam
@@ -241,7 +241,7 @@ def urdf_text(rig: Rig) -> str:
         joint = SubElement(robot, "joint", name=f"{child}_joint", type="continuous" if child in wheels else "fixed")
         SubElement(joint, "parent", link=parent)
         SubElement(joint, "child", link=child)
-        rpy = np.radians(frames.rpy_deg_from_rotation(parent_from_child[:3, :3]))
+        rpy = np.radians(transforms.rpy_deg_from_rotation(parent_from_child[:3, :3]))
         SubElement(joint, "origin", xyz=_numbers(parent_from_child[:3, 3]), rpy=_numbers(rpy))
         if child in wheels:
             SubElement(joint, "axis", xyz="0 1 0")
