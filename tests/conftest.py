@@ -75,6 +75,7 @@ def flat_world() -> World:
 @pytest.fixture(scope="session")
 def small_ground_images() -> Iterator[None]:
     """Scenes for other tools with small images of the ground, because each of the full size takes a second."""
+    from fieldtruth.interchange import ground
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ground, "GROUND_PIXELS", 128)

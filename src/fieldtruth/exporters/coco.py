@@ -62,23 +62,11 @@ _SUPERCATEGORIES: Final = {
     Label.ROBOT: "robot",
     Label.PARTICLE: "air",
 }
-
-
 STUFF: Final = frozenset({Label.GROUND, Label.TRAIL, Label.HIGH_GRASS, Label.WATER, Label.SKY}) | NOT_OF_WORLDS
-
-
 """Classes that are not countable. A class of another ontology is countable if all of ours that it holds are."""
-
-
 _BITS: Final = 24
-
-
 """Bits of a segment id in a panoptic image."""
-
-
 _SINGLE: Final = re.compile(r"_\d+$")
-
-
 """Names of single objects end in a number (``bench_3``); those of the ground and of countable swarms do not."""
 
 

@@ -42,11 +42,7 @@ from fieldtruth.exporters.image_files import flow_flo, flow_png, metres_npy, mil
 from fieldtruth.ontology.label_map import LabelMap
 
 Numbers = tuple[float | np.float32, ...]
-
-
 Row = Callable[[Any], Numbers]
-
-
 """Returns the values of a message."""
 
 
@@ -128,19 +124,13 @@ def _xyzw(q: Any) -> Numbers:
 
 
 _POSE: Final = "t_ns x y z qx qy qz qw"
-
-
 _POSE_ABOUT: Final = (
     "true pose of base_link in the world: x north, y west, z up [m], and the unit quaternion that rotates vectors from"
     " base_link to the world"
 )
-
-
 _POSE_OF_MODEL: Final = TextFile(
     table.MODEL_STATES, "gazebo_msgs/msg/ModelStates", "pose_ground_truth.txt", _POSE, _POSE_ABOUT, _odometry
 )
-
-
 _POSE_OF_ODOMETRY: Final = TextFile(
     table.ODOMETRY, "nav_msgs/msg/Odometry", "pose_ground_truth.txt", _POSE, _POSE_ABOUT, _odometry
 )
@@ -207,8 +197,6 @@ def _odometry_files(odometry: Source) -> Iterator[TextFile]:
 
 
 _PAPER_GNSS: Final = "gnss"
-
-
 _FILES: Final[dict[type[Reading], Callable[[Source], Iterator[TextFile]]]] = {
     Inertial: _imu_file,
     Fix: _gnss_file,
@@ -216,8 +204,6 @@ _FILES: Final[dict[type[Reading], Callable[[Source], Iterator[TextFile]]]] = {
     Joints: _joints_file,
     Odometry: _odometry_files,
 }
-
-
 """Files by type of the readings, in their order."""
 
 
@@ -291,14 +277,8 @@ def _rounded(values: Array) -> Any:
 
 
 README: Final = "README.txt"
-
-
 SHEET: Final = "data_proportion.xlsx"
-
-
 CALIBRATION: Final = "calibration.yaml"
-
-
 OBJECTS: Final = "instances.csv"
 
 
@@ -449,27 +429,17 @@ _STAMPS: Final = (
     "the same stamp were taken at the same instant. They are the stamps of the message headers. Wheel speeds and model "
     "states have no header: their stamps, and those of headers whose stamp is 0, are the bag's."
 )
-
-
 _NUMBERS: Final = (
     "Text files have no header line; the names of their columns are listed above. Numbers keep every bit of the bag: "
     "float32 in clouds and wheel speeds, float64 elsewhere."
 )
-
-
 _PAPER: Final = (
     "M. Sánchez, J. Morales, J. L. Martínez, J. J. Fernández-Lozano, A. García-Cerezo:\n"
     "Automatically Annotated Dataset of a Ground Mobile Robot in Natural Environments via Gazebo Simulations.\n"
     "Sensors 2022, 22(15), 5599. https://doi.org/10.3390/s22155599"
 )
-
-
 _POSES: Final = (table.MODEL_STATES, table.ODOMETRY)
-
-
 """Topics of the true poses."""
-
-
 _PER_RUN: Final = {
     CALIBRATION: "projection of the cameras, their baseline, and the pose of every sensor",
     OBJECTS: "columns id,name: the objects in the instance images",

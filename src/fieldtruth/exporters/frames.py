@@ -30,8 +30,6 @@ from fieldtruth.datasets.folder import bags_in
 from fieldtruth.ontology.label_map import LabelMap
 
 SPLITS: Final = ("train", "val", "test")
-
-
 _UNSAFE: Final = re.compile(r"[^A-Za-z0-9_-]")
 
 
@@ -108,8 +106,6 @@ def _names(runs: Sequence[Run]) -> list[str]:
 
 
 LIDAR: Final = "lidar"
-
-
 """Name of the LiDAR whose entries are not named after it: the paper's."""
 
 

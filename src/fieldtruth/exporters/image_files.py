@@ -30,26 +30,12 @@ def metres_npy(metres: NDArray[np.float32]) -> bytes:
 
 
 _ZERO: Final = 1 << 15
-
-
 """Sample that stands for 0, of normals and of flow."""
-
-
 _ONE: Final = (1 << 15) - 1
-
-
 """Steps of a component of a normal from 0 to 1."""
-
-
 _PER_PIXEL: Final = 64.0
-
-
 """Steps of flow in a pixel (KITTI's devkit of flow and stereo, 2015)."""
-
-
 _UNKNOWN: Final = np.float32(1e10)
-
-
 """Flow that is not known: above 1e9 (Baker et al., "A Database and Evaluation Methodology for Optical Flow", 2011)."""
 
 
@@ -79,11 +65,7 @@ def flow_flo(flow: NDArray[np.float32]) -> bytes:
 
 
 _SHORT, _LONG = 3, 4
-
-
 _HEADER: Final = struct.Struct("<2sHL")
-
-
 _ENTRY: Final = struct.Struct("<HHLL")
 
 

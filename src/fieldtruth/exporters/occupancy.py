@@ -110,11 +110,7 @@ def _meshes_of(world: World) -> VoxelMeshes:
 
 
 LEAST_M: Final = 0.01
-
-
 MOST_M: Final = 10.0
-
-
 _MOST_CELLS: Final = 1 << 16
 
 

@@ -25,8 +25,6 @@ from fieldtruth.exporters.sequences import first_views
 from fieldtruth.exporters.tum import tum_text
 
 _UINT8, _UINT32, _FLOAT32 = 2, 6, 7
-
-
 """Datatypes of sensor_msgs/PointField."""
 
 
@@ -44,8 +42,6 @@ class ImuNoise(NamedTuple):
 
 
 ASSUMED_NOISE: Final = ImuNoise(1.6968e-4, 2.0e-3, 1.9393e-5, 3.0e-3)
-
-
 """Of an IMU without noise, because filters divide by it: an ADIS16448 as in sensor.yaml of the EuRoC data set (Burri et
 al., 2016, doi 10.1177/0278364915620033)."""
 
@@ -191,27 +187,13 @@ def _view(run: Run, view: Source) -> ViewFacts:
 
 
 Files = dict[str, str]
-
-
 """Text by name of the file."""
-
-
 _LEAST_VARIANCE: Final = (0.1, 0.1, 1e-4, 1e-4)
-
-
 """acc_cov, gyr_cov, b_acc_cov, b_gyr_cov in every file of hku-mars/FAST_LIO 7cc4175: with room for vibration and for
 what the filter neglects, more than most IMUs have of noise."""
-
-
 _MARSIM, _VELODYNE, _OUSTER = 4, 2, 3
-
-
 """FAST-LIO2's lidar_type: points without time, with ``time``, with ``t``."""
-
-
 _SECOND, _NANOSECOND = 0, 3
-
-
 """Its timestamp_unit."""
 
 
@@ -340,17 +322,9 @@ def _quaternion_and_position(a_from_b: Array) -> list[float]:
 
 
 _YAML: Final = "%YAML:1.0\n"
-
-
 """The first line of a file that FileStorage reads."""
-
-
 _ITEM: Final = re.compile(r"^( *)- ", re.MULTILINE)
-
-
 """Beginning of an item of a list, which FileStorage wants further to the right than the list's key."""
-
-
 _ESTIMATOR: Final[Mapping[str, Any]] = {
     "verbosity": "INFO", "use_fej": True, "integration": "rk4",
     "calib_cam_extrinsics": False, "calib_cam_intrinsics": False, "calib_cam_timeoffset": False,
@@ -374,8 +348,6 @@ _ESTIMATOR: Final[Mapping[str, Any]] = {
     "up_aruco_sigma_px": 1.0, "up_aruco_chi2_multipler": 1.0,
     "relative_config_imu": "kalibr_imu_chain.yaml", "relative_config_imucam": "kalibr_imucam_chain.yaml",
 }  # fmt: skip
-
-
 """Every key that OpenVINS requires, with the values of its config/euroc_mav; calibration is exact, so it is not
 estimated, and it starts in motion (init_dyn_use)."""
 
@@ -522,21 +494,15 @@ PROGRAMS: Final[Mapping[str, Callable[[Facts], Files | str]]] = {
     "OpenVINS": open_vins,
     "ORB-SLAM3": orb_slam3,
 }
-
-
 _README: Final = """\
 Configuration files of SLAM programs for {run}
 
 {sensors}
 {files}"""
-
-
 _REPUBLISH: Final = """\
 
 OpenVINS and ORB-SLAM3 read raw images; the photographs in the bag are JPEG:
 {lines}"""
-
-
 _ORB_TOPICS: Final = """\
 ORB-SLAM3 has names of its own for topics. Beside these, start it with:
   {remaps}

@@ -27,26 +27,12 @@ from fieldtruth.exporters.image_files import metres_npy, millimetres_png
 from fieldtruth.exporters.sequences import first_views, require_pinholes
 
 EDGES: Final = (0.0, 2.5, 5.0, 10.0, 20.0, 40.0, 80.0, np.inf)
-
-
 """Ranges of true depth [m], each without its end."""
-
-
 BAD: Final = 3.0
-
-
 """Error [pixel] of a disparity from which a match is wrong, as in KITTI's stereo benchmark (2012)."""
-
-
 _STEPS: Final = 4000
-
-
 _LEAST: Final = 1e-5
-
-
 _PER_DECADE: Final = 500
-
-
 """Relative errors are counted in a histogram of even steps of their logarithm, each 0.46 %, from 1e-5 to 1e3."""
 
 
@@ -111,20 +97,10 @@ def _median(histogram: Counts) -> str:
 
 
 NEAREST: Final = 1.0
-
-
 """Depth [m] of the largest disparity that is searched."""
-
-
 _BLOCK: Final = 5  # [pixel]
-
-
 _UNIT: Final = 16.0
-
-
 """OpenCV's disparities are integers in sixteenths of a pixel."""
-
-
 _README: Final = """\
 Depth of {left} from the photographs of {left} and {right} of {run}, by OpenCV's StereoSGBM
 
@@ -134,15 +110,11 @@ stereo/NS.npy: the same in metres, float32; infinite where nothing was matched
 NS is the stamp in nanoseconds. Depth = f B / disparity, with f B = {scale:.6g} pixel m. Disparities up to {most} pixels
 were searched, so nothing nearer than {nearest:.2f} m is matched.
 """
-
-
 _TRUTH: Final = """\
 true/NS.png, true/NS.npy: the true depth, in the same units; infinite in the sky
 errors.csv: a row for each range of true depth: pixels, share of them that was matched and, of the matched, the share
   with a disparity more than 3 pixels wrong and the median of the relative error of the depth
 """
-
-
 _NO_TRUTH: Final = "The bag has no true depth to compare with; record it with generate --extras depth.\n"
 
 

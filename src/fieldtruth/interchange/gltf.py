@@ -30,23 +30,11 @@ from fieldtruth.interchange.surfaces import Surface, beyond_edge, encode_image, 
 from fieldtruth.world.model import Mesh, Swarm, World
 
 STEPS: Final = tuple(2.0 ** (k / 4) for k in range(-2, 3))
-
-
 """Steps of brightness, 19 % apart: a rounded tint is at most 9 % off within their range."""
-
-
 NEUTRAL: Final = STEPS.index(1.0)
-
-
 _LUMINANCE: Final = (0.2126, 0.7152, 0.0722)
-
-
 _REPEAT, _CLAMP, _LINEAR, _MIPMAPS = 10497, 33071, 9729, 9987
-
-
 Look = tuple[str, int]
-
-
 """A material's name and a step of brightness."""
 
 
@@ -119,17 +107,9 @@ class Materials:
 
 
 INSTANCING: Final = "EXT_mesh_gpu_instancing"
-
-
 _FACE_BYTES: Final = 250
-
-
 """Memory for a face of the largest mesh while it is split and written."""
-
-
 _NODE_BYTES: Final = 3000
-
-
 """Memory for the JSON of a node."""
 
 

@@ -27,38 +27,16 @@ from fieldtruth.render.materials import material_table
 from fieldtruth.world.model import Heightfield, Raster, Terrain, World
 
 _TOLERANCE: Final = 0.002
-
-
 """A triangle is divided further where the middle of its cut is farther than this [m] from the contour."""
-
-
 _DEPTH: Final = 3
-
-
 """How often it may be divided further."""
-
-
 _SNAP: Final = 0.0005
-
-
 """A cut nearer to a vertex than this [m] passes through the vertex: no thin slivers."""
-
-
 _WELD: Final = 1e-5
-
-
 """Vertices nearer than this [m] are one."""
-
-
 _SMALLEST: Final = 1e-8
-
-
 """Smaller triangles [m^2] are left out."""
-
-
 _CORNERS: Final = np.array([[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]])
-
-
 """The two triangles of a cell, anticlockwise seen from above, as ``Heightfield`` divides it."""
 
 
@@ -261,20 +239,10 @@ def _crossing(a: Array, b: Array, distance: Raster) -> Array:
 
 
 GROUND_PIXELS: Final = 2048
-
-
 """Side of a tile's image in scenes: 12 mm a pixel on tiles of 25 m."""
-
-
 _ROWS: Final = 128
-
-
 """Rows of an image that are made at once, which bounds the memory."""
-
-
 _CODES: Final = np.rint(srgb_from_linear(np.arange(65536) / 65535.0) * 255.0).astype(np.uint8)
-
-
 """The byte of sRGB for linear values in steps of 1 / 65535."""
 
 

@@ -26,14 +26,8 @@ from fieldtruth.world.model import Material, Mesh, World
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES
 
 BREAST_HEIGHT: Final = 1.3
-
-
 """Height above the ground [m] at which the diameter of a trunk is measured, as foresters do."""
-
-
 TRUNK_WITHIN: Final = 0.8
-
-
 """Distance [m] from a tree's position within which a section of wood belongs to the trunk and not to a branch.
 
 The middle of a crooked oak's trunk is up to 0.7 m aside at breast height."""
@@ -156,43 +150,23 @@ def _crossing(one: Array, other: Array, height: float) -> Array:
 
 
 Value = int | float | str | None
-
-
 ColumnType = Literal["INTEGER", "REAL", "TEXT"]
-
-
 WGS_84: Final = 4326
-
-
 """EPSG code of latitude and longitude; coordinates in the file are (longitude, latitude)."""
-
-
 _APPLICATION_ID: Final = 0x47504B47  # "GPKG"
-
-
 _VERSION: Final = 10400
-
-
 _CHANGED: Final = "1980-01-01T00:00:00.000Z"
-
-
 _POINT: Final = struct.Struct("<2sBBiBIdd")
-
-
 _DEFINITION: Final = (
     'GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257223563,AUTHORITY["EPSG","7030"]],'
     'AUTHORITY["EPSG","6326"]],PRIMEM["Greenwich",0,AUTHORITY["EPSG","8901"]],'
     'UNIT["degree",0.0174532925199433,AUTHORITY["EPSG","9122"]],AUTHORITY["EPSG","4326"]]'
 )
-
-
 _SYSTEMS: Final = (
     ("Undefined Cartesian", -1, "NONE", -1, "undefined", "undefined Cartesian coordinates"),
     ("Undefined geographic", 0, "NONE", 0, "undefined", "undefined geographic coordinates"),
     ("WGS 84", WGS_84, "EPSG", WGS_84, _DEFINITION, "longitude and latitude [deg] on the WGS 84 ellipsoid"),
 )
-
-
 _TABLES: Final = """
 CREATE TABLE gpkg_spatial_ref_sys (srs_name TEXT NOT NULL, srs_id INTEGER PRIMARY KEY, organization TEXT NOT NULL,
     organization_coordsys_id INTEGER NOT NULL, definition TEXT NOT NULL, description TEXT);
@@ -254,11 +228,7 @@ def _point(latitude: float, longitude: float) -> bytes:
 
 
 OBJECTS: Final = "inventory"
-
-
 MEMBERS: Final = "swarm_members"
-
-
 COLUMNS: Final[Mapping[str, ColumnType]] = {
     "instance_id": "INTEGER",
     "name": "TEXT",
@@ -280,14 +250,8 @@ COLUMNS: Final[Mapping[str, ColumnType]] = {
     "leaf_area_m2": "REAL",
     "volume_m3": "REAL",
 }
-
-
 """Columns of both tables. Empty: the object has no such part."""
-
-
 _DECIMALS: Final = {"latitude_deg": 9, "longitude_deg": 9, "volume_m3": 9}
-
-
 _DECIMALS_OF_METRES: Final = 4
 
 

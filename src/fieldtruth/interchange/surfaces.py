@@ -97,8 +97,6 @@ def placed(surface: Surface, poses: NDArray[np.float64], tints: NDArray[np.float
 
 
 BEYOND_TILE: Final = 8
-
-
 """Side of a tile of members beyond the edge, in sides of a tile inside, because they are few and far."""
 
 
@@ -173,8 +171,6 @@ def _merged(world: World, swarm: Swarm, members: NDArray[np.intp]) -> tuple[Surf
 
 
 JPEG_QUALITY: Final = 90
-
-
 """Textures of 512 x 512 texels: 60 to 130 kB, a quarter of their PNG."""
 
 

@@ -36,14 +36,8 @@ from fieldtruth.interchange.surfaces import Surface, beyond_edge, encode_image, 
 from fieldtruth.world.model import Material, Mesh, Swarm, World
 
 INSTANCE_ID: Final = "fieldtruth:instanceId"
-
-
 CLASS_ID: Final = "fieldtruth:classId"
-
-
 TRANSLUCENCY: Final = "fieldtruth:translucency"
-
-
 """Share of the light that leaves transmit, on their materials: ``UsdPreviewSurface`` has no such input."""
 
 
@@ -169,20 +163,10 @@ def add_tint(prim: Usd.Prim, tints: Float32Array) -> None:
 
 
 STAGE: Final = "world.usdc"
-
-
 TEXTURES: Final = "textures"
-
-
 _VERTEX_BYTES, _FACE_BYTES, _MEMBER_BYTES = 64, 32, 300
-
-
 """Memory while a stage is saved: for a vertex and a face of a mesh that is shared, and for a member of a swarm."""
-
-
 _ROOT: Final = Sdf.Path("/World")
-
-
 _MATERIALS, _PROTOTYPES, _OBJECTS, _SWARMS, _GROUND, _BACKDROP = (
     _ROOT.AppendChild(name) for name in ("Materials", "Prototypes", "Objects", "Swarms", "Ground", "Backdrop")
 )
