@@ -18,7 +18,7 @@ from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL
 from fieldtruth.sensors.camera.signal_camera import Camera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
-from fieldtruth.world.ground_types import GROUND_TYPES
+from fieldtruth.world.materials import GROUND_TYPES
 from fieldtruth.world.model import World
 
 LOW_SUN = LightConfig(sun_azimuth_deg=0.0, sun_elevation_deg=20.0)

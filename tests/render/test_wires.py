@@ -21,7 +21,7 @@ from fieldtruth.sensors.camera.lens_config import LensConfig
 from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.camera.ray_table import ray_table
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
-from fieldtruth.world.furniture.cables import CONDUCTOR_RADIUS, hang, make_cable
+from fieldtruth.world.power_lines import CONDUCTOR_RADIUS, hang, make_cable
 
 PIXELS, FOCAL = 160, 300.0
 HEIGHT = 8.0

@@ -20,9 +20,9 @@ from fieldtruth.sensors.camera.config import OPTICAL
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar
-from fieldtruth.world.furniture import hang, make_cable, make_power_pole
+from fieldtruth.world.grids import Line
 from fieldtruth.world.materials import MATERIALS
-from fieldtruth.world.trails import Line
+from fieldtruth.world.power_lines import hang, make_cable, make_power_pole
 
 
 def test_rays_at_a_cable_and_a_pole() -> None:

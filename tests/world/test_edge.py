@@ -11,8 +11,8 @@ from sense_worlds import F8, box, make_world, quad, trace_rays, without_textures
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.sense.scene import Scene
+from fieldtruth.world.assembly import cut_at_edge
 from fieldtruth.world.build import build_world, layout_model, load_world
-from fieldtruth.world.edge import cut_at_edge
 from fieldtruth.world.model import Mesh, Swarm, World
 
 
