@@ -16,7 +16,6 @@ from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthError, RouteError
-from fieldtruth.core.frames import rotation_from_quaternion_wxyz, yaw_from_rotation
 from fieldtruth.core.progress import Progress
 from fieldtruth.core.transforms import rotation_from_quaternion_wxyz, yaw_from_rotation
 from fieldtruth.experiment.route import metres_from_route
