@@ -74,10 +74,10 @@ def flat_world() -> World:
 @pytest.fixture(scope="session")
 def small_ground_images() -> Iterator[None]:
     """Scenes for other tools with small images of the ground, because each of the full size takes a second."""
-    from fieldtruth.interchange import ground_image
+    from fieldtruth.interchange import ground
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ground_image, "GROUND_PIXELS", 128)
+        patch.setattr(ground, "GROUND_PIXELS", 128)
         yield
 
 
