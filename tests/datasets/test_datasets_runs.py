@@ -14,7 +14,7 @@ import pytest
 from dataset_bags import equal
 
 from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.datasets import GEOMETRY, ITEMS, RunDataset, Runs, open_runs, split
+from fieldtruth.datasets import GEOMETRY, ITEMS, RunDataset, Runs, collate, open_runs, split
 from fieldtruth.experiment.files import dump_experiment, load_experiment
 
 RAGGED = ("cloud", "labels", "instances", "rays", "reflectivity")

@@ -15,7 +15,7 @@ from rosbags.highlevel import AnyReader
 
 from fieldtruth.bag.file import BagError
 from fieldtruth.core.errors import UnknownNameError
-from fieldtruth.datasets import RunDataset, open_runs
+from fieldtruth.datasets import RunDataset, collate, open_runs
 from fieldtruth.sensors.camera.message import camera_matrix
 
 RIG = many_rig()

@@ -1,6 +1,6 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""Bag files as they are stored: chunks of messages and their connections in any format, the format of ROS 1, and errors.
+"""Bag files as they are stored: chunks of messages and their connections in any format, that of ROS 1, and errors.
 
 Errors of the libraries below become one clear line. Of a bag of ROS 1 (version 2.0), only the list of chunks is read:
 ROS's readers, and that of rosbags, first read the index of all messages, which at 1000 Hz is larger than all images in

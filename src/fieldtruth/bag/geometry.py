@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Geometry in a bag: true poses of the robot and of objects, mounts of the sensors, and projection of the cameras.
 
-Poses are in /ground_truth/odom or, if that is missing, in /gazebo/model_states, mounts in /tf_static, and projections in
-CameraInfo.
+Poses are in /ground_truth/odom or, if that is missing, in /gazebo/model_states, mounts in /tf_static, and projections
+in CameraInfo.
 """
 
 import struct

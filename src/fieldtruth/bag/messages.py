@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages of ROS 1: typed classes, the store that serialises them, and those of the robot and its motion.
 
-Only here quaternions are converted to ROS's order (x, y, z, w). Covariances are all zero: the poses are exact. ROS reads
-zeros as "unknown", so a filter must be given its own.
+Only here quaternions are converted to ROS's order (x, y, z, w). Covariances are all zero: the poses are exact. ROS
+reads zeros as "unknown", so a filter must be given its own.
 """
 
 import struct

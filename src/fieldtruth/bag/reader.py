@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Read a bag as a stream, or its messages in any order.
 
-A stream has the list of chunks in memory and one chunk at a time, however long the bag is. ``Storage`` reads messages by
-position from any process and thread; no file stays open between two reads. A bag is a file of ROS 1 or an MCAP file;
+A stream has the list of chunks in memory and one chunk at a time, however long the bag is. ``Storage`` reads messages
+by position from any process and thread; no file stays open between two reads. A bag is a file of ROS 1 or an MCAP file;
 messages of ROS 2 are handed out as ROS 1 serialises them.
 """
 
