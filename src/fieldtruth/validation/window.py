@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive.state import State, state_at
-from fieldtruth.drive.track import Motion
+from fieldtruth.drive.track import Motion, State, state_at
 
 KEPT: Final = 4096
 """Rows that are kept at least: four seconds at 1 kHz."""
