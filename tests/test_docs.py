@@ -22,7 +22,7 @@ from fieldtruth.cli import main
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import Mount
-from fieldtruth.experiment.files import parse_experiment
+from fieldtruth.experiment.files import load_experiment, parse_experiment
 from fieldtruth.experiment.problems import condition_at, models_of
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import MountedConfig
@@ -32,6 +32,7 @@ from fieldtruth.sensors.gnss.config import GnssConfig
 from fieldtruth.sensors.imu.config import ImuConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.wheel_odometry.config import WheelOdometryConfig
+from fieldtruth.validation.context import RebuiltWorld
 from fieldtruth.validation.runner import validate
 from fieldtruth.world.build import layout_model
 from fieldtruth.world.environments import ENVIRONMENTS
@@ -193,13 +194,20 @@ def test_the_readme_lists_the_topics_with_types_and_rates() -> None:
     assert {name: (kind.partition(" ")[0], rate) for name, (kind, rate) in listed.items()} == true
 
 
-def test_the_readmes_script_is_the_example() -> None:
+def test_the_readmes_script_runs(park: RebuiltWorld, capsys: pytest.CaptureFixture[str]) -> None:
+    """With a short drive in the park's world for each of its two."""
     [snippet] = re.findall(r"```python\n(.*?)```", README, flags=re.S)
-    example = {line.strip() for line in (ROOT / "examples/labelled_frame.py").read_text(encoding="utf-8").splitlines()}
-    lines = [line for line in snippet.splitlines() if line]
-    assert len(lines) <= 10
-    for line in lines:
-        assert line in example
+    assert snippet in (ROOT / "docs/simulation.md").read_text(encoding="utf-8")
+    values = load_experiment("park_1").model_dump() | {"seconds": 0.2}
+    values["rig"]["cameras"] = {"width": 32, "height": 24}
+    short = f"Experiment.model_validate({values!r}), world=park.world, scene=park.scene"
+    for name in ("park_1", "forest_1"):
+        assert f'"{name}"' in snippet
+        snippet = snippet.replace(f'"{name}"', short)
+    exec(compile(snippet.replace("seed=3", "seed=0"), "README.md", "exec"), {"Experiment": Experiment, "park": park})
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.count("(24, 32, 3)") for line in lines] == [1] * len(lines[:-2]) + [0, 0]
+    assert lines[-1].startswith("200000000 [")
 
 
 @pytest.mark.slow

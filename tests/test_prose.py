@@ -19,12 +19,7 @@ DOCUMENTS = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *TEMPLATES]
 
 # Each banned pattern with what to write instead; matched without regard to case.
 PROSE = {
-    r"\bthings?\b": "object, or the noun itself",
-    r"(?<!in )(?<!take )(?<!takes )(?<!decimal )\bplaces?\b": "environment, world, pose, position or file",
-    r"(?<!documentation )\bsites?\b(?![-_])": "world builder, or the noun itself",
     r"\bway-points?\b": "waypoint",
-    r"(?<!by the )(?<!one )(?<!rule )\bways?\b": "path, route, direction, or how",
-    r"\b(?:tells?|told|telling)\b": "states, reports, shows",
     r"\b(?:whoever|nobody|somebody)\b": "name the subject",
     r"\bthe rather\b": "the more",
     r"\bthere is no \w+; needed\b|\bneeded is\b|\ballowed is\b": "'KEY must be ..., got ...'",

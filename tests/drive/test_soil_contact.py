@@ -17,7 +17,7 @@ from fieldtruth.drive.simulate import SimulatedRobot, drive
 from fieldtruth.drive.soil import SOILS, SoilContact, soil_rows
 from fieldtruth.experiment.robot_config import WheelConfig
 from fieldtruth.kernels.soil import compaction, sinkage
-from fieldtruth.world.ground_types import GROUND_TYPES
+from fieldtruth.world.materials import GROUND_TYPES
 from fieldtruth.world.model import Raster, World
 
 RADIUS = WheelConfig().radius

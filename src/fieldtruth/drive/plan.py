@@ -24,11 +24,11 @@ from typing import Final
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.errors import DriveError, RouteError
-from fieldtruth.core.frames import quaternion_wxyz_from_rotation, rotation_from_quaternion_wxyz
 from fieldtruth.core.progress import Advance
+from fieldtruth.core.transforms import quaternion_wxyz_from_rotation, rotation_from_quaternion_wxyz
 from fieldtruth.drive.controller import KinematicSimulator
 from fieldtruth.drive.ground import bearing_field
 from fieldtruth.drive.physics import resting_pose
@@ -219,7 +219,7 @@ def poses_along(path: Array, spacing: float) -> Array:
 def pose_on_ground(field: Heightfield, pose: Array, rig: Rig) -> Array:
     """Return world_from_base (4, 4) of a robot at rest on the ground at x, y [m] with a heading [rad]."""
     x, y, heading = pose
-    return frames.pose_from_quaternion_wxyz(*resting_pose(field, np.array([x, y]), float(heading), rig))
+    return transforms.pose_from_quaternion_wxyz(*resting_pose(field, np.array([x, y]), float(heading), rig))
 
 
 def standing_robot(world: World, experiment: Experiment) -> Track:

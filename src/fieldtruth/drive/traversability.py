@@ -18,7 +18,7 @@ from scipy.ndimage import distance_transform_edt
 from scipy.spatial import ConvexHull
 
 from fieldtruth.core.arrays import Array, Mask
-from fieldtruth.core.frames import pose, transform
+from fieldtruth.core.transforms import pose, transform
 from fieldtruth.drive.ground import (
     WHOLE,
     HardSurface,

@@ -10,9 +10,9 @@ import numpy as np
 from fieldtruth.bag.track_file import TrackFile, read_track_file
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.core.frames import pose_from_quaternion_wxyz
 from fieldtruth.core.progress import Advance
-from fieldtruth.drive.physics import Command
+from fieldtruth.core.transforms import pose_from_quaternion_wxyz
+from fieldtruth.drive.physics import STEP_NS, Command
 from fieldtruth.drive.plan import plan_and_drive, standing_robot
 from fieldtruth.drive.simulate import Checkpoint, Drive, SimulatedRobot
 from fieldtruth.drive.track import (
