@@ -11,7 +11,6 @@ from series import fixes_along, imu_along, tachometers_along
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.geodesy import world_from_geodetic
 from fieldtruth.core.transforms import rotation_from_quaternion_wxyz, wxyz_from_xyzw
-from fieldtruth.drive.physics import STEP_NS
 from fieldtruth.drive.simulate import drive
 from fieldtruth.drive.track import STEP_NS, Motion, Track, WheelMotion, steps_at_rate
 from fieldtruth.experiment.fields import Mount

@@ -21,7 +21,6 @@ from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Counts
 from fieldtruth.core.errors import TrackError
 from fieldtruth.core.transforms import wxyz_from_xyzw, xyzw_from_wxyz
-from fieldtruth.drive.physics import STEP_NS, STEP_S
 from fieldtruth.drive.track import STEP_NS, STEP_S, Motion, Track, sweep_steps
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.world.model import Collider, World

@@ -39,8 +39,6 @@ from scipy.spatial.transform import Rotation
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.transforms import pose, quaternion_wxyz_from_rotation
 from fieldtruth.drive.ground import bearing_field
-from fieldtruth.drive.physics import CHASSIS_BIT, OUTLINE_BIT, Support, add_robot, plane_geom, supports
-from fieldtruth.drive.surroundings import DAMPING_RATIO
 from fieldtruth.drive.track import STEP_S
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import Box as Box

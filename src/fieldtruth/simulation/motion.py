@@ -12,7 +12,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
 from fieldtruth.core.progress import Advance
 from fieldtruth.core.transforms import pose_from_quaternion_wxyz
-from fieldtruth.drive.physics import STEP_NS, Command
+from fieldtruth.drive.physics import Command
 from fieldtruth.drive.plan import plan_and_drive, standing_robot
 from fieldtruth.drive.simulate import Checkpoint, Drive, SimulatedRobot
 from fieldtruth.drive.track import (
