@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from sense_worlds import F8, at, box, make_world, quad
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.lenses import FLAT
 from fieldtruth.experiment.light_config import PRESETS, Preset
 from fieldtruth.experiment.sensor_models import preset_of
@@ -34,7 +34,7 @@ from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar
 
 SIDE: Final = 60.0  # [m], of the world
-POSE: Final = frames.pose((0, 0.3, 1.1), (0, 4, 20))
+POSE: Final = transforms.pose((0, 0.3, 1.1), (0, 4, 20))
 WEATHERS: Final = {
     "fog": WeatherConfig(fog_visibility_m=50),
     "low fog": WeatherConfig(fog_visibility_m=50, fog_height_m=3),

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 from sense_worlds import at, box, make_world
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.rig import Rig
@@ -34,7 +34,7 @@ def view_from(xyz: tuple[float, ...], rpy: tuple[float, ...]) -> tuple[Imager, R
 
 
 def photographed(baked: BakedScene, imager: Imager, view: RobotView | None, yaw: float = 0.0) -> CameraImages:
-    pose = frames.pose((0.0, 0.0, 0.13), (0.0, 0.0, yaw)) @ imager.base_from_optical
+    pose = transforms.pose((0.0, 0.0, 0.13), (0.0, 0.0, yaw)) @ imager.base_from_optical
     return Camera(imager.config, baked).render(pose, view)
 
 

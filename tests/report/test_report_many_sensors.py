@@ -20,7 +20,7 @@ from fieldtruth.bag import decode as read
 from fieldtruth.bag.calibration import read_static_frames
 from fieldtruth.bag.run import open_run
 from fieldtruth.bag.trajectory import read_trajectory
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.core.progress import Silent
 from fieldtruth.drive.expected_path import pose_on_ground
@@ -187,7 +187,7 @@ def test_cloud_has_the_points_of_each_lidar_in_the_world(page: Page, many_run: P
             cloud = read.points(r.message)
             xyz = np.column_stack([cloud[axis] for axis in "xyz"]).astype(np.float64)
             seen.append(
-                frames.transform(trajectory.world_from_base(r.stamp_ns) @ static.base_from(f"{name}_link"), xyz)
+                transforms.transform(trajectory.world_from_base(r.stamp_ns) @ static.base_from(f"{name}_link"), xyz)
             )
         known = {tuple(row) for row in np.concatenate(seen).round(6).tolist()}
         assert count > 1000

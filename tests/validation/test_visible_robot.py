@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sense_worlds import at, box, make_world
 
 from fieldtruth.bag.decode import labels, points, read_bag
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.files import load_experiment
@@ -39,7 +39,7 @@ RIG = Rig.model_validate({
         "mount": {"xyz": [0.1, 0.05, 0.6], "rpy_deg": [3.0, 25.0, 20.0]},
     }],
 })  # fmt: skip
-WORLD_FROM_BASE = frames.pose((2.0, 1.0, 0.14), (2.0, 3.0, 40.0))
+WORLD_FROM_BASE = transforms.pose((2.0, 1.0, 0.14), (2.0, 3.0, 40.0))
 
 
 def test_the_search_finds_what_the_formulas_find() -> None:

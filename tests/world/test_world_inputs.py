@@ -14,7 +14,7 @@ from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.world.build import layout_model, reserved_corridors, world_key
 from fieldtruth.world.environments import ENVIRONMENTS, Environment
-from fieldtruth.world.trails import Line
+from fieldtruth.world.grids import Line
 
 
 @pytest.mark.parametrize("name", experiment_names())
@@ -61,8 +61,7 @@ def test_another_builtin_experiment_changes_no_world(monkeypatch: pytest.MonkeyP
         "world/plants/growth.py",
         "world/data/trees/birch.yaml",
         "world/build.py",
-        "world/store.py",
-        "core/frames.py",
+        "core/transforms.py",
         "core/classes.py",
     ],
 )

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fieldtruth.bag.run import Run
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import CLASSES
 from fieldtruth.core.readings import Image
@@ -39,7 +39,7 @@ class CocoBoxes:
 
     def of(self, camera: str, segments: Sequence[Segment], world_from_optical: Array) -> dict[int, dict[str, Any]]:
         """Keys by id of the segment, for an image of a camera's view from a pose (4, 4)."""
-        whole, found, optical_from_world = self._whole(camera), {}, frames.inverse(world_from_optical)
+        whole, found, optical_from_world = self._whole(camera), {}, transforms.inverse(world_from_optical)
         for segment in segments:
             category, number = divmod(segment.id, 1 << self._bits)
             if number not in self._boxes:

@@ -22,7 +22,7 @@ from fieldtruth.bag.errors import BagError
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.sources import Source
 from fieldtruth.bag.trajectory import read_trajectory
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.readings import Fix, Image, Inertial, Joints, Odometry, Reading, WheelSpeeds
 
@@ -245,11 +245,11 @@ def _frames(run: Run) -> dict[str, Any]:
     static = run.static
     described: dict[str, Any] = {}
     for frame, (parent, parent_from_frame) in static.parents.items():
-        wxyz = frames.quaternion_wxyz_from_rotation(parent_from_frame[:3, :3])
+        wxyz = transforms.quaternion_wxyz_from_rotation(parent_from_frame[:3, :3])
         described[frame] = {
             "parent": parent,
             "translation": _rounded(parent_from_frame[:3, 3]),
-            "quaternion_xyzw": _rounded(frames.xyzw_from_wxyz(wxyz)),
+            "quaternion_xyzw": _rounded(transforms.xyzw_from_wxyz(wxyz)),
         }
         with suppress(BagError):  # a frame that is not connected to base_link
             described[frame][f"{BASE}_from_frame"] = _rounded(static.base_from(frame))

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.yaml_io import write_mapping
 from fieldtruth.experiment.robot_config import GRAVITY
@@ -48,7 +48,7 @@ def rko_lio(facts: Facts) -> Files | str:
     lidar, imu = facts.lidar, facts.imu
     if lidar is None or imu is None:
         return "no LiDAR" if lidar is None else "no IMU"
-    lidar_from_imu = frames.inverse(lidar.base_from_lidar) @ imu.base_from_imu
+    lidar_from_imu = transforms.inverse(lidar.base_from_lidar) @ imu.base_from_imu
     values = {
         "deskew": lidar.has_t,
         "min_range": lidar.min_range,
@@ -77,7 +77,7 @@ def lio_sam(facts: Facts) -> Files | str:
         sensor = "velodyne"
     else:
         return "it reads a ring of 8 bits with t, or of 16 bits with time; set time_field: time or point_fields: ouster"
-    lidar_from_imu = frames.inverse(lidar.base_from_lidar) @ imu.base_from_imu
+    lidar_from_imu = transforms.inverse(lidar.base_from_lidar) @ imu.base_from_imu
     rotation, noise = numbers(lidar_from_imu[:3, :3]), imu.noise
     values = {
         "pointCloudTopic": lidar.topic, "imuTopic": imu.topic, "odomTopic": "odometry/imu", "gpsTopic": "odometry/gpsz",
@@ -107,7 +107,7 @@ def fast_lio2(facts: Facts) -> Files | str:
     lidar, imu = facts.lidar, facts.imu
     if lidar is None or imu is None:
         return "no LiDAR" if lidar is None else "no IMU"
-    imu_from_lidar = frames.inverse(imu.base_from_imu) @ lidar.base_from_lidar
+    imu_from_lidar = transforms.inverse(imu.base_from_imu) @ lidar.base_from_lidar
     kind, unit = (_OUSTER, _NANOSECOND) if lidar.has_t else (_MARSIM, _SECOND)
     if lidar.has_time:
         kind, unit = _VELODYNE, _SECOND
@@ -147,4 +147,6 @@ def _about_noise(facts: Facts) -> str:
 
 
 def _quaternion_and_position(a_from_b: Array) -> list[float]:
-    return numbers([*frames.xyzw_from_wxyz(frames.quaternion_wxyz_from_rotation(a_from_b[:3, :3])), *a_from_b[:3, 3]])
+    return numbers(
+        [*transforms.xyzw_from_wxyz(transforms.quaternion_wxyz_from_rotation(a_from_b[:3, :3])), *a_from_b[:3, 3]]
+    )

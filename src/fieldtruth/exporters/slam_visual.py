@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.yaml_io import write_mapping
 from fieldtruth.experiment.robot_config import GRAVITY
@@ -138,7 +138,7 @@ def orb_slam3(facts: Facts) -> Files | str:
     values |= {"Camera.width": left.width, "Camera.height": left.height, "Camera.fps": max(round(left.rate_hz), 1)}
     values["Camera.RGB"] = 1
     if len(facts.views) == 2:
-        left_from_right = frames.inverse(left.base_from_optical) @ right.base_from_optical
+        left_from_right = transforms.inverse(left.base_from_optical) @ right.base_from_optical
         values |= {"Stereo.ThDepth": 60.0, "Stereo.T_c1_c2": _opencv_matrix(left_from_right)}
     if facts.imu is not None:
         noise = facts.imu.noise
@@ -181,5 +181,5 @@ def _opencv_matrix(matrix: Array) -> str:
 
 
 def _imu_from_camera(imu: ImuFacts, view: ViewFacts) -> Array:
-    matrix = frames.inverse(imu.base_from_imu) @ view.base_from_optical
+    matrix = transforms.inverse(imu.base_from_imu) @ view.base_from_optical
     return np.asarray(np.round(matrix, 12) + 0.0)

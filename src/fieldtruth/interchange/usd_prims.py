@@ -10,7 +10,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdSemantics, UsdShade, Vt
 
 from fieldtruth.core.arrays import Float32Array, Index
 from fieldtruth.core.classes import CLASSES
-from fieldtruth.core.frames import quaternion_wxyz_from_rotation
+from fieldtruth.core.transforms import quaternion_wxyz_from_rotation
 from fieldtruth.interchange.images import roughness
 from fieldtruth.interchange.surfaces import Surface
 from fieldtruth.world.model import Material, Swarm

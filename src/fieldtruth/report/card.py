@@ -13,7 +13,7 @@ import fieldtruth
 from fieldtruth.bag.robot_messages import fixed_transforms
 from fieldtruth.bag.run import TRACK
 from fieldtruth.bag.topics import latches_objects, objects_topic, topics_of_run
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
@@ -134,7 +134,7 @@ def _frames(rig: Rig) -> list[str]:
     rows = ["| parent | child | x, y, z [m] | quaternion x, y, z, w |", "|---|---|---|---|"]
     for (parent, child), parent_from_child in fixed_transforms(rig).items():
         xyz = ", ".join(f"{value:.6g}" for value in parent_from_child[:3, 3] + 0.0)
-        wxyz = frames.quaternion_wxyz_from_rotation(parent_from_child[:3, :3])
-        xyzw = ", ".join(f"{value:.6g}" for value in frames.xyzw_from_wxyz(wxyz).round(9) + 0.0)
+        wxyz = transforms.quaternion_wxyz_from_rotation(parent_from_child[:3, :3])
+        xyzw = ", ".join(f"{value:.6g}" for value in transforms.xyzw_from_wxyz(wxyz).round(9) + 0.0)
         rows.append(f"| `{parent}` | `{child}` | {xyz} | {xyzw} |")
     return rows

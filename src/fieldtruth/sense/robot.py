@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array, Float32Array, Index
 from fieldtruth.core.classes import Label
 from fieldtruth.core.lenses import FLAT, directions
@@ -130,7 +130,7 @@ def robot_view(table: Array, imager: Imager) -> RobotView:
     depth = centres.depth[met].astype(np.float32)
     pose = imager.base_from_optical
     normal = (centres.normal[met] @ pose[:3, :3]).astype(np.float32)
-    return RobotView(table, frames.inverse(pose), pose[:3, 3].copy(), met, depth, normal, samples)
+    return RobotView(table, transforms.inverse(pose), pose[:3, 3].copy(), met, depth, normal, samples)
 
 
 class _Points(NamedTuple):

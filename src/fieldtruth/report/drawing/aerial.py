@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.kernels.camera_rays import Pinhole
 from fieldtruth.render.bake import BakedScene
@@ -38,7 +38,7 @@ class Aerial:
 
     def pixels(self, points_world: ArrayLike) -> Array:
         """Project points (n, 3) [m] to columns and rows (n, 2); (0, 0) is the centre of the first pixel."""
-        x, y, z = frames.transform(frames.inverse(self.world_from_optical), points_world).T
+        x, y, z = transforms.transform(transforms.inverse(self.world_from_optical), points_world).T
         return np.column_stack([self.lens.fx * x / z + self.lens.cx, self.lens.fy * y / z + self.lens.cy])
 
     def ground_pixels(self, xy: Array) -> Array:
@@ -59,7 +59,7 @@ def render_aerial(baked: BakedScene, width: int) -> Aerial:
         vertical_fov_deg=2.0 * float(np.degrees(np.arctan2(breadth, HEIGHT))),
         far=10.0 * HEIGHT,
     )
-    world_from_optical = frames.pose((0.0, 0.0, float(np.mean(field.heights)) + HEIGHT), (180.0, 0.0, 0.0))
+    world_from_optical = transforms.pose((0.0, 0.0, float(np.mean(field.heights)) + HEIGHT), (180.0, 0.0, 0.0))
     photo = _stretched(downscaled(IdealCamera(config, baked, exposure=1.0).render(world_from_optical).photo, _SAMPLES))
     lens = pinhole(config.model_copy(update={"width": photo.shape[1], "height": photo.shape[0]}))
     return Aerial(photo=photo, world_from_optical=world_from_optical, lens=lens, field=field)

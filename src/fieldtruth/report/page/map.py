@@ -15,7 +15,7 @@ from fieldtruth.bag.run import Run
 from fieldtruth.bag.trajectory import Trajectory
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import RouteError
-from fieldtruth.core.frames import rotation_from_quaternion_wxyz, yaw_from_rotation
+from fieldtruth.core.transforms import rotation_from_quaternion_wxyz, yaw_from_rotation
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.report.drawing.aerial import Aerial
 from fieldtruth.report.drawing.geometry import arc, sector

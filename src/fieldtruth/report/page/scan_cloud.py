@@ -13,7 +13,7 @@ from fieldtruth.bag.errors import BagError
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.sources import Source
 from fieldtruth.bag.trajectory import Trajectory
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.readings import Cloud
 from fieldtruth.report.drawing import cloud as drawing
@@ -92,7 +92,7 @@ def _accumulated(run: Run, lidar: Source, trajectory: Trajectory | None) -> "_Vo
         except BagError:  # before the first pose or after the last
             continue
         xyz, label = _returns(topic, cloud)
-        voxels.add(frames.transform(world_from_sensor, xyz), label)
+        voxels.add(transforms.transform(world_from_sensor, xyz), label)
     return voxels
 
 

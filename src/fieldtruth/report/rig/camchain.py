@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
 from fieldtruth.core.yaml_io import write_mapping
@@ -44,9 +44,9 @@ def camchain_text(rig: Rig) -> str:
         entry = {**lens, "resolution": [imager.config.width, imager.config.height]}
         entry["rostopic"] = imager.topic_of("photograph")
         if chain:
-            entry["T_cn_cnm1"] = _rows(frames.inverse(base_from_cam) @ last)
+            entry["T_cn_cnm1"] = _rows(transforms.inverse(base_from_cam) @ last)
         if rig.imus:
-            entry["T_cam_imu"] = _rows(frames.inverse(base_from_cam) @ rig.imus[0].mount.base_from_sensor)
+            entry["T_cam_imu"] = _rows(transforms.inverse(base_from_cam) @ rig.imus[0].mount.base_from_sensor)
             entry["timeshift_cam_imu"] = 0.0
         lines.append(f"# {name}: {imager.name}, frame {imager.optical_frame}\n")
         chain[name], last = entry, base_from_cam

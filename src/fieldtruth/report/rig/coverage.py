@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from fieldtruth.core import frames, lenses
+from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import body_parts
@@ -59,7 +59,7 @@ class SensorView:
 
         The field of view of a LiDAR has all elevations from its lowest to its highest beam.
         """
-        points = frames.transform(frames.inverse(self.base_from_sensor), points_base)
+        points = transforms.transform(transforms.inverse(self.base_from_sensor), points_base)
         distance = np.linalg.norm(points, axis=1)
         near, config = (distance >= self.nearest) & (distance <= self.farthest), self.config
         if isinstance(config, LidarConfig):

@@ -9,7 +9,7 @@ import numpy as np
 
 from fieldtruth.bag.base_messages import BASE
 from fieldtruth.bag.robot_messages import WORLD, rig_transforms
-from fieldtruth.core import frames, lenses
+from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
@@ -76,7 +76,7 @@ def _title(sensor: SensorConfig) -> str:
 
 
 def _pose(parent_from_child: Array) -> list[str]:
-    angles = frames.rpy_deg_from_rotation(parent_from_child[:3, :3])
+    angles = transforms.rpy_deg_from_rotation(parent_from_child[:3, :3])
     return [f"{value:g}" for value in np.round([*parent_from_child[:3, 3], *angles], 6) + 0.0]
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from fieldtruth.bag.base_messages import BASE
 from fieldtruth.bag.robot_messages import rig_transforms
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.report.rig import body
@@ -38,7 +38,7 @@ def urdf_text(rig: Rig) -> str:
         joint = SubElement(robot, "joint", name=f"{child}_joint", type="continuous" if child in wheels else "fixed")
         SubElement(joint, "parent", link=parent)
         SubElement(joint, "child", link=child)
-        rpy = np.radians(frames.rpy_deg_from_rotation(parent_from_child[:3, :3]))
+        rpy = np.radians(transforms.rpy_deg_from_rotation(parent_from_child[:3, :3]))
         SubElement(joint, "origin", xyz=_numbers(parent_from_child[:3, 3]), rpy=_numbers(rpy))
         if child in wheels:
             SubElement(joint, "axis", xyz="0 1 0")

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fieldtruth.core import frames, lenses
+from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array, Float32Array
 from fieldtruth.core.random import rng_of
 from fieldtruth.kernels.camera import add_dust
@@ -100,7 +100,7 @@ class Camera(IdealCamera):
         if self.config.signal is None:
             return super().render(world_from_optical, robot)
         imager = self.config.imagers()[0]
-        pose = world_from_optical @ frames.inverse(imager.base_from_optical)
+        pose = world_from_optical @ transforms.inverse(imager.base_from_optical)
         return self.capture(imager, 0, 0, standing_at(pose), robot)
 
     def capture(

@@ -10,7 +10,7 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.decode import matrix
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.robot_messages import fixed_transforms
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.sensors.camera.config import Imager
 from fieldtruth.sensors.camera.message import camera_matrix, distortion, projection_matrix
@@ -93,7 +93,7 @@ class Calibration(Checker):
             left, right = (self._context.frames.base_from(imager.optical_frame) for imager in pair)
         except FieldtruthError:
             return  # missing frames are reported by the mounts
-        baseline = float((frames.inverse(left) @ right)[0, 3])
+        baseline = float((transforms.inverse(left) @ right)[0, 3])
         residual = p_right[0, 3] + p_right[0, 0] * baseline, p_left[0, 3]
         where = f"{baseline:.6f} m between the cameras {' and '.join(imager.name for imager in pair)}"
         self._tally[BASELINE].measure(float(np.abs(residual).max()), where)

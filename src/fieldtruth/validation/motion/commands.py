@@ -9,7 +9,7 @@ import numpy as np
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.core.frames import rotation_from_quaternion_wxyz, yaw_from_rotation
+from fieldtruth.core.transforms import rotation_from_quaternion_wxyz, yaw_from_rotation
 from fieldtruth.drive.controller import WaypointFollower
 from fieldtruth.experiment.route import geodetic_route
 from fieldtruth.sensors.gnss.sensing import antenna_geodetic

@@ -10,7 +10,7 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.track_file import read_track_file
 from fieldtruth.bag.trajectory import Trajectory
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import FieldtruthError, RouteError
 from fieldtruth.experiment.config import FRAME_RATE, Experiment
@@ -104,7 +104,7 @@ class Drive(Checker):
             self._tally.note = f"{seconds:g} s as in the experiment"
         elif goal is not None:
             state = self._context.motion.state(self._last_ns)
-            antenna = frames.transform(state.world_from_base, np.array([experiment.rig.gnss.mount.xyz]))[0]
+            antenna = transforms.transform(state.world_from_base, np.array([experiment.rig.gnss.mount.xyz]))[0]
             away, speed = float(np.linalg.norm(antenna[:2] - goal)), float(np.linalg.norm(state.linear_velocity))
             self._tally.note = f"{seconds:g} s, then {away:.2f} m from the last waypoint at {speed:.2f} m/s"
             arrived = away < experiment.control.arrival_distance + _STOPPING and speed < _STANDING

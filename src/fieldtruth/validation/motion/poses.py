@@ -19,7 +19,7 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.base_messages import WHEEL_FRAMES
 from fieldtruth.bag.model_states import ROBOT, ModelStatesReader
 from fieldtruth.bag.reader import RawMessage
-from fieldtruth.core import frames
+from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import STEP_NS, Checker, Context, at
@@ -160,7 +160,7 @@ class Poses(Checker):
         if self._has_states:
             self._motion.when_known(raw.stamp_ns, lambda: self._compare(raw, pose, ODOMETRY_POSE, velocities))
         elif is_attitude(pose[3:]):
-            rotated = velocities @ frames.rotation_from_quaternion_wxyz(pose[3:]).T
+            rotated = velocities @ transforms.rotation_from_quaternion_wxyz(pose[3:]).T
             self._motion.add(raw.stamp_ns, np.concatenate([pose, rotated.ravel()]))
 
     def _compare(self, raw: RawMessage, pose: Array, rule: Rule, velocities: Array | None = None) -> None:
@@ -168,7 +168,7 @@ class Poses(Checker):
         true = np.concatenate([state.position, state.quaternion_wxyz])
         self._tally[rule].measure(float(np.abs(pose - true).max()), at(raw))
         if velocities is not None:
-            world_from_base = frames.rotation_from_quaternion_wxyz(state.quaternion_wxyz)
+            world_from_base = transforms.rotation_from_quaternion_wxyz(state.quaternion_wxyz)
             in_base = np.stack([state.linear_velocity, state.angular_velocity]) @ world_from_base
             self._tally[TWIST].measure(float(np.abs(velocities - in_base).max()), at(raw))
 

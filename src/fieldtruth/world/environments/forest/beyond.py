@@ -11,9 +11,8 @@ from fieldtruth.world.backdrop import Cover, Land, height_beyond, rolling_hills,
 from fieldtruth.world.environments.forest.config import Config
 from fieldtruth.world.grids import distance_beyond
 from fieldtruth.world.model import Mesh
-from fieldtruth.world.placement import WorldBuilder
+from fieldtruth.world.placement import FarSwarm, SwarmSpec, WorldBuilder
 from fieldtruth.world.plants import TREES, grow_tree
-from fieldtruth.world.swarms import FarSwarm, SwarmSpec
 
 FAR_DETAIL: Final = 0.015
 FAR_TREES: Final = 12.0

@@ -15,10 +15,10 @@ from fieldtruth.world.environments.forest.ground import cover_ground, make_glade
 from fieldtruth.world.environments.forest.plants import plant_bushes, plant_herbs, plant_trees
 from fieldtruth.world.environments.forest.rocks import place_rocks
 from fieldtruth.world.environments.forest.understorey import plant_understorey
-from fieldtruth.world.ground_layer import with_layer
+from fieldtruth.world.grids import Line, make_trails
 from fieldtruth.world.model import World
 from fieldtruth.world.placement import WorldBuilder
-from fieldtruth.world.trails import Line, make_trails
+from fieldtruth.world.relief import with_layer
 
 
 def build(seed: int, corridors: Sequence[Line], config: Config | None = None) -> World:

@@ -9,9 +9,8 @@ import numpy as np
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.world.environments.forest.config import Config
 from fieldtruth.world.model import Instance, Mesh
-from fieldtruth.world.placement import ObjectGroup, WorldBuilder, place_until_count
+from fieldtruth.world.placement import ObjectGroup, WorldBuilder, place_until_count, random_tint, rotations_to
 from fieldtruth.world.plants import TREES, clearance_circles, grow_log, grow_snag, grow_stump
-from fieldtruth.world.poses import random_tint, rotations_to
 
 LOG_TRIES = 400
 

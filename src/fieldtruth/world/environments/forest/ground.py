@@ -12,12 +12,19 @@ from scipy.ndimage import gaussian_filter
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.environments.forest.config import Config
 from fieldtruth.world.environments.layout import HILLS, hills_spacing
-from fieldtruth.world.grids import COVER, coarseness, grid_axes, make_heightfield, make_raster
+from fieldtruth.world.grids import (
+    COVER,
+    Trail,
+    coarseness,
+    fractal_noise,
+    grid_axes,
+    make_heightfield,
+    make_raster,
+    signed_distance,
+)
 from fieldtruth.world.model import Heightfield, Raster, Terrain
-from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import WorldBuilder
 from fieldtruth.world.relief import Axes, limit_slope, pits_and_mounds, root_swells, slope_limit, with_microrelief
-from fieldtruth.world.trails import Trail, signed_distance
 
 CONIFERS = ("spruce", "pine")
 BROADLEAVES = ("beech", "birch", "oak")

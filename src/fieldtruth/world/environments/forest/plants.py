@@ -11,9 +11,8 @@ from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.world.environments.forest.config import Config
 from fieldtruth.world.environments.forest.stand import Stand
 from fieldtruth.world.model import Mesh, Raster
-from fieldtruth.world.placement import ObjectGroup, WorldBuilder
+from fieldtruth.world.placement import ObjectGroup, SwarmSpec, WorldBuilder
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_clump, grow_tree
-from fieldtruth.world.swarms import SwarmSpec
 
 AGES: Final[Mapping[str, tuple[float, float]]] = {"old": (18.0, 25.0), "grown": (10.0, 16.0), "young": (3.0, 6.0)}
 """Heights [m]."""

@@ -9,9 +9,8 @@ from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.environments.forest.config import Config
-from fieldtruth.world.placement import ObjectGroup, WorldBuilder
+from fieldtruth.world.placement import ObjectGroup, SwarmSpec, WorldBuilder
 from fieldtruth.world.rocks import ROCK_TYPES, make_rock, scatter_rocks
-from fieldtruth.world.swarms import SwarmSpec
 
 GROUPS: Final = 14 / 5000  # per m^2
 

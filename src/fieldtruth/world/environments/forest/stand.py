@@ -13,8 +13,7 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.world.model import Mesh
-from fieldtruth.world.placement import ObjectGroup, WorldBuilder
-from fieldtruth.world.poses import random_tint
+from fieldtruth.world.placement import ObjectGroup, WorldBuilder, random_tint
 
 CELL: Final = 0.5  # [m]
 EXTINCTION: Final = 0.5

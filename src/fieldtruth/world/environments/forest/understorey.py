@@ -15,11 +15,10 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.environments.forest.config import Config
+from fieldtruth.world.grids import noise_map
 from fieldtruth.world.model import Mesh, Raster
-from fieldtruth.world.noise import noise_map
-from fieldtruth.world.placement import WorldBuilder
+from fieldtruth.world.placement import Density, SwarmSpec, WorldBuilder
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_clump, grow_tree, grow_twigs
-from fieldtruth.world.swarms import Density, SwarmSpec
 
 SEEDLINGS_PER_TUFT: Final = 3
 """Of ``beech_seedling`` and ``spruce_seedling``."""

@@ -8,10 +8,9 @@ import numpy as np
 
 from fieldtruth.world.backdrop import height_beyond, scatter_beyond
 from fieldtruth.world.model import Mesh
-from fieldtruth.world.placement import WorldBuilder
+from fieldtruth.world.placement import FarSwarm, SwarmSpec, WorldBuilder
 from fieldtruth.world.plants import BUSHES, TREES, grow_bush, grow_tree
 from fieldtruth.world.rocks import ROCK_TYPES, make_rock
-from fieldtruth.world.swarms import FarSwarm, SwarmSpec
 
 
 def scatter_far_plants(

@@ -20,10 +20,10 @@ from fieldtruth.world.environments.hillside.config import Config
 from fieldtruth.world.environments.hillside.ground import as_terrain, make_ground
 from fieldtruth.world.environments.hillside.plants import plant_bushes, plant_grass, plant_trees
 from fieldtruth.world.environments.hillside.rocks import place_rocks, scatter_stones
-from fieldtruth.world.ground_layer import with_layer
+from fieldtruth.world.grids import Line
 from fieldtruth.world.model import World
 from fieldtruth.world.placement import WorldBuilder
-from fieldtruth.world.trails import Line
+from fieldtruth.world.relief import with_layer
 
 
 def build(seed: int, corridors: Sequence[Line], config: Config | None = None) -> World:

@@ -17,11 +17,9 @@ from fieldtruth.world.backdrop import Land
 from fieldtruth.world.environments.hillside.config import Config
 from fieldtruth.world.environments.hillside.mountain import make_mountain, smooth_corridors
 from fieldtruth.world.environments.layout import hills_spacing
-from fieldtruth.world.grids import COVER, coarseness, grid_axes, make_heightfield, make_raster
+from fieldtruth.world.grids import COVER, Line, coarseness, fractal_noise, grid_axes, make_heightfield, make_raster
 from fieldtruth.world.model import Heightfield, Raster, Terrain
-from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.relief import with_microrelief
-from fieldtruth.world.trails import Line
 
 _TURF, _SOIL, _SCREE, _ROCK = range(4)
 _MATERIALS: Final = ("turf_dry", "soil_stony", "scree", "rock_face")

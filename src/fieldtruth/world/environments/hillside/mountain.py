@@ -16,7 +16,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.world.backdrop import Land
 from fieldtruth.world.environments.hillside.config import Config
 from fieldtruth.world.environments.layout import hills_spacing
-from fieldtruth.world.noise import fractal_noise
+from fieldtruth.world.grids import fractal_noise
 from fieldtruth.world.relief import collapsed, eroded, limit_slope, slope_limit
 
 REGION: Final = 1100.0

@@ -7,12 +7,20 @@ import numpy as np
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.environments.hillside.config import Config
 from fieldtruth.world.environments.hillside.ground import Ground
+from fieldtruth.world.grids import solid_noise
 from fieldtruth.world.model import Heightfield, Instance, Mesh
-from fieldtruth.world.noise import solid_noise
-from fieldtruth.world.placement import ObjectGroup, WorldBuilder, eased, place_until_count
+from fieldtruth.world.placement import (
+    Density,
+    ObjectGroup,
+    SwarmSpec,
+    WorldBuilder,
+    eased,
+    place_until_count,
+    random_tint,
+    tilted,
+    upright_pose,
+)
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_snag, grow_tree, grow_tuft
-from fieldtruth.world.poses import random_tint, tilted, upright_pose
-from fieldtruth.world.swarms import Density, SwarmSpec
 
 TRIES = 6000
 

@@ -8,9 +8,8 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.world.environments.hillside.config import Config
 from fieldtruth.world.environments.hillside.ground import Ground
 from fieldtruth.world.model import Mesh
-from fieldtruth.world.placement import ObjectGroup, WorldBuilder
+from fieldtruth.world.placement import ObjectGroup, SwarmSpec, WorldBuilder
 from fieldtruth.world.rocks import ROCK_TYPES, make_rock, scatter_rocks
-from fieldtruth.world.swarms import SwarmSpec
 
 
 def place_rocks(builder: WorldBuilder, ground: Ground, config: Config, rng: np.random.Generator) -> None:

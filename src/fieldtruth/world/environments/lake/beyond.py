@@ -11,12 +11,18 @@ from fieldtruth.core.arrays import Array, Index
 from fieldtruth.world.backdrop import Land, height_beyond, make_backdrop, scatter_beyond
 from fieldtruth.world.environments.lake.plants import BELOW_WIRES, MEADOW_TREES, WATERSIDE_TREES, make_clumps
 from fieldtruth.world.environments.lake.power_line import PowerLine
+from fieldtruth.world.grids import noise_map
 from fieldtruth.world.model import Mesh
-from fieldtruth.world.noise import noise_map
-from fieldtruth.world.placement import WorldBuilder
+from fieldtruth.world.placement import (
+    Density,
+    FarSwarm,
+    SwarmSpec,
+    WorldBuilder,
+    make_swarm,
+    random_scales,
+    upright_poses,
+)
 from fieldtruth.world.plants import BUSHES, TREES, grow_bush, grow_tree
-from fieldtruth.world.poses import upright_poses
-from fieldtruth.world.swarms import Density, FarSwarm, SwarmSpec, make_swarm, random_scales
 
 FAR_DETAIL: Final = 0.02
 NEAR_DETAIL: Final = 0.1

@@ -19,10 +19,10 @@ from fieldtruth.world.environments.lake.ground import cover_ground
 from fieldtruth.world.environments.lake.plants import plant_bushes, plant_grass, plant_trees
 from fieldtruth.world.environments.lake.power_line import string_line
 from fieldtruth.world.environments.lake.shore import make_shore
-from fieldtruth.world.ground_layer import with_layer
+from fieldtruth.world.grids import Line
 from fieldtruth.world.model import Mesh, World
 from fieldtruth.world.placement import WorldBuilder
-from fieldtruth.world.trails import Line
+from fieldtruth.world.relief import with_layer
 
 WATER_TILE: Final = 30.0  # [m] of water that its texture covers
 

@@ -7,9 +7,8 @@ from scipy.ndimage import gaussian_filter
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.environments.lake.shore import Shore
-from fieldtruth.world.grids import COVER, coarseness, grid_axes, make_raster
+from fieldtruth.world.grids import COVER, coarseness, fractal_noise, grid_axes, make_raster
 from fieldtruth.world.model import Terrain
-from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import WorldBuilder
 
 

@@ -11,11 +11,10 @@ from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.world.environments.lake.config import Config
 from fieldtruth.world.environments.lake.power_line import PowerLine
 from fieldtruth.world.environments.lake.shore import Shore
+from fieldtruth.world.grids import noise_map
 from fieldtruth.world.model import Mesh
-from fieldtruth.world.noise import noise_map
-from fieldtruth.world.placement import ObjectGroup, WorldBuilder
+from fieldtruth.world.placement import Density, ObjectGroup, SwarmSpec, WorldBuilder
 from fieldtruth.world.plants import BUSHES, GRASSES, TREES, grow_bush, grow_clump, grow_tree, grow_tuft
-from fieldtruth.world.swarms import Density, SwarmSpec
 
 WATERSIDE_TREES: Final = {"alder": (7.0, 11.0), "willow": (5.5, 9.0)}  # species: height [m], lowest and highest
 MEADOW_TREES: Final = {"birch": (7.0, 12.0), "pine": (8.0, 14.0), "oak": (7.0, 11.0)}

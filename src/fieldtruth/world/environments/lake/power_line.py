@@ -11,11 +11,9 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.environments.lake.config import Config
-from fieldtruth.world.furniture.cables import BUNDLE_RADIUS, CONDUCTOR_RADIUS, hang, make_cable
-from fieldtruth.world.furniture.power_pole import make_power_pole, wire_points
 from fieldtruth.world.model import Mesh
-from fieldtruth.world.placement import CrowdedWorldError, WorldBuilder
-from fieldtruth.world.swarms import FarSwarm, make_swarm
+from fieldtruth.world.placement import CrowdedWorldError, FarSwarm, WorldBuilder, make_swarm
+from fieldtruth.world.power_lines import BUNDLE_RADIUS, CONDUCTOR_RADIUS, hang, make_cable, make_power_pole, wire_points
 
 FAR_POLES: Final = 2  # on either side of the world
 POLE_CLEARANCE: Final = 0.8  # [m] around a pole; the cross-arm is above all low objects

@@ -17,12 +17,10 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.environments.lake.config import Config
 from fieldtruth.world.environments.layout import hills_spacing
-from fieldtruth.world.grids import grid_axes, make_heightfield, make_raster
-from fieldtruth.world.ground_types import Roughness
+from fieldtruth.world.grids import Line, fractal_noise, grid_axes, make_heightfield, make_raster
+from fieldtruth.world.materials import Roughness
 from fieldtruth.world.model import Heightfield, Raster
-from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.relief import with_microrelief
-from fieldtruth.world.trails import Line
 
 DEPTH: Final = 3.5  # [m] of the lake's bed
 DRY: Final = 6.0  # [m] of land between a corridor's centre line and the water

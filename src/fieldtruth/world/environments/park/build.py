@@ -14,10 +14,10 @@ from fieldtruth.world.environments.park.furniture import furnish
 from fieldtruth.world.environments.park.ground import cover_ground, make_heights
 from fieldtruth.world.environments.park.herbs import plant_herbs
 from fieldtruth.world.environments.park.plants import plant_trees
-from fieldtruth.world.ground_layer import with_layer
+from fieldtruth.world.grids import Line, make_trails
 from fieldtruth.world.model import World
 from fieldtruth.world.placement import WorldBuilder
-from fieldtruth.world.trails import Line, make_trails
+from fieldtruth.world.relief import with_layer
 
 
 def build(seed: int, corridors: Sequence[Line], config: Config | None = None) -> World:

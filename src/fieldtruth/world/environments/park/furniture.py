@@ -10,8 +10,7 @@ from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.world.environments.park.config import Config
 from fieldtruth.world.furniture import make_bench, make_lamp_post, make_table, make_trash_bin
 from fieldtruth.world.model import Instance
-from fieldtruth.world.placement import ObjectGroup, WorldBuilder, place_until_count
-from fieldtruth.world.poses import random_tint
+from fieldtruth.world.placement import ObjectGroup, WorldBuilder, place_until_count, random_tint
 
 
 def furnish(builder: WorldBuilder, config: Config, rng: np.random.Generator) -> None:

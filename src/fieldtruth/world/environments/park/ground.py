@@ -9,12 +9,19 @@ import numpy as np
 from fieldtruth.world.environments.layout import hills_spacing
 from fieldtruth.world.environments.park.beds import Bed, bed_distance
 from fieldtruth.world.environments.park.config import Config
-from fieldtruth.world.grids import COVER, coarseness, grid_axes, make_heightfield, make_raster
+from fieldtruth.world.grids import (
+    COVER,
+    Trail,
+    coarseness,
+    fractal_noise,
+    grid_axes,
+    make_heightfield,
+    make_raster,
+    signed_distance,
+)
 from fieldtruth.world.model import Heightfield, Terrain
-from fieldtruth.world.noise import fractal_noise
 from fieldtruth.world.placement import WorldBuilder
 from fieldtruth.world.relief import with_microrelief
-from fieldtruth.world.trails import Trail, signed_distance
 
 
 def make_heights(

@@ -9,11 +9,10 @@ from scipy.spatial import cKDTree
 
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.world.environments.park.beds import Bed, bed_distance
+from fieldtruth.world.grids import noise_map
 from fieldtruth.world.model import Mesh
-from fieldtruth.world.noise import noise_map
-from fieldtruth.world.placement import WorldBuilder
+from fieldtruth.world.placement import Density, SwarmSpec, WorldBuilder
 from fieldtruth.world.plants import GRASSES, grow_clump, grow_tuft
-from fieldtruth.world.swarms import Density, SwarmSpec
 
 
 def plant_herbs(builder: WorldBuilder, beds: Sequence[Bed], share: float, rng: np.random.Generator) -> None:

@@ -10,9 +10,8 @@ import numpy as np
 from fieldtruth.core.arrays import Array
 from fieldtruth.world.environments.park.config import Config
 from fieldtruth.world.model import Instance
-from fieldtruth.world.placement import ObjectGroup, WorldBuilder, eased, place_until_count
+from fieldtruth.world.placement import ObjectGroup, WorldBuilder, eased, place_until_count, random_tint
 from fieldtruth.world.plants import TREES, grow_tree
-from fieldtruth.world.poses import random_tint
 
 COMMON: Final = ("lime", "birch", "oak")
 RARE: Final[Mapping[str, tuple[str, ...]]] = {"large_tree": ("beech", "spruce", "pine"), "small_tree": ("beech",)}

@@ -10,17 +10,42 @@ Balzer and Deussen, "Expressive Illumination of Foliage Based on Implicit Surfac
 ellipsoids instead of their implicit surfaces).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array, Index
-from fieldtruth.world.plants.growth import Stems, sideways, spread_along, unit
-from fieldtruth.world.plants.species import Habit, Leaf, Order
-from fieldtruth.world.plants.variation import SIDE_PRONG, outline_corners
+from fieldtruth.world.model import Collider, Mesh
+from fieldtruth.world.plants.growth import (
+    ROOT_DEPTH,
+    Stems,
+    Surface,
+    dry_branches,
+    grow_skeleton,
+    merged,
+    sideways,
+    spread_along,
+    trunk,
+    tubes,
+    unit,
+)
+from fieldtruth.world.plants.species import (
+    SIDE_PRONG,
+    GrownIn,
+    Habit,
+    Leaf,
+    Order,
+    Species,
+    at_detail,
+    individual,
+    outline_corners,
+)
 
 CURL = 0.14  # mean sine of the angle by which a leaf's tip bends out of its plane
+
+
 OUTWARD_BLEND = 0.45  # weight of the outward normal in a leaf's shading normal
 
 
@@ -160,3 +185,179 @@ def _spray_mesh(leaves: Leaves, form: Leaf, rng: np.random.Generator) -> tuple[A
     uv = np.broadcast_to([[0.08, 0.03], [0.92, 0.03], [0.5, 0.97]], (m, k, 3, 2))
     faces = np.arange(3 * m * k).reshape(-1, 3)[:, [0, 1, 2]]
     return vertices.reshape(-1, 3), normals.reshape(-1, 3), uv.reshape(-1, 2), faces.astype(np.int32)
+
+
+FLOWER_SIZE: Final = 0.6
+
+
+"""Length of a flower relative to the leaf that it replaces."""
+
+
+def in_bloom(mesh: Mesh, foliage: int, flower: str, share: float, rng: np.random.Generator) -> Mesh:
+    """The mesh with a ``share`` of the leaves of material row ``foliage`` replaced by flowers.
+
+    The triangles of a leaf share their first vertex. Leaves far from the middle bloom first, some patches more than
+    others.
+    """
+    of_leaf = np.flatnonzero(mesh.material == foliage)
+    first, number = np.unique(mesh.faces[of_leaf, 0], return_inverse=True)
+    middle = np.zeros((len(first), 3))
+    np.add.at(middle, number, mesh.vertices[mesh.faces[of_leaf]].mean(axis=1))
+    middle /= np.bincount(number)[:, None]
+    centre, spread = middle.mean(0), middle.std(0) + 1e-9
+    outwards = np.linalg.norm((middle - centre) / spread, axis=1) + 0.5 * (middle[:, 2] - centre[2]) / spread[2]
+    waves = rng.normal(0, 2.2, (3, 3)) / spread.mean()
+    patch = np.cos(middle @ waves.T + rng.uniform(0, 2 * np.pi, 3)).sum(axis=1)
+    score = outwards + 0.5 * patch + rng.normal(0, 0.5, len(first))
+    blooming = score > np.quantile(score, 1 - share)
+    rows = of_leaf[blooming[number]]
+    material = mesh.material.copy()
+    material[rows] = len(mesh.materials)
+    vertices = mesh.vertices.copy()
+    corner, base = mesh.faces[rows, 1:].ravel(), mesh.vertices[mesh.faces[rows, 0]].repeat(2, axis=0)
+    vertices[corner] = base + np.float32(FLOWER_SIZE) * (mesh.vertices[corner] - base)
+    return replace(mesh, vertices=vertices, material=material, materials=(*mesh.materials, flower))
+
+
+WOOD, FOLIAGE, UPPER_WOOD = 0, 1, 2
+
+
+LEAST_DETAIL: Final = 0.005
+
+
+LOW: Final = 1.4  # [m], height below which branches can touch a robot
+
+
+TREE_COLLIDER_HEIGHT: Final = 2.0  # [m]
+
+
+def grow_tree(
+    species: Species,
+    *,
+    name: str,
+    height: float,
+    rng: np.random.Generator,
+    detail: float = 1.0,
+    grown_in: GrownIn = "open",
+) -> Mesh:
+    """A tree of the given height [m]; below ``species.young_below`` it grows as a young tree.
+
+    Trees grown in a "stand" have a long clear trunk and a narrow crown, "exposed" ones are stunted, if the species has
+    such habits. ``detail`` (0.005 to 1) is the share of the leaves (1: up to 100,000, of real size, with two triangles
+    each); the fewer are larger, with the same total area. The same ``rng`` gives the same stems at each detail.
+
+    The collider is the trunk, 2 m high, with 1.1 times the radius at breast height. The footprint [m] is 0.3 m more, or
+    the extent of branches below 1.4 m, and in the open at least a third of the crown's radius: furniture may be below a
+    crown, neighbouring crowns may touch, and those of a stand interlock.
+
+    Raises ValueError for a height below half or above twice that of the habit.
+    """
+    _check_detail(detail)
+    habit = individual(_habit(species, height, grown_in), rng)
+    drawn = at_detail(habit, detail)
+    skeleton = grow_skeleton(habit, height, rng)
+    dry = dry_branches(skeleton[0], habit, height, rng)
+    surfaces = _surfaces(skeleton, drawn, height, rng)
+    if dry is not None and len(dry.length) and drawn.dead is not None:
+        surfaces.insert(-1, (_tubes(dry, drawn.dead), WOOD))
+    stem = skeleton[0]
+    _, _, radius = stem.at(np.zeros(1, np.intp), (1.3 + ROOT_DEPTH) / stem.length[:1])
+    breast = 1.1 * float(radius[0])
+    collider = Collider(shape="cylinder", size=(breast, min(TREE_COLLIDER_HEIGHT, 0.9 * height)))
+    footprint = max(breast + 0.3, _low_extent(surfaces))
+    if grown_in != "stand":
+        tips = np.concatenate([stems.axis[:, -1, :2] for stems in skeleton[1:]])
+        footprint = max(footprint, float(np.quantile(np.hypot(*tips.T), 0.98)) / 3)
+    return _mesh(name, species, surfaces, _material_rows(species, surfaces, height, rng), collider, footprint)
+
+
+def _low_extent(surfaces: list[tuple[Surface, int]]) -> float:
+    """Radius [m] around 98 % of the vertices of low branches and leaves; 0 without any."""
+    vertices = np.concatenate([s[0] for s, _ in surfaces[1:]])
+    low = vertices[vertices[:, 2] < LOW]
+    return float(np.quantile(np.hypot(low[:, 0], low[:, 1]), 0.98)) if len(low) else 0.0
+
+
+def grow_bush(species: Species, *, name: str, height: float, rng: np.random.Generator, detail: float = 1.0) -> Mesh:
+    """A bush of the given height [m] with foliage down to the ground.
+
+    ``detail`` is as in `grow_tree`. If the species blooms, the share
+    ``species.bloom_share`` of the leaves, mostly on the outside, are flowers.
+
+    The footprint [m] is the radius around 98 % of the leaf corners. The collider is a cylinder of 0.7 of that radius,
+    so that a wheel may brush the outer twigs.
+    """
+    _check_detail(detail)
+    habit = _habit(species, height)
+    surfaces = _surfaces(grow_skeleton(habit, height, rng), at_detail(habit, detail), height, rng)
+    (foliage, *_), _ = surfaces[-1]
+    radius = float(np.quantile(np.hypot(foliage[:, 0], foliage[:, 1]), 0.98))
+    collider = Collider(shape="cylinder", size=(0.7 * radius, 0.9 * height))
+    mesh = _mesh(name, species, surfaces, _material_rows(species, surfaces, height, rng), collider, radius)
+    return mesh if species.bloom is None else in_bloom(mesh, FOLIAGE, species.bloom, species.bloom_share, rng)
+
+
+def _check_detail(detail: float) -> None:
+    if not LEAST_DETAIL <= detail <= 1:
+        raise ValueError(f"detail must be between {LEAST_DETAIL:g} and 1, got {detail}")
+
+
+def _habit(species: Species, height: float, grown_in: GrownIn = "open") -> Habit:
+    """The habit at this height [m]; raises ValueError outside the heights that it is made for."""
+    habit = species.habit(height, grown_in)
+    low, high = 0.5 * habit.height, 2.0 * habit.height
+    if not low <= height <= high:
+        raise ValueError(f"height of {species.name} must be between {low:g} and {high:g} m, got {height}")
+    return habit
+
+
+def _surfaces(
+    skeleton: tuple[Stems, ...], habit: Habit, height: float, rng: np.random.Generator
+) -> list[tuple[Surface, int]]:
+    """Surfaces of all stems and leaves, each with its row in the materials."""
+    base = skeleton[0].thinned(habit.trunk_segments)
+    single = habit.stems == 1
+    surfaces = [(trunk(base, habit.trunk_sides, habit.flare, rng) if single else tubes(base, habit.trunk_sides), WOOD)]
+    for stems, order in zip(skeleton[1:], habit.orders, strict=True):
+        surfaces.append((_tubes(stems, order), WOOD))
+    surfaces.append((leaf_mesh(place_leaves(skeleton, habit, height, rng), habit.leaf, rng), FOLIAGE))
+    return surfaces
+
+
+def _tubes(stems: Stems, order: Order) -> Surface:
+    """The surface of the stems of one order that are drawn."""
+    return tubes(_thickest(stems, order.drawn).thinned(order.segments), order.sides)
+
+
+def _thickest(stems: Stems, share: float) -> Stems:
+    """The thickest stems, in the given order; ``share`` is their share of the number."""
+    if share >= 1:
+        return stems
+    order = np.argsort(-stems.radius[:, 0], kind="stable")
+    return stems.take(np.sort(order[: round(share * len(order))]))
+
+
+def _mesh(
+    name: str,
+    species: Species,
+    surfaces: list[tuple[Surface, int]],
+    rows: NDArray[np.integer],
+    collider: Collider,
+    footprint: float,
+) -> Mesh:
+    materials = [species.wood, species.foliage, *([] if species.upper_wood is None else [species.upper_wood])]
+    faces = [surface for surface, _ in surfaces]
+    own = (species.name,)
+    return merged(name, faces, rows, materials, colliders=(collider,), footprint=footprint, species=own)
+
+
+def _material_rows(
+    species: Species, surfaces: list[tuple[Surface, int]], height: float, rng: np.random.Generator
+) -> NDArray[np.integer]:
+    """Material row of each face; wood above a ragged line around the trunk has the upper bark."""
+    rows = np.concatenate([np.full(len(surface[3]), row) for surface, row in surfaces])
+    if species.upper_wood is not None:
+        limit = species.upper_from * height
+        middle = np.concatenate([vertices[faces, 2].mean(1) for (vertices, _, _, faces), _ in surfaces])
+        rows[(rows == WOOD) & (middle > limit + rng.normal(0, 0.05 * limit, len(rows)))] = UPPER_WOOD
+    return rows

@@ -6,23 +6,33 @@ Pin insulators hold three bare medium-voltage conductors, two on the cross-arm a
 holds an insulated bundle below them. Dimensions are those of European 20 kV lines with pin insulators.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import brentq
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.frames import pose
-from fieldtruth.world.furniture.outlines import rounded
-from fieldtruth.world.furniture.shapes import check_variant, make_box, make_lathe, make_tube, placed
+from fieldtruth.core.transforms import pose
 from fieldtruth.world.model import Collider, Mesh, merge_meshes
+from fieldtruth.world.solids import check_variant, make_box, make_lathe, make_tube, placed, rounded
 
 SUNK: Final = 1.6
+
+
 """Depth [m] of the pole in the soil: a tenth of the length and 0.6 m, the usual rule."""
 
+
 _COLLIDER_TOP: Final = 3.0  # [m] above the ground
+
+
 _ARM: Final = 0.86  # [m] from the pole's middle to the outer insulators
+
+
 _SADDLE: Final = 0.166  # [m] from the base of an insulator to the axis of the wire in its groove
+
+
 _PIN: Final = 0.1  # [m] of steel between the cross-arm and an insulator
 
 
@@ -146,3 +156,112 @@ def _plate(radius: float) -> list[Mesh]:
     warning = make_box("post_yellow", (0.004, 0.13, 0.15), bevel=0.0015)
     number = make_box("post_grey", (0.004, 0.11, 0.07), bevel=0.0015)
     return [placed(warning, pose((radius + 0.004, 0, 2.2))), placed(number, pose((radius + 0.004, 0, 2.42)))]
+
+
+CONDUCTOR_RADIUS: Final = 0.0068
+
+
+"""Radius [m] of a conductor 94-AL1/15-ST1A with 13.6 mm diameter (EN 50182)."""
+
+
+BUNDLE_RADIUS: Final = 0.012
+
+
+"""Radius [m] of a twisted bundle of insulated low-voltage conductors."""
+
+
+CHORD_ERROR: Final = 0.001
+
+
+"""Greatest distance [m] between the curve and a segment of the tube."""
+
+
+_STEEPEST: Final = 20.0  # half the span over the parameter; a wire 10^7 times as long as its span
+
+
+@dataclass(frozen=True)
+class Catenary:
+    """A wire between two points; x is the horizontal distance from ``start`` towards ``end``."""
+
+    start: Array  # (3,) [m]
+    end: Array  # (3,) [m]
+    parameter: float  # [m], a in z = a cosh(x / a): horizontal tension over weight per length
+    lowest: float  # [m], x of the curve's lowest point, which may be beyond the ends
+    offset: float  # [m], added to a cosh((x - lowest) / a) to give the height
+
+    @property
+    def span(self) -> float:
+        """Horizontal distance [m] between the ends."""
+        return float(np.hypot(*(self.end - self.start)[:2]))
+
+    @property
+    def sag(self) -> float:
+        """Distance [m] in the middle of the span from the straight line between the ends down to the curve."""
+        return float((self.start[2] + self.end[2]) / 2 - self.height_at(self.span / 2))
+
+    @property
+    def length(self) -> float:
+        """Length [m] of the wire."""
+        a = self.parameter
+        return float(a * (np.sinh((self.span - self.lowest) / a) - np.sinh(-self.lowest / a)))
+
+    def height_at(self, x: ArrayLike) -> Array:
+        """Height [m] at horizontal distances [m] from the start (any shape)."""
+        a = self.parameter
+        return np.asarray(self.offset + a * np.cosh((np.asarray(x, np.float64) - self.lowest) / a))
+
+    def points(self, x: ArrayLike) -> Array:
+        """Points (n, 3) of the curve at horizontal distances (n,) [m] from the start."""
+        along = np.asarray(x, np.float64)
+        flat = self.start[:2] + along[:, None] / self.span * (self.end - self.start)[:2]
+        return np.column_stack([flat, self.height_at(along)])
+
+
+def hang(start: ArrayLike, end: ArrayLike, *, sag: float | None = None, length: float | None = None) -> Catenary:
+    """Hang a wire between two points (3,) [m], by its sag [m] in the middle of the span or by its length [m].
+
+    Raises ValueError unless exactly one of the two is given, the sag is positive, the wire is longer than the straight
+    line, and the points have a horizontal distance.
+    """
+    first, last = np.asarray(start, np.float64), np.asarray(end, np.float64)
+    span, rise = float(np.hypot(*(last - first)[:2])), float(last[2] - first[2])
+    if span <= 0:
+        raise ValueError(f"the horizontal distance of the ends must be above 0 m, got {span}")
+    if (sag is None) == (length is None):
+        raise ValueError(f"exactly one of sag and length must be given, got sag={sag} and length={length}")
+
+    # With t = span / (2 a), sum and difference of the ends' heights give the lowest point and these two functions.
+    def sag_of(t: float) -> float:
+        return float(span / (2 * t) * np.hypot(1.0, rise * t / (span * np.sinh(t))) * 2 * np.sinh(t / 2) ** 2)
+
+    def length_of(t: float) -> float:
+        return float(np.hypot(rise, span * np.sinh(t) / t))
+
+    key, function, wanted = ("sag", sag_of, sag) if sag is not None else ("length", length_of, length)
+    assert wanted is not None
+    if not function(1e-5) < wanted < function(_STEEPEST):
+        raise ValueError(f"{key} must be above {function(1e-5):.6g} m, got {wanted}")
+    t = float(brentq(lambda t: function(t) - wanted, 1e-5, _STEEPEST, xtol=1e-15, rtol=1e-14))
+    a = span / (2 * t)
+    lowest = span / 2 - a * float(np.arcsinh(rise / (2 * a * np.sinh(t))))
+    return Catenary(first, last, a, lowest, float(first[2] - a * np.cosh(lowest / a)))
+
+
+def make_cable(name: str, wire: Catenary, *, radius: float = CONDUCTOR_RADIUS, sides: int = 5) -> tuple[Mesh, Array]:
+    """Mesh of a wire, a tube of ``sides`` with its corners at ``radius`` [m], and its world_from_object (4, 4).
+
+    The object's origin is in the middle of the straight line between the ends, x along the wire. The tube's axis is
+    within ``CHORD_ERROR`` of the curve. A wire has no collider: it is above the robot.
+    """
+    # A chord of horizontal width w is w^2 / (8 a) off the curve: the curvature is 1 / (a cosh^2), the arc w cosh.
+    segments = max(2, int(np.ceil(wire.span / np.sqrt(8 * wire.parameter * CHORD_ERROR))))
+    x = np.linspace(0.0, wire.span, segments + 1)
+    height = (wire.start[2] + wire.end[2]) / 2
+    path = np.column_stack([x - wire.span / 2, np.zeros_like(x), wire.height_at(x) - height])
+    tube = make_tube("cable", path, radius, sides=sides)
+    ahead = (wire.end - wire.start)[:2] / wire.span
+    world_from_object = np.eye(4)
+    world_from_object[:2, :2] = [[ahead[0], -ahead[1]], [ahead[1], ahead[0]]]
+    world_from_object[:3, 3] = *((wire.start + wire.end) / 2)[:2], height
+    axis = np.column_stack([path, np.full(len(path), radius)]).astype(np.float32)
+    return replace(tube, name=name, axis=axis), world_from_object
