@@ -103,7 +103,7 @@ from .validation.runner import validate as validate
 from .world.build import check_experiment as check_experiment
 from .world.build import load_world as load_world
 from .world.environments import list_environments as list_environments
-from .world.from_meshes import MeshPart as MeshPart
+from .world.model import MeshPart as MeshPart
 from .world.model import World as World
 
 __all__: list[str]
