@@ -16,7 +16,7 @@ from fieldtruth.core import transforms
 from fieldtruth.core.classes import CLASSES, Label
 from fieldtruth.core.errors import OutputError
 from fieldtruth.exporters import export
-from fieldtruth.exporters.voxels import Lattice, lattice_of, voxels_of
+from fieldtruth.exporters.occupancy import Lattice, lattice_of, voxels_of
 from fieldtruth.world.model import Raster, World
 
 Rows = set[tuple[int, ...]]

@@ -25,9 +25,8 @@ from fieldtruth.sense.robot import meet, part_table
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
 from fieldtruth.validation import Check
-from fieldtruth.validation.retrace.reference import NOTHING, RayReading, mismatches
-from fieldtruth.validation.retrace.robot import robot_hits, robot_parts
-from fieldtruth.validation.retrace.tracer import ReferenceTracer
+from fieldtruth.validation.rays import NOTHING, RayReading, mismatches, robot_hits, robot_parts
+from fieldtruth.validation.tracer import ReferenceTracer
 
 F8 = NDArray[np.float64]
 Validate = Callable[..., list[Check]]

@@ -22,6 +22,8 @@ from fieldtruth.interchange import check_scene_memory
 from fieldtruth.interchange.surfaces import Surface
 from fieldtruth.interchange.swarms import tiles_of_swarms
 from fieldtruth.render.daylight import sun_direction
+from fieldtruth.interchange.surfaces import Surface, tiles_of_swarms
+from fieldtruth.render.sky.daylight import sun_direction
 from fieldtruth.world.model import World
 
 HEADING_DEG: Final = 90.0

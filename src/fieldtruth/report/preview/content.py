@@ -16,8 +16,8 @@ from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import visible_parts
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.render.bake import BakedScene, bake
-from fieldtruth.report.drawing.aerial import Aerial, render_aerial
 from fieldtruth.report.drawing.cloud import Cloud
+from fieldtruth.report.drawing.maps import Aerial, render_aerial
 from fieldtruth.report.preview.viewpoints import free_viewpoints, most_informative
 from fieldtruth.report.shares import SPACING, ClassShares, count_classes
 from fieldtruth.sense.robot import RobotView, robot_views
