@@ -14,8 +14,8 @@ from fieldtruth.kernels.lidar import Scan
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
 from fieldtruth.validation.context import RebuiltWorld
-from fieldtruth.validation.retrace.reference import NOTHING, RayReading, mismatches
-from fieldtruth.validation.retrace.tracer import ReferenceTracer
+from fieldtruth.validation.rays import NOTHING, RayReading, mismatches
+from fieldtruth.validation.tracer import ReferenceTracer
 from fieldtruth.world.model import Heightfield, Instance, Mesh, Raster, World
 
 F8 = NDArray[np.float64]

@@ -26,9 +26,9 @@ from fieldtruth.exporters import export
 from fieldtruth.pipeline import generate_by
 from fieldtruth.report.page.map import _same_objects
 from fieldtruth.validation.context import Context, RebuiltWorld
-from fieldtruth.validation.retrace.world import WorldObjects
 from fieldtruth.validation.runner import validate
 from fieldtruth.validation.streams import check_topics
+from fieldtruth.validation.world import WorldObjects
 
 ALL = ("husky", "ground", *(f"tree_{k}" for k in range(2, 7)))
 

@@ -24,9 +24,8 @@ from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.sensors.camera.check_frames import CameraFrame, CameraFrameChecker
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.validation.check import Rule, Spec, Tally
-from fieldtruth.validation.context import Context
+from fieldtruth.validation.context import Context, Sampler
 from fieldtruth.validation.retrace.noisy_clouds import ideal_points, rays_at
-from fieldtruth.validation.sampler import Sampler
 
 # Shares in 360 views of four environments were up to 0.006, 0.075 and 0.048; in 446 views of pairs of sensors that are
 # 0.05 to 1.5 m apart, 0.15 to 1.6 m above base_link, up to 0.006 for objects, 0.010 in front, and 0.9 behind.
