@@ -18,9 +18,8 @@ from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.sensor_models import datasheet_of
-from fieldtruth.kernels.photograph import render_strips
+from fieldtruth.kernels.photograph import render_strips, strips_of
 from fieldtruth.render.bake import BakedScene, bake
-from fieldtruth.render.shutter import strips_of
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.sensing import CameraImages
 from fieldtruth.sensors.camera.signal import CameraSignal

@@ -20,7 +20,7 @@ from fieldtruth.report.drawing.cloud import Cloud
 from fieldtruth.report.drawing.maps import Aerial, render_aerial
 from fieldtruth.report.preview.viewpoints import free_viewpoints, most_informative
 from fieldtruth.report.shares import SPACING, ClassShares, count_classes
-from fieldtruth.sense.robot_view import RobotView, robot_views
+from fieldtruth.sense.robot import RobotView, robot_views
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import Imager
 from fieldtruth.sensors.camera.sensing import CameraImages, IdealCamera
