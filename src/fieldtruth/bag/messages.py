@@ -18,8 +18,7 @@ from rosbags.typesys.stores import ros1_noetic as noetic
 from fieldtruth.bag.topics import ROBOT
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive.state import State
-from fieldtruth.drive.track import Commands, Motion
+from fieldtruth.drive.track import Commands, Motion, State
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.topic import BASE as BASE
 from fieldtruth.experiment.topic import ODOM as ODOM

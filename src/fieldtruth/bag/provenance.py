@@ -19,7 +19,7 @@ from typing import Any, Final
 from fieldtruth.bag.file import BagError
 from fieldtruth.bag.run import MADE_BY
 from fieldtruth.core.files import write_atomically
-from fieldtruth.sense.processor import processor
+from fieldtruth.sense.embree import processor
 
 CHECKSUMS: Final = "SHA256SUMS"
 """The file in a run's folder."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
-from fieldtruth.drive.robot import Box, body_boxes
+from fieldtruth.drive.physics import Box, body_boxes
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
