@@ -18,7 +18,7 @@ from fieldtruth.bag.robot_messages import rig_transforms
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.drive.robot import ROTOR_INERTIA, wheel_speeds
+from fieldtruth.drive.physics import ROTOR_INERTIA, wheel_speeds
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig, paper_rig
 from fieldtruth.experiment.robot_config import RobotConfig

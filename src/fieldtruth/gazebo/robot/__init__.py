@@ -7,8 +7,7 @@ from typing import Any, Final, Literal
 
 from fieldtruth.bag import topics
 from fieldtruth.core import geodesy
-from fieldtruth.drive.physics import FRICTION
-from fieldtruth.drive.robot import skid_compensation
+from fieldtruth.drive.physics import FRICTION, skid_compensation
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.topic import WHEELS
 from fieldtruth.gazebo.robot import parts

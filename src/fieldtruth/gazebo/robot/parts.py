@@ -23,8 +23,8 @@ from scipy.spatial.transform import Rotation
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError
-from fieldtruth.drive import robot
-from fieldtruth.drive.robot import Box, body_boxes
+from fieldtruth.drive import physics
+from fieldtruth.drive.physics import Box, body_boxes
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_config import RobotConfig
@@ -159,7 +159,7 @@ def wheel_inertia(figures: RobotConfig) -> Array:
 
     SDF allows no moment above the sum of the others, so those across the axle are larger than the wheel's.
     """
-    axle = figures.wheels.inertia[1] + robot.ROTOR_INERTIA * robot.servo_scale(figures)
+    axle = figures.wheels.inertia[1] + physics.ROTOR_INERTIA * physics.servo_scale(figures)
     across = max(figures.wheels.inertia[0], axle / 2)
     return np.array([across, axle, across])
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from fieldtruth.core import geodesy
 from fieldtruth.core.classes import CLASSES, PALETTE, Label
-from fieldtruth.drive.physics import GRAVITY
 from fieldtruth.experiment.light_config import LightConfig
+from fieldtruth.experiment.robot_config import GRAVITY
 from fieldtruth.gazebo.robot import Flavour
 from fieldtruth.gazebo.templates import render, write
 from fieldtruth.gazebo.worlds.bodies import Body, Part, world_bodies
