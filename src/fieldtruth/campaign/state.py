@@ -20,7 +20,6 @@ from fieldtruth.bag.file import BagError
 from fieldtruth.bag.provenance import sha256_of
 from fieldtruth.bag.reader import open_bag
 from fieldtruth.campaign.draw import PlannedRun, simulated_s
-from fieldtruth.campaign.state import FAILURE, MANIFEST, Failure, Manifest, digest_of
 from fieldtruth.core.files import output_errors, write_atomically
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import Frozen
