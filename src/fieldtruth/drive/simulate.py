@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.frames import rotation_from_quaternion_wxyz
+from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
 from fieldtruth.drive.controller import FollowerState, WaypointFollower, horizontal_from_geodetic
 from fieldtruth.drive.hull import EVERY
 from fieldtruth.drive.monitor import DriveMonitor, Nearing

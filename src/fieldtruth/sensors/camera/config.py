@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from fieldtruth.core import frames, lenses
+from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.experiment.fields import Boolean, Integer, Mount, Number, Range, Rate
 from fieldtruth.experiment.sensor_config import FrameName, MountedConfig, SensorName, TopicName
@@ -16,10 +16,10 @@ from fieldtruth.experiment.topic import Output
 from fieldtruth.sensors.camera.lens_config import LensConfig
 from fieldtruth.sensors.camera.signal import CameraSignal
 
-CAMERA_FROM_OPTICAL = frames.pose((0.0, 0.0, 0.0), (0.0, 0.0, -90.0))
+CAMERA_FROM_OPTICAL = transforms.pose((0.0, 0.0, 0.0), (0.0, 0.0, -90.0))
 """The paper's camera frames (x down, y left, z forward) from REP-103 optical frames (x right, y down, z forward)."""
 
-OPTICAL = frames.pose((0.0, 0.0, 0.0), (-90.0, 0.0, -90.0))
+OPTICAL = transforms.pose((0.0, 0.0, 0.0), (-90.0, 0.0, -90.0))
 """A body frame (x forward, y left, z up) from the optical frame of a camera that looks along the body's x."""
 
 STREAMS: Final = {

@@ -5,8 +5,8 @@
 import numpy as np
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.frames import rotation_from_quaternion_wxyz
 from fieldtruth.core.geodesy import geodetic_from_world
+from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
 from fieldtruth.drive.physics import STEP_NS
 from fieldtruth.drive.steps import steps_at_rate
 from fieldtruth.drive.track import GnssReadings, Motion
