@@ -260,7 +260,7 @@ def small_sky(request: pytest.FixtureRequest) -> Iterator[None]:
     """Skies of 512 x 512 texels in tests of photographs and of the benchmark: one of the full size takes seconds."""
     with pytest.MonkeyPatch.context() as patch:
         if request.path.parent.name in {"render", "simulation"} or request.path.name == "test_bench.py":
-            from fieldtruth.render.sky import dome
+            from fieldtruth.render import daylight
 
-            patch.setattr(dome, "SIZE", 512)
+            patch.setattr(daylight, "DOME_TEXELS", 512)
         yield

@@ -1,7 +1,14 @@
 # SPDX-FileCopyrightText: 2026 The fieldtruth authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a view of a camera sees of the robot that carries it: the same in each image, as both move together."""
+"""What LiDARs and cameras see of the robot that carries them: the same in each scan and image, as both move together.
 
+Its boxes and cylinders are intersected exactly, in double precision and in base_link.
+They are convex, so that a ray is inside one between where it enters and where it leaves: a box is the intersection of
+three slabs (Kay and Kajiya 1986), a cylinder that of a slab and an endless cylinder. A part that contains the ray's
+origin is not met, so that no sensor sees the inside of what it is built into.
+"""
+
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -13,12 +20,64 @@ from fieldtruth.core.arrays import Array, Float32Array, Index
 from fieldtruth.core.classes import Label
 from fieldtruth.core.lenses import FLAT, directions
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.experiment.robot_body import visible_parts
+from fieldtruth.experiment.robot_body import Box, Cylinder, visible_parts
 from fieldtruth.kernels.packets import LabelBuffers
-from fieldtruth.kernels.robot import NO_FACE, RobotSamples
-from fieldtruth.sense.robot_rays import material_of, meet, part_table
+from fieldtruth.kernels.robot import BOX, CYLINDER, FACES, HUB, NO_FACE, RobotSamples, Surface, meet_parts
 from fieldtruth.sensors.camera.config import Imager
+from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.world.model import ROBOT_ID
+
+PAINT, RUBBER, METAL = range(3)
+"""Materials."""
+
+
+def part_table(parts: Sequence[Box | Cylinder]) -> Array:
+    """Rows (p, 7) as kernels take them: kind, centre and half the size along x, y and z [m]."""
+    rows = []
+    for part in parts:
+        half = (part if isinstance(part, Box) else part.box).size / 2
+        rows.append([BOX if isinstance(part, Box) else CYLINDER, *part.centre, *half])
+    return np.array(rows, np.float64).reshape(-1, 7)
+
+
+def meet(table: Array, origin: ArrayLike, directions: Array) -> Surface:
+    """Trace rays from ``origin`` (3,) along unit ``directions`` (n, 3) in base_link; NaN directions meet nothing."""
+    rays = np.ascontiguousarray(directions, np.float64)
+    found = Surface(np.empty(len(rays)), np.empty(len(rays), np.int32), np.empty((len(rays), 3)))
+    meet_parts(table, np.asarray(origin, np.float64), rays, found)
+    return found
+
+
+def material_of(table: Array, face: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Material (n,) of faces that were met."""
+    part, own = np.divmod(face, FACES)
+    wheel = np.where(own >= HUB, METAL, RUBBER)
+    return np.where(table[part, 0] == BOX, PAINT, wheel).astype(np.int32)
+
+
+class RobotScan:
+    """The rays of a LiDAR, by ``column`` and ``ring`` (n,), that meet its robot, at ``range_m`` (n,) [m].
+
+    ``material`` (n,) is PAINT, RUBBER or METAL, ``cosine`` (n,) that of the angle of incidence.
+    """
+
+    def __init__(self, parts: Sequence[Box | Cylinder], config: LidarConfig, directions: Array) -> None:
+        self._table, self._farthest = part_table(parts), config.max_range
+        self._base_from_sensor = config.mount.base_from_sensor
+        self.column: Index
+        self.ring: Index
+        self.aim(directions)
+
+    def aim(self, directions: Array) -> None:
+        """Trace rays in other unit ``directions`` (columns, rings, 3) in the LiDAR's frame."""
+        rays = directions.reshape(-1, 3) @ self._base_from_sensor[:3, :3].T
+        found = meet(self._table, self._base_from_sensor[:3, 3], rays)
+        number = np.flatnonzero(found.range_m <= self._farthest)
+        self.column, self.ring = np.divmod(number, directions.shape[1])
+        self.range_m = found.range_m[number].astype(np.float32)
+        self.material = material_of(self._table, found.face[number])
+        self.cosine = np.abs((found.normal[number] * rays[number]).sum(axis=1))
+
 
 EDGE_SAMPLES: Final = 4
 """Rays along each side of a pixel at an edge of the robot, for its photograph."""
@@ -27,7 +86,7 @@ EDGE_SAMPLES: Final = 4
 class RobotView(NamedTuple):
     """What a view sees of the robot. Threads may share it."""
 
-    table: Array  # of robot_rays.part_table
+    table: Array  # of part_table
     optical_from_base: Array
     eye: Array  # (3,) [m], the camera in base_link
     pixel: Index  # (n,) numbers of the pixels whose ray through the centre meets it
