@@ -15,9 +15,8 @@ from fieldtruth.bag.reader import BagError
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.sense.robot_view import robot_views
-from fieldtruth.sensors.camera.check_agreement import LIDAR_AND_CAMERAS, Agreement
 from fieldtruth.sense.robot import robot_views
+from fieldtruth.sensors.camera.check_agreement import LIDAR_AND_CAMERAS, Agreement
 from fieldtruth.sensors.camera.check_frames import PARTS, CameraFrame, CameraFrameChecker
 from fieldtruth.sensors.camera.check_geometry import FLOW, NORMALS, Geometry, is_recorded
 from fieldtruth.sensors.camera.check_info import CALIBRATION, CameraInfos
