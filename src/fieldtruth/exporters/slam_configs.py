@@ -21,7 +21,7 @@ from fieldtruth.core.readings import Cloud, Image, Inertial
 from fieldtruth.core.yaml_io import write_mapping
 from fieldtruth.experiment.robot_config import GRAVITY
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.sequences import first_views
+from fieldtruth.exporters.frames import first_views
 from fieldtruth.exporters.tum import tum_text
 
 _UINT8, _UINT32, _FLOAT32 = 2, 6, 7
