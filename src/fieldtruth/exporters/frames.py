@@ -177,6 +177,11 @@ def require_frames(run: Run, *, clouds: bool) -> None:
     raise BagError(f"{run.bag} has no {what}; available: {', '.join(sorted(run.counts))}")
 
 
+def intensity_is_class(lidar: Source) -> bool:
+    """Whether the field intensity of a LiDAR's points is their class, as in the paper, and not their reflectivity."""
+    return getattr(lidar.config, "intensity", "class") == "class"
+
+
 # ---------------------------------------------------------------------------------------------------------------------
 # Frames
 

@@ -15,7 +15,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.classes import Label
 from fieldtruth.core.readings import Cloud
 from fieldtruth.exporters import Options
-from fieldtruth.exporters.frames import LIDAR, first_lidar
+from fieldtruth.exporters.frames import LIDAR, first_lidar, intensity_is_class
 from fieldtruth.ontology.label_map import OWN, LabelMap
 
 _TYPES: Final = {"f": "F", "u": "U", "i": "I"}
@@ -30,7 +30,7 @@ One PCD file (version 0.7, binary) per cloud; its name is the cloud's stamp in n
   transforms the points of all clouds into one map.
 - `rgb`: the colour of the class, packed as in PCL (0x00RRGGBB in the bits of a float).
 - `label`: the id of the class, see the table.
-- All other fields are those of the bag. In a run of fieldtruth they are `intensity` (fieldtruth's id of the class),
+- All other fields are those of the bag. In a run of fieldtruth they are `intensity` ({intensity}),
   `ring` and `column` of the ray, `instance` (row of /gazebo/model_states; 1 is the ground) and, from a spinning LiDAR,
   `t` [ns] after the stamp. From a LiDAR with a signal also `true_range` [m], `signal` [photon], `reflectivity` (1 for a
   white surface; an Ouster's in percent), `echo` and `mixed`.
@@ -112,4 +112,6 @@ def _readme(run: Run, labels: LabelMap) -> str:
     lines = [f"| {number} | {name} | {' '.join(map(str, rgb))} |\n" for number, name, rgb in rows]
     others = [f"`{lidar.name}/`" for lidar in run.of(Cloud) if lidar.name != LIDAR]
     folders = f"Clouds of these LiDARs are in folders of their names: {', '.join(others)}.\n" if others else ""
-    return _README.format(name=run.name, folders=folders) + "".join(lines)
+    by_class = all(map(intensity_is_class, run.of(Cloud)))
+    intensity = "fieldtruth's id of the class" if by_class else "that of the class or the reflectivity"
+    return _README.format(name=run.name, folders=folders, intensity=intensity) + "".join(lines)
