@@ -533,10 +533,8 @@ def _write_per_run(
         pixels, points = (
             {name: counts[what, name] for name in labels if (what, name) in counts} for what in ("pixels", "points")
         )
-        lidars = run.of(Cloud)
-        write_sheet(
-            target / SHEET, run.name, pixels, points, label_map, by_intensity=all(map(intensity_is_class, lidars))
-        )
+        by_intensity = all(map(intensity_is_class, run.of(Cloud)))
+        write_sheet(target / SHEET, run.name, pixels, points, label_map, by_intensity=by_intensity)
     return [(name, about) for name, about in _PER_RUN.items() if (target / name).exists()]
 
 
