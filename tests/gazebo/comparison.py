@@ -24,7 +24,7 @@ from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
-from fieldtruth.validation.retrace.tracer import ReferenceTracer
+from fieldtruth.validation.tracer import ReferenceTracer
 
 RANGE: Final = 0.005
 """Largest difference [m] of two ranges that are equal."""

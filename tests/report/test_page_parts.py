@@ -12,10 +12,8 @@ from fieldtruth.bag.reader import BagError
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import CLASSES, PALETTE
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.report.page.class_counts import class_ids, count_pixels
-from fieldtruth.report.page.curves import draw_curves, time_ticks
-from fieldtruth.report.page.decimate import VERTICES, Decimator, Line
-from fieldtruth.report.page.series import Fixes, Motion
+from fieldtruth.report.page.bag_pass import class_ids, count_pixels
+from fieldtruth.report.page.series import VERTICES, Decimator, Fixes, Line, Motion, draw_curves, time_ticks
 from fieldtruth.report.page.tables import rpy_deg
 
 SECOND = 10**9

@@ -11,10 +11,9 @@ from report_worlds import EXPERIMENT, plain, small_park
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.render.bake import bake
-from fieldtruth.report.drawing.aerial import HEIGHT, MARGIN, render_aerial
 from fieldtruth.report.drawing.cloud import Cloud, draw_cloud
-from fieldtruth.report.drawing.geometry import arc
 from fieldtruth.report.drawing.images import downscaled
+from fieldtruth.report.drawing.maps import HEIGHT, MARGIN, arc, render_aerial
 from fieldtruth.report.drawing.style import NIGHT
 from fieldtruth.report.preview.sheet import view_of
 from fieldtruth.report.preview.viewpoints import free_viewpoints, most_informative, obstacles

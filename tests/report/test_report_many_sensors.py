@@ -23,12 +23,12 @@ from fieldtruth.bag.trajectory import read_trajectory
 from fieldtruth.core import transforms
 from fieldtruth.core.classes import Label
 from fieldtruth.core.progress import Silent
-from fieldtruth.drive.expected_path import pose_on_ground
+from fieldtruth.drive.plan import pose_on_ground
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.report.card_sensors import cloud_frames, frame_content, imu_lines, odometry_lines, sensor_lines
+from fieldtruth.report.card import cloud_frames, frame_content, imu_lines, odometry_lines, sensor_lines
 from fieldtruth.report.page import write_report
-from fieldtruth.report.page.scan_cloud import accumulate_scans
+from fieldtruth.report.page.cloud import accumulate_scans
 from fieldtruth.report.preview import content as content_module
 from fieldtruth.report.preview.content import collect_content
 from fieldtruth.report.preview.sheet import draw_sheet

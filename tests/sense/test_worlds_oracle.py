@@ -12,7 +12,7 @@ from fieldtruth.core.classes import Label
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.route import metres_from_route
 from fieldtruth.sense.scene import Scene
-from fieldtruth.validation.retrace.tracer import ReferenceTracer
+from fieldtruth.validation.tracer import ReferenceTracer
 
 RAYS = {"park": 3000, "lake": 900, "forest": 900, "hillside": 900}
 CLASSES = {"park": 9, "lake": 7, "forest": 7, "hillside": 6}

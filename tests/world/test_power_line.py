@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from fieldtruth.core.classes import Label
+from fieldtruth.world.environments.lake.build import string_line
 from fieldtruth.world.environments.lake.config import Config
-from fieldtruth.world.environments.lake.power_line import string_line
 from fieldtruth.world.grids import Line
 from fieldtruth.world.materials import MATERIALS
 from fieldtruth.world.model import Heightfield

@@ -56,8 +56,6 @@ def test_another_builtin_experiment_changes_no_world(monkeypatch: pytest.MonkeyP
     [
         "world/environments/park/build.py",
         "world/environments/park/config.py",
-        "world/environments/park/corridors.py",
-        "world/environments/park/plants.py",
         "world/plants/growth.py",
         "world/data/trees/birch.yaml",
         "world/build.py",
@@ -67,7 +65,7 @@ def test_another_builtin_experiment_changes_no_world(monkeypatch: pytest.MonkeyP
 )
 def test_world_key_covers_every_input(file: str) -> None:
     source = Path(cache.__file__).parents[2]
-    modules = [f"{ENVIRONMENTS['park'].package}.{name}" for name in ("build", "config", "corridors")]
+    modules = [f"{ENVIRONMENTS['park'].package}.{name}" for name in ("build", "config")]
     inputs = cache.import_closure(["fieldtruth.world.build", *modules], source)
     assert source / "fieldtruth" / file in inputs
 

@@ -21,8 +21,7 @@ from fieldtruth.bag.checksums import sha256_of
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.exporters.frames import SPLITS, Member
 from fieldtruth.ontology.label_map import LabelMap
-from fieldtruth.report.card import card_part
-from fieldtruth.report.setting import collection_of, conditions_of
+from fieldtruth.report.card import card_part, collection_of, conditions_of
 
 CARD: Final = "README.md"
 LICENCE: Final = "cc-by-4.0"

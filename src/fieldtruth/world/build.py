@@ -253,7 +253,10 @@ def layout_model(environment: str) -> type[Frozen]:
 
 def reserved_corridors(environment: str) -> list[Line]:
     """Centre lines of the corridors that stay free of obstacles, whatever experiments exist."""
-    return [Line.through(corners, smooth=False) for corners in _module(environment, "corridors").CORRIDORS]
+    config = _module(environment, "config")
+    if not hasattr(config, "CORRIDORS"):  # packages made for earlier versions have a module of their own for them
+        config = _module(environment, "corridors")
+    return [Line.through(corners, smooth=False) for corners in config.CORRIDORS]
 
 
 def load_world(
@@ -278,7 +281,7 @@ def load_world(
 def world_key(environment: str) -> str:
     """Digest of everything besides seed and layout that shapes a world: code, data files, versions of libraries."""
     package = ENVIRONMENTS[environment].package
-    modules = [__name__, *(f"{package}.{name}" for name in ("build", "config", "corridors"))]
+    modules = [__name__, *(f"{package}.{name}" for name in ("build", "config"))]
     files = data_files()  # the package's and added ones
     if not package.startswith("fieldtruth."):  # `cache_key` finds the package's own modules only
         folders = map(Path, import_module(package).__path__)

@@ -9,8 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.patheffects import AbstractPathEffect, withStroke
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.report.drawing.aerial import Aerial
-from fieldtruth.report.drawing.geometry import arc, distance_along, heading_of, sector
+from fieldtruth.report.drawing.maps import Aerial, arc, distance_along, heading_of, sector
 from fieldtruth.report.drawing.style import FONT, INK, RED, ROUTES
 from fieldtruth.report.preview.content import Route, SheetContent, View
 from fieldtruth.sensors.camera.config import Imager
