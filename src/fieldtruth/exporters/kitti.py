@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from fieldtruth.bag import topics as table
 from fieldtruth.bag.errors import BagError
 from fieldtruth.bag.readings import reflectivity
+from fieldtruth.bag.file import BagError
 from fieldtruth.bag.run import Run
 from fieldtruth.bag.sources import Source
 from fieldtruth.bag.streams import nearest
