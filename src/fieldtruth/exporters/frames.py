@@ -19,10 +19,8 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag import decode as read
 from fieldtruth.bag import topics as table
-from fieldtruth.bag.errors import BagError
-from fieldtruth.bag.readings import Readings, reflectivity, stored_photo
 from fieldtruth.bag.file import BagError
-from fieldtruth.bag.readings import Readings, checked_jpeg, matched, reflectivity
+from fieldtruth.bag.readings import Readings, matched, reflectivity, stored_photo
 from fieldtruth.bag.run import Run, open_run
 from fieldtruth.bag.topics import EXTRAS, PARTS, Source
 from fieldtruth.core.arrays import Array, Counts

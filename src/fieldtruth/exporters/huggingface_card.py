@@ -17,7 +17,7 @@ from typing import Any, Final, NamedTuple
 import yaml
 
 import fieldtruth
-from fieldtruth.bag.checksums import sha256_of
+from fieldtruth.bag.provenance import sha256_of
 from fieldtruth.core.readings import Cloud, Image
 from fieldtruth.exporters.frames import SPLITS, Member
 from fieldtruth.ontology.label_map import LabelMap

@@ -23,9 +23,7 @@ from numpy.typing import NDArray
 
 from fieldtruth.bag.provenance import sha256_of
 from fieldtruth.bag.run import Run
-from fieldtruth.bag.sources import Source
 from fieldtruth.bag.topics import Source
-from fieldtruth.core.parallel import in_order
 from fieldtruth.core.png import encode_png
 from fieldtruth.core.readings import Cloud
 from fieldtruth.exporters import Options
