@@ -280,8 +280,7 @@ _GRAVEL: Final = Item("stones", "stone", (0.006, 0.035), 55.0)
 LITTER_BY_GROUND: Final[Mapping[str, tuple[Cover, ...]]] = {
     "lawn": (
         Cover(
-            3.0,
-            (*_TUFTS, Item("clover", "clover", (0.008, 0.014), 22.0), Item("flowers", "daisy", (0.01, 0.02), 1.0)),
+            3.0, (*_TUFTS, Item("clover", "clover", (0.008, 0.014), 22.0), Item("flowers", "daisy", (0.01, 0.02), 1.0))
         ),
         _FALLEN,
     ),
@@ -371,12 +370,7 @@ def _patch(name: str, cover: Cover, rng: np.random.Generator, *, on_trail: bool)
 
 
 def _positions(
-    builder: WorldBuilder,
-    terrain: Terrain,
-    cover: Cover,
-    share: Array | None,
-    amount: float,
-    rng: np.random.Generator,
+    builder: WorldBuilder, terrain: Terrain, cover: Cover, share: Array | None, amount: float, rng: np.random.Generator
 ) -> Array:
     """Positions (n, 2) [m] of patches on ground of which ``share`` (materials,) is the type; None: on trails."""
     trees = _trees(builder) if cover.where == "under trees" else None

@@ -360,12 +360,7 @@ class WorldBuilder:
         return self.add(kind, mesh, pose, [(x, y, radius)], tint=tint)
 
     def scatter(
-        self,
-        group: ObjectGroup,
-        rng: np.random.Generator,
-        allowed: Callable[[Array], Mask],
-        *,
-        tries: int = 4000,
+        self, group: ObjectGroup, rng: np.random.Generator, allowed: Callable[[Array], Mask], *, tries: int = 4000
     ) -> list[Instance]:
         """Scatter upright objects where ``allowed`` is true for positions (n, 2).
 

@@ -224,11 +224,7 @@ def relief_spacing(x: Array, y: Array) -> float:
 
 
 def with_microrelief(
-    hills: Array,
-    coarse: Axes,
-    fine: Axes,
-    cover: Sequence[tuple[Roughness, ArrayLike]],
-    rng: np.random.Generator,
+    hills: Array, coarse: Axes, fine: Axes, cover: Sequence[tuple[Roughness, ArrayLike]], rng: np.random.Generator
 ) -> Array:
     """Heights [m] at the nodes of axes ``fine``: a cubic spline through ``hills`` at those of ``coarse``, and relief.
 
@@ -286,7 +282,7 @@ def with_layer(terrain: Terrain, rng: np.random.Generator) -> Terrain:
             for values in ([layer.mean for layer in own], [layer.deviation for layer in own])
         )
         height += mean + deviation * _noise(terrain, correlation, rng)
-    # A half-precision number, 15 um fine at 3 cm, is what a stored world keeps.
+    # Rounded to half precision, 15 um at 3 cm: all that is written with fewer digits keeps it.
     return replace(terrain, layer=np.maximum(height, 0.0).astype(np.float16).astype(np.float32))
 
 

@@ -197,12 +197,7 @@ def spread_along(
 
 
 def sideways(
-    tangent: Array,
-    parent: Index,
-    rank: Index,
-    divergence: float,
-    spread: float,
-    rng: np.random.Generator,
+    tangent: Array, parent: Index, rank: Index, divergence: float, spread: float, rng: np.random.Generator
 ) -> Array:
     """Unit vectors (m, 3) across the ``tangent``, ``divergence`` [deg] per rank; 180: in a horizontal plane."""
     across = np.cross(tangent, [0.0, 0.0, 1.0])
@@ -216,12 +211,7 @@ def sideways(
 
 
 def _directions(
-    tangent: Array,
-    parent: Index,
-    rank: Index,
-    depth: Array,
-    order: Order,
-    rng: np.random.Generator,
+    tangent: Array, parent: Index, rank: Index, depth: Array, order: Order, rng: np.random.Generator
 ) -> Array:
     """Initial unit directions of shoots."""
     side = sideways(tangent, parent, rank, order.divergence, order.divergence_spread, rng)
