@@ -24,8 +24,6 @@ from fieldtruth.world.solids import (
 )
 
 WIDTH = 1.7  # [m]
-
-
 SUNK = 0.08  # [m] depth of feet and bases in the ground
 
 

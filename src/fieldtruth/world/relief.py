@@ -138,8 +138,6 @@ def pits_and_mounds(x: Array, y: Array, positions: ArrayLike, rng: np.random.Gen
 
 
 STEP: Final = 0.04
-
-
 """Distance [m] between the points of a root."""
 
 
@@ -194,20 +192,12 @@ def _ridges(dx: Array, dy: Array, points: Array) -> Array:
 
 
 BAND: Final = (0.125, 10.0)
-
-
 """Lowest and highest spatial frequency [cycles/m]: 8 m, above which are the environment's own hills, to 0.1 m."""
 
-
 SPACING: Final = 0.05
-
-
 """Distance [m] between the nodes of the microrelief: two to the shortest wave."""
 
-
 Axes = tuple[Array, Array]
-
-
 """Coordinates [m] along x and along y of a grid's nodes."""
 
 
@@ -262,8 +252,6 @@ def shaped(white: Float32Array, spacing: float, waviness: float) -> Float32Array
 
 
 EDGE: Final = 0.12
-
-
 """Distance [m] from a trail's edge, or from its border, at which the layer has its full height."""
 
 
