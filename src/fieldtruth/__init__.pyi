@@ -75,8 +75,8 @@ from .report.preview import preview as preview
 from .report.shares import ClassShares as ClassShares
 from .report.shares import class_shares as class_shares
 from .report.viewer import view as view
-from .sense.rays import cast_rays as cast_rays
 from .sense.scene import Scene as Scene
+from .sense.scene import cast_rays as cast_rays
 from .sensors.camera.config import OPTICAL as OPTICAL
 from .sensors.camera.config import CameraConfig as CameraConfig
 from .sensors.camera.labels import LabelCamera as LabelCamera

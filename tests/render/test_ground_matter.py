@@ -16,11 +16,16 @@ from fieldtruth.kernels.camera_rays import View
 from fieldtruth.kernels.packets import LabelBuffers
 from fieldtruth.kernels.photograph import new_framebuffer, render_linear
 from fieldtruth.kernels.textures import LEVELS, SUN_ONE, linear_from_srgb, patch_offsets, srgb_from_linear
-from fieldtruth.render.atlas import make_atlas
 from fieldtruth.render.bake import BakedScene, bake
-from fieldtruth.render.materials import material_table
-from fieldtruth.render.relief import THROUGH, sun_factors
-from fieldtruth.render.wetness import WATER, mean_reflectance, wet_albedo
+from fieldtruth.render.materials import (
+    THROUGH,
+    WATER,
+    make_atlas,
+    material_table,
+    mean_reflectance,
+    sun_factors,
+    wet_albedo,
+)
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL
 from fieldtruth.sensors.camera.pinhole import pinhole

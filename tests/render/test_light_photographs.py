@@ -9,8 +9,8 @@ from sense_worlds import at, box, make_world, quad
 from fieldtruth.core import transforms
 from fieldtruth.experiment.light_config import LightConfig, Preset
 from fieldtruth.kernels.light import EXPOSURE, Shading
+from fieldtruth.render.atmosphere import LUMINANCE
 from fieldtruth.render.bake import LONGEST, PARK_LEVEL, SHORTEST, BakedScene, bake, exposure
-from fieldtruth.render.sky.spectrum import LUMINANCE
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL
 from fieldtruth.sensors.camera.signal_camera import Camera

@@ -14,8 +14,7 @@ from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import Box, Cylinder
 from fieldtruth.render.bake import BakedScene, bake
-from fieldtruth.sense.robot_rays import part_table
-from fieldtruth.sense.robot_view import RobotView, robot_view, robot_views
+from fieldtruth.sense.robot import RobotView, part_table, robot_view, robot_views
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import Imager
 from fieldtruth.sensors.camera.sensing import CameraImages

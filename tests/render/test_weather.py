@@ -12,7 +12,7 @@ from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.kernels.light import AZIMUTHS, EXPOSURE, azimuth_of, fog_length, sky_radiance
 from fieldtruth.render.bake import BakedScene, bake
-from fieldtruth.render.sky.daylight import sun_direction
+from fieldtruth.render.daylight import sun_direction
 from fieldtruth.sense.air import extinction
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL

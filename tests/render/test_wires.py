@@ -12,9 +12,8 @@ from fieldtruth.core import transforms
 from fieldtruth.experiment.light_config import LightConfig
 from fieldtruth.kernels.camera_rays import View
 from fieldtruth.kernels.packets import LabelBuffers
-from fieldtruth.kernels.photograph import new_framebuffer, render_linear, render_mean
+from fieldtruth.kernels.photograph import new_framebuffer, offsets_of, render_linear, render_mean, strips_of
 from fieldtruth.render.bake import BakedScene, bake
-from fieldtruth.render.shutter import offsets_of, strips_of
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL, CameraConfig
 from fieldtruth.sensors.camera.lens_config import LensConfig

@@ -17,8 +17,17 @@ from fieldtruth.experiment.robot_body import Box, Cylinder, visible_parts
 from fieldtruth.kernels.lidar import Scan
 from fieldtruth.kernels.robot import NO_FACE, RIM
 from fieldtruth.report.rig.coverage import ground_coverage
-from fieldtruth.sense.robot_rays import METAL, PAINT, RUBBER, material_of, meet, part_table
-from fieldtruth.sense.robot_view import RobotView, robot_view, robot_views
+from fieldtruth.sense.robot import (
+    METAL,
+    PAINT,
+    RUBBER,
+    RobotView,
+    material_of,
+    meet,
+    part_table,
+    robot_view,
+    robot_views,
+)
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.labels import LabelCamera
 from fieldtruth.sensors.lidar.measuring import Lidar

@@ -14,7 +14,7 @@ from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.weather_config import WeatherConfig
 from fieldtruth.kernels.camera import add_dust
 from fieldtruth.render.bake import BakedScene, bake
-from fieldtruth.sense.drops import rain, snow
+from fieldtruth.sense.air import rain, snow
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import OPTICAL, CameraConfig
 from fieldtruth.sensors.camera.on_glass import drops_at, dust_of

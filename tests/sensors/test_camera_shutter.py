@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 from sense_worlds import F8, Placed, at, box, make_world
 
 from fieldtruth.core import transforms
-from fieldtruth.drive.readings import sweep_steps
+from fieldtruth.drive.track import sweep_steps
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.sensor_models import datasheet_of
-from fieldtruth.kernels.photograph import render_strips
+from fieldtruth.kernels.photograph import render_strips, strips_of
 from fieldtruth.render.bake import BakedScene, bake
-from fieldtruth.render.shutter import strips_of
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.sensing import CameraImages
 from fieldtruth.sensors.camera.signal import CameraSignal

@@ -21,7 +21,7 @@ from fieldtruth.experiment.files import load_experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import Box, Cylinder, visible_parts
 from fieldtruth.pipeline import generate
-from fieldtruth.sense.robot_rays import meet, part_table
+from fieldtruth.sense.robot import meet, part_table
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.lidar.sensing import IdealLidar, ray_directions
 from fieldtruth.validation import Check
@@ -80,7 +80,7 @@ def readings(parts: Sequence[Box | Cylinder], world: Any, min_range: float = 0.3
     return [
         RayReading(
             "", pose[:3, 3], pose[:3, :3] @ rays[key], *found.get(key, (NOTHING, 0, 0)), min_range, config.max_range,
-            lidar=True, in_base=(mount[:3, 3], mount[:3, :3] @ rays[key]),
+            pulsed=True, in_base=(mount[:3, 3], mount[:3, :3] @ rays[key]),
         )
         for key in np.ndindex(rays.shape[:2])
         if at_robot[key] or found.get(key, (0.0, 0, 0))[1] == ROBOT or key[0] % 128 == 0
@@ -173,8 +173,8 @@ def test_a_robot_that_all_sensors_see_elsewhere_is_found(
     def wrong(table: F8, origin: Any, directions: F8) -> Any:
         return meet(table, np.asarray(origin) - (0.0, 0.0, 0.05), directions)
 
-    monkeypatch.setattr("fieldtruth.sense.robot_scan.meet", wrong)
-    monkeypatch.setattr("fieldtruth.sense.robot_view.meet", wrong)
+    monkeypatch.setattr("fieldtruth.sense.robot.meet", wrong)
+    monkeypatch.setattr("fieldtruth.sense.robot.meet", wrong)
     run = generate(experiment(), tmp_path).parent
     texts = failures(validate_in_park(run, samples=10))
     assert set(texts) == {"independent rays"}

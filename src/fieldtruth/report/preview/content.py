@@ -11,7 +11,7 @@ import numpy as np
 from fieldtruth.core import transforms
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.progress import Progress
-from fieldtruth.drive.expected_path import expected_path, experiments_in, pose_on_ground, poses_along
+from fieldtruth.drive.plan import expected_path, experiments_in, pose_on_ground, poses_along
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import visible_parts
 from fieldtruth.experiment.route import metres_from_route
@@ -20,7 +20,7 @@ from fieldtruth.report.drawing.cloud import Cloud
 from fieldtruth.report.drawing.maps import Aerial, render_aerial
 from fieldtruth.report.preview.viewpoints import free_viewpoints, most_informative
 from fieldtruth.report.shares import SPACING, ClassShares, count_classes
-from fieldtruth.sense.robot_view import RobotView, robot_views
+from fieldtruth.sense.robot import RobotView, robot_views
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import Imager
 from fieldtruth.sensors.camera.sensing import CameraImages, IdealCamera

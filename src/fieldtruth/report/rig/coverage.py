@@ -11,7 +11,7 @@ from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import body_parts
-from fieldtruth.sense.robot_rays import meet, part_table
+from fieldtruth.sense.robot import meet, part_table
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.lidar.beams import ring_elevations
 from fieldtruth.sensors.lidar.config import LidarConfig

@@ -14,8 +14,7 @@ from fieldtruth.core import lenses, transforms
 from fieldtruth.core.arrays import Array, Float32Array, Mask
 from fieldtruth.kernels.camera import FlowPoints, hide_points, move_points
 from fieldtruth.kernels.packets import new_packet
-from fieldtruth.sense.robot_rays import meet
-from fieldtruth.sense.robot_view import RobotView
+from fieldtruth.sense.robot import RobotView, meet
 from fieldtruth.sense.scene import Scene
 from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.pinhole import pinhole

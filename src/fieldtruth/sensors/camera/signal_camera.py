@@ -17,10 +17,17 @@ from fieldtruth.core.random import rng_of
 from fieldtruth.kernels.camera import add_dust
 from fieldtruth.kernels.camera_rays import View, label_image, trace
 from fieldtruth.kernels.packets import LabelBuffers
-from fieldtruth.kernels.photograph import STRIP, render_linear, render_mean, render_points, render_strips
+from fieldtruth.kernels.photograph import (
+    STRIP,
+    offsets_of,
+    render_linear,
+    render_mean,
+    render_points,
+    render_strips,
+    strips_of,
+)
 from fieldtruth.render.bake import BakedScene
-from fieldtruth.render.shutter import offsets_of, strips_of
-from fieldtruth.sense.robot_view import RobotView
+from fieldtruth.sense.robot import RobotView
 from fieldtruth.sensors.camera.config import CameraConfig, Imager
 from fieldtruth.sensors.camera.exposure import Exposure, exposure_of, metered_exposure, metering_lags, white_balance
 from fieldtruth.sensors.camera.lens_effects import add_glare, illumination

@@ -7,9 +7,7 @@ import numpy as np
 from fieldtruth.core.arrays import Array
 from fieldtruth.core.geodesy import geodetic_from_world
 from fieldtruth.core.transforms import rotation_from_quaternion_wxyz
-from fieldtruth.drive.physics import STEP_NS
-from fieldtruth.drive.steps import steps_at_rate
-from fieldtruth.drive.track import GnssReadings, Motion
+from fieldtruth.drive.track import STEP_NS, GnssReadings, Motion, steps_at_rate
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.sensors.gnss.config import GnssConfig
 
