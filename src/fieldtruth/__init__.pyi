@@ -62,6 +62,7 @@ from .experiment.route import route_from_metres as route_from_metres
 from .experiment.route import route_yaml as route_yaml
 from .experiment.sensor_config import MountedConfig as MountedConfig
 from .experiment.sensor_config import SensorConfig as SensorConfig
+from .experiment.sensor_families import OPTICAL as OPTICAL
 from .exporters import export as export
 from .gazebo import write_gazebo as write_gazebo
 from .interchange import write_scene as write_scene
@@ -77,7 +78,6 @@ from .report.shares import class_shares as class_shares
 from .report.viewer import view as view
 from .sense.rays import cast_rays as cast_rays
 from .sense.scene import Scene as Scene
-from .sensors.camera.config import OPTICAL as OPTICAL
 from .sensors.camera.config import CameraConfig as CameraConfig
 from .sensors.camera.labels import LabelCamera as LabelCamera
 from .sensors.camera.labels import LabelImages as LabelImages

@@ -45,8 +45,8 @@ from fieldtruth.core.progress import Silent
 from fieldtruth.drive.state import poses_at, state_at
 from fieldtruth.drive.track import stamps_at_rate
 from fieldtruth.experiment.rig import Rig, paper_rig
+from fieldtruth.experiment.sensor_families import CAMERA_FROM_OPTICAL
 from fieldtruth.record.streams import streams_of
-from fieldtruth.sensors.camera.config import CAMERA_FROM_OPTICAL
 from fieldtruth.sensors.camera.stereo_config import StereoConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 

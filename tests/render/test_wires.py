@@ -10,14 +10,14 @@ from sense_worlds import F8, Placed, at, box, make_world
 
 from fieldtruth.core import frames
 from fieldtruth.experiment.light_config import LightConfig
+from fieldtruth.experiment.sensor_families import OPTICAL, LensConfig
 from fieldtruth.kernels.camera_rays import View
 from fieldtruth.kernels.packets import LabelBuffers
 from fieldtruth.kernels.photograph import new_framebuffer, render_linear, render_mean
 from fieldtruth.render.bake import BakedScene, bake
 from fieldtruth.render.shutter import offsets_of, strips_of
 from fieldtruth.sense.scene import Scene
-from fieldtruth.sensors.camera.config import OPTICAL, CameraConfig
-from fieldtruth.sensors.camera.lens_config import LensConfig
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.camera.pinhole import pinhole
 from fieldtruth.sensors.camera.ray_table import ray_table
 from fieldtruth.sensors.camera.stereo_config import StereoConfig

@@ -9,8 +9,9 @@ from typing import Any, Final
 from fieldtruth.core import readings
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.sensor_config import SensorConfig
+from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.experiment.topic import WHEELS
-from fieldtruth.sensors.camera.config import CameraConfig, Imager
+from fieldtruth.sensors.camera.config import CameraConfig
 from fieldtruth.sensors.wheel_odometry.config import WHEEL_SPEEDS
 
 PARTS: Final = {

@@ -13,7 +13,7 @@ from fieldtruth.campaign.draw import changed_values
 from fieldtruth.core.errors import ConfigurationError, UnknownNameError
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.problems import configuration_error, shortened
-from fieldtruth.sensors.camera.config import EXTRAS
+from fieldtruth.experiment.sensor_families import EXTRAS
 from fieldtruth.world.build import check_experiment, check_layout
 
 

@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.core.geodesy import world_from_geodetic
+from fieldtruth.core.frames import rotation_from_quaternion_wxyz
+from fieldtruth.core.geodesy import geodetic_from_world, world_from_geodetic
 from fieldtruth.drive.robot import STOP, Command
 from fieldtruth.experiment.config import ControlConfig
+from fieldtruth.experiment.fields import Mount
 
 
 class FollowerState(NamedTuple):
@@ -91,3 +93,15 @@ def horizontal_from_geodetic(geodetic: ArrayLike) -> Array:
     latitude_longitude = np.asarray(geodetic, np.float64)
     height = np.zeros((*latitude_longitude.shape[:-1], 1))
     return world_from_geodetic(np.concatenate([latitude_longitude, height], axis=-1))[..., :2]
+
+
+def antenna_geodetic(position: Array, quaternion_wxyz: Array, mount: Mount) -> Array:
+    """Latitude [deg], longitude [deg], height [m] (n, 3) of the antenna for poses of base_link (n, 3) and (n, 4)."""
+    lever = rotation_from_quaternion_wxyz(quaternion_wxyz) @ np.array(mount.xyz)
+    return geodetic_from_world(position + lever)
+
+
+def heading(quaternion_wxyz: Array) -> float:
+    """Heading [rad] of base_link (the attitude of an IMU, turned by its mount): 0 north, positive towards west."""
+    w, x, y, z = quaternion_wxyz
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))

@@ -12,6 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from fieldtruth.core.arrays import Array
+from fieldtruth.core.readings import Fix
 from fieldtruth.drive.controller import turn_rate
 from fieldtruth.drive.ground import slopes
 from fieldtruth.experiment.config import ControlConfig, Experiment
@@ -36,8 +37,8 @@ class KinematicSimulator:
 
     def __init__(self, experiment: Experiment, field: Heightfield | None = None) -> None:
         self.control: ControlConfig = experiment.control
-        self._fix_period = 1.0 / experiment.rig.gnss.rate_hz
-        self._antenna = experiment.rig.gnss.mount.xyz
+        self._fix_period = 1.0 / experiment.rig.first(Fix).rate_hz
+        self._antenna = experiment.rig.first(Fix).mount.xyz
         self._field = field
         self._slopes = None if field is None else slopes(field, 2 * experiment.rig.wheels.half_track)
 

@@ -15,14 +15,14 @@ from fieldtruth.bag.run import TRACK
 from fieldtruth.bag.topics import latches_objects, objects_topic, topics_of_run
 from fieldtruth.core import frames
 from fieldtruth.core.classes import CLASSES, NO_RETURN, Label
+from fieldtruth.core.readings import Inertial, Odometry
 from fieldtruth.drive.track import Track
 from fieldtruth.experiment.config import Experiment
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.report.card_sensors import (
     cloud_frames,
     frame_content,
-    imu_lines,
-    odometry_lines,
+    note_lines,
     ray_depths,
     sensor_lines,
 )
@@ -58,7 +58,7 @@ def data_card(
         name=experiment.name,
         description=f"{experiment.description}\n" if experiment.description else "",
         motion=_motion(experiment, track),
-        tf=_TURNING if rig.wheel_odometry is not None else _FIXED,
+        tf=_TURNING if rig.reports_wheels else _FIXED,
         physics=_physics(experiment),
         track="" if experiment.drive is None else f", with the poses in `{TRACK}`",
         environment=experiment.environment,
@@ -101,11 +101,11 @@ def _physics(experiment: Experiment) -> str:
             "- Nothing moves: poses at successive stamps are far apart, and stamps only number them, 0.1 s apart. The\n"
             "  robot stands on four points of the ground before it is tilted and raised."
         )
-    imus = "\n".join(imu_lines(experiment.rig))
+    imus = "\n".join(note_lines(experiment.rig, Inertial))
     if experiment.drive is not None:
         noise = ", and the IMU reads their noise" if imus else ""
         return f"- The poses are those of the track file: no physics limits them{noise}.\n{imus}".rstrip()
-    odometry = "\n".join(odometry_lines(experiment.rig))
+    odometry = "\n".join(note_lines(experiment.rig, Odometry))
     physics = _template("card_physics.md").substitute(body_words(experiment.rig.robot)).rstrip()
     return "\n".join(filter(None, (physics, odometry, imus)))
 

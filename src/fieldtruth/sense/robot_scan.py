@@ -8,8 +8,8 @@ import numpy as np
 
 from fieldtruth.core.arrays import Array, Index
 from fieldtruth.experiment.robot_body import Box, Cylinder
+from fieldtruth.experiment.sensor_families import ScanningConfig
 from fieldtruth.sense.robot_rays import material_of, meet, part_table
-from fieldtruth.sensors.lidar.config import LidarConfig
 
 
 class RobotScan:
@@ -18,7 +18,7 @@ class RobotScan:
     ``material`` (n,) is one of ``robot_rays``, ``cosine`` (n,) that of the angle of incidence.
     """
 
-    def __init__(self, parts: Sequence[Box | Cylinder], config: LidarConfig, directions: Array) -> None:
+    def __init__(self, parts: Sequence[Box | Cylinder], config: ScanningConfig, directions: Array) -> None:
         self._table, self._farthest = part_table(parts), config.max_range
         self._base_from_sensor = config.mount.base_from_sensor
         self.column: Index

@@ -14,10 +14,10 @@ from fieldtruth.core.classes import Label
 from fieldtruth.core.lenses import FLAT, directions
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_body import visible_parts
+from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.kernels.packets import LabelBuffers
 from fieldtruth.kernels.robot import NO_FACE, RobotSamples
 from fieldtruth.sense.robot_rays import material_of, meet, part_table
-from fieldtruth.sensors.camera.config import Imager
 from fieldtruth.world.model import ROBOT_ID
 
 EDGE_SAMPLES: Final = 4

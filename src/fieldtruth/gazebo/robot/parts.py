@@ -16,9 +16,8 @@ from fieldtruth.drive import robot
 from fieldtruth.experiment.fields import Mount
 from fieldtruth.experiment.rig import Rig
 from fieldtruth.experiment.robot_config import RobotConfig
+from fieldtruth.experiment.sensor_families import OPTICAL, Imager, LensConfig
 from fieldtruth.experiment.topic import WHEELS
-from fieldtruth.sensors.camera.config import OPTICAL, Imager
-from fieldtruth.sensors.camera.lens_config import LensConfig
 from fieldtruth.sensors.lidar.config import LidarConfig
 
 GNSS_MASS: Final = 0.001  # [kg]; a link of its own in ROS 1, whose GNSS plugin reads a link's position

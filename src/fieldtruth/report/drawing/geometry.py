@@ -5,7 +5,7 @@
 import numpy as np
 
 from fieldtruth.core.arrays import Array
-from fieldtruth.sensors.camera.config import Imager
+from fieldtruth.experiment.sensor_families import Imager
 
 
 def arc(centre: Array, radius: float, start: float = 0.0, end: float = 2.0 * np.pi) -> Array:

@@ -16,7 +16,7 @@ from fieldtruth.core.arrays import Array
 from fieldtruth.core.errors import ConfigurationError, FieldtruthWarning
 from fieldtruth.core.yaml_io import write_mapping
 from fieldtruth.experiment.rig import Rig
-from fieldtruth.sensors.camera.config import CameraConfig
+from fieldtruth.experiment.sensor_families import ImagingConfig
 
 _HEADER: Final = """\
 # Kalibr's camchain: T_cn_cnm1 takes points of the camera before to this one, T_cam_imu those of the IMU.
@@ -59,7 +59,7 @@ def camchain_text(rig: Rig) -> str:
     return "".join(lines) + write_mapping(chain)
 
 
-def _lens(config: CameraConfig) -> dict[str, Any] | str:
+def _lens(config: ImagingConfig) -> dict[str, Any] | str:
     """Return the lens with Kalibr's keys, or what Kalibr does not have."""
     lens = config.projection
     if lens.model in ("pinhole", "plumb_bob"):

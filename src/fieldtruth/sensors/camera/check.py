@@ -15,11 +15,11 @@ from fieldtruth.bag.reader import BagError
 from fieldtruth.core.arrays import Array, Mask
 from fieldtruth.core.classes import PALETTE, Label
 from fieldtruth.core.errors import FieldtruthError
+from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.sense.robot_view import robot_views
 from fieldtruth.sensors.camera.check_frames import PARTS, CameraFrame, CameraFrameChecker
 from fieldtruth.sensors.camera.check_geometry import FLOW, NORMALS, Geometry, is_recorded
 from fieldtruth.sensors.camera.check_lens import pixel_ray
-from fieldtruth.sensors.camera.config import Imager
 from fieldtruth.sensors.camera.labels import LabelCamera, LabelImages
 from fieldtruth.sensors.camera.message import photograph_jpeg
 from fieldtruth.sensors.camera.sensing import IdealCamera

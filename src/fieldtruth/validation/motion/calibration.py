@@ -12,7 +12,7 @@ from fieldtruth.bag.reader import RawMessage
 from fieldtruth.bag.robot_messages import fixed_transforms
 from fieldtruth.core import frames
 from fieldtruth.core.errors import FieldtruthError
-from fieldtruth.sensors.camera.config import Imager
+from fieldtruth.experiment.sensor_families import Imager
 from fieldtruth.sensors.camera.message import camera_matrix, distortion, projection_matrix
 from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import Checker, Context, at

@@ -10,9 +10,8 @@ from fieldtruth.bag import topics as table
 from fieldtruth.bag.reader import RawMessage
 from fieldtruth.core.errors import FieldtruthError
 from fieldtruth.core.frames import rotation_from_quaternion_wxyz, yaw_from_rotation
-from fieldtruth.drive.controller import WaypointFollower
+from fieldtruth.drive.controller import WaypointFollower, antenna_geodetic
 from fieldtruth.experiment.route import geodetic_route
-from fieldtruth.sensors.gnss.sensing import antenna_geodetic
 from fieldtruth.validation.check import Rule, Spec
 from fieldtruth.validation.context import Checker, Context, at
 
